@@ -1,0 +1,144 @@
+"""What users hand in becomes float64 vectors and CSR matrices here, or an error that says why not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .errors import InputError
+
+Vector = NDArray[np.float64]
+
+
+def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
+    """A float64 copy of `value` with shape (n,); numbers are broadcast where n is given.
+
+    Parameters: `value` number or array-like of shape (n,), (n, 1) or (1, n); `n` expected length, or None for any;
+    `name` the argument's name for messages; `infinite` the one infinite value that is allowed (-inf for an absent
+    obstacle), or None.
+    Returns the vector. Raises InputError where the shape, the type or an entry is wrong.
+
+    >>> as_vector(2, 3, "q")
+    array([2., 2., 2.])
+    >>> as_vector([1, float("nan")], 2, "q")
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: q[1] is nan; a finite number was expected
+    """
+    if sp.issparse(value):
+        value = value.toarray()
+    array = _real(np.asarray(value), name)
+    if array.ndim == 2 and 1 in array.shape:
+        array = array.reshape(-1)
+    if array.ndim == 0 and n is not None:
+        array = np.full(n, array)
+    if array.ndim != 1 or (n is not None and array.size != n):
+        wanted = "a vector" if n is None else f"shape ({n},)"
+        raise InputError(f"{name} has shape {array.shape}; {wanted} was expected")
+    if array.size == 0:
+        raise InputError(f"{name} is empty; at least one entry was expected")
+    vector = np.array(array, dtype=np.float64)
+    bad = ~np.isfinite(vector)
+    if infinite is not None:
+        bad &= vector != infinite
+    if bad.any():
+        i = int(np.argmax(bad))
+        wanted = "a finite number" if infinite is None else f"a finite number or {infinite}"
+        raise InputError(f"{name}[{i}] is {vector[i]}; {wanted} was expected")
+    return vector
+
+
+def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool = False) -> sp.csr_array:
+    """A private float64 CSR copy of the square matrix `value`: sorted, duplicates summed, indices as small as they fit.
+
+    Parameters: `value` dense array-like or any SciPy sparse matrix of shape (n, n); `name` for messages; `n` expected
+    size or None; `keep_diagonal` stores every diagonal entry, a zero one explicitly, as the sweeps need it.
+    Returns the matrix, its arrays read-only. Raises InputError where shape, type or an entry is wrong.
+
+    >>> as_csr([[0, 1], [2, 3]], "A", keep_diagonal=True).nnz
+    4
+    >>> as_csr([[1, 2]], "A")
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: A has shape (1, 2); a square matrix was expected
+    """
+    if not sp.issparse(value):
+        value = np.asarray(value)
+        if value.ndim == 0:
+            value = value.reshape(1, 1)
+    shape = value.shape
+    if len(shape) != 2 or shape[0] != shape[1]:
+        raise InputError(f"{name} has shape {shape}; a square matrix was expected")
+    if n is not None and shape[0] != n:
+        raise InputError(f"{name} has shape {shape}; shape ({n}, {n}) was expected")
+    if shape[0] == 0:
+        raise InputError(f"{name} is empty; at least one row was expected")
+    matrix = sp.csr_array(_real(value, name), dtype=np.float64, copy=True)
+    matrix.sum_duplicates()
+    bad = ~np.isfinite(matrix.data)
+    if bad.any():
+        k = int(np.argmax(bad))
+        i = int(np.searchsorted(matrix.indptr, k, side="right")) - 1
+        raise InputError(f"{name}[{i}, {matrix.indices[k]}] is {matrix.data[k]}; a finite number was expected")
+    if keep_diagonal:
+        matrix = _with_stored_diagonal(matrix)
+    if matrix.nnz < np.iinfo(np.int32).max:
+        matrix.indices = matrix.indices.astype(np.int32, copy=False)
+        matrix.indptr = matrix.indptr.astype(np.int32, copy=False)
+    return freeze(matrix)
+
+
+def freeze(matrix: sp.csr_array) -> sp.csr_array:
+    """Make the three arrays of a CSR matrix read-only, and return it.
+
+    >>> freeze(sp.csr_array(np.eye(2))).data.flags.writeable
+    False
+    """
+    for array in (matrix.data, matrix.indices, matrix.indptr):
+        array.flags.writeable = False
+    return matrix
+
+
+def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.int64]:
+    """Where in `matrix.data` each row's diagonal entry stands, shape (n,); every one must be stored.
+
+    >>> diagonal_positions(sp.csr_array(np.array([[1.0, 2.0], [3.0, 4.0]]))).tolist()
+    [0, 3]
+    """
+    rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    positions: NDArray[np.int64] = np.flatnonzero(matrix.indices == rows)
+    return positions.astype(matrix.indptr.dtype)
+
+
+def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
+    """The row of each stored entry of a CSR matrix, shape (nnz,).
+
+    >>> row_of(sp.csr_array(np.array([[1.0, 2.0], [0.0, 4.0]]))).tolist()
+    [0, 0, 1]
+    """
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
+    n = matrix.shape[0]
+    stored = np.zeros(n, dtype=bool)
+    stored[matrix.indices[matrix.indices == row_of(matrix)]] = True
+    if stored.all():
+        return matrix
+    missing = np.flatnonzero(~stored)
+    rows = np.concatenate([row_of(matrix), missing])
+    columns = np.concatenate([matrix.indices, missing])
+    data = np.concatenate([matrix.data, np.zeros(missing.size)])
+    full = sp.csr_array(sp.coo_array((data, (rows, columns)), shape=matrix.shape))
+    full.sort_indices()
+    return full
+
+
+def _real(value: Any, name: str) -> Any:
+    """`value` unchanged if its entries are real numbers."""
+    if value.dtype.kind == "c":
+        raise InputError(f"{name} is complex ({value.dtype}); real numbers were expected: ICP is stated over the reals")
+    if value.dtype.kind not in "biuf":
+        raise InputError(f"{name} has dtype {value.dtype}; real numbers were expected")
+    return value

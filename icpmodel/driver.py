@@ -1,0 +1,289 @@
+"""The only loop: it drives a method, tests its iterates, keeps the best, and says why it stopped."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .arrays import Vector
+from .errors import InputError, MapError, NotApplicable, NotSolved
+from .methods import Method, named
+from .methods.choose import Choice, choose
+from .problem import ICP
+from .progress import Bar, progress_bar
+from .solution import History, Solution, Status
+
+#: outside this range the squares that a sweep sums for its hint over- or underflow; the judge does not
+_SAFE_HINT = (1e-140, 1e140)
+#: after so many steps without a better iterate the run counts as stagnated …
+_PATIENCE = 1000
+#: … and after so many without one that is better by a thousandth, it is asked whether rounding is the reason
+_PRECISION_CHECK = 50
+#: a residual this many times the first one is taken for divergence even before it overflows
+_BLOW_UP = 1e100
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """When to stop: Res(z) ≤ max(`atol`, `rtol`·Res(0)), `max_iter` iterations, `time_limit` seconds (None: no limit).
+
+    Raises InputError for numbers that make no sense.
+
+    >>> Limits(rtol=-1.0)
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: rtol is -1.0; a finite number >= 0 was expected
+    """
+
+    rtol: float = 1e-8
+    atol: float = 0.0
+    max_iter: int = 100_000
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("rtol", "atol", "max_iter", "time_limit"):
+            value = getattr(self, name)
+            if name == "time_limit" and value is None:
+                continue
+            whole = name == "max_iter"
+            right_type = isinstance(value, (int, np.integer) if whole else (int, float, np.number))
+            if not right_type or isinstance(value, bool) or not 0 <= value < np.inf:
+                raise InputError(f"{name} is {value!r}; a {'whole' if whole else 'finite'} number >= 0 was expected")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a callback sees: `iteration`, `z` (read-only, shape (n,)), `residual` and `seconds` since the start.
+
+    >>> seen = []
+    >>> _ = ICP([[2.0]], [-2.0]).solve("mnmgs", callback=lambda state: seen.append(state.iteration))
+    >>> seen
+    [0, 1]
+    """
+
+    iteration: int
+    z: Vector
+    residual: float
+    seconds: float
+
+
+def solve(
+    problem: ICP,
+    method: str | Method | None = None,
+    *,
+    z0: Any = None,
+    rtol: float = 1e-8,
+    atol: float = 0.0,
+    max_iter: int = 100_000,
+    time_limit: float | None = None,
+    callback: Callable[[Progress], Any] | None = None,
+    history: bool = False,
+    progress: bool = False,
+    raise_on_failure: bool = True,
+    **options: Any,
+) -> Solution:
+    """Solve an ICP: stop at Res(z) = ‖min(r, p)‖₂ ≤ max(atol, rtol·Res(0)), Res(0) being that of the vector 0
+    (of z0 where ψ has no value at 0).
+
+    Parameters:
+    `problem`; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or None to have one picked;
+    `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol);
+    `max_iter` iterations in all; `time_limit` in seconds, looked at between iterations; `callback` gets a `Progress`
+    per tested iterate and stops the run by returning True; `history` keeps the residuals in `Solution.history`;
+    `progress` shows a bar where standard error is a terminal; `raise_on_failure`.
+    Returns a `Solution`; its z is the best iterate, and SOLVED means that the residual of this very z was recomputed.
+    Raises InputError, NotApplicable (SingularOperator), MapError where ψ fails at the start, and NotSolved, which
+    carries the best iterate, where the run fails, runs out of time or is interrupted, unless `raise_on_failure` is
+    False: then that solution is returned.
+
+    >>> solution = solve(ICP([[4, -1], [-2, 4]], [-3, -2]), "mnmsor", theta1=1.1)
+    >>> solution.status, solution.z.round(6)
+    (<Status.SOLVED: 'solved'>, array([1., 1.]))
+    """
+    limits = Limits(rtol=rtol, atol=atol, max_iter=max_iter, time_limit=time_limit)
+    if callback is not None and not callable(callback):
+        raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
+    start = problem.vector(np.zeros(problem.n) if z0 is None else getattr(z0, "z", z0), "z0").copy()
+    if not np.isfinite(start).all():
+        i = int(np.argmin(np.isfinite(start)))
+        raise InputError(f"z0[{i}] is {start[i]}; a finite number was expected")
+    clock = time.perf_counter()
+    tolerance = max(limits.atol, limits.rtol * _scale(problem, start))
+    solution: Solution | None = None
+    for choice in _choices(problem, method, options):
+        run = _Run(problem, choice, limits, clock, callback, history, tolerance, solution)
+        with progress_bar(progress, f"{choice.method!r}", tolerance) as bar:
+            solution = run.go(start, bar)
+        if solution.status not in _WORTH_ANOTHER_METHOD:
+            break
+    assert solution is not None
+    if raise_on_failure and not solution.solved:
+        raise NotSolved(solution)
+    return solution
+
+
+def _scale(problem: ICP, start: Vector) -> float:
+    """Res(0), which a warm start does not change; Res(z⁰) where ψ has no value at 0."""
+    with contextlib.suppress(MapError):
+        scale = problem.residual(np.zeros(problem.n))
+        if np.isfinite(scale):
+            return scale
+    scale = problem.residual(start)
+    return scale if np.isfinite(scale) else 0.0
+
+
+_WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
+
+
+def _choices(problem: ICP, method: str | Method | None, options: dict[str, Any]) -> Iterator[Choice]:
+    if method is None:
+        if options:
+            raise InputError(f"{next(iter(options))} is an option of a method, but no method is given")
+        yield from choose(problem)
+        return
+    if isinstance(method, Method):
+        if options:
+            raise InputError(f"{next(iter(options))}: the options of a Method object go into its constructor")
+    else:
+        method = named(method, **options)
+    why_not = method.why_not(problem)
+    if why_not is not None:
+        raise NotApplicable(f"{method.name}: {why_not}")
+    yield Choice(method, "")
+
+
+@dataclass
+class _Run:
+    """One method on one problem; `before` is what earlier methods of the same solve left."""
+
+    problem: ICP
+    choice: Choice
+    limits: Limits
+    clock: float
+    callback: Callable[[Progress], Any] | None
+    keep_history: bool
+    tolerance: float
+    before: Solution | None
+    best: Vector = field(init=False)
+    best_residual: float = np.inf
+    best_iteration: int = 0
+
+    def __post_init__(self) -> None:
+        self.first = 0 if self.before is None else self.before.iterations
+        self.records: list[tuple[int, float, float]] = []
+        if self.before is not None and self.before.history is not None:
+            past = self.before.history
+            self.records = list(
+                zip(past.iteration.tolist(), past.residual.tolist(), past.seconds.tolist(), strict=True)
+            )
+        self.last = self.first
+
+    def go(self, z: Vector, bar: Bar) -> Solution:
+        """Iterate from `z` until there is a reason to stop; Ctrl-C and a failing ψ are reasons like others."""
+        self.best = z
+        if self.before is not None:
+            self.best, self.best_residual, self.best_iteration = self.before.z, self.before.residual, self.first
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                status, note, k = self._loop(z, bar)
+        except KeyboardInterrupt:
+            status, note, k = Status.INTERRUPTED, "interrupted", self.last
+        except MapError as error:
+            if self.last == self.first:
+                raise
+            status, note, k = Status.MAP_FAILED, str(error), self.last
+        return self._solution(status, note, k)
+
+    def _loop(self, start: Vector, bar: Bar) -> tuple[Status, str, int]:
+        milestone, milestone_residual, milestone_z = self.first, np.nan, start
+        progress_at, progress_residual = self.first, np.inf
+        first_residual = np.inf
+        for step, (z, hint) in enumerate(self.choice.method.iterates(self.problem, start)):
+            k = self.last = self.first + step
+            residual = self._residual(z, hint)
+            seconds = time.perf_counter() - self.clock
+            bar.update(k, residual)
+            if self.keep_history:
+                self.records.append((k, residual, seconds))
+            if step == 0:
+                first_residual = residual
+            if residual < self.best_residual or k == 0:
+                self.best, self.best_residual, self.best_iteration = z, residual, k
+            if self.callback is not None and self.callback(_state(k, z, residual, seconds)):
+                return Status.STOPPED, "stopped by the callback", k
+            if residual <= self.tolerance:
+                return Status.SOLVED, "", k
+            if not residual < np.inf or residual > _BLOW_UP * max(first_residual, self.tolerance):
+                return Status.DIVERGED, f"the residual is {residual:.3g} at iteration {k}", k
+            if residual == milestone_residual and np.array_equal(z, milestone_z):
+                return *self._recurred(k - milestone), k
+            if k - self.first >= 2 * (milestone - self.first):  # Brent's cycle search: compare with a late iterate
+                milestone, milestone_residual, milestone_z = k, residual, z
+            if residual < 0.999 * progress_residual:
+                progress_at, progress_residual = k, residual
+            elif (k - progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and self._at_floor():
+                return Status.PRECISION_LIMIT, self._floor_note(), k
+            if k - self.best_iteration >= _PATIENCE:
+                return Status.STAGNATED, f"no better iterate in {_PATIENCE} iterations", k
+            if k >= self.limits.max_iter:
+                return Status.ITERATION_LIMIT, f"max_iter = {self.limits.max_iter} iterations", k
+            if self.limits.time_limit is not None and seconds >= self.limits.time_limit:
+                return Status.TIME_LIMIT, f"time_limit = {self.limits.time_limit:g} s", k
+        raise AssertionError("a method's iterates never end")
+
+    def _residual(self, z: Vector, hint: float | None) -> float:
+        """The method's hint while it is only a hint; the judge where a decision hangs on it."""
+        low, high = _SAFE_HINT
+        if hint is not None and low < hint < high and hint > self.tolerance:
+            return hint
+        return self.problem.residual(z)
+
+    def _at_floor(self) -> bool:
+        return bool(self.best_residual <= 2 * self._floor())
+
+    def _floor(self) -> float:
+        """An estimate of the residual that rounding alone leaves at the best iterate."""
+        return float(np.linalg.norm(self.problem.rounding(self.best)))
+
+    def _floor_note(self) -> str:
+        return f"rounding leaves a residual of up to about {self._floor():.2g} at this z"
+
+    def _recurred(self, period: int) -> tuple[Status, str]:
+        if self._at_floor():
+            return Status.PRECISION_LIMIT, self._floor_note()
+        if period == 1:
+            return Status.STAGNATED, "the step is below the rounding of z, but z is not a solution"
+        return Status.CYCLED, f"the iterates repeat with period {period}"
+
+    def _solution(self, status: Status, note: str, k: int) -> Solution:
+        z, why = self.best, self.choice.why
+        if self.before is not None:
+            last = self.before
+            why = f"{why}; before it {last.method!r}: {last.status.value}"
+        residual = self.problem.residual(z)
+        message = "solved"
+        if status is not Status.SOLVED:
+            message = (
+                f"{self.choice.method!r} {status.value}: {note}; best residual {residual:.3g} "
+                f"(stop at {self.tolerance:.3g}). Advice: {status.advice}"
+            )
+        past = None
+        if self.keep_history:
+            columns = np.array(self.records, dtype=np.float64).reshape(-1, 3)
+            past = History(columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2])
+        seconds = time.perf_counter() - self.clock
+        z = z.copy()
+        z.flags.writeable = False
+        return Solution(
+            self.problem, z, status, message, self.choice.method, why, residual, self.tolerance, k, seconds, past
+        )
+
+
+def _state(k: int, z: Vector, residual: float, seconds: float) -> Progress:
+    view = z.view()
+    view.flags.writeable = False
+    return Progress(k, view, residual, seconds)

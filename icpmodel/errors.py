@@ -1,0 +1,97 @@
+"""What can go wrong, as a tree.
+
+IcpError
+├── InputError (also a ValueError)   an argument is wrong: which, what was found, what was expected
+├── FileError (also an OSError)      a file is missing, truncated or not what it claims to be
+├── MapError                         the user's ψ raised or returned something unusable
+├── NotApplicable                    a method or solver cannot take this problem; the sentence says why
+│   └── SingularOperator             X = M₁ + φ + Ω cannot be inverted; ``row`` says where
+└── NotSolved                        the run ended without a solution; ``solution`` has the best iterate
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .solution import Solution
+
+
+class IcpError(Exception):
+    """Base of every error that icpmodel raises on purpose.
+
+    >>> issubclass(InputError, IcpError) and issubclass(InputError, ValueError)
+    True
+    """
+
+
+class InputError(IcpError, ValueError):
+    """An argument is wrong. The message names it, what was found and what was expected.
+
+    >>> import icpmodel as icp
+    >>> icp.ICP([[1.0, 2.0]], [1.0])
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: A has shape (1, 2); a square matrix was expected
+    """
+
+
+class FileError(IcpError, OSError):
+    """A file cannot be read as what it should be. The message names the file and the field.
+
+    >>> import icpmodel as icp
+    >>> icp.load_problem("nowhere.npz")
+    Traceback (most recent call last):
+    icpmodel.errors.FileError: nowhere.npz: no such file or folder
+    """
+
+
+class MapError(IcpError):
+    """The map ψ raised, or returned something that is not a real vector of length n.
+
+    >>> import icpmodel as icp
+    >>> icp.ICP([[1.0]], [1.0], psi=lambda z: [1.0, 2.0]).r([0.0])
+    Traceback (most recent call last):
+    icpmodel.errors.MapError: psi(z) has shape (2,); shape (1,) was expected
+    """
+
+
+class NotApplicable(IcpError):
+    """A method or an independent solver cannot take this problem; the message is its ``why_not``.
+
+    >>> import icpmodel as icp
+    >>> icp.ICP([[0.0, 1.0], [1.0, 2.0]], [0.0, 0.0]).solve("psor")
+    Traceback (most recent call last):
+    icpmodel.errors.NotApplicable: psor: projected SOR divides by the diagonal of A, but A[0, 0] = 0
+    """
+
+
+class SingularOperator(NotApplicable):
+    """The operator X = M₁ + φ + Ω of a method is singular; ``row`` is a row that causes it.
+
+    >>> import icpmodel as icp
+    >>> try:
+    ...     icp.ICP([[1.0]], [1.0]).solve("mnmgs", phi=-2.0)
+    ... except icp.SingularOperator as error:
+    ...     error.row
+    0
+    """
+
+    def __init__(self, message: str, row: int) -> None:
+        super().__init__(message)
+        self.row = row
+
+
+class NotSolved(IcpError):
+    """A run ended without a solution. ``solution`` carries the best iterate and its certificate.
+
+    >>> import icpmodel as icp
+    >>> try:
+    ...     icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]).solve("mnmgs", max_iter=2)
+    ... except icp.NotSolved as error:
+    ...     error.solution.status
+    <Status.ITERATION_LIMIT: 'iteration limit'>
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        super().__init__(solution.message)
+        self.solution = solution

@@ -1,0 +1,189 @@
+"""Compiled loops. Importing this module loads numba, so the rest of the package imports it inside functions.
+
+A sweep makes one pass over the CSR arrays of A: it writes the next iterate to `out` and returns Res(z)² of the iterate
+it started from, which falls out for free. There is no branch per stored entry: `diag[i]` splits row i of A at its
+diagonal entry, so that the loop over the strict lower triangle and the loop over the rest need no comparison of
+indices. ψ enters as `psi`, resolved when the loop is compiled: a vector ψ(z), (c, indptr, indices, data) for Gz + c, or
+(c, f) for f(z_i) + c_i with f compiled by numba.
+
+Positions are unsigned (`_at`): a signed one makes numba look for a negative index at every access, which costs a third
+of the sweep. Only "contract" of the fast-math flags is set: it lets a·b + c be fused, and leaves NaN and infinities
+alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+#: a position in an array
+_at = np.uint64
+
+
+def _compile(function: Any, *, cache: bool) -> Any:
+    return numba.njit(function, cache=cache, fastmath={"contract"}, error_model="numpy", nogil=True)
+
+
+def psi_entry(psi, i, z):
+    """ψ_i(z) inside a compiled loop; the form of `psi` picks the code (see the module's docstring)."""
+    raise TypeError("psi_entry exists in compiled code only")
+
+
+@overload(psi_entry, inline="always")
+def _psi_entry(psi, i, z):
+    if isinstance(psi, types.Array):
+        return lambda psi, i, z: psi[i]
+    if isinstance(psi, types.BaseTuple) and len(psi) == 4:
+
+        def affine(psi, i, z):
+            c, indptr, indices, data = psi
+            value = c[i]
+            for k in range(_at(indptr[i]), _at(indptr[i + _at(1)])):
+                value += data[k] * z[_at(indices[k])]
+            return value
+
+        return affine
+    return lambda psi, i, z: psi[1](z[i]) + psi[0][i]
+
+
+def _sweep_aor(indptr, indices, data, diag, q, psi, omega, inverse, tau, z, out):
+    # X = diag(1/inverse) + tau * (strict lower triangle of A), and out = z - 2 X^-1 F(z) row by row:
+    # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j)). The sums over old and new entries are kept
+    # apart, so that only one multiply-add stands between out_{i-1} and out_i.
+    squares = 0.0
+    start = _at(indptr[0])
+    for i in range(_at(z.size)):
+        d, end = _at(diag[i]), _at(indptr[i + _at(1)])
+        below_old = 0.0
+        below_new = 0.0
+        for k in range(start, d):
+            a, j = data[k], _at(indices[k])
+            below_old += a * z[j]
+            below_new += a * out[j]
+        zi = z[i]
+        rest = q[i] + data[d] * zi
+        for k in range(d + _at(1), end):
+            rest += data[k] * z[_at(indices[k])]
+        start = end
+        p = rest + below_old
+        r = zi - psi_entry(psi, i, z)
+        natural = p if p < r else r
+        squares += natural * natural
+        scaled = omega[i] * r
+        F = p if p < scaled else scaled
+        x = inverse[i]
+        out[i] = (zi + x * (tau * below_old - 2.0 * F)) - (x * tau) * below_new
+    return squares
+
+
+def _sweep_diagonal(indptr, indices, data, q, psi, omega, inverse, z, out):
+    # X = diag(1/inverse): the rows do not wait for each other
+    squares = 0.0
+    start = _at(indptr[0])
+    for i in range(_at(z.size)):
+        end = _at(indptr[i + _at(1)])
+        p = q[i]
+        for k in range(start, end):
+            p += data[k] * z[_at(indices[k])]
+        start = end
+        zi = z[i]
+        r = zi - psi_entry(psi, i, z)
+        natural = p if p < r else r
+        squares += natural * natural
+        scaled = omega[i] * r
+        F = p if p < scaled else scaled
+        out[i] = zi - (2.0 * inverse[i]) * F
+    return squares
+
+
+def _sweep_triangular(indptr, indices, data, q, psi, omega, start, stop, x_indices, x_data, inverse, forward, z, out):
+    # X = diag(1/inverse) + T with T strictly triangular, its row i at start[i] ... stop[i] of x_indices, x_data
+    squares = 0.0
+    n = z.size
+    for step in range(n):
+        i = _at(step if forward else n - 1 - step)
+        p = q[i]
+        for k in range(_at(indptr[i]), _at(indptr[i + _at(1)])):
+            p += data[k] * z[_at(indices[k])]
+        total = 0.0
+        for k in range(_at(start[i]), _at(stop[i])):
+            j = _at(x_indices[k])
+            total += x_data[k] * (out[j] - z[j])
+        zi = z[i]
+        r = zi - psi_entry(psi, i, z)
+        natural = p if p < r else r
+        squares += natural * natural
+        scaled = omega[i] * r
+        F = p if p < scaled else scaled
+        out[i] = zi - inverse[i] * (2.0 * F + total)
+    return squares
+
+
+def _sweep_projected(indptr, indices, data, diag, q, psi, scale, z, out):
+    # projected SOR: out_i = max(psi_i(z), z_i - scale_i (sum_{j<i} a_ij out_j + sum_{j>=i} a_ij z_j + q_i))
+    squares = 0.0
+    start = _at(indptr[0])
+    for i in range(_at(z.size)):
+        d, end = _at(diag[i]), _at(indptr[i + _at(1)])
+        below_old = 0.0
+        below_new = 0.0
+        for k in range(start, d):
+            a, j = data[k], _at(indices[k])
+            below_old += a * z[j]
+            below_new += a * out[j]
+        zi = z[i]
+        rest = q[i] + data[d] * zi
+        for k in range(d + _at(1), end):
+            rest += data[k] * z[_at(indices[k])]
+        start = end
+        p = rest + below_old
+        obstacle = psi_entry(psi, i, z)
+        r = zi - obstacle
+        natural = p if p < r else r
+        squares += natural * natural
+        moved = (zi - scale[i] * rest) - scale[i] * below_new
+        out[i] = obstacle if moved < obstacle else moved
+    return squares
+
+
+def _substitute(start, stop, indices, data, tau, inverse, forward, f, out):
+    # X out = f for X = diag(1/inverse) + tau * T, row i of the strictly triangular T at start[i] ... stop[i]
+    n = f.size
+    for step in range(n):
+        i = _at(step if forward else n - 1 - step)
+        total = 0.0
+        for k in range(_at(start[i]), _at(stop[i])):
+            total += data[k] * out[_at(indices[k])]
+        out[i] = inverse[i] * (f[i] - tau * total)
+
+
+class Sweeps:
+    """The four sweeps, compiled alike: `aor`, `diagonal`, `triangular`, `projected`."""
+
+    def __init__(self, *, cache: bool) -> None:
+        self.aor = _compile(_sweep_aor, cache=cache)
+        self.diagonal = _compile(_sweep_diagonal, cache=cache)
+        self.triangular = _compile(_sweep_triangular, cache=cache)
+        self.projected = _compile(_sweep_projected, cache=cache)
+
+
+#: for ψ given by arrays, kept on disk between runs
+SWEEPS = Sweeps(cache=True)
+#: for ψ that calls a user's compiled function: numba cannot find those again in its cache
+USER_SWEEPS = Sweeps(cache=False)
+
+
+substitute = _compile(_substitute, cache=True)
+
+
+@numba.njit
+def apply_entrywise(f, z):
+    """f(z_i) for every i, f a scalar function compiled by numba."""
+    out = np.empty(z.size)
+    for i in range(z.size):
+        out[i] = f(z[i])
+    return out

@@ -1,0 +1,399 @@
+"""The obstacle map ψ of an ICP: its value, an element of its generalised Jacobian, and a Lipschitz matrix G.
+
+ψ may be −∞ in a row: that row has no obstacle, and p_i = 0 must hold there.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from .arrays import Vector, as_csr, as_vector, freeze, row_of
+from .errors import IcpError, InputError, MapError
+
+
+class Map(ABC):
+    """ψ: Rⁿ → (R ∪ {−∞})ⁿ. What every map can tell.
+
+    `value(z)` is ψ(z); `jacobian(z)` an element of the generalised Jacobian, or None where it is not known;
+    `lipschitz` a matrix G ≥ 0 with |ψ(x) − ψ(y)| ≤ G|x − y| componentwise, or None where none is known.
+    Maps are made without a length; `ICP` binds them to its own.
+
+    >>> Affine([[0, 0.5], [0.5, 0]], 1).bind(2).value(np.array([2.0, 4.0]))
+    array([3., 2.])
+    """
+
+    #: the CSR matrix G, or None
+    lipschitz: sp.csr_array | None = None
+    #: whether x ≤ y implies ψ(x) ≤ ψ(y) is known
+    isotone: bool = False
+
+    @abstractmethod
+    def bind(self, n: int) -> Map:
+        """The same map for vectors of length `n`: numbers broadcast, shapes checked.
+
+        Raises InputError where the map's own data has another length.
+
+        >>> Constant(1).bind(2).c
+        array([1., 1.])
+        """
+
+    @abstractmethod
+    def value(self, z: Vector) -> Vector:
+        """ψ(z), shape (n,), for `z` of shape (n,). Raises MapError where a user's function fails.
+
+        >>> Constant(1).bind(2).value(np.zeros(2))
+        array([1., 1.])
+        """
+
+    @abstractmethod
+    def jacobian(self, z: Vector) -> sp.csr_array | None:
+        """An element of the generalised Jacobian of ψ at `z` (n × n, CSR), or None where it is not known.
+
+        >>> Constant(1).bind(2).jacobian(np.zeros(2)).nnz
+        0
+        """
+
+
+class Constant(Map):
+    """ψ(z) = c: an obstacle that does not move.
+
+    Parameters: `c` a number or a vector of shape (n,), in the units of z; −inf means no obstacle in that row.
+
+    >>> Constant([0, 1]).bind(2).value(np.array([5.0, 5.0]))
+    array([0., 1.])
+    """
+
+    isotone = True
+
+    def __init__(self, c: Any) -> None:
+        self.c = as_vector(c, None if np.ndim(c) else 1, "psi", infinite=-np.inf)
+        self._is_number = np.ndim(c) == 0
+
+    def bind(self, n: int) -> Constant:
+        """See `Map.bind`."""
+        bound = Constant(as_vector(self.c[0] if self._is_number else self.c, n, "psi", infinite=-np.inf))
+        bound.c.flags.writeable = False
+        bound.lipschitz = _zero(n)
+        return bound
+
+    def value(self, z: Vector) -> Vector:
+        """See `Map.value`."""
+        return self.c
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        """Zero: see `Map.jacobian`."""
+        return _zero(z.size)
+
+    def __repr__(self) -> str:
+        low, high = self.c.min(), self.c.max()
+        return f"Constant({low:g})" if low == high else f"Constant({low:g} ... {high:g})"
+
+
+class Affine(Map):
+    """ψ(z) = Gz + c. Its Lipschitz matrix is |G|.
+
+    Parameters: `G` dense or sparse, shape (n, n); `c` a number or a vector of shape (n,), −inf for no obstacle.
+
+    >>> Affine([[0, 1], [0, 0]], [1, 2]).bind(2).value(np.array([3.0, 4.0]))
+    array([5., 2.])
+    """
+
+    def __init__(self, G: Any, c: Any = 0.0) -> None:
+        self.G = as_csr(G, "psi.G")
+        n = self.G.shape[0]
+        self.c = as_vector(c, n, "psi.c", infinite=-np.inf)
+        self.c.flags.writeable = False
+        self.lipschitz = freeze(abs(self.G))
+        self.isotone = bool((self.G.data >= 0).all())
+
+    def bind(self, n: int) -> Affine:
+        """See `Map.bind`."""
+        if self.G.shape[0] != n:
+            raise InputError(f"psi.G has shape {self.G.shape}; shape ({n}, {n}) was expected")
+        return self
+
+    def value(self, z: Vector) -> Vector:
+        """See `Map.value`."""
+        return self.G @ z + self.c
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        """G: see `Map.jacobian`."""
+        return self.G
+
+    def __repr__(self) -> str:
+        return f"Affine(G with {self.G.nnz} entries)"
+
+
+class Elementwise(Map):
+    """ψ_i(z) = f(z_i) + c_i: every row's obstacle moves with its own unknown.
+
+    Parameters: `f` a function of an array of shape (n,), applied entry by entry (NumPy style), or a scalar function
+    compiled with `numba.njit`, which then runs inside the compiled sweeps; `derivative` of f, in the same style;
+    `lipschitz` a number or vector ℓ ≥ 0 with |f(s) − f(t)| ≤ ℓ_i|s − t|; `c` a number or vector of shape (n,).
+    The Lipschitz matrix is diag(ℓ).
+
+    >>> psi = Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), lipschitz=0.3, c=1.0).bind(2)
+    >>> psi.value(np.zeros(2))
+    array([1., 1.])
+    >>> psi.jacobian(np.zeros(2)).diagonal()
+    array([0.3, 0.3])
+    """
+
+    def __init__(
+        self,
+        f: Callable[[Any], Any],
+        derivative: Callable[[Any], Any] | None = None,
+        lipschitz: Any = None,
+        c: Any = 0.0,
+    ) -> None:
+        self.f = _callable(f, "psi.f")
+        self.derivative = None if derivative is None else _callable(derivative, "psi.derivative")
+        self.constants = lipschitz
+        self.c = c
+        if is_compiled(f) is not is_compiled(derivative) and derivative is not None:
+            raise InputError("psi.f and psi.derivative: both or neither must be compiled with numba.njit")
+
+    def bind(self, n: int) -> Elementwise:
+        """See `Map.bind`."""
+        c = as_vector(self.c, n, "psi.c", infinite=-np.inf)
+        c.flags.writeable = False
+        bound = Elementwise(self.f, self.derivative, self.constants, c)
+        if self.constants is not None:
+            bound.lipschitz = freeze(sp.diags_array(_nonnegative(self.constants, n)).tocsr())
+        return bound
+
+    def value(self, z: Vector) -> Vector:
+        """See `Map.value`."""
+        return self._entrywise(self.f, z, "psi.f") + self.c
+
+    def jacobian(self, z: Vector) -> sp.csr_array | None:
+        """diag(f′(z)), or None without `derivative`: see `Map.jacobian`."""
+        if self.derivative is None:
+            return None
+        return sp.diags_array(self._entrywise(self.derivative, z, "psi.derivative")).tocsr()
+
+    def _entrywise(self, f: Callable[[Any], Any], z: Vector, name: str) -> Vector:
+        if is_compiled(f):
+            from .kernels import apply_entrywise  # loads numba
+
+            return _call(lambda: apply_entrywise(f, z), z.shape, name)
+        return _call(lambda: f(z.copy()), z.shape, name)
+
+    def __repr__(self) -> str:
+        return f"Elementwise({getattr(self.f, '__name__', 'f')})"
+
+
+class Function(Map):
+    """ψ given by a Python function of the whole vector.
+
+    Parameters: `fun` maps shape (n,) to shape (n,); `jacobian`, if known, maps z to an element of the generalised
+    Jacobian, shape (n, n), dense or sparse; `lipschitz`, if known, the matrix G ≥ 0, shape (n, n), or a number or
+    vector that stands for diag(ℓ) and thus says that ψ_i depends on z_i only.
+
+    >>> psi = Function(lambda z: 0.5 * z[::-1], lipschitz=[[0, 0.5], [0.5, 0]]).bind(2)
+    >>> psi.value(np.array([2.0, 4.0]))
+    array([2., 1.])
+    """
+
+    def __init__(
+        self,
+        fun: Callable[[Vector], Any],
+        jacobian: Callable[[Vector], Any] | None = None,
+        lipschitz: Any = None,
+    ) -> None:
+        self.fun = _callable(fun, "psi")
+        self.derivative = None if jacobian is None else _callable(jacobian, "psi.jacobian")
+        self.constants = lipschitz
+
+    def bind(self, n: int) -> Function:
+        """See `Map.bind`."""
+        bound = Function(self.fun, self.derivative, self.constants)
+        if self.constants is None:
+            return bound
+        if sp.issparse(self.constants) or np.ndim(self.constants) == 2:
+            G = as_csr(self.constants, "psi.lipschitz", n)
+            if (G.data < 0).any():
+                raise InputError(f"psi.lipschitz has the entry {G.data.min()}; entries >= 0 were expected")
+            bound.lipschitz = G
+        else:
+            bound.lipschitz = freeze(sp.diags_array(_nonnegative(self.constants, n)).tocsr())
+        return bound
+
+    def value(self, z: Vector) -> Vector:
+        """See `Map.value`."""
+        return _call(lambda: self.fun(z.copy()), z.shape, "psi")
+
+    def jacobian(self, z: Vector) -> sp.csr_array | None:
+        """The user's Jacobian, checked, or None: see `Map.jacobian`."""
+        if self.derivative is None:
+            return None
+        try:
+            return as_csr(self.derivative(z.copy()), "psi.jacobian(z)", z.size)
+        except IcpError:
+            raise
+        except Exception as error:
+            raise MapError(f"psi.jacobian(z) raised {type(error).__name__}: {error}") from error
+
+    def __repr__(self) -> str:
+        return f"Function({getattr(self.fun, '__name__', 'psi')})"
+
+
+class Intervention(Map):
+    """The intervention operator of impulse control: ψ_i(z) = max (or min) over the jumps i → j of z_j + k_ij.
+
+    Parameters: `jumps` a SciPy sparse matrix of shape (n, n) whose *stored* entries are the possible jumps and whose
+    values are the gains k_ij (a stored 0 is a free jump), or a function z ↦ (value, target), both of shape (n,), with
+    target_i the best j and −1 where row i has no jump; `best` is "max" or "min".
+    A row without a jump has no obstacle: ψ_i = −inf. For a matrix, G has a 1 wherever a jump is possible.
+    Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984).
+
+    >>> jumps = sp.csr_array((np.array([-1.0, -3.0]), (np.array([1, 1]), np.array([0, 2]))), shape=(3, 3))
+    >>> psi = Intervention(jumps).bind(3)
+    >>> psi.value(np.array([5.0, 0.0, 6.0]))
+    array([-inf,   4., -inf])
+    >>> psi.jacobian(np.array([5.0, 0.0, 6.0])).toarray()[1]
+    array([1., 0., 0.])
+    """
+
+    isotone = True
+
+    def __init__(self, jumps: Any, best: str = "max") -> None:
+        if best not in ("max", "min"):
+            raise InputError(f'best is {best!r}; "max" or "min" was expected')
+        self.best = best
+        self.fun = jumps if callable(jumps) else None
+        self.jumps: sp.csr_array | None = None
+        if self.fun is None:
+            if not sp.issparse(jumps):
+                raise InputError(
+                    f"jumps is a {type(jumps).__name__}; a SciPy sparse matrix (its stored entries are the "
+                    "possible jumps) or a function z -> (value, target) was expected"
+                )
+            self.jumps = as_csr(jumps, "jumps")
+            self.lipschitz = freeze(
+                sp.csr_array((np.ones(self.jumps.nnz), self.jumps.indices, self.jumps.indptr), shape=self.jumps.shape)
+            )
+
+    def bind(self, n: int) -> Intervention:
+        """See `Map.bind`."""
+        if self.jumps is not None and self.jumps.shape[0] != n:
+            raise InputError(f"jumps has shape {self.jumps.shape}; shape ({n}, {n}) was expected")
+        return self
+
+    def value(self, z: Vector) -> Vector:
+        """See `Map.value`."""
+        return self.best_jump(z)[0]
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        """A 1 in the column of each row's best jump: see `Map.jacobian`."""
+        target = self.best_jump(z)[1]
+        rows = np.flatnonzero(target >= 0)
+        return sp.csr_array((np.ones(rows.size), (rows, target[rows])), shape=(z.size, z.size))
+
+    def best_jump(self, z: Vector) -> tuple[Vector, np.ndarray]:
+        """(ψ(z), target): the value and the best jump's column, −1 where there is none; both of shape (n,).
+
+        >>> Intervention(sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))).best_jump(np.array([0.0, 2.0]))
+        (array([  3., -inf]), array([ 1, -1]))
+        """
+        if self.fun is not None:
+            return self._call_best_jump(z)
+        assert self.jumps is not None
+        n, indptr = z.size, self.jumps.indptr
+        gains = z[self.jumps.indices] + self.jumps.data
+        rows = np.flatnonzero(np.diff(indptr))
+        value, target = np.full(n, -np.inf), np.full(n, -1)
+        if rows.size:
+            reduce = np.maximum if self.best == "max" else np.minimum
+            value[rows] = reduce.reduceat(gains, indptr[rows])
+            entry_row = row_of(self.jumps)
+            hits = np.flatnonzero(gains == value[entry_row])
+            # reversed, so that among equal jumps the first one is written last
+            target[entry_row[hits[::-1]]] = self.jumps.indices[hits[::-1]]
+        return value, target
+
+    def _call_best_jump(self, z: Vector) -> tuple[Vector, np.ndarray]:
+        fun = self.fun
+        assert fun is not None
+        pair = _raising_map_error(lambda: fun(z.copy()), "psi")
+        if not isinstance(pair, tuple) or len(pair) != 2:
+            raise MapError(f"psi(z) returned a {type(pair).__name__}; a tuple (value, target) was expected")
+        target = np.asarray(pair[1])
+        if target.shape != z.shape or target.dtype.kind not in "iu":
+            raise MapError(
+                f"psi(z): target has shape {target.shape} and dtype {target.dtype}; "
+                f"integers of shape {z.shape} were expected"
+            )
+        if ((target < -1) | (target >= z.size)).any():
+            raise MapError(f"psi(z): target has an entry outside -1 ... {z.size - 1}")
+        return _call(lambda: pair[0], z.shape, "psi"), target
+
+    def __repr__(self) -> str:
+        source = "a function" if self.jumps is None else f"{self.jumps.nnz} jumps"
+        return f"Intervention({source}, {self.best})"
+
+
+def as_map(psi: Any, n: int) -> Map:
+    """Whatever a user may give as ψ, as a `Map` for vectors of length `n`.
+
+    Parameters: `psi` a `Map`, a number, a vector of shape (n,), or a callable z ↦ ψ(z).
+    Raises InputError where it is none of these.
+
+    >>> as_map(0, 2)
+    Constant(0)
+    """
+    if isinstance(psi, Map):
+        return psi.bind(n)
+    if callable(psi):
+        return Function(psi).bind(n)
+    if isinstance(psi, str) or psi is None:
+        raise InputError(f"psi is {psi!r}; a number, a vector, a callable or one of icpmodel's maps was expected")
+    return Constant(psi).bind(n)
+
+
+def is_compiled(f: object) -> bool:
+    """Whether `f` was compiled with `numba.njit`. Does not import numba.
+
+    >>> is_compiled(np.sin)
+    False
+    """
+    return hasattr(f, "py_func") and hasattr(f, "nopython_signatures")
+
+
+def _zero(n: int) -> sp.csr_array:
+    return freeze(sp.csr_array((n, n)))
+
+
+def _nonnegative(value: Any, n: int) -> Vector:
+    vector = as_vector(value, n, "psi.lipschitz")
+    if (vector < 0).any():
+        raise InputError(f"psi.lipschitz has the entry {vector.min()}; numbers >= 0 were expected")
+    return vector
+
+
+def _callable(f: Any, name: str) -> Callable[..., Any]:
+    if not callable(f):
+        raise InputError(f"{name} is a {type(f).__name__}; a function was expected")
+    return f
+
+
+def _raising_map_error(call: Callable[[], Any], name: str) -> Any:
+    try:
+        return call()
+    except Exception as error:
+        raise MapError(f"{name}(z) raised {type(error).__name__}: {error}") from error
+
+
+def _call(call: Callable[[], Any], shape: tuple[int, ...], name: str) -> Vector:
+    """The user's function, its exceptions and its shape turned into MapError. NaN passes: the judge sees it."""
+    value = np.asarray(_raising_map_error(call, name))
+    if value.shape != shape:
+        raise MapError(f"{name}(z) has shape {value.shape}; shape {shape} was expected")
+    if value.dtype.kind not in "biuf":
+        raise MapError(f"{name}(z) has dtype {value.dtype}; real numbers were expected")
+    return value.astype(np.float64)

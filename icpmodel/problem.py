@@ -1,0 +1,227 @@
+"""The implicit complementarity problem: A, q and ψ, checked once and then never changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from .arrays import Vector, as_csr, as_vector
+from .errors import InputError
+from .maps import Constant, Map, as_map
+
+if TYPE_CHECKING:
+    from .crosscheck.report import Report
+    from .methods import Method
+    from .solution import Solution
+
+#: unit roundoff of float64
+UNIT_ROUNDOFF = 2.0**-53
+
+
+class ICP:
+    """Find z with p = Az + q ≥ 0, r = z − ψ(z) ≥ 0 and pᵀr = 0.
+
+    Parameters: `A` dense array-like or any SciPy sparse matrix, shape (n, n); `q` array-like, shape (n,); `psi` a
+    number, a vector of shape (n,) (−inf: no obstacle in that row), an `Affine`, `Elementwise`, `Function` or
+    `Intervention` map, or any callable z ↦ ψ(z). ψ = 0 is the linear complementarity problem (LCP).
+    The data is copied: A becomes float64 CSR with every diagonal entry stored. An ICP never changes; `with_q` and
+    `with_psi` make new ones that share the rest.
+    Raises InputError where A, q or ψ has a wrong shape, is empty, complex or not finite.
+    Reference: Kumar, Deepmala and Das, More on modulus based iterative method for solving implicit complementarity
+    problem; Bensoussan and Lions (1973).
+
+    >>> problem = ICP([[2, -1], [-1, 2]], [-1, 3])
+    >>> problem.solve().z.round(6) + 0.0
+    array([0.5, 0. ])
+    >>> problem
+    ICP(n=2, nnz=4, psi=Constant(0))
+    """
+
+    __slots__ = ("A", "memory", "n", "psi", "q")
+
+    A: sp.csr_array
+    q: Vector
+    psi: Map
+    n: int
+    #: what was found out about A and ψ (not q), kept for the problems that share them; see `remember`
+    memory: dict[str, Any]
+
+    def __init__(self, A: Any, q: Any, psi: Any = 0.0) -> None:
+        matrix = as_csr(A, "A", keep_diagonal=True)
+        n = matrix.shape[0]
+        self._set(matrix, as_vector(q, n if np.ndim(q) else None, "q"), as_map(psi, n), {})
+
+    def _set(self, A: sp.csr_array, q: Vector, psi: Map, memory: dict[str, Any]) -> None:
+        q.flags.writeable = False
+        for name, value in (("A", A), ("q", q), ("psi", psi), ("n", q.size), ("memory", memory)):
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"an ICP never changes; make a new one with with_q or with_psi instead of setting {name}")
+
+    __delattr__ = __setattr__  # type: ignore[assignment]
+
+    def with_q(self, q: Any) -> ICP:
+        """The problem with another `q`, shape (n,); A, ψ and what is known of them are shared.
+
+        >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
+        array([2.])
+        """
+        return self._with(as_vector(q, self.n, "q"), self.psi, self.memory)
+
+    def with_psi(self, psi: Any) -> ICP:
+        """The problem with another `psi` (anything that `ICP` takes); A and q are shared.
+
+        >>> ICP([[2.0]], [1.0]).with_psi(-3).solve().z
+        array([-0.5])
+        """
+        return self._with(self.q, as_map(psi, self.n), {})
+
+    def _with(self, q: Vector, psi: Map, memory: dict[str, Any]) -> ICP:
+        new = object.__new__(ICP)
+        new._set(self.A, q, psi, memory)
+        return new
+
+    def frozen(self, z: Any) -> ICP:
+        """The ICP with its obstacle held at c = ψ(z): an LCP in y = z − c. z solves the one iff it solves the other.
+
+        Parameters: `z` shape (n,). Returns the problem with constant ψ.
+
+        >>> ICP([[2.0]], [1.0], psi=lambda z: 0.5 * z - 1).frozen([-2.0])
+        ICP(n=1, nnz=1, psi=Constant(-2))
+        """
+        return self.with_psi(self.psi.value(self.vector(z)))
+
+    def vector(self, z: Any, name: str = "z") -> Vector:
+        """`z` as a float64 vector of shape (n,); NaN and infinities pass, as iterates may hold them.
+
+        >>> ICP([[2.0]], [1.0]).vector([1, 2])
+        Traceback (most recent call last):
+        icpmodel.errors.InputError: z has shape (2,); shape (1,) was expected
+        """
+        array = np.asarray(z)
+        if array.shape != (self.n,):
+            raise InputError(f"{name} has shape {array.shape}; shape ({self.n},) was expected")
+        if array.dtype.kind not in "biuf":
+            raise InputError(f"{name} has dtype {array.dtype}; real numbers were expected")
+        return np.asarray(array, dtype=np.float64)
+
+    def p(self, z: Any) -> Vector:
+        """p(z) = Az + q, shape (n,).
+
+        >>> ICP([[2.0]], [1.0]).p([3.0])
+        array([7.])
+        """
+        return self.A @ self.vector(z) + self.q
+
+    def r(self, z: Any) -> Vector:
+        """r(z) = z − ψ(z), shape (n,); +inf where there is no obstacle.
+
+        >>> ICP([[2.0]], [1.0], psi=-1).r([3.0])
+        array([4.])
+        """
+        z = self.vector(z)
+        return z - self.psi.value(z)
+
+    def natural_map(self, z: Any, omega: Any = 1.0) -> Vector:
+        """F_Ω(z) = min(Az + q, Ω(z − ψ(z))), shape (n,): zero exactly at the solutions, for every Ω > 0.
+
+        Parameters: `z` shape (n,); `omega` the diagonal of Ω, a positive number or vector of shape (n,).
+
+        >>> ICP([[2.0]], [-1.0]).natural_map([3.0], omega=0.5)
+        array([1.5])
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.minimum(self.p(z), omega * self.r(z))
+
+    def residual(self, z: Any) -> float:
+        """Res(z) = ‖min(r(z), p(z))‖₂, the natural residual; safe against overflow, NaN where z or ψ(z) is.
+
+        >>> ICP([[3.0]], [-6.0]).residual([1.0])
+        3.0
+        """
+        F = self.natural_map(z)
+        largest = float(np.abs(F).max())
+        if largest == 0.0 or not np.isfinite(largest):
+            return largest
+        return largest * float(np.linalg.norm(F / largest))
+
+    def rounding(self, z: Any) -> Vector:
+        """A bound on the rounding error of each entry of F(z) as computed, shape (n,).
+
+        γ_k(|A||z| + |q|) for p and γ_k(|z| + G|z| + |ψ(z)|) for r, the larger of the two where r is finite, with
+        γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the entries of the row. ψ itself is taken as exact to a few u,
+        which holds for constant and affine maps.
+        Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
+
+        >>> bool(ICP([[3.0]], [-6.0]).rounding([2.0])[0] < 1e-14)
+        True
+        """
+        z = self.vector(z)
+        psi = self.psi.value(z)
+        free = np.isneginf(psi)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for_p = _gamma(np.diff(self.A.indptr) + 2) * (self.absolute_A() @ np.abs(z) + np.abs(self.q))
+            size = np.abs(z) + np.where(free, 0.0, np.abs(psi))
+            entries: Any = 3
+            if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
+                size = size + self.psi.lipschitz @ np.abs(z)
+                entries = np.diff(self.psi.lipschitz.indptr) + 3
+            return np.maximum(for_p, np.where(free, 0.0, _gamma(entries) * size))
+
+    def absolute_A(self) -> sp.csr_array:
+        """|A|, entry by entry; it shares the index arrays of A.
+
+        >>> ICP([[-2.0]], [1.0]).absolute_A().toarray()
+        array([[2.]])
+        """
+        if "absolute" not in self.memory:
+            data = np.abs(self.A.data)
+            self.memory["absolute"] = sp.csr_array((data, self.A.indices, self.A.indptr), shape=self.A.shape)
+        return self.memory["absolute"]
+
+    @property
+    def is_lcp(self) -> bool:
+        """Whether ψ is constant, so that y = z − c solves an ordinary LCP.
+
+        >>> ICP([[2.0]], [1.0], psi=3).is_lcp
+        True
+        """
+        return isinstance(self.psi, Constant)
+
+    def solve(self, method: str | Method | None = None, **options: Any) -> Solution:
+        """Solve it; `icpmodel.driver.solve` says what `method` and the options are.
+
+        >>> ICP([[2.0]], [-1.0]).solve("mnmgs").z
+        array([0.5])
+        """
+        from .driver import solve
+
+        return solve(self, method, **options)
+
+    def crosscheck(
+        self,
+        solution: Any = None,
+        solvers: Iterable[str] | None = None,
+        *,
+        atol: float | None = None,
+        time_limit: float = 60.0,
+    ) -> Report:
+        """Have independent solvers check an answer; `icpmodel.crosscheck.crosscheck` says how.
+
+        >>> ICP([[2.0]], [-1.0]).crosscheck(solvers=["osqp"]).agrees
+        True
+        """
+        from .crosscheck import crosscheck
+
+        return crosscheck(self, solution, solvers, atol=atol, time_limit=time_limit)
+
+    def __repr__(self) -> str:
+        return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={self.psi!r})"
+
+
+def _gamma(k: Any) -> Any:
+    return k * UNIT_ROUNDOFF / (1 - k * UNIT_ROUNDOFF)

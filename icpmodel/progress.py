@@ -1,0 +1,61 @@
+"""A progress bar on a terminal, nothing in a pipe."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import sys
+import time
+from collections.abc import Iterator
+
+
+class Bar:
+    """A bar that shows nothing; `update` is cheap enough to be called at every iteration.
+
+    >>> Bar().update(1, 0.5)
+    """
+
+    def update(self, iteration: int, residual: float) -> None:
+        """Tell the bar how far the run is: `iteration` and Res(z).
+
+        >>> Bar().update(2, 0.25)
+        """
+
+
+class _TerminalBar(Bar):
+    """The share of the way, on a logarithmic scale, from the first residual to the tolerance."""
+
+    def __init__(self, progress: object, task: object, tolerance: float) -> None:
+        self.progress, self.task, self.tolerance = progress, task, tolerance
+        self.first, self.shown = 0.0, 0.0
+
+    def update(self, iteration: int, residual: float) -> None:
+        self.first = self.first or residual
+        now = time.monotonic()
+        if now - self.shown < 0.1:
+            return
+        self.shown = now
+        share = 0.0
+        if 0 < self.tolerance < self.first and residual > 0:
+            share = math.log(self.first / residual) / math.log(self.first / self.tolerance)
+        text = f"iteration {iteration}, residual {residual:.2e} -> {self.tolerance:.2e}"
+        self.progress.update(self.task, completed=min(max(share, 0.0), 1.0), text=text)  # type: ignore[attr-defined]
+
+
+@contextlib.contextmanager
+def progress_bar(wanted: bool, title: str, tolerance: float) -> Iterator[Bar]:
+    """A `Bar` for one run: a visible one if `wanted` and standard error is a terminal.
+
+    >>> with progress_bar(True, "MNMGS()", 1e-8) as bar:
+    ...     bar.update(0, 1.0)
+    """
+    if not wanted or not sys.stderr.isatty():
+        yield Bar()
+        return
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn(escape(title)), BarColumn(), TextColumn("{task.fields[text]}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        yield _TerminalBar(progress, progress.add_task(title, total=1.0, text=""), tolerance)

@@ -1,0 +1,240 @@
+"""What comes back from a solve: `Status` says why the loop stopped, `Certificate` what is known of z."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .arrays import Vector
+from .problem import ICP
+from .theory.bounds import ErrorBound, error_bound
+
+if TYPE_CHECKING:
+    from .methods import Method
+
+
+class Status(Enum):
+    """Why a run stopped. Only SOLVED is success; every other member carries advice.
+
+    >>> Status.CYCLED.advice
+    'try another theta1, theta2 or phi2 (a larger phi damps the step), or another method'
+    """
+
+    SOLVED = "solved"
+    PRECISION_LIMIT = "precision limit"
+    STAGNATED = "stagnated"
+    CYCLED = "cycled"
+    DIVERGED = "diverged"
+    ITERATION_LIMIT = "iteration limit"
+    TIME_LIMIT = "time limit"
+    INTERRUPTED = "interrupted"
+    STOPPED = "stopped by callback"
+    MAP_FAILED = "psi failed"
+
+    @property
+    def advice(self) -> str:
+        """What to try next, in one sentence; empty for SOLVED.
+
+        >>> Status.SOLVED.advice
+        ''
+        """
+        return _ADVICE[self.name]
+
+
+_ADVICE = {
+    "SOLVED": "",
+    "PRECISION_LIMIT": "rounding forbids a smaller residual: accept this z, or scale the problem; see its error bound",
+    "STAGNATED": "try another theta1, theta2 or phi2, or another method; the problem may have no solution",
+    "CYCLED": "try another theta1, theta2 or phi2 (a larger phi damps the step), or another method",
+    "DIVERGED": "try a smaller theta1, a larger phi2 or phi, or another method; A may be far from an H+-matrix",
+    "ITERATION_LIMIT": "raise max_iter, loosen rtol, or pass this solution as z0 to go on",
+    "TIME_LIMIT": "raise time_limit, loosen rtol, or pass this solution as z0 to go on",
+    "INTERRUPTED": "pass this solution as z0 to go on",
+    "STOPPED": "the callback returned True; pass this solution as z0 to go on",
+    "MAP_FAILED": "mend psi at the point the message names; this is the best iterate before it",
+}
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is true of z, recomputed from (A, q, ψ, z) by `certify` and by nothing else.
+
+    `residual` = ‖min(r, p)‖₂; `residual_max` the max-norm of the same vector; `residual_scaled` the max-norm of
+    min(r, D⁻¹p) with D = |diag(A)|, in the units of z, or None where the diagonal has a zero; `violation_p` and
+    `violation_r` the largest negative parts of p and r; `bound` the `ErrorBound`.
+
+    >>> certify(ICP([[2.0]], [-2.0]), [1.0]).residual
+    0.0
+    """
+
+    residual: float
+    residual_max: float
+    residual_scaled: float | None
+    violation_p: float
+    violation_r: float
+    bound: ErrorBound
+
+    @property
+    def error_bound(self) -> float | None:
+        """max_i |z_i − z*_i| is at most this; None where there is no certificate (`bound.reason` says why).
+
+        >>> certify(ICP([[0.0]], [1.0]), [0.0]).error_bound is None
+        True
+        """
+        return self.bound.value
+
+    @property
+    def unique(self) -> bool:
+        """Whether the solution is proved to exist and to be the only one.
+
+        >>> certify(ICP([[2.0]], [-2.0]), [1.0]).unique
+        True
+        """
+        return self.bound.unique
+
+
+def certify(problem: ICP, z: Any) -> Certificate:
+    """The one judge of an answer, ours or a foreign solver's.
+
+    Parameters: `z` shape (n,). Returns a `Certificate`. Raises InputError for a wrong shape, MapError where ψ fails.
+
+    >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
+    0.0
+    """
+    z = problem.vector(z)
+    p, r = problem.p(z), problem.r(z)
+    diagonal = np.abs(problem.A.diagonal())
+    scaled = None if (diagonal == 0).any() else float(np.abs(np.minimum(r, p / diagonal)).max())
+    return Certificate(
+        residual=problem.residual(z),
+        residual_max=float(np.abs(np.minimum(r, p)).max()),
+        residual_scaled=scaled,
+        violation_p=float(np.maximum(-p, 0.0).max()),
+        violation_r=float(np.maximum(-r, 0.0).max()),
+        bound=error_bound(problem, z),
+    )
+
+
+@dataclass(frozen=True)
+class History:
+    """The path of a run: iterate number, Res(z) and seconds since the start, one entry per tested iterate.
+
+    >>> ICP([[2.0]], [-2.0]).solve("mnmgs", history=True).history.iteration
+    array([0, 1])
+    """
+
+    iteration: np.ndarray
+    residual: np.ndarray
+    seconds: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """An answer: the returned z, why the loop stopped, and, computed when first asked for, what is certain of z.
+
+    `problem`; `z` shape (n,); `status`; `message` with advice; `method`, the method that found z, and `why` it was
+    picked; `residual` = Res(z), judged on the returned z, and the `tolerance` it was held against; `iterations`;
+    `seconds` of the run, set-up included; `history` or None.
+
+    >>> solution = ICP([[2.0]], [-2.0]).solve("mnmgs")
+    >>> solution.status, solution.iterations
+    (<Status.SOLVED: 'solved'>, 1)
+    """
+
+    problem: ICP
+    z: Vector
+    status: Status
+    message: str
+    method: Method
+    why: str
+    residual: float
+    tolerance: float
+    iterations: int
+    seconds: float
+    history: History | None = field(default=None, repr=False)
+
+    @property
+    def solved(self) -> bool:
+        """Whether the status is SOLVED: Res(z) of the returned z is at most `tolerance`.
+
+        >>> ICP([[2.0]], [-2.0]).solve().solved
+        True
+        """
+        return self.status is Status.SOLVED
+
+    @cached_property
+    def p(self) -> Vector:
+        """p = Az + q, shape (n,).
+
+        >>> ICP([[2.0]], [-2.0]).solve().p
+        array([0.])
+        """
+        return self.problem.p(self.z)
+
+    @cached_property
+    def r(self) -> Vector:
+        """r = z − ψ(z), shape (n,).
+
+        >>> ICP([[2.0]], [-2.0]).solve().r
+        array([1.])
+        """
+        return self.problem.r(self.z)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Everything that is certain of z; may cost one linear solve, once per A and ψ.
+
+        >>> ICP([[2.0]], [-2.0]).solve().certificate.unique
+        True
+        """
+        return certify(self.problem, self.z)
+
+    @property
+    def error_bound(self) -> float | None:
+        """max_i |z_i − z*_i| is at most this, in the units of z; None where there is no certificate.
+
+        >>> ICP([[2.0]], [-2.0]).solve().error_bound < 1e-14
+        True
+        """
+        return self.certificate.error_bound
+
+    def summary(self) -> Mapping[str, str]:
+        """The card that `print` shows, as names and texts.
+
+        >>> ICP([[2.0]], [-2.0]).solve("mnmgs").summary()["status"]
+        'solved after 1 iteration'
+        """
+        plural = "" if self.iterations == 1 else "s"
+        bound = self.certificate.bound
+        rows = {
+            "problem": f"{self.problem!r}",
+            "status": f"{self.status.value} after {self.iterations} iteration{plural}",
+            "method": f"{self.method!r}" + (f"\n{self.why}" if self.why else ""),
+            "residual": f"{self.residual:.3g} (stop at {self.tolerance:.3g})",
+            "error": (
+                f"no certified bound: {bound.reason}"
+                if bound.value is None
+                else f"|z - z*| <= {bound.value:.3g} in every entry; z* is the only solution"
+            ),
+        }
+        if not self.solved:
+            rows["message"] = self.message
+        rows["seconds"] = f"{self.seconds:.3g}"
+        return rows
+
+    def __str__(self) -> str:
+        rows = self.summary()
+        return "\n".join(f"{name:<9} {text}".replace("\n", "\n" + " " * 10) for name, text in rows.items())
+
+    def _repr_html_(self) -> str:
+        cells = (
+            f"<tr><th style='text-align:left'>{html.escape(name)}</th><td>{html.escape(text)}</td></tr>"
+            for name, text in self.summary().items()
+        )
+        return f"<table>{''.join(cells)}</table>"
