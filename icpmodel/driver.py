@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from .arrays import Vector
-from .errors import InputError, MapError, NotApplicable, NotSolved
+from .errors import InputError, MapError, NotApplicable, NotSolved, SingularOperator
 from .methods import Method, named
 from .methods.choose import Choice, choose
 from .problem import ICP
@@ -111,32 +111,11 @@ def solve(
     if not np.isfinite(start).all():
         i = int(np.argmin(np.isfinite(start)))
         raise InputError(f"z0[{i}] is {start[i]}; a finite number was expected")
-    clock = time.perf_counter()
-    tolerance = max(limits.atol, limits.rtol * _scale(problem, start))
-    solution: Solution | None = None
-    for choice in _choices(problem, method, options):
-        run = _Run(problem, choice, limits, clock, callback, history, tolerance, solution)
-        with progress_bar(progress, f"{choice.method!r}", tolerance) as bar:
-            solution = run.go(start, bar)
-        if solution.status not in _WORTH_ANOTHER_METHOD:
-            break
-    assert solution is not None
+    job = _Job(problem, start, limits, callback, history, progress)
+    solution = job.first_success(_choices(problem, method, options), tolerate_singular=method is None)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution)
     return solution
-
-
-def _scale(problem: ICP, start: Vector) -> float:
-    """Res(0), which a warm start does not change; Res(z⁰) where ψ has no value at 0."""
-    with contextlib.suppress(MapError):
-        scale = problem.residual(np.zeros(problem.n))
-        if np.isfinite(scale):
-            return scale
-    scale = problem.residual(start)
-    return scale if np.isfinite(scale) else 0.0
-
-
-_WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 
 def _choices(problem: ICP, method: str | Method | None, options: dict[str, Any]) -> Iterator[Choice]:
@@ -156,40 +135,75 @@ def _choices(problem: ICP, method: str | Method | None, options: dict[str, Any])
     yield Choice(method, "")
 
 
+_WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
+
+
 @dataclass
-class _Run:
-    """One method on one problem; `before` is what earlier methods of the same solve left."""
+class _Job:
+    """What all runs of one `solve` share."""
 
     problem: ICP
-    choice: Choice
+    start: Vector
     limits: Limits
-    clock: float
     callback: Callable[[Progress], Any] | None
-    keep_history: bool
-    tolerance: float
-    before: Solution | None
-    best: Vector = field(init=False)
-    best_residual: float = np.inf
-    best_iteration: int = 0
+    history: bool
+    progress: bool
 
     def __post_init__(self) -> None:
-        self.first = 0 if self.before is None else self.before.iterations
-        self.records: list[tuple[int, float, float]] = []
-        if self.before is not None and self.before.history is not None:
-            past = self.before.history
-            self.records = list(
-                zip(past.iteration.tolist(), past.residual.tolist(), past.seconds.tolist(), strict=True)
-            )
-        self.last = self.first
+        self.clock = time.perf_counter()
+        self.tolerance = max(self.limits.atol, self.limits.rtol * self._scale())
 
-    def go(self, z: Vector, bar: Bar) -> Solution:
-        """Iterate from `z` until there is a reason to stop; Ctrl-C and a failing ψ are reasons like others."""
-        self.best = z
-        if self.before is not None:
-            self.best, self.best_residual, self.best_iteration = self.before.z, self.before.residual, self.first
+    def _scale(self) -> float:
+        """Res(0), which a warm start does not change; Res(z⁰) where ψ has no value at 0."""
+        with contextlib.suppress(MapError):
+            scale = self.problem.residual(np.zeros(self.problem.n))
+            if np.isfinite(scale):
+                return scale
+        scale = self.problem.residual(self.start)
+        return scale if np.isfinite(scale) else 0.0
+
+    def first_success(self, choices: Iterator[Choice], *, tolerate_singular: bool) -> Solution:
+        """Try one choice after the other until one ends for a reason that no other method would change."""
+        solution: Solution | None = None
+        for choice in choices:
+            try:
+                with progress_bar(self.progress, f"{choice.method!r}", self.tolerance) as bar:
+                    solution = _Run(self, choice, solution, bar).go()
+            except SingularOperator:
+                if not tolerate_singular:
+                    raise
+                continue
+            if solution.status not in _WORTH_ANOTHER_METHOD:
+                break
+        if solution is None:
+            raise NotApplicable("no method takes this problem: diag(A) is not positive, A + Omega cannot be factorised")
+        return solution
+
+
+class _Run:
+    """One method on one job; `before` is what earlier methods of the same job left."""
+
+    def __init__(self, job: _Job, choice: Choice, before: Solution | None, bar: Bar) -> None:
+        self.job, self.choice, self.before, self.bar = job, choice, before, bar
+        self.problem, self.limits, self.tolerance = job.problem, job.limits, job.tolerance
+        self.records: list[tuple[int, float, float]] = []
+        if before is None:
+            self.start = self.best = job.start
+            self.first, self.best_residual = 0, np.inf
+        else:
+            # a start that led one method astray is not given to the next, but its best iterate is kept
+            self.start, self.best = np.zeros(job.problem.n), before.z
+            self.first, self.best_residual = before.iterations, before.residual
+            if before.history is not None:
+                past = before.history
+                self.records = list(zip(past.iteration, past.residual, past.seconds, strict=True))
+        self.best_iteration = self.last = self.first
+
+    def go(self) -> Solution:
+        """Iterate until there is a reason to stop; Ctrl-C and a failing ψ are reasons like others."""
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                status, note, k = self._loop(z, bar)
+                status, note, k = self._loop()
         except KeyboardInterrupt:
             status, note, k = Status.INTERRUPTED, "interrupted", self.last
         except MapError as error:
@@ -198,28 +212,28 @@ class _Run:
             status, note, k = Status.MAP_FAILED, str(error), self.last
         return self._solution(status, note, k)
 
-    def _loop(self, start: Vector, bar: Bar) -> tuple[Status, str, int]:
-        milestone, milestone_residual, milestone_z = self.first, np.nan, start
+    def _loop(self) -> tuple[Status, str, int]:
+        milestone, milestone_residual, milestone_z = self.first, np.nan, self.start
         progress_at, progress_residual = self.first, np.inf
         first_residual = np.inf
-        for step, (z, hint) in enumerate(self.choice.method.iterates(self.problem, start)):
+        for step, (z, hint) in enumerate(self.choice.method.iterates(self.problem, self.start)):
             k = self.last = self.first + step
             residual = self._residual(z, hint)
-            seconds = time.perf_counter() - self.clock
-            bar.update(k, residual)
-            if self.keep_history:
+            seconds = time.perf_counter() - self.job.clock
+            self.bar.update(k, residual)
+            if self.job.history:
                 self.records.append((k, residual, seconds))
             if step == 0:
                 first_residual = residual
             if residual < self.best_residual or k == 0:
                 self.best, self.best_residual, self.best_iteration = z, residual, k
-            if self.callback is not None and self.callback(_state(k, z, residual, seconds)):
+            if self.job.callback is not None and self.job.callback(_state(k, z, residual, seconds)):
                 return Status.STOPPED, "stopped by the callback", k
             if residual <= self.tolerance:
                 return Status.SOLVED, "", k
             if not residual < np.inf or residual > _BLOW_UP * max(first_residual, self.tolerance):
                 return Status.DIVERGED, f"the residual is {residual:.3g} at iteration {k}", k
-            if residual == milestone_residual and np.array_equal(z, milestone_z):
+            if self.choice.method.memoryless and residual == milestone_residual and np.array_equal(z, milestone_z):
                 return *self._recurred(k - milestone), k
             if k - self.first >= 2 * (milestone - self.first):  # Brent's cycle search: compare with a late iterate
                 milestone, milestone_residual, milestone_z = k, residual, z
@@ -264,7 +278,8 @@ class _Run:
         if self.before is not None:
             last = self.before
             why = f"{why}; before it {last.method!r}: {last.status.value}"
-        residual = self.problem.residual(z)
+        # a ψ that failed may fail again: then the residual seen during the run has to do
+        residual = self.best_residual if status is Status.MAP_FAILED else self.problem.residual(z)
         message = "solved"
         if status is not Status.SOLVED:
             message = (
@@ -272,10 +287,10 @@ class _Run:
                 f"(stop at {self.tolerance:.3g}). Advice: {status.advice}"
             )
         past = None
-        if self.keep_history:
+        if self.job.history:
             columns = np.array(self.records, dtype=np.float64).reshape(-1, 3)
             past = History(columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2])
-        seconds = time.perf_counter() - self.clock
+        seconds = time.perf_counter() - self.job.clock
         z = z.copy()
         z.flags.writeable = False
         return Solution(

@@ -62,7 +62,8 @@ class ICP:
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"an ICP never changes; make a new one with with_q or with_psi instead of setting {name}")
 
-    __delattr__ = __setattr__  # type: ignore[assignment]
+    def __delattr__(self, name: str) -> None:
+        self.__setattr__(name, None)
 
     def with_q(self, q: Any) -> ICP:
         """The problem with another `q`, shape (n,); A, ψ and what is known of them are shared.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arrays import Vector
+from .errors import MapError
 from .problem import ICP
 from .theory.bounds import ErrorBound, error_bound
 
@@ -211,7 +212,10 @@ class Solution:
         'solved after 1 iteration'
         """
         plural = "" if self.iterations == 1 else "s"
-        bound = self.certificate.bound
+        try:
+            bound = self.certificate.bound
+        except MapError as error:
+            bound = ErrorBound(None, None, "none", str(error))
         rows = {
             "problem": f"{self.problem!r}",
             "status": f"{self.status.value} after {self.iterations} iteration{plural}",

@@ -317,6 +317,11 @@ def compiled_step(problem: ICP, name: str, before: tuple[Any, ...], after: tuple
     """One compiled sweep as a step: `before` and `after` are the kernel's arguments around ψ.
 
     ψ = constant, affine and compiled elementwise maps are evaluated inside the sweep; any other is called once for it.
+
+    >>> problem = ICP([[2.0]], [-2.0])
+    >>> matrix = (problem.A.indptr, problem.A.indices, problem.A.data, problem.q)
+    >>> compiled_step(problem, "diagonal", matrix, (np.array([2.0]), np.array([0.25])))(np.array([3.0]))
+    (array([1.]), 3.0)
     """
     from .kernels import SWEEPS, USER_SWEEPS
 

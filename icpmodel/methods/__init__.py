@@ -32,6 +32,8 @@ class Method(ABC):
 
     #: the name that `solve` and the command line take
     name: ClassVar[str] = ""
+    #: whether zᵏ alone decides zᵏ⁺¹, so that an iterate that comes back proves a cycle
+    memoryless: ClassVar[bool] = True
 
     def __init_subclass__(cls) -> None:
         if cls.name:

@@ -23,9 +23,10 @@ class MMS(Method):
 
         x⁺ = x − γ X⁻¹ (Az + q − Ω(|x| − x)/γ),        X = M₁ + Ω:
 
-    the operator of the family once more, on another residual. After `inner` steps ψ is evaluated anew; where ψ is
-    constant, inner and outer steps are the same.
-    Parameters: `splitting` as in `Modulus`; `gamma` > 0; `omega` the diagonal of Ω, a positive number or vector of
+    the operator of the family once more, on another residual. γ only rescales x and leaves every z as it is, so it is
+    2 here and no option. After `inner` steps ψ is evaluated anew; where ψ is constant, inner and outer steps are the
+    same.
+    Parameters: `splitting` as in `Modulus`; `omega` the diagonal of Ω, a positive number or vector of
     shape (n,), or None for D/2; `inner` ≥ 1.
     Reference: Hong and Li, Numer. Linear Algebra Appl. 23 (2016); Bai (2010) for ψ = 0.
 
@@ -34,14 +35,13 @@ class MMS(Method):
     """
 
     name: ClassVar[str] = "mms"
+    memoryless: ClassVar[bool] = False  # x is more than z: all x <= 0 give z = psi
     splitting: Any = "gauss-seidel"
-    gamma: float = 2.0
     omega: Any = None
     inner: int = 10
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "splitting", as_splitting(self.splitting))
-        check_diagonal(self, "gamma")
         if self.omega is not None:
             check_diagonal(self, "omega")
         if not isinstance(self.inner, int) or self.inner < 1:
@@ -55,17 +55,16 @@ class MMS(Method):
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`."""
-        A, q, gamma = problem.A, problem.q, self.gamma
+        A, q = problem.A, problem.q
         omega = A.diagonal() / 2 if self.omega is None else as_vector(self.omega, problem.n, "omega")
         operator = self.splitting.operator(A, omega)
         psi = problem.psi.value(z)
-        # of the x that belong to z, the one without a guess at p
-        x = 0.5 * gamma * (z - psi)
+        x = z - psi  # of all x that give this z where z >= psi, the one without a guess at p
         yield z, None
         while True:
             for _ in range(self.inner):
-                p = A @ (psi + (np.abs(x) + x) / gamma) + q
-                x = x - gamma * operator.solve(p - omega * (np.abs(x) - x) / gamma)
-                z = psi + (np.abs(x) + x) / gamma
+                p = A @ (psi + np.maximum(x, 0.0)) + q
+                x = x - 2.0 * operator.solve(p - omega * np.maximum(-x, 0.0))
+                z = psi + np.maximum(x, 0.0)
                 yield z, None
             psi = problem.psi.value(z)

@@ -1,0 +1,96 @@
+"""The gallery: ready problems that carry their own answers, one file per field.
+
+`scene("membrane", n=10000)` builds one by name, `icpmodel.scenes.membrane(n=10000)` is the same, `names()` lists them.
+A scene is a function with `@register` in any module of this package: adding a field is adding a file.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from typing import Any
+
+from ..errors import InputError
+from .registry import BUILDERS, Builder, Quantity, Scene, register, size
+
+__all__ = ["Quantity", "Scene", "names", "parameters", "register", "scene", "titles"]
+
+for _module in pkgutil.iter_modules(__path__):
+    importlib.import_module(f"{__name__}.{_module.name}")
+
+
+def scene(name: str, n: int | None = None, **parameters: Any) -> Scene:
+    """The scene called `name`, at its default size or with about `n` unknowns.
+
+    Parameters: `n` the wanted number of unknowns, of which the scene takes the nearest that it can have (on a square
+    grid m² with m = round(√n)); `parameters` the scene's own, which `parameters(name)` lists.
+    Raises InputError for an unknown name or parameter, for an n that is no positive integer or too small, and for an
+    n that differs from the size of a scene that has only one.
+
+    >>> scene("membrane", n=1000).problem.n
+    1024
+    >>> scene("hand-lcp", n=1000)
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: n is 1000; hand-lcp has one size only, n = 2
+    """
+    build = _builder(name)
+    known = inspect.signature(build).parameters
+    for parameter in parameters:
+        if parameter not in known:
+            listed = ", ".join(known) or "none"
+            raise InputError(f"{name} has no parameter {parameter!r}; its parameters are: {listed}")
+    if n is None:
+        return build(**parameters)
+    if "n" in known:
+        return build(n=n, **parameters)
+    built = build(**parameters)
+    if size(n) != built.problem.n:
+        raise InputError(f"n is {n!r}; {name} has one size only, n = {built.problem.n}")
+    return built
+
+
+def names() -> list[str]:
+    """The names of all scenes, in alphabetical order.
+
+    >>> "membrane" in names()
+    True
+    """
+    return sorted(BUILDERS)
+
+
+def titles() -> dict[str, str]:
+    """Name → one line that says what it is, for a table; builds nothing.
+
+    >>> titles()["coulomb"]
+    'A block on a slope with dry friction'
+    """
+    return {name: (BUILDERS[name].__doc__ or "").strip().splitlines()[0].rstrip(".") for name in names()}
+
+
+def parameters(name: str) -> dict[str, Any]:
+    """Parameter → default value of the scene `name`; "n" is among them unless it has one size only.
+
+    Raises InputError for an unknown name.
+
+    >>> parameters("membrane")
+    {'n': 900, 'mu': 0.0, 'skew': 0.0}
+    """
+    return {key: value.default for key, value in inspect.signature(_builder(name)).parameters.items()}
+
+
+def _builder(name: str) -> Builder:
+    if name not in BUILDERS:
+        raise InputError(f"there is no scene {name!r}; the scenes are: {', '.join(names())}")
+    return BUILDERS[name]
+
+
+def __getattr__(name: str) -> Builder:
+    build = BUILDERS.get(name.replace("_", "-"))
+    if build is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return build
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, *(name.replace("-", "_") for name in BUILDERS)])

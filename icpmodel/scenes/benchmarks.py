@@ -1,0 +1,127 @@
+"""Problems made to measure methods: the solution is chosen first, the data follows from it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Vector
+from ..errors import InputError
+from ..maps import Affine, Elementwise
+from ..problem import ICP
+from .grid import adjacency, five_point, side, square_points
+from .registry import Scene, number, register
+
+
+@register
+def bai_symmetric(n: int = 900, mu: float = 4.0) -> Scene:
+    """Bai's symmetric LCP, the yardstick of the modulus literature.
+
+    A = Tridiag(−I, S, −I) + μI, S = tridiag(−1, 4, −1), m × m blocks; ψ = 0; z* = (1, 2, 1, 2, …), q = −Az*, so that
+    p* = 0 in every row. `z0` = (1, 0, 1, 0, …) is the start of the literature, which stops at Res ≤ 1e−5.
+    Parameters: `n` ≈ m²; `mu` ≥ 0, where μ = 0 is the hard case. No units.
+    Raises InputError for bad parameters.
+    Reference: Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680.
+
+    >>> bai_symmetric(n=4).problem.q
+    array([ -5., -13.,  -5., -13.])
+    """
+    return _bai(n, mu, 0.0)
+
+
+@register
+def bai_nonsymmetric(n: int = 900, mu: float = 4.0) -> Scene:
+    """Bai's nonsymmetric LCP: the same with transport.
+
+    A = Tridiag(−1.5I, S, −.5I) + μI, S = tridiag(−1.5, 4, −.5), m × m blocks; ψ = 0; z* = (1, 2, 1, 2, …), q = −Az*;
+    `z0` = (1, 0, 1, 0, …). Parameters: `n` ≈ m²; `mu` ≥ 0. No units.
+    Raises InputError for bad parameters.
+    Reference: Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680.
+
+    >>> bai_nonsymmetric(n=4).problem.A.toarray()[1].tolist()
+    [-1.5, 8.0, 0.0, -0.5]
+    """
+    return _bai(n, mu, 0.5)
+
+
+@register
+def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
+    """A random ICP with an affine map and a known solution.
+
+    A = Tridiag(−I, S, −I) + μI as in Bai's LCP; ψ(z) = Gz + c, G = (.9/4)·adjacency of the m × m grid: each obstacle
+    hangs on the four neighbours, ‖G‖∞ = .9. z* is random in [−1, 1], a random half of the rows has p* in [.5, 1.5] and
+    r* = 0, the other half r* in [.5, 1.5] and p* = 0; c = z* − r* − Gz* and q = p* − Az* make z* exact to rounding.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0. No units.
+    Raises InputError for bad parameters.
+    Reference: the construction of icpmodel's own tests; A from Bai (2010), doi:10.1002/nla.680.
+
+    >>> chosen = manufactured_affine(n=100)
+    >>> chosen.problem.residual(chosen.z_exact) < 1e-13
+    True
+    """
+    m, mu = side(n), number(mu, "mu", least=0)
+    z, p, r = _chosen(m * m, seed)
+    A, G = five_point(m, mu), (0.9 / 4.0) * adjacency(m)
+    return Scene(
+        problem=ICP(A, p - A @ z, Affine(G, z - r - G @ z)),
+        models="A grid of cells, each resting on its own neighbours, with forces chosen so that the answer is known.",
+        z_exact=z,
+        points=square_points(0.0, 1.0, m),
+    )
+
+
+@register
+def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
+    """A random ICP with a nonlinear map and a known solution.
+
+    As manufactured-affine with ψ_i(z) = .3 sin z_i + c_i, c = z* − r* − .3 sin z*; |ψ′| ≤ .3.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0. No units.
+    Raises InputError for bad parameters.
+    Reference: the construction of icpmodel's own tests; A from Bai (2010), doi:10.1002/nla.680.
+
+    >>> chosen = manufactured_elementwise(n=100)
+    >>> chosen.problem.residual(chosen.z_exact) < 1e-13
+    True
+    """
+    m, mu = side(n), number(mu, "mu", least=0)
+    z, p, r = _chosen(m * m, seed)
+    A = five_point(m, mu)
+    return Scene(
+        problem=ICP(A, p - A @ z, Elementwise(_sine, _sine_derivative, lipschitz=0.3, c=z - r - _sine(z))),
+        models="A grid of cells whose obstacles bend with them, with forces chosen so that the answer is known.",
+        z_exact=z,
+        points=square_points(0.0, 1.0, m),
+    )
+
+
+def _bai(n: int, mu: Any, skew: float) -> Scene:
+    m = side(n)
+    A = five_point(m, number(mu, "mu", least=0), skew)
+    odd: Vector = np.arange(m * m, dtype=np.float64) % 2.0
+    z = 1.0 + odd
+    return Scene(
+        problem=ICP(A, -(A @ z)),
+        models="A grid of cells under forces chosen so that the answer is 1 and 2 in turn, off every obstacle.",
+        z_exact=z,
+        z0=1.0 - odd,
+        points=square_points(0.0, 1.0, m),
+    )
+
+
+def _chosen(n: int, seed: Any) -> tuple[Vector, Vector, Vector]:
+    """Random z*, and complementary p*, r*: one of the two is 0 in each row."""
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise InputError(f"seed is {seed!r}; an integer >= 0 was expected")
+    random = np.random.default_rng(seed)
+    z, size = random.uniform(-1.0, 1.0, n), random.uniform(0.5, 1.5, n)
+    at_obstacle = random.permutation(n) < n // 2
+    return z, np.where(at_obstacle, size, 0.0), np.where(at_obstacle, 0.0, size)
+
+
+def _sine(z: Vector) -> Vector:
+    return 0.3 * np.sin(z)
+
+
+def _sine_derivative(z: Vector) -> Vector:
+    return 0.3 * np.cos(z)

@@ -1,0 +1,44 @@
+"""Dry friction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..maps import Affine
+from ..problem import ICP
+from .registry import Quantity, Scene, number, register
+
+
+@register
+def coulomb(alpha: float = 30.0, mu: float = 0.3, mass: float = 1.0, g: float = 9.81, dt: float = 0.1) -> Scene:
+    """A block on a slope with dry friction.
+
+    One time step from rest of a block on a plane of slope α, which can slip downhill only. Unknowns are the impulses
+    z = (λ_n, λ_t) of contact and friction; p = z/m + gΔt(−cos α, sin α) is the velocity off the plane and downhill;
+    λ_n ≥ 0, and Coulomb's law bounds friction by the normal impulse: λ_t ≥ −μλ_n, so ψ(z) = (0, −μλ_n).
+    λ_n = m g Δt cos α; the block slips iff tan α > μ, and then λ_t = −μλ_n, else λ_t = −m g Δt sin α (z is negative).
+    Parameters: `alpha` in degrees, 0 ≤ α ≤ 89; `mu` ≥ 0 (no unit); `mass` in kg; `g` in m/s²; `dt` in s. z is in N s,
+    p in m/s. Quantity: "slip speed" in m/s, exact.
+    Raises InputError for bad parameters.
+    Reference: Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008).
+
+    >>> steep = coulomb(alpha=30, mu=0.3)
+    >>> round(steep.quantities["slip speed"].exact, 4)
+    0.2356
+    >>> coulomb(alpha=10, mu=0.3).quantities["slip speed"].exact
+    0.0
+    """
+    slope = np.deg2rad(number(alpha, "alpha", least=0, most=89))
+    mu, mass = number(mu, "mu", least=0), number(mass, "mass", above=0)
+    push = number(g, "g", above=0) * number(dt, "dt", above=0)
+    sine, cosine = float(np.sin(slope)), float(np.cos(slope))
+    normal = mass * push * cosine
+    friction = -min(mass * push * sine, mu * normal)
+    problem = ICP(np.eye(2) / mass, push * np.array([-cosine, sine]), Affine([[0.0, 0.0], [-mu, 0.0]]))
+    speed = max(0.0, push * (sine - mu * cosine))
+    return Scene(
+        problem=problem,
+        models="Whether a block put on a slope stays or slips within one time step, and the impulses that decide it.",
+        z_exact=np.array([normal, friction]),
+        quantities={"slip speed": Quantity(speed, lambda z: float(problem.p(z)[1]), order=None)},
+    )

@@ -1,0 +1,70 @@
+"""Lubrication: oil films that tear where their pressure would be negative."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Vector
+from ..problem import ICP
+from .grid import tridiagonal
+from .registry import Quantity, Scene, at_least, register
+
+#: eccentricity, and the solution's greatest pressure and the angle where the film tears
+ECCENTRICITY, P_MAX, CAVITATION = 0.5, 0.745831366621, 3.83438392852963
+
+
+@register
+def bearing(n: int = 300) -> Scene:
+    """The oil film of a journal bearing, torn by cavitation.
+
+    −(H³p′)′ + H′ ≥ 0, p ≥ 0, complementary, on 0 < θ < 2π, p(0) = p(2π) = 0, film thickness H = 1 + ε cos θ, ε = .5
+    (Reynolds' equation of the infinitely long bearing). Discretised on n interior points, h = 2π/(n + 1), with H at the
+    midpoints; rows multiplied by h²: row i is −H³₋(p_{i−1} − p_i) − H³₊(p_{i+1} − p_i) + h(H₊ − H₋). ψ = 0.
+    Units: θ in radians, H in radial clearances, pressure made dimensionless by 6·viscosity·speed·radius/clearance².
+    Quantities: "p_max", the top of the parabola through the three highest points; "cavitation angle": within the film
+    the flow H − H³p′ is the same everywhere, and where the film tears p′ = 0, so the flow in the first cell gives
+    H(θ_c). Both are O(h²), with a factor that depends on where θ_c falls between two grid points: measured at most
+    .08h² and .015h².
+    Raises InputError for n < 10.
+    Reference: Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
+
+    >>> bearing(n=99).problem.is_lcp
+    True
+    """
+    at_least(n, 10)
+    h = 2.0 * np.pi / (n + 1)
+    H = _thickness(np.linspace(h / 2, 2.0 * np.pi - h / 2, n + 1))
+    cubes = H**3
+    off = -cubes[1:-1]
+    A = tridiagonal(off, cubes[:-1] + cubes[1:], off)
+
+    def flow(z: Vector) -> float:
+        return float(H[0] - cubes[0] * z[0] / h)
+
+    return Scene(
+        problem=ICP(A, h * np.diff(H)),
+        models="The pressure of the oil between a shaft and its bearing, and where the oil film tears.",
+        quantities={
+            "p_max": Quantity(P_MAX, _top, order=2.0),
+            "cavitation angle": Quantity(CAVITATION, lambda z: _angle(flow(z)), order=2.0),
+        },
+        h=h,
+        points=np.linspace(0.0, 2.0 * np.pi, n + 2)[1:-1],
+    )
+
+
+def _thickness(theta: Vector) -> Vector:
+    return 1.0 + ECCENTRICITY * np.cos(theta)
+
+
+def _top(z: Vector) -> float:
+    """The maximum of the parabola through the highest point and its two neighbours."""
+    i = min(max(int(np.argmax(z)), 1), z.size - 2)
+    slope, bend = (z[i + 1] - z[i - 1]) / 2.0, z[i + 1] - 2.0 * z[i] + z[i - 1]
+    return float(z[i] - slope**2 / (2.0 * bend)) if bend != 0 else float(z[i])
+
+
+def _angle(thickness: float) -> float:
+    """θ > π with H(θ) = `thickness`: the film tears where the gap widens."""
+    cosine = (thickness - 1.0) / ECCENTRICITY
+    return float(2.0 * np.pi - np.arccos(cosine)) if abs(cosine) <= 1 else float("nan")

@@ -1,0 +1,168 @@
+"""What a scene is, and how a function becomes one: `@register` on a function that returns a `Scene`."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Vector
+from ..errors import InputError
+from ..problem import ICP
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number that can be read off a solution and whose value in the continuous problem is known.
+
+    Parameters: `exact` the known value; `measure` reads it off z of shape (n,) and gives NaN where z does not have it;
+    `order` the power of the grid spacing h with which the difference shrinks, None where the number is exact on every
+    grid.
+
+    >>> Quantity(3.0, lambda z: float(z.sum()), order=None).error(np.array([1.0, 2.5]))
+    0.5
+    """
+
+    exact: float
+    measure: Callable[[Vector], float]
+    order: float | None
+
+    def error(self, z: Vector) -> float:
+        """|measure(z) − exact|, NaN where z does not have the quantity.
+
+        >>> Quantity(1.0, lambda z: float(z[0]), order=2.0).error(np.array([1.5]))
+        0.5
+        """
+        return abs(float(self.measure(z)) - self.exact)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene:
+    """A problem of the gallery with what is known of its answer.
+
+    `name` and `title` (one line for a table) are filled in by `register`; `models` says in one sentence what it models;
+    `z_exact` is the solution of the discrete problem, shape (n,), to rounding; `quantities` are numbers known for the
+    continuous problem; `h` is the grid spacing; `why_no_reference` says why there is neither; `z0` is a start that the
+    literature prescribes; `points` are the coordinates of the unknowns, shape (n,) or (n, 2).
+
+    >>> from icpmodel.scenes import scene
+    >>> lcp = scene("hand-lcp")
+    >>> lcp.errors(lcp.z_exact)
+    {'z': 0.0}
+    """
+
+    problem: ICP
+    models: str
+    name: str = ""
+    title: str = ""
+    z_exact: Vector | None = None
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    h: float | None = None
+    why_no_reference: str | None = None
+    z0: Vector | None = None
+    points: Vector | None = None
+
+    def __post_init__(self) -> None:
+        for array in (self.z_exact, self.z0, self.points):
+            if array is not None:
+                array.flags.writeable = False
+
+    def errors(self, z: Any) -> dict[str, float]:
+        """The distance of `z`, shape (n,), to each reference: "z" in the max-norm, then every quantity by its name.
+
+        Empty where the scene has no reference. NaN in z gives NaN. Raises InputError where z has another shape.
+
+        >>> from icpmodel.scenes import scene
+        >>> scene("hand-negative").errors([0.0])
+        {'z': 3.0}
+        """
+        z = self.problem.vector(z)
+        known = {} if self.z_exact is None else {"z": float(np.max(np.abs(z - self.z_exact)))}
+        return known | {name: quantity.error(z) for name, quantity in self.quantities.items()}
+
+
+Builder = Callable[..., Scene]
+
+#: name of the scene → the function that builds it
+BUILDERS: dict[str, Builder] = {}
+
+
+def register(build: Builder) -> Builder:
+    """Make the function a scene: its name (with hyphens) is the scene's, its docstring's first line the title.
+
+    Its parameters, all with defaults, are the scene's; one called `n` is the wanted number of unknowns, and the scene
+    takes the nearest size that it can have. A function without `n` has one size only.
+    Returns the function with `n` checked and `name` and `title` filled in. Raises InputError for a second scene of
+    the same name.
+
+    >>> register(lambda: None)
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: the scene <lambda> has no docstring; its first line is the scene's title
+    """
+    name = build.__name__.replace("_", "-")
+    if not build.__doc__:
+        raise InputError(f"the scene {name} has no docstring; its first line is the scene's title")
+    if name in BUILDERS:
+        raise InputError(f"there is already a scene called {name}")
+    title = build.__doc__.strip().splitlines()[0].rstrip(".")
+    signature = inspect.signature(build)
+
+    @functools.wraps(build)
+    def checked(*args: Any, **kwargs: Any) -> Scene:
+        given = signature.bind(*args, **kwargs)
+        if "n" in given.arguments:
+            given.arguments["n"] = size(given.arguments["n"])
+        return replace(build(*given.args, **given.kwargs), name=name, title=title)
+
+    BUILDERS[name] = checked
+    return checked
+
+
+def number(value: Any, name: str, *, above: float = -np.inf, least: float = -np.inf, most: float = np.inf) -> float:
+    """A scene's parameter as a finite float with `above` < value, `least` ≤ value ≤ `most`. Raises InputError.
+
+    >>> number(-1, "mu", least=0)
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: mu is -1; a finite number >= 0 was expected
+    """
+    wanted = [f"{sign} {bound:g}" for sign, bound in ((">", above), (">=", least), ("<=", most)) if np.isfinite(bound)]
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not (np.isfinite(number) and number > above and least <= number <= most):
+        raise InputError(f"{name} is {value!r}; a finite number {' and '.join(wanted)}".rstrip() + " was expected")
+    return number
+
+
+def at_least(n: int, least: int) -> int:
+    """`n`, or InputError where the scene needs more unknowns.
+
+    >>> at_least(2, 3)
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: n is 2; this scene needs at least 3 unknowns
+    """
+    if n < least:
+        raise InputError(f"n is {n}; this scene needs at least {least} unknowns")
+    return n
+
+
+def size(n: Any) -> int:
+    """The wanted number of unknowns as an int ≥ 1. Raises InputError.
+
+    >>> size(2.5)
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: n is 2.5; the wanted number of unknowns, an integer >= 1, was expected
+    """
+    try:
+        whole = operator.index(n)
+    except TypeError:
+        whole = 0
+    if whole < 1 or isinstance(n, bool):
+        raise InputError(f"n is {n!r}; the wanted number of unknowns, an integer >= 1, was expected")
+    return whole

@@ -1,0 +1,280 @@
+"""Each scene against its reference: solved by an oracle that shares no code with the package's methods."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse.linalg import splu, spsolve
+
+import icpmodel.scenes as scenes
+from icpmodel.maps import Affine, Intervention
+from icpmodel.scenes import control, lubrication
+
+WITH_Z = [name for name in scenes.names() if scenes.scene(name).z_exact is not None]
+
+
+def newton(problem, z=None, steps=300):
+    """Primal-dual active set: rows with p < r take the row of A, the others that of I - psi'(z)."""
+    z = np.zeros(problem.n) if z is None else z
+    eye = sp.eye_array(problem.n)
+    for _ in range(steps):
+        p, r = problem.p(z), problem.r(z)
+        balance = (p < r).astype(float)
+        J = sp.diags_array(balance) @ problem.A + sp.diags_array(1 - balance) @ (eye - problem.psi.jacobian(z))
+        step = spsolve(sp.csc_array(J), np.minimum(p, r))
+        z = z - step
+        if np.abs(step).max() <= 1e-12 * max(1.0, np.abs(z).max()):
+            return z
+    raise AssertionError("the oracle did not converge")
+
+
+def errors_on_grids(name, sizes):
+    """(h, {quantity: errors}) over the grids."""
+    built = [scenes.scene(name, n) for n in sizes]
+    rows = [scene.errors(newton(scene.problem)) for scene in built]
+    return np.array([scene.h for scene in built]), {key: np.array([row[key] for row in rows]) for key in rows[0]}
+
+
+def order(h, error):
+    return np.polyfit(np.log(h), np.log(error), 1)[0]
+
+
+# --- exact solutions of the discrete problem
+
+
+@pytest.mark.parametrize("name", WITH_Z)
+@pytest.mark.parametrize("n", [None, 49, 2500])
+def test_the_oracle_finds_z_exact(name, n):
+    scene = scenes.scene(name, n if "n" in scenes.parameters(name) else None)
+    assert scene.problem.residual(scene.z_exact) <= 1e-15 * (10 + 10 * scene.problem.n)
+    errors = scene.errors(newton(scene.problem))
+    assert max(errors.values()) <= 1e-13, errors
+
+
+@pytest.mark.parametrize("name", [name for name in scenes.names() if name.startswith("hand")])
+def test_by_hand_trying_every_set_of_rows_finds_this_solution_and_no_other(name):
+    scene = scenes.scene(name)
+    problem, n = scene.problem, scene.problem.n
+    A, G, c = problem.A.toarray(), problem.psi.jacobian(np.zeros(n)).toarray(), problem.psi.value(np.zeros(n))
+    found = []
+    for at_obstacle in itertools.product([False, True], repeat=n):
+        rows = np.array(at_obstacle)
+        if np.isneginf(c[rows]).any():
+            continue
+        J = np.where(rows[:, None], np.eye(n) - G, A)
+        z = np.linalg.solve(J, np.where(rows, c, -problem.q))
+        if (problem.p(z) >= -1e-14).all() and (problem.r(z) >= -1e-14).all():
+            found.append(z)
+    assert found
+    for z in found:
+        np.testing.assert_allclose(z, scene.z_exact, rtol=0, atol=1e-15)
+
+
+def test_hand_degenerate_has_a_row_without_force_and_without_gap():
+    scene = scenes.hand_degenerate()
+    assert scene.problem.p(scene.z_exact)[1] == scene.problem.r(scene.z_exact)[1] == 0.0
+
+
+def test_hand_cyclic_sends_newton_in_a_circle_of_three():
+    scene = scenes.hand_cyclic()
+    A, q, z = scene.problem.A.toarray(), scene.problem.q, scene.z0
+    seen = []
+    for _ in range(6):
+        z = np.linalg.solve(np.where((A @ z + q < z)[:, None], A, np.eye(3)), np.where(A @ z + q < z, -q, 0.0))
+        assert scene.problem.residual(z) == pytest.approx(np.sqrt(10))
+        seen.append(z)
+    np.testing.assert_allclose(seen[3:], seen[:3], atol=1e-15)
+    assert not np.allclose(seen[0], seen[1])
+
+
+@pytest.mark.parametrize(
+    ("X", "omega", "converges"),
+    [([[2, 0], [0, 2]], 1, True), ([[2, 0], [-0.9, 2]], 1, False), ([[2, -0.9], [-0.9, 2]], 1, False)],
+    ids=["MNMJ", "MNMGS", "MNMOD"],
+)
+def test_hand_splittings_tells_the_splittings_apart(X, omega, converges):
+    scene = scenes.hand_splittings()
+    z = scene.z0
+    for _ in range(2000):
+        z = z - 2 * np.linalg.solve(X, scene.problem.natural_map(z, omega))
+    assert (scene.problem.residual(z) < 1e-12) is converges
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    mu=st.floats(0, 50),
+    m=st.integers(1, 9),
+    kind=st.sampled_from(["affine", "elementwise"]),
+)
+def test_a_manufactured_solution_is_complementary_to_rounding_and_found(seed, mu, m, kind):
+    scene = scenes.scene(f"manufactured-{kind}", m * m, mu=mu, seed=seed)
+    z, problem = scene.z_exact, scene.problem
+    p, r = problem.p(z), problem.r(z)
+    tiny = 1e-14 * (10 + mu)
+    assert np.abs(np.minimum(p, r)).max() <= tiny
+    assert np.maximum(p, r).min() >= 0.5 - tiny
+    assert (r < p).sum() == m * m // 2
+    assert np.abs(newton(problem) - z).max() <= 1e-12
+
+
+@pytest.mark.parametrize(
+    ("name", "mu", "counts"),
+    [("bai-symmetric", 0, (142, 493)), ("bai-symmetric", 4, (36, 39)), ("bai-nonsymmetric", 0, (45, 67))],
+)
+def test_bai_gives_the_known_step_counts_of_the_modulus_gauss_seidel_method(name, mu, counts):
+    # gamma = 2, Omega = D/2, m = 10 and 20: pins A, q and z0 at once
+    for m, count in zip((10, 20), counts, strict=True):
+        scene = scenes.scene(name, m * m, mu=mu)
+        A, z, k = scene.problem.A, scene.z0, 0
+        M, omega = sp.tril(A), sp.diags_array(A.diagonal() / 2)
+        X, x = splu(sp.csc_array(M + omega), permc_spec="NATURAL"), scene.z0
+        while scene.problem.residual(z) > 1e-5:
+            x = X.solve((M - A) @ x + (omega - A) @ np.abs(x) - 2 * scene.problem.q)
+            z, k = (np.abs(x) + x) / 2, k + 1
+        assert k == count
+
+
+# --- contact
+
+
+@pytest.mark.parametrize(("mu", "skew"), [(0.0, 0.0), (0.3, 0.0), (0.0, 0.5), (0.2, -1.0)])
+def test_the_five_point_stencil_is_exact_for_quadratics(mu, skew):
+    scene = scenes.membrane(n=144, mu=mu, skew=skew)
+    x, y = scene.points.T
+    h, u = scene.h, x * (1 - x) * y * (1 - y)
+    minus_laplace = 2 * (x * (1 - x) + y * (1 - y))
+    flow = (1 - 2 * x) * y * (1 - y) + (1 - 2 * y) * x * (1 - x)
+    np.testing.assert_allclose(scene.problem.A @ u, h**2 * minus_laplace + 2 * skew * h * flow + mu * u, atol=1e-15)
+
+
+@pytest.mark.parametrize("n", [100, 900, 2500])
+def test_the_membrane_touches_in_a_disc_and_has_the_symmetries_of_the_square(n):
+    problem = scenes.membrane(n=n).problem
+    assert (problem.A != problem.A.T).nnz == 0
+    z = newton(problem)
+    touches = problem.r(z) < problem.p(z)
+    grid = z.reshape(round(n**0.5), -1)
+    assert 0.005 * n < touches.sum() < 0.3 * n
+    for mirrored in (grid.T, grid[::-1], grid[:, ::-1]):
+        np.testing.assert_allclose(mirrored, grid, atol=1e-13)
+    assert (z > 0).all()
+    distance = ((scenes.membrane(n=n).points - 0.5) ** 2).sum(axis=1)
+    assert distance[touches].max() <= distance[~touches].min() + 3 / n**0.5
+
+
+def test_the_obstacle_around_the_ball_is_out_of_reach():
+    scene = scenes.ball(n=900)
+    z, outside = newton(scene.problem), np.hypot(*scene.points.T) >= 1
+    assert z.min() > -0.25
+    lower = scene.problem.with_psi(np.where(outside, -np.inf, scene.problem.psi.value(z)))
+    np.testing.assert_allclose(newton(lower), z, atol=1e-14)
+
+
+def test_the_ball_is_of_second_order():
+    h, error = errors_on_grids("ball", [15**2, 25**2, 40**2, 63**2, 100**2])
+    assert (error["u"] <= 0.4 * h**2).all(), error
+    assert (error["contact radius"] <= 0.07 * h**2).all(), error
+    assert order(h, error["u"]) > 1.7
+    assert order(h, error["contact radius"]) > 1.7
+
+
+# --- lubrication
+
+
+def test_the_bearing_is_of_second_order():
+    h, error = errors_on_grids("bearing", [25, 50, 100, 200, 400, 800])
+    assert (error["p_max"] <= 0.08 * h**2).all(), error
+    assert (error["cavitation angle"] <= 0.015 * h**2).all(), error
+    assert 1.8 < order(h, error["p_max"]) < 2.2
+
+
+def test_the_oil_film_is_whole_up_to_the_cavitation_angle_and_empty_behind():
+    scene = scenes.bearing(n=400)
+    z = newton(scene.problem)
+    film = scene.points < lubrication.CAVITATION - scene.h
+    assert (z[film] > 0).all()
+    assert (z[scene.points > lubrication.CAVITATION + scene.h] == 0).all()
+
+
+# --- impulse control
+
+
+def test_the_dividend_rows_are_exact_for_quadratics_with_the_right_slope_at_the_end():
+    # the solution does not depend on the last row, so no other test would see a slip there
+    scene = scenes.dividend(n=61)
+    x, bend = scene.points, -0.3
+    slope = control.WORTH + 2 * bend * (x - x[-1])
+    V = (control.WORTH - 2 * bend * x[-1]) * x + bend * x**2
+    p = control.DISCOUNT * V - control.VOLATILITY**2 * bend - control.DRIFT * slope
+    p[0] = 0.0
+    np.testing.assert_allclose(scene.problem.p(V), p, atol=1e-12)
+
+
+def test_the_dividend_is_of_second_order_on_three_grids():
+    h, error = errors_on_grids("dividend", [121, 241, 481])
+    for name in ("V(1)", "x*", "target"):
+        assert 1.8 < order(h, error[name]) < 2.25, (name, error[name])
+
+
+def test_the_dividend_errors_stay_between_two_parabolas():
+    h, error = errors_on_grids("dividend", [30 * k + 1 for k in (2, 3, 5, 6, 10, 16, 20)])
+    for name, low, high in (("V(1)", 2.1, 3.2), ("x*", 2.5, 3.8), ("target", 2.3, 3.1)):
+        factor = error[name] / h**2
+        assert ((low <= factor) & (factor <= high)).all(), (name, factor)
+
+
+def test_the_package_itself_finds_the_free_boundary_with_second_order():
+    built = [scenes.dividend(n=n) for n in (121, 241, 481)]
+    errors = [scene.errors(scene.problem.solve().z) for scene in built]
+    for name in ("V(1)", "x*"):
+        assert 1.8 < order([scene.h for scene in built], [error[name] for error in errors]) < 2.25, (name, errors)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32), k=st.integers(1, 3), ties=st.booleans())
+def test_the_best_payment_in_one_pass_is_the_best_of_all_payments(seed, k, ties):
+    scene = scenes.dividend(n=30 * k + 1)
+    x, n = scene.points, scene.problem.n
+    z = np.random.default_rng(seed).normal(size=n) if not ties else control.WORTH * x
+    i, j = np.nonzero(np.tril(np.ones((n, n)), -k))
+    gains = control.WORTH * (x[i] - x[j] - control.COST)
+    listed = Intervention(sp.csr_array((gains, (i, j)), shape=(n, n))).bind(n)
+    value, target = scene.problem.psi.best_jump(z)
+    np.testing.assert_allclose(value, listed.value(z), atol=1e-14)
+    jumps = np.flatnonzero(target >= 0)
+    np.testing.assert_array_equal(jumps, np.arange(k, n))
+    assert (target[jumps] <= jumps - k).all()
+    paid = z[target[jumps]] + control.WORTH * (x[jumps] - x[target[jumps]] - control.COST)
+    np.testing.assert_allclose(paid, value[jumps], atol=1e-14)
+
+
+@pytest.mark.parametrize("n", [31, 241])
+def test_the_dividend_belongs_to_the_monotone_family(n):
+    problem = scenes.dividend(n=n).problem
+    A = problem.A.toarray()
+    assert (A - np.diag(np.diag(A)) <= 0).all()
+    assert (A.sum(axis=1) > 0).all()
+    assert problem.psi.isotone
+
+
+# --- friction
+
+
+@settings(max_examples=60, deadline=None)
+@given(alpha=st.floats(0, 89), mu=st.floats(0, 3), mass=st.floats(0.1, 50), dt=st.floats(1e-3, 1))
+def test_the_block_slips_exactly_if_the_slope_is_steeper_than_the_friction(alpha, mu, mass, dt):
+    scene = scenes.coulomb(alpha=alpha, mu=mu, mass=mass, dt=dt)
+    z, speed = newton(scene.problem), scene.quantities["slip speed"]
+    margin = np.tan(np.deg2rad(alpha)) - mu
+    if abs(margin) > 1e-9:
+        assert (speed.exact > 0) is bool(margin > 0)
+    np.testing.assert_allclose(z, scene.z_exact, atol=1e-12 * mass)
+    assert scene.problem.p(z)[1] == pytest.approx(speed.exact, abs=1e-12)
+    assert z[0] > 0 >= z[1] >= -mu * z[0] - 1e-12 * mass
+    assert isinstance(scene.problem.psi, Affine)

@@ -1,0 +1,159 @@
+"""Every method on every scene, and the baselines against independent reference counts."""
+
+import numpy as np
+import pytest
+from conformance import METHODS, MUST_FAIL, SIZES
+
+import icpmodel as icp
+from icpmodel import methods, scenes
+
+SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
+
+
+def test_every_registered_method_is_in_the_conformance_table():
+    assert sorted(METHODS) == methods.names()
+    assert all(type(method) is type(methods.named(name)) for name, method in METHODS.items())
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_on_every_scene(method, scene):
+    """Solved, certified by the judge and at its reference; or in MUST_FAIL, and then never called solved."""
+    scene_, method_ = SCENES[scene], METHODS[method]
+    reason = MUST_FAIL.get((method, scene))
+    if reason is not None and reason.startswith("why_not"):
+        assert method_.why_not(scene_.problem) is not None
+        with pytest.raises(icp.NotApplicable):
+            scene_.problem.solve(method_)
+        return
+    solution = scene_.problem.solve(method_, raise_on_failure=False, max_iter=20_000)
+    assert solution.solved is (reason is None), solution.message
+    assert solution.residual == scene_.problem.residual(solution.z)
+    if reason is not None:
+        assert solution.residual > solution.tolerance
+        assert solution.status.advice
+        return
+    assert solution.residual <= solution.tolerance
+    if scene_.z_exact is not None:
+        error = np.abs(solution.z - scene_.z_exact).max()
+        assert error <= 1e-5
+        if solution.error_bound is not None:
+            assert error <= solution.error_bound
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_automatic_choice_solves_every_scene_and_says_why(scene):
+    scene_ = SCENES[scene]
+    solution = scene_.problem.solve(z0=scene_.z0)
+    assert solution.solved
+    assert solution.why
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_iterates_start_at_z0_and_are_never_changed_afterwards(method):
+    problem = SCENES["hand-affine"].problem
+    path = METHODS[method].iterates(problem, np.array([3.0, -2.0]))
+    kept = [next(path) for _ in range(5)]
+    copies = [z.copy() for z, _ in kept]
+    for _ in range(5):
+        next(path)
+    assert kept[0][0].tolist() == [3.0, -2.0]
+    assert all(np.array_equal(z, copy) for (z, _), copy in zip(kept, copies, strict=True))
+    for z, hint in kept:
+        assert hint is None or hint == pytest.approx(problem.residual(z), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("scene", "mu", "counts"),
+    [
+        ("bai-symmetric", 0, [142, 493, 1037]),
+        ("bai-symmetric", 4, [36, 39, 40]),
+        ("bai-nonsymmetric", 0, [45, 67, 89]),
+    ],
+)
+def test_mms_needs_the_sweeps_of_the_independent_reference(scene, mu, counts):
+    """Gauss–Seidel splitting, γ = 2, Ω = D/2, z⁰ = (1, 0, 1, 0, …), Res ≤ 1e-5, m = 10, 20, 30."""
+    found = []
+    for m in (10, 20, 30):
+        bai = scenes.scene(scene, m * m, mu=mu)
+        found.append(bai.problem.solve(icp.MMS(), z0=bai.z0, atol=1e-5, rtol=0).iterations)
+    assert found == counts
+
+
+def test_gauss_seidel_sweeps_grow_with_n_for_mu_0_and_not_for_mu_4():
+    def sweeps(mu, m):
+        bai = scenes.bai_symmetric(n=m * m, mu=mu)
+        return bai.problem.solve("mnmgs", z0=bai.z0, atol=1e-5, rtol=0).iterations
+
+    assert sweeps(4, 60) <= sweeps(4, 15) + 3
+    assert sweeps(0, 60) >= 2.5 * sweeps(0, 30) >= 5 * sweeps(0, 15)
+
+
+def test_psor_is_cryer_s_recursion():
+    A = np.array([[4.0, -1.0, 0.5], [-2.0, 5.0, -1.0], [0.3, -1.0, 3.0]])
+    problem = icp.ICP(A, [-3.0, 2.0, 1.0], [0.1, -0.2, 0.3])
+    z = np.array([1.0, -2.0, 0.5])
+    path = icp.PSOR(omega=1.3).iterates(problem, z)
+    next(path)
+    expected = z.copy()
+    for i in range(3):
+        expected[i] = max(problem.psi.c[i], expected[i] - 1.3 / A[i, i] * (A[i] @ expected + problem.q[i]))
+    assert next(path)[0] == pytest.approx(expected, rel=1e-13)
+
+
+def test_mms_is_the_recursion_of_hong_and_li():
+    """(Ω + M)x⁺ = Nx + (Ω − A)|x| − γ(Aψ(z) + q), ψ renewed every `inner` steps; γ has no influence on z."""
+    A = np.array([[4.0, -1.0], [-2.0, 4.0]])
+    problem = icp.ICP(A, [-3.0, 2.0], icp.Affine([[0.0, 0.3], [0.2, 0.0]], 0.1))
+    gamma, Omega, z = 1.5, np.diag([3.0, 2.0]), np.array([0.5, -1.0])
+    path = icp.MMS(omega=np.diag(Omega), inner=2).iterates(problem, z)
+    next(path)
+    M, psi = np.tril(A), problem.psi.value(z)
+    x = gamma / 2 * (z - psi)
+    for k in range(6):
+        if k and k % 2 == 0:
+            psi = problem.psi.value(z)
+        right = (M - A) @ x + (Omega - A) @ np.abs(x) - gamma * (A @ psi + problem.q)
+        x = np.linalg.solve(Omega + M, right)
+        z = psi + (np.abs(x) + x) / gamma
+        assert next(path)[0] == pytest.approx(z, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "words"),
+    [
+        ("mnmxx", {}, "method is 'mnmxx'; one of mms, mnmaor"),
+        (3, {}, "method is 3"),
+        ("mnmgs", {"theta1": 1.0}, "mnmgs has no option theta1; it takes phi, phi1, phi2"),
+        ("psor", {"omega": 2.0}, "omega is 2.0; a number between 0 and 2"),
+        ("mms", {"inner": 0}, "inner is 0"),
+        ("mms", {"omega": -1.0}, "omega has the entry -1"),
+        (None, {"theta1": 1.0}, "theta1 is an option of a method"),
+        (icp.MNMGS(), {"phi": 1.0}, "go into its constructor"),
+    ],
+)
+def test_a_wrong_method_or_option_is_named(method, options, words):
+    with pytest.raises(icp.InputError, match=words):
+        icp.ICP([[2.0]], [1.0]).solve(method, **options)
+
+
+@pytest.mark.parametrize("name", methods.names())
+def test_every_option_changes_the_iterates(name):
+    """Law 8: an option that changes nothing is a bug."""
+    from dataclasses import fields
+
+    other = {"phi": 0.7, "phi1": 2.0, "phi2": 5.0, "theta1": 1.4, "theta2": 0.3, "omega": 0.8, "inner": 1}
+    A = np.array([[4.0, -1.0, 0.0], [-2.0, 4.0, -1.0], [0.0, -1.0, 3.0]])
+    problem = icp.ICP(A, [-3.0, 2.0, -1.0], icp.Affine(0.2 * np.ones((3, 3)), [0.3, -0.1, 0.2]))
+    z = np.array([1.0, -2.0, 0.5])
+
+    def after(method, steps=4):
+        path = method.iterates(problem, z)
+        return [next(path)[0] for _ in range(steps + 1)][-1]
+
+    plain = methods.named(name)
+    for option in fields(plain):
+        base = {"phi2": 2.0} if option.name == "phi1" else {}  # phi1 acts through phi2/phi1
+        value = "jacobi" if option.name == "splitting" else other[option.name]
+        changed = methods.named(name, **base, **{option.name: value})
+        assert not np.allclose(after(changed), after(methods.named(name, **base)), rtol=1e-10), option.name

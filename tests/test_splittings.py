@@ -1,0 +1,191 @@
+"""Splittings and operators: one equation behind all members."""
+
+import numba
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel.splittings import AOR, AOROperator, FactorisedOperator, Given, TriangularOperator, Whole
+
+
+@numba.njit
+def sine(t):
+    return 0.3 * np.sin(t)
+
+
+def random_problem(seed, kind, n=12):
+    rng = np.random.default_rng(seed)
+    A = sp.random_array((n, n), density=0.3, rng=rng, data_sampler=rng.normal) + 4 * sp.eye_array(n)
+    G = sp.random_array((n, n), density=0.2, rng=rng, data_sampler=rng.normal) * 0.3
+    psi = {
+        "zero": 0.0,
+        "constant": rng.normal(size=n),
+        "free rows": np.where(rng.random(n) < 0.5, -np.inf, rng.normal(size=n)),
+        "affine": icp.Affine(G, rng.normal(size=n)),
+        "elementwise": icp.Elementwise(lambda z: 0.3 * np.sin(z), c=1.0),
+        "compiled": icp.Elementwise(sine, c=1.0),
+        "callable": lambda z: 0.5 * z[::-1],
+    }[kind]
+    return icp.ICP(A, rng.normal(size=n), psi), rng
+
+
+KINDS = ["zero", "constant", "affine", "elementwise", "compiled", "callable"]
+
+
+def printed_step(problem, z, M1, phi, phi1, phi2):
+    """Method 3.1 as the paper prints it, with dense matrices and the modulus."""
+    A, q, psi = problem.A.toarray(), problem.q, problem.psi.value(z)
+    P1, P2, Phi = np.diag(phi1), np.diag(phi2), np.diag(phi)
+    N1 = M1 - A
+    right = P1 @ (N1 + Phi) @ z + np.abs((P1 @ A - P2) @ z + P1 @ q + P2 @ psi) - P1 @ q + P2 @ psi
+    return np.linalg.solve(P1 @ M1 + P1 @ Phi + P2, right)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("splitting", ["aor", "jacobi", "whole", "lower", "upper", "full"])
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_collapse_identity_the_paper_s_modulus_step_is_one_preconditioned_step(kind, splitting, seed):
+    problem, rng = random_problem(seed, kind)
+    n, A = problem.n, problem.A
+    phi, phi1, phi2 = rng.random(n), rng.random(n) + 0.5, rng.random(n) + 0.5
+    choice = {
+        "aor": AOR(1.3, 0.7),
+        "jacobi": AOR(1.0, 0.0),
+        "whole": Whole(),
+        "lower": Given(sp.tril(A) * 1.1),
+        "upper": Given(sp.triu(A) * 1.1),
+        "full": Given(A + sp.eye_array(n)),
+    }[splitting]
+    method = icp.Modulus(splitting=choice, phi=phi, phi1=phi1, phi2=phi2)
+    z = rng.normal(size=n)
+    path = method.iterates(problem, z)
+    (_, residual), (following, _) = next(path), next(path)
+    expected = printed_step(problem, z, choice.matrix(A).toarray(), phi, phi1, phi2)
+    assert np.abs(following - expected).max() <= 1e-12 * max(1.0, np.abs(expected).max()) * np.linalg.cond(
+        choice.matrix(A).toarray() + np.diag(phi + phi2 / phi1)
+    )
+    assert residual == pytest.approx(problem.residual(z), rel=1e-12)
+
+
+def test_rows_without_obstacle_move_by_the_equation_alone():
+    problem, rng = random_problem(3, "free rows")
+    z, omega = rng.normal(size=problem.n), rng.random(problem.n) + 0.5
+    operator = AOR(1.2, 0.9).operator(problem.A, omega)
+    following, _ = operator.step(problem, omega)(z)
+    expected = z - 2 * operator.solve(np.minimum(problem.p(z), omega * problem.r(z)))
+    assert np.isfinite(following).all()
+    assert following == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("splitting", [AOR(1.2, 0.7), AOR(1.0, 0.0), Whole(), "lower", "upper"])
+def test_operator_solve_is_the_inverse_of_X(splitting):
+    problem, rng = random_problem(1, "zero")
+    if isinstance(splitting, str):
+        splitting = Given({"lower": sp.tril, "upper": sp.triu}[splitting](problem.A))
+    shift, f = rng.random(problem.n), rng.normal(size=problem.n)
+    X = splitting.matrix(problem.A).toarray() + np.diag(shift)
+    assert splitting.operator(problem.A, shift).solve(f) == pytest.approx(np.linalg.solve(X, f), rel=1e-10)
+
+
+def test_phi1_only_rescales():
+    """(φ₁, φ₂) acts through Ω = φ₁⁻¹φ₂."""
+    problem, rng = random_problem(5, "affine")
+    z, scale = rng.normal(size=problem.n), rng.random(problem.n) + 0.5
+    for a, b in ((1.0, 2.0), (scale, 2.0 * scale)):
+        path = icp.MNMGS(phi1=a, phi2=b).iterates(problem, z)
+        next(path)
+        following = next(path)[0]
+        if np.ndim(a) == 0:
+            reference = following
+    assert following == pytest.approx(reference, rel=1e-13)
+
+
+def test_nmms_is_the_member_with_phi_zero_and_phi1_one():
+    problem, rng = random_problem(6, "affine")
+    z = rng.normal(size=problem.n)
+    steps = []
+    for method in (icp.NMMS(omega=3.0), icp.Modulus(phi=0.0, phi1=1.0, phi2=3.0)):
+        path = method.iterates(problem, z)
+        next(path)
+        steps.append(next(path)[0])
+    assert np.array_equal(*steps)
+
+
+def test_mnmaor_with_phi_kappa_D_is_aor_with_smaller_theta():
+    """MNMAOR(θ₁, θ₂, φ = κD) equals AOR with θ/(1 + κθ₁)."""
+    problem, rng = random_problem(7, "constant")
+    z, kappa, t1, t2 = rng.normal(size=problem.n), 0.7, 1.3, 0.8
+    D = problem.A.diagonal()
+    damped = icp.MNMAOR(theta1=t1, theta2=t2, phi=kappa * D, phi2=2.0)
+    plain = icp.MNMAOR(theta1=t1 / (1 + kappa * t1), theta2=t2 / (1 + kappa * t1), phi2=2.0)
+    steps = []
+    for method in (damped, plain):
+        path = method.iterates(problem, z)
+        next(path)
+        steps.append(next(path)[0])
+    assert steps[0] == pytest.approx(steps[1], rel=1e-13)
+
+
+def test_triangular_members_do_not_factorise():
+    A = random_problem(0, "zero")[0].A
+    shift = np.ones(A.shape[0])
+    assert isinstance(AOR(1.0, 1.0).operator(A, shift), AOROperator)
+    assert isinstance(Given(sp.tril(A)).operator(A, shift), TriangularOperator)
+    assert isinstance(Given(sp.triu(A)).operator(A, shift), TriangularOperator)
+    assert isinstance(Given(A).operator(A, shift), FactorisedOperator)
+
+
+class TestSingularOperatorNamesTheRow:
+    def test_diagonal_that_cancels(self):
+        problem = icp.ICP(np.diag([2.0, 3.0, 4.0]), np.zeros(3))
+        with pytest.raises(icp.SingularOperator, match="row 1") as error:
+            problem.solve("mnmj", phi=[0.0, -6.0, 0.0])
+        assert error.value.row == 1
+
+    def test_zero_row_of_a_factorised_member(self):
+        problem = icp.ICP(np.diag([1.0, 1.0, -1.0]), np.zeros(3))
+        with pytest.raises(icp.SingularOperator, match="row 2 is zero"):
+            problem.solve("mnmod")
+
+    def test_dependent_rows_up_to_rounding(self):
+        A = np.array([[0.1, 0.2, 0.0], [0.3, 0.6, 0.0], [0.0, 0.0, 1.0]]) - np.eye(3)
+        with pytest.raises(icp.SingularOperator, match="linear combination") as error:
+            icp.ICP(A, np.ones(3)).solve("mnmod")
+        assert error.value.row in (0, 1)
+
+    def test_a_badly_scaled_but_regular_operator_is_not_called_singular(self):
+        problem = icp.ICP(np.diag([1e-150, 1.0, 1e150]), [-1e-150, -1.0, -1e150])
+        assert problem.solve("modulus", splitting="whole").z == pytest.approx(np.ones(3))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"splitting": "gauss"}, "one of jacobi"),
+        ({"splitting": np.ones((2, 3))}, r"shape \(2, 3\)"),
+        ({"phi1": 0.0}, "phi1"),
+        ({"phi2": [1.0, -1.0]}, "phi2"),
+        ({"phi": float("nan")}, "phi"),
+        ({"phi": 1j}, "complex"),
+    ],
+)
+def test_wrong_options_are_named(options, words):
+    with pytest.raises(icp.InputError, match=words):
+        icp.Modulus(**options)
+
+
+def test_wrong_length_of_an_option_is_named():
+    with pytest.raises(icp.InputError, match=r"phi has shape \(3,\); shape \(2,\)"):
+        icp.ICP(np.eye(2), np.ones(2)).solve("mnmgs", phi=[1.0, 2.0, 3.0])
+    with pytest.raises(icp.InputError, match=r"M1\) has shape \(3, 3\)"):
+        icp.ICP(np.eye(2), np.ones(2)).solve("modulus", splitting=np.eye(3))
+
+
+@pytest.mark.parametrize("theta", [0.0, float("nan"), float("inf"), "1"])
+def test_theta1_must_be_a_nonzero_number(theta):
+    with pytest.raises(icp.InputError, match="theta1"):
+        icp.MNMSOR(theta1=theta)

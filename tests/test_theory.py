@@ -1,0 +1,268 @@
+"""The counterexamples and bounds of the theory, by name; the printed statements fail where the corrected ones hold."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel.theory import definiteness
+from icpmodel.theory.spectral import jacobi_radius
+
+
+def iterate(method, problem, z, steps):
+    path = method.iterates(problem, np.asarray(z, dtype=float))
+    return [next(path)[0] for _ in range(steps + 1)]
+
+
+def spectral_radius(M):
+    return np.abs(np.linalg.eigvals(np.atleast_2d(M))).max()
+
+
+class TestConventions:
+    def test_sign_of_the_triangles(self):
+        """A = D − L − U: Gauss–Seidel on A = [4, −1; −2, 4] goes to (1, 1); with L taken as the triangle itself it
+        would go to (0.75, 0.5)."""
+        A, q = np.array([[4.0, -1.0], [-2.0, 4.0]]), [-3.0, -2.0]
+        assert icp.ICP(A, q).solve("mnmgs", rtol=1e-12).z == pytest.approx([1.0, 1.0])
+        # M1 = D - L with L the triangle itself, N1 = (literally) U: then M1 - N1 is not A
+        z = np.zeros(2)
+        for _ in range(200):
+            N1 = np.array([[0.0, -1.0], [0.0, 0.0]])
+            X = np.array([[4.0, 0.0], [2.0, 4.0]]) + np.diag([4.0, 4.0])
+            z = np.linalg.solve(X, N1 @ z + np.abs((A - np.diag([4.0, 4.0])) @ z + q) - q)
+        assert np.abs(z - 1.0).max() > 0.2
+
+    def test_mnmmod_corrected(self):
+        """A = q = ψ = 1, θ₁ = 2: the literal display gives 0.25, only the "+" restored 0.5, the right scheme 1 = z*."""
+        problem = icp.ICP([[1.0]], [1.0], psi=1.0)
+        assert iterate(icp.MNMMOD(theta1=2.0), problem, [0.0], 60)[-1] == pytest.approx([1.0])
+        literal = plus = 0.0
+        for _ in range(200):
+            literal = (abs((1 - 2) * literal + 1 * 1) - 1 + 1) / 3
+            plus = (abs((1 - 2) * plus + 1 + 1) - 1 + 1) / 3
+        assert literal == pytest.approx(0.25)
+        assert plus == pytest.approx(0.5)
+
+    @settings(max_examples=30, deadline=None)
+    @given(seed=st.integers(0, 10**6))
+    def test_mnmj_with_omega_D_is_projected_jacobi(self, seed):
+        rng = np.random.default_rng(seed)
+        A = rng.normal(size=(5, 5)) + 5 * np.eye(5)
+        problem = icp.ICP(A, rng.normal(size=5), icp.Affine(rng.normal(size=(5, 5)) * 0.1, rng.normal(size=5)))
+        z = rng.normal(size=5)
+        expected = np.maximum(problem.psi.value(z), z - problem.p(z) / np.diag(A))
+        assert iterate(icp.MNMJ(), problem, z, 1)[1] == pytest.approx(expected, rel=1e-12, abs=1e-13)
+
+    @settings(max_examples=30, deadline=None)
+    @given(seed=st.integers(0, 10**6), omega=st.floats(0.2, 1.8))
+    def test_projection_fixed_point_is_a_member_of_the_family(self, seed, omega):
+        rng = np.random.default_rng(seed)
+        A = rng.normal(size=(5, 5)) + 5 * np.eye(5)
+        problem, z = icp.ICP(A, rng.normal(size=5), rng.normal(size=5)), rng.normal(size=5)
+        expected = np.maximum(problem.psi.value(z), z - omega * problem.p(z) / np.diag(A))
+        step = iterate(icp.ProjectionFixedPoint(omega=omega), problem, z, 1)[1]
+        assert step == pytest.approx(expected, rel=1e-12, abs=1e-13)
+
+
+class TestTheorem41:
+    def test_the_componentwise_decrease_of_the_proof_is_false(self):
+        """A = [2, −1; −.5, 2], GS, Ω = D, z⁰ = (1, 3): ρ(L) = .283, |e⁰| = (0, 2), |e¹| = (1, .125)."""
+        A = np.array([[2.0, -1.0], [-0.5, 2.0]])
+        problem = icp.ICP(A, -A @ np.ones(2))
+        X = np.array([[2.0, 0.0], [-0.5, 2.0]]) + 2 * np.eye(2)
+        N = X - 2 * np.eye(2) - A
+        L = np.abs(np.linalg.inv(X)) @ (np.abs(N) + np.abs(A - 2 * np.eye(2)))
+        assert spectral_radius(L) == pytest.approx(0.283, abs=5e-4)
+        z = iterate(icp.MNMGS(), problem, [1.0, 3.0], 1)[1]
+        assert np.abs(z - 1.0) == pytest.approx([1.0, 0.125])
+        assert problem.solve("mnmgs", z0=[1.0, 3.0]).z == pytest.approx(np.ones(2))
+
+
+class TestTheorem43:
+    def test_the_printed_parenthesis_is_false(self):
+        """A = .1, q = 1, ψ = 6 − 5z, φ₁ = 1, φ₂ = .1: printed .5 < 1, true 5; the iterates end in {−10, 56}."""
+        problem = icp.ICP([[0.1]], [1.0], icp.Affine([[-5.0]], 6.0))
+        printed, true = 0.0 / 0.1 + 0.1 * 5, (0.0 + 0.1 * 5) / 0.1
+        assert (printed, true) == pytest.approx((0.5, 5.0))
+        assert problem.residual([1.0]) < 1e-14
+        with pytest.raises(icp.NotSolved) as error:
+            problem.solve("mnmgs", phi1=1.0, phi2=0.1, z0=[56.0])
+        assert error.value.solution.status is icp.Status.CYCLED
+        orbit = iterate(icp.MNMGS(phi2=0.1), problem, [2.0], 400)[-2:]
+        assert sorted(float(z[0]) for z in orbit) == pytest.approx([-10.0, 56.0])
+
+    def test_phi_must_not_be_negative(self):
+        """A = 1, q = −1, ψ = 0, φ = −1.5: error factor −3."""
+        problem = icp.ICP([[1.0]], [-1.0])
+        first, second = iterate(icp.MNMGS(phi=-1.5), problem, [1.1], 1)
+        assert (second - 1.0) / (first - 1.0) == pytest.approx([-3.0])
+
+    def test_theta2_must_not_be_negative(self):
+        """A = [1, −.5; −.5, 1], θ = (1, −4): condition .5 < 1, error matrix has ρ = 1.151."""
+        A = np.array([[1.0, -0.5], [-0.5, 1.0]])
+        problem, method = icp.ICP(A, -A @ np.ones(2)), icp.MNMAOR(theta1=1.0, theta2=-4.0)
+        near = np.ones(2)  # z* > 0 and p* = 0: the step is linear near it, F = A(z - 1) where that is the smaller side
+        columns = [(iterate(method, problem, near + 1e-6 * e, 1)[1] - 1.0) / 1e-6 for e in np.eye(2)]
+        assert spectral_radius(np.array(columns).T) == pytest.approx(1.151, abs=1e-3)
+
+
+class TestTheorem44:
+    def test_case_one_as_printed_is_false(self):
+        """A = 1, M₁ = .1, φ = .5, φ₁ = φ₂ = .1, G = .9, ψ = 1.9 − .9z, q = 5: true −.07, error factor −1.375."""
+        problem = icp.ICP([[1.0]], [5.0], icp.Affine([[-0.9]], 1.9))
+        method = icp.Modulus(splitting=[[0.1]], phi=0.5, phi1=0.1, phi2=0.1)
+        first, second = iterate(method, problem, [1.001], 1)
+        assert problem.residual([1.0]) < 1e-14
+        assert (second - 1.0) / (first - 1.0) == pytest.approx([-1.375])
+
+
+class TestWhereSplittingsDiffer:
+    """A = [1, −.9; −.9, 1], ψ(z) = 1 − .9(z₂, z₁), q = (−1, 3), z⁰ = (5, −7)."""
+
+    problem = icp.ICP([[1.0, -0.9], [-0.9, 1.0]], [-1.0, 3.0], icp.Affine([[0.0, -0.9], [-0.9, 0.0]], 1.0))
+
+    def test_mnmj_converges(self):
+        z = self.problem.solve("mnmj", z0=[5.0, -7.0]).z
+        assert z == pytest.approx([1.0497, 0.05525], abs=5e-5)
+
+    @pytest.mark.parametrize("method", ["mnmgs", "mnmod"])
+    def test_mnmgs_and_mnmod_do_not(self, method):
+        with pytest.raises(icp.NotSolved):
+            self.problem.solve(method, z0=[5.0, -7.0], max_iter=5000)
+
+    def test_the_automatic_choice_falls_back_on_jacobi_and_says_so(self):
+        solution = self.problem.solve(z0=[5.0, -7.0])
+        assert isinstance(solution.method, icp.MNMJ)
+        assert "before it" in solution.why
+
+
+class TestCyclicPMatrix:
+    """A = [1, 0, 2; 2, 1, 0; 0, 2, 1], q = −(1, 1, 1): a P-matrix that is not H₊."""
+
+    problem = icp.ICP([[1.0, 0.0, 2.0], [2.0, 1.0, 0.0], [0.0, 2.0, 1.0]], [-1.0, -1.0, -1.0])
+
+    def test_active_set_newton_cycles_with_period_three(self):
+        A, q, z, seen = self.problem.A.toarray(), self.problem.q, np.array([1.0, 0.0, 0.0]), []
+        for _ in range(9):
+            rows = self.problem.p(z) < z
+            z = np.linalg.solve(np.where(rows[:, None], A, np.eye(3)), np.where(rows, -q, 0.0))
+            seen.append((z.copy(), self.problem.residual(z)))
+        assert np.array_equal(seen[-1][0], seen[-4][0])
+        assert seen[-1][1] == pytest.approx(np.sqrt(10))
+
+    def test_mnmmod_converges(self):
+        solution = self.problem.solve("mnmmod", theta1=2.0)
+        assert solution.iterations <= 15
+        assert solution.z == pytest.approx(np.full(3, 1 / 3))
+
+    @pytest.mark.parametrize("theta", [0.1, 0.5, 0.9, 1.0])
+    def test_gauss_seidel_sweeps_fail_and_say_so(self, theta):
+        solution = self.problem.solve("mnmsor", theta1=theta, z0=[1.0, 0.0, 0.0], raise_on_failure=False)
+        assert not solution.solved
+        assert solution.status.advice
+
+    def test_there_is_no_certificate_and_the_reason_is_given(self):
+        bound = icp.error_bound(self.problem, np.full(3, 1 / 3))
+        assert bound.value is None
+        assert "not an H+-matrix" in bound.reason
+
+
+def h_plus_problem(seed, n=8):
+    """A random H₊-matrix that is not diagonally dominant, ψ of small slope, and an exact complementary solution."""
+    rng = np.random.default_rng(seed)
+    off = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.5)
+    np.fill_diagonal(off, 0.0)
+    scale = 10.0 ** rng.uniform(-1, 1, n)
+    A = np.diag(np.abs(off).sum(axis=1) * rng.uniform(1.1, 2.0) + 0.1) + off
+    A = np.diag(10.0 ** rng.uniform(-1, 1, n)) @ A @ np.diag(1 / scale)
+    G = np.diag(scale) @ (rng.normal(size=(n, n)) * 0.5 / n) @ np.diag(1 / scale)
+    G *= 0.6 / max(1e-9, (np.abs(G) @ scale / scale).max())
+    z, active = rng.normal(size=n) * scale, rng.random(n) < 0.5
+    p, r = np.where(active, rng.random(n), 0.0), np.where(active, 0.0, rng.random(n))
+    return icp.ICP(A, p - A @ z, icp.Affine(G, z - r - G @ z)), z
+
+
+class TestErrorBound:
+    @settings(max_examples=300, deadline=None)
+    @given(seed=st.integers(0, 10**9), distance=st.sampled_from([0.0, 1e-15, 1e-9, 1e-3, 1.0, 1e6]))
+    def test_it_is_never_below_the_true_error(self, seed, distance):
+        problem, exact = h_plus_problem(seed)
+        z = exact + distance * np.random.default_rng(seed + 1).normal(size=exact.size)
+        bound = icp.error_bound(problem, z)
+        if bound.value is not None:
+            # z* itself is exact to a few roundings of its own size only
+            slack = 1e-13 * np.abs(exact).max() + 1e-12 * bound.value
+            assert (np.abs(z - exact) <= bound.componentwise + slack).all()
+            assert bound.value == bound.componentwise.max()
+
+    def test_it_holds_for_most_of_these_problems(self):
+        assert sum(icp.error_bound(h_plus_problem(seed)[0], np.zeros(8)).unique for seed in range(100)) >= 60
+
+    def test_v_one_serves_dominant_rows_and_one_solve_the_others(self):
+        dominant = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0])
+        assert icp.error_bound(dominant, [0.0, 0.0]).scaling == "v = 1"
+        laplace = icp.scenes.membrane(n=25).problem
+        assert icp.error_bound(laplace, np.zeros(25)).scaling == "v = <A>^-1 1"
+
+    @pytest.mark.parametrize(
+        ("problem", "words"),
+        [
+            (icp.ICP([[-1.0]], [0.0]), r"A\[0, 0\] = -1 is not positive"),
+            (icp.ICP([[1.0]], [0.0], np.sin), "no Lipschitz matrix"),
+            (icp.ICP([[1.0]], [0.0], icp.Affine([[1.0]])), "not positive"),
+            (icp.ICP([[1.0, 2.0], [2.0, 1.0]], [0.0, 0.0]), "not an H"),
+            (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [0.0, 0.0]), "not an H"),
+        ],
+    )
+    def test_without_a_certificate_the_reason_is_given(self, problem, words):
+        bound = icp.error_bound(problem, np.zeros(problem.n))
+        assert bound.value is None
+        import re
+
+        assert re.search(words, bound.reason)
+
+    def test_the_scaling_is_found_once_for_a_series(self):
+        problem = icp.scenes.membrane(n=25).problem
+        icp.error_bound(problem, np.zeros(25))
+        assert "scaling" in problem.with_q(np.ones(25)).memory
+        assert "scaling" not in problem.with_psi(0.0).memory
+
+
+class TestDefiniteness:
+    @settings(max_examples=150, deadline=None)
+    @given(seed=st.integers(0, 10**9), shift=st.floats(-2, 6))
+    def test_it_agrees_with_the_eigenvalues(self, seed, shift):
+        rng = np.random.default_rng(seed)
+        S = rng.normal(size=(7, 7)) * (rng.random((7, 7)) < 0.5)
+        S = S + S.T + shift * np.eye(7)
+        smallest = np.linalg.eigvalsh(S)[0]
+        found = definiteness(sp.csr_array(S))
+        if smallest > 1e-9:
+            assert found.semidefinite is True
+            assert found.definite is True
+        elif smallest < -1e-9:
+            assert found.semidefinite is False
+            assert found.witness @ S @ found.witness < 0
+            assert np.linalg.norm(found.witness) == pytest.approx(1.0)
+
+    @settings(max_examples=50, deadline=None)
+    @given(seed=st.integers(0, 10**9))
+    def test_a_gram_matrix_of_low_rank_is_semidefinite(self, seed):
+        B = np.random.default_rng(seed).normal(size=(3, 7))
+        assert definiteness(sp.csr_array(B.T @ B)).semidefinite is True
+
+    def test_a_hidden_negative_direction_is_found(self):
+        S = np.array([[1.0, 0.9, 0.9], [0.9, 1.0, -0.9], [0.9, -0.9, 1.0]])
+        assert definiteness(sp.csr_array(S)).semidefinite is False
+
+
+def test_jacobi_radius_of_the_five_point_matrix():
+    """ρ = cos(π/(m + 1)); transport along the grid, an upwind stencil included, does not hide the diffusion."""
+    A = icp.scenes.membrane(n=400).problem.A
+    assert jacobi_radius(A, steps=400) == pytest.approx(np.cos(np.pi / 21), rel=1e-5)
+    skewed = icp.scenes.bai_nonsymmetric(n=400, mu=0).problem.A
+    true = spectral_radius(np.eye(400) - skewed.toarray() / 4)
+    assert jacobi_radius(skewed, steps=400) == pytest.approx(true, rel=1e-3)
+    assert jacobi_radius(sp.csr_array([[1.0, 5.0], [0.0, 1.0]])) == 0.0
