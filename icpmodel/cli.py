@@ -102,14 +102,24 @@ def crosscheck(solvers: tuple[str, ...], csv_path: str | None, as_json: bool, **
     if not solution.solved:
         click.echo(json.dumps({"solution": about(solution), "report": None}, indent=2) if as_json else str(solution))
         return _exit_code(False, solution.message)
-    report = check(problem, solution, solvers or None, time_limit=arguments["time_limit"] or 60.0)
+    time_limit = arguments["time_limit"] or 60.0
+    report = check(problem, solution, solvers or None, time_limit=time_limit)
     if csv_path is not None:
         report.to_csv(csv_path)
+    smaller = [] if scene is None else _at_their_size(scene, report, arguments)
+    others = [check(problem, None, names, time_limit=time_limit) for problem, names in smaller]
     if as_json:
-        click.echo(json.dumps({"solution": about(solution), "report": json.loads(report.to_json())}, indent=2))
+        told = {"solution": about(solution), "report": json.loads(report.to_json())}
+        click.echo(json.dumps(told | {"at_their_size": [json.loads(other.to_json()) for other in others]}, indent=2))
     else:
         click.echo(f"{solution}\n\n{report}")
-    return _exit_code(report.agrees, "the answer is not confirmed: no independent solver agrees, or one disagrees")
+        for (problem, names), other in zip(smaller, others, strict=True):
+            click.echo(f"\n{', '.join(names)}: the same scene at n = {problem.n}\n{other}")
+    contradicted = any(row.verdict.value == "disagrees" for other in others for row in other.rows)
+    return _exit_code(
+        report.agrees and not contradicted,
+        "the answer is not confirmed: no independent solver agrees, or one disagrees",
+    )
 
 
 @commands.command()
@@ -127,13 +137,14 @@ def scenes(name: str | None, as_json: bool) -> int:
         )
         return 0
     scene = gallery.scene(name)
+    reference = (["z"] if scene.z_exact is not None else []) + list(scene.quantities)
     facts = {
         "name": scene.name,
         "title": scene.title,
         "models": scene.models,
         "problem": repr(scene.problem),
         "parameters": gallery.parameters(name),
-        "reference": (["z"] if scene.z_exact is not None else []) + list(scene.quantities),
+        "reference": reference,
         "why_no_reference": scene.why_no_reference,
     }
     if as_json:
@@ -141,7 +152,7 @@ def scenes(name: str | None, as_json: bool) -> int:
         return 0
     click.echo(f"{scene.name}: {scene.title}\n{scene.models}\n{scene.problem!r}")
     click.echo("parameters: " + (", ".join(f"{k}={v}" for k, v in gallery.parameters(name).items()) or "none"))
-    click.echo("reference:  " + (", ".join(facts["reference"]) or f"none: {scene.why_no_reference}"))
+    click.echo("reference:  " + (", ".join(reference) or f"none: {scene.why_no_reference}"))
     return 0
 
 
@@ -250,6 +261,27 @@ def _solve(problem: ICP, scene: Any, arguments: dict[str, Any]) -> Solution:
         progress=True,
         raise_on_failure=False,
     )
+
+
+def _at_their_size(scene: Any, report: Any, arguments: dict[str, Any]) -> list[tuple[ICP, list[str]]]:
+    """For the solvers that a scene is too large for: the scene at the largest size they take, and their names."""
+    from . import scenes as gallery
+    from .crosscheck import independent_solvers
+
+    known = independent_solvers()
+    by_size: dict[int, list[str]] = {}
+    for row in report.rows:
+        largest = known[row.solver].largest
+        if row.verdict.value == "skipped" and largest is not None and largest < scene.problem.n:
+            by_size.setdefault(largest, []).append(row.solver)
+    parameters = dict(_pair(text) for text in arguments["parameters"])
+    found = []
+    for largest, names in by_size.items():
+        n = largest
+        while (smaller := gallery.scene(scene.name, n, **parameters).problem).n > largest:
+            n -= 1
+        found.append((smaller, names))
+    return found
 
 
 def _pair(text: str) -> tuple[str, Any]:

@@ -22,7 +22,9 @@ METHODS = {
 }
 
 #: wanted sizes of the scenes that have one
-SIZES = {name: {"bearing": 40, "dividend": 31}.get(name, 100) for name in scenes.names() if "n" in scenes.parameters(name)}
+SIZES = {
+    name: {"bearing": 40, "dividend": 31}.get(name, 100) for name in scenes.names() if "n" in scenes.parameters(name)
+}
 
 _CYCLIC = "P but not H+: overrelaxed or not, the sweeps turn in a circle (theory of the 3 x 3 cyclic P-matrix)"
 _COUPLED = "rho(D^-1|B| + G) = 1.8: splittings that add both couplings fail, those that take their maximum do not"

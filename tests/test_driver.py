@@ -164,7 +164,7 @@ def test_a_psi_that_returns_nan_late_is_never_solved():
 
 
 def test_loud_by_default_and_the_error_carries_the_solution(slow):
-    with pytest.raises(icp.NotSolved, match="iteration limit.*Advice: raise max_iter") as error:
+    with pytest.raises(icp.NotSolved, match=r"iteration limit.*Advice: raise max_iter") as error:
         slow.solve("mnmgs", max_iter=3)
     assert error.value.solution.iterations == 3
 

@@ -34,16 +34,17 @@ def sparse_jumps(seed, n=N):
 def all_maps(seed):
     rng = np.random.default_rng(seed)
     G = rng.normal(size=(N, N)) * 0.3
+    shift = 0.5 * np.roll(np.eye(N), 1, 0)
     return {
         "number": as_map(0.7, N),
         "vector": as_map(rng.normal(size=N), N),
         "affine": icp.Affine(G, 1.0).bind(N),
         "elementwise": icp.Elementwise(np.tanh, lambda z: 1 - np.tanh(z) ** 2, 1.0, c=rng.normal(size=N)).bind(N),
         "compiled": icp.Elementwise(kinked, kinked_slope, 0.4).bind(N),
-        "function": icp.Function(lambda z: 0.5 * np.roll(z, 1), lambda z: 0.5 * np.roll(np.eye(N), 1, 0), 0.5 * np.roll(np.eye(N), 1, 0)).bind(N),
+        "function": icp.Function(lambda z: shift @ z, lambda z: shift, shift).bind(N),
         "max": icp.Intervention(sparse_jumps(seed)).bind(N),
         "min": icp.Intervention(sparse_jumps(seed), best="min").bind(N),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("name", list(all_maps(0)))

@@ -39,7 +39,9 @@ def test_bad_input_is_named_with_what_was_found(A, q, psi, words):
         icp.ICP(A, q, psi)
 
 
-@pytest.mark.parametrize("form", [np.asarray, np.ndarray.tolist, sp.csc_array, sp.coo_matrix, sp.lil_array, sp.dia_array])
+@pytest.mark.parametrize(
+    "form", [np.asarray, np.ndarray.tolist, sp.csc_array, sp.coo_matrix, sp.lil_array, sp.dia_array]
+)
 def test_every_form_of_A_is_the_same_matrix(form):
     dense = np.array([[4.0, -1.0, 0.0], [0.0, 0.0, 2.0], [1.0, 0.0, 3.0]])
     problem = icp.ICP(form(dense), [1, 2, 3])

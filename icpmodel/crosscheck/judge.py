@@ -1,0 +1,224 @@
+"""The one judge of foreign answers.
+
+A foreign status is recorded and never believed: every residual and difference is recomputed from (A, q, ψ, z).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..arrays import Vector
+from ..errors import MapError
+from ..problem import ICP
+from ..solution import Solution
+from ..theory.bounds import error_bound
+from .formulations import Target, in_handy_units, targets
+
+if TYPE_CHECKING:
+    from . import Answer
+
+#: how small Res(z)/Res(0) must be for an answer under test, and for a foreign one, to count as a solution
+OURS, THEIRS = 1e-8, 1e-7
+#: a Solution may have been stopped at a looser tolerance, but at most at this one
+LOOSEST = 1e-4
+#: two answers agree within AGREE·max|z| + FLOOR·unit: the second counts where z is about zero
+AGREE, FLOOR = 1e-6, 1e-9
+#: how many times that a certified bound may be and still count; a wide bound proves nothing
+WIDEST = 100.0
+
+
+class Verdict(Enum):
+    """What a foreign answer says of the answer under test. Only AGREES speaks for it, only DISAGREES against it.
+
+    >>> Verdict("loose").meaning
+    'it claims success, but its own residual is above tolerance'
+    """
+
+    AGREES = "agrees"
+    LOOSE = "loose"
+    OTHER_SOLUTION = "other solution"
+    DISAGREES = "disagrees"
+    FAILED = "failed"
+    SKIPPED = "skipped"
+
+    @property
+    def meaning(self) -> str:
+        """The verdict in a sentence.
+
+        >>> Verdict.AGREES.meaning
+        'both answers are the same, within tolerance or within their certified bounds'
+        """
+        return _MEANINGS[self.name]
+
+
+_MEANINGS = {
+    "AGREES": "both answers are the same, within tolerance or within their certified bounds",
+    "LOOSE": "it claims success, but its own residual is above tolerance",
+    "OTHER_SOLUTION": "both answers are solutions, and nothing proves that there is only one",
+    "DISAGREES": "its answer is a solution, the answer under test is another point",
+    "FAILED": "it raised, returned no finite z, or does not claim success",
+    "SKIPPED": "it cannot take this problem",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a report. `residual` = Res(z) of the foreign z on the problem it solved; `difference` = max|z_foreign
+    − z|; both in the user's units, None where there is none. `claim` is the foreign status; `note` says why.
+
+    >>> Row.skipped("osqp", "osqp is not installed").verdict
+    <Verdict.SKIPPED: 'skipped'>
+    """
+
+    solver: str
+    formulation: str
+    verdict: Verdict
+    residual: float | None
+    difference: float | None
+    seconds: float | None
+    claim: str
+    note: str
+
+    @classmethod
+    def skipped(cls, solver: str, reason: str) -> Row:
+        """The row of a solver that cannot take the problem.
+
+        >>> Row.skipped("osqp", "osqp is not installed").note
+        'osqp is not installed'
+        """
+        return cls(solver, "", Verdict.SKIPPED, None, None, None, "", reason)
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """An answer under test. `problem` and `z` as the user has them; `y` = z/`unit` the same in the handy units of
+    `targets`; `holds` whether z is a solution; `tolerance` how far another answer may lie apart, in the units of z.
+
+    >>> Checked.of(ICP([[2.0]], [-1.0]), [0.5]).holds, Checked.of(ICP([[2.0]], [-1.0]), [np.nan]).holds
+    (True, False)
+    """
+
+    problem: ICP
+    z: Vector
+    unit: float
+    y: Vector
+    targets: list[Target]
+    holds: bool
+    tolerance: float
+
+    @classmethod
+    def of(cls, problem: ICP, solution: Any, atol: float | None = None) -> Checked:
+        """Judge `solution`, a `Solution` or a vector of shape (n,); `atol` ≥ 0 replaces the default tolerance.
+
+        >>> Checked.of(ICP([[2.0]], [-1.0]), [0.5], atol=0.1).tolerance
+        0.1
+        """
+        z = problem.vector(solution.z if isinstance(solution, Solution) else solution, "solution")
+        handy, unit = in_handy_units(problem)
+        y = z / unit
+        rtol = OURS
+        if isinstance(solution, Solution) and solution.solved and solution.problem is problem:
+            start = problem.residual(np.zeros(problem.n))
+            if start > 0:
+                rtol = min(max(OURS, solution.tolerance / start), LOOSEST)
+        # the units of A and z may make Res blind to p or to r: in handy units it must be small as well, if less so
+        holds = solves(problem, z, rtol) and solves(handy, y, min(100 * rtol, LOOSEST))
+        tolerance = AGREE * float(np.abs(z).max()) + FLOOR * unit if atol is None else float(atol)
+        return cls(problem, z, unit, y, targets(handy, y), holds, tolerance)
+
+    def judge(self, solver: str, form: str, target: Target, answer: Answer, seconds: float) -> Row:
+        """The row of a foreign `answer`, which was to solve `target` in `form`; its claim is not believed.
+
+        >>> from icpmodel.crosscheck import Answer
+        >>> checked = Checked.of(ICP([[2.0]], [-1.0]), [0.5])
+        >>> checked.judge("liar", "gap", checked.targets[0], Answer([0.6], "optimal", True), 0.0).verdict
+        <Verdict.LOOSE: 'loose'>
+        """
+        formulation = ("frozen " if target.frozen else "") + _FORMS.get(form, form)
+
+        def row(verdict: Verdict, note: str, residual: float | None = None, difference: float | None = None) -> Row:
+            return Row(solver, formulation, verdict, residual, difference, seconds, answer.claim, note)
+
+        x, fault = _readable(answer, self.problem.n)
+        if x is None:
+            return row(Verdict.FAILED, fault)
+        z = x * self.unit
+        difference = float(np.abs(z - self.z).max())
+        residual = (self.problem.frozen(self.z) if target.frozen else self.problem).residual(z)
+        verdict, note = self._compare(target, x, answer, difference)
+        return row(verdict, note, finite(residual), finite(difference))
+
+    def _compare(self, target: Target, x: Vector, answer: Answer, difference: float) -> tuple[Verdict, str]:
+        """The verdict on a finite x, in the units of `target`. Every comparison is false for NaN."""
+        theirs = solves(target.problem, x, THEIRS)
+        if not answer.claims_solved:
+            right = "; its z solves the problem all the same" if theirs else ""
+            return Verdict.FAILED, f"it ended with: {answer.claim}{right}"
+        if not theirs:
+            return Verdict.LOOSE, f"claims {answer.claim!r}, but its residual is above {THEIRS:g} Res(0)"
+        if np.isfinite(self.z).all() and difference <= self.tolerance:
+            return Verdict.AGREES, answer.claim
+        if not self.holds:
+            return Verdict.DISAGREES, "the residual of the answer under test is above tolerance"
+        bound = _sum_of_bounds(target, self.y, x) * self.unit
+        if difference <= bound <= WIDEST * (AGREE * float(np.abs(self.z).max()) + FLOOR * self.unit):
+            return Verdict.AGREES, f"within the certified bound {bound:.1e}"
+        if not target.unique:
+            return Verdict.OTHER_SOLUTION, "both are solutions; uniqueness is not certified"
+        return Verdict.DISAGREES, "both residuals are small, but there is only one solution"
+
+
+_FORMS = {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}
+
+
+def solves(problem: ICP, y: Vector, rtol: float) -> bool:
+    """Whether Res(y) ≤ max(rtol·Res(0), 4‖rounding of F(y)‖₂); false for NaN and infinities.
+
+    Parameters: `y` shape (n,). Where Res(0) is zero or unknown 1 takes its place, which suits a problem in handy units.
+
+    >>> solves(ICP([[2.0]], [-1.0]), np.array([0.5]), 1e-8), solves(ICP([[2.0]], [-1.0]), np.array([0.6]), 1e-8)
+    (True, False)
+    """
+    try:
+        start = problem.residual(np.zeros(problem.n))
+    except MapError:
+        start = 1.0
+    if not (np.isfinite(start) and start > 0):
+        start = 1.0
+    residual = problem.residual(y)
+    floor = 4 * float(np.linalg.norm(problem.rounding(y)))
+    return bool(residual <= rtol * start or residual <= floor < np.inf)
+
+
+def finite(value: float) -> float | None:
+    """`value`, or None where it is NaN or infinite: a number that is not known.
+
+    >>> finite(float("nan")) is None
+    True
+    """
+    return float(value) if np.isfinite(value) else None
+
+
+def _readable(answer: Answer, n: int) -> tuple[Vector | None, str]:
+    """The foreign z as float64 of shape (n,), all finite; or None and what is wrong with it."""
+    if answer.z is None:
+        return None, answer.claim if not answer.claims_solved else f"claims {answer.claim!r}, but returned no z"
+    try:
+        x = np.array(answer.z, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None, f"returned a {type(answer.z).__name__} that is not a real vector"
+    if x.shape != (n,):
+        return None, f"returned a z of shape {x.shape}; shape ({n},) was expected"
+    if not np.isfinite(x).all():
+        return None, f"claims {answer.claim!r}, but its z is not finite"
+    return x, ""
+
+
+def _sum_of_bounds(target: Target, y: Vector, x: Vector) -> float:
+    """How far apart y and x can be if both are as near to the one solution as certified; NaN without certificate."""
+    ours, theirs = error_bound(target.problem, y).value, error_bound(target.problem, x).value
+    return np.nan if ours is None or theirs is None else ours + theirs

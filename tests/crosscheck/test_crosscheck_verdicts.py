@@ -1,0 +1,254 @@
+"""Whatever foreign solvers do becomes the right verdict, and the report says it in every format."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import subprocess
+import sys
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel.crosscheck import Answer, IndependentSolver, Report, Row, Target, Verdict, crosscheck, independent_solvers
+from icpmodel.crosscheck.formulations import in_handy_units
+
+QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs")
+FOUND = {"osqp": "osqp", "cvxpy-clarabel": "clarabel", "cvxpy-osqp": "osqp", "cvxpy-highs": "highspy"}
+
+
+def verdicts(report: Report) -> list[Verdict]:
+    return [row.verdict for row in report.rows]
+
+
+class Fake(IndependentSolver):
+    """Returns, or raises, what the test wants."""
+
+    name: ClassVar[str] = "fake"
+    forms: ClassVar[tuple[str, ...]] = ("mpec",)
+
+    def __init__(self, z: Any, claim: str = "optimal", claims_solved: bool = True) -> None:
+        self.z, self.claim, self.claims_solved = z, claim, claims_solved
+
+    def solve(self, target: Target, *, time_limit: float) -> Answer:
+        if isinstance(self.z, BaseException):
+            raise self.z
+        return Answer(self.z, self.claim, self.claims_solved)
+
+
+LCP = icp.ICP([[0.5, 0.0], [0.0, 0.5]], [-0.25, 0.25])
+LCP_Z = np.array([0.5, 0.0])
+
+
+def ask(z: Any, solution: Any = LCP_Z, problem: icp.ICP = LCP, **claim: Any) -> Row:
+    """The one row of a fake solver, whose answer is given in the user's units."""
+    scaled = z if z is None or isinstance(z, BaseException | str) else np.asarray(z) / handy_unit(problem)
+    return crosscheck(problem, solution, [Fake(scaled, **claim)]).rows[0]
+
+
+def handy_unit(problem: icp.ICP) -> float:
+    return in_handy_units(problem)[1]
+
+
+# --- what foreign solvers do -------------------------------------------------------------------------------------
+
+
+def test_agrees() -> None:
+    row = ask(LCP_Z)
+    assert (row.verdict, row.residual, row.difference, row.claim) == (Verdict.AGREES, 0.0, 0.0, "optimal")
+
+
+@pytest.mark.parametrize("z", [[0.5, 1e-4], [0.5, -1e-4], [-0.5, 0.0], [0.0, 0.0], [1e300, 0.0]])
+def test_a_claim_of_success_with_a_wrong_z_is_loose(z: list[float]) -> None:
+    assert ask(z).verdict is Verdict.LOOSE
+
+
+@pytest.mark.parametrize("z", [[np.nan, 0.0], [np.inf, 0.0], [0.5], [[0.5, 0.0]], 0.5, "z", None])
+def test_an_unusable_z_is_failed(z: Any) -> None:
+    row = ask(z)
+    assert row.verdict is Verdict.FAILED
+    assert row.note
+
+
+def test_an_exception_is_failed_with_its_text() -> None:
+    row = ask(KeyError("no such key"))
+    assert row.verdict is Verdict.FAILED
+    assert row.note == "KeyError: 'no such key'"
+
+
+def test_an_interruption_passes_through() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        ask(KeyboardInterrupt())
+
+
+def test_no_claim_of_success_is_failed_even_where_z_is_right() -> None:
+    row = ask(LCP_Z, claim="time limit", claims_solved=False)
+    assert row.verdict is Verdict.FAILED
+    assert row.note == "it ended with: time limit; its z solves the problem all the same"
+
+
+TWO = icp.ICP([[1.0, 2.0], [2.0, 1.0]], [-1.0, -1.0])
+
+
+@pytest.mark.parametrize("z", [[1.0, 0.0], [0.0, 1.0], [1 / 3, 1 / 3]])
+@pytest.mark.parametrize("foreign", [[1.0, 0.0], [0.0, 1.0], [1 / 3, 1 / 3]])
+def test_another_solution_is_neither_agreement_nor_disagreement(z: list[float], foreign: list[float]) -> None:
+    assert ask(foreign, z, TWO).verdict is (Verdict.AGREES if z == foreign else Verdict.OTHER_SOLUTION)
+
+
+def test_another_solution_does_not_excuse_a_wrong_one() -> None:
+    assert ask([0.0, 1.0], [1.0001, 0.0], TWO).verdict is Verdict.DISAGREES
+
+
+def test_another_solution_from_a_real_solver() -> None:
+    problem = icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, -1.0])  # every z >= 0 with z1 + z2 = 1
+    report = crosscheck(problem, [1.0, 0.0], ["osqp", "cvxpy-clarabel"])
+    assert set(verdicts(report)) == {Verdict.OTHER_SOLUTION}, str(report)
+    assert not report.agrees
+
+
+def test_an_indefinite_problem_is_skipped_with_the_reason_and_not_confirmed() -> None:
+    report = crosscheck(TWO, [1.0, 0.0], QUICK)
+    assert set(verdicts(report)) == {Verdict.SKIPPED}
+    assert all("not positive semidefinite" in row.note or "no bounds" in row.note for row in report.rows)
+    assert not report.agrees
+    assert "No independent check could be made" in str(report)
+
+
+def test_uniqueness_by_definiteness_makes_it_a_disagreement() -> None:
+    """A positive definite and far from H+: no error bound, yet only one solution."""
+    A = np.array([[1.0, 0.9, 0.9], [0.9, 1.0, 0.9], [0.9, 0.9, 1.0]])
+    problem = icp.ICP(A, -A @ np.array([1.0, 1.0, 1.0]))
+    assert icp.error_bound(problem, np.ones(3)).value is None
+    assert crosscheck(problem, np.ones(3), ["osqp"]).agrees
+    # 1e-9 relative residual, yet asked to agree to the last digit
+    row = crosscheck(problem, np.array([1 + 3e-9, 1 - 3e-9, 1]), ["osqp"], atol=0.0).rows[0]
+    assert row.verdict is Verdict.DISAGREES
+
+
+def test_the_certified_bound_can_make_the_agreement() -> None:
+    row = crosscheck(LCP, np.array([0.5 + 1e-10, 0.0]), [Fake(LCP_Z / handy_unit(LCP))], atol=1e-12).rows[0]
+    assert row.verdict is Verdict.AGREES
+    assert row.note.startswith("within the certified bound")
+
+
+@pytest.mark.parametrize(("bound", "verdict"), [(1e-5, Verdict.AGREES), (1.0, Verdict.DISAGREES), (np.nan, None)])
+def test_a_wide_certified_bound_proves_nothing(
+    bound: float, verdict: Verdict | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("icpmodel.crosscheck.judge._sum_of_bounds", lambda *_: bound)
+    row = crosscheck(LCP, np.array([0.5 + 1e-10, 0.0]), [Fake(LCP_Z / handy_unit(LCP))], atol=1e-12).rows[0]
+    assert row.verdict is (verdict or Verdict.DISAGREES)
+
+
+# --- which solvers -----------------------------------------------------------------------------------------------
+
+
+def test_unknown_and_unfit_arguments_are_named() -> None:
+    with pytest.raises(icp.InputError, match=r"'gurobi'; one of cvxpy-clarabel, .* was expected"):
+        crosscheck(LCP, LCP_Z, ["gurobi"])
+    with pytest.raises(icp.InputError, match="solvers has a int"):
+        crosscheck(LCP, LCP_Z, [3])  # type: ignore[list-item]
+    with pytest.raises(icp.InputError, match="solution has shape"):
+        crosscheck(LCP, [0.5], ["osqp"])
+    for bad in (0.0, -1.0, np.nan, np.inf, True, "1"):
+        with pytest.raises(icp.InputError, match="time_limit"):
+            crosscheck(LCP, LCP_Z, ["osqp"], time_limit=bad)  # type: ignore[arg-type]
+    with pytest.raises(icp.InputError, match="atol"):
+        crosscheck(LCP, LCP_Z, ["osqp"], atol=-1.0)
+
+
+def test_one_name_is_enough() -> None:
+    assert [row.solver for row in crosscheck(LCP, LCP_Z, "osqp").rows] == ["osqp"]
+
+
+def test_no_solver_no_agreement() -> None:
+    report = crosscheck(LCP, LCP_Z, [])
+    assert not report.rows
+    assert not report.agrees
+
+
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_one_disagreement_spoils_the_report_and_nothing_else_does(verdict: Verdict) -> None:
+    rows = [Row(name, "", v, None, None, None, "", "") for name, v in (("a", Verdict.AGREES), ("b", verdict))]
+    assert Report(tuple(rows), "", "", 0.0, True, None, "", 1e-6).agrees is (verdict is not Verdict.DISAGREES)
+    assert Report(tuple(rows[1:]), "", "", 0.0, True, None, "", 1e-6).agrees is (verdict is Verdict.AGREES)
+
+
+def test_all_solvers_by_default_each_at_least_one_row() -> None:
+    report = crosscheck(LCP, LCP_Z)
+    assert [row.solver for row in report.rows] == list(independent_solvers())
+
+
+@pytest.mark.parametrize("solver", FOUND)
+def test_a_missing_package_is_a_sentence(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = FOUND[solver]
+    monkeypatch.setitem(sys.modules, module, None)
+    row = crosscheck(LCP, LCP_Z, [solver]).rows[0]
+    assert row.verdict is Verdict.SKIPPED
+    assert row.note == f"{module} is not installed: pip install {module}"
+
+
+def test_size_limits_are_sentences() -> None:
+    big = icp.ICP(4.0 * sp.eye_array(1001), np.ones(1001))
+    notes = {row.solver: row.note for row in crosscheck(big, np.zeros(1001), ["cvxpy-highs", "pyomo-highs"]).rows}
+    assert "beyond n = 1000; this n is 1001" in notes["cvxpy-highs"]
+    assert "beyond n = 250; this n is 1001" in notes["pyomo-highs"]
+
+
+def test_a_spent_time_limit_is_failed_not_agreement() -> None:
+    A = sp.diags_array([-1.7, 4.0, -1.0], offsets=[-1, 0, 1], shape=(1000, 1000))
+    problem = icp.ICP(A, np.tile([-1.0, 2.0], 500))
+    row = crosscheck(problem, np.zeros(1000), ["osqp"], time_limit=1e-9).rows[0]
+    assert row.verdict is Verdict.FAILED
+    assert "time limit" in row.note
+
+
+def test_importing_the_room_loads_no_foreign_package() -> None:
+    code = (
+        "import sys; from icpmodel.crosscheck import independent_solvers; independent_solvers();"
+        "print([m for m in ('osqp', 'cvxpy', 'pyomo', 'highspy', 'clarabel') if m in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_foreign_chatter_does_not_reach_the_output(capsys: pytest.CaptureFixture[str]) -> None:
+    assert crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["osqp", "cvxpy-osqp"]).agrees
+    assert capsys.readouterr().out == ""
+
+
+# --- the report --------------------------------------------------------------------------------------------------
+
+
+def test_the_table_is_aligned_and_narrow() -> None:
+    report = crosscheck(TWO, [1.0, 0.0])
+    lines = str(report).splitlines()
+    assert max(map(len, lines)) <= 120
+    head = next(line for line in lines if line.startswith("solver"))
+    at = head.index("note")
+    body = lines[lines.index(head) + 1 : -2]
+    assert all(line[at - 2 : at] == "  " and line[at] != " " for line in body)
+
+
+def test_html_is_escaped() -> None:
+    html = crosscheck(LCP, LCP_Z, [Fake(LCP_Z / handy_unit(LCP), claim="<b>optimal</b>")])._repr_html_()
+    assert "&lt;b&gt;optimal&lt;/b&gt;" in html
+    assert "<b>" not in html
+
+
+def test_csv_and_json_come_back(tmp_path: Any) -> None:
+    report = crosscheck(LCP, LCP_Z)
+    rows = list(csv.DictReader(io.StringIO(report.to_csv(tmp_path / "report.csv"))))
+    assert (tmp_path / "report.csv").read_text(encoding="utf-8") == report.to_csv()
+    data = json.loads(report.to_json(tmp_path / "report.json"), parse_constant=pytest.fail)
+    assert data == json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert data["agrees"] is True
+    for row, from_csv, from_json in zip(report.rows, rows, data["rows"], strict=True):
+        assert from_csv["verdict"] == from_json["verdict"] == row.verdict.value
+        assert from_json["difference"] == row.difference
+        assert (float(from_csv["difference"]) if from_csv["difference"] else None) == row.difference
+        assert from_csv["note"] == from_json["note"] == row.note

@@ -1,0 +1,196 @@
+"""The command line: text and JSON, exit codes, and errors in one line on standard error."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from scipy.io import mmwrite
+
+import icpmodel as icp
+from icpmodel.cli import main
+
+
+def call(capsys, *arguments):
+    with pytest.raises(SystemExit) as stop:
+        main(list(arguments))
+    out, err = capsys.readouterr()
+    return stop.value.code, out, err
+
+
+def test_solve_prints_a_card_and_the_distance_to_the_reference(capsys):
+    code, out, err = call(capsys, "solve", "coulomb")
+    assert code == 0
+    assert "solved after" in out
+    assert "reference z: off by" in out
+    assert err == ""
+
+
+def test_solve_with_a_method_and_its_options(capsys):
+    code, out, _ = call(capsys, "solve", "membrane", "--n", "100", "--method", "mnmsor", "--option", "theta1=1.1")
+    assert code == 0
+    assert "MNMSOR(theta1=1.1)" in out
+
+
+def test_solve_as_json_is_json(capsys):
+    code, out, _ = call(capsys, "solve", "hand-lcp", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert told["status"] == "solved"
+    assert told["distance_to_reference"]["z"] < 1e-6
+    assert told["unique"] is True
+
+
+def test_not_solved_is_exit_code_1_with_one_line_of_advice(capsys):
+    code, out, err = call(capsys, "solve", "membrane", "--method", "mnmj", "--max-iter", "3")
+    assert code == 1
+    assert "iteration limit" in out
+    assert err.count("\n") == 1
+    assert "Advice" in err
+
+
+def test_problem_and_solution_travel_through_files(capsys, tmp_path):
+    folder, answer = str(tmp_path / "problem"), str(tmp_path / "answer.npz")
+    assert call(capsys, "solve", "manufactured-affine", "--n", "25", "--save-problem", folder)[0] == 0
+    code, out, _ = call(capsys, "solve", folder, "-o", answer)
+    assert code == 0
+    expected = icp.scenes.manufactured_affine(n=25)
+    assert icp.load_solution(answer)["z"] == pytest.approx(expected.z_exact, abs=1e-5)
+    code, out, _ = call(capsys, "crosscheck", folder, "--solver", "osqp")
+    assert code == 0
+    assert "agrees" in out
+
+
+def test_matrix_market_files_are_an_lcp(capsys, tmp_path):
+    mmwrite(tmp_path / "A.mtx", np.array([[2.0, -1.0], [-1.0, 2.0]]))
+    mmwrite(tmp_path / "q.mtx", np.array([[-1.0], [3.0]]))
+    code, out, _ = call(capsys, "solve", str(tmp_path / "A.mtx"), "--q", str(tmp_path / "q.mtx"), "--json")
+    assert code == 0
+    assert json.loads(out)["n"] == 2
+
+
+def test_crosscheck_reports_and_exits_0_only_when_confirmed(capsys, tmp_path):
+    csv = tmp_path / "report.csv"
+    code, out, _ = call(capsys, "crosscheck", "hand-lcp", "--solver", "osqp", "--csv", str(csv))
+    assert code == 0
+    assert "agrees" in out
+    assert csv.read_text().startswith("solver,")
+    code, out, err = call(capsys, "crosscheck", "membrane", "--solver", "pyomo-highs")
+    assert code == 1  # skipped for its size, and so nobody agrees
+    assert "not confirmed" in err
+
+
+def test_crosscheck_as_json(capsys):
+    code, out, _ = call(capsys, "crosscheck", "hand-negative", "--solver", "osqp", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert told["solution"]["status"] == "solved"
+    assert told["report"]["agrees"] is True
+
+
+def test_crosscheck_of_an_unsolved_problem_asks_nobody(capsys):
+    code, out, err = call(capsys, "crosscheck", "membrane", "--max-iter", "2")
+    assert code == 1
+    assert "agrees" not in out
+    assert "iteration limit" in err
+
+
+def test_a_solver_that_passes_only_at_a_smaller_size_is_asked_there(capsys):
+    code, out, _ = call(capsys, "crosscheck", "membrane", "--n", "400", "--solver", "pyomo-highs", "--solver", "osqp")
+    assert code == 0
+    assert "skipped" in out
+    assert "the same scene at n = 225" in out
+    assert out.count("agrees") >= 2
+
+
+def test_scenes_are_listed_and_described(capsys):
+    code, out, _ = call(capsys, "scenes")
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()] == icp.scenes.names()
+    code, out, _ = call(capsys, "scenes", "membrane")
+    assert "parameters: n=900" in out
+    assert "none: The square has no closed form" in out
+    for name in icp.scenes.names():
+        assert json.loads(call(capsys, "scenes", name, "--json")[1])["name"] == name
+
+
+def test_a_parameter_of_a_scene_can_be_set(capsys):
+    code, out, _ = call(capsys, "solve", "bai-symmetric", "--n", "100", "--set", "mu=0", "--json")
+    assert code == 0
+    assert json.loads(out)["iterations"] > 20
+
+
+def test_a_size_the_scene_cannot_have_is_noted(capsys):
+    code, _, err = call(capsys, "solve", "membrane", "--n", "90")
+    assert code == 0
+    assert err == "note: membrane has no size 90; the nearest is 81\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["solve", "nowhere"], "nowhere is neither a file or folder nor a scene"),
+        (["solve"], "Missing argument 'SOURCE'"),
+        (["solv"], "No such command 'solv'"),
+        (["solve", "membrane", "--n", "x"], "'x' is not a valid integer"),
+        (["solve", "membrane", "--n", "-4"], "n is -4"),
+        (["solve", "membrane", "--method", "newton"], "method is 'newton'"),
+        (["solve", "membrane", "--method", "mnmgs", "--option", "theta1=2"], "mnmgs has no option theta1"),
+        (["solve", "membrane", "--method", "mnmgs", "--option", "phi"], "'phi' is not of the form NAME=VALUE"),
+        (["solve", "membrane", "--option", "phi=1"], "name one with --method"),
+        (["solve", "membrane", "--set", "nu=1"], "membrane has no parameter 'nu'"),
+        (["solve", "membrane", "--rtol", "-1"], "rtol is -1.0"),
+        (["solve", "membrane", "-o", "answer.txt"], "ends in .npz"),
+        (["solve", __file__], "needs its q as well"),
+        (["solve", __file__, "--n", "3"], "--n and --set belong to scenes"),
+        (["crosscheck", "hand-lcp", "--solver", "gurobi"], "'gurobi'"),
+        (["scenes", "moon"], "there is no scene 'moon'"),
+        (["measure", "order", "hand-lcp", "--n", "2"], "has no grid"),
+        (["measure", "sweep", "--repeats", "1"], "repeats is 1"),
+    ],
+)
+def test_errors_are_one_line_on_standard_error(capsys, arguments, words):
+    code, out, err = call(capsys, *arguments)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("icpmodel: ")
+    assert err.count("\n") == 1
+    assert words in err
+
+
+@pytest.mark.parametrize("arguments", [[], ["solve"], ["crosscheck"], ["scenes"], ["measure"], ["measure", "sweep"]])
+def test_help_explains_every_command(capsys, arguments):
+    code, out, _ = call(capsys, *arguments, "--help")
+    assert code == 0
+    assert "Usage: icpmodel" in out
+
+
+def test_measure_prints_tables_and_csv(capsys):
+    assert "m = 10" in call(capsys, "measure", "counts", "--m", "10")[1]
+    code, out, _ = call(capsys, "measure", "sweep", "--n", "400", "--repeats", "3", "--csv")
+    assert code == 0
+    assert out.splitlines()[0].startswith("method,n,")
+    assert len(out.splitlines()) == 4
+    assert "V(1)" in call(capsys, "measure", "order", "dividend", "--n", "61", "--n", "121")[1]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a process")
+def test_ctrl_c_shows_the_best_iterate_and_no_traceback(tmp_path):
+    code = "from icpmodel.cli import main; main()"
+    arguments = ["solve", "bai-symmetric", "--n", "250000", "--set", "mu=0", "--method", "mnmj", "--rtol", "1e-15"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(6)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode in (1, 130)
+    assert "Traceback" not in err
+    assert err.count("\n") == 1
+    assert "interrupted" in err
+    if process.returncode == 1:
+        assert "residual" in out

@@ -1,0 +1,39 @@
+"""The tables behind the README: their shape, and what does not depend on the machine."""
+
+import numpy as np
+import pytest
+
+import icpmodel as icp
+from icpmodel.measure import grid_order, sweep_cost, sweep_counts
+
+
+def test_sweep_cost_compares_in_pairs():
+    table = sweep_cost(n=400, repeats=3, methods=("mnmgs",))
+    name, n, product, sweep, ratio, lowest, highest = table.rows[0]
+    assert (name, n) == ("mnmgs", 400)
+    assert 0 < lowest <= ratio <= highest
+    assert product > 0
+    assert sweep > 0
+
+
+def test_sweep_counts_show_a_failed_run_as_such():
+    row = sweep_counts(sides=(10,), methods=("mnmgs",)).rows[0]
+    solution = icp.scenes.bai_symmetric(n=100, mu=0)
+    expected = solution.problem.solve("mnmgs", z0=solution.z0, atol=1e-5, rtol=0).iterations
+    assert row == ("bai-symmetric", 0, "mnmgs", expected)
+
+
+def test_the_dividend_scene_converges_with_second_order():
+    """Free boundary, target and V(1) against the closed form at three grids."""
+    rows = grid_order("dividend", (61, 241, 961)).rows
+    for quantity in ("V(1)", "x*", "target"):
+        h, error = np.array([row[2:4] for row in rows if row[0] == quantity]).T
+        assert np.polyfit(np.log(h), np.log(error), 1)[0] == pytest.approx(2.0, abs=0.15)
+        assert error[-1] < 1e-5
+
+
+def test_a_table_aligns_and_exports():
+    table = sweep_counts(sides=(10,), methods=("mms",))
+    lines = str(table).splitlines()
+    assert len({len(line) for line in lines[1:]}) == 1
+    assert table.to_csv().splitlines()[1] == "bai-symmetric,0,mms,142"
