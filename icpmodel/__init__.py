@@ -22,7 +22,8 @@ from .errors import (
     SingularOperator,
 )
 from .files import load_problem, load_solution, save_problem, save_solution
-from .maps import Affine, Constant, Elementwise, Function, Intervention, Map
+from .intervention import Intervention
+from .maps import Affine, Constant, Elementwise, Function, Map
 from .methods import Method
 from .methods.mms import MMS
 from .methods.modulus import MNMAOR, MNMGS, MNMJ, MNMMOD, MNMOD, MNMSOR, NMMS, Modulus, ProjectionFixedPoint

@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from .errors import IcpError, InputError
-from .files import about, load_problem, save_problem, save_solution
+from .files import load_problem, save_problem, save_solution
 from .methods import named
 from .problem import ICP
 from .solution import Solution
@@ -81,7 +81,7 @@ def solve(output: str | None, problem_path: str | None, as_json: bool, **argumen
         save_solution(solution, output)
     errors = {} if scene is None else scene.errors(solution.z)
     if as_json:
-        click.echo(json.dumps(about(solution) | {"distance_to_reference": errors}, indent=2))
+        click.echo(json.dumps(solution.about() | {"distance_to_reference": errors}, indent=2))
     else:
         click.echo(str(solution))
         for name, error in errors.items():
@@ -100,7 +100,7 @@ def crosscheck(solvers: tuple[str, ...], csv_path: str | None, as_json: bool, **
     problem, scene = _problem(arguments)
     solution = _solve(problem, scene, arguments)
     if not solution.solved:
-        click.echo(json.dumps({"solution": about(solution), "report": None}, indent=2) if as_json else str(solution))
+        click.echo(json.dumps({"solution": solution.about(), "report": None}, indent=2) if as_json else str(solution))
         return _exit_code(False, solution.message)
     time_limit = arguments["time_limit"] or 60.0
     report = check(problem, solution, solvers or None, time_limit=time_limit)
@@ -109,7 +109,7 @@ def crosscheck(solvers: tuple[str, ...], csv_path: str | None, as_json: bool, **
     smaller = [] if scene is None else _at_their_size(scene, report, arguments)
     others = [check(problem, None, names, time_limit=time_limit) for problem, names in smaller]
     if as_json:
-        told = {"solution": about(solution), "report": json.loads(report.to_json())}
+        told = {"solution": solution.about(), "report": json.loads(report.to_json())}
         click.echo(json.dumps(told | {"at_their_size": [json.loads(other.to_json()) for other in others]}, indent=2))
     else:
         click.echo(f"{solution}\n\n{report}")

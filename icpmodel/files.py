@@ -13,7 +13,6 @@ A problem is one `.npz` file, or a folder that can be read by other programs too
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import json
 import zipfile
@@ -28,7 +27,7 @@ from .arrays import Vector
 from .errors import FileError, InputError
 from .maps import Affine, Constant
 from .problem import ICP
-from .solution import Solution, certify
+from .solution import Solution
 
 _VERSION = 1
 _KINDS = ("zero", "constant", "affine")
@@ -109,7 +108,7 @@ def save_solution(solution: Solution, path: str | Path) -> None:
     arrays: dict[str, Any] = {"z": solution.z, "p": solution.p, "r": solution.r}
     try:
         with path.open("wb") as file:
-            np.savez_compressed(file, about=np.array(json.dumps(about(solution))), **arrays)
+            np.savez_compressed(file, about=np.array(json.dumps(solution.about())), **arrays)
     except OSError as error:
         raise FileError(f"{path}: cannot be written ({error.strerror or error})") from error
 
@@ -131,37 +130,6 @@ def load_solution(path: str | Path) -> dict[str, Any]:
         result[name] = _npz_vector(path, fields, name, z.size)
     result["about"] = _json(path, "about", str(fields["about"]))
     return result
-
-
-def about(solution: Solution) -> dict[str, Any]:
-    """What is known of a solution as plain data for JSON: status, method, residuals, error bound; no arrays.
-
-    >>> about(ICP([[2.0]], [-1.0]).solve())["status"]
-    'solved'
-    """
-    certificate = certify(solution.problem, solution.z)
-    bound = certificate.bound
-    numbers = {
-        field.name: _finite(getattr(certificate, field.name))
-        for field in dataclasses.fields(certificate)
-        if field.name != "bound"
-    }
-    return {
-        "problem": repr(solution.problem),
-        "n": solution.problem.n,
-        "status": solution.status.value,
-        "message": solution.message,
-        "method": repr(solution.method),
-        "why": solution.why,
-        "iterations": solution.iterations,
-        "seconds": solution.seconds,
-        "tolerance": _finite(solution.tolerance),
-        **numbers,
-        "error_bound": _finite(bound.value),
-        "error_bound_scaling": bound.scaling,
-        "no_error_bound_because": bound.reason or None,
-        "unique": certificate.unique or None,
-    }
 
 
 def read_matrix(path: Path) -> Any:
@@ -194,11 +162,6 @@ def read_vector(path: Path) -> Vector:
     if 1 not in matrix.shape:
         raise FileError(f"{path}: holds a matrix of shape {matrix.shape}; a vector (n x 1) was expected")
     return np.asarray(matrix).reshape(-1)
-
-
-def _finite(value: float | None) -> float | None:
-    """JSON has no NaN and no infinity."""
-    return None if value is None or not np.isfinite(value) else value
 
 
 def _problem(path: Path, kind: str, parts: dict[str, Any]) -> ICP:

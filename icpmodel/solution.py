@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -231,6 +231,34 @@ class Solution:
             rows["message"] = self.message
         rows["seconds"] = f"{self.seconds:.3g}"
         return rows
+
+    def about(self) -> dict[str, Any]:
+        """What is known of this answer as plain data for JSON: status, method, residuals, error bound; no arrays.
+
+        >>> ICP([[2.0]], [-1.0]).solve().about()["status"]
+        'solved'
+        """
+        certificate = self.certificate
+        numbers = {field.name: getattr(certificate, field.name) for field in fields(certificate)}
+        bound = numbers.pop("bound")
+        told = {
+            "problem": repr(self.problem),
+            "n": self.problem.n,
+            "status": self.status.value,
+            "message": self.message,
+            "method": repr(self.method),
+            "why": self.why,
+            "iterations": self.iterations,
+            "seconds": self.seconds,
+            "tolerance": self.tolerance,
+            **numbers,
+            "error_bound": bound.value,
+            "error_bound_scaling": bound.scaling,
+            "no_error_bound_because": bound.reason or None,
+            "unique": bound.unique or None,
+        }
+        # JSON has no NaN and no infinity
+        return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
 
     def __str__(self) -> str:
         rows = self.summary()

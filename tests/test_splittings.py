@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.splittings import AOR, AOROperator, FactorisedOperator, Given, TriangularOperator, Whole
+from icpmodel.operators import AOROperator, FactorisedOperator, TriangularOperator
+from icpmodel.splittings import AOR, Given, Whole
 
 
 @numba.njit

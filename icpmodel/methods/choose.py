@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..maps import Intervention
+from ..intervention import Intervention
+from ..operators import factorise
 from ..problem import ICP
-from ..splittings import factorise
 from ..theory.spectral import jacobi_radius
 from . import Method
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD

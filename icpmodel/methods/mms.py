@@ -11,8 +11,9 @@ import numpy as np
 from ..arrays import Vector, as_vector
 from ..errors import InputError
 from ..problem import ICP
+from ..splittings import as_splitting
 from . import Method, positive_diagonal
-from .modulus import as_splitting, check_diagonal
+from .modulus import check_diagonal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -4,7 +4,7 @@ Written out with the modulus (equation 3.4 of the paper; φ₁ only rescales, so
 
     (M₁ + φ + Ω) z⁺ = (N₁ + φ) z + |(A − Ω)z + q + Ωψ(z)| − q + Ωψ(z),        N₁ = M₁ − A.
 
-|x − y| = x + y − 2 min(x, y) turns that into the line above; `splittings.Operator.step` is that line.
+|x − y| = x + y − 2 min(x, y) turns that into the line above; `operators.Operator.step` is that line.
 
 | method  | M₁             | Ω    |                                                    |
 |---------|----------------|------|----------------------------------------------------|
@@ -30,10 +30,8 @@ import numpy as np
 from ..arrays import Vector, as_vector
 from ..errors import InputError
 from ..problem import ICP
-from ..splittings import AOR, Given, Splitting, Whole
+from ..splittings import AOR, Splitting, Whole, as_splitting
 from . import Method, positive_diagonal
-
-_SPLITTINGS = {"jacobi": AOR(1.0, 0.0), "gauss-seidel": AOR(1.0, 1.0), "whole": Whole()}
 
 
 class ModulusMember(Method):
@@ -308,23 +306,6 @@ class ProjectionFixedPoint(ModulusMember):
     def why_not(self, problem: ICP) -> str | None:
         """See `Method.why_not`."""
         return positive_diagonal(problem, "the fixed point divides by the diagonal of A")
-
-
-def as_splitting(value: Any) -> Splitting:
-    """M₁ from what a user may write: a name, a `Splitting`, or a matrix.
-
-    >>> as_splitting("jacobi")
-    AOR(theta1=1.0, theta2=0.0)
-    """
-    if isinstance(value, Splitting):
-        return value
-    if isinstance(value, str):
-        if value not in _SPLITTINGS:
-            raise InputError(
-                f"splitting is {value!r}; one of {', '.join(_SPLITTINGS)}, an AOR or a matrix was expected"
-            )
-        return _SPLITTINGS[value]
-    return Given(value)
 
 
 def check_diagonal(method: Method, name: str, *, positive: bool = True) -> None:

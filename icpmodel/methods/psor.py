@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 from ..arrays import Vector, diagonal_positions
 from ..errors import InputError
+from ..operators import compiled_step
 from ..problem import ICP
-from ..splittings import compiled_step
 from . import Method, positive_diagonal
 
 

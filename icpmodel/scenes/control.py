@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Vector
-from ..maps import Intervention
+from ..intervention import Intervention
 from ..problem import ICP
 from .grid import level_crossing, tridiagonal
 from .registry import Quantity, Scene, at_least, register

@@ -17,8 +17,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..arrays import Vector, diagonal_positions
+from ..operators import factorise
 from ..problem import ICP, UNIT_ROUNDOFF
-from ..splittings import factorise
 
 
 @dataclass(frozen=True)

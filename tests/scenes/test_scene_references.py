@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.sparse.linalg import splu, spsolve
 
 import icpmodel.scenes as scenes
-from icpmodel.maps import Affine, Intervention
+from icpmodel.intervention import Intervention
+from icpmodel.maps import Affine
 from icpmodel.scenes import control, lubrication
 
 WITH_Z = [name for name in scenes.names() if scenes.scene(name).z_exact is not None]

@@ -1,0 +1,261 @@
+"""The operators X⁻¹, X = M₁ + φ + Ω, and the step of the modulus family that each makes possible.
+
+By |x − y| = x + y − 2 min(x, y) every method of the family is the one step
+
+    z⁺ = z − 2 X⁻¹ F_Ω(z),        F_Ω(z) = min(Az + q, Ω(z − ψ(z))),
+
+so a method is nothing but a choice of X and Ω. `Operator.step` is that line; the triangular and diagonal operators fuse
+it into one compiled pass over A.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from .arrays import Vector, diagonal_positions
+from .errors import SingularOperator
+from .maps import Affine, Constant, Elementwise, is_compiled
+from .problem import ICP, UNIT_ROUNDOFF
+
+#: z ↦ (z⁺, Res(z) or None where it does not fall out of the step)
+Step = Callable[[Vector], tuple[Vector, float | None]]
+
+
+class Operator(ABC):
+    """X⁻¹ of a splitting.
+
+    >>> DiagonalOperator(np.array([0.5])).solve(np.array([4.0]))
+    array([2.])
+    """
+
+    @abstractmethod
+    def solve(self, f: Vector) -> Vector:
+        """X⁻¹f, shape (n,).
+
+        >>> DiagonalOperator(np.array([0.5])).solve(np.array([4.0]))
+        array([2.])
+        """
+
+    def step(self, problem: ICP, omega: Vector) -> Step:
+        """The modulus step z ↦ (z − 2 X⁻¹ F_Ω(z), Res(z)) on `problem` with Ω = diag(`omega`).
+
+        >>> step = DiagonalOperator(np.array([0.25])).step(ICP([[2.0]], [-2.0]), np.array([2.0]))
+        >>> step(np.array([3.0]))
+        (array([1.]), 3.0)
+        """
+
+        def step(z: Vector) -> tuple[Vector, float]:
+            p, r = problem.A @ z + problem.q, z - problem.psi.value(z)
+            residual = float(np.linalg.norm(np.minimum(p, r)))
+            return z - 2.0 * self.solve(np.minimum(p, omega * r)), residual
+
+        return step
+
+
+@dataclass(frozen=True)
+class DiagonalOperator(Operator):
+    """X = diag(1/`inverse`), `inverse` of shape (n,).
+
+    >>> DiagonalOperator(np.array([0.5])).solve(np.array([4.0]))
+    array([2.])
+    """
+
+    inverse: Vector
+
+    def solve(self, f: Vector) -> Vector:
+        """See `Operator.solve`."""
+        return self.inverse * f
+
+    def step(self, problem: ICP, omega: Vector) -> Step:
+        """See `Operator.step`."""
+        A = problem.A
+        return compiled_step(problem, "diagonal", (A.indptr, A.indices, A.data, problem.q), (omega, self.inverse))
+
+
+@dataclass(frozen=True)
+class AOROperator(Operator):
+    """X = diag(1/`inverse`) + `tau` times the strict lower triangle of `A`.
+
+    >>> A = sp.csr_array([[4.0, -1.0], [-2.0, 4.0]])
+    >>> AOROperator(np.array([0.25, 0.25]), A, 1.0).solve(np.array([4.0, 2.0]))
+    array([1., 1.])
+    """
+
+    inverse: Vector
+    A: sp.csr_array
+    tau: float
+
+    def solve(self, f: Vector) -> Vector:
+        """See `Operator.solve`."""
+        from .kernels import substitute
+
+        A, out = self.A, np.empty(f.size)
+        diag = diagonal_positions(A)
+        substitute(A.indptr, diag, A.indices, A.data, self.tau, self.inverse, True, f, out)
+        return out
+
+    def step(self, problem: ICP, omega: Vector) -> Step:
+        """See `Operator.step`."""
+        A = problem.A
+        matrix = (A.indptr, A.indices, A.data, diagonal_positions(A), problem.q)
+        return compiled_step(problem, "aor", matrix, (omega, self.inverse, self.tau))
+
+
+@dataclass(frozen=True)
+class TriangularOperator(Operator):
+    """X = diag(1/`inverse`) + the strict lower (or upper) triangle of `M1`, whose diagonal stands at `diag`.
+
+    >>> M1 = sp.csr_array([[4.0, -1.0], [0.0, 4.0]])
+    >>> TriangularOperator(np.array([0.25, 0.25]), M1, np.array([0, 2]), lower=False).solve(np.array([3.0, 4.0]))
+    array([1., 1.])
+    """
+
+    inverse: Vector
+    M1: sp.csr_array
+    diag: Any
+    lower: bool
+
+    @property
+    def _rows(self) -> tuple[Any, Any]:
+        """Where each row's strictly triangular entries begin and end."""
+        return (self.M1.indptr[:-1], self.diag) if self.lower else (self.diag + 1, self.M1.indptr[1:])
+
+    def solve(self, f: Vector) -> Vector:
+        """See `Operator.solve`."""
+        from .kernels import substitute
+
+        out = np.empty(f.size)
+        substitute(*self._rows, self.M1.indices, self.M1.data, 1.0, self.inverse, self.lower, f, out)
+        return out
+
+    def step(self, problem: ICP, omega: Vector) -> Step:
+        """See `Operator.step`."""
+        A, M1 = problem.A, self.M1
+        X = (*self._rows, M1.indices, M1.data, self.inverse, self.lower)
+        return compiled_step(problem, "triangular", (A.indptr, A.indices, A.data, problem.q), (omega, *X))
+
+
+class FactorisedOperator(Operator):
+    """X⁻¹ by a sparse LU factorisation of the CSR matrix `X`, made once.
+
+    Raises SingularOperator where X is singular to working precision.
+
+    >>> FactorisedOperator(sp.csr_array([[2.0, 1.0], [1.0, 2.0]])).solve(np.array([3.0, 3.0]))
+    array([1., 1.])
+    """
+
+    def __init__(self, X: sp.csr_array) -> None:
+        X = sp.csr_array(X)
+        size = _row_maxima(X)
+        if not size.all():
+            row = int(np.argmin(size))
+            raise SingularOperator(f"X = M1 + phi + Omega is singular: row {row} is zero", row)
+        self._scale = 1.0 / size
+        scaled = sp.csr_array(sp.diags_array(self._scale) @ X)
+        self._lu = factorise(scaled)
+        if self._lu is not None:
+            pivots = np.abs(self._lu.U.diagonal())
+            if pivots.min() > X.shape[0] * UNIT_ROUNDOFF * pivots.max():
+                return
+        row = _dependent_row(scaled)
+        raise SingularOperator(
+            f"X = M1 + phi + Omega is singular to working precision: row {row} is a linear combination of the others; "
+            "change phi or phi2",
+            row,
+        )
+
+    def solve(self, f: Vector) -> Vector:
+        """See `Operator.solve`."""
+        solution: Vector = self._lu.solve(self._scale * f)
+        return solution
+
+
+def factorise(matrix: sp.csr_array) -> Any:
+    """SuperLU of a sparse matrix (n × n), ordered for its pattern; None where a pivot is exactly zero.
+
+    >>> factorise(sp.csr_array([[0.0]])) is None
+    True
+    """
+    from scipy.sparse.linalg import splu
+
+    columns = sp.csc_array(matrix)
+    pattern = sp.csr_array((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
+    symmetric = (pattern != pattern.T).nnz == 0
+    # threshold pivoting keeps the fill of the symmetric ordering where the diagonal is not small
+    options: dict[str, Any] = (
+        {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.1} if symmetric else {"permc_spec": "COLAMD"}
+    )
+    try:
+        return splu(columns, **options)
+    except RuntimeError as error:
+        if "singular" not in str(error):
+            raise
+        return None
+
+
+def compiled_step(problem: ICP, name: str, before: tuple[Any, ...], after: tuple[Any, ...]) -> Step:
+    """One compiled sweep as a step: `before` and `after` are the kernel's arguments around ψ.
+
+    ψ = constant, affine and compiled elementwise maps are evaluated inside the sweep; any other is called once for it.
+
+    >>> problem = ICP([[2.0]], [-2.0])
+    >>> matrix = (problem.A.indptr, problem.A.indices, problem.A.data, problem.q)
+    >>> compiled_step(problem, "diagonal", matrix, (np.array([2.0]), np.array([0.25])))(np.array([3.0]))
+    (array([1.]), 3.0)
+    """
+    from .kernels import SWEEPS, USER_SWEEPS
+
+    psi = problem.psi
+    inside: Any = None
+    if isinstance(psi, Constant):
+        inside = psi.c
+    elif isinstance(psi, Affine):
+        inside = (psi.c, psi.G.indptr, psi.G.indices, psi.G.data)
+    elif isinstance(psi, Elementwise) and is_compiled(psi.f):
+        inside = (psi.c, psi.f)
+    sweep = getattr(USER_SWEEPS if isinstance(psi, Elementwise) and inside is not None else SWEEPS, name)
+
+    def step(z: Vector) -> tuple[Vector, float]:
+        out = np.empty(z.size)
+        squares = sweep(*before, psi.value(z) if inside is None else inside, *after, z, out)
+        return out, float(np.sqrt(squares))
+
+    return step
+
+
+def inverse_diagonal(diagonal: Vector, shift: Vector) -> Vector:
+    """1/(`diagonal` + `shift`), both of shape (n,). Raises SingularOperator where the sum cancels.
+
+    >>> inverse_diagonal(np.array([1.0]), np.array([1.0]))
+    array([0.5])
+    """
+    total = diagonal + shift
+    bad = np.abs(total) <= 4 * UNIT_ROUNDOFF * (np.abs(diagonal) + np.abs(shift))
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise SingularOperator(
+            f"X = M1 + phi + Omega is singular: its diagonal entry in row {row} is {total[row]:g} "
+            f"({diagonal[row]:g} from M1, {shift[row]:g} from phi + Omega); change phi or phi2",
+            row,
+        )
+    inverse: Vector = 1.0 / total
+    return inverse
+
+
+def _row_maxima(X: sp.csr_array) -> Vector:
+    return np.asarray(abs(X).max(axis=1).toarray(), dtype=np.float64).reshape(-1)
+
+
+def _dependent_row(X: sp.csr_array) -> int:
+    """The largest entry of a left null vector of X, by two steps of inverse iteration on a slightly shifted X."""
+    lu = factorise(sp.csr_array(X + 1e-10 * sp.eye_array(X.shape[0])))
+    if lu is None:
+        return 0
+    y = lu.solve(lu.solve(np.ones(X.shape[0]), trans="T"), trans="T")
+    return int(np.argmax(np.abs(y)))
