@@ -29,7 +29,7 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
     """
     if sp.issparse(value):
         value = value.toarray()
-    array = _real(np.asarray(value), name)
+    array = _real(_as_array(value, name), name)
     if array.ndim == 2 and 1 in array.shape:
         array = array.reshape(-1)
     if array.ndim == 0 and n is not None:
@@ -64,7 +64,7 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     icpmodel.errors.InputError: A has shape (1, 2); a square matrix was expected
     """
     if not sp.issparse(value):
-        value = np.asarray(value)
+        value = _as_array(value, name)
         if value.ndim == 0:
             value = value.reshape(1, 1)
     shape = value.shape
@@ -133,6 +133,13 @@ def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     full = sp.csr_array(sp.coo_array((data, (rows, columns)), shape=matrix.shape))
     full.sort_indices()
     return full
+
+
+def _as_array(value: Any, name: str) -> np.ndarray:
+    try:
+        return np.asarray(value)
+    except ValueError as error:  # rows of different lengths
+        raise InputError(f"{name} cannot be read as an array of numbers: {error}") from error
 
 
 def _real(value: Any, name: str) -> Any:

@@ -92,9 +92,10 @@ def solve(
     Parameters:
     `problem`; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or None to have one picked;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol);
-    `max_iter` iterations in all; `time_limit` in seconds, looked at between iterations; `callback` gets a `Progress`
-    per tested iterate and stops the run by returning True; `history` keeps the residuals in `Solution.history`;
-    `progress` shows a bar where standard error is a terminal; `raise_on_failure`.
+    `max_iter` iterations in all; `time_limit` in seconds, set-up included, looked at between iterations;
+    `callback` gets a `Progress` per tested iterate and stops the run by returning True;
+    `history` keeps the residuals in `Solution.history`; `progress` shows a bar where standard error is a terminal;
+    `raise_on_failure`.
     Returns a `Solution`; its z is the best iterate, and SOLVED means that the residual of this very z was recomputed.
     Raises InputError, NotApplicable (SingularOperator), MapError where ψ fails at the start, and NotSolved, which
     carries the best iterate, where the run fails, runs out of time or is interrupted, unless `raise_on_failure` is
@@ -121,20 +122,27 @@ def solve(
 def _choices(problem: ICP, method: str | Method | None, options: dict[str, Any]) -> Iterator[Choice]:
     if method is None:
         if options:
-            raise InputError(f"{next(iter(options))} is an option of a method, but no method is given")
+            raise InputError(
+                f"solve has no option {next(iter(options))}; it takes {', '.join(_OPTIONS)}, "
+                "and the options of a method only where one is named"
+            )
         yield from choose(problem)
         return
     if isinstance(method, Method):
         if options:
             raise InputError(f"{next(iter(options))}: the options of a Method object go into its constructor")
     else:
-        method = named(method, **options)
+        try:
+            method = named(method, **options)
+        except InputError as error:
+            raise InputError(f"{error}" + (f"; solve takes {', '.join(_OPTIONS)}" if options else "")) from None
     why_not = method.why_not(problem)
     if why_not is not None:
         raise NotApplicable(f"{method.name}: {why_not}")
     yield Choice(method, "")
 
 
+_OPTIONS = ("z0", "rtol", "atol", "max_iter", "time_limit", "callback", "history", "progress", "raise_on_failure")
 _WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 
@@ -151,6 +159,9 @@ class _Job:
 
     def __post_init__(self) -> None:
         self.clock = time.perf_counter()
+        fault = _fault_of_psi(self.problem, self.start)
+        if fault:
+            raise MapError(f"{fault} at the start z0; a finite number or -inf was expected")
         self.tolerance = max(self.limits.atol, self.limits.rtol * self._scale())
 
     def _scale(self) -> float:
@@ -167,7 +178,7 @@ class _Job:
         solution: Solution | None = None
         for choice in choices:
             try:
-                with progress_bar(self.progress, f"{choice.method!r}", self.tolerance) as bar:
+                with progress_bar(self.progress, choice.method.name, self.tolerance) as bar:
                     solution = _Run(self, choice, solution, bar).go()
             except SingularOperator:
                 if not tolerate_singular:
@@ -205,7 +216,7 @@ class _Run:
             with np.errstate(over="ignore", invalid="ignore"):
                 status, note, k = self._loop()
         except KeyboardInterrupt:
-            status, note, k = Status.INTERRUPTED, "interrupted", self.last
+            status, note, k = Status.INTERRUPTED, "by Ctrl-C", self.last
         except MapError as error:
             if self.last == self.first:
                 raise
@@ -232,6 +243,9 @@ class _Run:
             if residual <= self.tolerance:
                 return Status.SOLVED, "", k
             if not residual < np.inf or residual > _BLOW_UP * max(first_residual, self.tolerance):
+                fault = _fault_of_psi(self.problem, z)
+                if fault:
+                    return Status.MAP_FAILED, f"{fault} at iteration {k}", k
                 return Status.DIVERGED, f"the residual is {residual:.3g} at iteration {k}", k
             if self.choice.method.memoryless and residual == milestone_residual and np.array_equal(z, milestone_z):
                 return *self._recurred(k - milestone), k
@@ -296,6 +310,15 @@ class _Run:
         return Solution(
             self.problem, z, status, message, self.choice.method, why, residual, self.tolerance, k, seconds, past
         )
+
+
+def _fault_of_psi(problem: ICP, z: Vector) -> str:
+    """Which entry of ψ(z) is NaN or +∞ although z is finite; empty where none is."""
+    if not np.isfinite(z).all():
+        return ""
+    psi = problem.psi.value(z)
+    bad = ~(np.isfinite(psi) | np.isneginf(psi))
+    return f"psi(z)[{np.argmax(bad)}] is {psi[np.argmax(bad)]}" if bad.any() else ""
 
 
 def _state(k: int, z: Vector, residual: float, seconds: float) -> Progress:

@@ -7,6 +7,8 @@ IcpError
 ├── NotApplicable                    a method or solver cannot take this problem; the sentence says why
 │   └── SingularOperator             X = M₁ + φ + Ω cannot be inverted; ``row`` says where
 └── NotSolved                        the run ended without a solution; ``solution`` has the best iterate
+
+Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check; ``report`` has the rows that were done
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .crosscheck.report import Report
     from .solution import Solution
 
 
@@ -95,3 +98,17 @@ class NotSolved(IcpError):
     def __init__(self, solution: Solution) -> None:
         super().__init__(solution.message)
         self.solution = solution
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a cross-check. ``report`` carries the rows that were done, the others as skipped.
+
+    It is a KeyboardInterrupt, so that it ends a script as Ctrl-C should.
+
+    >>> issubclass(Interrupted, KeyboardInterrupt) and not issubclass(Interrupted, Exception)
+    True
+    """
+
+    def __init__(self, report: Report) -> None:
+        super().__init__("interrupted")
+        self.report = report

@@ -106,9 +106,9 @@ def save_solution(solution: Solution, path: str | Path) -> None:
     if path.suffix != ".npz":
         raise FileError(f"{path}: a solution is written to a file that ends in .npz")
     arrays: dict[str, Any] = {"z": solution.z, "p": solution.p, "r": solution.r}
+    arrays["about"] = np.array(json.dumps(solution.about()))
     try:
-        with path.open("wb") as file:
-            np.savez_compressed(file, about=np.array(json.dumps(solution.about())), **arrays)
+        _write_whole(path, arrays)
     except OSError as error:
         raise FileError(f"{path}: cannot be written ({error.strerror or error})") from error
 
@@ -144,7 +144,10 @@ def read_matrix(path: Path) -> Any:
     if not path.is_file():
         raise FileError(f"{path}: no such file")
     try:
-        return mmread(path, spmatrix=False)
+        with path.open("rb") as file:
+            return mmread(file, spmatrix=False)
+    except PermissionError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, OverflowError, OSError, EOFError) as error:
         raise FileError(f"{path}: not a readable Matrix Market file ({error})") from error
 
@@ -183,8 +186,18 @@ def _write_npz(path: Path, kind: str, parts: dict[str, Any]) -> None:
             arrays |= {f"{name}_data": part.data, f"{name}_indices": part.indices, f"{name}_indptr": part.indptr}
         else:
             arrays[name] = part
-    with path.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+    _write_whole(path, arrays)
+
+
+def _write_whole(path: Path, arrays: dict[str, Any]) -> None:
+    """Write beside `path` and rename, so that an interruption leaves the old file or the new one."""
+    beside = path.with_name(path.name + ".part")
+    try:
+        with beside.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def _write_folder(path: Path, kind: str, parts: dict[str, Any]) -> None:
@@ -236,7 +249,9 @@ def _load_npz(path: Path, wanted: tuple[str, ...]) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as archive:
             fields = {name: archive[name] for name in archive.files}
-    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+    except ValueError as error:  # NumPy would have to unpickle something; its message says how, which must not be done
+        raise FileError(f"{path}: not an .npz file of plain arrays") from error
+    except (OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
         raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
     for name in wanted:
         _field(path, fields, name)

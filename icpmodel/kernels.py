@@ -13,6 +13,7 @@ alone.
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import numba
@@ -25,7 +26,12 @@ _at = np.uint64
 
 
 def _compile(function: Any, *, cache: bool) -> Any:
-    return numba.njit(function, cache=cache, fastmath={"contract"}, error_model="numpy", nogil=True)
+    compiled = numba.njit(function, fastmath={"contract"}, error_model="numpy", nogil=True)
+    if cache:
+        # without a writable folder for its cache numba raises; then every process compiles anew
+        with contextlib.suppress(RuntimeError):
+            compiled.enable_caching()
+    return compiled
 
 
 def psi_entry(psi, i, z):

@@ -65,13 +65,16 @@ class ICP:
     def __delattr__(self, name: str) -> None:
         self.__setattr__(name, None)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ICP, (self.A, self.q, self.psi)
+
     def with_q(self, q: Any) -> ICP:
         """The problem with another `q`, shape (n,); A, ψ and what is known of them are shared.
 
         >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
         array([2.])
         """
-        return self._with(as_vector(q, self.n, "q"), self.psi, self.memory)
+        return self._with(as_vector(q, self.n if np.ndim(q) else None, "q"), self.psi, self.memory)
 
     def with_psi(self, psi: Any) -> ICP:
         """The problem with another `psi` (anything that `ICP` takes); A and q are shared.
@@ -210,6 +213,7 @@ class ICP:
         *,
         atol: float | None = None,
         time_limit: float = 60.0,
+        progress: bool = False,
     ) -> Report:
         """Have independent solvers check an answer; `icpmodel.crosscheck.crosscheck` says how.
 
@@ -218,7 +222,7 @@ class ICP:
         """
         from .crosscheck import crosscheck
 
-        return crosscheck(self, solution, solvers, atol=atol, time_limit=time_limit)
+        return crosscheck(self, solution, solvers, atol=atol, time_limit=time_limit, progress=progress)
 
     def __repr__(self) -> str:
         return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={self.psi!r})"

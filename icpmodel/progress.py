@@ -6,7 +6,7 @@ import contextlib
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 
 class Bar:
@@ -59,3 +59,20 @@ def progress_bar(wanted: bool, title: str, tolerance: float) -> Iterator[Bar]:
     columns = (TextColumn(escape(title)), BarColumn(), TextColumn("{task.fields[text]}"), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         yield _TerminalBar(progress, progress.add_task(title, total=1.0, text=""), tolerance)
+
+
+@contextlib.contextmanager
+def status_line(wanted: bool) -> Iterator[Callable[[str], None]]:
+    """A function that shows a sentence on what is going on: if `wanted` and standard error is a terminal.
+
+    >>> with status_line(True) as say:
+    ...     say("computing the error bound")
+    """
+    if not wanted or not sys.stderr.isatty():
+        yield lambda text: None
+        return
+    from rich.console import Console
+    from rich.markup import escape
+
+    with Console(stderr=True).status("") as status:
+        yield lambda text: status.update(escape(text))

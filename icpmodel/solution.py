@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -58,7 +58,7 @@ _ADVICE = {
     "TIME_LIMIT": "raise time_limit, loosen rtol, or pass this solution as z0 to go on",
     "INTERRUPTED": "pass this solution as z0 to go on",
     "STOPPED": "the callback returned True; pass this solution as z0 to go on",
-    "MAP_FAILED": "mend psi at the point the message names; this is the best iterate before it",
+    "MAP_FAILED": "mend psi, or start nearer to the solution; this is the best iterate before it failed",
 }
 
 
@@ -100,10 +100,11 @@ class Certificate:
         return self.bound.unique
 
 
-def certify(problem: ICP, z: Any) -> Certificate:
+def certify(problem: ICP, z: Any, *, bound: bool = True) -> Certificate:
     """The one judge of an answer, ours or a foreign solver's.
 
-    Parameters: `z` shape (n,). Returns a `Certificate`. Raises InputError for a wrong shape, MapError where ψ fails.
+    Parameters: `z` shape (n,); `bound` whether to look for an error bound as well, which may cost one linear solve.
+    Returns a `Certificate`. Raises InputError for a wrong shape, MapError where ψ fails.
 
     >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
     0.0
@@ -118,7 +119,7 @@ def certify(problem: ICP, z: Any) -> Certificate:
         residual_scaled=scaled,
         violation_p=float(np.maximum(-p, 0.0).max()),
         violation_r=float(np.maximum(-r, 0.0).max()),
-        bound=error_bound(problem, z),
+        bound=error_bound(problem, z) if bound else ErrorBound(None, None, "none", "it was not computed"),
     )
 
 
@@ -196,6 +197,16 @@ class Solution:
         """
         return certify(self.problem, self.z)
 
+    def without_bound(self) -> Solution:
+        """The same answer, its certificate without an error bound: for problems so large that one solve is too dear.
+
+        >>> ICP([[2.0]], [-2.0]).solve().without_bound().certificate.bound.reason
+        'it was not computed'
+        """
+        copy = replace(self)
+        copy.__dict__["certificate"] = certify(self.problem, self.z, bound=False)
+        return copy
+
     @property
     def error_bound(self) -> float | None:
         """max_i |z_i − z*_i| is at most this, in the units of z; None where there is no certificate.
@@ -265,8 +276,6 @@ class Solution:
         return "\n".join(f"{name:<9} {text}".replace("\n", "\n" + " " * 10) for name, text in rows.items())
 
     def _repr_html_(self) -> str:
-        cells = (
-            f"<tr><th style='text-align:left'>{html.escape(name)}</th><td>{html.escape(text)}</td></tr>"
-            for name, text in self.summary().items()
-        )
+        lines = {name: html.escape(text).replace("\n", "<br>") for name, text in self.summary().items()}
+        cells = (f"<tr><th style='text-align:left'>{name}</th><td>{text}</td></tr>" for name, text in lines.items())
         return f"<table>{''.join(cells)}</table>"

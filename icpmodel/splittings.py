@@ -54,7 +54,7 @@ class AOR(Splitting):
     """Accelerated overrelaxation: M₁ = (D − θ₂L)/θ₁.
 
     (θ, θ) is successive overrelaxation, (1, 1) Gauss–Seidel, (1, 0) Jacobi.
-    Raises InputError unless θ₁ is finite and not 0 and θ₂ is finite.
+    Raises InputError unless θ₁ is finite and positive and θ₂ is finite.
     Reference: Hadjidimos, Math. Comp. 32 (1978).
 
     >>> AOR(2.0, 1.0).matrix(sp.csr_array([[4.0, -1.0], [-2.0, 4.0]])).toarray()
@@ -70,8 +70,8 @@ class AOR(Splitting):
             value = getattr(self, name)
             if not isinstance(value, (int, float)) or not np.isfinite(value):
                 raise InputError(f"{name} is {value!r}; a finite number was expected")
-        if self.theta1 == 0:
-            raise InputError("theta1 is 0; M1 = (D - theta2 L)/theta1 needs another number")
+        if self.theta1 <= 0:
+            raise InputError(f"theta1 is {self.theta1!r}; a number > 0 was expected, as M1 = (D - theta2 L)/theta1")
 
     def matrix(self, A: sp.csr_array) -> sp.csr_array:
         """See `Splitting.matrix`."""

@@ -92,6 +92,39 @@ def test_crosscheck_as_json(capsys):
     assert told["report"]["agrees"] is True
 
 
+def test_a_run_goes_on_from_a_saved_answer(capsys, tmp_path):
+    first = str(tmp_path / "first.npz")
+    arguments = ["solve", "bai-symmetric", "--set", "mu=0", "--method", "mnmgs", "--json"]
+    assert call(capsys, *arguments, "--max-iter", "500", "-o", first)[0] == 1
+    cold = json.loads(call(capsys, *arguments)[1])["iterations"]
+    code, out, _ = call(capsys, *arguments, "--z0", first)
+    assert code == 0
+    assert json.loads(out)["iterations"] == cold - 500
+
+
+def test_the_error_bound_can_be_left_out(capsys):
+    code, out, _ = call(capsys, "solve", "membrane", "--no-bound")
+    assert code == 0
+    assert "it was not computed" in out
+
+
+def test_an_interrupted_crosscheck_shows_what_was_done(capsys, monkeypatch):
+    from icpmodel.crosscheck.pyomo import PyomoHighs
+
+    def press(self, target, *, time_limit):
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(1)
+
+    monkeypatch.setattr(PyomoHighs, "solve", press)
+    code, out, _ = call(capsys, "crosscheck", "hand-lcp")
+    assert code == 0  # four solvers had agreed before
+    assert out.count("agrees") == 4
+    assert out.count("interrupted") == 2
+    with pytest.raises(icp.Interrupted) as stopped:
+        icp.scenes.hand_lcp().problem.crosscheck(solvers=["pyomo-highs", "osqp"])
+    assert not stopped.value.report.agrees
+
+
 def test_crosscheck_of_an_unsolved_problem_asks_nobody(capsys):
     code, out, err = call(capsys, "crosscheck", "membrane", "--max-iter", "2")
     assert code == 1
@@ -112,7 +145,7 @@ def test_scenes_are_listed_and_described(capsys):
     assert code == 0
     assert [line.split()[0] for line in out.splitlines()] == icp.scenes.names()
     code, out, _ = call(capsys, "scenes", "membrane")
-    assert "parameters: n=900" in out
+    assert "parameters: --n 900 --set mu=0.0 --set skew=0.0" in out
     assert "none: The square has no closed form" in out
     for name in icp.scenes.names():
         assert json.loads(call(capsys, "scenes", name, "--json")[1])["name"] == name
@@ -145,6 +178,14 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["solve", "membrane", "--set", "nu=1"], "membrane has no parameter 'nu'"),
         (["solve", "membrane", "--rtol", "-1"], "rtol is -1.0"),
         (["solve", "membrane", "-o", "answer.txt"], "ends in .npz"),
+        (["solve", "membrane", "-o", "no/such/answer.npz"], "the folder no/such does not exist"),
+        (["crosscheck", "membrane", "--csv", "no/such.csv"], "the folder no does not exist"),
+        (["crosscheck", "membrane", "--csv", "."], "is a folder"),
+        (["solve", "dividend", "--set", "n=61"], "set by --n"),
+        (["solve", "membrane", "--q", "q.mtx"], "has its own q"),
+        (["solve", "membrane", "--n", "1000000000000"], "up to n = 100000000"),
+        (["solve", ""], "SOURCE is neither a file"),
+        (["solve", "membrane", "--z0", "nowhere.npz"], "nowhere.npz: no such file"),
         (["solve", __file__], "needs its q as well"),
         (["solve", __file__, "--n", "3"], "--n and --set belong to scenes"),
         (["crosscheck", "hand-lcp", "--solver", "gurobi"], "'gurobi'"),

@@ -159,8 +159,16 @@ def test_a_psi_that_returns_nan_late_is_never_solved():
         return np.where(z > 0.6, np.nan, 0.0)
 
     solution = icp.ICP([[1.0]], [-1.0], psi).solve("mnmgs", phi=3.0, raise_on_failure=False)
-    assert solution.status is Status.DIVERGED
+    assert solution.status is Status.MAP_FAILED
+    assert "psi(z)[0] is nan at iteration" in solution.message
     assert np.isfinite(solution.residual)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_psi_that_is_not_finite_at_the_start_is_the_user_s_fault_and_said_so(bad):
+    problem = icp.ICP(np.eye(2), [1.0, 1.0], lambda z: np.array([0.0, bad]))
+    with pytest.raises(icp.MapError, match=r"psi\(z\)\[1\] is (nan|inf) at the start"):
+        problem.solve()
 
 
 def test_loud_by_default_and_the_error_carries_the_solution(slow):

@@ -128,7 +128,7 @@ def test_mms_is_the_recursion_of_hong_and_li():
         ("psor", {"omega": 2.0}, "omega is 2.0; a number between 0 and 2"),
         ("mms", {"inner": 0}, "inner is 0"),
         ("mms", {"omega": -1.0}, "omega has the entry -1"),
-        (None, {"theta1": 1.0}, "theta1 is an option of a method"),
+        (None, {"theta1": 1.0}, "solve has no option theta1; it takes z0, rtol"),
         (icp.MNMGS(), {"phi": 1.0}, "go into its constructor"),
     ],
 )

@@ -18,8 +18,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, Interrupted
 from ..problem import ICP
+from ..progress import status_line
 from ..solution import Solution
 from .formulations import QP, Target
 from .judge import Checked, Row, Verdict
@@ -33,6 +34,7 @@ __all__ = [
     "Row",
     "Target",
     "Verdict",
+    "chosen_solvers",
     "crosscheck",
     "independent_solvers",
     "missing",
@@ -142,14 +144,17 @@ def crosscheck(
     *,
     atol: float | None = None,
     time_limit: float = 60.0,
+    progress: bool = False,
 ) -> Report:
     """Have independent solvers solve `problem`, and compare each with the answer under test.
 
     Parameters: `solution` a `Solution`, a vector z of shape (n,), or None, which solves first; `solvers` names (see
     `independent_solvers`) or own `IndependentSolver` objects, None for all; `atol` how far two answers may lie apart in
-    an entry, in the units of z, default 1e-6 max|z|; `time_limit` seconds for each solver.
+    an entry, in the units of z, default 1e-6 max|z|; `time_limit` seconds for each solver; `progress` says on a
+    terminal which solver is at work.
     Returns a `Report`; `report.agrees` is True only where at least one solver really agreed and none disagreed.
-    Raises InputError for a z of the wrong shape, an unknown solver or a bad number. An interruption passes through.
+    Raises InputError for a z of the wrong shape, an unknown solver or a bad number, and Interrupted, which carries
+    the report so far, after Ctrl-C.
 
     >>> report = crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5, 0.0], ["osqp", "cvxpy-clarabel"])
     >>> [row.verdict.value for row in report.rows], report.agrees
@@ -157,7 +162,7 @@ def crosscheck(
     >>> crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5001, 0.0], ["osqp"]).rows[0].verdict
     <Verdict.DISAGREES: 'disagrees'>
     """
-    chosen = _chosen(solvers)
+    chosen = chosen_solvers(solvers)
     if atol is not None:
         _check_number(atol, "atol", allow_zero=True)
     _check_number(time_limit, "time_limit")
@@ -166,8 +171,17 @@ def crosscheck(
     # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
     with np.errstate(over="ignore", invalid="ignore"):
         checked = Checked.of(problem, solution, atol)
-        rows = [row for solver in chosen for row in _ask(solver, checked, time_limit)]
-        return Report.of(checked, rows, solution if isinstance(solution, Solution) else None)
+        rows: list[Row] = []
+        known = solution if isinstance(solution, Solution) else None
+        with status_line(progress) as say:
+            for k, solver in enumerate(chosen):
+                say(f"asking {solver.name} ({k + 1} of {len(chosen)})")
+                try:
+                    rows += _ask(solver, checked, time_limit)
+                except KeyboardInterrupt:
+                    rows += [Row.skipped(other.name, "interrupted") for other in chosen[k:]]
+                    raise Interrupted(Report.of(checked, rows, known)) from None
+        return Report.of(checked, rows, known)
 
 
 def _ask(solver: IndependentSolver, checked: Checked, time_limit: float) -> list[Row]:
@@ -191,11 +205,18 @@ def _ask(solver: IndependentSolver, checked: Checked, time_limit: float) -> list
     return rows
 
 
-def _chosen(solvers: Iterable[str | IndependentSolver] | None) -> list[IndependentSolver]:
+def chosen_solvers(solvers: Iterable[str | IndependentSolver] | None) -> list[IndependentSolver]:
+    """The solvers that names or own objects stand for, None for all; each once.
+
+    Raises InputError for an unknown name.
+
+    >>> [solver.name for solver in chosen_solvers(["osqp", "osqp"])]
+    ['osqp']
+    """
     known = independent_solvers()
     if solvers is None:
         return list(known.values())
-    chosen = []
+    chosen: dict[str, IndependentSolver] = {}
     for solver in [solvers] if isinstance(solvers, str | IndependentSolver) else solvers:
         if isinstance(solver, str):
             if solver not in known:
@@ -203,8 +224,8 @@ def _chosen(solvers: Iterable[str | IndependentSolver] | None) -> list[Independe
             solver = known[solver]
         elif not isinstance(solver, IndependentSolver):
             raise InputError(f"solvers has a {type(solver).__name__}; names or IndependentSolver objects were expected")
-        chosen.append(solver)
-    return chosen
+        chosen[solver.name] = solver  # named twice, asked once
+    return list(chosen.values())
 
 
 def _check_number(value: Any, name: str, *, allow_zero: bool = False) -> None:

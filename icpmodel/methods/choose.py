@@ -49,7 +49,9 @@ def choose(problem: ICP) -> Iterator[Choice]:
             yield Choice(MNMGS(), "sweeps with Omega = D are monotone where A is a Z-matrix and psi isotone")
         return
     if (problem.A.diagonal() > 0).all():
-        radius = jacobi_radius(problem.A)
+        if "jacobi radius" not in problem.memory:
+            problem.memory["jacobi radius"] = jacobi_radius(problem.A)
+        radius = problem.memory["jacobi radius"]
         omega = 2.0 / (1.0 + np.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
         sweeps = Choice(MNMGS(), f"sweeps need no relaxation here (estimated Jacobi radius {radius:.4f})")
         if omega >= _WORTH_RELAXING:
@@ -68,10 +70,11 @@ def _factorised(problem: ICP, why: str) -> Iterator[Choice]:
     lu = factorise(problem.A)
     inverse = np.inf if lu is None else float(np.abs(lu.solve(np.ones(problem.n))).max())
     theta1 = float(np.sqrt(size / inverse)) if 0 < inverse < np.inf else size
-    if 0 < theta1 < np.inf:
-        yield Choice(MNMMOD(theta1=theta1), f"{why}; theta1 from the norms of A and its inverse")
-        for factor in (0.5, 2.0):
-            yield Choice(MNMMOD(theta1=factor * theta1), f"{why}; theta1 changed by a factor of {factor:g}")
+    if not 0 < theta1 < np.inf:
+        theta1 = 1.0
+    yield Choice(MNMMOD(theta1=theta1), f"{why}; theta1 from the norms of A and its inverse")
+    for factor in (0.5, 2.0):
+        yield Choice(MNMMOD(theta1=factor * theta1), f"{why}; theta1 changed by a factor of {factor:g}")
 
 
 def overrelaxed(problem: ICP, omega: float) -> MNMAOR:

@@ -88,6 +88,9 @@ class Scene:
 
 Builder = Callable[..., Scene]
 
+#: beyond this the matrix alone would need tens of gigabytes
+LARGEST = 10**8
+
 #: name of the scene → the function that builds it
 BUILDERS: dict[str, Builder] = {}
 
@@ -165,4 +168,6 @@ def size(n: Any) -> int:
         whole = 0
     if whole < 1 or isinstance(n, bool):
         raise InputError(f"n is {n!r}; the wanted number of unknowns, an integer >= 1, was expected")
+    if whole > LARGEST:
+        raise InputError(f"n is {n!r}; scenes are built up to n = {LARGEST}")
     return whole

@@ -1,0 +1,75 @@
+"""The command line: arguments in, text or JSON out. No numerics here.
+
+Exit codes: 0 success (solved; for `crosscheck` also confirmed), 1 not solved or not confirmed, 2 wrong input or a file
+that cannot be read or written, 130 interrupted before there was anything to show.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import click
+
+from ..errors import IcpError
+from .gallery import scenes
+from .measuring import measure
+from .output import complain
+from .solving import crosscheck, solve
+
+__all__ = ["main"]
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="icpmodel")
+def commands() -> None:
+    """Implicit complementarity problems: find z with p = Az + q >= 0, r = z - psi(z) >= 0 and p'r = 0.
+
+    \b
+    icpmodel scenes                          what is built in
+    icpmodel solve membrane --n 10000        solve a scene
+    icpmodel solve problem/ -o answer.npz    solve a problem from files
+    icpmodel crosscheck membrane             solve, then have osqp, cvxpy and Pyomo check the answer
+    icpmodel measure sweep                   the numbers of the README, measured on this machine
+    """
+
+
+for _command in (solve, crosscheck, scenes, measure):
+    commands.add_command(_command)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The entry point: every error is one line on standard error.
+
+    >>> main(["scenes", "--help"])
+    Traceback (most recent call last):
+    SystemExit: 0
+    """
+    try:
+        code = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False)
+        sys.stdout.flush()
+    except click.exceptions.Exit as stop:
+        code = stop.exit_code
+    except click.exceptions.NoArgsIsHelpError as help_page:
+        help_page.show()
+        code = 2
+    except click.ClickException as error:
+        complain(error.format_message())
+        code = 2
+    except IcpError as error:
+        complain(str(error))
+        code = 2
+    except MemoryError as error:
+        complain(f"not enough memory: {error}")
+        code = 2
+    except (KeyboardInterrupt, click.Abort):
+        complain("interrupted")
+        code = 130
+    except BrokenPipeError:  # the reader, head for one, has seen enough; nothing may be flushed to it at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    except OSError as error:
+        complain(f"cannot write the output: {error.strerror or error}")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 2
+    sys.exit(code)

@@ -1,0 +1,61 @@
+"""`icpmodel measure`: what the README claims, measured on this machine."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from ..measure import Table
+
+
+@click.group()
+def measure() -> None:
+    """Measure what the README claims, on this machine."""
+
+
+@measure.command()
+@click.option("--n", type=int, default=1_000_000, show_default=True, help="Unknowns of the 5-point matrix.")
+@click.option("--repeats", type=int, default=15, show_default=True, help="Pairs of timings.")
+@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+def sweep(n: int, repeats: int, as_csv: bool) -> int:
+    """One sweep with its residual against one SciPy A @ z, timed in turn."""
+    from ..measure import sweep_cost
+
+    return _show(sweep_cost(n, repeats), as_csv)
+
+
+@measure.command()
+@click.option(
+    "--m",
+    "sides",
+    type=click.IntRange(min=1),
+    multiple=True,
+    default=(10, 20, 30),
+    show_default=True,
+    help="Grid sides.",
+)
+@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+def counts(sides: tuple[int, ...], as_csv: bool) -> int:
+    """Sweeps to Res <= 1e-5 on Bai's LCP, against the grid side m."""
+    from ..measure import sweep_counts
+
+    return _show(sweep_counts(sides), as_csv)
+
+
+@measure.command()
+@click.argument("scene", default="dividend")
+@click.option("--n", "sizes", type=int, multiple=True, default=(61, 241, 961), show_default=True, help="Unknowns.")
+@click.option("--method", help="Name of the method; without it one is picked.")
+@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+def order(scene: str, sizes: tuple[int, ...], method: str | None, as_csv: bool) -> int:
+    """The error of SCENE against its closed form on finer and finer grids."""
+    from ..measure import grid_order
+
+    return _show(grid_order(scene, sizes, method), as_csv)
+
+
+def _show(table: Table, as_csv: bool) -> int:
+    click.echo(table.to_csv() if as_csv else str(table), nl=not as_csv)
+    return 0

@@ -1,0 +1,68 @@
+"""What the commands print, and where they may write."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..errors import FileError
+
+
+def show_json(told: dict[str, Any]) -> None:
+    """Print plain data as JSON; NaN and infinities, which JSON does not have, as null.
+
+    >>> show_json({"x": [1.0, float("nan")]})
+    {
+      "x": [
+        1.0,
+        null
+      ]
+    }
+    """
+    click.echo(json.dumps(_finite(told), indent=2, allow_nan=False))
+
+
+def complain(message: str) -> None:
+    """One line on standard error.
+
+    >>> complain("no such thing")
+    """
+    click.echo("icpmodel: " + " ".join(message.split()), err=True)
+
+
+def exit_code(success: bool, complaint: str) -> int:
+    """0 for success, else 1 and the complaint.
+
+    >>> exit_code(True, "")
+    0
+    """
+    if not success:
+        complain(complaint)
+    return 0 if success else 1
+
+
+def must_be_writable(path: str | None) -> None:
+    """Raise FileError now for a path that could not be written later, when the work is done.
+
+    >>> must_be_writable("no/such/folder/report.csv")
+    Traceback (most recent call last):
+    icpmodel.errors.FileError: no/such/folder/report.csv: the folder no/such/folder does not exist
+    """
+    if path is None:
+        return
+    if Path(path).is_dir():
+        raise FileError(f"{path}: is a folder; a file name was expected")
+    if not Path(path).parent.is_dir():
+        raise FileError(f"{path}: the folder {Path(path).parent} does not exist")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
