@@ -3,6 +3,7 @@
 import ast
 import importlib
 import inspect
+import os
 import pkgutil
 import subprocess
 import sys
@@ -100,6 +101,13 @@ def test_solving_loads_numba_only():
 
 def test_the_crosscheck_room_loads_its_solvers_at_first_use():
     assert loaded_by("import icpmodel.crosscheck") & HEAVY == set()
+
+
+def test_without_a_writable_cache_everything_still_runs():
+    code = "import icpmodel as icp; print(icp.scenes.hand_lcp().problem.solve('mnmgs').status.value)"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": "/dev/null/nowhere"}
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert run.stdout == "solved\n", run.stderr
 
 
 def modules():

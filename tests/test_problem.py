@@ -1,5 +1,7 @@
 """The problem: validated once, never changed, and the only place where p, r and Res are computed."""
 
+import copy
+import pickle
 from fractions import Fraction
 
 import numpy as np
@@ -130,3 +132,15 @@ def test_rounding_bounds_the_error_of_the_computed_natural_map(seed, scale):
         p = sum((Fraction(A[i, j]) * Fraction(z[j]) for j in range(n)), Fraction(q[i]))
         psi = sum((Fraction(G[i, j]) * Fraction(z[j]) for j in range(n)), Fraction(c[i]))
         assert abs(Fraction(computed[i]) - min(p, Fraction(z[i]) - psi)) <= Fraction(bound[i])
+
+
+def test_a_problem_and_its_solution_can_be_pickled_and_copied():
+    """So that processes can share the work; ψ must be picklable itself."""
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0], icp.Affine([[0.0, 0.5], [0.0, 0.0]], [0.1, -np.inf]))
+    for twin in (pickle.loads(pickle.dumps(problem)), copy.deepcopy(problem)):
+        assert np.array_equal(twin.A.toarray(), problem.A.toarray())
+        assert np.array_equal(twin.r([1.0, 2.0]), problem.r([1.0, 2.0]))
+        with pytest.raises(AttributeError):
+            twin.q = problem.q
+    solution = problem.solve()
+    assert np.array_equal(pickle.loads(pickle.dumps(solution)).z, solution.z)
