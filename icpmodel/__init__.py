@@ -11,7 +11,7 @@ array([0.5, 0. ])
 import importlib as _importlib
 from typing import Any as _Any
 
-from .driver import Limits, Progress, solve
+from .driver import solve
 from .errors import (
     FileError,
     IcpError,
@@ -24,6 +24,7 @@ from .errors import (
 )
 from .files import load_problem, load_solution, save_problem, save_solution
 from .intervention import Intervention
+from .loop import Progress
 from .maps import Affine, Constant, Elementwise, Function, Map
 from .methods import Method
 from .methods.mms import MMS
@@ -60,7 +61,6 @@ __all__ = [
     "InputError",
     "Interrupted",
     "Intervention",
-    "Limits",
     "Map",
     "MapError",
     "Method",

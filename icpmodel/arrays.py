@@ -50,6 +50,34 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
     return vector
 
 
+def as_number(
+    value: Any,
+    name: str,
+    *,
+    above: float = -np.inf,
+    least: float = -np.inf,
+    most: float = np.inf,
+    below: float = np.inf,
+    whole: bool = False,
+) -> float:
+    """`value` as a finite float (an int if `whole`) with `above` < value < `below` and `least` ≤ value ≤ `most`.
+
+    Numbers of Python and NumPy are taken, truth values and texts are not. Raises InputError.
+
+    >>> as_number(-1, "mu", least=0)
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: mu is -1; a finite number >= 0 was expected
+    """
+    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    right = isinstance(value, kinds) and not isinstance(value, bool)
+    if not (right and np.isfinite(value) and above < value < below and least <= value <= most):
+        bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
+        wanted = " and ".join(f"{sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))
+        kind = "whole" if whole else "finite"
+        raise InputError(f"{name} is {value!r}; a {kind} number {wanted}".rstrip() + " was expected")
+    return int(value) if whole else float(value)
+
+
 def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool = False) -> sp.csr_array:
     """A private float64 CSR copy of the square matrix `value`: sorted, duplicates summed, indices as small as they fit.
 

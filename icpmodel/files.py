@@ -58,7 +58,7 @@ def save_problem(problem: ICP, path: str | Path) -> None:
         parts["G"] = psi.G
     path = Path(path)
     try:
-        if path.suffix == ".npz":
+        if path.suffix.lower() == ".npz":
             _write_npz(path, kind, parts)
         else:
             _write_folder(path, kind, parts)
@@ -83,13 +83,16 @@ def load_problem(path: str | Path, q: str | Path | None = None) -> ICP:
         if q is not None:
             raise FileError(f"{path}: is a folder, which holds its own q; drop q")
         return _problem(path, *_read_folder(path))
-    if path.suffix == ".npz":
+    if path.suffix.lower() == ".npz":
         if q is not None:
             raise FileError(f"{path}: holds its own q; drop q")
         return _problem(path, *_read_npz(path))
     if q is None:
         raise FileError(f"{path}: is neither an .npz file nor a folder; a Matrix Market file of A needs its q as well")
-    return _problem(path, "zero", {"A": read_matrix(path), "q": read_vector(Path(q))})
+    A, vector = read_matrix(path), read_vector(Path(q))
+    if vector.size != A.shape[0]:
+        raise FileError(f"{q}: holds {vector.size} numbers; {A.shape[0]} were expected, the rows of {path}")
+    return _problem(path, "zero", {"A": A, "q": vector})
 
 
 def save_solution(solution: Solution, path: str | Path) -> None:
@@ -103,7 +106,7 @@ def save_solution(solution: Solution, path: str | Path) -> None:
     array([0.5])
     """
     path = Path(path)
-    if path.suffix != ".npz":
+    if path.suffix.lower() != ".npz":
         raise FileError(f"{path}: a solution is written to a file that ends in .npz")
     arrays: dict[str, Any] = {"z": solution.z, "p": solution.p, "r": solution.r}
     arrays["about"] = np.array(json.dumps(solution.about()))
@@ -139,17 +142,24 @@ def read_matrix(path: Path) -> Any:
     Traceback (most recent call last):
     icpmodel.errors.FileError: nowhere.mtx: no such file
     """
-    from scipy.io import mmread
+    from scipy.io import mminfo, mmread
 
     if not path.is_file():
         raise FileError(f"{path}: no such file")
     try:
-        with path.open("rb") as file:
-            return mmread(file, spmatrix=False)
+        path.open("rb").close()  # says so if it may not be read; SciPy would call its banner missing
+        # SciPy allocates what the header promises
+        rows, columns, entries, *_ = mminfo(path)
+        if entries <= path.stat().st_size:
+            return mmread(path, spmatrix=False)
     except PermissionError as error:
         raise FileError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, OverflowError, OSError, EOFError) as error:
         raise FileError(f"{path}: not a readable Matrix Market file ({error})") from error
+    raise FileError(
+        f"{path}: its header promises {rows} x {columns} with {entries} entries, which do not fit into "
+        f"{path.stat().st_size} bytes; is the file truncated?"
+    )
 
 
 def read_vector(path: Path) -> Vector:

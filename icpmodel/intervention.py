@@ -29,24 +29,15 @@ class Intervention(Map):
     array([1., 0., 0.])
     """
 
-    isotone = True
-
     def __init__(self, jumps: Any, best: str = "max") -> None:
         if best not in ("max", "min"):
             raise InputError(f'best is {best!r}; "max" or "min" was expected')
         self.best = best
         self.fun = jumps if callable(jumps) else None
-        self.jumps: sp.csr_array | None = None
-        if self.fun is None:
-            if not sp.issparse(jumps):
-                raise InputError(
-                    f"jumps is a {type(jumps).__name__}; a SciPy sparse matrix (its stored entries are the "
-                    "possible jumps) or a function z -> (value, target) was expected"
-                )
-            self.jumps = as_csr(jumps, "jumps")
-            self.lipschitz = freeze(
-                sp.csr_array((np.ones(self.jumps.nnz), self.jumps.indices, self.jumps.indptr), shape=self.jumps.shape)
-            )
+        self.jumps = None if callable(jumps) else _checked(jumps)
+        if self.jumps is not None:
+            ones = np.ones(self.jumps.nnz)
+            self.lipschitz = freeze(sp.csr_array((ones, self.jumps.indices, self.jumps.indptr), shape=self.jumps.shape))
 
     def bind(self, n: int) -> Intervention:
         """See `Map.bind`."""
@@ -105,3 +96,15 @@ class Intervention(Map):
     def __repr__(self) -> str:
         source = "a function" if self.jumps is None else f"{self.jumps.nnz} jumps"
         return f"Intervention({source}, {self.best})"
+
+
+def _checked(jumps: Any) -> sp.csr_array:
+    if not sp.issparse(jumps):
+        raise InputError(
+            f"jumps is a {type(jumps).__name__}; a SciPy sparse matrix (its stored entries are the possible jumps) or "
+            "a function z -> (value, target) was expected"
+        )
+    matrix = as_csr(jumps, "jumps")
+    if matrix.nnz < jumps.nnz:  # as_csr adds up what is stored twice, which has no meaning here
+        raise InputError("jumps stores the same jump twice; each i -> j once, with its best gain, was expected")
+    return matrix

@@ -29,8 +29,11 @@ class Map(ABC):
 
     #: the CSR matrix G, or None
     lipschitz: sp.csr_array | None = None
-    #: whether x ≤ y implies ψ(x) ≤ ψ(y) is known
-    isotone: bool = False
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in self.__dict__:
+            raise AttributeError(f"a map never changes; make a new one instead of setting {name}")
+        super().__setattr__(name, value)
 
     @abstractmethod
     def bind(self, n: int) -> Map:
@@ -67,8 +70,6 @@ class Constant(Map):
     >>> Constant([0, 1]).bind(2).value(np.array([5.0, 5.0]))
     array([0., 1.])
     """
-
-    isotone = True
 
     def __init__(self, c: Any) -> None:
         self.c = as_vector(c, None if np.ndim(c) else 1, "psi", infinite=-np.inf)
@@ -109,7 +110,6 @@ class Affine(Map):
         self.c = as_vector(c, n, "psi.c", infinite=-np.inf)
         self.c.flags.writeable = False
         self.lipschitz = freeze(abs(self.G))
-        self.isotone = bool((self.G.data >= 0).all())
 
     def bind(self, n: int) -> Affine:
         """See `Map.bind`."""
@@ -153,7 +153,7 @@ class Elementwise(Map):
     ) -> None:
         self.f = _callable(f, "psi.f")
         self.derivative = None if derivative is None else _callable(derivative, "psi.derivative")
-        self.constants = lipschitz
+        self.given_lipschitz = lipschitz
         self.c = c
         if is_compiled(f) is not is_compiled(derivative) and derivative is not None:
             raise InputError("psi.f and psi.derivative: both or neither must be compiled with numba.njit")
@@ -162,9 +162,9 @@ class Elementwise(Map):
         """See `Map.bind`."""
         c = as_vector(self.c, n, "psi.c", infinite=-np.inf)
         c.flags.writeable = False
-        bound = Elementwise(self.f, self.derivative, self.constants, c)
-        if self.constants is not None:
-            bound.lipschitz = freeze(sp.diags_array(_nonnegative(self.constants, n)).tocsr())
+        bound = Elementwise(self.f, self.derivative, self.given_lipschitz, c)
+        if self.given_lipschitz is not None:
+            bound.lipschitz = freeze(sp.diags_array(_nonnegative(self.given_lipschitz, n)).tocsr())
         return bound
 
     def value(self, z: Vector) -> Vector:
@@ -208,20 +208,20 @@ class Function(Map):
     ) -> None:
         self.fun = _callable(fun, "psi")
         self.derivative = None if jacobian is None else _callable(jacobian, "psi.jacobian")
-        self.constants = lipschitz
+        self.given_lipschitz = lipschitz
 
     def bind(self, n: int) -> Function:
         """See `Map.bind`."""
-        bound = Function(self.fun, self.derivative, self.constants)
-        if self.constants is None:
+        bound = Function(self.fun, self.derivative, self.given_lipschitz)
+        if self.given_lipschitz is None:
             return bound
-        if sp.issparse(self.constants) or np.ndim(self.constants) == 2:
-            G = as_csr(self.constants, "psi.lipschitz", n)
+        if sp.issparse(self.given_lipschitz) or np.ndim(self.given_lipschitz) == 2:
+            G = as_csr(self.given_lipschitz, "psi.lipschitz", n)
             if (G.data < 0).any():
                 raise InputError(f"psi.lipschitz has the entry {G.data.min()}; entries >= 0 were expected")
             bound.lipschitz = G
         else:
-            bound.lipschitz = freeze(sp.diags_array(_nonnegative(self.constants, n)).tocsr())
+            bound.lipschitz = freeze(sp.diags_array(_nonnegative(self.given_lipschitz, n)).tocsr())
         return bound
 
     def value(self, z: Vector) -> Vector:

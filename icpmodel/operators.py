@@ -13,6 +13,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ import scipy.sparse as sp
 
 from .arrays import Vector, diagonal_positions
 from .errors import SingularOperator
-from .maps import Affine, Constant, Elementwise, is_compiled
+from .maps import Affine, Constant, Elementwise, is_compiled, raising_map_error
 from .problem import ICP, UNIT_ROUNDOFF
 
 #: z ↦ (z⁺, Res(z) or None where it does not fall out of the step)
@@ -91,19 +92,27 @@ class AOROperator(Operator):
     A: sp.csr_array
     tau: float
 
+    @cached_property
+    def diag(self) -> Any:
+        """Where in `A.data` each row's diagonal entry stands, shape (n,).
+
+        >>> AOROperator(np.ones(1), sp.csr_array([[4.0]]), 1.0).diag.tolist()
+        [0]
+        """
+        return diagonal_positions(self.A)
+
     def solve(self, f: Vector) -> Vector:
         """See `Operator.solve`."""
         from .kernels import substitute
 
         A, out = self.A, np.empty(f.size)
-        diag = diagonal_positions(A)
-        substitute(A.indptr, diag, A.indices, A.data, self.tau, self.inverse, True, f, out)
+        substitute(A.indptr, self.diag, A.indices, A.data, self.tau, self.inverse, True, f, out)
         return out
 
     def step(self, problem: ICP, omega: Vector) -> Step:
         """See `Operator.step`."""
         A = problem.A
-        matrix = (A.indptr, A.indices, A.data, diagonal_positions(A), problem.q)
+        matrix = (A.indptr, A.indices, A.data, self.diag, problem.q)
         return compiled_step(problem, "aor", matrix, (omega, self.inverse, self.tau))
 
 
@@ -156,12 +165,16 @@ class FactorisedOperator(Operator):
         if not size.all():
             row = int(np.argmin(size))
             raise SingularOperator(f"X = M1 + phi + Omega is singular: row {row} is zero", row)
-        self._scale = 1.0 / size
-        scaled = sp.csr_array(sp.diags_array(self._scale) @ X)
+        # rows and columns are brought to the size 1, so that units do not look like singularity
+        self._row_scale = 1.0 / size
+        scaled = sp.csr_array(sp.diags_array(self._row_scale) @ X)
+        size = _row_maxima(sp.csr_array(scaled.T))
+        self._column_scale = 1.0 / np.where(size > 0, size, 1.0)
+        scaled = sp.csr_array(scaled @ sp.diags_array(self._column_scale))
         self._lu = factorise(scaled)
         if self._lu is not None:
             pivots = np.abs(self._lu.U.diagonal())
-            if pivots.min() > X.shape[0] * UNIT_ROUNDOFF * pivots.max():
+            if pivots.min() > 16 * UNIT_ROUNDOFF * pivots.max():
                 return
         row = _dependent_row(scaled)
         raise SingularOperator(
@@ -172,7 +185,7 @@ class FactorisedOperator(Operator):
 
     def solve(self, f: Vector) -> Vector:
         """See `Operator.solve`."""
-        solution: Vector = self._lu.solve(self._scale * f)
+        solution: Vector = self._column_scale * self._lu.solve(self._row_scale * f)
         return solution
 
 
@@ -219,14 +232,18 @@ def compiled_step(problem: ICP, name: str, before: tuple[Any, ...], after: tuple
         inside = (psi.c, psi.G.indptr, psi.G.indices, psi.G.data)
     elif isinstance(psi, Elementwise) and is_compiled(psi.f):
         inside = (psi.c, psi.f)
-    sweep = getattr(USER_SWEEPS if isinstance(psi, Elementwise) and inside is not None else SWEEPS, name)
+    user = isinstance(psi, Elementwise) and inside is not None
+    sweep = getattr(USER_SWEEPS if user else SWEEPS, name)
 
     def step(z: Vector) -> tuple[Vector, float]:
         out = np.empty(z.size)
         squares = sweep(*before, psi.value(z) if inside is None else inside, *after, z, out)
         return out, float(np.sqrt(squares))
 
-    return step
+    if not user:
+        return step
+    # the sweep calls the user's compiled function, which may raise
+    return lambda z: raising_map_error(lambda: step(z), "psi.f")
 
 
 def inverse_diagonal(diagonal: Vector, shift: Vector) -> Vector:
@@ -257,5 +274,6 @@ def _dependent_row(X: sp.csr_array) -> int:
     lu = factorise(sp.csr_array(X + 1e-10 * sp.eye_array(X.shape[0])))
     if lu is None:
         return 0
-    y = lu.solve(lu.solve(np.ones(X.shape[0]), trans="T"), trans="T")
+    # a start without symmetries, which could be orthogonal to the null vector
+    y = lu.solve(lu.solve(np.random.default_rng(0).random(X.shape[0]), trans="T"), trans="T")
     return int(np.argmax(np.abs(y)))

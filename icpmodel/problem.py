@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: unit roundoff of float64
 UNIT_ROUNDOFF = 2.0**-53
+#: the smallest positive float64, the most that underflow can cost one operation
+SMALLEST = 2.0**-1074
 
 
 class ICP:
@@ -40,14 +42,14 @@ class ICP:
     ICP(n=2, nnz=4, psi=Constant(0))
     """
 
-    __slots__ = ("A", "memory", "n", "psi", "q")
+    __slots__ = ("A", "_memory", "n", "psi", "q")
 
     A: sp.csr_array
     q: Vector
     psi: Map
     n: int
     #: what was found out about A and ψ (not q), kept for the problems that share them; see `remember`
-    memory: dict[str, Any]
+    _memory: dict[str, Any]
 
     def __init__(self, A: Any, q: Any, psi: Any = 0.0) -> None:
         matrix = as_csr(A, "A", keep_diagonal=True)
@@ -56,7 +58,7 @@ class ICP:
 
     def _set(self, A: sp.csr_array, q: Vector, psi: Map, memory: dict[str, Any]) -> None:
         q.flags.writeable = False
-        for name, value in (("A", A), ("q", q), ("psi", psi), ("n", q.size), ("memory", memory)):
+        for name, value in (("A", A), ("q", q), ("psi", psi), ("n", q.size), ("_memory", memory)):
             object.__setattr__(self, name, value)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -74,7 +76,7 @@ class ICP:
         >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
         array([2.])
         """
-        return self._with(as_vector(q, self.n if np.ndim(q) else None, "q"), self.psi, self.memory)
+        return self._with(as_vector(q, self.n if np.ndim(q) else None, "q"), self.psi, self._memory)
 
     def with_psi(self, psi: Any) -> ICP:
         """The problem with another `psi` (anything that `ICP` takes); A and q are shared.
@@ -134,10 +136,13 @@ class ICP:
         """F_Ω(z) = min(Az + q, Ω(z − ψ(z))), shape (n,): zero exactly at the solutions, for every Ω > 0.
 
         Parameters: `z` shape (n,); `omega` the diagonal of Ω, a positive number or vector of shape (n,).
+        Raises InputError where it is not positive.
 
         >>> ICP([[2.0]], [-1.0]).natural_map([3.0], omega=0.5)
         array([1.5])
         """
+        if not np.all(np.asarray(omega) > 0):
+            raise InputError(f"omega has the entry {np.min(omega)}; positive numbers were expected")
         with np.errstate(over="ignore", invalid="ignore"):
             return np.minimum(self.p(z), omega * self.r(z))
 
@@ -157,8 +162,8 @@ class ICP:
         """A bound on the rounding error of each entry of F(z) as computed, shape (n,).
 
         γ_k(|A||z| + |q|) for p and γ_k(|z| + G|z| + |ψ(z)|) for r, the larger of the two where r is finite, with
-        γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the entries of the row. ψ itself is taken as exact to a few u,
-        which holds for constant and affine maps.
+        γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the entries of the row, and k·2⁻¹⁰⁷⁴ for underflow. ψ itself is
+        taken as exact to a few u, which holds for constant and affine maps.
         Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
 
         >>> bool(ICP([[3.0]], [-6.0]).rounding([2.0])[0] < 1e-14)
@@ -168,13 +173,14 @@ class ICP:
         psi = self.psi.value(z)
         free = np.isneginf(psi)
         with np.errstate(over="ignore", invalid="ignore"):
-            for_p = _gamma(np.diff(self.A.indptr) + 2) * (self.absolute_A() @ np.abs(z) + np.abs(self.q))
+            terms = np.diff(self.A.indptr) + 2
+            for_p = _gamma(terms) * (self.absolute_A() @ np.abs(z) + np.abs(self.q)) + terms * SMALLEST
             size = np.abs(z) + np.where(free, 0.0, np.abs(psi))
             entries: Any = 3
             if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
                 size = size + self.psi.lipschitz @ np.abs(z)
                 entries = np.diff(self.psi.lipschitz.indptr) + 3
-            return np.maximum(for_p, np.where(free, 0.0, _gamma(entries) * size))
+            return np.maximum(for_p, np.where(free, 0.0, _gamma(entries) * size + entries * SMALLEST))
 
     def absolute_A(self) -> sp.csr_array:
         """|A|, entry by entry; it shares the index arrays of A.
@@ -182,10 +188,10 @@ class ICP:
         >>> ICP([[-2.0]], [1.0]).absolute_A().toarray()
         array([[2.]])
         """
-        if "absolute" not in self.memory:
+        if "absolute" not in self._memory:
             data = np.abs(self.A.data)
-            self.memory["absolute"] = sp.csr_array((data, self.A.indices, self.A.indptr), shape=self.A.shape)
-        return self.memory["absolute"]
+            self._memory["absolute"] = sp.csr_array((data, self.A.indices, self.A.indptr), shape=self.A.shape)
+        return self._memory["absolute"]
 
     @property
     def is_lcp(self) -> bool:

@@ -51,7 +51,7 @@ class Status(Enum):
 _ADVICE = {
     "SOLVED": "",
     "PRECISION_LIMIT": "rounding forbids a smaller residual: accept this z, or scale the problem; see its error bound",
-    "STAGNATED": "try another theta1, theta2 or phi2, or another method; the problem may have no solution",
+    "STAGNATED": "try another theta1, theta2 or phi2, or another method; unless certified, there may be no solution",
     "CYCLED": "try another theta1, theta2 or phi2 (a larger phi damps the step), or another method",
     "DIVERGED": "try a smaller theta1, a larger phi2 or phi, or another method; A may be far from an H+-matrix",
     "ITERATION_LIMIT": "raise max_iter, loosen rtol, or pass this solution as z0 to go on",

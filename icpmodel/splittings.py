@@ -9,10 +9,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import scipy.sparse as sp
 
-from .arrays import Vector, as_csr, diagonal_positions
+from .arrays import Vector, as_csr, as_number, diagonal_positions
 from .errors import InputError
 from .operators import (
     AOROperator,
@@ -44,6 +43,7 @@ class Splitting(ABC):
     def operator(self, A: sp.csr_array, shift: Vector) -> Operator:
         """X⁻¹ for X = M₁ + diag(`shift`), `shift` = φ + Ω of shape (n,). Raises SingularOperator.
 
+        >>> import numpy as np
         >>> float(Whole().operator(sp.csr_array([[4.0]]), np.ones(1)).solve(np.array([10.0]))[0])
         2.0
         """
@@ -66,12 +66,8 @@ class AOR(Splitting):
     theta2: float
 
     def __post_init__(self) -> None:
-        for name in ("theta1", "theta2"):
-            value = getattr(self, name)
-            if not isinstance(value, (int, float)) or not np.isfinite(value):
-                raise InputError(f"{name} is {value!r}; a finite number was expected")
-        if self.theta1 <= 0:
-            raise InputError(f"theta1 is {self.theta1!r}; a number > 0 was expected, as M1 = (D - theta2 L)/theta1")
+        as_number(self.theta1, "theta1", above=0)
+        as_number(self.theta2, "theta2")
 
     def matrix(self, A: sp.csr_array) -> sp.csr_array:
         """See `Splitting.matrix`."""

@@ -15,6 +15,14 @@ import icpmodel as icp
 from icpmodel.cli import main
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c_raises():
+    """Python's own handler: a shell may start the tests with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def call(capsys, *arguments):
     with pytest.raises(SystemExit) as stop:
         main(list(arguments))
@@ -132,6 +140,37 @@ def test_crosscheck_of_an_unsolved_problem_asks_nobody(capsys):
     assert "iteration limit" in err
 
 
+def test_a_disagreement_at_the_smaller_size_is_not_confirmed(capsys, monkeypatch):
+    from icpmodel.crosscheck import Answer
+    from icpmodel.crosscheck.pyomo import PyomoHighs
+
+    def another_solution(self, target, *, time_limit):
+        right = target.problem.solve(rtol=1e-13).z
+        return Answer(right, "optimal", True)
+
+    monkeypatch.setattr(PyomoHighs, "solve", another_solution)
+    arguments = ["crosscheck", "membrane", "--n", "400", "--solver", "pyomo-highs", "--solver", "osqp"]
+    assert call(capsys, *arguments)[0] == 0
+    monkeypatch.setattr("icpmodel.crosscheck.judge._sum_of_bounds", lambda *_: 0.0)
+    monkeypatch.setattr("icpmodel.crosscheck.judge.AGREE", 0.0)
+    code, _, err = call(capsys, *arguments[:-2], "--solver", "cvxpy-osqp", "--rtol", "1e-4")
+    assert code == 1
+    assert "not confirmed" in err
+
+
+def test_limits_and_the_start_of_a_scene_reach_the_solver(capsys):
+    told = json.loads(call(capsys, "solve", "bai-symmetric", "--set", "mu=0", "--time-limit", "0", "--json")[1])
+    assert told["status"] == "time limit"
+    assert told["iterations"] == 0
+    bai = icp.scenes.bai_symmetric()
+    expected = bai.problem.solve("mnmgs", z0=bai.z0, rtol=0.1).iterations
+    told = json.loads(call(capsys, "solve", "bai-symmetric", "--method", "mnmgs", "--rtol", "0.1", "--json")[1])
+    assert told["iterations"] == expected
+    assert expected != bai.problem.solve("mnmgs", rtol=0.1).iterations
+    told = json.loads(call(capsys, "solve", "bai-symmetric", "--method", "mnmgs", "--atol", "1e9", "--json")[1])
+    assert told["iterations"] == 0
+
+
 def test_a_solver_that_passes_only_at_a_smaller_size_is_asked_there(capsys):
     code, out, _ = call(capsys, "crosscheck", "membrane", "--n", "400", "--solver", "pyomo-highs", "--solver", "osqp")
     assert code == 0
@@ -190,7 +229,9 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["solve", __file__, "--n", "3"], "--n and --set belong to scenes"),
         (["crosscheck", "hand-lcp", "--solver", "gurobi"], "'gurobi'"),
         (["scenes", "moon"], "there is no scene 'moon'"),
-        (["measure", "order", "hand-lcp", "--n", "2"], "has no grid"),
+        (["measure", "order", "manufactured-affine", "--n", "4", "--n", "9"], "has no grid"),
+        (["measure", "order", "dividend", "--n", "61", "--n", "61"], "at least two different ones"),
+        (["solve", "membrane", "--set", "name=3"], "membrane has no parameter 'name'"),
         (["measure", "sweep", "--repeats", "1"], "repeats is 1"),
     ],
 )

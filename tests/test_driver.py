@@ -7,12 +7,22 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numba
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import Status
 from icpmodel.methods import _REGISTRY, Method
+
+
+@pytest.fixture(autouse=True)
+def ctrl_c_raises():
+    """Python's own handler: a shell may start the tests with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture
@@ -209,7 +219,7 @@ def test_history_holds_every_tested_iterate():
 
 def test_history_of_the_automatic_choice_spans_all_methods():
     solution = icp.scenes.hand_splittings().problem.solve(history=True)
-    assert "before it" in solution.why
+    assert "also tried" in solution.why
     assert (np.diff(solution.history.iteration) >= 0).all()
     assert solution.history.iteration[-1] == solution.iterations
 
@@ -290,3 +300,162 @@ def test_every_status_but_solved_has_advice():
 
 def test_scripted_methods_stay_out_of_the_registry():
     assert Scripted not in _REGISTRY.values()
+
+
+def test_a_lying_hint_cannot_hide_the_best_or_the_last_iterate():
+    script = ((1.5, 0.5), (50.0, 1e-3), (1.0, 7.0))
+    solution = ONE.solve(Scripted(script=script[:2]), max_iter=2, raise_on_failure=False)
+    assert solution.residual == ONE.residual(solution.z)
+    assert ONE.solve(Scripted(script=script), max_iter=3, raise_on_failure=False).solved
+
+
+def test_a_psi_without_a_value_at_zero_is_no_trap_for_the_fallback_methods():
+    A = [[1.0, 0.0, 2.0], [2.0, 1.0, 0.0], [0.0, 2.0, 1.0]]
+
+    def psi(z):
+        if not z.any():
+            raise ValueError("no value at 0")
+        return np.zeros(3)
+
+    solution = icp.ICP(A, [-1.0, -1.0, -1.0], psi).solve(z0=[1.0, 0.5, 0.2], raise_on_failure=False)
+    assert solution.status in Status
+    assert solution.residual == pytest.approx(icp.ICP(A, [-1.0, -1.0, -1.0]).residual(solution.z))
+
+
+def test_ctrl_c_while_the_next_method_is_chosen_keeps_the_best_iterate(monkeypatch):
+    from icpmodel.methods import choose
+
+    def press(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(choose, "factorise", press)
+    solution = icp.scenes.hand_cyclic().problem.solve(z0=[1.0, 0.5, 0.2], raise_on_failure=False)
+    assert solution.status is Status.INTERRUPTED
+    assert np.isfinite(solution.residual)
+
+
+def test_the_method_that_is_named_is_the_one_that_found_z():
+    """Of several methods that failed, `method` is the one whose iterate is returned, `why` lists the others."""
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        problem = icp.ICP(rng.normal(size=(3, 3)) + np.eye(3), rng.normal(size=3))
+        solution = problem.solve(raise_on_failure=False, max_iter=3000, history=True)
+        if not solution.solved and "also tried" in solution.why:
+            assert repr(solution.method) not in solution.why
+            assert solution.residual == pytest.approx(solution.history.residual.min(), rel=1e-9)
+            return
+    pytest.fail("none of these problems failed with several methods")
+
+
+def test_a_run_away_is_stopped_long_before_it_overflows():
+    solution = icp.ICP([[1.0]], [-1.0]).solve("mnmgs", phi=-1.5, z0=[1.1], raise_on_failure=False)
+    assert 400 < solution.iterations < 450  # 3^k > 1e200 at k = 420, overflow at 646
+
+
+def test_a_hint_whose_squares_over_or_underflow_is_not_used():
+    for size in (1e-170, 1e170):
+        problem = icp.ICP([[1.0]], [-size])
+        solution = problem.solve(Scripted(script=((0.5 * size, 0.0), (1.2 * size, np.inf), (size, 0.0))), max_iter=3)
+        assert solution.z[0] == size
+        assert problem.solve("mnmgs", history=True).history.residual[0] == size
+
+
+def test_the_time_limit_is_in_seconds(monkeypatch):
+    now = iter(np.arange(0.0, 1000.0, 1.0))
+    monkeypatch.setattr("icpmodel.loop.time.perf_counter", lambda: float(next(now)))
+    problem = icp.scenes.bai_symmetric(n=900, mu=0).problem
+    solution = problem.solve("mnmgs", time_limit=20.0, raise_on_failure=False)
+    assert solution.status is Status.TIME_LIMIT
+    assert 15 <= solution.iterations <= 25
+
+
+def test_a_python_psi_is_called_once_per_sweep():
+    calls = []
+
+    def psi(z):
+        calls.append(1)
+        return 0.1 * np.sin(z)
+
+    problem = icp.scenes.bai_symmetric(n=100, mu=0).problem.with_psi(psi)
+    for method in (icp.MNMGS(), icp.MNMJ(), icp.PSOR(), icp.MNMOD()):
+        path = method.iterates(problem, np.zeros(100))
+        next(path)
+        calls.clear()
+        for _ in range(10):
+            next(path)
+        assert len(calls) == 10
+
+
+@pytest.mark.parametrize("method", ["mnmgs", "mnmj", "psor", None])
+def test_a_signal_that_must_cross_all_rows_is_no_stagnation(method):
+    """One-way coupling: the residual stays the same for n steps, and then the answer is exact."""
+    n = 1500
+    A = sp.eye_array(n, format="csr") - sp.eye_array(n, k=1, format="csr")
+    q = np.zeros(n)
+    q[-1] = -1.0
+    solution = icp.ICP(A, q).solve(method)
+    assert solution.z.tolist() == [1.0] * n
+
+
+def test_a_transient_that_grows_by_1e150_is_no_divergence():
+    n = 500
+    A = sp.eye_array(n, format="csr") + 2 * sp.eye_array(n, k=1, format="csr")
+    q = -A @ np.ones(n)
+    assert icp.ICP(A, q, -np.inf).solve("mnmgs").z == pytest.approx(np.ones(n))
+
+
+def test_a_fallback_is_judged_by_its_own_progress_not_by_an_earlier_method_s():
+    """A warm start next to the solution must not make the answer worse."""
+    n = 60
+    T = sp.diags_array([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], offsets=[-1, 0, 1])
+    C = np.array([[1.0, 0.0, -0.9], [-0.9, 1.0, 0.0], [0.0, -0.9, 1.0]])
+    A = sp.csr_array(sp.block_diag([T, C]))
+    z = 1.0 + np.random.default_rng(0).random(n + 3)
+    problem = icp.ICP(A, -(A @ z))
+    assert problem.solve(z0=z * (1 + 1e-7)).z == pytest.approx(z, abs=1e-4)
+
+
+def test_a_problem_that_zero_solves_has_a_scale_all_the_same():
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0], psi=-1.0)
+    assert problem.solve("mnmgs", z0=[0.5, 0.5]).residual <= 1e-8
+
+
+def test_a_psi_with_a_will_of_its_own_is_not_called_solved():
+    calls = [0]
+
+    def psi(z):
+        calls[0] += 1
+        return np.full(1, float(calls[0] % 7 == 0))
+
+    for first in range(50):
+        calls[0] = first
+        solution = icp.ICP([[2.0]], [2.0], psi).solve("mnmgs", z0=[3.0], raise_on_failure=False)
+        assert not solution.solved or solution.residual <= solution.tolerance
+
+
+def test_a_psi_that_fails_at_the_first_step_keeps_the_start():
+    def psi(z):
+        if (z < -0.5).any():
+            raise ValueError("outside")
+        return np.full(1, -3.0)
+
+    solution = icp.ICP([[2.0]], [4.0], psi).solve("mnmgs", z0=[1.0], raise_on_failure=False)
+    assert solution.status is Status.MAP_FAILED
+    assert solution.z.tolist() == [1.0]
+
+
+def test_a_compiled_psi_that_raises_is_the_map_s_error():
+    pole = numba.njit(lambda s: 0.1 / (s - 1.0))
+    problem = icp.ICP([[2.0]], [-2.0], icp.Elementwise(pole, c=-5.0))
+    solution = problem.solve("mnmgs", z0=[3.0], raise_on_failure=False)
+    assert solution.status is Status.MAP_FAILED
+    assert "ZeroDivisionError" in solution.message
+
+
+def test_mms_needs_no_value_of_psi_at_zero():
+    def psi(z):
+        if (z <= 0).any():
+            raise ValueError("log of a negative number")
+        return 0.1 * np.log(z)
+
+    assert icp.ICP([[2.0]], [-2.0], psi).solve("mms", z0=[1.5]).z == pytest.approx([1.0])

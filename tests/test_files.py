@@ -117,12 +117,54 @@ def test_a_truncated_npz_is_an_error_at_every_length(tmp_path, part, reader):
         {"problem": icp.load_problem, "solution": icp.load_solution}[reader](path)
 
 
-def test_pickled_arrays_are_refused(tmp_path):
-    path = tmp_path / "p.npz"
+class Trap:
+    """Unpickling this creates a file."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return open, (str(self.path), "w")
+
+
+@pytest.mark.parametrize("reader", [icp.load_problem, icp.load_solution])
+def test_nothing_in_a_file_is_ever_executed(tmp_path, reader):
+    path, sprung = tmp_path / "p.npz", tmp_path / "sprung"
     icp.save_problem(problem_of("zero"), path)
-    damage(path, q=np.array([{}, 1, 2, 3], dtype=object))
-    with pytest.raises(icp.FileError, match=r"p\.npz"):
-        icp.load_problem(path)
+    trap = np.array([Trap(sprung)] * 4, dtype=object)
+    damage(path, q=trap, z=trap)
+    with pytest.raises(icp.FileError, match=r"p\.npz: not an \.npz file of plain arrays"):
+        reader(path)
+    assert not sprung.exists()
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "s.npz"
+    icp.save_solution(problem_of("zero").solve(), path)
+    before = path.read_bytes()
+
+    def press(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "savez_compressed", press)
+    with pytest.raises(KeyboardInterrupt):
+        icp.save_solution(problem_of("affine").solve(), path)
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["s.npz"]
+
+
+def test_a_matrix_market_file_that_claims_to_be_huge_is_an_error(tmp_path):
+    (tmp_path / "A.mtx").write_text("%%MatrixMarket matrix array real general\n1000000 100000000\n1\n")
+    mmwrite(tmp_path / "q.mtx", np.array([[-1.0], [3.0]]))
+    with pytest.raises(icp.FileError, match=r"A\.mtx: its header promises 1000000 x 100000000"):
+        icp.load_problem(tmp_path / "A.mtx", q=tmp_path / "q.mtx")
+
+
+def test_q_of_the_wrong_length_is_named_by_its_own_file(tmp_path):
+    mmwrite(tmp_path / "A.mtx", np.eye(2))
+    mmwrite(tmp_path / "q.mtx", np.ones((3, 1)))
+    with pytest.raises(icp.FileError, match=r"q\.mtx: holds 3 numbers; 2 were expected"):
+        icp.load_problem(tmp_path / "A.mtx", q=tmp_path / "q.mtx")
 
 
 def test_any_bytes_are_an_error_not_a_crash(tmp_path):
@@ -145,7 +187,7 @@ def test_any_bytes_are_an_error_not_a_crash(tmp_path):
         ("psi.json", "[]", "field psi is None"),
         ("q.mtx", None, "no such file"),
         ("q.mtx", "hello", "not a readable Matrix Market file"),
-        ("A.mtx", "%%MatrixMarket matrix coordinate real general\n4 4 9\n1 1 1.0\n", "not a readable Matrix Market"),
+        ("A.mtx", "%%MatrixMarket matrix coordinate real general\n4 4 9\n1 1 1.0\n", "header promises|not a readable"),
         ("A.mtx", "%%MatrixMarket matrix coordinate real general\n4 3 1\n1 1 1.0\n", r"A has shape \(4, 3\)"),
         ("A.mtx", "%%MatrixMarket matrix coordinate complex general\n4 4 1\n1 1 1.0 1.0\n", "A is complex"),
         ("q.mtx", "%%MatrixMarket matrix array real general\n2 2\n1\n2\n3\n4\n", r"shape \(2, 2\); a vector"),

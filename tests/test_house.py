@@ -27,6 +27,7 @@ ROOMS = [
     "solution",
     "methods",
     "progress",
+    "loop",
     "driver",
     "files",
     "scenes",
@@ -55,6 +56,8 @@ def imports_of(path):
         for node in ast.walk(branch)
     }
     for node in ast.walk(tree):
+        if isinstance(node, ast.Import) and any(alias.name.split(".")[0] == "icpmodel" for alias in node.names):
+            raise AssertionError(f"{path}: imports inside the house are relative")
         if id(node) in skipped or not isinstance(node, ast.ImportFrom) or not node.level:
             continue
         base = package[: len(package) - node.level + 1] + tuple((node.module or "").split(".") if node.module else ())
@@ -87,7 +90,8 @@ HEAVY = {"numba", "cvxpy", "osqp", "pyomo", "highspy", "matplotlib", "rich", "cl
 
 
 def test_importing_icpmodel_loads_numpy_and_scipy_at_most():
-    assert loaded_by("import icpmodel") & HEAVY == set()
+    added = loaded_by("import icpmodel") - loaded_by("import numpy, scipy.sparse")
+    assert added - sys.stdlib_module_names == {"icpmodel"}
 
 
 def test_building_and_certifying_a_problem_loads_nothing_more():
@@ -155,16 +159,30 @@ def test_every_public_method_has_a_docstring():
 
 
 def test_all_names_what_is_there():
-    assert sorted(icpmodel.__all__) == icpmodel.__all__ or len(set(icpmodel.__all__)) == len(icpmodel.__all__)
+    assert len(set(icpmodel.__all__)) == len(icpmodel.__all__)
     for name in icpmodel.__all__:
         assert hasattr(icpmodel, name)
 
 
 def test_no_file_or_function_has_grown_beyond_reason():
-    """Law 12, as a ceiling: 400 lines a file, 60 a function (docstrings count)."""
+    """Law 12: 300 lines a file, 50 a function; docstrings, which hold the mathematics, do not count."""
+
+    def lines(node):
+        bodies = [n for n in ast.walk(node) if isinstance(n, ast.Module | ast.ClassDef | ast.FunctionDef)]
+        docs = [n.body[0] for n in bodies if ast.get_docstring(n) is not None]
+        return sum(doc.end_lineno - doc.lineno + 1 for doc in docs)
+
     for path in sources():
         text = path.read_text()
-        assert text.count("\n") <= 400, path
-        for node in ast.walk(ast.parse(text)):
+        tree = ast.parse(text)
+        assert text.count("\n") - lines(tree) <= 300, path
+        for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef):
-                assert node.end_lineno - node.lineno < 60, f"{path}: {node.name}"
+                assert node.end_lineno - node.lineno + 1 - lines(node) <= 50, f"{path}: {node.name}"
+
+
+def test_the_readme_has_no_gap_and_its_python_runs():
+    text = (HOUSE.parent / "README.md").read_text()
+    assert "@@" not in text
+    block = text.split("```python\n")[1].split("```")[0]
+    exec(compile(block, "README.md", "exec"), {})

@@ -151,6 +151,10 @@ def test_a_map_that_misbehaves_says_how(psi, words):
         (lambda: icp.Function(np.sin, lipschitz=-np.eye(2)).bind(2), "psi.lipschitz has the entry -1"),
         (lambda: icp.Intervention(np.eye(2)), "a SciPy sparse matrix"),
         (lambda: icp.Intervention(sp.eye_array(2), best="most"), '"max" or "min"'),
+        (
+            lambda: icp.Intervention(sp.coo_array(([1.0, 2.0], ([0, 0], [1, 1])), shape=(2, 2))),
+            "the same jump twice",
+        ),
         (lambda: icp.Intervention(sp.eye_array(3)).bind(2), r"jumps has shape \(3, 3\)"),
     ],
 )
@@ -165,3 +169,12 @@ def test_a_user_s_function_cannot_spoil_the_iterate():
         return np.zeros_like(z)
 
     assert icp.ICP([[2.0]], [-2.0], spoil).solve("mnmgs").z == pytest.approx([1.0])
+
+
+def test_a_map_never_changes():
+    psi = icp.Affine(np.eye(2), 1.0)
+    problem = icp.ICP(np.eye(2), np.ones(2), psi)
+    for owner in (psi, problem.psi, icp.Constant(1.0), icp.Intervention(sparse_jumps(0))):
+        name = next(iter(vars(owner)))
+        with pytest.raises(AttributeError, match="never changes"):
+            setattr(owner, name, None)

@@ -144,3 +144,17 @@ def test_a_problem_and_its_solution_can_be_pickled_and_copied():
             twin.q = problem.q
     solution = problem.solve()
     assert np.array_equal(pickle.loads(pickle.dumps(solution)).z, solution.z)
+
+
+def test_a_certificate_tells_each_violation_by_its_own_name():
+    """p = 2z − 6, r = z − 1 for z = (0, 5): p = (−6, 4), r = (−1, 4); min(r, D⁻¹p) = (−3, 2)."""
+    problem = icp.ICP(np.diag([2.0, 2.0]), [-6.0, -6.0], 1.0)
+    certificate = icp.certify(problem, [0.0, 5.0])
+    assert certificate.violation_p == 6.0
+    assert certificate.violation_r == 1.0
+    assert certificate.residual_max == 6.0
+    assert certificate.residual_scaled == 3.0
+    assert certificate.residual == pytest.approx(np.hypot(6.0, 4.0))
+    assert icp.certify(icp.ICP([[0.0]], [1.0]), [0.0]).residual_scaled is None
+    with pytest.raises(icp.InputError, match="omega"):
+        problem.natural_map([0.0, 5.0], omega=-1.0)

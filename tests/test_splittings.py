@@ -158,6 +158,20 @@ class TestSingularOperatorNamesTheRow:
             icp.ICP(A, np.ones(3)).solve("mnmod")
         assert error.value.row in (0, 1)
 
+    def test_dependent_rows_are_named_wherever_they_stand(self):
+        A = np.eye(5)
+        A[3:, 3:] = [[0.1, 0.2], [0.3, 0.6]]
+        with pytest.raises(icp.SingularOperator) as error:
+            FactorisedOperator(sp.csr_array(A))
+        assert error.value.row in (3, 4)
+
+    def test_different_units_do_not_look_like_singularity(self):
+        n = 20_000
+        D = sp.diags_array(np.where(np.arange(n) % 2, 1e-12, 1.0))
+        T = sp.diags_array([-np.ones(n - 1), np.full(n, 2.5), -np.ones(n - 1)], offsets=[-1, 0, 1])
+        X = sp.csr_array(D @ T @ D)
+        assert X @ FactorisedOperator(X).solve(X @ np.ones(n)) == pytest.approx(X @ np.ones(n), rel=1e-6)
+
     def test_a_badly_scaled_but_regular_operator_is_not_called_singular(self):
         problem = icp.ICP(np.diag([1e-150, 1.0, 1e150]), [-1e-150, -1.0, -1e150])
         assert problem.solve("modulus", splitting="whole").z == pytest.approx(np.ones(3))

@@ -9,15 +9,17 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+import logging
 import pkgutil
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
+from ..arrays import as_number
 from ..errors import InputError, Interrupted
 from ..problem import ICP
 from ..progress import status_line
@@ -125,8 +127,8 @@ def missing(module: str) -> str | None:
 def independent_solvers() -> dict[str, IndependentSolver]:
     """Every independent solver of this folder by name, in the order of the files; foreign packages stay unloaded.
 
-    >>> list(independent_solvers())
-    ['cvxpy-clarabel', 'cvxpy-osqp', 'cvxpy-highs', 'osqp', 'pyomo-highs', 'pyomo-ipopt']
+    >>> independent_solvers()["osqp"].name
+    'osqp'
     """
     found: dict[str, IndependentSolver] = {}
     for info in sorted(pkgutil.iter_modules(__path__), key=lambda info: info.name):
@@ -150,7 +152,8 @@ def crosscheck(
 
     Parameters: `solution` a `Solution`, a vector z of shape (n,), or None, which solves first; `solvers` names (see
     `independent_solvers`) or own `IndependentSolver` objects, None for all; `atol` how far two answers may lie apart in
-    an entry, in the units of z, default 1e-6 max|z|; `time_limit` seconds for each solver; `progress` says on a
+    an entry, in the units of z, default 1e-6 max|z|; `time_limit` seconds for each problem that a
+    solver is given; `progress` says on a
     terminal which solver is at work.
     Returns a `Report`; `report.agrees` is True only where at least one solver really agreed and none disagreed.
     Raises InputError for a z of the wrong shape, an unknown solver or a bad number, and Interrupted, which carries
@@ -164,8 +167,8 @@ def crosscheck(
     """
     chosen = chosen_solvers(solvers)
     if atol is not None:
-        _check_number(atol, "atol", allow_zero=True)
-    _check_number(time_limit, "time_limit")
+        as_number(atol, "atol", least=0)
+    as_number(time_limit, "time_limit", above=0)
     if solution is None:
         solution = problem.solve(raise_on_failure=False)
     # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
@@ -194,7 +197,7 @@ def _ask(solver: IndependentSolver, checked: Checked, time_limit: float) -> list
             start = time.perf_counter()
             try:
                 # foreign chatter (OSQP prints about polishing whatever one asks) must not reach the user's output
-                with contextlib.redirect_stdout(io.StringIO()):
+                with contextlib.redirect_stdout(io.StringIO()), _quiet_logs():
                     answer = solver.solve(target, time_limit=time_limit)
             except Exception as error:  # whatever a foreign package may raise; KeyboardInterrupt is none of these
                 answer = Answer(None, f"{type(error).__name__}: {error}", False)
@@ -203,6 +206,17 @@ def _ask(solver: IndependentSolver, checked: Checked, time_limit: float) -> list
         nothing = ["psi(z) is not finite at the answer, so that its obstacle cannot be frozen"]
         rows = [Row.skipped(solver.name, reason) for reason in dict.fromkeys(reasons or nothing) if reason]
     return rows
+
+
+@contextlib.contextmanager
+def _quiet_logs() -> Iterator[None]:
+    """Pyomo logs what goes wrong in a solver; the report says it."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
 
 
 def chosen_solvers(solvers: Iterable[str | IndependentSolver] | None) -> list[IndependentSolver]:
@@ -226,9 +240,3 @@ def chosen_solvers(solvers: Iterable[str | IndependentSolver] | None) -> list[In
             raise InputError(f"solvers has a {type(solver).__name__}; names or IndependentSolver objects were expected")
         chosen[solver.name] = solver  # named twice, asked once
     return list(chosen.values())
-
-
-def _check_number(value: Any, name: str, *, allow_zero: bool = False) -> None:
-    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not (number and np.isfinite(value) and (value > 0 or (allow_zero and value == 0))):
-        raise InputError(f"{name} is {value!r}; a finite number {'>=' if allow_zero else '>'} 0 was expected")

@@ -41,6 +41,7 @@ class Verdict(Enum):
     AGREES = "agrees"
     LOOSE = "loose"
     OTHER_SOLUTION = "other solution"
+    INCONCLUSIVE = "inconclusive"
     DISAGREES = "disagrees"
     FAILED = "failed"
     SKIPPED = "skipped"
@@ -59,7 +60,8 @@ _MEANINGS = {
     "AGREES": "both answers are the same, within tolerance or within their certified bounds",
     "LOOSE": "it claims success, but its own residual is above tolerance",
     "OTHER_SOLUTION": "both answers are solutions, and nothing proves that there is only one",
-    "DISAGREES": "its answer is a solution, the answer under test is another point",
+    "INCONCLUSIVE": "both residuals are small and the answers differ, but not by more than is certified",
+    "DISAGREES": "its answer is a solution, the answer under test is not, or is provably another point",
     "FAILED": "it raised, returned no finite z, or does not claim success",
     "SKIPPED": "it cannot take this problem",
 }
@@ -167,9 +169,16 @@ class Checked:
         bound = _sum_of_bounds(target, self.y, x) * self.unit
         if difference <= bound <= WIDEST * (AGREE * float(np.abs(self.z).max()) + FLOOR * self.unit):
             return Verdict.AGREES, f"within the certified bound {bound:.1e}"
+        if difference <= bound:
+            return (
+                Verdict.INCONCLUSIVE,
+                f"the certified bound {bound:.1e} is too wide to tell; solve with a smaller rtol",
+            )
+        if difference > bound:
+            return Verdict.DISAGREES, f"both residuals are small, but they differ by more than the bound {bound:.1e}"
         if not target.unique:
             return Verdict.OTHER_SOLUTION, "both are solutions; uniqueness is not certified"
-        return Verdict.DISAGREES, "both residuals are small, but there is only one solution"
+        return Verdict.INCONCLUSIVE, "there is only one solution, but no bound on the distance to it"
 
 
 _FORMS = {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}

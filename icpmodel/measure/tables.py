@@ -131,6 +131,8 @@ def grid_order(name: str = "dividend", sizes: Sequence[int] = (61, 241, 961), me
     if method is not None and method not in names():
         raise InputError(f"method is {method!r}; one of {', '.join(names())} was expected")
     built = [scene(name, n) for n in sizes]
+    if len({one.problem.n for one in built}) < max(len(built), 2):
+        raise InputError(f"sizes are {[one.problem.n for one in built]}; at least two different ones were expected")
     if built[0].h is None or not built[0].quantities:
         raise InputError(f"{name} has no grid or no quantity with a known value")
     errors = []

@@ -22,7 +22,7 @@ _FACTORISE_UP_TO = 200_000
 
 @dataclass(frozen=True)
 class Choice:
-    """A method and the sentence on why it was picked.
+    """A method and the sentence on why it was picked; `hurry` where another one waits that is more certain.
 
     >>> Choice(MNMGS(), "because").why
     'because'
@@ -30,15 +30,16 @@ class Choice:
 
     method: Method
     why: str
+    hurry: bool = False
 
 
 def choose(problem: ICP) -> Iterator[Choice]:
     """The methods to try on `problem`, best first; each is made only when the one before it has failed.
 
-    Where ψ is an intervention operator: MNMMOD, which carries a change across the whole grid in one step, then MNMGS.
+    Where ψ is an intervention operator: MNMMOD, which carries a change across the whole grid in one step, then MNMJ.
     Else, with D > 0: overrelaxed sweeps where the estimated Jacobi radius promises a gain and MNMGS otherwise, then the
-    other of the two; then MNMJ, which is proved whenever there is an error bound, and last MNMMOD, which needs no
-    diagonal dominance. MNMMOD is left out where A is too large to be factorised.
+    other of the two; then MNMJ, which is proved whenever there is an error bound, and last MNMMOD with three θ₁,
+    which needs no diagonal dominance. MNMMOD is left out where A is too large to be factorised.
 
     >>> [choice.method for choice in choose(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]))][0]
     MNMGS()
@@ -46,20 +47,34 @@ def choose(problem: ICP) -> Iterator[Choice]:
     if isinstance(problem.psi, Intervention):
         yield from _factorised(problem, "one factorisation moves the answer across the whole grid in every step")
         if (problem.A.diagonal() > 0).all():
-            yield Choice(MNMGS(), "sweeps with Omega = D are monotone where A is a Z-matrix and psi isotone")
+            yield Choice(MNMJ(), "Jacobi with Omega = D is monotone where A is a Z-matrix and psi isotone")
         return
     if (problem.A.diagonal() > 0).all():
-        if "jacobi radius" not in problem.memory:
-            problem.memory["jacobi radius"] = jacobi_radius(problem.A)
-        radius = problem.memory["jacobi radius"]
+        if "jacobi radius" not in problem._memory:
+            problem._memory["jacobi radius"] = jacobi_radius(problem.A)
+        radius = problem._memory["jacobi radius"]
         omega = 2.0 / (1.0 + np.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
-        sweeps = Choice(MNMGS(), f"sweeps need no relaxation here (estimated Jacobi radius {radius:.4f})")
+        sweeps = Choice(MNMGS(), f"sweeps need no relaxation here (estimated Jacobi radius {radius:.4f})", True)
         if omega >= _WORTH_RELAXING:
-            yield Choice(overrelaxed(problem, 0.98 * omega), f"relaxed for the estimated Jacobi radius {radius:.4f}")
-            sweeps = Choice(MNMGS(), "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope")
+            why = f"relaxed for the estimated Jacobi radius {radius:.4f}"
+            yield Choice(overrelaxed(problem, 0.98 * omega), why, hurry=True)
+            why = "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope"
+            sweeps = Choice(MNMGS(), why, hurry=True)
         yield sweeps
         yield Choice(MNMJ(), "projected Jacobi is proved wherever one v > 0 gives <A>v > 0 and (I - G)v > 0")
     yield from _factorised(problem, "M1 = A needs no diagonal dominance")
+
+
+def why_none(problem: ICP) -> str:
+    """Why `choose` found no method that could start.
+
+    >>> why_none(ICP([[0.0]], [1.0]))
+    'A[0, 0] = 0 is not positive, and A + Omega could not be factorised'
+    """
+    diagonal = problem.A.diagonal()
+    i = int(np.argmin(diagonal))
+    big = f"A with n > {_FACTORISE_UP_TO} is not factorised" if problem.n > _FACTORISE_UP_TO else ""
+    return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, and {big or 'A + Omega could not be factorised'}"
 
 
 def _factorised(problem: ICP, why: str) -> Iterator[Choice]:

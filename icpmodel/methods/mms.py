@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import Vector, as_vector
-from ..errors import InputError
+from ..arrays import Vector, as_number, as_vector
+from ..intervention import Intervention
 from ..problem import ICP
 from ..splittings import as_splitting
 from . import Method, positive_diagonal
@@ -45,13 +45,13 @@ class MMS(Method):
         object.__setattr__(self, "splitting", as_splitting(self.splitting))
         if self.omega is not None:
             check_diagonal(self, "omega")
-        if not isinstance(self.inner, int) or self.inner < 1:
-            raise InputError(f"inner is {self.inner!r}; a whole number >= 1 was expected")
+        as_number(self.inner, "inner", least=1, whole=True)
 
     def why_not(self, problem: ICP) -> str | None:
         """See `Method.why_not`: Ω must be positive, and x has no value where ψ_i = −∞."""
-        if np.isneginf(problem.psi.value(np.zeros(problem.n))).any():
-            return "MMS writes z - psi(z) = (|x| + x)/gamma, but a row has no obstacle (psi = -inf)"
+        obstacle = getattr(problem.psi, "c", None)
+        if isinstance(problem.psi, Intervention) or (obstacle is not None and np.isneginf(obstacle).any()):
+            return "MMS writes z - psi(z) = (|x| + x)/gamma, but a row may have no obstacle (psi = -inf)"
         return positive_diagonal(problem, "Omega = D/2 must be positive") if self.omega is None else None
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:

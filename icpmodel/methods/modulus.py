@@ -27,7 +27,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import Vector, as_vector
+from ..arrays import Vector, as_number, as_vector
 from ..errors import InputError
 from ..problem import ICP
 from ..splittings import AOR, Splitting, Whole, as_splitting
@@ -162,7 +162,7 @@ class MNMMOD(MNMOD):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_diagonal(self, "theta1")
+        as_number(self.theta1, "theta1", above=0)
 
     def omega_of(self, problem: ICP) -> Vector:
         """Ω = θ₁I: see `ModulusMember.omega_of`."""
@@ -292,7 +292,7 @@ class ProjectionFixedPoint(ModulusMember):
     omega: float = 1.0
 
     def __post_init__(self) -> None:
-        check_diagonal(self, "omega")
+        as_number(self.omega, "omega", above=0)
 
     def splitting_of(self) -> Splitting:
         """See `ModulusMember.splitting_of`."""

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..arrays import Vector, diagonal_positions
-from ..errors import InputError
+from ..arrays import Vector, as_number, diagonal_positions
 from ..operators import compiled_step
 from ..problem import ICP
 from . import Method, positive_diagonal
@@ -28,8 +27,7 @@ class PSOR(Method):
     omega: float = 1.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.omega, (int, float)) or not 0 < self.omega < 2:
-            raise InputError(f"omega is {self.omega!r}; a number between 0 and 2 was expected")
+        as_number(self.omega, "omega", above=0, below=2)
 
     def why_not(self, problem: ICP) -> str | None:
         """See `Method.why_not`."""

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector
+from ..arrays import Vector, as_number
 from ..errors import InputError
 from ..maps import Affine, Elementwise
 from ..problem import ICP
 from .grid import adjacency, five_point, side, square_points
-from .registry import Scene, number, register
+from .registry import Scene, register
 
 
 @register
@@ -60,7 +60,7 @@ def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
     >>> chosen.problem.residual(chosen.z_exact) < 1e-13
     True
     """
-    m, mu = side(n), number(mu, "mu", least=0)
+    m, mu = side(n), as_number(mu, "mu", least=0)
     z, p, r = _chosen(m * m, seed)
     A, G = five_point(m, mu), (0.9 / 4.0) * adjacency(m)
     return Scene(
@@ -84,7 +84,7 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0) -> Sc
     >>> chosen.problem.residual(chosen.z_exact) < 1e-13
     True
     """
-    m, mu = side(n), number(mu, "mu", least=0)
+    m, mu = side(n), as_number(mu, "mu", least=0)
     z, p, r = _chosen(m * m, seed)
     A = five_point(m, mu)
     return Scene(
@@ -97,7 +97,7 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0) -> Sc
 
 def _bai(n: int, mu: Any, skew: float) -> Scene:
     m = side(n)
-    A = five_point(m, number(mu, "mu", least=0), skew)
+    A = five_point(m, as_number(mu, "mu", least=0), skew)
     odd: Vector = np.arange(m * m, dtype=np.float64) % 2.0
     z = 1.0 + odd
     return Scene(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Vector
+from ..arrays import Vector, as_number
 from ..problem import ICP
 from .grid import five_point, side, square_points
-from .registry import Quantity, Scene, at_least, number, register
+from .registry import Quantity, Scene, at_least, register
 
 #: ball obstacle: contact radius a, and u = SLOPE·ln r + LEVEL outside of it
 RADIUS, SLOPE, LEVEL = 0.697965148223374, -0.680259411891719, 0.471519893402112
@@ -30,7 +30,7 @@ def membrane(n: int = 900, mu: float = 0.0, skew: float = 0.0) -> Scene:
     >>> membrane(n=100).problem
     ICP(n=100, nnz=460, psi=Constant(-0.838843 ... 0.483471))
     """
-    m, mu, skew = side(n), number(mu, "mu", least=0), number(skew, "skew", least=-1, most=1)
+    m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
     points = square_points(0.0, 1.0, m)
     psi = 0.5 - 4.0 * ((points - 0.5) ** 2).sum(axis=1)
     return Scene(

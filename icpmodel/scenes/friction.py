@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arrays import as_number
 from ..maps import Affine
 from ..problem import ICP
-from .registry import Quantity, Scene, number, register
+from .registry import Quantity, Scene, register
 
 
 @register
@@ -28,9 +29,9 @@ def coulomb(alpha: float = 30.0, mu: float = 0.3, mass: float = 1.0, g: float = 
     >>> coulomb(alpha=10, mu=0.3).quantities["slip speed"].exact
     0.0
     """
-    slope = np.deg2rad(number(alpha, "alpha", least=0, most=89))
-    mu, mass = number(mu, "mu", least=0), number(mass, "mass", above=0)
-    push = number(g, "g", above=0) * number(dt, "dt", above=0)
+    slope = np.deg2rad(as_number(alpha, "alpha", least=0, most=89))
+    mu, mass = as_number(mu, "mu", least=0), as_number(mass, "mass", above=0)
+    push = as_number(g, "g", above=0) * as_number(dt, "dt", above=0)
     sine, cosine = float(np.sin(slope)), float(np.cos(slope))
     normal = mass * push * cosine
     friction = -min(mass * push * sine, mu * normal)

@@ -126,23 +126,6 @@ def register(build: Builder) -> Builder:
     return checked
 
 
-def number(value: Any, name: str, *, above: float = -np.inf, least: float = -np.inf, most: float = np.inf) -> float:
-    """A scene's parameter as a finite float with `above` < value, `least` ≤ value ≤ `most`. Raises InputError.
-
-    >>> number(-1, "mu", least=0)
-    Traceback (most recent call last):
-    icpmodel.errors.InputError: mu is -1; a finite number >= 0 was expected
-    """
-    wanted = [f"{sign} {bound:g}" for sign, bound in ((">", above), (">=", least), ("<=", most)) if np.isfinite(bound)]
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = np.nan
-    if not (np.isfinite(number) and number > above and least <= number <= most):
-        raise InputError(f"{name} is {value!r}; a finite number {' and '.join(wanted)}".rstrip() + " was expected")
-    return number
-
-
 def at_least(n: int, least: int) -> int:
     """`n`, or InputError where the scene needs more unknowns.
 

@@ -18,7 +18,10 @@ import scipy.sparse as sp
 
 from ..arrays import Vector, diagonal_positions
 from ..operators import factorise
-from ..problem import ICP, UNIT_ROUNDOFF
+from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
+
+#: so many steps of a Krylov method cost less than a factorisation of any but the smallest matrices
+_KRYLOV_STEPS = 200
 
 
 @dataclass(frozen=True)
@@ -77,9 +80,9 @@ def error_bound(problem: ICP, z: Any) -> ErrorBound:
     True
     """
     z = problem.vector(z)
-    if "scaling" not in problem.memory:
-        problem.memory["scaling"] = _scaling(problem)
-    found = problem.memory["scaling"]
+    if "scaling" not in problem._memory:
+        problem._memory["scaling"] = _scaling(problem)
+    found = problem._memory["scaling"]
     if isinstance(found, str):
         return ErrorBound(None, None, "none", found)
     name, v, alpha, beta = found
@@ -88,7 +91,7 @@ def error_bound(problem: ICP, z: Any) -> ErrorBound:
     factor = float(np.max(F / np.where(free, alpha, np.minimum(alpha, beta))))
     if not np.isfinite(factor):
         return ErrorBound(None, None, name, "F(z) is not finite at this z")
-    delta = v * (factor * (1 + 8 * UNIT_ROUNDOFF))
+    delta = np.nextafter(v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
     return ErrorBound(float(delta.max()), delta, name, "")
 
 
@@ -126,22 +129,34 @@ def _ones(comparison: sp.csr_array) -> Vector:
 
 
 def _solve_for_ones(comparison: sp.csr_array) -> Vector | None:
+    """v with ⟨A⟩v ≈ 1: by a few conjugate gradient steps where they suffice, else by a factorisation."""
+    from scipy.sparse.linalg import bicgstab, cg
+
+    n = comparison.shape[0]
+    symmetric = (comparison != comparison.T).nnz == 0
+    # a residual of at most 1/2 in every row leaves <A>v >= 1/2; the signs are checked anyway
+    options: dict[str, Any] = {"rtol": 0.5 / np.sqrt(n), "atol": 0.0, "maxiter": _KRYLOV_STEPS}
+    with np.errstate(all="ignore"):  # where <A> is indefinite these break down, which the check below sees
+        options["M"] = sp.diags_array(1.0 / comparison.diagonal())
+        v, failed = (cg if symmetric else bicgstab)(comparison, np.ones(n), **options)
+    if not failed and (v > 0).all() and (comparison @ v > 0).all():
+        return np.asarray(v)
     lu = factorise(comparison)
     if lu is None:
         return None
-    v: Vector = lu.solve(np.ones(comparison.shape[0]))
+    v = np.asarray(lu.solve(np.ones(n)))
     return v if np.isfinite(v).all() else None
 
 
 def _lower(matrix: sp.csr_array, v: Vector) -> Vector:
     """A lower bound of matrix @ v, rounding included."""
     k = np.diff(matrix.indptr) + 2
-    result: Vector = matrix @ v - 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ v)
+    result: Vector = matrix @ v - 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ v) - k * SMALLEST
     return result
 
 
 def _upper(matrix: sp.csr_array, v: Vector) -> Vector:
     """An upper bound of matrix @ v for matrix, v ≥ 0, rounding included."""
     k = np.diff(matrix.indptr) + 3
-    result: Vector = (matrix @ v) * (1 + 2 * k * UNIT_ROUNDOFF)
+    result: Vector = (matrix @ v) * (1 + 2 * k * UNIT_ROUNDOFF) + k * SMALLEST
     return result

@@ -31,14 +31,17 @@ class Definiteness:
 def definiteness(S: sp.csr_array) -> Definiteness:
     """Decide whether the symmetric matrix `S` (CSR, n × n) is positive (semi)definite.
 
-    Gershgorin: s_ii ≥ Σ|s_ij| in every row proves semidefiniteness, with > definiteness. Otherwise S + δI, δ a few
-    units of rounding of ‖S‖_∞, is factorised with diagonal pivots: it is LDLᵀ up to symmetric permutation, and by
-    Sylvester's law D has the signs of the eigenvalues. A negative pivot gives a vector x, which is checked.
+    Gershgorin: s_ii ≥ Σ|s_ij| in every row proves semidefiniteness, with > definiteness. Otherwise S + δI, δ the size
+    of the factorisation's own rounding, is factorised with diagonal pivots: it is LDLᵀ up to symmetric permutation, and
+    by Sylvester's law D has the signs of the eigenvalues. A negative pivot gives a vector x, which is checked. S is
+    called definite only if the pivots of S − δI are positive as well: a positive pivot of S itself is no eigenvalue.
 
     >>> found = definiteness(sp.csr_array([[1.0, 2.0], [2.0, 1.0]]))
     >>> found.semidefinite, bool(found.witness @ [[1.0, 2.0], [2.0, 1.0]] @ found.witness < 0)
     (False, True)
     >>> definiteness(sp.csr_array((3, 3))).semidefinite
+    True
+    >>> definiteness(sp.csr_array([[1.0, -1.0], [-1.0, 1.0]])).definite is None
     True
     """
     S = sp.csr_array(S)
@@ -59,7 +62,8 @@ def definiteness(S: sp.csr_array) -> Definiteness:
     delta = 8 * n * UNIT_ROUNDOFF * size
     smallest, witness = _smallest_pivot(sp.csr_array(S / size + (delta / size) * sp.eye_array(n)))
     if smallest is not None and smallest > 0:
-        definite = True if smallest > 4 * delta / size else None
+        lower, _ = _smallest_pivot(sp.csr_array(S / size - (delta / size) * sp.eye_array(n)))
+        definite = True if lower is not None and lower > 0 else None
         name = "definite" if definite else "semidefinite up to rounding"
         return Definiteness(True, definite, f"positive {name}: all pivots of its LDL^T factorisation are positive")
     if semidefinite:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
+import shutil
 from typing import Any
 
 import numpy as np
@@ -255,3 +257,39 @@ def test_branch_and_bound_survives_a_large_big_m() -> None:
     """At a feasibility tolerance of 1e-10 HiGHS calls this problem infeasible."""
     problem = scene("manufactured-affine", n=100).problem
     assert set(verdicts(crosscheck(problem, None, ["pyomo-highs"]))) == {Verdict.AGREES}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="makes an executable shell script")
+def test_an_ipopt_that_fails_is_failed_and_silent(tmp_path, monkeypatch, capfd) -> None:
+    fake = tmp_path / "ipopt"
+    fake.write_text("#!/bin/sh\nexit 1\n")
+    fake.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    report = icp.scenes.hand_lcp().problem.crosscheck(solvers=["pyomo-ipopt"])
+    assert report.rows[0].verdict.value == "failed"
+    assert not report.agrees
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.skipif(shutil.which("ipopt") is None, reason="no ipopt executable on the PATH")
+def test_a_real_ipopt_agrees() -> None:
+    assert icp.scenes.hand_lcp().problem.crosscheck(solvers=["pyomo-ipopt"]).agrees
+
+
+def test_the_bounds_of_the_big_m_form_come_from_the_certificate_at_zero() -> None:
+    """p ≤ |q| + |A|δ and r ≤ δ + |G|δ + |c| with |z*| ≤ δ, and they hold for the solution."""
+    from icpmodel.crosscheck.formulations import Target
+    from icpmodel.crosscheck.pyomo import _model
+
+    scene = icp.scenes.manufactured_affine(n=25)
+    target = Target(scene.problem)
+    delta, psi = target.at_zero.componentwise, scene.problem.psi
+    model = _model(target, delta)
+    p_most = np.abs(scene.problem.q) + abs(scene.problem.A) @ delta
+    r_most = delta + abs(psi.G) @ delta + np.abs(psi.c)
+    for i in range(25):
+        assert model.z[i].ub == pytest.approx(delta[i], rel=1e-6)
+        assert model.p[i].ub == pytest.approx(p_most[i], rel=1e-6)
+        assert 0 < model.r[i].ub <= r_most[i] * (1 + 1e-6)
+        assert model.p[i].ub >= scene.problem.p(scene.z_exact)[i]
+        assert model.r[i].ub >= scene.problem.r(scene.z_exact)[i]
