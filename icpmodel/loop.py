@@ -221,7 +221,7 @@ class Job:
     def _floor(self) -> float:
         """An estimate of the residual that rounding alone leaves at the best iterate."""
         assert self.best is not None
-        return float(np.linalg.norm(self.problem.rounding(self.best.z)))
+        return float(np.linalg.norm(np.maximum(*self.problem.rounding(self.best.z))))
 
     def _at_floor(self) -> bool:
         assert self.best is not None

@@ -158,16 +158,17 @@ class ICP:
             return largest
         return largest * float(np.linalg.norm(F / largest))
 
-    def rounding(self, z: Any) -> Vector:
-        """A bound on the rounding error of each entry of F(z) as computed, shape (n,).
+    def rounding(self, z: Any) -> tuple[Vector, Vector]:
+        """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).
 
-        γ_k(|A||z| + |q|) for p and γ_k(|z| + G|z| + |ψ(z)|) for r, the larger of the two where r is finite, with
+        γ_k(|A||z| + |q|) for p and γ_k(|z| + G|z| + |ψ(z)|) for r, 0 where r is infinite, with
         γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the entries of the row, and k·2⁻¹⁰⁷⁴ for underflow. ψ itself is
         taken as exact to a few u, which holds for constant and affine maps.
         Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
 
-        >>> bool(ICP([[3.0]], [-6.0]).rounding([2.0])[0] < 1e-14)
-        True
+        >>> for_p, for_r = ICP([[3.0]], [-6.0]).rounding([2.0])
+        >>> bool(0 < for_p[0] < 1e-14), bool(0 < for_r[0] < 1e-14)
+        (True, True)
         """
         z = self.vector(z)
         psi = self.psi.value(z)
@@ -180,7 +181,7 @@ class ICP:
             if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
                 size = size + self.psi.lipschitz @ np.abs(z)
                 entries = np.diff(self.psi.lipschitz.indptr) + 3
-            return np.maximum(for_p, np.where(free, 0.0, _gamma(entries) * size + entries * SMALLEST))
+            return for_p, np.where(free, 0.0, _gamma(entries) * size + entries * SMALLEST)
 
     def absolute_A(self) -> sp.csr_array:
         """|A|, entry by entry; it shares the index arrays of A.

@@ -106,7 +106,7 @@ def test_rounding_is_called_precision_limit_with_its_floor():
     solution = problem.solve("mnmgs", rtol=0.0, atol=0.0, raise_on_failure=False)
     assert solution.status is Status.PRECISION_LIMIT
     assert "rounding leaves" in solution.message
-    assert solution.residual <= 2 * np.linalg.norm(problem.rounding(solution.z))
+    assert solution.residual <= 2 * np.linalg.norm(np.maximum(*problem.rounding(solution.z)))
 
 
 def test_a_problem_without_solution_is_not_solved():

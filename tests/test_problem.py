@@ -121,17 +121,18 @@ def test_a_vector_of_the_wrong_shape_is_refused(z):
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10**6), scale=st.sampled_from([1e-8, 1.0, 1e8]))
-def test_rounding_bounds_the_error_of_the_computed_natural_map(seed, scale):
+def test_rounding_bounds_the_errors_of_the_computed_p_and_r(seed, scale):
     rng = np.random.default_rng(seed)
     n = 6
     A, q, G, c = rng.normal(size=(n, n)), rng.normal(size=n) * scale, rng.normal(size=(n, n)), rng.normal(size=n)
     problem = icp.ICP(A, q, icp.Affine(G, c))
     z = rng.normal(size=n) * scale
-    computed, bound = problem.natural_map(z), problem.rounding(z)
+    p_computed, r_computed, (for_p, for_r) = problem.p(z), problem.r(z), problem.rounding(z)
     for i in range(n):
         p = sum((Fraction(A[i, j]) * Fraction(z[j]) for j in range(n)), Fraction(q[i]))
         psi = sum((Fraction(G[i, j]) * Fraction(z[j]) for j in range(n)), Fraction(c[i]))
-        assert abs(Fraction(computed[i]) - min(p, Fraction(z[i]) - psi)) <= Fraction(bound[i])
+        assert abs(Fraction(p_computed[i]) - p) <= Fraction(for_p[i])
+        assert abs(Fraction(r_computed[i]) - (Fraction(z[i]) - psi)) <= Fraction(for_r[i])
 
 
 def test_a_problem_and_its_solution_can_be_pickled_and_copied():

@@ -257,6 +257,15 @@ class TestErrorBound:
         bound = icp.error_bound(problem, [z])
         assert bound.value is None or bound.value >= abs(z - exact)
 
+    @settings(max_examples=30, deadline=None)
+    @given(seed=st.integers(0, 10**9), scale=st.sampled_from([1e-200, 1e-12, 1e12, 1e200]))
+    def test_it_does_not_depend_on_the_units_of_p(self, seed, scale):
+        problem, exact = h_plus_problem(seed)
+        scaled = icp.ICP(problem.A * scale, problem.q * scale, problem.psi)
+        before, after = icp.error_bound(problem, exact + 1e-3), icp.error_bound(scaled, exact + 1e-3)
+        if before.scaling == after.scaling == "v = 1":
+            assert after.value == pytest.approx(before.value, rel=1e-6)
+
     def test_it_holds_for_most_of_these_problems(self):
         assert sum(icp.error_bound(h_plus_problem(seed)[0], np.zeros(8)).unique for seed in range(100)) >= 60
 

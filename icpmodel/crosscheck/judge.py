@@ -199,7 +199,7 @@ def solves(problem: ICP, y: Vector, rtol: float) -> bool:
     if not (np.isfinite(start) and start > 0):
         start = 1.0
     residual = problem.residual(y)
-    floor = 4 * float(np.linalg.norm(problem.rounding(y)))
+    floor = 4 * float(np.linalg.norm(np.maximum(*problem.rounding(y))))
     return bool(residual <= rtol * start or residual <= floor < np.inf)
 
 

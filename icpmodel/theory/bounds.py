@@ -2,10 +2,11 @@
 
 A an H₊-matrix and v > 0 with α = ⟨A⟩v > 0 and β = (I − G)v > 0: ICP has exactly one solution z*, and for every z
 
-    max_i |z_i − z*_i|/v_i ≤ max_i |F_i(z)|/min(α_i, β_i),      F = min(Az + q, z − ψ(z)).
+    max_i |z_i − z*_i|/v_i ≤ max_i |min(p_i(z)/α_i, r_i(z)/β_i)|.
 
-Proof: F(z) − F(z*) = (ΘA + (I − Θ)(I − Γ))(z − z*) with a diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G; the comparison matrix of
-the bracket maps v above min(α, β). Rows without obstacle have Θ_i = 1 and need no β_i.
+Proof: rows of p and of r may be scaled, so take F = min(α⁻¹p, β⁻¹r). F(z) − F(z*) = (Θα⁻¹A + (I − Θ)β⁻¹(I − Γ))(z − z*)
+with a diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G, and the comparison matrix of the bracket maps v above 1. No other scaling of the
+rows gives less: |min(sp, r)|/min(sα, β) is smallest at s = β/α. Rows without obstacle have Θ_i = 1.
 """
 
 from __future__ import annotations
@@ -86,9 +87,10 @@ def error_bound(problem: ICP, z: Any) -> ErrorBound:
     if isinstance(found, str):
         return ErrorBound(None, None, "none", found)
     name, v, alpha, beta = found
-    free = np.isneginf(problem.psi.value(z))
-    F = np.abs(problem.natural_map(z)) + problem.rounding(z)
-    factor = float(np.max(F / np.where(free, alpha, np.minimum(alpha, beta))))
+    for_p, for_r = problem.rounding(z)
+    with np.errstate(over="ignore", invalid="ignore"):
+        F = np.abs(np.minimum(problem.p(z) / alpha, problem.r(z) / beta))
+        factor = float(np.max(F + np.maximum(for_p / alpha, for_r / beta)))
     if not np.isfinite(factor):
         return ErrorBound(None, None, name, "F(z) is not finite at this z")
     delta = np.nextafter(v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)

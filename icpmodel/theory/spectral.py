@@ -24,9 +24,9 @@ def jacobi_radius(A: sp.csr_array, steps: int | None = None) -> float:
     0.5
     """
     n = A.shape[0]
-    both_ways = (abs(A) * abs(A.T.tocsr())).sqrt()
     weight = sp.diags_array(1.0 / np.sqrt(np.abs(A.diagonal())))
-    S = sp.csr_array(weight @ both_ways @ weight)
+    scaled = sp.csr_array(weight @ abs(A) @ weight)
+    S = sp.csr_array((scaled * scaled.T.tocsr()).sqrt())
     S.setdiag(0.0)
     bound = float(np.asarray(S.sum(axis=1)).max())
     if bound <= _SMALL:
