@@ -15,6 +15,9 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import shutil
+import tempfile
 import zipfile
 import zlib
 from pathlib import Path
@@ -30,6 +33,8 @@ from .problem import ICP
 from .solution import Solution
 
 _VERSION = 1
+#: a sparse vector may claim any length in a few bytes
+_LONGEST_VECTOR = 10**9
 _KINDS = ("zero", "constant", "affine")
 
 
@@ -56,6 +61,8 @@ def save_problem(problem: ICP, path: str | Path) -> None:
         parts["c"] = psi.c
     if isinstance(psi, Affine):
         parts["G"] = psi.G
+    if not str(path):
+        raise FileError("the path is empty; the name of a folder or of an .npz file was expected")
     path = Path(path)
     try:
         if path.suffix.lower() == ".npz":
@@ -150,7 +157,7 @@ def read_matrix(path: Path) -> Any:
         path.open("rb").close()  # says so if it may not be read; SciPy would call its banner missing
         # SciPy allocates what the header promises
         rows, columns, entries, *_ = mminfo(path)
-        if entries <= path.stat().st_size:
+        if entries <= path.stat().st_size or path.suffix in (".gz", ".bz2"):
             return mmread(path, spmatrix=False)
     except PermissionError as error:
         raise FileError(f"{path}: cannot be read ({error.strerror})") from error
@@ -170,10 +177,14 @@ def read_vector(path: Path) -> Vector:
     icpmodel.errors.FileError: nowhere.mtx: no such file
     """
     matrix = read_matrix(path)
-    if sp.issparse(matrix):
-        matrix = matrix.toarray()
     if 1 not in matrix.shape:
         raise FileError(f"{path}: holds a matrix of shape {matrix.shape}; a vector (n x 1) was expected")
+    if sp.issparse(matrix):
+        if max(matrix.shape) > _LONGEST_VECTOR:
+            raise FileError(
+                f"{path}: holds a vector of shape {matrix.shape}; at most {_LONGEST_VECTOR} entries are read"
+            )
+        matrix = matrix.toarray()
     return np.asarray(matrix).reshape(-1)
 
 
@@ -201,19 +212,34 @@ def _write_npz(path: Path, kind: str, parts: dict[str, Any]) -> None:
 
 def _write_whole(path: Path, arrays: dict[str, Any]) -> None:
     """Write beside `path` and rename, so that an interruption leaves the old file or the new one."""
-    beside = path.with_name(path.name + ".part")
-    try:
-        with beside.open("wb") as file:
+    path = path.resolve()  # of a link, the file behind it
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, suffix=".part", delete=False) as file:
+        beside = Path(file.name)
+        try:
             np.savez_compressed(file, **arrays)
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+            file.close()
+            if path.exists():
+                shutil.copymode(path, beside)
+            else:
+                beside.chmod(0o666 & ~_umask())
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    """The user's file mode mask, which can be read only by setting it."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
 
 
 def _write_folder(path: Path, kind: str, parts: dict[str, Any]) -> None:
     from scipy.io import mmwrite
 
     path.mkdir(parents=True, exist_ok=True)
+    # without psi.json, written last, a folder is not read: an interruption leaves no mixture of two problems
+    (path / "psi.json").unlink(missing_ok=True)
     for name, part in parts.items():
         # written through a buffer, as mmwrite given a name may append its own suffix; symmetry="general" keeps A as is
         buffer = io.BytesIO()
@@ -291,12 +317,11 @@ def _npz_matrix(path: Path, fields: dict[str, np.ndarray], name: str, n: int) ->
             raise FileError(
                 f"{path}: field {field} has shape {array.shape}, dtype {array.dtype}; {wanted} integers expected"
             )
-    try:
-        matrix = sp.csr_array((data, indices, indptr), shape=(n, n))
-        matrix.check_format(full_check=True)
-    except ValueError as error:
-        raise FileError(f"{path}: fields {name}_* are not a CSR matrix of shape ({n}, {n}) ({error})") from error
-    return matrix
+    # SciPy's own check lets some of these pass and its compiled code then writes out of bounds
+    ordered = indptr[0] == 0 and indptr[-1] == data.size and bool((indptr[1:] >= indptr[:-1]).all())
+    if not ordered or ((indices < 0) | (indices >= n)).any():
+        raise FileError(f"{path}: fields {name}_* are not a CSR matrix of shape ({n}, {n})")
+    return sp.csr_array((data, indices.astype(np.int64), indptr.astype(np.int64)), shape=(n, n))
 
 
 def _kind(path: Path, kind: Any) -> str:
@@ -308,5 +333,5 @@ def _kind(path: Path, kind: Any) -> str:
 def _json(path: Path, name: str, text: str) -> Any:
     try:
         return json.loads(text)
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: field {name} is not JSON ({error})") from error

@@ -148,6 +148,9 @@ class Job:
             if self.best is None:
                 raise
             status, note = Status.INTERRUPTED, "by Ctrl-C"
+        except MemoryError:  # the next method needs more than there is
+            if self.best is None:
+                raise
         if self.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(self.problem)}")
         return self._solution(self.best, status, note)
@@ -241,7 +244,7 @@ class Job:
         last = self.tried[-1][0] if self.tried else best.choice
         # hints chose the best iterate; the judge has the last word, on the last iterate as well
         for candidate in (best, _Best(self.current, np.inf, self.iteration, last)):
-            with contextlib.suppress(MapError):  # a ψ that failed may fail again
+            with contextlib.suppress(MapError, KeyboardInterrupt):  # a ψ that failed may fail again, or take long
                 candidate.residual = self.problem.residual(candidate.z)
             if candidate.residual < best.residual:
                 best = candidate

@@ -166,10 +166,10 @@ class FactorisedOperator(Operator):
             row = int(np.argmin(size))
             raise SingularOperator(f"X = M1 + phi + Omega is singular: row {row} is zero", row)
         # rows and columns are brought to the size 1, so that units do not look like singularity
-        self._row_scale = 1.0 / size
+        self._row_scale = 1.0 / np.maximum(size, np.finfo(np.float64).tiny)
         scaled = sp.csr_array(sp.diags_array(self._row_scale) @ X)
         size = _row_maxima(sp.csr_array(scaled.T))
-        self._column_scale = 1.0 / np.where(size > 0, size, 1.0)
+        self._column_scale = 1.0 / np.where(size > np.finfo(np.float64).tiny, size, 1.0)
         scaled = sp.csr_array(scaled @ sp.diags_array(self._column_scale))
         self._lu = factorise(scaled)
         if self._lu is not None:

@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -140,22 +142,36 @@ def test_crosscheck_of_an_unsolved_problem_asks_nobody(capsys):
     assert "iteration limit" in err
 
 
-def test_a_disagreement_at_the_smaller_size_is_not_confirmed(capsys, monkeypatch):
-    from icpmodel.crosscheck import Answer
-    from icpmodel.crosscheck.pyomo import PyomoHighs
+def test_a_disagreement_at_the_smaller_size_counts(capsys, monkeypatch):
+    from icpmodel.cli import solving
+    from icpmodel.crosscheck import Verdict
 
-    def another_solution(self, target, *, time_limit):
-        right = target.problem.solve(rtol=1e-13).z
-        return Answer(right, "optimal", True)
+    real = solving._report
 
-    monkeypatch.setattr(PyomoHighs, "solve", another_solution)
-    arguments = ["crosscheck", "membrane", "--n", "400", "--solver", "pyomo-highs", "--solver", "osqp"]
+    def lying(problem, solution, asked, limit):
+        report, cut = real(problem, solution, asked, limit)
+        rows = tuple(replace(row, verdict=Verdict.DISAGREES) for row in report.rows)
+        return (replace(report, rows=rows) if solution is None else report), cut
+
+    arguments = ["crosscheck", "bearing", "--n", "300", "--solver", "osqp", "--solver", "pyomo-highs"]
     assert call(capsys, *arguments)[0] == 0
-    monkeypatch.setattr("icpmodel.crosscheck.judge._sum_of_bounds", lambda *_: 0.0)
-    monkeypatch.setattr("icpmodel.crosscheck.judge.AGREE", 0.0)
-    code, _, err = call(capsys, *arguments[:-2], "--solver", "cvxpy-osqp", "--rtol", "1e-4")
-    assert code == 1
-    assert "not confirmed" in err
+    monkeypatch.setattr(solving, "_report", lying)
+    assert call(capsys, *arguments)[0] == 1
+
+
+def test_the_smaller_size_is_the_largest_that_the_solver_takes():
+    from icpmodel.cli.solving import _at_their_size
+    from icpmodel.crosscheck import Row
+
+    skipped = SimpleNamespace(rows=[Row.skipped("pyomo-highs", "too large")])
+    found = _at_their_size(icp.scenes.bearing(n=300), skipped, {"parameters": ()})
+    assert [(problem.n, asked) for problem, asked in found] == [(250, ("pyomo-highs",))]
+
+
+def test_a_whole_number_stays_whole():
+    from icpmodel.cli.solving import _pairs
+
+    assert isinstance(_pairs(("seed=3",))["seed"], int)
 
 
 def test_limits_and_the_start_of_a_scene_reach_the_solver(capsys):
@@ -214,6 +230,8 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["solve", "membrane", "--method", "mnmgs", "--option", "theta1=2"], "mnmgs has no option theta1"),
         (["solve", "membrane", "--method", "mnmgs", "--option", "phi"], "'phi' is not of the form NAME=VALUE"),
         (["solve", "membrane", "--option", "phi=1"], "name one with --method"),
+        (["solve", "membrane", "--method", "mnmgs", "--option", "name=3"], "mnmgs has no option name"),
+        (["solve", "hand-lcp", "--save-problem", ""], "the path is empty"),
         (["solve", "membrane", "--set", "nu=1"], "membrane has no parameter 'nu'"),
         (["solve", "membrane", "--rtol", "-1"], "rtol is -1.0"),
         (["solve", "membrane", "-o", "answer.txt"], "ends in .npz"),

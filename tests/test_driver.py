@@ -13,8 +13,9 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel import Status
+from icpmodel import Status, loop
 from icpmodel.methods import _REGISTRY, Method
+from icpmodel.methods.choose import Choice
 
 
 @pytest.fixture(autouse=True)
@@ -459,3 +460,77 @@ def test_mms_needs_no_value_of_psi_at_zero():
         return 0.1 * np.log(z)
 
     assert icp.ICP([[2.0]], [-2.0], psi).solve("mms", z0=[1.5]).z == pytest.approx([1.0])
+
+
+def job_on(problem):
+    limits = loop.Limits(rtol=0.0, atol=0.0, max_iter=10**5, time_limit=None)
+    return loop.Job(problem, np.zeros(problem.n), limits, None, history=False, progress=False)
+
+
+def test_a_cycle_of_the_second_method_is_found_at_once():
+    problem = icp.ICP([[0.1]], [1.0], icp.Affine([[-5.0]], 6.0))  # MNMGS(phi2=0.1) ends in a 2-cycle
+    still = Scripted(script=((0.0, None),) * 1100)
+    choices = [Choice(still, "", hurry=True), Choice(icp.MNMGS(phi2=0.1), "")]
+    solution = job_on(problem).first_success(iter(choices), tolerate_singular=False)
+    assert solution.status is Status.CYCLED
+    assert solution.iterations < 1100
+
+
+def test_where_0_solves_the_scale_is_taken_from_z0():
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0])
+    assert problem.solve("mnmgs", z0=[5.0, 3.0]).tolerance == 1e-8 * problem.residual([5.0, 3.0])
+
+
+def test_no_restart_from_0_where_psi_has_no_value():
+    def psi(z):
+        return -5 + np.where(z.any(), 0, np.nan) * np.ones(3)
+
+    problem = icp.ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1], psi=psi)
+    solution = problem.solve(z0=[1.0, 0, 0], raise_on_failure=False)
+    assert solution.solved or "psi(z)" not in solution.message
+
+
+def test_the_answer_shares_no_memory_with_what_a_callback_saw():
+    kept = []
+    solution = icp.ICP([[2.0]], [-2.0]).solve("mnmgs", callback=lambda state: kept.append(state.z.base))
+    for base in kept:
+        if base is not None:
+            base[:] = 7.0
+    assert solution.z[0] == 1.0
+
+
+def test_ten_times_the_rounding_is_not_the_floor():
+    problem, z = icp.ICP([[3.0]], [-1.0]), np.array([1 / 3])
+    job, floor = job_on(problem), float(np.linalg.norm(np.maximum(*problem.rounding(z))))
+    for times, at_floor in ((1.0, True), (10.0, False)):
+        job.best = loop._Best(z, times * floor, 0, Choice(icp.MNMGS(), ""))
+        assert job._at_floor() is at_floor
+
+
+def test_a_solved_answer_survives_ctrl_c_while_it_is_judged_again():
+    calls, stop = [], [0]
+
+    def psi(z):
+        calls.append(1)
+        if len(calls) == stop[0]:
+            raise KeyboardInterrupt
+        return 0.1 * np.sin(z)
+
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 0.5], psi)
+    problem.solve("mnmgs")
+    for call in range(4, len(calls) + 1):
+        calls.clear()
+        stop[0] = call
+        assert np.isfinite(problem.solve("mnmgs", raise_on_failure=False).residual)
+
+
+def test_a_fallback_that_needs_too_much_memory_loses_nothing(monkeypatch):
+    from icpmodel.methods import choose
+
+    def no_memory(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(choose, "factorise", no_memory)
+    solution = icp.scenes.hand_cyclic().problem.solve(z0=[1.0, 0.5, 0.2], raise_on_failure=False)
+    assert not solution.solved
+    assert np.isfinite(solution.residual)

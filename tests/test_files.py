@@ -1,6 +1,7 @@
 """Files are data: what is written is read back, and a wrong file names itself, the field and what was expected."""
 
 import json
+import os
 import zipfile
 
 import numpy as np
@@ -91,6 +92,9 @@ def damage(path, **changed):
         ({"A_data": None}, "field A_data is missing"),
         ({"A_indices": np.array([0])}, "field A_indices has shape"),
         ({"A_indptr": np.array([0, 9, 2, 3, 4])}, "not a CSR matrix"),
+        ({"A_indptr": np.array([0, 1, 2, 3, -1])}, "not a CSR matrix"),
+        ({"A_indptr": np.array([0, 1, 2, 3, 2**63], dtype=np.uint64)}, "not a CSR matrix"),
+        ({"A_indptr": np.array([0, 0, 0, 0, 0])}, "not a CSR matrix"),
         ({"q": np.array([1.0, np.nan, 0.0, 0.0])}, r"q\[1\] is nan"),
     ],
 )
@@ -185,6 +189,8 @@ def test_any_bytes_are_an_error_not_a_crash(tmp_path):
         ("psi.json", "{", "not JSON"),
         ("psi.json", '{"psi": "sine"}', "field psi is 'sine'"),
         ("psi.json", "[]", "field psi is None"),
+        ("psi.json", "[" * 100_000, "not JSON"),
+        ("q.mtx", "%%MatrixMarket matrix coordinate real general\n10000000000000 1 1\n1 1 1.0\n", "at most"),
         ("q.mtx", None, "no such file"),
         ("q.mtx", "hello", "not a readable Matrix Market file"),
         ("A.mtx", "%%MatrixMarket matrix coordinate real general\n4 4 9\n1 1 1.0\n", "header promises|not a readable"),
@@ -218,3 +224,34 @@ def test_paths_that_do_not_fit_are_refused(tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(icp.FileError, match="cannot be written"):
         icp.save_problem(problem_of("zero"), tmp_path / "taken")
+
+
+def test_an_interrupted_folder_is_no_mixture_of_two_problems(tmp_path, monkeypatch):
+    folder = tmp_path / "problem"
+    icp.save_problem(problem_of("constant", seed=1), folder)
+
+    def press(self, data):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(type(folder), "write_bytes", press)
+    with pytest.raises(KeyboardInterrupt):
+        icp.save_problem(problem_of("zero", seed=2), folder)
+    with pytest.raises(icp.FileError, match=r"psi\.json: no such file"):
+        icp.load_problem(folder)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="file modes and links")
+def test_writing_again_keeps_the_mode_and_follows_a_link(tmp_path):
+    real, link = tmp_path / "real.npz", tmp_path / "link.npz"
+    icp.save_problem(problem_of("zero"), real)
+    real.chmod(0o600)
+    link.symlink_to(real)
+    icp.save_problem(problem_of("affine"), link)
+    assert link.is_symlink()
+    assert real.stat().st_mode & 0o777 == 0o600
+    assert isinstance(icp.load_problem(real).psi, icp.Affine)
+
+
+def test_an_empty_path_is_refused():
+    with pytest.raises(icp.FileError, match="path is empty"):
+        icp.save_problem(problem_of("zero"), "")

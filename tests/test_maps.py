@@ -178,3 +178,21 @@ def test_a_map_never_changes():
         name = next(iter(vars(owner)))
         with pytest.raises(AttributeError, match="never changes"):
             setattr(owner, name, None)
+
+
+def test_of_equal_jumps_the_first_is_taken():
+    jumps = sp.csr_array(np.array([[1.0, 1.0], [0.0, 1.0]]))
+    assert icp.Intervention(jumps).best_jump(np.zeros(2))[1].tolist() == [0, 1]
+
+
+def test_a_psi_that_reuses_its_buffer_does_no_harm():
+    buffer = np.zeros(2)
+
+    def psi(z):
+        buffer[:] = 0.5 * z
+        return buffer
+
+    bound = icp.ICP(np.eye(2), [1.0, 1.0], psi=psi).psi
+    first = bound.value(np.ones(2))
+    bound.value(np.zeros(2))
+    assert first.tolist() == [0.5, 0.5]

@@ -161,3 +161,16 @@ def test_every_option_changes_the_iterates(name):
         value = "jacobi" if option.name == "splitting" else other[option.name]
         changed = methods.named(name, **base, **{option.name: value})
         assert not np.allclose(after(changed), after(methods.named(name, **base)), rtol=1e-10), option.name
+
+
+@pytest.mark.parametrize("name", ["phi1", "phi2"])
+def test_a_diagonal_of_zero_is_refused(name):
+    with pytest.raises(icp.InputError, match="positive"):
+        icp.MNMGS(**{name: 0.0})
+
+
+def test_theta1_comes_from_both_norms():
+    problem = icp.ICP([[0.0, 100.0], [-100.0, 1.0]], [-1.0, 1.0])
+    inverse = np.abs(np.linalg.solve(problem.A.toarray(), np.ones(2))).max()
+    method = next(iter(methods.choose.choose(problem))).method
+    assert method.theta1 == pytest.approx(np.sqrt(101.0 / inverse))

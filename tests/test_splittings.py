@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.operators import AOROperator, FactorisedOperator, TriangularOperator
+from icpmodel.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal
 from icpmodel.splittings import AOR, Given, Whole
 
 
@@ -204,3 +204,26 @@ def test_wrong_length_of_an_option_is_named():
 def test_theta1_must_be_a_nonzero_number(theta):
     with pytest.raises(icp.InputError, match="theta1"):
         icp.MNMSOR(theta1=theta)
+
+
+class TestEquilibration:
+    def test_columns_in_other_units_are_not_singular(self):
+        X = sp.csr_array([[1.0, 1e-20], [1.0, 2e-20]])
+        assert FactorisedOperator(X).solve(np.array([2.0, 3.0])) == pytest.approx([1.0, 1e20])
+
+    def test_a_diagonal_that_cancels_to_rounding_is_singular(self):
+        with pytest.raises(icp.SingularOperator):
+            inverse_diagonal(np.array([1.0]), np.array([-1.0 + 2.0**-53]))
+
+    def test_the_dependent_row_is_named_and_not_the_column(self):
+        X = sp.csr_array([[1.0, 2.0, 0.0], [1.0, 2.0, 0.0], [3.0, 1.0, 0.0]])  # rows 0, 1 equal; column 2 zero
+        with pytest.raises(icp.SingularOperator) as error:
+            FactorisedOperator(X)
+        assert error.value.row in (0, 1)
+
+    @pytest.mark.filterwarnings("error")
+    def test_subnormal_rows_do_not_overflow(self):
+        X = FactorisedOperator(sp.csr_array([[2.0, 1.0], [0.0, 1e-310]]))
+        assert X.solve(np.array([3.0, 1e-310])) == pytest.approx([1.0, 1.0])
+        with pytest.raises(icp.SingularOperator):
+            FactorisedOperator(sp.csr_array([[2.0, 1e-309], [1.0, 0.0]]))

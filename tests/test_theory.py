@@ -266,6 +266,14 @@ class TestErrorBound:
         if before.scaling == after.scaling == "v = 1":
             assert after.value == pytest.approx(before.value, rel=1e-6)
 
+    def test_a_slope_of_one_to_rounding_gets_no_bound(self):
+        G = sp.csr_array(np.full((1, 1), 1.0 - 2.0**-53))
+        assert icp.error_bound(icp.ICP([[1.0]], [1.0], icp.Affine(G, 0.0)), [1.0]).value is None
+
+    def test_a_free_row_is_measured_by_alpha_alone(self):
+        bound = icp.error_bound(icp.ICP([[2.0]], [-2.0], psi=-np.inf), [1.5])
+        assert bound.value == pytest.approx(0.5, rel=1e-12)
+
     def test_it_holds_for_most_of_these_problems(self):
         assert sum(icp.error_bound(h_plus_problem(seed)[0], np.zeros(8)).unique for seed in range(100)) >= 60
 
@@ -331,6 +339,10 @@ class TestDefiniteness:
     def test_a_gram_matrix_of_low_rank_is_semidefinite(self, seed):
         B = np.random.default_rng(seed).normal(size=(3, 7))
         assert definiteness(sp.csr_array(B.T @ B)).semidefinite is True
+
+    def test_large_rows_do_not_hide_a_small_indefinite_block(self):
+        S = sp.block_diag([[[1e20, 0.9e20], [0.9e20, 1e20]], [[1.0, 2.0], [2.0, 1.0]]])
+        assert definiteness(sp.csr_array(S)).semidefinite is False
 
     def test_a_hidden_negative_direction_is_found(self):
         S = np.array([[1.0, 0.9, 0.9], [0.9, 1.0, -0.9], [0.9, -0.9, 1.0]])

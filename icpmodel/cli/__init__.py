@@ -47,7 +47,8 @@ def main(arguments: list[str] | None = None) -> None:
     """
     try:
         code = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # it was closed by the shell
+            sys.stdout.flush()
     except click.exceptions.Exit as stop:
         code = stop.exit_code
     except click.exceptions.NoArgsIsHelpError as help_page:
@@ -67,6 +68,6 @@ def main(arguments: list[str] | None = None) -> None:
         code = 130
     except OSError as error:  # a full disk, or a reader such as head that has seen enough
         complain(f"cannot write the output: {error.strerror or error}")
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains again at exit
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115  or Python complains again at exit
         code = 2
     sys.exit(code)

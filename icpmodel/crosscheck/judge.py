@@ -28,7 +28,7 @@ LOOSEST = 1e-4
 #: two answers agree within AGREE·max|z| + FLOOR·unit: the second counts where z is about zero
 AGREE, FLOOR = 1e-6, 1e-9
 #: how many times that a certified bound may be and still count; a wide bound proves nothing
-WIDEST = 100.0
+WIDEST = 10.0
 
 
 class Verdict(Enum):
@@ -129,7 +129,9 @@ class Checked:
                 rtol = min(max(OURS, solution.tolerance / start), LOOSEST)
         # the units of A and z may make Res blind to p or to r: in handy units it must be small as well, if less so
         holds = solves(problem, z, rtol) and solves(handy, y, min(100 * rtol, LOOSEST))
-        tolerance = AGREE * float(np.abs(z).max()) + FLOOR * unit if atol is None else float(atol)
+        # the unit may be far larger than z: it counts only for an answer that is known to be a solution
+        default = AGREE * float(np.abs(z).max()) + (FLOOR * unit if holds else 0.0)
+        tolerance = default if atol is None else float(atol)
         return cls(problem, z, unit, y, targets(handy, y), holds, tolerance)
 
     def judge(self, solver: str, form: str, target: Target, answer: Answer, seconds: float) -> Row:

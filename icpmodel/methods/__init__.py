@@ -80,7 +80,7 @@ def names() -> list[str]:
     return sorted(_REGISTRY)
 
 
-def named(name: str, **options: Any) -> Method:
+def named(name: str, /, **options: Any) -> Method:
     """The method called `name` with these options.
 
     Raises InputError for an unknown name or option, and lists the known ones.

@@ -31,10 +31,11 @@ class Definiteness:
 def definiteness(S: sp.csr_array) -> Definiteness:
     """Decide whether the symmetric matrix `S` (CSR, n × n) is positive (semi)definite.
 
-    Gershgorin: s_ii ≥ Σ|s_ij| in every row proves semidefiniteness, with > definiteness. Otherwise S + δI, δ the size
-    of the factorisation's own rounding, is factorised with diagonal pivots: it is LDLᵀ up to symmetric permutation, and
-    by Sylvester's law D has the signs of the eigenvalues. A negative pivot gives a vector x, which is checked. S is
-    called definite only if the pivots of S − δI are positive as well: a positive pivot of S itself is no eigenvalue.
+    Gershgorin: s_ii ≥ Σ|s_ij| in every row proves semidefiniteness, with > definiteness. Otherwise S, its
+    diagonal scaled to 1, plus δI, δ the size of the factorisation's own rounding, is factorised with diagonal pivots:
+    that is LDLᵀ up to a symmetric permutation, and by Sylvester's law D has the signs of the eigenvalues. A negative
+    pivot gives a vector x, which is checked. S is called definite only if the pivots with −δI are positive as well: a
+    positive pivot of S itself is no eigenvalue.
 
     >>> found = definiteness(sp.csr_array([[1.0, 2.0], [2.0, 1.0]]))
     >>> found.semidefinite, bool(found.witness @ [[1.0, 2.0], [2.0, 1.0]] @ found.witness < 0)
@@ -56,19 +57,25 @@ def definiteness(S: sp.csr_array) -> Definiteness:
         return Definiteness(
             False, False, f"its diagonal entry {diagonal[i]:g} in row {i} is negative", np.eye(1, n, i)[0]
         )
-    size = float((radius + np.abs(diagonal)).max(initial=0.0))
-    if size == 0.0:
+    if not S.nnz or not S.data.any():
         return Definiteness(True, False, "zero matrix")
-    delta = 8 * n * UNIT_ROUNDOFF * size
-    smallest, witness = _smallest_pivot(sp.csr_array(S / size + (delta / size) * sp.eye_array(n)))
+    # the same inertia with a diagonal of ones, so that large rows do not hide small ones; where the diagonal is nothing
+    # beside the rest of its row, the row sets the scale
+    scale = np.maximum(diagonal, UNIT_ROUNDOFF * radius)
+    weight = 1.0 / np.sqrt(np.where(scale > 0, scale, 1.0))
+    scaled = sp.csr_array(sp.diags_array(weight) @ S @ sp.diags_array(weight))
+    delta = 8 * n * UNIT_ROUNDOFF * float(np.asarray(abs(scaled).sum(axis=1)).max())
+    smallest, witness = _smallest_pivot(sp.csr_array(scaled + delta * sp.eye_array(n)))
     if smallest is not None and smallest > 0:
-        lower, _ = _smallest_pivot(sp.csr_array(S / size - (delta / size) * sp.eye_array(n)))
+        lower, _ = _smallest_pivot(sp.csr_array(scaled - delta * sp.eye_array(n)))
         definite = True if lower is not None and lower > 0 else None
         name = "definite" if definite else "semidefinite up to rounding"
         return Definiteness(True, definite, f"positive {name}: all pivots of its LDL^T factorisation are positive")
     if semidefinite:
         return Definiteness(True, None, "diagonally dominant with nonnegative diagonal (Gershgorin)")
     if witness is not None:
+        witness = weight * witness
+        witness /= np.linalg.norm(witness)
         curvature = float(witness @ (S @ witness))
         if curvature < 0:
             return Definiteness(False, False, f"indefinite: x'Sx = {curvature:.3g} for a unit vector x", witness)

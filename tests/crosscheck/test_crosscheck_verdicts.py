@@ -140,7 +140,7 @@ def test_the_certified_bound_can_make_the_agreement() -> None:
     ("bound", "verdict"),
     [
         (0.0, Verdict.DISAGREES),
-        (1e-5, Verdict.AGREES),
+        (2e-6, Verdict.AGREES),
         (1.0, Verdict.INCONCLUSIVE),
         (np.nan, Verdict.INCONCLUSIVE),
     ],

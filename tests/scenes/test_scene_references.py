@@ -284,3 +284,10 @@ def test_the_block_slips_exactly_if_the_slope_is_steeper_than_the_friction(alpha
     assert z[0] > 0
     assert 1e-12 * mass >= z[1] >= -mu * z[0] - 1e-12 * mass
     assert isinstance(scene.problem.psi, Affine)
+
+
+def test_the_top_of_the_film_may_be_the_last_but_one_point():
+    from icpmodel.scenes.lubrication import _top
+
+    assert _top(np.array([0.0, 0.0, 0.0, 3.0, 4.0, 3.0])) == pytest.approx(4.0)
+    assert _top(np.array([0.0, 0.0, 0.0, 1.0, 0.5])) == pytest.approx(1.02, rel=0.2)
