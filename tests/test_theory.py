@@ -340,6 +340,20 @@ class TestDefiniteness:
         B = np.random.default_rng(seed).normal(size=(3, 7))
         assert definiteness(sp.csr_array(B.T @ B)).semidefinite is True
 
+    @settings(max_examples=150, deadline=None)
+    @given(seed=st.integers(0, 10**9), decades=st.sampled_from([0, 6, 30]))
+    def test_the_sign_does_not_depend_on_the_units(self, seed, decades):
+        """Sylvester: DSD has the signs of S for every positive diagonal D."""
+        rng = np.random.default_rng(seed)
+        B = rng.integers(-2, 3, size=(5, 5)).astype(float)
+        S = B + B.T
+        d = 10.0 ** rng.uniform(-decades, decades, 5)
+        found = definiteness(sp.csr_array(S * np.outer(d, d)))
+        smallest = np.linalg.eigvalsh(S)[0]
+        assert found.semidefinite is not (smallest < -1e-9)
+        if found.semidefinite is False:
+            assert found.witness @ (S * np.outer(d, d)) @ found.witness < 0
+
     def test_large_rows_do_not_hide_a_small_indefinite_block(self):
         S = sp.block_diag([[[1e20, 0.9e20], [0.9e20, 1e20]], [[1.0, 2.0], [2.0, 1.0]]])
         assert definiteness(sp.csr_array(S)).semidefinite is False

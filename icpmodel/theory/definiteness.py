@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector
+from ..arrays import Vector, row_of
 from ..problem import UNIT_ROUNDOFF
 
 
@@ -59,10 +59,11 @@ def definiteness(S: sp.csr_array) -> Definiteness:
         )
     if not S.nnz or not S.data.any():
         return Definiteness(True, False, "zero matrix")
-    # the same inertia with a diagonal of ones, so that large rows do not hide small ones; where the diagonal is nothing
-    # beside the rest of its row, the row sets the scale
-    scale = np.maximum(diagonal, UNIT_ROUNDOFF * radius)
-    weight = 1.0 / np.sqrt(np.where(scale > 0, scale, 1.0))
+    witness = _witness_of_two(S, diagonal)
+    if witness is not None:
+        return _indefinite(S, witness)
+    # the same inertia with a diagonal of ones, so that large rows do not hide small ones
+    weight = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled = sp.csr_array(sp.diags_array(weight) @ S @ sp.diags_array(weight))
     delta = 8 * n * UNIT_ROUNDOFF * float(np.asarray(abs(scaled).sum(axis=1)).max())
     smallest, witness = _smallest_pivot(sp.csr_array(scaled + delta * sp.eye_array(n)))
@@ -74,12 +75,40 @@ def definiteness(S: sp.csr_array) -> Definiteness:
     if semidefinite:
         return Definiteness(True, None, "diagonally dominant with nonnegative diagonal (Gershgorin)")
     if witness is not None:
-        witness = weight * witness
-        witness /= np.linalg.norm(witness)
-        curvature = float(witness @ (S @ witness))
-        if curvature < 0:
-            return Definiteness(False, False, f"indefinite: x'Sx = {curvature:.3g} for a unit vector x", witness)
-    return Definiteness(None, None, "its factorisation met a pivot of either sign within rounding")
+        return _indefinite(S, weight * witness)
+    return Definiteness(None, None, _UNDECIDED)
+
+
+_UNDECIDED = "its factorisation met a pivot of either sign within rounding"
+
+
+def _indefinite(S: sp.csr_array, x: Vector) -> Definiteness:
+    """Indefinite with the witness `x`, brought to unit length, if xᵀSx is indeed negative."""
+    x = x / np.abs(x).max()
+    x /= np.linalg.norm(x)
+    curvature = float(x @ (S @ x))
+    if not curvature < 0:
+        return Definiteness(None, None, _UNDECIDED)
+    return Definiteness(False, False, f"indefinite: x'Sx = {curvature:.3g} for a unit vector x", x)
+
+
+def _witness_of_two(S: sp.csr_array, diagonal: Vector) -> Vector | None:
+    """x with two nonzero entries and xᵀSx < 0 where |s_ij| > √(s_ii s_jj) plainly; no semidefinite S has that."""
+    rows, root = row_of(S), np.sqrt(diagonal)
+    off = rows != S.indices
+    excess = np.abs(S.data) > root[rows] * root[S.indices] * (1 + 1e-8)
+    found = np.flatnonzero(off & excess & (S.data != 0))
+    if not found.size:
+        return None
+    k = int(found[np.argmax(np.abs(S.data[found]))])
+    i, j, s = int(rows[k]), int(S.indices[k]), float(S.data[k])
+    if diagonal[i] == 0:
+        i, j = j, i
+    x = np.zeros(S.shape[0])
+    x[i] = 1.0
+    # the minimum over x_j, or far enough out where s_jj = 0 and there is none
+    x[j] = -s / diagonal[j] if diagonal[j] > 0 else -(diagonal[i] / abs(s) + 1.0) * np.sign(s)
+    return x
 
 
 def _smallest_pivot(S: sp.csr_array) -> tuple[float | None, Vector | None]:
