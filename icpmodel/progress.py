@@ -30,6 +30,7 @@ class _TerminalBar(Bar):
         self.first, self.shown = 0.0, 0.0
 
     def update(self, iteration: int, residual: float) -> None:
+        """See `Bar.update`; draws ten times a second at the most."""
         self.first = self.first or residual
         now = time.monotonic()
         if now - self.shown < 0.1:
