@@ -90,8 +90,9 @@ HEAVY = {"numba", "cvxpy", "osqp", "pyomo", "highspy", "matplotlib", "rich", "cl
 
 
 def test_importing_icpmodel_loads_numpy_and_scipy_at_most():
-    added = loaded_by("import icpmodel") - loaded_by("import numpy, scipy.sparse")
-    assert added - sys.stdlib_module_names == {"icpmodel"}
+    for code in ("import icpmodel", "import icpmodel; icpmodel.ICP([[1.0]], [1.0])"):
+        added = loaded_by(code) - loaded_by("import numpy, scipy.sparse")
+        assert added - sys.stdlib_module_names == {"icpmodel"}
 
 
 def test_building_and_certifying_a_problem_loads_nothing_more():
@@ -158,10 +159,17 @@ def test_every_public_method_has_a_docstring():
     assert missing == []
 
 
-def test_all_names_what_is_there():
-    assert len(set(icpmodel.__all__)) == len(icpmodel.__all__)
-    for name in icpmodel.__all__:
-        assert hasattr(icpmodel, name)
+def test_the_public_names_are_the_same_for_users_and_for_type_checkers():
+    tree = ast.parse((HOUSE / "__init__.py").read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    declared = {alias.name: node.module for node in block.body for alias in node.names}
+    assert declared == icpmodel._HOME
+    for name, room in declared.items():
+        home = importlib.import_module(f"icpmodel.{room}")
+        assert getattr(icpmodel, name) is getattr(home, name)
+    assert set(icpmodel.__all__) <= set(dir(icpmodel))
+    with pytest.raises(AttributeError, match="no attribute 'Newton'"):
+        _ = icpmodel.Newton
 
 
 def test_no_file_or_function_has_grown_beyond_reason():
