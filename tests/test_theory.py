@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
@@ -265,6 +265,27 @@ class TestErrorBound:
         before, after = icp.error_bound(problem, exact + 1e-3), icp.error_bound(scaled, exact + 1e-3)
         if before.scaling == after.scaling == "v = 1":
             assert after.value == pytest.approx(before.value, rel=1e-6)
+
+    @settings(max_examples=300, deadline=None)
+    @given(seed=st.integers(0, 10**9), distance=st.sampled_from([0.0, 2.0**-50, 2.0**-20, 1.0]))
+    def test_it_is_never_below_the_true_error_where_that_is_known_exactly(self, seed, distance):
+        """All data are dyadic numbers of few bits, so that z* is exact and no slack is needed, at any row scale."""
+        rng = np.random.default_rng(seed)
+        n = int(rng.choice([1, 2, 4]))
+        off = rng.integers(-8, 9, size=(n, n)) / 8
+        np.fill_diagonal(off, 0.0)
+        rows, columns = 2.0 ** rng.integers(-40, 40, size=n), 2.0 ** rng.integers(-6, 7, size=n)
+        dominant = np.diag(np.abs(off).sum(axis=1) + rng.integers(1, 9, size=n) / 8)
+        A = rows[:, None] * (off + dominant) * columns
+        G = rng.integers(-4, 5, size=(n, n)) / 64 * columns / columns[:, None]
+        exact, active = rng.integers(-64, 65, size=n) / 16 / columns, rng.random(n) < 0.5
+        p = np.where(active, rng.integers(0, 9, size=n) / 8 * rows, 0.0)
+        r = np.where(active, 0.0, rng.integers(0, 9, size=n) / 8 / columns)
+        problem = icp.ICP(A, p - A @ exact, icp.Affine(G, exact - r - G @ exact))
+        z = exact + distance * rng.integers(-8, 9, size=n) / 8 / columns
+        bound = icp.error_bound(problem, z)
+        assume(bound.unique)  # v = 1 and v = <A>^-1 1 do not serve every scaling of the columns
+        assert (np.abs(z - exact) <= bound.componentwise).all()
 
     def test_a_slope_of_one_to_rounding_gets_no_bound(self):
         G = sp.csr_array(np.full((1, 1), 1.0 - 2.0**-53))
