@@ -379,6 +379,11 @@ class TestDefiniteness:
         S = sp.block_diag([[[1e20, 0.9e20], [0.9e20, 1e20]], [[1.0, 2.0], [2.0, 1.0]]])
         assert definiteness(sp.csr_array(S)).semidefinite is False
 
+    @pytest.mark.parametrize("small", [0.0, 5e-324, 1e-308, 1e-200])
+    def test_a_diagonal_that_is_next_to_nothing_is_no_excuse(self, small):
+        for S in ([[small, 1.0], [1.0, small]], [[small, 2.0], [2.0, 5.0]], [[5.0, 2.0], [2.0, small]]):
+            assert definiteness(sp.csr_array(S)).semidefinite is False
+
     def test_a_hidden_negative_direction_is_found(self):
         S = np.array([[1.0, 0.9, 0.9], [0.9, 1.0, -0.9], [0.9, -0.9, 1.0]])
         assert definiteness(sp.csr_array(S)).semidefinite is False

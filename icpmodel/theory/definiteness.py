@@ -105,9 +105,10 @@ def _witness_of_two(S: sp.csr_array, diagonal: Vector) -> Vector | None:
     if diagonal[i] == 0:
         i, j = j, i
     x = np.zeros(S.shape[0])
-    x[i] = 1.0
-    # the minimum over x_j, or far enough out where s_jj = 0 and there is none
-    x[j] = -s / diagonal[j] if diagonal[j] > 0 else -(diagonal[i] / abs(s) + 1.0) * np.sign(s)
+    if diagonal[j] > 0:  # both are positive: in their units the value is 2 - 2|s|/sqrt(s_ii s_jj)
+        x[i], x[j] = 1.0 / root[i], -np.sign(s) / root[j]
+    else:  # linear in x_j: far enough out it is negative
+        x[i], x[j] = 1.0, -np.sign(s) * (diagonal[i] / abs(s) + 1.0)
     return x
 
 
