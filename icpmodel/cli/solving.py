@@ -133,10 +133,6 @@ def _problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
             raise InputError(f"--q belongs to a Matrix Market file of A; {source} is a scene, which has its own q")
         if "n" in parameters:
             raise InputError("the size of a scene is set by --n, not by --set n=...")
-        known = [key for key in gallery.parameters(source) if key != "n"]
-        for key in parameters:
-            if key not in known:
-                raise InputError(f"{source} has no parameter {key!r}; it takes {', '.join(known) or 'none'}")
         scene = gallery.scene(source, n, **parameters)
         if n is not None and scene.problem.n != n:
             click.echo(f"note: {source} has no size {n}; the nearest is {scene.problem.n}", err=True)

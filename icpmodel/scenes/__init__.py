@@ -20,7 +20,7 @@ for _module in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_module.name}")
 
 
-def scene(name: str, n: int | None = None, **parameters: Any) -> Scene:
+def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     """The scene called `name`, at its default size or with about `n` unknowns.
 
     Parameters: `n` the wanted number of unknowns, of which the scene takes the nearest that it can have (on a square
