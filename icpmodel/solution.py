@@ -119,7 +119,7 @@ def certify(problem: ICP, z: Any, *, bound: bool = True) -> Certificate:
         residual_scaled=scaled,
         violation_p=float(np.maximum(-p, 0.0).max()),
         violation_r=float(np.maximum(-r, 0.0).max()),
-        bound=error_bound(problem, z) if bound else ErrorBound(None, None, "none", "it was not computed"),
+        bound=error_bound(problem, z) if bound else ErrorBound.none("it was not computed"),
     )
 
 
@@ -226,7 +226,7 @@ class Solution:
         try:
             bound = self.certificate.bound
         except MapError as error:
-            bound = ErrorBound(None, None, "none", str(error))
+            bound = ErrorBound.none(str(error))
         rows = {
             "problem": f"{self.problem!r}",
             "status": f"{self.status.value} after {self.iterations} iteration{plural}",
@@ -264,7 +264,7 @@ class Solution:
             "tolerance": self.tolerance,
             **numbers,
             "error_bound": bound.value,
-            "error_bound_scaling": bound.scaling,
+            "error_bound_proof": bound.proof or None,
             "no_error_bound_because": bound.reason or None,
             "unique": bound.unique or None,
         }

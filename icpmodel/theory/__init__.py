@@ -1,6 +1,8 @@
-"""What is certain: error bounds after a solve, and definiteness decided by factorisation."""
+"""What is certain: three-valued answers about A, error bounds after a solve, definiteness decided by factorisation."""
 
-from .bounds import ErrorBound, comparison_matrix, error_bound
+from .answers import Answer
+from .bounds import ErrorBound, error_bound
 from .definiteness import Definiteness, definiteness
+from .scaling import comparison_matrix
 
-__all__ = ["Definiteness", "ErrorBound", "comparison_matrix", "definiteness", "error_bound"]
+__all__ = ["Answer", "Definiteness", "ErrorBound", "comparison_matrix", "definiteness", "error_bound"]

@@ -263,7 +263,7 @@ class TestErrorBound:
         problem, exact = h_plus_problem(seed)
         scaled = icp.ICP(problem.A * scale, problem.q * scale, problem.psi)
         before, after = icp.error_bound(problem, exact + 1e-3), icp.error_bound(scaled, exact + 1e-3)
-        if before.scaling == after.scaling == "v = 1":
+        if before.proof == after.proof == "A is an H+-matrix (v = 1)":
             assert after.value == pytest.approx(before.value, rel=1e-6)
 
     @settings(max_examples=300, deadline=None)
@@ -300,9 +300,9 @@ class TestErrorBound:
 
     def test_v_one_serves_dominant_rows_and_one_solve_the_others(self):
         dominant = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0])
-        assert icp.error_bound(dominant, [0.0, 0.0]).scaling == "v = 1"
+        assert icp.error_bound(dominant, [0.0, 0.0]).proof == "A is an H+-matrix (v = 1)"
         laplace = icp.scenes.membrane(n=25).problem
-        assert icp.error_bound(laplace, np.zeros(25)).scaling == "v = <A>^-1 1"
+        assert icp.error_bound(laplace, np.zeros(25)).proof == "A is an H+-matrix (v = <A>^-1 1)"
 
     @pytest.mark.parametrize(
         ("problem", "words"),
@@ -324,8 +324,8 @@ class TestErrorBound:
     def test_the_scaling_is_found_once_for_a_series(self):
         problem = icp.scenes.membrane(n=25).problem
         icp.error_bound(problem, np.zeros(25))
-        assert "scaling" in problem.with_q(np.ones(25))._memory
-        assert "scaling" not in problem.with_psi(0.0)._memory
+        assert "h plus" in problem.with_q(np.ones(25))._memory
+        assert "h plus" not in problem.with_psi(0.0)._memory
 
 
 class TestDefiniteness:
