@@ -86,7 +86,7 @@ def loaded_by(code):
     return set(run.stdout.splitlines()[-1].split())
 
 
-HEAVY = {"numba", "cvxpy", "osqp", "pyomo", "highspy", "matplotlib", "rich", "click", "clarabel"}
+HEAVY = {"numba", "pyamg", "cvxpy", "osqp", "pyomo", "highspy", "matplotlib", "rich", "click", "clarabel"}
 
 
 def test_importing_icpmodel_loads_numpy_and_scipy_at_most():

@@ -13,15 +13,23 @@ Reference: Chen and Xiang, Math. Program. 106 (2006), for ψ = 0; the proof abov
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..arrays import Vector
+from ..operators import factorise
 from ..problem import ICP, UNIT_ROUNDOFF
 from .proof import Proof, norm_up
 from .rounding import lower, upper
-from .scaling import comparison_matrix, solve_for_ones
+from .scaling import comparison_matrix, scaling_vectors
+
+#: beyond this size a factorisation for every choice of rows is too dear
+_POLICY_UP_TO = 200_000
+_POLICY_STEPS = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +55,11 @@ class HPlusProof(Proof):
 
 
 def prove(problem: ICP) -> HPlusProof | str:
-    """v = 1 is tried first, then v = ⟨A⟩⁻¹1 (one linear solve); the signs are checked, rounding included.
+    """Look for v: `scaling_vectors` in turn, then, where ψ needs another one, policy iteration.
 
+    The best v solves v = max(D⁻¹|B|v, Gv) + 1, B the off-diagonal part of A: in each row one of two equations. A
+    choice of rows is a linear system; its solution is positive for every choice if and only if some v serves both, and
+    grows from choice to choice (Howard's policy iteration). The signs of α and β are checked, rounding included.
     Returns the proof, or the reason why no v was found. It is made of A and ψ alone and remembered for all problems
     that share them.
 
@@ -69,21 +80,42 @@ def _prove(problem: ICP) -> HPlusProof | str:
     if G is None:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
     comparison = comparison_matrix(A)
-    reasons = []
-    for name, make in (("v = 1", lambda C: np.ones(C.shape[0])), ("v = <A>^-1 1", solve_for_ones)):
-        v = make(comparison)
-        if v is None or not (v > 0).all():
-            reasons.append(f"{name}: A is not an H+-matrix (<A>^-1 1 is not positive)")
-            continue
+    candidates: Iterator[tuple[str, Vector]] = scaling_vectors(comparison)
+    if G.nnz:
+        candidates = chain(candidates, _policy_iteration(comparison, G))
+    dominated = False
+    for name, v in candidates:
         alpha = lower(comparison, v)
+        if not (alpha > 0).all():
+            continue
+        dominated = True
         # a row of psi without obstacle would need no beta, but which rows those are may change with z
-        beta = v - upper(G, v)
-        beta -= 2 * UNIT_ROUNDOFF * v
-        for symbol, vector in (("<A>v", alpha), ("(I - G)v", beta)):
-            if not (vector > 0).all():
-                i = int(np.argmin(vector))
-                reasons.append(f"{name}: {symbol} is {vector[i]:.3g} in row {i}, not positive")
-                break
-        else:
+        beta = v - upper(G, v) - 2 * UNIT_ROUNDOFF * v
+        if (beta > 0).all():
             return HPlusProof(f"A is an H+-matrix ({name})", v, alpha, beta)
-    return "no certificate: " + "; ".join(reasons)
+    if dominated:
+        return "A is an H+-matrix, but no v > 0 found gives both <A>v > 0 and (I - G)v > 0: psi moves too much"
+    return "A is not an H+-matrix: no v > 0 found gives <A>v > 0"
+
+
+def _policy_iteration(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
+    """The solutions v of v = max(D⁻¹|B|v, Gv) + 1 choice by choice, while they are positive."""
+    n = comparison.shape[0]
+    if n > _POLICY_UP_TO or (comparison.diagonal() < np.finfo(np.float64).tiny).any():
+        return
+    rows = sp.csr_array(sp.diags_array(1.0 / comparison.diagonal()) @ comparison)
+    moving = sp.csr_array(sp.eye_array(n) - G)
+    v, before = np.ones(n), np.zeros(n, dtype=bool)
+    for _ in range(_POLICY_STEPS):
+        choice = moving @ v < rows @ v
+        if np.array_equal(choice, before):
+            return
+        before = choice
+        by_psi = sp.diags_array(choice.astype(np.float64))
+        lu = factorise(sp.csr_array(rows + by_psi @ (moving - rows)))
+        if lu is None:
+            return
+        v = np.asarray(lu.solve(np.ones(n)))
+        if not (v > 0).all():
+            return
+        yield "v from A and G", v
