@@ -14,7 +14,20 @@ from .methods.choose import Choice, choose
 from .problem import ICP
 from .solution import Solution
 
-_OPTIONS = ("z0", "rtol", "atol", "max_iter", "time_limit", "callback", "history", "progress", "raise_on_failure")
+#: the default relative tolerance
+_RTOL = 1e-8
+_OPTIONS = (
+    "z0",
+    "rtol",
+    "atol",
+    "accuracy",
+    "max_iter",
+    "time_limit",
+    "callback",
+    "history",
+    "progress",
+    "raise_on_failure",
+)
 
 
 def solve(
@@ -22,8 +35,9 @@ def solve(
     method: str | Method | None = None,
     *,
     z0: Any = None,
-    rtol: float = 1e-8,
-    atol: float = 0.0,
+    rtol: float | None = None,
+    atol: float | None = None,
+    accuracy: float | None = None,
     max_iter: int = 100_000,
     time_limit: float | None = None,
     callback: Callable[[Progress], Any] | None = None,
@@ -33,25 +47,35 @@ def solve(
     **options: Any,
 ) -> Solution:
     """Solve an ICP: stop at Res(z) = ‖min(r, p)‖₂ ≤ max(atol, rtol·Res(0)), Res(0) being that of the vector 0
-    (of z0 where ψ has no value at 0, or 0 is a solution).
+    (of z0 where ψ has no value at 0, or 0 is a solution), or, with `accuracy`, where it is proved that
+    |z_i − z*_i| ≤ accuracy in every entry.
 
     Parameters:
     `problem`; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or None to have one picked;
-    `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol);
+    `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
+    by default 1e-8 and 0; `accuracy` > 0 in the units of z, instead of the two;
     `max_iter` iterations in all; `time_limit` in seconds, set-up included, looked at between iterations;
     `callback` gets a `Progress` per tested iterate and stops the run by returning True;
     `history` keeps the residuals in `Solution.history`; `progress` shows a bar where standard error is a terminal;
     `raise_on_failure`.
     Returns a `Solution`; its z is the best iterate, and SOLVED means that the residual of this very z was recomputed.
-    Raises InputError, NotApplicable (SingularOperator), MapError where ψ fails at the start, and NotSolved, which
-    carries the best iterate, where the run fails, runs out of time or is interrupted, unless `raise_on_failure` is
-    False: then that solution is returned.
+    Raises InputError, NotApplicable (SingularOperator, or nothing bounds the error and `accuracy` is wanted), MapError
+    where ψ fails at the start, and NotSolved, which carries the best iterate, where the run fails, runs out of time or
+    is interrupted, unless `raise_on_failure` is False: then that solution is returned.
 
     >>> solution = solve(ICP([[4, -1], [-2, 4]], [-3, -2]), "mnmsor", theta1=1.1)
     >>> solution.status, solution.z.round(6)
     (<Status.SOLVED: 'solved'>, array([1., 1.]))
     """
-    limits = Limits(rtol=rtol, atol=atol, max_iter=max_iter, time_limit=time_limit)
+    if accuracy is not None and (rtol is not None or atol is not None):
+        raise InputError("accuracy bounds the error, rtol and atol the residual: give accuracy alone, or leave it out")
+    limits = Limits(
+        rtol=_RTOL if rtol is None else rtol,
+        atol=0.0 if atol is None else atol,
+        max_iter=max_iter,
+        time_limit=time_limit,
+        accuracy=accuracy,
+    )
     if callback is not None and not callable(callback):
         raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
     start = problem.vector(np.zeros(problem.n) if z0 is None else getattr(z0, "z", z0), "z0").copy()

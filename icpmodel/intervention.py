@@ -35,6 +35,7 @@ class Intervention(Map):
         self.best = best
         self.fun = jumps if callable(jumps) else None
         self.jumps = None if callable(jumps) else _checked(jumps)
+        self.at_users_word = self.jumps is None
         if self.jumps is not None:
             ones = np.ones(self.jumps.nnz)
             self.lipschitz = freeze(sp.csr_array((ones, self.jumps.indices, self.jumps.indptr), shape=self.jumps.shape))
@@ -54,6 +55,15 @@ class Intervention(Map):
         target = self.best_jump(z)[1]
         rows = np.flatnonzero(target >= 0)
         return sp.csr_array((np.ones(rows.size), (rows, target[rows])), shape=(z.size, z.size))
+
+    def change(self, delta: Vector) -> Vector:
+        """The largest δ_j over the jumps i → j, over all j where they are not known: see `Map.change`."""
+        if self.jumps is None:
+            return np.full(delta.size, delta.max())
+        largest, rows = np.zeros(delta.size), np.flatnonzero(np.diff(self.jumps.indptr))
+        if rows.size:
+            largest[rows] = np.maximum.reduceat(delta[self.jumps.indices], self.jumps.indptr[rows])
+        return largest
 
     def best_jump(self, z: Vector) -> tuple[Vector, np.ndarray]:
         """(ψ(z), target): the value and the best jump's column, −1 where there is none; both of shape (n,).

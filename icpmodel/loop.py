@@ -12,6 +12,7 @@ import numpy as np
 
 from .arrays import Vector, as_number
 from .errors import MapError, NotApplicable, SingularOperator
+from .goal import AccuracyGoal, Goal
 from .methods.choose import Choice, why_none
 from .problem import ICP
 from .progress import Bar, progress_bar
@@ -32,6 +33,8 @@ _BLOW_UP = 1e200
 class Limits:
     """When to stop: Res(z) ≤ max(`atol`, `rtol`·Res(0)), `max_iter` iterations, `time_limit` seconds (None: no limit).
 
+    With `accuracy`, a certified error of at most that is asked for instead of a residual.
+
     Raises InputError for numbers that make no sense.
 
     >>> Limits(rtol=-1.0, atol=0.0, max_iter=1, time_limit=None)
@@ -43,6 +46,7 @@ class Limits:
     atol: float
     max_iter: int
     time_limit: float | None
+    accuracy: float | None = None
 
     def __post_init__(self) -> None:
         as_number(self.rtol, "rtol", least=0, below=1)  # from 1 on, z = 0 would do
@@ -50,6 +54,8 @@ class Limits:
         as_number(self.max_iter, "max_iter", least=0, whole=True)
         if self.time_limit is not None:
             as_number(self.time_limit, "time_limit", least=0)
+        if self.accuracy is not None:
+            as_number(self.accuracy, "accuracy", above=0)
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,9 @@ class Job:
             self.restart, scale = start, problem.residual(start)
         elif scale == 0.0:  # 0 solves the problem and says nothing of its scale
             scale = problem.residual(start)
-        self.tolerance = max(limits.atol, limits.rtol * scale) if np.isfinite(scale) else limits.atol
+        self.goal = Goal(max(limits.atol, limits.rtol * scale) if np.isfinite(scale) else limits.atol)
+        if limits.accuracy is not None:
+            self.goal = AccuracyGoal(problem, limits.accuracy, start)
         self.best: _Best | None = None
         self.current = start
         self.iteration = 0
@@ -135,7 +143,7 @@ class Job:
             for choice in choices:
                 start = self.restart if self.tried else self.start
                 try:
-                    with progress_bar(self.progress, choice.method.name, self.tolerance) as bar:
+                    with progress_bar(self.progress, choice.method.name) as bar:
                         status, note = self._run(choice, start, bar)
                 except SingularOperator:
                     if not tolerate_singular:
@@ -180,7 +188,7 @@ class Job:
             self.current = z
             residual = self._residual(z, hint)
             seconds = time.perf_counter() - self.clock
-            bar.update(k, residual)
+            bar.update(k, residual, self.goal.tolerance)
             if self.history:
                 self.records.append((k, residual, seconds))
             if step == 0:
@@ -191,9 +199,10 @@ class Job:
                 self.best = _Best(z, residual, k, choice)
             if self.callback is not None and self.callback(_state(k, z, residual, seconds)):
                 return Status.STOPPED, "by the callback"
-            if residual <= self.tolerance:
+            if self.goal.reached(z, residual):
+                self.best = _Best(z, residual, k, choice)
                 return Status.SOLVED, ""
-            if not residual < np.inf or residual > _BLOW_UP * max(first_residual, self.tolerance):
+            if not residual < np.inf or residual > _BLOW_UP * max(first_residual, self.goal.tolerance):
                 fault = _fault_of_psi(self.problem, z)
                 if fault:
                     return Status.MAP_FAILED, f"{fault} at iteration {k}"
@@ -217,7 +226,7 @@ class Job:
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The method's hint while it is only a hint; the judge where a decision hangs on it."""
         low, high = _SAFE_HINT
-        if hint is not None and low < hint < high and hint > self.tolerance:
+        if hint is not None and low < hint < high and hint > self.goal.tolerance:
             return hint
         return self.problem.residual(z)
 
@@ -248,7 +257,7 @@ class Job:
                 candidate.residual = self.problem.residual(candidate.z)
             if candidate.residual < best.residual:
                 best = candidate
-        if best.residual <= self.tolerance:
+        if self.goal.reached(best.z, best.residual):
             status = Status.SOLVED
         elif status is Status.SOLVED:
             status, note = Status.MAP_FAILED, "psi gives different values at the same z"
@@ -256,7 +265,7 @@ class Job:
         if status is not Status.SOLVED:
             message = (
                 f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g} "
-                f"(stop at {self.tolerance:.3g}). Advice: {status.advice}"
+                f"({self.goal.wanted(best.z)}). Advice: {status.advice}"
             )
         others = [f"{choice.method!r}: {ended.value}" for choice, ended in self.tried if choice is not best.choice]
         why = "; ".join([best.choice.why, *(["also tried: " + ", ".join(others)] if others else [])])
@@ -273,7 +282,8 @@ class Job:
             method=best.choice.method,
             why=why,
             residual=best.residual,
-            tolerance=self.tolerance,
+            tolerance=self.goal.tolerance,
+            accuracy=self.limits.accuracy,
             iterations=self.iteration,
             seconds=seconds,
             history=past,

@@ -29,6 +29,8 @@ class Map(ABC):
 
     #: the CSR matrix G, or None
     lipschitz: sp.csr_array | None = None
+    #: whether ψ's values come from a user's code, so that nothing is known of their rounding errors
+    at_users_word: bool = False
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in self.__dict__:
@@ -60,6 +62,22 @@ class Map(ABC):
         >>> Constant(1).bind(2).jacobian(np.zeros(2)).nnz
         0
         """
+
+    def change(self, delta: Vector) -> Vector | None:
+        """A bound on |ψ(x) − ψ(y)| for all x, y with |x − y| ≤ `delta`, shape (n,); None where none is known.
+
+        Gδ, rounded up.
+
+        >>> bool(Affine([[0.5]]).bind(1).change(np.array([2.0]))[0] >= 1.0)
+        True
+        """
+        G = self.lipschitz
+        if G is None:
+            return None
+        k = np.diff(G.indptr) + 2
+        with np.errstate(over="ignore"):
+            result: Vector = (G @ delta) * (1 + 2 * k * 2.0**-53) + k * 2.0**-1074
+        return result
 
 
 class Constant(Map):
@@ -144,6 +162,8 @@ class Elementwise(Map):
     array([0.3, 0.3])
     """
 
+    at_users_word = True
+
     def __init__(
         self,
         f: Callable[[Any], Any],
@@ -199,6 +219,8 @@ class Function(Map):
     >>> psi.value(np.array([2.0, 4.0]))
     array([2., 1.])
     """
+
+    at_users_word = True
 
     def __init__(
         self,

@@ -12,24 +12,24 @@ from collections.abc import Callable, Iterator
 class Bar:
     """A bar that shows nothing; `update` is cheap enough to be called at every iteration.
 
-    >>> Bar().update(1, 0.5)
+    >>> Bar().update(1, 0.5, 1e-8)
     """
 
-    def update(self, iteration: int, residual: float) -> None:
-        """Tell the bar how far the run is: `iteration` and Res(z).
+    def update(self, iteration: int, residual: float, tolerance: float) -> None:
+        """Tell the bar how far the run is: `iteration`, Res(z) and the residual at which it may stop.
 
-        >>> Bar().update(2, 0.25)
+        >>> Bar().update(2, 0.25, 1e-8)
         """
 
 
 class _TerminalBar(Bar):
     """The share of the way, on a logarithmic scale, from the first residual to the tolerance."""
 
-    def __init__(self, progress: object, task: object, tolerance: float) -> None:
-        self.progress, self.task, self.tolerance = progress, task, tolerance
+    def __init__(self, progress: object, task: object) -> None:
+        self.progress, self.task = progress, task
         self.first, self.shown = 0.0, 0.0
 
-    def update(self, iteration: int, residual: float) -> None:
+    def update(self, iteration: int, residual: float, tolerance: float) -> None:
         """See `Bar.update`; draws ten times a second at the most."""
         self.first = self.first or residual
         now = time.monotonic()
@@ -37,18 +37,18 @@ class _TerminalBar(Bar):
             return
         self.shown = now
         share = 0.0
-        if 0 < self.tolerance < self.first and residual > 0:
-            share = math.log(self.first / residual) / math.log(self.first / self.tolerance)
-        text = f"iteration {iteration}, residual {residual:.2e} -> {self.tolerance:.2e}"
+        if 0 < tolerance < self.first and residual > 0:
+            share = math.log(self.first / residual) / math.log(self.first / tolerance)
+        text = f"iteration {iteration}, residual {residual:.2e} -> {tolerance:.2e}"
         self.progress.update(self.task, completed=min(max(share, 0.0), 1.0), text=text)  # type: ignore[attr-defined]
 
 
 @contextlib.contextmanager
-def progress_bar(wanted: bool, title: str, tolerance: float) -> Iterator[Bar]:
+def progress_bar(wanted: bool, title: str) -> Iterator[Bar]:
     """A `Bar` for one run: a visible one if `wanted` and standard error is a terminal.
 
-    >>> with progress_bar(True, "MNMGS()", 1e-8) as bar:
-    ...     bar.update(0, 1.0)
+    >>> with progress_bar(True, "MNMGS()") as bar:
+    ...     bar.update(0, 1.0, 1e-8)
     """
     if not wanted or not sys.stderr.isatty():
         yield Bar()
@@ -59,7 +59,7 @@ def progress_bar(wanted: bool, title: str, tolerance: float) -> Iterator[Bar]:
 
     columns = (TextColumn(escape(title)), BarColumn(), TextColumn("{task.fields[text]}"), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        yield _TerminalBar(progress, progress.add_task(title, total=1.0, text=""), tolerance)
+        yield _TerminalBar(progress, progress.add_task(title, total=1.0, text=""))
 
 
 @contextlib.contextmanager

@@ -14,7 +14,9 @@ import numpy as np
 from .arrays import Vector
 from .errors import MapError
 from .problem import ICP
+from .theory.active_set import ActiveSet, active_set
 from .theory.bounds import ErrorBound, error_bound
+from .theory.equations import nearer_to_obstacle, solve_on
 
 if TYPE_CHECKING:
     from .methods import Method
@@ -142,7 +144,8 @@ class Solution:
 
     `problem`; `z` shape (n,); `status`; `message` with advice; `method`, the method that found z, and `why` it was
     picked; `residual` = Res(z), judged on the returned z, and the `tolerance` it was held against; `iterations`;
-    `seconds` of the run, set-up included; `history` or None.
+    `seconds` of the run, set-up included; `accuracy`, the certified error that was asked for, or None; `history` or
+    None.
 
     >>> solution = ICP([[2.0]], [-2.0]).solve("mnmgs")
     >>> solution.status, solution.iterations
@@ -159,11 +162,12 @@ class Solution:
     tolerance: float
     iterations: int
     seconds: float
+    accuracy: float | None = None
     history: History | None = field(default=None, repr=False)
 
     @property
     def solved(self) -> bool:
-        """Whether the status is SOLVED: Res(z) of the returned z is at most `tolerance`.
+        """Whether the status is SOLVED: Res(z) ≤ `tolerance` and, if asked for, the certified error ≤ `accuracy`.
 
         >>> ICP([[2.0]], [-2.0]).solve().solved
         True
@@ -196,6 +200,44 @@ class Solution:
         True
         """
         return certify(self.problem, self.z)
+
+    @cached_property
+    def active_set(self) -> ActiveSet:
+        """Which rows are proved to touch the obstacle, and which not.
+
+        >>> ICP([[2.0]], [-2.0]).solve().active_set.inactive
+        array([ True])
+        """
+        return active_set(self.problem, self.z, self.certificate.bound)
+
+    def polish(self) -> Solution:
+        """The answer to rounding accuracy: the solution of the equations that the active set leaves, one linear solve.
+
+        Rows that are undecided take the side to which z is nearer, so where all are decided the result is z* up to
+        rounding; else it is a candidate like any other. Returns the new solution if its residual is the smaller one,
+        this one otherwise. Its status is SOLVED where it reaches what was asked for, else it is unchanged.
+
+        >>> rough = ICP([[2, -1], [-1, 2]], [-1, 3]).solve(rtol=0.1)
+        >>> rough.polish().z
+        array([0.5, 0. ])
+        """
+        problem, known = self.problem, self.active_set
+        active = known.active | (known.undecided & nearer_to_obstacle(problem, self.z))
+        z = solve_on(problem, self.z, active)
+        if z is None or not (residual := problem.residual(z)) < self.residual:
+            return self
+        z.flags.writeable = False
+        left = int(known.undecided.sum())
+        guessed = f", {left} of them not proved" if left else ""
+        why = "; ".join(
+            filter(None, [self.why, f"polished: one linear solve on {int(active.sum())} active rows{guessed}"])
+        )
+        better = replace(self, z=z, residual=residual, why=why)
+        error = better.error_bound if self.accuracy else None
+        reached = residual <= self.tolerance if not self.accuracy else error is not None and error <= self.accuracy
+        if self.solved and not reached:
+            return self
+        return replace(better, status=Status.SOLVED, message="solved") if reached else better
 
     def without_bound(self) -> Solution:
         """The same answer, its certificate without an error bound: for problems so large that one solve is too dear.
@@ -231,11 +273,12 @@ class Solution:
             "problem": f"{self.problem!r}",
             "status": f"{self.status.value} after {self.iterations} iteration{plural}",
             "method": f"{self.method!r}" + (f"\n{self.why}" if self.why else ""),
-            "residual": f"{self.residual:.3g} (stop at {self.tolerance:.3g})",
+            "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" (stop at {self.tolerance:.3g})"),
             "error": (
                 f"no certified bound: {bound.reason}"
                 if bound.value is None
                 else f"|z - z*| <= {bound.value:.3g} in every entry; z* is the only solution"
+                + (f" ({self.accuracy:.3g} was asked for)" if self.accuracy else "")
             ),
         }
         if not self.solved:
@@ -262,6 +305,7 @@ class Solution:
             "iterations": self.iterations,
             "seconds": self.seconds,
             "tolerance": self.tolerance,
+            "accuracy": self.accuracy,
             **numbers,
             "error_bound": bound.value,
             "error_bound_proof": bound.proof or None,

@@ -26,6 +26,7 @@ ROOMS = [
     "theory",
     "solution",
     "methods",
+    "goal",
     "progress",
     "loop",
     "driver",

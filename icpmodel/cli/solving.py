@@ -33,8 +33,9 @@ _OPTIONS = (
     click.option("--method", help=f"One of {', '.join(names())}; without it one is picked."),
     click.option("--option", "options", **_PAIR, help="An option of the method, such as theta1=1.2; repeatable."),
     click.option("--z0", "z0_file", type=click.Path(), help="Start from the z of this .npz file, written by -o."),
-    click.option("--rtol", type=float, default=1e-8, show_default=True, help="Stop at rtol * Res(0) ..."),
-    click.option("--atol", type=float, default=0.0, show_default=True, help="... or at atol, the larger of both."),
+    click.option("--rtol", type=float, help="Stop at the residual rtol * Res(0), default 1e-8 ..."),
+    click.option("--atol", type=float, help="... or at atol, the larger of both, default 0 ..."),
+    click.option("--accuracy", type=float, help="... or, instead, at this certified error of every entry of z."),
     click.option("--max-iter", type=int, default=100_000, show_default=True, help="Iterations in all."),
     click.option("--time-limit", type=float, help="Seconds, looked at between iterations."),
     click.option("--bound/--no-bound", default=True, help="Compute the error bound, which may cost a solve."),
@@ -154,7 +155,7 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
     z0 = None if scene is None else scene.z0
     if arguments["z0_file"] is not None:
         z0 = load_solution(arguments["z0_file"])["z"]
-    limits = {name: arguments[name] for name in ("rtol", "atol", "max_iter", "time_limit")}
+    limits = {name: arguments[name] for name in ("rtol", "atol", "accuracy", "max_iter", "time_limit")}
     solution = problem.solve(method, z0=z0, progress=True, raise_on_failure=False, **limits)
     if not arguments["bound"]:
         return solution.without_bound()

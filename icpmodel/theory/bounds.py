@@ -8,11 +8,19 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Vector
-from ..problem import ICP
+from ..problem import ICP, UNIT_ROUNDOFF
 from . import h_plus
+from .equations import nearer_to_obstacle, solve_on
+from .proof import Proof, norm_up
 
 #: the proofs in the order in which they are tried, cheapest and sharpest first
 _PROOFS = (h_plus.prove,)
+#: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
+_SHARPEN_UP_TO = 10_000
+#: a share of the bound that is not worth another step
+_NEGLIGIBLE = 0.01
+#: steps of the active-set Newton iteration that looks for a better z
+_STEPS = 8
 
 
 @dataclass(frozen=True)
@@ -53,19 +61,27 @@ class ErrorBound:
         return bool(self.proof)
 
 
-def error_bound(problem: ICP, z: Any) -> ErrorBound:
+def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bool = False) -> ErrorBound:
     """A bound on |z − z*| from one evaluation of p and r, or the reason why there is none.
 
-    Bounds on the rounding errors of p(z) and r(z) are included (`ICP.rounding`); ψ and its Lipschitz matrix are taken
-    at the user's word. Parameters: `z` shape (n,). Returns an `ErrorBound`.
+    Bounds on the rounding errors are included, so that the bound is a proof for constant and affine ψ and for
+    interventions given by a matrix. A user's function ψ is taken as exact to a few units in the last place, and its
+    Lipschitz matrix at the user's word.
+
+    Parameters: `z` shape (n,). `sharp`: look for a better point ẑ by a few active-set Newton steps (a factorisation
+    each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error where the bound of z
+    itself may be a hundred times too wide; by default where A has at most 10 000 entries. `rigorous`: no bound where
+    it would rest on a user's word. Returns an `ErrorBound`. Raises MapError where ψ fails at z.
     Reference: the proofs of this room, one file each.
 
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, -1])
     >>> bound = error_bound(problem, [1.0, 1.001])
-    >>> 0.001 <= bound.value <= 0.0031
-    True
+    >>> 0.001 <= bound.value <= 0.001001, round(error_bound(problem, [1.0, 1.001], sharp=False).value, 9)
+    (True, 0.002)
     """
     z = problem.vector(z)
+    if rigorous and problem.psi.at_users_word:
+        return ErrorBound.none("psi is computed by a user's function, whose rounding errors are not known")
     reasons = []
     for prove in _PROOFS:
         proof = prove(problem)
@@ -73,7 +89,32 @@ def error_bound(problem: ICP, z: Any) -> ErrorBound:
             reasons.append(proof)
             continue
         delta, euclidean = proof.bound(problem, z, *problem.rounding(z))
+        if sharp or (sharp is None and problem.A.nnz <= _SHARPEN_UP_TO):
+            delta, euclidean = _sharpened(problem, z, proof, delta, euclidean)
         if np.isfinite(delta).all():
             return ErrorBound(float(delta.max()), delta, euclidean, proof.sentence, "")
         return ErrorBound.none("F(z) is not finite at this z", proof.sentence)
     return ErrorBound.none("; ".join(reasons))
+
+
+def _sharpened(problem: ICP, z: Vector, proof: Proof, delta: Vector, euclidean: float) -> tuple[Vector, float]:
+    """The best of δ(z) and |z − ẑ| + δ(ẑ) over the points ẑ of an active-set Newton iteration from z."""
+    better, seen = z, None
+    for _ in range(_STEPS if np.isfinite(z).all() else 0):
+        active = nearer_to_obstacle(problem, better)
+        if seen is not None and np.array_equal(active, seen):
+            break
+        seen = active
+        found = solve_on(problem, better, active)
+        if found is None or not np.isfinite(found).all():
+            break
+        better = found
+        beyond, beyond_euclidean = proof.bound(problem, better, *problem.rounding(better))
+        step = np.abs(z - better)
+        with np.errstate(over="ignore", invalid="ignore"):
+            candidate = (step + beyond) * (1 + 4 * UNIT_ROUNDOFF)
+            if candidate.max() < delta.max() or not np.isfinite(delta).all():
+                delta, euclidean = candidate, (norm_up(step) + beyond_euclidean) * (1 + 4 * UNIT_ROUNDOFF)
+        if beyond.max() <= _NEGLIGIBLE * step.max():
+            break
+    return delta, euclidean

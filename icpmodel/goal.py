@@ -1,0 +1,77 @@
+"""When a run has what it was asked for: a small residual, or a certified error below a bound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Vector
+from .errors import NotApplicable
+from .problem import ICP
+from .theory.bounds import error_bound
+
+
+@dataclass
+class Goal:
+    """Res(z) ≤ `tolerance`.
+
+    >>> Goal(1e-8).reached(np.zeros(1), 1e-9)
+    True
+    """
+
+    tolerance: float
+
+    def reached(self, z: Vector, residual: float) -> bool:
+        """Whether `z`, shape (n,), with Res(z) = `residual` is what was asked for; NaN is not.
+
+        >>> Goal(1e-8).reached(np.zeros(1), float("nan"))
+        False
+        """
+        return residual <= self.tolerance
+
+    def wanted(self, z: Vector) -> str:
+        """What was asked for, in words, for the message of a run that did not get there with `z`.
+
+        >>> Goal(1e-8).wanted(np.zeros(1))
+        'stop at 1e-08'
+        """
+        return f"stop at {self.tolerance:.3g}"
+
+
+class AccuracyGoal(Goal):
+    """A certified bound on max|z − z*| that is at most `accuracy`.
+
+    The bound costs more than a residual and falls about as fast, so it is looked at only where the residual is at most
+    `tolerance`, which every look sets anew. Raises NotApplicable where nothing bounds the error of `problem`.
+
+    >>> goal = AccuracyGoal(ICP([[2.0]], [-2.0]), 1e-3, np.zeros(1))
+    >>> goal.reached(np.array([1.1]), 0.2), goal.reached(np.array([1.0]), 0.0)
+    (False, True)
+    """
+
+    def __init__(self, problem: ICP, accuracy: float, start: Vector) -> None:
+        super().__init__(np.inf)
+        self.problem, self.accuracy = problem, accuracy
+        bound = error_bound(problem, start)
+        if not bound.unique:
+            raise NotApplicable(
+                f"accuracy: nothing bounds the error of this problem: {bound.reason}; give rtol instead"
+            )
+
+    def reached(self, z: Vector, residual: float) -> bool:
+        """See `Goal.reached`."""
+        if not residual <= self.tolerance:
+            return False
+        bound = error_bound(self.problem, z).value
+        if bound is not None and bound <= self.accuracy:
+            return True
+        share = 0.0 if bound is None else self.accuracy / bound
+        self.tolerance = residual * min(max(share, 0.1), 0.5)
+        return False
+
+    def wanted(self, z: Vector) -> str:
+        """See `Goal.wanted`."""
+        bound = error_bound(self.problem, z).value
+        known = "nothing is certain of its error" if bound is None else f"its error is at most {bound:.3g}"
+        return f"{known}; {self.accuracy:.3g} was wanted"

@@ -1,0 +1,66 @@
+"""The certified active set: which rows are proved to touch the obstacle, and which not.
+
+With |z − z*| ≤ δ: p_i(z) − Σ|a_ij|δ_j > 0 proves p_i(z*) > 0, hence r_i(z*) = 0; r_i(z) − δ_i − Δψ_i > 0, Δψ a bound on
+|ψ(z) − ψ(z*)|, proves r_i(z*) > 0, hence p_i(z*) = 0. Once every row is decided z* solves one system of equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Vector
+from ..problem import ICP, UNIT_ROUNDOFF
+from .bounds import ErrorBound
+from .rounding import upper
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveSet:
+    """The rows that are proved to be `active` (p* > 0, r* = 0) and `inactive` (r* > 0, p* = 0); masks of shape (n,).
+
+    >>> problem = ICP([[2, -1], [-1, 2]], [-1, 3])
+    >>> print(problem.solve().active_set)
+    1 row at its obstacle, 1 off it, 0 undecided
+    """
+
+    active: NDArray[np.bool_]
+    inactive: NDArray[np.bool_]
+
+    @property
+    def undecided(self) -> NDArray[np.bool_]:
+        """The rows of which nothing is proved: too near to both, or no error bound.
+
+        >>> ICP([[2.0]], [0.0]).solve().active_set.undecided
+        array([ True])
+        """
+        return ~(self.active | self.inactive)
+
+    def __str__(self) -> str:
+        at, off, open_rows = (int(mask.sum()) for mask in (self.active, self.inactive, self.undecided))
+        return f"{at} row{'' if at == 1 else 's'} at its obstacle, {off} off it, {open_rows} undecided"
+
+
+def active_set(problem: ICP, z: Vector, bound: ErrorBound) -> ActiveSet:
+    """The active set of z* as far as `bound`, an error bound for `z` (shape (n,)), proves it.
+
+    Bounds on the rounding errors are included. Nothing is decided where there is no bound, nor where p* = r* = 0.
+
+    >>> from icpmodel.theory import error_bound
+    >>> problem, z = ICP([[2.0]], [-2.0]), np.array([1.25])
+    >>> active_set(problem, z, error_bound(problem, z)).inactive
+    array([ True])
+    """
+    nothing = np.zeros(problem.n, dtype=bool)
+    delta = bound.componentwise
+    change = None if delta is None else problem.psi.change(delta)
+    if delta is None or change is None:
+        return ActiveSet(nothing, nothing)
+    for_p, for_r = problem.rounding(z)
+    inflate = 1 + 8 * UNIT_ROUNDOFF
+    with np.errstate(over="ignore", invalid="ignore"):
+        active = problem.p(z) > (for_p + upper(problem.absolute_A(), delta)) * inflate
+        inactive = problem.r(z) > (for_r + delta + change) * inflate
+    return ActiveSet(active & ~inactive, inactive & ~active)
