@@ -228,10 +228,9 @@ class Solution:
             return self
         z.flags.writeable = False
         left = int(known.undecided.sum())
-        guessed = f", {left} of them not proved" if left else ""
-        why = "; ".join(
-            filter(None, [self.why, f"polished: one linear solve on {int(active.sum())} active rows{guessed}"])
-        )
+        guessed = f", {left} rows of which are not proved" if left else ""
+        told = f"polished by one linear solve on the active set{guessed}"
+        why = f"{self.why}; {told}" if self.why else told
         better = replace(self, z=z, residual=residual, why=why)
         error = better.error_bound if self.accuracy else None
         reached = residual <= self.tolerance if not self.accuracy else error is not None and error <= self.accuracy

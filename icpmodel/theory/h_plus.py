@@ -105,10 +105,10 @@ def _policy_iteration(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tup
         return
     rows = sp.csr_array(sp.diags_array(1.0 / comparison.diagonal()) @ comparison)
     moving = sp.csr_array(sp.eye_array(n) - G)
-    v, before = np.ones(n), np.zeros(n, dtype=bool)
+    v, before = np.ones(n), None
     for _ in range(_POLICY_STEPS):
         choice = moving @ v < rows @ v
-        if np.array_equal(choice, before):
+        if before is not None and np.array_equal(choice, before):
             return
         before = choice
         by_psi = sp.diags_array(choice.astype(np.float64))

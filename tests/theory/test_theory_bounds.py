@@ -1,0 +1,244 @@
+"""Error bounds against exact rational solutions; the certified active set, polishing and solving to an accuracy."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from exact import exceeds, nearest_floats, solutions
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel.theory import comparison_matrix
+from icpmodel.theory.equations import solve_on
+from icpmodel.theory.scaling import layered, scaling_vectors
+
+#: how far z lies from z*, relative to its size: from next to nothing to far away
+DISTANCES = [0.0, 1e-16, 1e-15, 1e-12, 1e-8, 1e-4, 1.0, 1e3, 1e8]
+
+
+def random_problem(rng):
+    """A small problem with data of full precision at any scale, mostly with a certificate; and its exact solution."""
+    n = int(rng.integers(1, 4))
+    off = rng.normal(size=(n, n))
+    np.fill_diagonal(off, 0.0)
+    columns = 10.0 ** rng.uniform(-2, 2, n)
+    A = off + np.diag(np.abs(off).sum(axis=1) * rng.uniform(0.9, 3.0) + 10.0 ** rng.uniform(-6, 0, n))
+    A = 10.0 ** rng.uniform(-9, 9, (n, 1)) * A / columns
+    G = rng.normal(size=(n, n)) * rng.choice([0.0, 0.1, 0.4]) / n * columns[:, None] / columns
+    c = rng.normal(size=n) * columns
+    if rng.random() < 0.2:
+        c[0] = -np.inf
+    problem = icp.ICP(A, rng.normal(size=n) * np.abs(A).max(axis=1) * columns.max(), icp.Affine(G, c))
+    found = solutions(problem)
+    return problem, found[0] if len(found) == 1 else None, columns
+
+
+def violations(seed, problems, starts, **options):
+    """(trials with a bound, violations) over random problems, each looked at from several z."""
+    rng = np.random.default_rng(seed)
+    trials, bad = 0, []
+    for _ in range(problems):
+        problem, exact, columns = random_problem(rng)
+        if exact is None:
+            assert not icp.error_bound(problem, np.zeros(problem.n)).unique
+            continue
+        near = nearest_floats(exact)
+        for k in range(starts):
+            distance = DISTANCES[k % len(DISTANCES)]
+            z = near + distance * rng.normal(size=near.size) * (np.abs(near) + columns * (distance > 1e-9))
+            bound = icp.error_bound(problem, z, rigorous=True, **options)
+            if bound.value is None:
+                continue
+            trials += 1
+            if exceeds(z, exact, bound.componentwise) or not bound.euclidean >= np.linalg.norm(z - near) * (1 - 1e-9):
+                bad.append((problem, z))
+    return trials, bad
+
+
+class TestNeverBelowTheTrueError:
+    """The bound is a proof: in more than 10⁵ trials against solutions in rational arithmetic it never fails."""
+
+    @pytest.mark.parametrize("seed", range(4))
+    def test_plain(self, seed):
+        trials, bad = violations(seed, problems=520, starts=60, sharp=False)
+        assert trials >= 26_000
+        assert bad == []
+
+    def test_sharp(self):
+        trials, bad = violations(99, problems=220, starts=27, sharp=True)
+        assert trials >= 5_000
+        assert bad == []
+
+
+class TestSharpness:
+    @pytest.mark.parametrize("name", [n for n in icp.scenes.names() if icp.scenes.scene(n).z_exact is not None])
+    @pytest.mark.parametrize("size", [1e-8, 1e-3, 1.0])
+    def test_bound_over_error_is_small_on_every_scene_with_an_exact_solution(self, name, size):
+        n = 100 if "n" in icp.scenes.parameters(name) else None
+        scene = icp.scenes.scene(name, n)
+        rng = np.random.default_rng(0)
+        ratios = []
+        for _ in range(7):
+            z = scene.z_exact + size * rng.uniform(-1, 1, scene.problem.n)
+            bound = icp.error_bound(scene.problem, z)
+            ratios.append(bound.value / np.abs(z - scene.z_exact).max())
+        assert np.median(ratios) <= 10
+        assert min(ratios) >= 1
+
+    def test_sharpening_never_widens_and_helps_on_the_membrane(self):
+        scene = icp.scenes.membrane(n=900)
+        z = scene.problem.solve(rtol=1e-13).z
+        off = z + 1e-3 * np.random.default_rng(0).uniform(-1, 1, z.size)
+        plain, sharp = (icp.error_bound(scene.problem, off, sharp=flag) for flag in (False, True))
+        assert sharp.value <= plain.value / 20
+        assert sharp.value <= 1.01e-3
+
+    def test_a_users_function_has_no_rigorous_bound(self):
+        problem = icp.ICP([[2.0]], [-1.0], icp.Elementwise(np.sin, np.cos, lipschitz=0.5))
+        assert icp.error_bound(problem, [0.0]).unique
+        bound = icp.error_bound(problem, [0.0], rigorous=True)
+        assert bound.value is None
+        assert "user's function" in bound.reason
+
+
+class TestScalingVectors:
+    @settings(max_examples=60, deadline=None)
+    @given(seed=st.integers(0, 10**9))
+    def test_layers_dominate_wherever_they_are_given(self, seed):
+        """⟨A⟩f(layer) ≥ D1 for random weakly dominant matrices, symmetric or not."""
+        rng = np.random.default_rng(seed)
+        n = 12
+        B = rng.random((n, n)) * (rng.random((n, n)) < 0.25)
+        np.fill_diagonal(B, 0.0)
+        extra = np.where(rng.random(n) < 0.3, rng.random(n), 0.0)
+        scale = 10.0 ** rng.uniform(-3, 3, n)
+        C = np.diag(scale) @ (np.diag(B.sum(axis=1) + extra + 1e-3 * (B.sum(axis=1) == 0)) - B)
+        C = sp.csr_array(C)
+        v = layered(C)
+        if v is not None:
+            assert (v > 0).all()
+            assert (C @ v >= C.diagonal() * (1 - 1e-9)).all()
+
+    def test_layers_are_found_on_a_grid_and_refused_against_the_wind(self):
+        still, wind = (comparison_matrix(icp.scenes.membrane(n=900, skew=s).problem.A) for s in (0.0, 0.5))
+        v = layered(still)
+        assert v is not None
+        best = list(scaling_vectors(still))[-1][1]
+        assert v.max() <= 2 * best.max()
+        assert layered(wind) is None
+
+    @pytest.mark.parametrize("skew", [0.0, 0.5])
+    def test_large_matrices_get_a_vector_without_a_factorisation(self, skew, monkeypatch):
+        problem = icp.scenes.membrane(n=30_000, skew=skew).problem
+        monkeypatch.setattr("icpmodel.theory.scaling.factorise", None)
+        assert icp.error_bound(problem, np.zeros(problem.n), sharp=False).unique
+
+    @settings(max_examples=100, deadline=None)
+    @given(seed=st.integers(0, 10**9))
+    def test_a_vector_for_a_and_psi_is_found_exactly_where_there_is_one(self, seed):
+        """v with ⟨A⟩v > 0 and Gv < v exists iff every choice of rows of D⁻¹|B| and G has spectral radius < 1."""
+        rng = np.random.default_rng(seed)
+        n = 4
+        B = rng.random((n, n)) * (rng.random((n, n)) < 0.6)
+        np.fill_diagonal(B, 0.0)
+        G = rng.random((n, n)) * (rng.random((n, n)) < 0.6) * rng.choice([0.3, 0.6, 1.0])
+        radius = max(
+            np.abs(np.linalg.eigvals(np.where(np.array(rows)[:, None], G, B))).max()
+            for rows in np.ndindex(*(2,) * n)
+            for rows in [np.array(rows, dtype=bool)]
+        )
+        if abs(radius - 1) > 1e-6:
+            problem = icp.ICP(np.eye(n) - B, np.zeros(n), icp.Affine(G))
+            assert icp.error_bound(problem, np.zeros(n)).unique == (radius < 1)
+
+
+class TestActiveSet:
+    @settings(max_examples=60, deadline=None)
+    @given(seed=st.integers(0, 10**9), distance=st.sampled_from([0.0, 1e-9, 1e-3, 0.3, 10.0]))
+    def test_what_is_decided_is_right(self, seed, distance):
+        scene = icp.scenes.manufactured_affine(n=16, seed=seed % 1000)
+        problem, exact = scene.problem, scene.z_exact
+        z = exact + distance * np.random.default_rng(seed).normal(size=exact.size)
+        known = icp.theory.active_set(problem, z, icp.error_bound(problem, z, sharp=False))
+        p, r = problem.p(exact), problem.r(exact)
+        assert (p[known.active] > 0.1).all()
+        assert (r[known.inactive] > 0.1).all()
+        if distance <= 1e-3:
+            assert not known.undecided.any()
+
+    def test_a_degenerate_row_stays_undecided(self):
+        solution = icp.scenes.hand_degenerate().problem.solve(rtol=1e-14)
+        assert solution.active_set.undecided.tolist() == [False, True]
+
+    def test_without_a_bound_nothing_is_decided(self):
+        assert icp.ICP([[1.0]], [-1.0], np.sin).solve().active_set.undecided.all()
+
+    def test_interventions_bound_the_change_of_psi_by_the_largest_change(self):
+        jumps = sp.csr_array((np.zeros(3), (np.array([0, 0, 1]), np.array([1, 2, 2]))), shape=(3, 3))
+        psi = icp.Intervention(jumps).bind(3)
+        assert psi.change(np.array([5.0, 1.0, 2.0])).tolist() == [2.0, 2.0, 0.0]
+
+
+class TestPolish:
+    @pytest.mark.parametrize("name", [n for n in icp.scenes.names() if icp.scenes.scene(n).z_exact is not None])
+    def test_a_rough_answer_becomes_exact_to_rounding(self, name):
+        scene = icp.scenes.scene(name, 100 if "n" in icp.scenes.parameters(name) else None)
+        rough = scene.problem.solve(rtol=1e-3, raise_on_failure=False)
+        fine = rough.polish()
+        size = max(1.0, np.abs(scene.z_exact).max())
+        if not rough.active_set.undecided.any() or name == "hand-degenerate":
+            assert np.abs(fine.z - scene.z_exact).max() <= 1e-13 * size
+            if fine.error_bound is not None:
+                assert fine.error_bound <= 1e-11 * size
+        assert fine.residual <= rough.residual
+        assert fine.solved
+
+    def test_it_says_what_it_did_and_leaves_a_good_answer_alone(self):
+        problem = icp.ICP([[2, -1], [-1, 2]], [-1, 3])
+        rough = problem.solve("mnmgs", rtol=0.1)
+        fine = rough.polish()
+        assert "polished by one linear solve" in fine.why
+        assert fine.polish() is fine
+        assert not fine.z.flags.writeable
+
+    def test_a_run_that_failed_is_solved_where_the_polished_answer_is(self):
+        rough = icp.scenes.membrane(n=400).problem.solve("mnmgs", max_iter=150, raise_on_failure=False)
+        assert rough.status is icp.Status.ITERATION_LIMIT
+        assert rough.polish().status is icp.Status.SOLVED
+
+    def test_a_singular_active_set_is_no_candidate(self):
+        assert solve_on(icp.ICP([[0.0]], [1.0]), np.zeros(1), np.array([False])) is None
+
+
+class TestAccuracy:
+    @pytest.mark.parametrize("name", ["bai-symmetric", "manufactured-affine", "manufactured-elementwise", "hand-lcp"])
+    @pytest.mark.parametrize("accuracy", [1e-2, 1e-6, 1e-10])
+    def test_the_error_is_below_what_was_asked_for(self, name, accuracy):
+        scene = icp.scenes.scene(name)
+        solution = scene.problem.solve(accuracy=accuracy)
+        assert solution.error_bound <= accuracy
+        assert np.abs(solution.z - scene.z_exact).max() <= accuracy
+
+    def test_it_stops_earlier_for_less(self):
+        problem = icp.scenes.membrane(n=20**2, mu=0).problem
+        steps = [problem.solve("mnmgs", accuracy=a).iterations for a in (1e-2, 1e-5, 1e-8)]
+        assert steps == sorted(set(steps))
+
+    def test_what_rounding_forbids_is_a_precision_limit(self):
+        solution = icp.scenes.bai_symmetric().problem.solve(accuracy=1e-17, raise_on_failure=False)
+        assert solution.status is icp.Status.PRECISION_LIMIT
+        assert "1e-17 was wanted" in solution.message
+
+    def test_without_a_certificate_it_is_refused_with_the_reason(self):
+        with pytest.raises(icp.NotApplicable, match=r"nothing bounds the error .* Lipschitz .* give rtol"):
+            icp.ICP([[1.0]], [-1.0], np.sin).solve(accuracy=1e-3)
+
+    @pytest.mark.parametrize("options", [{"rtol": 1e-3}, {"atol": 0.0}])
+    def test_it_does_not_go_with_a_residual_tolerance(self, options):
+        with pytest.raises(icp.InputError, match="give accuracy alone"):
+            icp.ICP([[1.0]], [-1.0]).solve(accuracy=1e-3, **options)
+
+    @pytest.mark.parametrize("accuracy", [0.0, -1.0, np.nan, np.inf, "x"])
+    def test_it_is_a_positive_number(self, accuracy):
+        with pytest.raises(icp.InputError, match="accuracy is"):
+            icp.ICP([[1.0]], [-1.0]).solve(accuracy=accuracy)
