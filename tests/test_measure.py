@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.measure import grid_order, sweep_cost, sweep_counts
+from icpmodel.measure import bound_ratios, certificate_cost, grid_order, sweep_cost, sweep_counts
 
 
 def test_sweep_cost_compares_in_pairs():
@@ -37,3 +37,20 @@ def test_a_table_aligns_and_exports():
     lines = str(table).splitlines()
     assert len({len(line) for line in lines[1:]}) == 1
     assert table.to_csv().splitlines()[1] == "bai-symmetric,0,mms,142"
+
+
+def test_the_bounds_are_never_below_the_error_and_sharp_ones_near_it():
+    """On every scene with an exact answer: median ≤ 10, never < 1."""
+    rows = bound_ratios(n=100, trials=3).rows
+    assert {row[0] for row in rows} == {n for n in icp.scenes.names() if icp.scenes.scene(n).z_exact is not None}
+    for name, _, _, plain, sharp, lowest, highest in rows:
+        assert 1 <= lowest <= sharp <= min(plain, 10), name
+        assert sharp <= highest
+
+
+def test_a_certificate_is_compared_with_a_linear_solve():
+    n, certificate, solve, ratio, lowest, highest, proof = certificate_cost(n=2500, repeats=3).rows[0]
+    assert n == 2500
+    assert min(certificate, solve) > 0
+    assert lowest <= ratio <= highest
+    assert proof.startswith("A is an H+-matrix")

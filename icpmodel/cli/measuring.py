@@ -56,6 +56,28 @@ def order(scene: str, sizes: tuple[int, ...], method: str | None, as_csv: bool) 
     return _show(grid_order(scene, sizes, method), as_csv)
 
 
+@measure.command()
+@click.option("--n", type=int, default=900, show_default=True, help="Wanted unknowns of the scenes that have a size.")
+@click.option("--trials", type=int, default=10, show_default=True, help="Points at each distance.")
+@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+def bounds(n: int, trials: int, as_csv: bool) -> int:
+    """Error bound over true error on every scene with an exact answer."""
+    from ..measure import bound_ratios
+
+    return _show(bound_ratios(n, trials), as_csv)
+
+
+@measure.command()
+@click.option("--n", type=int, default=1_000_000, show_default=True, help="Unknowns of the membrane.")
+@click.option("--repeats", type=int, default=5, show_default=True, help="Pairs of timings.")
+@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+def certificate(n: int, repeats: int, as_csv: bool) -> int:
+    """A certificate from scratch against one linear solve, timed in turn."""
+    from ..measure import certificate_cost
+
+    return _show(certificate_cost(n, repeats), as_csv)
+
+
 def _show(table: Table, as_csv: bool) -> int:
     click.echo(table.to_csv() if as_csv else str(table), nl=not as_csv)
     return 0

@@ -1,5 +1,6 @@
-"""Measurements behind the numbers of the README: `icpmodel measure sweep | counts | order` prints them."""
+"""Measurements behind the numbers of the README: the subcommands of `icpmodel measure` print them."""
 
+from .certainty import bound_ratios, certificate_cost
 from .tables import Table, grid_order, sweep_cost, sweep_counts
 
-__all__ = ["Table", "grid_order", "sweep_cost", "sweep_counts"]
+__all__ = ["Table", "bound_ratios", "certificate_cost", "grid_order", "sweep_cost", "sweep_counts"]

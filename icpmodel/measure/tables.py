@@ -93,7 +93,7 @@ def sweep_cost(n: int = 1_000_000, repeats: int = 15, methods: Sequence[str] = (
             )
         )
     heads = ("method", "n", "A @ z, ms", "sweep, ms", "sweep / (A @ z)", "lowest", "highest")
-    return Table(f"One sweep with its residual against one product ({_machine()})", heads, tuple(rows))
+    return Table(f"One sweep with its residual against one product ({machine()})", heads, tuple(rows))
 
 
 def sweep_counts(sides: Sequence[int] = (10, 20, 30), methods: Sequence[str] = ("mms", "mnmgs", "mnmj")) -> Table:
@@ -150,7 +150,12 @@ def grid_order(name: str = "dividend", sizes: Sequence[int] = (61, 241, 961), me
     return Table(f"Error against the closed form: {name}", ("quantity", "n", "h", "error", "order"), tuple(rows))
 
 
-def _machine() -> str:
+def machine() -> str:
+    """The machine, Python and today's date, for the title of a table with times.
+
+    >>> "cores" in machine()
+    True
+    """
     return f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, {date.today()}"
 
 
