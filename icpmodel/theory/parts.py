@@ -1,0 +1,129 @@
+"""The matrices of a member of the modulus family, from which every theorem about its convergence is made."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..arrays import Vector, as_csr, as_vector, diagonal_positions
+from ..problem import ICP
+from ..splittings import Splitting
+
+
+class Member(Protocol):
+    """What the theorems need to know of a method: M₁, φ and Ω; every member of `methods.modulus` is one.
+
+    >>> from icpmodel import MNMGS
+    >>> member: Member = MNMGS(phi=0.5)
+    >>> member.splitting_of(), member.phi
+    (AOR(theta1=1.0, theta2=1.0), 0.5)
+    """
+
+    @property
+    def phi(self) -> Any:
+        """The diagonal φ: a number or a vector of shape (n,)."""
+
+    def splitting_of(self) -> Splitting:
+        """The choice of M₁."""
+
+    def omega_of(self, problem: ICP) -> Vector:
+        """The diagonal of Ω, shape (n,)."""
+
+
+class Parts:
+    """M₁, M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω as CSR and D, φ, φ₁, Ω as vectors, of `member` on `problem`.
+
+    What a theorem makes of them is at most twice `size` entry by entry, and so are the rounding errors of making it.
+
+    >>> from icpmodel import MNMGS
+    >>> parts = Parts(ICP([[4, -1], [-2, 4]], [0, 0]), MNMGS())
+    >>> parts.X.toarray(), parts.N.toarray()
+    (array([[ 8.,  0.],
+           [-2.,  8.]]), array([[0., 1.],
+           [0., 0.]]))
+    """
+
+    def __init__(self, problem: ICP, member: Member) -> None:
+        self.problem, self.member = problem, member
+        self.A, self.n = problem.A, problem.n
+        self.D = problem.A.diagonal()
+        self.splitting = member.splitting_of()
+        self.omega = member.omega_of(problem)
+        self.phi = as_vector(member.phi, self.n, "phi")
+        self.phi1 = as_vector(getattr(member, "phi1", 1.0), self.n, "phi1")
+        #: vectors v > 0 that served one theorem and may serve the next
+        self.vectors: list[Vector] = []
+
+    @property
+    def G(self) -> sp.csr_array:
+        """The Lipschitz matrix of ψ, which must be known.
+
+        >>> from icpmodel import MNMGS
+        >>> Parts(ICP([[1.0]], [0.0]), MNMGS()).G.nnz
+        0
+        """
+        G = self.problem.psi.lipschitz
+        assert G is not None
+        return G
+
+    @cached_property
+    def M1(self) -> sp.csr_array:
+        """M₁, every diagonal entry stored."""
+        return as_csr(self.splitting.matrix(self.A), "M1", keep_diagonal=True)
+
+    @cached_property
+    def M(self) -> sp.csr_array:
+        """M̂ = M₁ + φ."""
+        return _shifted(self.M1, self.phi)
+
+    @cached_property
+    def N(self) -> sp.csr_array:
+        """N̂ = M̂ − A."""
+        return sp.csr_array(self.M - self.A)
+
+    @cached_property
+    def X(self) -> sp.csr_array:
+        """X = M̂ + Ω, every diagonal entry stored."""
+        return _shifted(self.M, self.omega)
+
+    @cached_property
+    def size(self) -> sp.csr_array:
+        """|M₁| + |φ| + Ω + |A| + ΩG."""
+        return sp.csr_array(
+            abs(self.M1) + abs(self.A) + self.omega_G + sp.diags_array(np.abs(self.phi) + self.omega + np.abs(self.D))
+        )
+
+    @cached_property
+    def omega_G(self) -> sp.csr_array:
+        """ΩG."""
+        return sp.csr_array(sp.diags_array(self.omega) @ self.G)
+
+    @cached_property
+    def short(self) -> Any:
+        """diag (D − Ω)⁺, the zero matrix where Ω ≥ D."""
+        return sp.diags_array(np.maximum(self.D - self.omega, 0.0))
+
+    @property
+    def reads_psi(self) -> bool:
+        """Whether a Lipschitz matrix of ψ is known."""
+        return self.problem.psi.lipschitz is not None
+
+
+def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
+    """|`matrix`| with a zero diagonal.
+
+    >>> off_diagonal(sp.csr_array([[1.0, -2.0], [3.0, 4.0]])).toarray()
+    array([[0., 2.],
+           [3., 0.]])
+    """
+    result = sp.csr_array(abs(matrix))
+    return sp.csr_array(result - sp.diags_array(result.diagonal()))
+
+
+def _shifted(matrix: sp.csr_array, diagonal: Vector) -> sp.csr_array:
+    data = matrix.data.copy()
+    data[diagonal_positions(matrix)] += diagonal
+    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)

@@ -1,0 +1,209 @@
+"""The convergence theorems for the modulus family, corrected and as printed, checked on a problem and a method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Vector
+from ..errors import InputError
+from ..problem import ICP, UNIT_ROUNDOFF
+from . import conditions, h_plus, structural
+from .answers import Answer
+from .contraction import MonotoneMap, Radius, balanced, radius
+from .parts import Member, Parts
+
+
+@dataclass(frozen=True)
+class Check(Answer):
+    """Whether the hypotheses of a theorem hold: an `Answer` with the theorem beside it.
+
+    `holds` False says that the theorem tells nothing here, not that the method fails. `number` is a proved upper bound
+    of the spectral radius that the theorem wants below 1 (4.3: below min(1, θ₁)/max(θ₁, θ₂)), for "definite" the
+    factor σ; `witness`, also called `vector`, the scaling v > 0 that proves it; `theorem` the name, `sentence` the
+    statement, `as_printed` whether it is the paper's own, `false_as_printed` the counterexample to the paper's own
+    statement in words, empty where that is true.
+
+    >>> from icpmodel import MNMJ
+    >>> found = check("4.1", ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ())
+    >>> found.holds, round(found.number, 6), found.vector
+    (True, 0.5, array([1., 1.]))
+    """
+
+    theorem: str = ""
+    sentence: str = ""
+    as_printed: bool = False
+    false_as_printed: str = ""
+
+    @property
+    def vector(self) -> Vector | None:
+        """The scaling v > 0, shape (n,), or None."""
+        return self.witness
+
+
+@dataclass(frozen=True)
+class _Theorem:
+    sentence: str
+    decide: Callable[[Parts], Answer]
+    printed_sentence: str = ""
+    printed: Callable[[Parts], Answer] | None = None
+    counterexample: str = ""
+
+
+def theorems() -> dict[str, str]:
+    """Name → the theorem in one sentence, as corrected.
+
+    >>> list(theorems())
+    ['4.3', '4.4', '4.2', '4.1', 'sharper', 'monotone', 'definite']
+    """
+    return {name: theorem.sentence for name, theorem in _THEOREMS.items()}
+
+
+def check(theorem: str, problem: ICP, member: Member, as_printed: bool = False) -> Check:
+    """Whether `member` meets the hypotheses of `theorem` on `problem`, rounding included.
+
+    Parameters: `theorem` one of `theorems()`; `member` a method of the modulus family; `as_printed` asks for the
+    paper's own statement, which may be false (`Check.false_as_printed`) and is kept to be compared with.
+    Returns a `Check`. Raises InputError for an unknown theorem, or one that the paper does not print.
+    Reference: `conditions` and `structural` hold the statements and the proofs.
+
+    >>> from icpmodel import MNMGS
+    >>> print(check("4.3", ICP([[1.0]], [-1.0]), MNMGS(phi=-1.5)))
+    no: phi has the negative entry -1.5
+    """
+    return _check(theorem, Parts(problem, member), as_printed)
+
+
+def check_all(problem: ICP, member: Member) -> dict[str, Check]:
+    """Every theorem, corrected: name → `Check`. What serves one is tried first on the next.
+
+    >>> from icpmodel import MNMGS
+    >>> [name for name, found in check_all(ICP([[2, -1], [-1, 2]], [0, 0]), MNMGS()).items() if found.holds]
+    ['4.3', '4.4', '4.2', '4.1', 'sharper']
+    """
+    parts = Parts(problem, member)
+    return {name: _check(name, parts, False) for name in _THEOREMS}
+
+
+def _check(name: str, parts: Parts, as_printed: bool) -> Check:
+    if name not in _THEOREMS:
+        raise InputError(f"theorem is {name!r}; one of {', '.join(_THEOREMS)} was expected")
+    theorem = _THEOREMS[name]
+    decide, sentence = theorem.decide, theorem.sentence
+    if as_printed:
+        if theorem.printed is None:
+            raise InputError(f"theorem is {name!r} as printed, but the paper does not print it")
+        decide, sentence = theorem.printed, theorem.printed_sentence
+    if not (parts.omega > 0).all():
+        found = Answer(False, f"Omega has the entry {parts.omega.min():g}, not positive")
+    else:
+        found = decide(parts)
+    return Check(
+        found.holds, found.reason, found.witness, found.number, name, sentence, as_printed, theorem.counterexample
+    )
+
+
+def contraction(parts: Parts, T: MonotoneMap) -> Radius:
+    """ρ(T) from the vectors that served before, v = 1, the certificate's v and, for small n, balanced units.
+
+    >>> from icpmodel import MNMJ
+    >>> parts = Parts(ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ())
+    >>> contraction(parts, conditions.sharper(parts)).holds
+    True
+    """
+
+    def starts() -> Iterator[Vector]:
+        yield from reversed(parts.vectors)
+        yield np.ones(parts.n)
+        proof = h_plus.prove(parts.problem)
+        if not isinstance(proof, str):
+            yield proof.v
+        yield from balanced(parts.size)
+
+    found = radius(T, starts())
+    if found.holds and found.v is not None:
+        parts.vectors.append(found.v)
+    return found
+
+
+def _by_radius(
+    name: str, make: Callable[[Parts], MonotoneMap | str], scale: Callable[[Parts], float] = lambda parts: 1.0
+) -> Callable[[Parts], Answer]:
+    """Decide by ρ(T) < 1, T = make(parts); `name` says what the number, ρ times `scale`, is."""
+
+    def decide(parts: Parts) -> Answer:
+        if not parts.reads_psi:
+            return Answer(None, "no Lipschitz matrix of psi is known: give `lipschitz`")
+        T = make(parts)
+        if isinstance(T, str):
+            return Answer(False, T)
+        found = contraction(parts, T)
+        if found.v is None:
+            return Answer(None, "nothing is known of |X^-1|: X is not an H-matrix and too large or ill conditioned")
+        factor = scale(parts)
+        number, limit = found.upper * factor * (1.0 if factor == 1.0 else 1 + 4 * UNIT_ROUNDOFF), f"{factor:.6g}"
+        # what is proved must not look false for want of digits
+        size = f"{number:.6g}" if f"{number:.6g}" != limit else f"{limit} - {max(factor - number, 0.0):.2g}"
+        if found.holds is None:
+            return Answer(None, f"{name} is at most {number:.6g}, and not known to be below {limit}", None, number)
+        if found.holds:
+            return Answer(True, f"{name} is at most {size}, below {limit}", found.v, number)
+        return Answer(False, f"{name} is not below {limit} (found: at most {number:.6g})", None, number)
+
+    return decide
+
+
+def _limit_43(parts: Parts) -> float:
+    theta = parts.splitting
+    return 1.0 / conditions.theta_factor(theta) if isinstance(theta, conditions.AOR) else 1.0
+
+
+_CONVERGES = "then ICP has one solution and the method converges to it from every start"
+
+#: cheap conditions first: the v of one is the first that the next tries
+_THEOREMS = {
+    "4.3": _Theorem(
+        "AOR: if D > 0, φ ≥ 0, θ₁ > 0, θ₂ ≥ 0 and max(θ₁, θ₂)·ρ(D⁻¹(|B| + ΩG + (D − Ω)⁺)) < min(1, θ₁), " + _CONVERGES,
+        _by_radius("rho(D^-1(|B| + Omega G + (D - Omega)+))", conditions.theorem_43, _limit_43),
+        "AOR: if A is an H₊-matrix, φ₂ ≥ φ₁D and max(θ₁, θ₂)·ρ(D⁻¹|B| + φ₂G) < min(1, θ₁), " + _CONVERGES,
+        _by_radius("rho(D^-1|B| + phi2 G)", lambda parts: conditions.theorem_43(parts, as_printed=True), _limit_43),
+        "the parenthesis: A = .1, q = 1, ψ = 6 − 5z, φ₁ = 1, φ₂ = .1 ends in the cycle −10, 56; φ < 0: A = 1, q = −1, "
+        "φ = −1.5 has the error factor −3; θ₂ < 0: A = [1, −.5; −.5, 1], θ = (1, −4) has an error matrix of radius "
+        "1.151",
+    ),
+    "4.4": _Theorem(
+        "If D > 0 and some v > 0 has (⟨M₁ + φ⟩ − |N₁ + φ| − (D − Ω)⁺ − ΩG)v > 0, " + _CONVERGES,
+        _by_radius("rho(m^-1(off|M| + |N| + (D - Omega)+ + Omega G))", conditions.theorem_44),
+        "If the splitting of the H₊-matrix A is an H-splitting proved by v > 0 and, where φ₂ ≥ φ₁D, "
+        "(⟨φ₁M₁ + φ⟩ − |φ₁N₁ + φ| − φ₂G)v > 0 or, where φ₂ < φ₁D, (φ₂ − φ₁D + the same)v > 0, " + _CONVERGES,
+        _by_radius("the radius of the printed condition", conditions.printed_44),
+        "case (1), φ not multiplied by φ₁: A = 1, M₁ = .1, φ = .5, φ₁ = φ₂ = .1, ψ = 1.9 − .9z, q = 5 has the error "
+        "factor −1.375",
+    ),
+    "4.2": _Theorem(
+        "If 2(diag(min(m₁ + φ, d)) − (D − Ω)⁺) − off(|M₁| + |N₁| + |A|) − 2ΩG is a nonsingular M-matrix, " + _CONVERGES,
+        _by_radius("rho of its Jacobi matrix", conditions.theorem_42),
+        "If A is an H₊-matrix with an H-splitting, φ₂ ≥ φ₁D, g_ii ≤ (|n_ii + φ_ii| − n_ii − |φ_ii|)/2ω_ii and "
+        "g_ij ≤ (|m_ij| + |n_ij| − |a_ij|)/2ω_ii, " + _CONVERGES,
+        _by_radius("rho(m^-1(off|M| + |N|))", conditions.printed_42),
+    ),
+    "4.1": _Theorem(
+        "If ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), " + _CONVERGES + ", |zᵏ − z*| ≤ Lᵏ(I − L)⁻¹|z¹ − z⁰|",
+        _by_radius("rho(L)", conditions.theorem_41),
+        "If A is a P-matrix and ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), then ICP has one solution and the "
+        "method converges to it from every nonnegative start, each |zᵏ⁺¹ − z*| < |zᵏ − z*|",
+        # that A is a P-matrix follows: for psi = 0 and every q the step has one fixed point
+        _by_radius("rho(L)", conditions.theorem_41),
+        "the componentwise decrease: A = [2, −1; −.5, 2], q = −A(1, 1), Gauss–Seidel, Ω = D, z⁰ = (1, 3) has "
+        "|e⁰| = (0, 2), |e¹| = (1, .125); convergence holds, and no start need be nonnegative",
+    ),
+    "sharper": _Theorem(
+        "If some v > 0 has |X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v) ≤ σv with σ < 1, " + _CONVERGES + ", every step "
+        "reducing max_i |z_i − z*_i|/v_i by the factor σ or more",
+        _by_radius("the contraction factor", conditions.sharper),
+    ),
+    "monotone": _Theorem(structural.MONOTONE, structural.monotone),
+    "definite": _Theorem(structural.DEFINITE, structural.definite),
+}
