@@ -1,0 +1,177 @@
+"""The matrix classes of A on which theorems about complementarity problems rest, each answered when it is asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..arrays import as_csr, row_of
+from .answers import Answer
+from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs
+from .scaling import comparison_matrix
+
+
+def classify(A: Any) -> MatrixClasses:
+    """The classes of `A`, shape (n, n), dense or sparse. Raises InputError where it is no square matrix of numbers.
+
+    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), chapter 3.
+
+    >>> classes = classify([[2.0, -1.0], [-1.0, 2.0]])
+    >>> print(classes.m)
+    yes: Z-matrix and H-matrix with positive diagonal: v = 1
+    """
+    return MatrixClasses(as_csr(A, "A", keep_diagonal=True))
+
+
+class MatrixClasses:
+    """Three-valued answers about the CSR matrix `A`, shape (n, n), with every diagonal entry stored; see `classify`.
+
+    Each is computed when it is first asked for, and what it needs with it. Yes and no are proved, rounding included.
+
+    >>> MatrixClasses(as_csr([[1.0, 2.0], [0.0, 1.0]], "A")).triangular.witness
+    'upper'
+    """
+
+    def __init__(self, A: sp.csr_array) -> None:
+        self.A = A
+
+    @cached_property
+    def z(self) -> Answer:
+        """Z-matrix: no entry off the diagonal is positive. Witness of no: (i, j) with a_ij > 0."""
+        rows = row_of(self.A)
+        found = np.flatnonzero((self.A.data > 0) & (rows != self.A.indices))
+        if not found.size:
+            return Answer(True, "no positive entry off the diagonal")
+        i, j = int(rows[found[0]]), int(self.A.indices[found[0]])
+        return Answer(False, f"A[{i}, {j}] = {self.A.data[found[0]]:g} is positive", (i, j))
+
+    @cached_property
+    def m(self) -> Answer:
+        """Nonsingular M-matrix: a Z-matrix with A⁻¹ ≥ 0, that is Z and H₊. Witnesses: those of `z` and `h_plus`."""
+        if not self.z.holds:
+            return Answer(False, f"no Z-matrix: {self.z.reason}", self.z.witness)
+        h_plus = self.h_plus
+        prefix = "Z-matrix and " if h_plus.holds else ""
+        return Answer(h_plus.holds, prefix + h_plus.reason, h_plus.witness)
+
+    @cached_property
+    def h(self) -> Answer:
+        """H-matrix: ⟨A⟩ is a nonsingular M-matrix.
+
+        Witness of yes, where there is one: v > 0 with ⟨A⟩v > 0; of no: x ≥ 0, x ≠ 0, with ⟨A⟩x ≤ 0.
+        """
+        if self.dominant.holds:
+            return Answer(True, "v = 1", self.dominant.witness)
+        return h_matrix(self.A)
+
+    @cached_property
+    def h_plus(self) -> Answer:
+        """H-matrix with positive diagonal. Witness of no: a row with a_ii ≤ 0, or x as for `h`."""
+        diagonal = self.A.diagonal()
+        if (diagonal <= 0).any():
+            i = int(np.argmax(diagonal <= 0))
+            return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", i)
+        prefix = "H-matrix with positive diagonal: " if self.h.holds else ""
+        return Answer(self.h.holds, prefix + self.h.reason, self.h.witness)
+
+    @cached_property
+    def dominant(self) -> Answer:
+        """Strictly diagonally dominant by rows: |a_ii| > Σ_{j≠i} |a_ij|. Witness of yes: v = 1; of no: a row."""
+        low = row_sum_signs(comparison_matrix(self.A)) <= 0
+        if not low.any():
+            return Answer(True, "|a_ii| > sum of the other |a_ij| in every row", np.ones(self.A.shape[0]))
+        i = int(np.argmax(low))
+        return Answer(False, f"|a_ii| <= sum of the other |a_ij| in row {i}", i)
+
+    @cached_property
+    def generalised_dominant(self) -> Answer:
+        """Strictly diagonally dominant after a scaling of the columns: the same as H, but asked for v itself.
+
+        Witness of yes, where floats can hold one: v > 0 with ⟨A⟩v > 0; of no: x as for `h`.
+        """
+        if not self.h.holds or self.h.witness is not None:
+            return self.h
+        v = dominating_vector(self.A)
+        if v is None:
+            return Answer(True, f"{self.h.reason}; a vector v was not found")
+        return Answer(True, "<A>v > 0 with v from <A>^-1 1", v)
+
+    @cached_property
+    def symmetric(self) -> Answer:
+        """A = Aᵀ, entry by entry. Witness of no: (i, j) with a_ij ≠ a_ji."""
+        difference = sp.coo_array(self.A != self.A.T)
+        if not difference.nnz:
+            return Answer(True, "A equals its transpose")
+        i, j = (int(index[0]) for index in difference.coords)
+        return Answer(False, f"A[{i}, {j}] = {self.A[i, j]:g} but A[{j}, {i}] = {self.A[j, i]:g}", (i, j))
+
+    @cached_property
+    def _curvature(self) -> tuple[Answer, Answer]:
+        from .symmetric_part import curvature
+
+        return curvature(self.A)
+
+    @cached_property
+    def definite(self) -> Answer:
+        """xᵀAx > 0 for all x ≠ 0, A symmetric or not. Witness of no: x ≠ 0 with xᵀAx ≤ 0."""
+        diagonal = self.A.diagonal()
+        if (diagonal <= 0).any():
+            i = int(np.argmax(diagonal <= 0))
+            return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", np.eye(1, self.A.shape[0], i)[0])
+        if self.symmetric.holds and self.h_plus.holds:
+            return Answer(True, f"symmetric and {self.h_plus.reason}")
+        return self._curvature[0]
+
+    @cached_property
+    def semidefinite(self) -> Answer:
+        """xᵀAx ≥ 0 for all x, A symmetric or not. Witness of no: x with xᵀAx < 0."""
+        diagonal = self.A.diagonal()
+        if (diagonal < 0).any():
+            i = int(np.argmax(diagonal < 0))
+            return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is negative", np.eye(1, self.A.shape[0], i)[0])
+        return self.definite if self.definite.holds else self._curvature[1]
+
+    @cached_property
+    def p(self) -> Answer:
+        """P-matrix: all principal minors are positive; see `pmatrix`. Witness of no: the indices of one ≤ 0."""
+        from .pmatrix import decide
+
+        return decide(self)
+
+    @cached_property
+    def _bandwidths(self) -> tuple[int, int]:
+        stored = self.A.data != 0
+        distance = (row_of(self.A) - self.A.indices)[stored]
+        return int(distance.max(initial=0)), int(-distance.min(initial=0))
+
+    @cached_property
+    def triangular(self) -> Answer:
+        """Nothing below, or nothing above, the diagonal. Witness of yes: "lower", "upper" or "diagonal"."""
+        below, above = self._bandwidths
+        if below and above:
+            return Answer(False, "there are entries on both sides of the diagonal")
+        kind = "lower" if below else "upper" if above else "diagonal"
+        return Answer(True, kind if kind == "diagonal" else f"{kind} triangular", kind)
+
+    @cached_property
+    def banded(self) -> Answer:
+        """Bandwidth w = lower + upper + 1 ≤ max(3, √n): elimination inside the band takes O(n²) operations at most.
+
+        Witness: (lower, upper); number: w.
+        """
+        below, above = self._bandwidths
+        width = below + above + 1
+        limit = max(3.0, float(np.sqrt(self.A.shape[0])))
+        sign = "<=" if width <= limit else ">"
+        reason = f"bandwidth {below} + {above} + 1 {sign} max(3, sqrt(n)) = {limit:g}"
+        return Answer(width <= limit, reason, (below, above), width)
+
+    @cached_property
+    def reducible(self) -> Answer:
+        """Block triangular after a permutation. Witness: the block of each row, shape (n,); number: how many."""
+        count, block = irreducible_blocks(self.A)
+        reason = f"{count} irreducible diagonal blocks" if count > 1 else "the graph of A is strongly connected"
+        return Answer(count > 1, reason, block, count)

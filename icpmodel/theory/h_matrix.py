@@ -1,0 +1,257 @@
+"""Is A an H-matrix? Decided block by irreducible block: by its row sums, by Perron's vector, or by one linear solve.
+
+A is an H-matrix if ⟨A⟩ is a nonsingular M-matrix. That is proved by a v > 0 with ⟨A⟩v > 0 and disproved by an x ≥ 0,
+x ≠ 0, with ⟨A⟩x ≤ 0 (were ⟨A⟩⁻¹ ≥ 0, then x = ⟨A⟩⁻¹⟨A⟩x ≤ 0). Entries between the irreducible diagonal blocks of ⟨A⟩
+make no difference to its truth. In one block:
+
+- all row sums ≥ 0, one of them > 0: H (Taussky); all ≤ 0: not H, with x = 1.
+- Jx > x > 0 or Jx < x for J = |D|⁻¹|D − A| and some x on the way of the power method: not H, or H.
+- v with ⟨A⟩v ≈ 1: where v > 0 it is a proof. Otherwise x = v⁻ = max(−v, 0) is a disproof, and always: where v_i ≤ 0,
+  (⟨A⟩v⁻)_i = (⟨A⟩v⁺)_i − (⟨A⟩v)_i with both terms ≤ 0; elsewhere (⟨A⟩v⁻)_i has entries off the diagonal only.
+
+Reference: Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1994), chapter 6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+from math import fsum
+from operator import mul
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..arrays import Vector, row_of
+from ..problem import SMALLEST, UNIT_ROUNDOFF
+from . import exact
+from .answers import Answer
+from .rounding import lower, upper
+from .scaling import comparison_matrix, solve_for_ones
+from .units import in_units, natural_units
+
+#: so many steps of the power method cost less than a linear solve
+_POWER_STEPS = 30
+#: the limits of what rational elimination is asked to decide: stored entries, rows of a block
+_EXACT_ENTRIES, _EXACT_ROWS = 2000, 40
+
+
+def irreducible_blocks(A: sp.csr_array) -> tuple[int, NDArray[np.int32]]:
+    """How many irreducible diagonal blocks `A` has, and the block of each row, shape (n,).
+
+    They are the strongly connected components of the graph with an edge (i, j) where a_ij ≠ 0.
+
+    >>> irreducible_blocks(sp.csr_array([[1.0, 2.0], [0.0, 3.0]]))[0]
+    2
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    count, labels = connected_components(without_zeros(A), connection="strong")
+    return int(count), labels
+
+
+def without_zeros(A: sp.csr_array) -> sp.csr_array:
+    """A copy of `A` that stores no zeros; `A` and what shares its arrays stay as they are.
+
+    >>> without_zeros(sp.csr_array((np.array([0.0]), np.array([0]), np.array([0, 1])), shape=(1, 1))).nnz
+    0
+    """
+    copy = A.copy()
+    copy.eliminate_zeros()
+    return copy
+
+
+def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
+    """The sign of each row sum of `C` (CSR, shape (n, n), no row empty), without rounding: −1, 0 or 1, shape (n,).
+
+    >>> row_sum_signs(sp.csr_array([[0.5, -0.1], [0.1, -0.1]])).tolist()
+    [1, 0]
+    """
+    data, rows, n = C.data, row_of(C), C.shape[0]
+    # in units of each row's largest entry, whole multiples of 2^-40 add up without rounding
+    shift = -np.frexp(np.maximum.reduceat(np.abs(data), C.indptr[:-1]))[1]
+    with np.errstate(under="ignore"):
+        scaled = np.ldexp(data, shift[rows])
+    multiple = np.ldexp(scaled, 40)
+    broken = (multiple != np.rint(multiple)) | ((scaled == 0) != (data == 0))
+    k = np.diff(C.indptr) + 2
+    sums, size = np.bincount(rows, scaled, n), np.bincount(rows, np.abs(scaled), n)
+    rounded = (np.bincount(rows, broken, n) > 0) | (k >= 2**12)
+    signs = np.sign(sums).astype(np.int8)
+    for i in np.flatnonzero(rounded & (np.abs(sums) <= 2 * k * UNIT_ROUNDOFF * size + k * SMALLEST)):
+        signs[i] = _exact_sign(data[C.indptr[i] : C.indptr[i + 1]])
+    return signs
+
+
+def _exact_sign(entries: Vector) -> int:
+    try:
+        total: float | Fraction = fsum(entries)
+    except OverflowError:
+        total = sum(map(Fraction, entries.tolist()), Fraction(0))
+    return (total > 0) - (total < 0)
+
+
+def by_row_sums(A: sp.csr_array) -> tuple[Answer, NDArray[np.bool_]]:
+    """Whether A is an H-matrix as far as diagonal entries and exact row sums decide it; no linear solve.
+
+    Parameters: `A` CSR, shape (n, n), every diagonal entry stored. Returns the answer and the rows, as a mask of shape
+    (n,), of the irreducible blocks that stay open. References: Taussky, Amer. Math. Monthly 56 (1949).
+
+    >>> answer, still_open = by_row_sums(sp.csr_array([[2.0, -2.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]]))
+    >>> answer.holds, bool(still_open.any())
+    (True, False)
+    """
+    n, diagonal, C = A.shape[0], A.diagonal(), comparison_matrix(A)
+    if (diagonal == 0).any():
+        i = int(np.argmax(diagonal == 0))
+        return Answer(False, f"A[{i}, {i}] = 0", np.eye(1, n, i)[0]), np.zeros(n, dtype=bool)
+    count, block = irreducible_blocks(A)
+    signs = row_sum_signs(within_blocks(C, block))
+    highest, lowest = np.full(count, -1, dtype=np.int8), np.ones(count, dtype=np.int8)
+    np.maximum.at(highest, block, signs)
+    np.minimum.at(lowest, block, signs)
+    if (highest <= 0).any():
+        x = (block == np.argmax(highest <= 0)).astype(np.float64)
+        where = "of a whole irreducible block" if count > 1 else "of A"
+        return Answer(False, f"no row {where} has |a_ii| > sum of the other |a_ij|", x), np.zeros(n, dtype=bool)
+    if (lowest >= 0).all():
+        return Answer(True, "every irreducible block is diagonally dominant, one row of each strictly"), lowest[
+            block
+        ] < 0
+    return Answer(None, "not diagonally dominant"), lowest[block] < 0
+
+
+def within_blocks(A: sp.csr_array, block: NDArray[np.int32]) -> sp.csr_array:
+    """`A` with zeros for the entries between the blocks whose labels, shape (n,), are `block`.
+
+    >>> within_blocks(sp.csr_array([[1.0, 2.0], [3.0, 4.0]]), np.array([0, 1])).toarray()
+    array([[1., 0.],
+           [0., 4.]])
+    """
+    data = np.where(block[row_of(A)] == block[A.indices], A.data, 0.0)
+    return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
+
+
+def h_matrix(A: sp.csr_array) -> Answer:
+    """Whether `A` (CSR, shape (n, n), every diagonal entry stored) is an H-matrix.
+
+    The witness of True, where there is one, is v > 0 with ⟨A⟩v > 0; that of False x ≥ 0, x ≠ 0, with ⟨A⟩x ≤ 0.
+
+    >>> h_matrix(sp.csr_array([[1.0, 3.0], [3.0, 1.0]])).witness
+    array([1., 1.])
+    >>> h_matrix(sp.csr_array([[1.0, 3.0], [0.0, 1.0]])).holds
+    True
+    """
+    answer, still_open = by_row_sums(A)
+    if answer.holds is not None:
+        return answer
+    rows = np.flatnonzero(still_open)
+    part = A if rows.size == A.shape[0] else sp.csr_array(A[rows][:, rows])
+    answer = _decide(comparison_matrix(part))
+    if answer.witness is None or rows.size == A.shape[0]:
+        return answer
+    if answer.holds:  # v of some blocks is none of A
+        return replace(answer, witness=None)
+    x = np.zeros(A.shape[0], dtype=answer.witness.dtype)
+    x[rows] = answer.witness
+    return replace(answer, witness=x)
+
+
+def dominating_vector(A: sp.csr_array) -> Vector | None:
+    """v > 0 with ⟨A⟩v > 0, shape (n,), for an H-matrix `A` (CSR, diagonal stored); None where none was proved.
+
+    >>> dominating_vector(sp.csr_array([[2.0, -3.0], [-1.0, 2.0]])) is None
+    False
+    """
+    C = comparison_matrix(A)
+    r, c = natural_units(C)
+    S = without_zeros(in_units(C, r, c))
+    if not np.isfinite(S.data).all():
+        return None
+    one_block = np.zeros(A.shape[0], dtype=np.int32)
+    proofs = (v for _, v in _candidates(S, one_block, 1) if _proves(S, v))
+    v = next(proofs, None)
+    return None if v is None else _in_old_units(v, c)
+
+
+def _decide(C: sp.csr_array) -> Answer:
+    """Whether `C` = ⟨C⟩ is a nonsingular M-matrix."""
+    count, block = irreducible_blocks(C)
+    r, c = natural_units(C)
+    S = without_zeros(in_units(within_blocks(C, block), r, c))
+    if np.isfinite(S.data).all():
+        for name, y in _candidates(S, block, count):
+            holds = _proves(S, y)
+            if holds:
+                return Answer(True, f"<A>v > 0 with v from {name}", _in_old_units(y, c) if count == 1 else None)
+            if holds is False:
+                return Answer(False, f"<A>x <= 0 with x >= 0 from {name}", _in_old_units(y, c))
+    if C.nnz <= _EXACT_ENTRIES and np.bincount(block).max() <= _EXACT_ROWS:
+        return _exactly(C, block, count)
+    return Answer(None, "neither v > 0 with <A>v > 0 nor x >= 0 with <A>x <= 0 was found, rounding considered")
+
+
+def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterator[tuple[str, Vector]]:
+    """Vectors that may prove or disprove, by rising cost."""
+    diagonal, x = S.diagonal(), np.ones(S.shape[0])
+
+    def image(x: Vector) -> Vector:
+        return x - (S @ x) / diagonal  # Jx
+
+    for _ in range(_POWER_STEPS):
+        x = x + np.maximum(image(x), 0.0)  # I + J has no other eigenvalue of its largest modulus
+        largest = np.zeros(count)
+        np.maximum.at(largest, block, x)
+        x = x / largest[block]
+    ratio, least, most = image(x) / x, np.full(count, np.inf), np.zeros(count)
+    np.minimum.at(least, block, ratio)
+    np.maximum.at(most, block, ratio)
+    if (least > 1).any():
+        yield "Perron's vector", np.where(block == np.argmax(least), x, 0.0)
+    elif (most < 1).all():
+        yield "Perron's vector", x
+    with np.errstate(all="ignore"):
+        v = solve_for_ones(S)
+        if v is not None and np.isfinite(v).all():
+            y = v if (v > 0).all() else np.maximum(-v, 0.0)
+            yield "<A>^-1 1", y / y.max()
+
+
+def _proves(S: sp.csr_array, y: Vector) -> bool | None:
+    """True where y > 0 and Sy > 0, False where y ≥ 0, y ≠ 0 and Sy ≤ 0, for the Z-matrix `S`, rounding included.
+
+    Entries of S may be off by the smallest float, and max(y) ≤ 1.
+    """
+    slack = np.diff(S.indptr) * SMALLEST
+    if (y > 0).all() and (lower(S, y) - slack > 0).all():
+        return True
+    # where y_i = 0, row i has entries off the diagonal only
+    if (y >= 0).all() and y.any() and (np.where(y > 0, upper(S, y) + slack, 0.0) <= 0).all():
+        return False
+    return None
+
+
+def _in_old_units(y: Vector, c: NDArray[np.int64]) -> Vector | None:
+    """D₂y, D₂ = diag(2^c) up to a factor; None where that leaves the range of floats."""
+    exponents = np.clip(c - c[y > 0].max(), -4000, 0).astype(np.int32)
+    with np.errstate(under="ignore"):
+        x = np.ldexp(y, exponents)
+        return x if (np.ldexp(x, -exponents) == y).all() else None
+
+
+def _exactly(C: sp.csr_array, block: NDArray[np.int32], count: int) -> Answer:
+    for b in range(count):
+        rows = np.flatnonzero(block == b)
+        dense = C[rows][:, rows].toarray()
+        _, x = exact.m_matrix(dense)
+        if x is not None:
+            C_exact = exact.rationals(dense)
+            part = exact.as_witness(
+                x, lambda x, C=C_exact: all(sum(map(mul, row, x)) <= 0 for row in C) and min(x) >= 0 and any(x)
+            )
+            full = np.zeros(C.shape[0], dtype=part.dtype)
+            full[rows] = part
+            return Answer(False, "a leading minor of <A> is not positive, in rational arithmetic", full)
+    return Answer(True, "all leading minors of <A> are positive, in rational arithmetic")
