@@ -12,7 +12,7 @@ from ..arrays import Vector
 from .absolute import AbsoluteInverse, slack
 
 #: entries up to which a step costs a factorisation, and entries that all power steps together may read
-_FACTORISED, _READ = 200_000, 50_000_000
+_FACTORISED, _READ = 200_000, 400_000_000
 #: a gain of this share of the distance to 1 (or to 0) is worth another step
 _WORTH = 0.01
 
@@ -104,13 +104,12 @@ def radius(T: MonotoneMap, starts: Iterable[Vector]) -> Radius:
             best = _better(T, v, best)
             if best.upper < 1:
                 break
-        small = T.entries <= _FACTORISED
-        if small:
+        if T.entries <= _FACTORISED:
             best = _noda(T, best)
-        best = _power(T, best)
-        if best.upper < 1 or best.v is None:
+        best, last = _power(T, best)
+        if best.upper < 1 or best.v is None or last is None:
             return best
-        return Radius(best.upper, best.v, _invariant_part(T, best.v))
+        return Radius(best.upper, best.v, _invariant_part(T, last) or _invariant_part(T, best.v))
 
 
 def _quotient(T: MonotoneMap, v: Vector) -> tuple[float, Vector]:
@@ -146,20 +145,26 @@ def _noda(T: MonotoneMap, best: Radius) -> Radius:
     return best
 
 
-def _power(T: MonotoneMap, best: Radius) -> Radius:
+def _power(T: MonotoneMap, best: Radius) -> tuple[Radius, Vector | None]:
+    """Power steps for as long as they gain; where the quotient stays above 1, until its minimum is above 1 as well.
+
+    Returns the best bound and the vector of the last step.
+    """
     v = best.v
     if v is None:
-        return best
+        return best, None
     for step in range(int(np.clip(_READ // T.entries, 3, 100))):
         before = best.upper
         quotient, image = _quotient(T, v)
         if quotient < before:
             best = Radius(quotient, v, False)
-        if not np.isfinite(quotient) or (step and not _worthwhile(before, quotient)):
+        if not np.isfinite(quotient) or (step and quotient < 1 and not _worthwhile(before, quotient)):
+            break
+        if (image >= v).all():
             break
         v = image + 0.25 * quotient * v
         v = v / v.max()
-    return best
+    return best, v
 
 
 def _invariant_part(T: MonotoneMap, v: Vector) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Vector, as_number
 from ..errors import InputError
-from ..problem import ICP, UNIT_ROUNDOFF
+from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
 from . import conditions
 from .absolute import slack
 from .answers import Answer
@@ -71,7 +71,7 @@ class Rate:
         """
         k = int(as_number(k, "k", least=0, whole=True))
         with np.errstate(over="ignore"):
-            size = self.factor**k * distance * (1 + 16 * UNIT_ROUNDOFF)
+            size = max(self.factor**k, SMALLEST) * distance * (1 + 16 * UNIT_ROUNDOFF)
             return np.nextafter(size * self.v, np.inf)
 
     def steps(self, problem: ICP, z0: Any, accuracy: Any) -> int | None:
