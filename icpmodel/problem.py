@@ -14,6 +14,7 @@ from .maps import Constant, Map, as_map
 
 if TYPE_CHECKING:
     from .crosscheck.report import Report
+    from .explain import Explanation
     from .methods import Method
     from .solution import Solution
 
@@ -230,6 +231,16 @@ class ICP:
         from .crosscheck import crosscheck
 
         return crosscheck(self, solution, solvers, atol=atol, time_limit=time_limit, progress=progress)
+
+    def explain(self, method: str | Method | None = None, *, accuracy: float = 1e-6, **options: Any) -> Explanation:
+        """What is certain before a solve; `icpmodel.explain.explain` says how.
+
+        >>> ICP([[2.0]], [-1.0]).explain().bound.unique
+        True
+        """
+        from .explain import explain
+
+        return explain(self, method, accuracy=accuracy, **options)
 
     def __repr__(self) -> str:
         return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={self.psi!r})"

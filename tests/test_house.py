@@ -30,6 +30,7 @@ ROOMS = [
     "progress",
     "loop",
     "driver",
+    "explain",
     "files",
     "scenes",
     "crosscheck",
@@ -38,7 +39,7 @@ ROOMS = [
     "__main__",
 ]
 #: the thin methods of ICP load the rooms below at the moment they are called
-THIN = {("problem", "driver"), ("problem", "crosscheck")}
+THIN = {("problem", "driver"), ("problem", "explain"), ("problem", "crosscheck")}
 
 
 def room_of(path):

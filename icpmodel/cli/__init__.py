@@ -12,6 +12,7 @@ import sys
 import click
 
 from ..errors import IcpError
+from .explaining import explain
 from .gallery import scenes
 from .measuring import measure
 from .output import complain
@@ -30,11 +31,12 @@ def commands() -> None:
     icpmodel solve membrane --n 10000        solve a scene
     icpmodel solve problem/ -o answer.npz    solve a problem from files
     icpmodel crosscheck membrane             solve, then have osqp, cvxpy and Pyomo check the answer
+    icpmodel explain membrane                what is certain before a solve
     icpmodel measure sweep                   the numbers of the README, measured on this machine
     """
 
 
-for _command in (solve, crosscheck, scenes, measure):
+for _command in (solve, crosscheck, explain, scenes, measure):
     commands.add_command(_command)
 
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from ..arrays import Vector
 from ..problem import ICP, UNIT_ROUNDOFF
-from . import h_plus
+from . import definite, h_plus, representatives, supersolution
 from .equations import nearer_to_obstacle, solve_on
 from .proof import Proof, norm_up
 
 #: the proofs in the order in which they are tried, cheapest and sharpest first
-_PROOFS = (h_plus.prove,)
+_PROOFS = (h_plus.prove, representatives.prove, definite.prove, supersolution.prove)
 #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
 _SHARPEN_UP_TO = 10_000
 #: a share of the bound that is not worth another step

@@ -21,7 +21,7 @@ def classify(A: Any) -> MatrixClasses:
 
     >>> classes = classify([[2.0, -1.0], [-1.0, 2.0]])
     >>> print(classes.m)
-    yes: Z-matrix and H-matrix with positive diagonal: v = 1
+    yes: Z-matrix and H+-matrix
     """
     return MatrixClasses(as_csr(A, "A", keep_diagonal=True))
 
@@ -54,8 +54,7 @@ class MatrixClasses:
         if not self.z.holds:
             return Answer(False, f"no Z-matrix: {self.z.reason}", self.z.witness)
         h_plus = self.h_plus
-        prefix = "Z-matrix and " if h_plus.holds else ""
-        return Answer(h_plus.holds, prefix + h_plus.reason, h_plus.witness)
+        return Answer(h_plus.holds, "Z-matrix and H+-matrix" if h_plus.holds else h_plus.reason, h_plus.witness)
 
     @cached_property
     def h(self) -> Answer:
@@ -74,8 +73,7 @@ class MatrixClasses:
         if (diagonal <= 0).any():
             i = int(np.argmax(diagonal <= 0))
             return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", i)
-        prefix = "H-matrix with positive diagonal: " if self.h.holds else ""
-        return Answer(self.h.holds, prefix + self.h.reason, self.h.witness)
+        return Answer(self.h.holds, ("D > 0; " if self.h.holds else "") + self.h.reason, self.h.witness)
 
     @cached_property
     def dominant(self) -> Answer:
@@ -97,7 +95,7 @@ class MatrixClasses:
         v = dominating_vector(self.A)
         if v is None:
             return Answer(True, f"{self.h.reason}; a vector v was not found")
-        return Answer(True, "<A>v > 0 with v from <A>^-1 1", v)
+        return Answer(True, "<A>v > 0 with the vector v", v)
 
     @cached_property
     def symmetric(self) -> Answer:
@@ -122,7 +120,7 @@ class MatrixClasses:
             i = int(np.argmax(diagonal <= 0))
             return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", np.eye(1, self.A.shape[0], i)[0])
         if self.symmetric.holds and self.h_plus.holds:
-            return Answer(True, f"symmetric and {self.h_plus.reason}")
+            return Answer(True, "symmetric and H+-matrix")
         return self._curvature[0]
 
     @cached_property

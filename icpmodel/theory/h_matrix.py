@@ -6,7 +6,7 @@ make no difference to its truth. In one block:
 
 - all row sums ≥ 0, one of them > 0: H (Taussky); all ≤ 0: not H, with x = 1.
 - Jx > x > 0 or Jx < x for J = |D|⁻¹|D − A| and some x on the way of the power method: not H, or H.
-- v with ⟨A⟩v ≈ 1: where v > 0 it is a proof. Otherwise x = v⁻ = max(−v, 0) is a disproof, and always: where v_i ≤ 0,
+- v with ⟨A⟩v ≈ D1: where v > 0 it is a proof. Otherwise x = v⁻ = max(−v, 0) is a disproof, and always: where v_i ≤ 0,
   (⟨A⟩v⁻)_i = (⟨A⟩v⁺)_i − (⟨A⟩v)_i with both terms ≤ 0; elsewhere (⟨A⟩v⁻)_i has entries off the diagonal only.
 
 Reference: Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1994), chapter 6.
@@ -29,7 +29,7 @@ from ..problem import SMALLEST, UNIT_ROUNDOFF
 from . import exact
 from .answers import Answer
 from .rounding import lower, upper
-from .scaling import comparison_matrix, solve_for_ones
+from .scaling import comparison_matrix, scaling_vectors, solve_for_diagonal
 from .units import in_units, natural_units
 
 #: so many steps of the power method cost less than a linear solve
@@ -166,14 +166,17 @@ def dominating_vector(A: sp.csr_array) -> Vector | None:
     False
     """
     C = comparison_matrix(A)
+    if (C.diagonal() > 0).all():
+        for _, v in scaling_vectors(C):
+            if (lower(C, v) > 0).all():
+                return v
     r, c = natural_units(C)
     S = without_zeros(in_units(C, r, c))
     if not np.isfinite(S.data).all():
         return None
     one_block = np.zeros(A.shape[0], dtype=np.int32)
-    proofs = (v for _, v in _candidates(S, one_block, 1) if _proves(S, v))
-    v = next(proofs, None)
-    return None if v is None else _in_old_units(v, c)
+    proof = next((v for _, v in _candidates(S, one_block, 1) if _proves(S, v)), None)
+    return None if proof is None else _in_old_units(proof, c)
 
 
 def _decide(C: sp.csr_array) -> Answer:
@@ -213,10 +216,10 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
     elif (most < 1).all():
         yield "Perron's vector", x
     with np.errstate(all="ignore"):
-        v = solve_for_ones(S)
+        v = solve_for_diagonal(S)
         if v is not None and np.isfinite(v).all():
             y = v if (v > 0).all() else np.maximum(-v, 0.0)
-            yield "<A>^-1 1", y / y.max()
+            yield "<A>^-1 D1", y / y.max()
 
 
 def _proves(S: sp.csr_array, y: Vector) -> bool | None:

@@ -36,7 +36,7 @@ def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
     """Candidates for v > 0 with ⟨A⟩v > 0, each with its name, cheapest first; the last is (nearly) ⟨A⟩⁻¹D1.
 
     v = 1 serves strictly dominant rows. ⟨A⟩v = D1 makes (D⁻¹⟨A⟩)v = 1, which no change of the units of p alters.
-    Large matrices get `layered` first, then a few Krylov steps with multigrid (PyAMG), last a factorisation.
+    Large matrices get `layered` before `solve_for_diagonal`.
     Parameters: `comparison` = ⟨A⟩, CSR, shape (n, n), with a positive diagonal. Yields vectors of shape (n,) that are
     positive; whether ⟨A⟩v is positive is for the caller to check, with rounding. Yields no more where there is none.
 
@@ -51,25 +51,29 @@ def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
         v = layered(comparison)
         if v is not None:
             yield "v = f(layer)", v
-        v = _multigrid(comparison)
-        if v is not None:
-            yield "v = <A>^-1 D1", v
     v = solve_for_diagonal(comparison)
     if v is not None and (v > 0).all():
         yield "v = <A>^-1 D1", v
 
 
 def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
-    """v with Mv = D1, D the diagonal of M (CSR, n × n), by one factorisation; None where M or D is singular.
+    """v with Mv ≈ D1, D the diagonal of the Z-matrix M (CSR, n × n).
+
+    Large M get a few Krylov steps with multigrid, which leave a residual of at most 1/2 in every row of D⁻¹M, and a
+    factorisation where those do not give a v > 0 with Mv > 0. Returns v, whose signs are for the caller to check, or
+    None where M or D is singular.
 
     >>> solve_for_diagonal(sp.csr_array([[2.0, -1.0], [-1.0, 2.0]]))
     array([2., 2.])
     """
-    # rows of the size 1, so that units do not look like singularity
     diagonal = M.diagonal()
     if (np.abs(diagonal) < np.finfo(np.float64).tiny).any():
         return None
-    lu = factorise(sp.csr_array(sp.diags_array(1.0 / diagonal) @ M))
+    rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ M)  # so that units do not look like singularity
+    v = _multigrid(rows) if M.shape[0] > _FACTORISE_FIRST and (diagonal > 0).all() else None
+    if v is not None:
+        return v
+    lu = factorise(rows)
     if lu is None:
         return None
     v = np.asarray(lu.solve(np.ones(M.shape[0])))
@@ -112,18 +116,16 @@ def layered(comparison: sp.csr_array) -> Vector | None:
     return np.asarray(v)
 
 
-def _multigrid(comparison: sp.csr_array) -> Vector | None:
-    """v with D⁻¹⟨A⟩v ≈ 1, a residual of at most 1/2 in every row, by a few Krylov steps with algebraic multigrid."""
+def _multigrid(rows: sp.csr_array) -> Vector | None:
+    """v > 0 with `rows` @ v ≈ 1 and positive, by a few Krylov steps with algebraic multigrid; None where that fails."""
     import pyamg
 
-    n, diagonal = comparison.shape[0], comparison.diagonal()
-    rows = sp.csr_matrix(sp.diags_array(1.0 / diagonal) @ comparison)  # PyAMG takes the older class only
-    symmetric = (rows != rows.T).nnz == 0
+    n = rows.shape[0]
+    matrix = sp.csr_matrix(rows)  # PyAMG takes the older class only
+    accelerate = "cg" if (matrix != matrix.T).nnz == 0 else "bicgstab"
     with np.errstate(all="ignore"), warnings.catch_warnings():  # where <A> is indefinite it breaks down: see below
         warnings.simplefilter("ignore")
-        hierarchy = pyamg.ruge_stuben_solver(rows)
-        v = hierarchy.solve(
-            np.ones(n), tol=0.5 / np.sqrt(n), maxiter=_KRYLOV_STEPS, accel="cg" if symmetric else "bicgstab"
-        )
-        good = (v > 0).all() and (comparison @ v > 0).all()
+        hierarchy = pyamg.ruge_stuben_solver(matrix)
+        v = hierarchy.solve(np.ones(n), tol=0.5 / np.sqrt(n), maxiter=_KRYLOV_STEPS, accel=accelerate)
+        good = (v > 0).all() and (rows @ v > 0).all()
     return np.asarray(v) if good else None
