@@ -123,6 +123,18 @@ def curvature(S: Any) -> tuple[bool, bool, list[Fraction] | None]:
     return True, False, x
 
 
+def nearest(x: Fraction) -> float:
+    """The float nearest to `x`, infinite beyond their range.
+
+    >>> nearest(Fraction(10) ** 400)
+    inf
+    """
+    try:
+        return float(x)
+    except OverflowError:
+        return float("inf") if x > 0 else float("-inf")
+
+
 def as_witness(x: list[Fraction], proves: Any) -> Vector:
     """`x` in floats if they prove what x proves, else as an array of fractions.
 

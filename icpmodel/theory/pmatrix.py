@@ -71,7 +71,7 @@ def decide(known: MatrixClasses) -> Answer:
         i = int(np.argmax(diagonal <= 0))
         return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", np.array([i]))
     if known.h_plus.holds:
-        return Answer(True, "H+-matrix")
+        return Answer(True, f"A is an H+-matrix: {known.h.reason}")
     pair = _minor_of_order_two(A)
     if pair is not None:
         return Answer(False, f"the minor of rows and columns {pair[0]} and {pair[1]} is not positive", pair)
@@ -128,7 +128,7 @@ def _minor_of_order_two(A: sp.csr_array) -> Indices | None:
 def _by_class(known: MatrixClasses) -> Answer:
     """For blocks beyond LIMIT: theorems first, then small minors."""
     if known.h_plus.holds:
-        return Answer(True, "H+-matrix")
+        return Answer(True, f"an H+-matrix: {known.h.reason}")
     if known.definite.holds:
         return Answer(True, "the symmetric part is positive definite")
     if known.z.holds and known.h.holds is False:
@@ -160,10 +160,10 @@ def _by_pivots(A: sp.csr_array) -> Answer:
     n = A.shape[0]
     r, c = natural_units(A)
     scaled = in_units(A, r, c).toarray()
-    subnormal = np.where(A.toarray() != 0, np.abs(scaled) < 2.0**-1000, False)
-    tasks: list[tuple[Any, Any, tuple[int, ...], tuple[int, ...]]] = [
-        (scaled, np.where(subnormal, SMALLEST, 0.0), (), tuple(range(n)))
-    ]
+    # what left the normal range is known up to the smallest float, or not at all
+    lost = np.where((A.toarray() != 0) & (np.abs(scaled) < 2.0**-1000), SMALLEST, 0.0)
+    rad = np.where(np.isfinite(scaled), lost, np.inf)
+    tasks: list[tuple[Any, Any, tuple[int, ...], tuple[int, ...]]] = [(scaled, rad, (), tuple(range(n)))]
     budget = 10**6 // n**3 + 1
     while tasks:
         mid, rad, before, rest = tasks.pop()
@@ -181,7 +181,7 @@ def _by_pivots(A: sp.csr_array) -> Answer:
             if budget <= 0:
                 return Answer(None, "undecided within rounding: too many of its principal minors are nearly zero")
             if later:
-                mid = np.array([[float(M[i][j]) for j in later] for i in later])
+                mid = np.array([[exact.nearest(M[i][j]) for j in later] for i in later])
                 tasks.append((mid, np.abs(mid) * UNIT_ROUNDOFF + SMALLEST, chosen, later))
     return Answer(True, "all principal minors are positive, rounding considered")
 
