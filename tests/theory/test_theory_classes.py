@@ -11,6 +11,7 @@ import icpmodel as icp
 from icpmodel.errors import InputError
 from icpmodel.theory import pmatrix
 from icpmodel.theory.classes import MatrixClasses, classify
+from icpmodel.theory.pivots import search_pivots
 from icpmodel.theory.pmatrix import p_matrix
 
 CYCLE = [[1, 0, 2], [2, 1, 0], [0, 2, 1]]
@@ -152,6 +153,7 @@ class TestKnownMatrices:
         upper, lower, full = [[1, 2], [0, 3]], [[1, 0], [2, 3]], [[1, 2], [3, 4]]
         assert [classify(A).triangular.witness for A in (upper, lower, np.eye(2))] == ["upper", "lower", "diagonal"]
         assert classify(full).triangular.holds is False
+        assert (classify(upper).reducible.holds, classify(full).reducible.holds) == (True, False)
         assert classify(full).symmetric.witness in ((0, 1), (1, 0))
         wide = sp.lil_array(np.eye(100))
         wide[0, 4] = wide[8, 3] = 1.0
@@ -301,6 +303,42 @@ class TestSoundness:
             [[1.0, -1e200, 0.0], [-1e-200, 2.0, -1e-310], [0.0, -1e300, 1.0]],
         ):
             check(A, complete=False)
+
+    @pytest.mark.parametrize("xy", [-54, -50])
+    def test_minors_above_a_pivot_that_only_rational_arithmetic_decides(self, xy):
+        """The minor of 0 and 1 is 2⁻⁵²; that of 0, 1, 2 is 2⁻⁵² − xy, and no other can be ≤ 0."""
+        A = np.eye(4)
+        A[0, 1] = A[1, 0] = 1.0
+        A[1, 1] = 1 + 2.0**-52
+        A[1, 2] = A[2, 1] = 2.0 ** (xy // 2)
+        A[0, 3], A[3, 0] = 1.0, -1.0
+        A[2, 3], A[3, 2] = 1.0, -1.0
+        c = check(A[:3, :3].tolist())
+        assert c.p.holds is (xy < -52)
+        check(A.tolist())
+
+    @pytest.mark.parametrize("place", [(0, 0), (0, 1), (1, 0), (1, 1)])
+    def test_a_radius_in_any_place_reaches_the_last_pivot(self, place):
+        """1.05 − 1·1/1 is positive, and negative somewhere within ±0.1 of any entry."""
+        rad = np.zeros((2, 2))
+        rad[place] = 0.1
+        found, undecided = pmatrix._run(search_pivots, np.array([[1.0, 1.0], [1.0, 1.05]]), rad, 4)
+        assert (found, undecided.tolist()) == (0, [3])
+
+    def test_both_radii_of_a_product_count(self):
+        """1.205 − (1 ± 0.1)² may be negative, and only just."""
+        rad = np.array([[0.0, 0.1], [0.1, 0.0]])
+        found, undecided = pmatrix._run(search_pivots, np.array([[1.0, 1.0], [1.0, 1.205]]), rad, 4)
+        assert (found, undecided.tolist()) == (0, [3])
+
+    def test_overflow_is_undecided(self):
+        mid = np.array([[1.0, 1e200], [1e200, 1.0]])
+        assert pmatrix._run(search_pivots, mid, np.zeros((2, 2)), 4)[0] == 0
+
+    def test_perrons_vector_spares_the_linear_solve(self):
+        answer = check([[1.0, -0.5, 0.0], [-3.0, 1.0, -3.0], [0.0, -0.5, 1.0]]).h
+        assert answer.holds is False
+        assert "Perron" in answer.reason
 
     def test_beyond_the_exact_test_the_answer_is_unknown_and_says_so(self):
         n = pmatrix.LIMIT + 5
