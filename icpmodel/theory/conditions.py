@@ -139,15 +139,14 @@ def printed_42(parts: Parts) -> MonotoneMap | str:
     n1 = parts.M1.diagonal() - parts.D
     N1 = sp.csr_array(parts.M1 - parts.A)
     bound = off_diagonal(parts.M1) + off_diagonal(N1) - off_diagonal(parts.A)
-    bound = bound + sp.diags_array(np.abs(n1 + parts.phi) - n1 - np.abs(parts.phi))
+    bound = sp.csr_array(bound + sp.diags_array(np.abs(n1 + parts.phi) - n1 - np.abs(parts.phi)))
     half = sp.diags_array(0.5 / parts.omega)
     # up to rounding: for most splittings the bounds are zero
-    excess = sp.coo_array(parts.G - half @ bound - (16 * UNIT_ROUNDOFF) * (half @ parts.size))
+    excess = sp.coo_array(parts.G - half @ (bound + (16 * UNIT_ROUNDOFF) * parts.size))
     if excess.nnz and excess.data.max() > 0:
         k = int(np.argmax(excess.data))
         i, j = int(excess.coords[0][k]), int(excess.coords[1][k])
-        g = float(parts.G[i, j])
-        return f"g[{i}, {j}] = {g:g} exceeds its bound {g - float(excess.data[k]):.3g}"
+        return f"g[{i}, {j}] = {parts.G[i, j]:g} exceeds its bound {0.5 * bound[i, j] / parts.omega[i]:.3g}"
     return _h_splitting(parts)
 
 

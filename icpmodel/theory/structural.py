@@ -129,7 +129,7 @@ def _sigma(parts: Parts) -> float | None:
             return None
         s = float(np.linalg.norm(Q, 2))
         error = u * (n + np.linalg.norm(Q) ** 2)
-        for inflation in (1e-13, 1e-10, 1e-7):
+        for inflation in (1e-13, 1e-10, 1e-7, 1e-5):
             bound = s * (1 + inflation) + inflation
             gap = (bound * bound - error) * identity - Q.T @ Q
             if definiteness(sp.csr_array(gap)).definite is True:

@@ -8,7 +8,8 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.theory.absolute import absolute_inverse
+from icpmodel.theory.absolute import Comparison, absolute_inverse
+from icpmodel.theory.conditions import theorem_43
 from icpmodel.theory.contraction import MonotoneMap, radius
 from icpmodel.theory.parts import Parts
 from icpmodel.theory.rates import Rate, predicted_rate
@@ -417,6 +418,33 @@ class TestRounding:
             kinds.add((type(inverse).__name__, inverse.exact))
         assert {("Comparison", True), ("Dense", True)} <= kinds
 
+    @pytest.mark.parametrize("kind", ["any signs", "M"])
+    def test_nearly_singular_floats_are_enclosed(self, kind):
+        """Condition numbers up to 1e9, where a computed inverse without its error bound is wrong."""
+        enclosed = 0
+        for seed in range(60):
+            rng = np.random.default_rng(seed)
+            X = rng.normal(size=(3, 3))
+            X[2] = X[0] + X[1] + 10.0 ** rng.uniform(-9, -1) * rng.normal(size=3)
+            if kind == "M":
+                X = -np.abs(X)
+                X[np.diag_indices(3)] = 0.0
+                X[np.diag_indices(3)] = -X.sum(axis=1) + 10.0 ** rng.uniform(-9, -1, 3)
+            exact, w = exact_inverse(X), rng.random(3)
+            inverse = absolute_inverse(sp.csr_array(X))
+            above, below = inverse.upper(w), inverse.lower(w)
+            for low, row, high in zip(below, exact, above, strict=True):
+                value = sum(abs(entry) * Fraction(x) for entry, x in zip(row, w, strict=True))
+                assert Fraction(low) <= value
+                assert not np.isfinite(high) or value <= Fraction(high)
+            enclosed += np.isfinite(above).all()
+        assert enclosed >= 50
+
+    def test_a_lower_bound_survives_zeros_of_w(self):
+        X = sp.csr_array(np.array([[1349.5, 0.0, 0.0], [-440.6, 3.2, 0.0], [0.0, 0.0, 2.65]]))
+        inverse = absolute_inverse(X)
+        assert inverse.lower(np.array([0.0, 3.2, 0.0])) == pytest.approx([0.0, 1.0, 0.0], rel=1e-9)
+
     @pytest.mark.parametrize("n", [2, 5, 400])
     def test_a_radius_of_exactly_one_is_never_called_less(self, n):
         """The periodic chain 2z_i − z_{i−1} − z_{i+1}: ρ(D⁻¹|B|) = 1."""
@@ -460,6 +488,23 @@ class TestRounding:
         assert 0.5 <= below.upper < 0.56
         above = radius(MonotoneMap(one, (sp.csr_array(3 * F),), sp.csr_array(3 * F)), [np.ones(3)])
         assert above.holds is False
+
+    def test_too_slow_to_be_decided_is_unknown_and_never_no(self):
+        """ρ = cos(π/(n + 1)), n = 30000, from v = 1 alone: the quotient stays 1."""
+        chain = sp.diags_array([np.full(29_999, -1.0), np.full(30_000, 2.0), np.full(29_999, -1.0)], offsets=(-1, 0, 1))
+        T = theorem_43(Parts(icp.ICP(chain, np.zeros(30_000)), icp.MNMJ()))
+        assert radius(T, [np.ones(30_000)]).holds is None
+        assert check("4.3", icp.ICP(chain, np.zeros(30_000)), icp.MNMJ()).holds is True  # the certificate's v serves
+
+    @pytest.mark.parametrize("exponent", [10, 30, 40, 46, 50, 52])
+    def test_ill_conditioned_m_matrices_are_enclosed_or_given_up(self, exponent):
+        X = np.array([[1.0, -1.0], [-1.0, 1.0 + 2.0**-exponent]])
+        inverse = Comparison(sp.csr_array(X), sp.csr_array(np.abs(X)))
+        above, below = inverse.upper(np.ones(2)), inverse.lower(np.ones(2))
+        for low, row, high in zip(below, exact_inverse(X), above, strict=True):
+            assert Fraction(low) <= sum(row)
+            assert not np.isfinite(high) or sum(row) <= Fraction(high)
+        assert np.isfinite(above).all() == (exponent <= 40)
 
     def test_the_maximum_of_two_maps_is_not_their_sum(self):
         """T(v) = max(v₂, v₁)/2 row by row from two linear maps of radius 0: ρ(T) = 1/2."""
