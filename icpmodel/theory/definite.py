@@ -4,16 +4,20 @@ Let r(x) − r(y) = B(x − y) − g with |g| ≤ L|x − y|: B = I − G, L = 0
 Lipschitz matrix L. If λ ≤ λ_min of the symmetric part of AᵀB, κ ≥ that of |A|ᵀL and λ > κ, ICP has exactly one solution
 z* for every q, and t = ‖z − z*‖₂ satisfies, for every z,
 
-    (λ − κ)t² ≤ (‖Bᵀu + Aᵀw‖₂ + ‖Lᵀ|u|‖₂)t − uᵀw
+    (λ − κ)t² ≤ (√λ‖Bᵀu + Aᵀw‖ + ‖Lᵀ|u|‖₂)t − uᵀw,    ‖g‖² = gᵀH⁻¹g ≤ ‖g‖₂²/λ,
 
-with any u and w for which p' = p − u ≥ 0, r' = r − w ≥ 0 and p'ᵀr' = 0, chosen row by row: r' = 0 with w = r,
+with H the symmetric part of AᵀB and
+any u and w for which p' = p − u ≥ 0, r' = r − w ≥ 0 and p'ᵀr' = 0, chosen row by row: r' = 0 with w = r,
 u = min(p, 0), or p' = 0 with u = p, w = min(r, 0). The larger root of the quadratic is the bound.
 
-Proof: no term of Σ(p' − p*)(r' − r*) is positive, and p' − p* = Ae − u, r' − r* = Be − g − w with e = z − z*. A row
+Proof: no term of Σ(p' − p*)(r' − r*) is positive, and p' − p* = Ae − u, r' − r* = Be − g − w with e = z − z*; so
+E = √(eᵀHe) ≥ √λ·t has (1 − κ/λ)E² ≤ (‖Bᵀu + Aᵀw‖ + ‖Lᵀ|u|‖₂/√λ)E − uᵀw, which is the quadratic for E/√λ. A row
 without obstacle has u = p, w = 0, so p' = p* = 0. F = min(p, r) has F(x) − F(y) = (ΔA + (I − Δ)(B − Γ))(x − y) with a
 diagonal 0 ≤ Δ ≤ I and |Γ| ≤ L; a null vector x of the bracket has (Ax)_i((B − Γ)x)_i ≤ 0 in every row, hence
 (λ − κ)‖x‖² ≤ 0. So F and its inverse are Lipschitz, and F is a homeomorphism of Rⁿ.
 
+‖g‖ takes a y near H⁻¹g: ‖g‖ ≤ √(yᵀHy) + ‖g − Hy‖₂/√λ for every y. Without it the curvature of an error, which A
+multiplies by λ_max, would be divided by λ_min.
 Units: the unknowns are scaled by S = diag(AᵀB)^(−1/2) and the rows of p by S, those of r by S⁻¹, which keeps the form;
 t is then the norm of S⁻¹e. S is made of powers of two, so that scaling commits no error.
 Reference: Pang, Math. Oper. Res. 12 (1987), for the idea of such bounds; Nesterov and Scrimali, Discrete Contin. Dyn.
@@ -22,6 +26,7 @@ Syst. 31 (2011), for κ = ‖A‖‖L‖, which is never smaller where A ≥ 0; 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +35,7 @@ import scipy.sparse as sp
 from ..arrays import Vector, row_of
 from ..maps import Affine, Constant
 from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
-from .eigenvalue import largest_above, smallest_below
+from .eigenvalue import largest_above, smallest_below, symmetric_lu
 from .proof import Proof, norm_up
 from .rounding import upper
 
@@ -44,18 +49,24 @@ _SPLITS = (0.25, 1.0, 4.0)
 
 @dataclass(frozen=True, eq=False)
 class DefiniteProof(Proof):
-    """`gap` ≤ λ − κ of the problem scaled by 2^`exponent`, with the transposes of `A`, `B` and `L` scaled alike.
+    """`smallest` ≤ λ and `gap` ≤ λ − κ of the problem scaled by 2^`exponent`, its Aᵀ, Bᵀ and Lᵀ as `A`, `B` and `L`.
+
+    `H` differs from the symmetric part of AᵀB by at most `slack` in norm, and `solve` is about H⁻¹.
 
     >>> prove(ICP([[1.0, 3.0], [-3.0, 1.0]], [0.0, 0.0])).sentence
     'A is positive definite (the symmetric part, its diagonal scaled to 1, is >= 0.99)'
     """
 
     sentence: str
+    smallest: float
     gap: float
     exponent: np.ndarray
     A: sp.csr_array
     B: sp.csr_array
     L: sp.csr_array
+    H: sp.csr_array
+    slack: float
+    solve: Callable[[Vector], Vector]
 
     def bound(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         """See `Proof.bound`."""
@@ -79,16 +90,31 @@ class DefiniteProof(Proof):
         for_u = np.where(~balance & (p > for_p), 0.0, for_p)
         for_w = np.where(balance & (r >= for_r), 0.0, for_r)
         U, W = np.abs(u) + for_u, np.abs(w) + for_w
-        linear = np.abs(self.B @ u + self.A @ w) + upper(abs(self.B), for_u) + upper(abs(self.A), for_w)
         terms = np.diff(self.A.indptr) + np.diff(self.B.indptr) + 4
-        linear += 2 * UNIT_ROUNDOFF * terms * (abs(self.B) @ U + abs(self.A) @ W) + terms * SMALLEST
-        b = norm_up(linear) + (norm_up(upper(self.L, U)) if self.L.nnz else 0.0)
+        error = upper(abs(self.B), for_u) + upper(abs(self.A), for_w) + terms * SMALLEST
+        error += 2 * UNIT_ROUNDOFF * terms * (abs(self.B) @ U + abs(self.A) @ W)
+        b = self._dual(self.B @ u + self.A @ w) + norm_up(error)
+        if self.L.nnz:
+            b += norm_up(upper(self.L, U))
         errors = float(np.sum(U * for_w + W * for_u)) + (u.size + 4) * UNIT_ROUNDOFF * float(np.sum(U * W))
         product = float(u @ w) - 2 * errors - 4 * u.size * SMALLEST
         discriminant = max(b * b - 4 * self.gap * product, 0.0) + 8 * UNIT_ROUNDOFF * (
             b * b + 4 * self.gap * abs(product)
         )
         return (b + float(np.sqrt(discriminant))) / (2 * self.gap) * (1 + 8 * UNIT_ROUNDOFF)
+
+    def _dual(self, g: Vector) -> float:
+        """An upper bound of √λ·√(gᵀH⁻¹g), not above that of ‖g‖₂."""
+        y, n = self.solve(g), g.size
+        gamma = 2 * UNIT_ROUNDOFF * (n + 8)
+        image, size = self.H @ y, abs(self.H) @ np.abs(y)
+        energy = float(y @ image) + gamma * float(np.abs(y) @ size) + n * SMALLEST
+        rest = norm_up(np.abs(g - image) + gamma * (np.abs(g) + size))
+        lost = 2 * self.slack * norm_up(y)
+        energy += lost * norm_up(y)
+        dual = float(np.sqrt(max(self.smallest * energy, 0.0))) * (1 + 8 * UNIT_ROUNDOFF) + rest + lost
+        plain = norm_up(g)
+        return dual if dual < plain else plain
 
 
 def _split(p: Vector, r: Vector, balance: np.ndarray) -> tuple[Vector, Vector]:
@@ -97,7 +123,7 @@ def _split(p: Vector, r: Vector, balance: np.ndarray) -> tuple[Vector, Vector]:
 
 
 def prove(problem: ICP) -> DefiniteProof | str:
-    """λ by two factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds.
+    """λ by factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds.
 
     Returns the proof, or the reason why there is none. It is made of A and ψ alone and remembered for all problems
     that share them.
@@ -135,15 +161,19 @@ def _prove(problem: ICP) -> DefiniteProof | str:
         rows, columns = abs(At) @ (abs(B) @ ones), abs(sp.csr_array(B.T)) @ (abs(A) @ ones)
         slack = gamma * float((rows + columns).max()) + underflow
     name = "A'(I - G)" if coupled else "A"
-    smallest = smallest_below(sp.csr_array(At @ B) if coupled else At, slack)
-    if not smallest > 0:
+    M = sp.csr_array(At @ B) if coupled else At
+    H = sp.csr_array(0.5 * (M + M.T))
+    slack += 4 * UNIT_ROUNDOFF * float(abs(H).sum(axis=1).max()) + underflow
+    smallest, lu = smallest_below(H, slack), symmetric_lu(H)
+    if not smallest > 0 or lu is None:
         return f"{name} is not proved positive definite: its symmetric part has no eigenvalue bound above 0"
     kappa = largest_above(sp.csr_array(abs(At) @ L)) * (1 + gamma) + underflow if L.nnz else 0.0
     gap = float(np.nextafter(smallest - kappa, -np.inf))
     if not gap > 0:
         return f"psi is too steep: the eigenvalues of |A|'G reach {kappa:.3g}, those of A begin at {smallest:.3g}"
     sentence = f"{name} is positive definite (the symmetric part, its diagonal scaled to 1, is >= {smallest:.3g})"
-    return DefiniteProof(sentence, gap, exponent, At, sp.csr_array(B.T), sp.csr_array(L.T))
+    transposed = (At, sp.csr_array(B.T), sp.csr_array(L.T))
+    return DefiniteProof(sentence, smallest, gap, exponent, *transposed, H, slack, lu.solve)
 
 
 def _slopes(problem: ICP) -> tuple[sp.csr_array, sp.csr_array]:

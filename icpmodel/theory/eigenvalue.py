@@ -74,7 +74,7 @@ def _estimate(S: sp.csr_array) -> float:
         return float(np.linalg.eigvalsh(S.toarray())[0])
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-    lu = _symmetric_lu(S)
+    lu = symmetric_lu(S)
     if lu is None or not lu.U.diagonal().min() > 0:
         return -np.inf
     inverse = LinearOperator(S.shape, matvec=lu.solve, dtype=np.float64)
@@ -89,7 +89,7 @@ def _distance_from_definite(S: sp.csr_array, c: float) -> float:
     """A bound on the norm of (S − cI) − LDLᵀ with D > 0, inf where a pivot is not positive."""
     n = S.shape[0]
     shifted = sp.csr_array(S - c * sp.eye_array(n))
-    lu = _symmetric_lu(shifted)
+    lu = symmetric_lu(shifted)
     if lu is None:
         return np.inf
     L, U = sp.csr_array(lu.L), sp.csr_array(lu.U)
@@ -105,8 +105,12 @@ def _distance_from_definite(S: sp.csr_array, c: float) -> float:
     return float(upper(abs(L), defect).max()) + rounding
 
 
-def _symmetric_lu(S: sp.csr_array) -> Any:
-    """LU of a symmetric matrix with diagonal pivots, or None where one of them is zero."""
+def symmetric_lu(S: sp.csr_array) -> Any:
+    """SuperLU of the symmetric matrix `S` (CSR, n × n) with diagonal pivots, None where one of them is zero.
+
+    >>> symmetric_lu(sp.csr_array([[2.0, 1.0], [1.0, 2.0]])).solve(np.array([3.0, 3.0]))
+    array([1., 1.])
+    """
     from scipy.sparse.linalg import splu
 
     try:

@@ -42,7 +42,7 @@ class RepresentativesProof(Proof):
     """K and H of the module's docstring, (n, n), for p, r and z in units of 2^−`row_p`, 2^−`row_r` and 2^`column`.
 
     >>> prove(ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1])).sentence
-    'A is a P-matrix (the 8 representatives have determinants of one sign)'
+    'A is a P-matrix (all 8 representatives have determinants of one sign)'
     """
 
     sentence: str
@@ -94,7 +94,6 @@ def _prove(problem: ICP) -> RepresentativesProof | str:
     is_lcp = problem.is_lcp and not free.any()
     yes, no = ("A is a P-matrix", "A is not a P-matrix") if is_lcp else (_HAVE, _HAVE.replace("have", "do not have"))
     corners = np.arange(2**n)
-    corners = corners[corners & int((1 << np.arange(n)) @ free) == 0]
     K, H = np.zeros((n, n)), np.zeros((n, n))
     for start in range(0, corners.size, _CHUNK):
         from_B = (corners[start : start + _CHUNK, None] >> np.arange(n)) & 1 == 1
@@ -107,7 +106,7 @@ def _prove(problem: ICP) -> RepresentativesProof | str:
         size = (np.abs(inverse) + radius) * (1 + 4 * UNIT_ROUNDOFF)
         K = np.maximum(K, np.where(from_B[:, None, :], 0.0, size).max(axis=0))
         H = np.maximum(H, np.where(from_B[:, None, :], size, 0.0).max(axis=0))
-    sentence = f"{yes} (the {corners.size} representatives have determinants of one sign)"
+    sentence = f"{yes} (all {corners.size} representatives have determinants of one sign)"
     return RepresentativesProof(sentence, K, H, rows_A[1], rows_B[1], column)
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.theory import definite, representatives, supersolution
+from icpmodel.theory import definite, eigenvalue, representatives, supersolution
 from icpmodel.theory.eigenvalue import largest_above, smallest_below
 from icpmodel.theory.proof import Proof
 
@@ -115,6 +115,48 @@ def away(exact, distance, rng):
     return exact + distance * rng.integers(-8, 9, size=exact.size) / 8 * np.maximum(np.abs(exact), 1e-300)
 
 
+@pytest.mark.parametrize("prove", [definite.prove, representatives.prove])
+class TestBoth:
+    @settings(max_examples=100, deadline=None)
+    @given(seed=SEEDS, distance=st.sampled_from([0.0, 0.125]))
+    def test_the_solution_of_every_problem_within_the_errors_of_p_and_r_is_covered(self, prove, seed, distance):
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(1, 4))
+        true, exact, c = manufactured(definite_matrix(rng, n), rng.integers(-4, 5, size=(n, n)) / 64, rng)
+        dq, dc = (rng.integers(0, 2) * rng.integers(-2, 3, size=n) / 8 for _ in range(2))
+        problem = icp.ICP(true.A, true.q + dq, icp.Affine(true.psi.jacobian(exact), c + dc))
+        z = exact + distance * rng.integers(-2, 3, size=n)
+        proof, (for_p, for_r) = prove(problem), problem.rounding(z)
+        if not isinstance(proof, str):
+            delta, euclidean = proof.bound(
+                problem, z, for_p + np.abs(dq), np.where(np.isfinite(c), for_r + np.abs(dc), 0.0)
+            )
+            assert (np.abs(z - exact) <= delta).all()
+            assert np.linalg.norm(z - exact) <= euclidean * (1 + 1e-15)
+
+    def test_errors_of_p_and_r_alone_make_a_bound(self, prove):
+        """A = 1, ψ = 0 and z = q = 0 with p or r known to 1/8 only: z* may be 1/8."""
+        problem, nothing, eighth = icp.ICP([[1.0]], [0.0]), np.zeros(1), np.full(1, 0.125)
+        assert 0.125 <= prove(problem).bound(problem, nothing, eighth, nothing)[0][0] <= 0.3
+        assert 0.125 <= prove(problem).bound(problem, nothing, nothing, eighth)[0][0] <= 0.3
+
+    @pytest.mark.parametrize("size", [2.0**-400, 2.0**400])
+    def test_it_grows_with_the_units_of_z_and_p(self, prove, size):
+        A = np.array([[2.0, 3.0], [-3.0, 1.0]])
+        problem, large = icp.ICP(A, [1.0, -1.0]), icp.ICP(A, [size, -size])
+        z = np.array([0.25, 0.5])
+        delta, euclidean = prove(problem).bound(problem, z, *problem.rounding(z))
+        delta_large, euclidean_large = prove(large).bound(large, size * z, *large.rounding(size * z))
+        assert delta_large == pytest.approx(size * delta, rel=1e-9, abs=0.0)
+        assert euclidean_large == pytest.approx(size * euclidean, rel=1e-9, abs=0.0)
+
+    def test_a_row_without_obstacle_may_have_any_slope(self, prove):
+        problem = icp.ICP(np.eye(2), [1.0, 1.0], icp.Affine([[3.0, 9.0], [0.0, 0.5]], [-np.inf, 0.0]))
+        z = np.array([0.0, 0.0])
+        delta, _ = prove(problem).bound(problem, z, *problem.rounding(z))
+        assert delta[0] >= 1.0  # z* = (-1, 0)
+
+
 class TestDefinite:
     @settings(max_examples=200, deadline=None)
     @given(seed=SEEDS, distance=DISTANCES, decades=st.sampled_from([0, 8, 300]), steep=st.sampled_from([0, 1, 16]))
@@ -177,6 +219,30 @@ class TestDefinite:
         delta, euclidean = definite.prove(problem).bound(problem, np.array([1.5]), *problem.rounding([1.5]))
         assert 0.5 <= delta[0] <= 0.75
         assert 0.5 <= euclidean <= 0.75
+
+    def test_it_is_attained_where_p_and_r_are_negative(self):
+        """A = 1, q = −1, z = −1: p = −2, r = −1, z* = 1, and t² = 3t − 2 has the root 2."""
+        problem, z = icp.ICP([[1.0]], [-1.0]), np.array([-1.0])
+        assert 2.0 <= definite.prove(problem).bound(problem, z, *problem.rounding(z))[0][0] <= 2.1
+
+    def test_the_quadratic_by_hand_where_psi_is_not_affine(self):
+        """A = 1, L = ½, z = −1, ψ(z) = −2 and p = −1: ½t² = (1 + ½)t."""
+        problem = icp.ICP([[1.0]], [0.0], icp.Function(lambda z: 0.0 * z - 2.0, lipschitz=0.5))
+        z = np.array([-1.0])
+        delta, _ = definite.prove(problem).bound(problem, z, *problem.rounding(z))
+        assert delta[0] == pytest.approx(3.0, rel=0.03)
+
+    def test_a_smooth_error_on_a_grid_is_not_divided_by_the_smallest_eigenvalue(self):
+        """e the lowest mode of a string without contact: the bound is the error itself, not λ_max/λ_min times it."""
+        n = 200
+        x = np.linspace(0.0, 1.0, n + 2)[1:-1]
+        A = sp.diags_array([np.full(n - 1, -1.0), np.full(n, 2.0), np.full(n - 1, -1.0)], offsets=[-1, 0, 1])
+        problem = icp.ICP(A, -(A @ (1 + x)), psi=-5.0)
+        error = np.sin(np.pi * x)
+        for mode in (error, np.sin(9 * np.pi * x)):
+            z = 1 + x + mode
+            _, euclidean = definite.prove(problem).bound(problem, z, *problem.rounding(z))
+            assert np.linalg.norm(mode) <= euclidean <= 12 * np.linalg.norm(mode)
 
     def test_it_is_sharper_than_the_bound_of_pang(self):
         """(1 + ‖A‖₂)/λ·‖F(z)‖₂; here by a factor of ten and more, as it does not contain ‖A‖."""
@@ -248,8 +314,14 @@ class TestEigenvalues:
         assert smallest_below(sp.csr_array(B @ B.T / n)) <= 0
         assert smallest_below(sp.csr_array(B @ B.T / n - 0.5 * np.eye(n))) <= 0
 
+    @pytest.mark.parametrize("estimate", [1e-3, 0.2, 1.0, 50.0])
+    def test_a_wrong_estimate_makes_no_wrong_bound(self, monkeypatch, estimate):
+        monkeypatch.setattr(eigenvalue, "_estimate", lambda S: estimate)
+        S = np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.1], [0.0, 0.1, 1.0]])
+        assert smallest_below(sp.csr_array(S)) <= np.linalg.eigvalsh(S)[0]
+
     def test_what_is_not_known_of_the_matrix_is_taken_off(self):
-        assert smallest_below(sp.csr_array([[2.0]]), slack=1.0) <= 1.0
+        assert 0.9 <= smallest_below(sp.csr_array([[2.0]]), slack=1.0) <= 1.0
 
     @settings(max_examples=60, deadline=None)
     @given(seed=SEEDS)
@@ -357,6 +429,18 @@ class TestSupersolution:
         proof = supersolution.prove(problem)
         if isinstance(proof, str):
             return
+        for m, s in proof.pairs:
+            p = [sum(a * x for a, x in zip(row, fractions(s), strict=True)) for row in fractions(problem.A.toarray())]
+            assert all(
+                x + y >= Fraction(m) * a > 0
+                for x, y, a in zip(p, *map(fractions, (problem.q, proof.weight)), strict=True)
+            )
+            r = [
+                fractions(s[i]) - sum(g[j] * Fraction(s[j]) for j in range(len(s))) - c
+                for i in range(len(s))
+                for g, c in obstacles[i]
+            ]
+            assert all(x >= Fraction(m) for x in r)
         (exact,) = all_solutions(A, q, obstacles)
         z = np.array([float(x) for x in exact]) + distance * rng.integers(-8, 9, size=q.size) / 8
         assert holds(proof, problem, z, exact)
@@ -420,6 +504,15 @@ class TestSupersolution:
     def test_without_a_proof_the_reason_is_given(self, A, jump, best, words):
         jumps = sp.csr_array(([jump, -1.0], ([0, 1], [1, 0])), shape=(2, 2))
         assert words in supersolution.prove(icp.ICP(A, [0.0, 0.0], icp.Intervention(jumps, best)))
+
+    @settings(max_examples=100, deadline=None)
+    @given(seed=SEEDS)
+    def test_a_singular_matrix_is_not_proved_regular(self, seed):
+        rng = np.random.default_rng(seed)
+        A = -rng.integers(1, 10, size=(4, 4)).astype(float)
+        np.fill_diagonal(A, A.diagonal() - A.sum(axis=1))
+        jumps = sp.csr_array(([-1.0], ([0], [1])), shape=(4, 4))
+        assert "nonsingular" in supersolution.prove(icp.ICP(A, np.zeros(4), icp.Intervention(jumps)))
 
     def test_a_free_ride_has_no_strict_supersolution(self):
         """A cycle of jumps that costs nothing lets every level of z stand."""
