@@ -1,14 +1,13 @@
 """Uniqueness and error bound where A is positive definite, symmetric or not, or AᵀB is, with B = I − G.
 
 Let r(x) − r(y) = B(x − y) − g with |g| ≤ L|x − y|: B = I − G, L = 0 for ψ = Gz + c, B = I for any other ψ with
-Lipschitz matrix L. If λ ≤ λ_min of the symmetric part of AᵀB, κ ≥ that of |A|ᵀL and λ > κ, ICP has exactly one solution
-z* for every q, and t = ‖z − z*‖₂ satisfies, for every z,
+Lipschitz matrix L. Let H be the symmetric part of AᵀB, λ ≤ λ_min(H) and κ at least the largest eigenvalue of the
+symmetric part of |A|ᵀL. If λ > κ, ICP has exactly one solution z* for every q, and t = ‖z − z*‖₂ satisfies
 
     (λ − κ)t² ≤ (√λ‖Bᵀu + Aᵀw‖ + ‖Lᵀ|u|‖₂)t − uᵀw,    ‖g‖² = gᵀH⁻¹g ≤ ‖g‖₂²/λ,
 
-with H the symmetric part of AᵀB and
-any u and w for which p' = p − u ≥ 0, r' = r − w ≥ 0 and p'ᵀr' = 0, chosen row by row: r' = 0 with w = r,
-u = min(p, 0), or p' = 0 with u = p, w = min(r, 0). The larger root of the quadratic is the bound.
+for every z and any u and w for which p' = p − u ≥ 0, r' = r − w ≥ 0 and p'ᵀr' = 0, chosen row by row: r' = 0 with
+w = r, u = min(p, 0), or p' = 0 with u = p, w = min(r, 0). The larger root of the quadratic is the bound.
 
 Proof: no term of Σ(p' − p*)(r' − r*) is positive, and p' − p* = Ae − u, r' − r* = Be − g − w with e = z − z*; so
 E = √(eᵀHe) ≥ √λ·t has (1 − κ/λ)E² ≤ (‖Bᵀu + Aᵀw‖ + ‖Lᵀ|u|‖₂/√λ)E − uᵀw, which is the quadratic for E/√λ. A row
@@ -39,12 +38,12 @@ from .eigenvalue import largest_above, smallest_below, symmetric_lu
 from .proof import Proof, norm_up
 from .rounding import upper
 
-#: up to here the factorisations take seconds and less than a gigabyte on a two-dimensional grid
-_LARGEST = 200_000
+#: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
+_LARGEST = 50_000
 #: products in AᵀB, which has no more entries: a dense A with n = 1000 has as many
 _LARGEST_WORK = 2_000_000
 #: the row takes u = p where p < θr, in scaled units
-_SPLITS = (0.25, 1.0, 4.0)
+_SPLITS = (0.25, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,8 +163,9 @@ def _prove(problem: ICP) -> DefiniteProof | str:
     M = sp.csr_array(At @ B) if coupled else At
     H = sp.csr_array(0.5 * (M + M.T))
     slack += 4 * UNIT_ROUNDOFF * float(abs(H).sum(axis=1).max()) + underflow
-    smallest, lu = smallest_below(H, slack), symmetric_lu(H)
-    if not smallest > 0 or lu is None:
+    lu = symmetric_lu(H)
+    smallest = smallest_below(H, slack, lu)
+    if lu is None or not smallest > 0:
         return f"{name} is not proved positive definite: its symmetric part has no eigenvalue bound above 0"
     kappa = largest_above(sp.csr_array(abs(At) @ L)) * (1 + gamma) + underflow if L.nnz else 0.0
     gap = float(np.nextafter(smallest - kappa, -np.inf))

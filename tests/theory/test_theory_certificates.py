@@ -1,5 +1,6 @@
 """Proofs of uniqueness beyond H₊-matrices, held against solutions known exactly: fractions, or dyadic data."""
 
+from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 
@@ -140,7 +141,14 @@ class TestBoth:
         assert 0.125 <= prove(problem).bound(problem, nothing, eighth, nothing)[0][0] <= 0.3
         assert 0.125 <= prove(problem).bound(problem, nothing, nothing, eighth)[0][0] <= 0.3
 
-    @pytest.mark.parametrize("size", [2.0**-400, 2.0**400])
+    def test_an_error_of_r_counts_where_p_balances(self, prove):
+        """A = [1, 10; −10, 1], q = (−1, 0), z = 0: with ψ₁ = 1 instead of 0 the solution is (1, 10)."""
+        problem, z = icp.ICP([[1.0, 10.0], [-10.0, 1.0]], [-1.0, 0.0]), np.zeros(2)
+        assert icp.ICP(problem.A, problem.q, [1.0, 0.0]).residual([1.0, 10.0]) == 0.0
+        delta, _ = prove(problem).bound(problem, z, np.zeros(2), np.array([1.0, 0.0]))
+        assert (delta >= [1.0, 10.0]).all()
+
+    @pytest.mark.parametrize("size", [2.0**-600, 2.0**600])
     def test_it_grows_with_the_units_of_z_and_p(self, prove, size):
         A = np.array([[2.0, 3.0], [-3.0, 1.0]])
         problem, large = icp.ICP(A, [1.0, -1.0]), icp.ICP(A, [size, -size])
@@ -244,6 +252,14 @@ class TestDefinite:
             _, euclidean = definite.prove(problem).bound(problem, z, *problem.rounding(z))
             assert np.linalg.norm(mode) <= euclidean <= 12 * np.linalg.norm(mode)
 
+    @pytest.mark.parametrize("factor", [0.0, 0.5, -1.0, 100.0])
+    def test_a_wrong_inverse_makes_no_wrong_bound(self, factor):
+        problem, z = icp.ICP([[1.0, 3.0], [-3.0, 1.0]], [-4.0, 2.0]), np.array([0.5, 2.0])  # z* = (1, 1)
+        proof = definite.prove(problem)
+        wrong = replace(proof, solve=lambda g: factor * proof.solve(g))
+        delta, _ = wrong.bound(problem, z, *problem.rounding(z))
+        assert (delta >= [0.5, 1.0]).all()
+
     def test_it_is_sharper_than_the_bound_of_pang(self):
         """(1 + ‖A‖₂)/λ·‖F(z)‖₂; here by a factor of ten and more, as it does not contain ‖A‖."""
         rng = np.random.default_rng(0)
@@ -261,7 +277,7 @@ class TestDefinite:
             (icp.ICP([[1.0]], [0.0], np.sin), "no Lipschitz matrix of psi"),
             (icp.ICP([[1.0, 4.0], [0.0, 1.0]], [0.0, 0.0]), "not proved positive definite"),
             (icp.ICP([[1.0]], [0.0], icp.Function(np.sin, lipschitz=2.0)), "psi is too steep"),
-            (icp.ICP(sp.eye_array(200_001), np.zeros(200_001)), "too large"),
+            (icp.ICP(sp.eye_array(50_001), np.zeros(50_001)), "too large"),
             (icp.ICP([[1e300, 0.0], [1e-300, 1e300]], [0.0, 0.0]), "underflow"),
         ],
     )
@@ -316,7 +332,7 @@ class TestEigenvalues:
 
     @pytest.mark.parametrize("estimate", [1e-3, 0.2, 1.0, 50.0])
     def test_a_wrong_estimate_makes_no_wrong_bound(self, monkeypatch, estimate):
-        monkeypatch.setattr(eigenvalue, "_estimate", lambda S: estimate)
+        monkeypatch.setattr(eigenvalue, "_estimate", lambda S, lu: estimate)
         S = np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.1], [0.0, 0.1, 1.0]])
         assert smallest_below(sp.csr_array(S)) <= np.linalg.eigvalsh(S)[0]
 
