@@ -346,6 +346,8 @@ class TestEigenvalues:
         N = rng.random((6, 6)) * (rng.random((6, 6)) < 0.4)
         largest = np.linalg.eigvalsh((N + N.T) / 2)[-1]
         assert largest <= largest_above(sp.csr_array(N)) * (1 + 1e-14)
+        N += 0.1
+        assert largest_above(sp.csr_array(N)) <= 1.001 * np.linalg.eigvalsh((N + N.T) / 2)[-1]
 
 
 class TestRepresentatives:
@@ -460,6 +462,39 @@ class TestSupersolution:
         (exact,) = all_solutions(A, q, obstacles)
         z = np.array([float(x) for x in exact]) + distance * rng.integers(-8, 9, size=q.size) / 8
         assert holds(proof, problem, z, exact)
+
+    @settings(max_examples=60, deadline=None)
+    @given(seed=SEEDS)
+    def test_the_margin_of_any_s_is_never_above_the_true_one(self, seed):
+        rng = np.random.default_rng(seed)
+        A, q, jumps, obstacles = impulse_problem(rng)
+        n = q.size
+        s, weight = rng.normal(size=n), rng.random(n) + 0.1
+        m = Fraction(supersolution._margin(icp.ICP(A, q, icp.Intervention(jumps)), weight, s))
+        x, rows = fractions(s), fractions(A)
+        for i in range(n):
+            p = sum(a * y for a, y in zip(rows[i], x, strict=True)) + Fraction(q[i])
+            assert p >= m * Fraction(weight[i])
+            assert all(x[i] - x[g.index(1)] - c >= m for g, c in obstacles[i])
+
+    @pytest.mark.parametrize("size", [2.0**-300, 2.0**300])
+    def test_it_grows_with_the_units_of_z(self, size):
+        A, z = np.array([[2.0, -1.0], [0.0, 1.0]]), np.array([3.0, 0.5])
+        bounds = []
+        for unit in (1.0, size):
+            jumps = sp.csr_array(([-unit], ([0], [1])), shape=(2, 2))
+            problem = icp.ICP(A, [unit, unit], icp.Intervention(jumps))
+            bounds.append(supersolution.prove(problem).bound(problem, unit * z, *problem.rounding(unit * z))[0])
+        assert bounds[1] == pytest.approx(size * bounds[0], rel=1e-9, abs=0.0)
+
+    @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e308])
+    def test_nothing_is_said_of_a_point_that_is_not_finite(self, bad):
+        jumps = sp.csr_array(([-1.0], ([0], [1])), shape=(2, 2))
+        problem, z = icp.ICP([[2.0, -1.0], [0.0, 1.0]], [1.0, 1.0], icp.Intervention(jumps)), np.array([bad, 0.0])
+        with np.errstate(all="ignore"):
+            rounding = problem.rounding(z)
+        delta, _ = supersolution.prove(problem).bound(problem, z, *rounding)
+        assert not np.isfinite(delta).all() or delta[0] >= bad
 
     def test_most_problems_with_a_regular_matrix_and_costly_jumps_are_proved(self):
         found = regular = 0
