@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..arrays import Vector, as_csr, as_vector, diagonal_positions
+from ..errors import InputError
 from ..problem import ICP
 from ..splittings import Splitting
 
@@ -37,6 +38,7 @@ class Parts:
     """M₁, M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω as CSR and D, φ, φ₁, Ω as vectors, of `member` on `problem`.
 
     What a theorem makes of them is at most twice `size` entry by entry, and so are the rounding errors of making it.
+    Raises InputError where `member` has no M₁ or Ω.
 
     >>> from icpmodel import MNMGS
     >>> parts = Parts(ICP([[4, -1], [-2, 4]], [0, 0]), MNMGS())
@@ -47,6 +49,8 @@ class Parts:
     """
 
     def __init__(self, problem: ICP, member: Member) -> None:
+        if not (hasattr(member, "splitting_of") and hasattr(member, "omega_of")):
+            raise InputError(f"member is {member!r}; a method of the modulus family, with M1 and Omega, was expected")
         self.problem, self.member = problem, member
         self.A, self.n = problem.A, problem.n
         self.D = problem.A.diagonal()

@@ -63,8 +63,8 @@ def test_no_run_is_slower_than_its_bound(name):
         assert (error <= rate.factor ** np.arange(40) * error[0] + rounding).all(), seed
         distance = rate.distance(problem, z0)
         assert error[0] <= distance * (1 + 1e-12) + rounding
-        # the triangle inequality allows no more than this
-        assert distance <= (1 + rate.factor) / (1 - rate.factor) * error[0] * (1 + 1e-9) + 100 * rounding
+        first = (np.abs(z[1] - z[0]) / rate.v).max() / (1 - rate.factor)
+        assert distance == pytest.approx(first, rel=1e-7, abs=rounding / (1 - rate.factor))
         assert (np.abs(z[7] - exact) <= rate.error_after(7, distance) + rounding * rate.v).all()
         accuracy = 1e-4 * np.abs(exact)
         steps = rate.steps(problem, z0, accuracy)

@@ -528,6 +528,8 @@ class TestAnswers:
             check("4.5", icp.ICP([[1.0]], [0.0]), icp.MNMGS())
         with pytest.raises(icp.InputError, match="does not print"):
             check("sharper", icp.ICP([[1.0]], [0.0]), icp.MNMGS(), as_printed=True)
+        with pytest.raises(icp.InputError, match=r"member is PSOR\(\)"):
+            check_all(icp.ICP([[1.0]], [0.0]), icp.PSOR())
         for name in ("4.1", "4.3", "4.4"):
             assert check(name, icp.ICP([[1.0]], [0.0]), icp.MNMGS()).false_as_printed
 
