@@ -169,9 +169,9 @@ def test_the_smaller_size_is_the_largest_that_the_solver_takes():
 
 
 def test_a_whole_number_stays_whole():
-    from icpmodel.cli.solving import _pairs
+    from icpmodel.cli.source import pairs
 
-    assert isinstance(_pairs(("seed=3",))["seed"], int)
+    assert isinstance(pairs(("seed=3",))["seed"], int)
 
 
 def test_limits_and_the_start_of_a_scene_reach_the_solver(capsys):

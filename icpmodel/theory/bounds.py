@@ -10,7 +10,6 @@ import numpy as np
 from ..arrays import Vector
 from ..problem import ICP, UNIT_ROUNDOFF
 from . import definite, h_plus, representatives, supersolution
-from .equations import nearer_to_obstacle, solve_on
 from .proof import Proof, norm_up
 
 #: the proofs in the order in which they are tried, cheapest and sharpest first
@@ -70,8 +69,9 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
 
     Parameters: `z` shape (n,). `sharp`: look for a better point ẑ by a few active-set Newton steps (a factorisation
     each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error where the bound of z
-    itself may be a hundred times too wide; by default where A has at most 10 000 entries. `rigorous`: no bound where
-    it would rest on a user's word. Returns an `ErrorBound`. Raises MapError where ψ fails at z.
+    itself may be a hundred times too wide; by default where A has at most 10 000 entries or the proof is a wide one.
+    `rigorous`: no bound where it would rest on a user's word. Returns an `ErrorBound`. Raises MapError where ψ fails at
+    z.
     Reference: the proofs of this room, one file each.
 
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, -1])
@@ -89,24 +89,22 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
             reasons.append(proof)
             continue
         delta, euclidean = proof.bound(problem, z, *problem.rounding(z))
-        if sharp or (sharp is None and problem.A.nnz <= _SHARPEN_UP_TO):
+        if sharp or (sharp is None and (proof.wide or problem.A.nnz <= _SHARPEN_UP_TO)):
             delta, euclidean = _sharpened(problem, z, proof, delta, euclidean)
         if np.isfinite(delta).all():
             return ErrorBound(float(delta.max()), delta, euclidean, proof.sentence, "")
-        return ErrorBound.none("F(z) is not finite at this z", proof.sentence)
+        return ErrorBound.none(
+            "the proof bounds nothing at this z: it is too far from z*, or not finite", proof.sentence
+        )
     return ErrorBound.none("; ".join(reasons))
 
 
 def _sharpened(problem: ICP, z: Vector, proof: Proof, delta: Vector, euclidean: float) -> tuple[Vector, float]:
     """The best of δ(z) and |z − ẑ| + δ(ẑ) over the points ẑ of an active-set Newton iteration from z."""
-    better, seen = z, None
+    better = z
     for _ in range(_STEPS if np.isfinite(z).all() else 0):
-        active = nearer_to_obstacle(problem, better)
-        if seen is not None and np.array_equal(active, seen):
-            break
-        seen = active
-        found = solve_on(problem, better, active)
-        if found is None or not np.isfinite(found).all():
+        found = proof.nearer(problem, better)
+        if found is None or not np.isfinite(found).all() or np.array_equal(found, better):
             break
         better = found
         beyond, beyond_euclidean = proof.bound(problem, better, *problem.rounding(better))

@@ -67,6 +67,8 @@ class DefiniteProof(Proof):
     slack: float
     solve: Callable[[Vector], Vector]
 
+    wide = True  # δ knows the Euclidean norm of the error only
+
     def bound(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         """See `Proof.bound`."""
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):

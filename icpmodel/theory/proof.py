@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
 from ..arrays import Vector
 from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from .equations import nearer_to_obstacle, solve_on
 
 
 class Proof(ABC):
@@ -22,6 +24,20 @@ class Proof(ABC):
     """
 
     sentence: str
+    #: whether the bound of z itself is mostly too wide to be of use, so that `nearer` is worth its factorisations
+    wide: ClassVar[bool] = False
+
+    def nearer(self, problem: ICP, z: Vector) -> Vector | None:
+        """A point that is probably nearer to z* than `z`, shape (n,): one step of the active-set Newton iteration.
+
+        None where there is none. |z − z*| is at most the distance to it plus the bound there.
+
+        >>> from icpmodel.theory.h_plus import prove
+        >>> problem = ICP([[2.0]], [-2.0])
+        >>> prove(problem).nearer(problem, np.array([1.5]))
+        array([1.])
+        """
+        return solve_on(problem, z, nearer_to_obstacle(problem, z))
 
     @abstractmethod
     def bound(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:

@@ -41,8 +41,6 @@ _SHARES = tuple(4.0**-k for k in range(1, 12))
 _KEPT = 3
 #: steps of policy iteration for one margin
 _STEPS = 100
-#: and from the z of a bound
-_POLISHING = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,35 +56,26 @@ class SupersolutionProof(Proof):
     weight: Vector
     pairs: tuple[tuple[float, Vector], ...]
 
-    def bound(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
-        """See `Proof.bound`; not finite where F(z) reaches the largest margin.
+    wide = True  # F sees the curvature of an error, divided by h² on a grid, and the bound its largest entry only
 
-        F sees the curvature of an error, divided by h² on a grid, and the bound its largest entry only. So |z − x| plus
-        the bound at x is offered as well, x the outcome of a step or two of policy iteration from z.
-        """
+    def bound(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
+        """The best of the pairs for every entry: see `Proof.bound`. Not finite where F(z) reaches every margin."""
         with np.errstate(over="ignore", invalid="ignore"):
-            delta = self._at(problem, z, for_p, for_r)
-            x = _policy_step(problem, self.weight, 0.0, z)
-            for _ in range(_POLISHING):
-                if x is None:
-                    break
-                there = np.abs(z - x) + self._at(problem, x, *problem.rounding(x))
-                delta = np.fmin(delta, there * (1 + 4 * UNIT_ROUNDOFF))
-                x = _policy_step(problem, self.weight, 0.0, x)
+            F = np.minimum(problem.p(z) / self.weight, problem.r(z))
+            error = np.maximum(for_p / self.weight, for_r) * (1 + 4 * UNIT_ROUNDOFF) + 4 * UNIT_ROUNDOFF * np.abs(F)
+            below, above = max(float(np.max(error - F)), 0.0), max(float(np.max(F + error)), 0.0)
+            delta = np.full(z.size, np.inf)
+            for m, s in self.pairs:
+                if above < m:
+                    share = max(below / (below + m), above / (m - above)) * (1 + 16 * UNIT_ROUNDOFF)
+                    delta = np.fmin(delta, share * np.maximum(s - z, 0.0))
             delta = np.nextafter(delta, np.inf)
         return delta, norm_up(delta)
 
-    def _at(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> Vector:
-        """The two inequalities of the module's docstring, with the best of the pairs for every entry."""
-        F = np.minimum(problem.p(z) / self.weight, problem.r(z))
-        error = np.maximum(for_p / self.weight, for_r) * (1 + 4 * UNIT_ROUNDOFF) + 4 * UNIT_ROUNDOFF * np.abs(F)
-        below, above = max(float(np.max(error - F)), 0.0), max(float(np.max(F + error)), 0.0)
-        delta = np.full(z.size, np.inf)
-        for m, s in self.pairs:
-            if above < m:
-                share = max(below / (below + m), above / (m - above)) * (1 + 16 * UNIT_ROUNDOFF)
-                delta = np.fmin(delta, share * np.maximum(s - z, 0.0))
-        return delta
+    def nearer(self, problem: ICP, z: Vector) -> Vector | None:
+        """One step of policy iteration: see `Proof.nearer`."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return _policy_step(problem, self.weight, 0.0, z)
 
 
 def prove(problem: ICP) -> SupersolutionProof | str:

@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.theory import definiteness
+from icpmodel.theory import definiteness, h_plus
 from icpmodel.theory.spectral import jacobi_radius
 
 
@@ -212,10 +212,11 @@ class TestCyclicPMatrix:
         assert not solution.solved
         assert solution.status.advice
 
-    def test_there_is_no_certificate_and_the_reason_is_given(self):
+    def test_it_is_not_h_plus_but_its_principal_minors_are_a_certificate(self):
+        assert "not an H+-matrix" in h_plus.prove(self.problem)
         bound = icp.error_bound(self.problem, np.full(3, 1 / 3))
-        assert bound.value is None
-        assert "not an H+-matrix" in bound.reason
+        assert bound.value < 1e-14
+        assert "P-matrix" in bound.proof
 
 
 def h_plus_problem(seed, n=8):
@@ -287,9 +288,9 @@ class TestErrorBound:
         assume(bound.unique)  # v = 1 and v = <A>^-1 1 do not serve every scaling of the columns
         assert (np.abs(z - exact) <= bound.componentwise).all()
 
-    def test_a_slope_of_one_to_rounding_gets_no_bound(self):
+    def test_a_slope_of_one_to_rounding_gets_no_h_plus_proof(self):
         G = sp.csr_array(np.full((1, 1), 1.0 - 2.0**-53))
-        assert icp.error_bound(icp.ICP([[1.0]], [1.0], icp.Affine(G, 0.0)), [1.0]).value is None
+        assert "psi moves too much" in h_plus.prove(icp.ICP([[1.0]], [1.0], icp.Affine(G, 0.0)))
 
     def test_a_free_row_is_measured_by_alpha_alone(self):
         bound = icp.error_bound(icp.ICP([[2.0]], [-2.0], psi=-np.inf), [1.5])
