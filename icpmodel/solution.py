@@ -102,10 +102,13 @@ class Certificate:
         return self.bound.unique
 
 
-def certify(problem: ICP, z: Any, *, bound: bool = True) -> Certificate:
+def certify(
+    problem: ICP, z: Any, *, bound: bool = True, sharp: bool | None = None, rigorous: bool = False
+) -> Certificate:
     """The one judge of an answer, ours or a foreign solver's.
 
-    Parameters: `z` shape (n,); `bound` whether to look for an error bound as well, which may cost one linear solve.
+    Parameters: `z` shape (n,); `bound` whether to look for an error bound as well, which may cost one linear solve, and
+    `sharp` and `rigorous` how: see `icpmodel.error_bound`.
     Returns a `Certificate`. Raises InputError for a wrong shape, MapError where ψ fails.
 
     >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
@@ -121,7 +124,9 @@ def certify(problem: ICP, z: Any, *, bound: bool = True) -> Certificate:
         residual_scaled=scaled,
         violation_p=float(np.maximum(-p, 0.0).max()),
         violation_r=float(np.maximum(-r, 0.0).max()),
-        bound=error_bound(problem, z) if bound else ErrorBound.none("it was not computed"),
+        bound=(
+            error_bound(problem, z, sharp=sharp, rigorous=rigorous) if bound else ErrorBound.none("it was not computed")
+        ),
     )
 
 
@@ -265,21 +270,18 @@ class Solution:
         """
         plural = "" if self.iterations == 1 else "s"
         try:
-            bound = self.certificate.bound
+            bound, rows_known = self.certificate.bound, str(self.active_set)
         except MapError as error:
-            bound = ErrorBound.none(str(error))
+            bound, rows_known = ErrorBound.none(str(error)), ""
         rows = {
             "problem": f"{self.problem!r}",
             "status": f"{self.status.value} after {self.iterations} iteration{plural}",
             "method": f"{self.method!r}" + (f"\n{self.why}" if self.why else ""),
             "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" (stop at {self.tolerance:.3g})"),
-            "error": (
-                f"no certified bound: {bound.reason}"
-                if bound.value is None
-                else f"|z - z*| <= {bound.value:.3g} in every entry; z* is the only solution"
-                + (f" ({self.accuracy:.3g} was asked for)" if self.accuracy else "")
-            ),
+            "error": _in_words(bound, self.accuracy),
         }
+        if bound.value is not None:
+            rows["rows"] = rows_known
         if not self.solved:
             rows["message"] = self.message
         rows["seconds"] = f"{self.seconds:.3g}"
@@ -291,7 +293,7 @@ class Solution:
         >>> ICP([[2.0]], [-1.0]).solve().about()["status"]
         'solved'
         """
-        certificate = self.certificate
+        certificate, known = self.certificate, self.active_set
         numbers = {field.name: getattr(certificate, field.name) for field in fields(certificate)}
         bound = numbers.pop("bound")
         told = {
@@ -307,9 +309,13 @@ class Solution:
             "accuracy": self.accuracy,
             **numbers,
             "error_bound": bound.value,
+            "error_bound_euclidean": bound.euclidean,
             "error_bound_proof": bound.proof or None,
             "no_error_bound_because": bound.reason or None,
             "unique": bound.unique or None,
+            "rows_active": int(known.active.sum()),
+            "rows_inactive": int(known.inactive.sum()),
+            "rows_undecided": int(known.undecided.sum()),
         }
         # JSON has no NaN and no infinity
         return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
@@ -322,3 +328,13 @@ class Solution:
         lines = {name: html.escape(text).replace("\n", "<br>") for name, text in self.summary().items()}
         cells = (f"<tr><th style='text-align:left'>{name}</th><td>{text}</td></tr>" for name, text in lines.items())
         return f"<table>{''.join(cells)}</table>"
+
+
+def _in_words(bound: ErrorBound, accuracy: float | None) -> str:
+    """What is known of the error, for the card."""
+    if bound.value is not None:
+        wanted = "" if accuracy is None else f" ({accuracy:.3g} was asked for)"
+        return f"|z - z*| <= {bound.value:.3g} in every entry{wanted}; z* is the only solution"
+    if bound.unique:
+        return f"no bound: {bound.reason}; z* exists and is the only solution"
+    return f"no certified bound: {bound.reason}"

@@ -294,3 +294,35 @@ def test_ctrl_c_shows_the_best_iterate_and_no_traceback(tmp_path):
     assert "interrupted" in err
     if process.returncode == 1:
         assert "residual" in out
+
+
+def test_explain_prints_a_page_and_json(capsys):
+    code, out, err = call(capsys, "explain", "hand-cyclic")
+    assert (code, err) == (0, "")
+    assert "P-matrix                      yes" in out
+    code, out, _ = call(capsys, "explain", "membrane", "--n", "25", "--method", "mnmgs", "--accuracy", "1e-3", "--json")
+    told = json.loads(out)
+    assert (code, told["accuracy"], told["unique"]) == (0, 1e-3, True)
+    assert [method["method"] for method in told["methods"]] == ["MNMGS()"]
+    assert told["methods"][0]["theorems"]["sharper"]["holds"] is True
+
+
+def test_solve_to_an_accuracy_and_polish(capsys):
+    code, out, _ = call(capsys, "solve", "membrane", "--n", "100", "--accuracy", "1e-3", "--json")
+    assert code == 0
+    assert json.loads(out)["error_bound"] <= 1e-3
+    code, out, _ = call(capsys, "solve", "membrane", "--n", "100", "--rtol", "1e-3", "--polish", "--json")
+    assert code == 0
+    assert json.loads(out)["error_bound"] <= 1e-11
+    code, _, err = call(capsys, "solve", "membrane", "--accuracy", "1e-3", "--rtol", "1e-3")
+    assert code == 2
+    assert "give accuracy alone" in err
+
+
+def test_measure_bounds_and_certificate(capsys):
+    code, out, _ = call(capsys, "measure", "bounds", "--n", "16", "--trials", "1", "--csv")
+    assert code == 0
+    assert out.startswith("scene,n,z,")
+    code, out, _ = call(capsys, "measure", "certificate", "--n", "400", "--repeats", "3")
+    assert code == 0
+    assert "linear solve" in out

@@ -36,8 +36,9 @@ _OPTIONS = (
 @click.command(epilog=SOURCE_HELP)
 @options(*_OPTIONS)
 @click.option("-o", "--output", type=click.Path(), help="Write z, p, r and the certificate to this .npz file.")
+@click.option("--polish", is_flag=True, help="Solve once more on the active set, to rounding accuracy.")
 @click.option("--save-problem", "folder", type=click.Path(), help="Write the problem to this folder or .npz file.")
-def solve(output: str | None, folder: str | None, as_json: bool, **arguments: Any) -> int:
+def solve(output: str | None, polish: bool, folder: str | None, as_json: bool, **arguments: Any) -> int:
     """Solve the problem SOURCE and say how wrong the answer can be."""
     must_be_writable(output)
     if output is not None and not output.lower().endswith(".npz"):
@@ -46,6 +47,8 @@ def solve(output: str | None, folder: str | None, as_json: bool, **arguments: An
     if folder is not None:
         save_problem(problem, folder)
     solution = _solved(problem, scene, arguments)
+    if polish:
+        solution = solution.polish()
     errors = {} if scene is None else scene.errors(solution.z)
     if as_json:
         show_json(solution.about() | {"distance_to_reference": errors})

@@ -23,7 +23,7 @@ class ActiveSet:
 
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, 3])
     >>> print(problem.solve().active_set)
-    1 row at its obstacle, 1 off it, 0 undecided
+    1 at the obstacle, 1 off it, 0 undecided
     """
 
     active: NDArray[np.bool_]
@@ -40,7 +40,7 @@ class ActiveSet:
 
     def __str__(self) -> str:
         at, off, open_rows = (int(mask.sum()) for mask in (self.active, self.inactive, self.undecided))
-        return f"{at} row{'' if at == 1 else 's'} at its obstacle, {off} off it, {open_rows} undecided"
+        return f"{at} at the obstacle, {off} off it, {open_rows} undecided"
 
 
 def active_set(problem: ICP, z: Vector, bound: ErrorBound) -> ActiveSet:

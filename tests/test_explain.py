@@ -1,0 +1,132 @@
+"""The page of `explain()`: right on every scene, and never more than a run keeps."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+import icpmodel as icp
+from icpmodel import scenes
+
+SIZES = {name: {"dividend": 31}.get(name, 49) for name in scenes.names() if "n" in scenes.parameters(name)}
+
+
+def built(name):
+    return scenes.scene(name, SIZES.get(name)).problem
+
+
+@pytest.fixture(scope="module", params=scenes.names())
+def page(request):
+    return built(request.param).explain()
+
+
+def test_every_section_of_every_scene_says_something(page):
+    sections = page.sections()
+    assert list(sections) == ["problem", "matrix A", "map psi", "solution", "methods", "advice"]
+    assert all(sections.values())
+    for title, text in sections.items():
+        assert title in str(page)
+        assert text.splitlines()[0] in str(page)
+    assert not re.search(r"\bnan\b", str(page))
+
+
+def test_the_page_is_plain_data_for_json(page):
+    told = json.loads(json.dumps(page.about()))
+    assert told["n"] == page.problem.n
+    assert len(told["methods"]) == len(page.forecasts)
+    assert "<pre>" in page._repr_html_()
+
+
+def test_no_method_is_slower_than_the_page_says(page):
+    """Law of the predicted rate: after `steps` steps from 0 the error is at most the accuracy."""
+    problem, checked = page.problem, 0
+    exact = None
+    for forecast in page.forecasts:
+        if forecast.steps is None or forecast.steps > 3000:
+            continue
+        if exact is None:
+            exact = problem.solve(rtol=1e-13, raise_on_failure=False).polish()
+        path = forecast.method.iterates(problem, np.zeros(problem.n))
+        for _ in range(forecast.steps + 1):
+            z, _hint = next(path)
+        assert np.abs(z - exact.z).max() <= page.accuracy + exact.error_bound
+        checked += 1
+    assert checked or page.recommended is None or page.recommended.steps > 3000
+
+
+def test_what_is_proved_converges_from_far_away(page):
+    """A method that the page calls proved is solved from any start."""
+    problem, random = page.problem, np.random.default_rng(0)
+    for forecast in page.forecasts:
+        if forecast.proved_by:
+            start = 100.0 * random.normal(size=problem.n)
+            run = problem.solve(forecast.method, z0=start, rtol=1e-4, max_iter=200_000, raise_on_failure=False)
+            assert run.solved, (forecast.title, run.message)
+
+
+@pytest.mark.parametrize(
+    ("name", "facts"),
+    [
+        ("hand-cyclic", {"p": True, "h_plus": False, "definite": False, "z": False}),
+        ("membrane", {"m": True, "symmetric": True, "definite": True, "dominant": False, "reducible": False}),
+        ("bai-nonsymmetric", {"m": True, "symmetric": False, "dominant": True, "p": True}),
+        ("hand-free", {"triangular": True, "reducible": True}),
+        ("bearing", {"banded": True, "m": True}),
+        ("dividend", {"m": True, "banded": True, "symmetric": False}),
+    ],
+)
+def test_the_classes_are_the_known_ones(name, facts):
+    classes = built(name).explain().classes
+    assert {key: getattr(classes, key).holds for key in facts} == facts
+
+
+def test_the_choice_of_solve_is_named_with_its_reason():
+    problem = scenes.membrane(n=100).problem
+    page, solution = problem.explain(), problem.solve()
+    assert repr(page.picked) == repr(solution.method)
+    assert page.why == solution.why
+    assert f"solve() begins with {solution.method!r}" in str(page)
+
+
+def test_the_recommended_method_has_the_smallest_proved_factor():
+    page = scenes.bai_symmetric(n=100).problem.explain()
+    factors = [forecast.factor for forecast in page.forecasts if forecast.factor is not None]
+    assert page.recommended.factor == min(factors) < 0.5
+    assert page.recommended.title in page.sections()["advice"]
+
+
+def test_where_splittings_differ_only_the_right_one_is_proved():
+    page = scenes.hand_splittings().problem.explain()
+    assert [forecast.title for forecast in page.forecasts if forecast.factor] == ["MNMJ(), Omega = D"]
+
+
+def test_a_strict_supersolution_makes_the_monotone_theorem_global():
+    page = built("dividend").explain()
+    assert "strict supersolution" in page.bound.proof
+    assert page.forecasts[0].proved_by == ["monotone"]
+
+
+def test_one_method_can_be_asked_for():
+    problem = scenes.membrane(n=25).problem
+    for page in (problem.explain("mnmsor", theta1=0.9), problem.explain(icp.MNMSOR(theta1=0.9))):
+        assert [forecast.title for forecast in page.forecasts] == ["MNMSOR(theta1=0.9)"]
+    with pytest.raises(icp.InputError, match="modulus family only"):
+        problem.explain("psor")
+    with pytest.raises(icp.InputError, match="accuracy is 0"):
+        problem.explain(accuracy=0)
+
+
+@pytest.mark.parametrize(
+    ("problem", "words"),
+    [
+        (icp.ICP([[2.0]], [-1.0], np.sin), "give psi's Lipschitz matrix"),
+        (icp.ICP([[2.0]], [-1.0], icp.Affine([[3.0]])), "psi moves too much"),
+        (icp.ICP([[-1.0]], [-1.0]), "no P-matrix: there may be no solution, or many"),
+        (scenes.hand_cyclic().problem, "sweeps may cycle: try mnmmod"),
+    ],
+)
+def test_where_nothing_is_proved_there_is_advice(problem, words):
+    page = problem.explain()
+    assert page.recommended is None
+    assert words in page.sections()["advice"]
