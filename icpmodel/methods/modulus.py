@@ -1,6 +1,6 @@
 """Method 3.1 of the paper and its members: z⁺ = z − 2 X⁻¹ F_Ω(z), X = M₁ + φ + Ω, Ω = φ₁⁻¹φ₂.
 
-Written out with the modulus (equation 3.4 of the paper; φ₁ only rescales, so that Ω is all it leaves):
+Written out with the modulus (equation (5) of the paper; φ₁ only rescales, so that Ω is all it leaves):
 
     (M₁ + φ + Ω) z⁺ = (N₁ + φ) z + |(A − Ω)z + q + Ωψ(z)| − q + Ωψ(z),        N₁ = M₁ − A.
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector, diagonal_positions
+from ..arrays import Vector, as_csr, diagonal_positions
 from ..operators import factorise
 
 #: up to this size a factorisation costs less than looking for a cheaper way
@@ -17,15 +18,18 @@ _FACTORISE_FIRST = 20_000
 _KRYLOV_STEPS = 30
 
 
-def comparison_matrix(A: sp.csr_array) -> sp.csr_array:
+def comparison_matrix(A: Any) -> sp.csr_array:
     """⟨A⟩: |a_ii| on the diagonal and −|a_ij| off it.
 
-    Parameters: `A` CSR, shape (n, n), every diagonal entry stored. Returns CSR of the same pattern.
+    Parameters: `A` dense or sparse, shape (n, n). Returns CSR, of the same pattern where `A` is CSR with every diagonal
+    entry stored. Raises InputError where it is no square matrix of numbers.
 
-    >>> comparison_matrix(sp.csr_array([[-2.0, 1.0], [-1.0, 3.0]])).toarray()
+    >>> comparison_matrix([[-2.0, 1.0], [-1.0, 3.0]]).toarray()
     array([[ 2., -1.],
            [-1.,  3.]])
     """
+    if not isinstance(A, sp.csr_array):
+        A = as_csr(A, "A", keep_diagonal=True)
     data = -np.abs(A.data)
     diagonal = diagonal_positions(A)
     data[diagonal] = -data[diagonal]

@@ -189,7 +189,7 @@ _THEOREMS = {
         "(⟨φ₁M₁ + φ⟩ − |φ₁N₁ + φ| − φ₂G)v > 0 or, where φ₂ < φ₁D, (φ₂ − φ₁D + the same)v > 0, " + _CONVERGES,
         _by_radius("the radius of the printed condition", conditions.printed_44),
         "case (1), φ not multiplied by φ₁: A = 1, M₁ = .1, φ = .5, φ₁ = φ₂ = .1, ψ = 1.9 − .9z, q = 5 has the error "
-        "factor −1.375",
+        "factor −1.375; case (2): A = 1, M₁ = .1, φ = .5, φ₁ = .1, φ₂ = .01, ψ = 0, q = −1 has −1.857",
     ),
     "4.2": _Theorem(
         "If 2(diag(min(m₁ + φ, d)) − (D − Ω)⁺) − off(|M₁| + |N₁| + |A|) − 2ΩG is a nonsingular M-matrix, " + _CONVERGES,
