@@ -257,7 +257,7 @@ class Job:
                 candidate.residual = self.problem.residual(candidate.z)
             if candidate.residual < best.residual:
                 best = candidate
-        if self.goal.reached(best.z, best.residual):
+        if self.goal.judge(best.z, best.residual):
             status = Status.SOLVED
         elif status is Status.SOLVED:
             status, note = Status.MAP_FAILED, "psi gives different values at the same z"
