@@ -172,9 +172,9 @@ class ICP:
         (True, True)
         """
         z = self.vector(z)
-        psi = self.psi.value(z)
-        free = np.isneginf(psi)
         with np.errstate(over="ignore", invalid="ignore"):
+            psi = self.psi.value(z)
+            free = np.isneginf(psi)
             terms = np.diff(self.A.indptr) + 2
             for_p = _gamma(terms) * (self.absolute_A() @ np.abs(z) + np.abs(self.q)) + terms * SMALLEST
             size = np.abs(z) + np.where(free, 0.0, np.abs(psi))

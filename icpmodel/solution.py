@@ -63,6 +63,9 @@ _ADVICE = {
     "MAP_FAILED": "mend psi, or start nearer to the solution; this is the best iterate before it failed",
 }
 
+#: the reason of a certificate without a bound that nobody asked for
+_NOT_COMPUTED = "it was not computed"
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -115,18 +118,17 @@ def certify(
     0.0
     """
     z = problem.vector(z)
-    p, r = problem.p(z), problem.r(z)
     diagonal = np.abs(problem.A.diagonal())
-    scaled = None if (diagonal == 0).any() else float(np.abs(np.minimum(r, p / diagonal)).max())
+    with np.errstate(over="ignore", invalid="ignore"):
+        p, r = problem.p(z), problem.r(z)
+        scaled = None if (diagonal == 0).any() else float(np.abs(np.minimum(r, p / diagonal)).max())
     return Certificate(
         residual=problem.residual(z),
         residual_max=float(np.abs(np.minimum(r, p)).max()),
         residual_scaled=scaled,
         violation_p=float(np.maximum(-p, 0.0).max()),
         violation_r=float(np.maximum(-r, 0.0).max()),
-        bound=(
-            error_bound(problem, z, sharp=sharp, rigorous=rigorous) if bound else ErrorBound.none("it was not computed")
-        ),
+        bound=(error_bound(problem, z, sharp=sharp, rigorous=rigorous) if bound else ErrorBound.none(_NOT_COMPUTED)),
     )
 
 
@@ -172,7 +174,7 @@ class Solution:
 
     @property
     def solved(self) -> bool:
-        """Whether the status is SOLVED: Res(z) ≤ `tolerance` and, if asked for, the certified error ≤ `accuracy`.
+        """Whether the status is SOLVED: Res(z) ≤ `tolerance` or, if asked for, a certified error ≤ `accuracy`.
 
         >>> ICP([[2.0]], [-2.0]).solve().solved
         True
@@ -237,11 +239,21 @@ class Solution:
         told = f"polished by one linear solve on the active set{guessed}"
         why = f"{self.why}; {told}" if self.why else told
         better = replace(self, z=z, residual=residual, why=why)
+        if self.certificate.bound.reason == _NOT_COMPUTED:
+            better = better.without_bound()
         error = better.error_bound if self.accuracy else None
         reached = residual <= self.tolerance if not self.accuracy else error is not None and error <= self.accuracy
-        if self.solved and not reached:
-            return self
-        return replace(better, status=Status.SOLVED, message="solved") if reached else better
+        if reached:
+            return better._relabelled(Status.SOLVED, "solved")
+        told = f"{self.message}; polished to a residual of {residual:.3g}"
+        return self if self.solved else better._relabelled(self.status, told)
+
+    def _relabelled(self, status: Status, message: str) -> Solution:
+        """The same answer with what is known of it, but for the status."""
+        copy = replace(self, status=status, message=message)
+        if "certificate" in self.__dict__:
+            copy.__dict__["certificate"] = self.certificate
+        return copy
 
     def without_bound(self) -> Solution:
         """The same answer, its certificate without an error bound: for problems so large that one solve is too dear.
