@@ -250,8 +250,10 @@ def _members(problem: ICP) -> dict[str, Method]:
     members: dict[str, Method] = {
         "MNMJ(), Omega = D": MNMJ(),
         "MNMGS(), Omega = D": MNMGS(),
-        "MNMAOR(theta2=2), Omega = D": MNMAOR(theta2=2.0),
     }
+    if np.abs(problem.A.data).max() > np.finfo(np.float64).max / 4:  # M1 and Omega of the others would overflow
+        return members
+    members["MNMAOR(theta2=2), Omega = D"] = MNMAOR(theta2=2.0)
     if problem.n > _FACTORISE_UP_TO:
         return members
     members["MNMSOR(theta1=0.9), Omega = D"] = MNMSOR(theta1=0.9)
@@ -278,7 +280,7 @@ def _about_psi(problem: ICP) -> str:
         return f"{psi!r}: isotone; every cycle of jumps has rho(G) >= 1, so that no contraction proof can exist"
     if G is None:
         return f"{psi!r}: no Lipschitz matrix is known"
-    slope = float(np.asarray(G.sum(axis=1)).max())
+    slope = float((G @ np.ones(problem.n)).max())
     own = "; each row depends on its own unknown only" if G.nnz == np.count_nonzero(G.diagonal()) else ""
     word = " (at the user's word)" if psi.at_users_word else ""
     return f"{psi!r}: Lipschitz matrix G with {G.nnz} entries, largest row sum {slope:.6g}{word}{own}"

@@ -130,3 +130,11 @@ def test_where_nothing_is_proved_there_is_advice(problem, words):
     page = problem.explain()
     assert page.recommended is None
     assert words in page.sections()["advice"]
+
+
+@pytest.mark.parametrize("size", [1e-310, 8e307])
+def test_data_at_the_edge_of_the_floats_has_a_page(size):
+    G = icp.Affine([[0.0, size / 2, size / 2, size / 2], *np.zeros((3, 4))])
+    for psi in (0.0, G):
+        page = icp.ICP(np.diag([size, 1.0, 1.0, 1.0]), np.ones(4), psi).explain()
+        assert all(page.sections().values())

@@ -81,7 +81,8 @@ def _factorised(problem: ICP, why: str) -> Iterator[Choice]:
     """MNMMOD with θ₁ = √(‖A‖_∞/‖A⁻¹1‖_∞), for an M-matrix the mean of its largest and smallest scale."""
     if problem.n > _FACTORISE_UP_TO:
         return
-    size = float(problem.absolute_A().sum(axis=1).max())
+    with np.errstate(over="ignore"):
+        size = float(problem.absolute_A().sum(axis=1).max())
     lu = factorise(problem.A)
     inverse = np.inf if lu is None else float(np.abs(lu.solve(np.ones(problem.n))).max())
     theta1 = float(np.sqrt(size / inverse)) if 0 < inverse < np.inf else size

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Vector
+from ..errors import MapError
 from ..problem import ICP, UNIT_ROUNDOFF
 from . import definite, h_plus, representatives, supersolution
 from .proof import Proof, norm_up
@@ -103,11 +104,14 @@ def _sharpened(problem: ICP, z: Vector, proof: Proof, delta: Vector, euclidean: 
     """The best of δ(z) and |z − ẑ| + δ(ẑ) over the points ẑ of an active-set Newton iteration from z."""
     better = z
     for _ in range(_STEPS if np.isfinite(z).all() else 0):
-        found = proof.nearer(problem, better)
-        if found is None or not np.isfinite(found).all() or np.array_equal(found, better):
+        try:
+            found = proof.nearer(problem, better)
+            if found is None or not np.isfinite(found).all() or np.array_equal(found, better):
+                break
+            better = found
+            beyond, beyond_euclidean = proof.bound(problem, better, *problem.rounding(better))
+        except MapError:  # ψ need not have a value anywhere but at z
             break
-        better = found
-        beyond, beyond_euclidean = proof.bound(problem, better, *problem.rounding(better))
         step = np.abs(z - better)
         with np.errstate(over="ignore", invalid="ignore"):
             candidate = (step + beyond) * (1 + 4 * UNIT_ROUNDOFF)

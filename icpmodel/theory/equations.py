@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..arrays import Vector
-from ..errors import MapError, SingularOperator
+from ..errors import IcpError
 from ..operators import FactorisedOperator
 from ..problem import ICP
 
@@ -31,7 +31,7 @@ def solve_on(problem: ICP, z: Vector, active: NDArray[np.bool_]) -> Vector | Non
 
     One factorisation, of the other rows alone where ψ has no derivative, then refinement while the residual falls.
     Parameters: `z` shape (n,), `active` a mask of shape (n,). Returns a vector of shape (n,), or None where the
-    equations are singular or ψ fails. It is no more than a candidate: `error_bound` says what it is worth.
+    equations are singular or ψ or its Jacobian fails. It is a candidate, no more: `error_bound` says what it is worth.
 
     >>> solve_on(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0]), np.zeros(2), np.array([False, True]))
     array([0.5, 0. ])
@@ -40,7 +40,7 @@ def solve_on(problem: ICP, z: Vector, active: NDArray[np.bool_]) -> Vector | Non
         jacobian = problem.psi.jacobian(z)
         with np.errstate(over="ignore", invalid="ignore"):
             return _refined(problem, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
-    except (SingularOperator, MapError):
+    except IcpError:
         return None
 
 

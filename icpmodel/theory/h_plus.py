@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from ..arrays import Vector
 from ..operators import factorise
-from ..problem import ICP, UNIT_ROUNDOFF
+from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
 from .proof import Proof, norm_up
 from .rounding import lower, upper
 from .scaling import comparison_matrix, scaling_vectors
@@ -49,7 +49,8 @@ class HPlusProof(Proof):
         """See `Proof.bound`."""
         with np.errstate(over="ignore", invalid="ignore"):
             F = np.abs(np.minimum(problem.p(z) / self.alpha, problem.r(z) / self.beta))
-            factor = float(np.max(F + np.maximum(for_p / self.alpha, for_r / self.beta)))
+            # two quotients may have underflowed
+            factor = float(np.max(F + np.maximum(for_p / self.alpha, for_r / self.beta))) + SMALLEST
             delta = np.nextafter(self.v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
         return delta, norm_up(delta)
 

@@ -12,14 +12,16 @@ from ..problem import SMALLEST, UNIT_ROUNDOFF
 def lower(matrix: sp.csr_array, v: Vector) -> Vector:
     """A lower bound of `matrix` @ `v`, entry by entry, shape (n,), whatever the order of summation.
 
-    The computed product minus γ_k|matrix||v| and k times the smallest float, k two more than the entries of the row.
+    The computed product minus γ_k|matrix||v| and k times the smallest float, k two more than the entries of the row;
+    NaN or −inf where it overflows.
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
 
     >>> bool(lower(sp.csr_array([[0.1, 0.2]]), np.ones(2))[0] < 0.3)
     True
     """
     k = np.diff(matrix.indptr) + 2
-    result: Vector = matrix @ v - 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) - k * SMALLEST
+    with np.errstate(over="ignore", invalid="ignore"):
+        result: Vector = matrix @ v - 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) - k * SMALLEST
     return result
 
 
@@ -30,5 +32,6 @@ def upper(matrix: sp.csr_array, v: Vector) -> Vector:
     True
     """
     k = np.diff(matrix.indptr) + 2
-    result: Vector = matrix @ v + 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) + k * SMALLEST
+    with np.errstate(over="ignore", invalid="ignore"):
+        result: Vector = matrix @ v + 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) + k * SMALLEST
     return result

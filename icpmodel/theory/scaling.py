@@ -104,9 +104,10 @@ def layered(comparison: sp.csr_array) -> Vector | None:
 
     diagonal = comparison.diagonal()
     # exactly 0 where the entries cancel exactly; a row that is dominant by rounding only makes a bad v, no wrong one
-    surplus = np.asarray(comparison.sum(axis=1)).reshape(-1) / diagonal
+    with np.errstate(over="ignore", invalid="ignore"):
+        surplus = np.asarray(comparison.sum(axis=1)).reshape(-1) / diagonal
     surplus[np.abs(surplus) < 1e-14] = 0.0
-    if (surplus < 0).any() or not (surplus > 0).any():
+    if not (surplus >= 0).all() or not (surplus > 0).any():
         return None
     T = comparison.T.tocsr()
     layer, order = layers(T.indptr, T.indices, T.data, surplus > 0)

@@ -28,9 +28,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..arrays import Vector, row_of
+from ..errors import MapError
 from ..intervention import Intervention
 from ..operators import factorise
-from ..problem import ICP, UNIT_ROUNDOFF
+from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
 from .proof import Proof, norm_up
 from .rounding import lower
 
@@ -63,11 +64,12 @@ class SupersolutionProof(Proof):
         with np.errstate(over="ignore", invalid="ignore"):
             F = np.minimum(problem.p(z) / self.weight, problem.r(z))
             error = np.maximum(for_p / self.weight, for_r) * (1 + 4 * UNIT_ROUNDOFF) + 4 * UNIT_ROUNDOFF * np.abs(F)
+            error += SMALLEST  # the quotients may have underflowed
             below, above = max(float(np.max(error - F)), 0.0), max(float(np.max(F + error)), 0.0)
             delta = np.full(z.size, np.inf)
             for m, s in self.pairs:
                 if above < m:
-                    share = max(below / (below + m), above / (m - above)) * (1 + 16 * UNIT_ROUNDOFF)
+                    share = max(below / (below + m), above / (m - above)) * (1 + 16 * UNIT_ROUNDOFF) + SMALLEST
                     delta = np.fmin(delta, share * np.maximum(s - z, 0.0))
             delta = np.nextafter(delta, np.inf)
         return delta, norm_up(delta)
@@ -88,9 +90,14 @@ def prove(problem: ICP) -> SupersolutionProof | str:
     'psi is no best jump (an Intervention with best="max"), for which supersolutions are sought'
     """
     remembered = problem._memory.get("supersolution")
+    found: SupersolutionProof | str
     if remembered is None or remembered[0] is not problem.q:
-        remembered = problem._memory["supersolution"] = (problem.q, _prove(problem))
-    found: SupersolutionProof | str = remembered[1]
+        try:
+            found = _prove(problem)
+        except MapError as error:  # ψ need not have a value where s is sought
+            found = f"no strict supersolution was found: {error}"
+        remembered = problem._memory["supersolution"] = (problem.q, found)
+    found = remembered[1]
     return found
 
 

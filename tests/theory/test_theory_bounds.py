@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
+import icpmodel.goal
 from icpmodel.theory import comparison_matrix, h_plus
 from icpmodel.theory.equations import solve_on
 from icpmodel.theory.scaling import layered, scaling_vectors
@@ -68,6 +69,38 @@ class TestNeverBelowTheTrueError:
         trials, bad = violations(99, problems=220, starts=27, sharp=True)
         assert trials >= 5_000
         assert bad == []
+
+    def test_underflow_of_a_quotient_is_not_lost(self):
+        """F/α = 1e-325 is 0 in floats, but v multiplies it by 1e13."""
+        problem = icp.ICP([[1e10, -1e23], [0, 1e10]], [0, -1e-315], -np.inf)
+        exact = solutions(problem)[0]
+        proof = h_plus.prove(problem)
+        z = np.zeros(2)
+        delta, _ = proof.bound(problem, z, *problem.rounding(z))
+        assert exceeds(z, exact, delta) == []
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1.7e308, -1.7e308])
+    @pytest.mark.parametrize("psi", [-np.inf, icp.Affine([[0, 0.3], [0.3, 0]], [-np.inf, 1]), icp.Affine([[0.5]], 1)])
+    def test_a_z_beyond_reason_has_no_bound_or_a_wide_one_and_warns_of_nothing(self, value, psi):
+        n = 1 if isinstance(psi, icp.Affine) and psi.G.shape == (1, 1) else 2
+        problem = icp.ICP(2 * np.eye(n) - 0.5 * (1 - np.eye(n)), np.ones(n), psi)
+        certificate = icp.certify(problem, np.full(n, value))
+        assert certificate.unique
+        assert certificate.error_bound is None or certificate.error_bound >= 1e308
+
+    def test_a_psi_without_a_value_elsewhere_has_the_bound_of_z_itself(self):
+        def near_zero(z):
+            if np.abs(z).max() > 0.1:
+                raise ValueError("far from 0")
+            return (np.array([z[1] - 1, -np.inf]), np.array([1, -1]))
+
+        problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0], icp.Intervention(near_zero))
+        assert "far from 0" in icp.error_bound(problem, np.zeros(2)).reason
+
+    def test_a_jacobian_that_fails_costs_sharpness_only(self):
+        psi = icp.Function(lambda z: 0.3 * z, jacobian=lambda z: np.full((1, 1), np.nan), lipschitz=0.3)
+        bound = icp.error_bound(icp.ICP([[2.0]], [-2.0], psi), [1.5])
+        assert bound.value >= 0.5
 
 
 class TestSharpness:
@@ -206,6 +239,22 @@ class TestPolish:
         assert rough.status is icp.Status.ITERATION_LIMIT
         assert rough.polish().status is icp.Status.SOLVED
 
+    def test_what_it_cannot_finish_it_says(self):
+        problem = icp.scenes.manufactured_elementwise(n=100).problem
+        rough = problem.solve("mnmgs", rtol=0.0, atol=0.0, max_iter=2, raise_on_failure=False)
+        fine = rough.polish()
+        assert fine.status is icp.Status.ITERATION_LIMIT
+        assert fine.residual < rough.residual
+        assert f"polished to a residual of {fine.residual:.3g}" in fine.message
+
+    def test_it_computes_no_bound_where_none_was_wanted(self, monkeypatch):
+        rough = icp.ICP([[2, -1], [-1, 2]], [-1, 3]).solve(rtol=0.1).without_bound()
+        monkeypatch.setattr("icpmodel.solution.error_bound", None)
+        fine = rough.polish()
+        assert fine.residual < rough.residual
+        assert fine.certificate.bound.reason == "it was not computed"
+        assert "it was not computed" in str(fine)
+
     def test_a_singular_active_set_is_no_candidate(self):
         assert solve_on(icp.ICP([[0.0]], [1.0]), np.zeros(1), np.array([False])) is None
 
@@ -228,6 +277,39 @@ class TestAccuracy:
         solution = icp.scenes.bai_symmetric().problem.solve(accuracy=1e-17, raise_on_failure=False)
         assert solution.status is icp.Status.PRECISION_LIMIT
         assert "1e-17 was wanted" in solution.message
+
+    @pytest.mark.parametrize("steps", range(10))
+    def test_an_error_below_it_is_a_success_wherever_the_run_ends(self, steps):
+        """The loop does not look at every z, but the last word is a look."""
+        problem = icp.ICP([[1.0, -0.9], [-0.9, 1.0]], [-1.0, -1.0])
+        solution = problem.solve("mnmj", accuracy=7.0, max_iter=steps, raise_on_failure=False)
+        assert solution.solved == (solution.error_bound <= 7.0)
+
+    def test_it_looks_once_at_a_point_that_does_not_move(self, monkeypatch):
+        looks, real = [], icp.goal.error_bound
+        monkeypatch.setattr("icpmodel.goal.error_bound", lambda *args: looks.append(1) or real(*args))
+        problem = icp.ICP([[2, -1], [-1, 2]], [-1, 3])
+        assert problem.solve(accuracy=1e-17, raise_on_failure=False).status is icp.Status.PRECISION_LIMIT
+        assert len(looks) <= 20
+        exact = problem.solve().polish()
+        looks.clear()
+        assert problem.solve(accuracy=1e-3, z0=exact).iterations == 0
+        assert len(looks) == 1
+
+    def test_a_psi_that_fails_late_leaves_the_best_iterate(self):
+        calls = []
+
+        def tiring(z):
+            calls.append(1)
+            if len(calls) > 40:
+                raise ValueError("tired")
+            return 0.3 * z[::-1]
+
+        psi = icp.Function(tiring, lipschitz=[[0, 0.3], [0.3, 0]])
+        solution = icp.ICP([[2, -1], [-1, 2]], [-1, 3], psi).solve(accuracy=1e-12, raise_on_failure=False)
+        assert solution.status is icp.Status.MAP_FAILED
+        assert "tired" in solution.message
+        assert solution.residual < 0.1
 
     def test_without_a_certificate_it_is_refused_with_the_reason(self):
         with pytest.raises(icp.NotApplicable, match=r"nothing bounds the error .* Lipschitz .* give rtol"):
