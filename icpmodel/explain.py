@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Vector
+from .arrays import Vector, as_number
 from .errors import InputError
 from .intervention import Intervention
 from .maps import Constant
@@ -36,6 +36,7 @@ _CLASSES = {
     "m": "M-matrix",
     "h_plus": "H+-matrix",
     "definite": "positive definite",
+    "semidefinite": "positive semidefinite",
     "p": "P-matrix",
 }
 #: beyond this size only the members that need no factorisation are looked at
@@ -167,7 +168,7 @@ class Explanation:
 
     def _methods(self) -> Iterator[str]:
         if not self.forecasts:
-            yield "no member of the modulus family can start: the diagonal of A is not positive"
+            yield "no member of the modulus family that was looked at can start with this A"
             return
         rows = [("method", "proved by theorem", "factor per step", f"steps to {self.accuracy:g}")]
         for forecast in self.forecasts:
@@ -179,6 +180,8 @@ class Explanation:
         widths = [max(len(row[k]) for row in rows) for k in range(4)]
         for row in rows:
             yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        if any("(isotone)" in row[1] for row in rows):
+            yield "(isotone): the step keeps the order, and is monotone from super- and subsolutions (theorem monotone)"
 
     def _advice(self) -> Iterator[str]:
         best = self.recommended
@@ -216,15 +219,16 @@ def explain(problem: ICP, method: str | Method | None = None, *, accuracy: float
     >>> page.bound.unique, page.recommended.factor < 0.5
     (True, True)
     """
-    if not accuracy > 0:
-        raise InputError(f"accuracy is {accuracy!r}; a positive number was expected")
+    accuracy = as_number(accuracy, "accuracy", above=0)
+    if options and not isinstance(method, str):
+        raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
     first = next(choose(problem), None)
     if method is not None:
         wanted = _member(named(method, **options) if isinstance(method, str) else method)
         methods: dict[str, Method] = {repr(wanted): wanted}
     else:
         methods = _members(problem)
-        if first is not None and repr(first.method) not in methods:
+        if first is not None and not any(_same(first.method, one) for one in methods.values()):
             methods["the first choice of solve()"] = first.method
     bound, start = error_bound(problem, np.zeros(problem.n)), np.zeros(problem.n)
     supersolution = isinstance(supersolution_proof(problem), SupersolutionProof)
@@ -242,6 +246,10 @@ def _member(method: Method) -> ModulusMember:
     if not isinstance(method, ModulusMember):
         raise InputError(f"method is {method!r}; theory covers the members of the modulus family only")
     return method
+
+
+def _same(one: Method, other: Method) -> bool:
+    return type(one) is type(other) and all(np.array_equal(x, vars(other)[name]) for name, x in vars(one).items())
 
 
 def _members(problem: ICP) -> dict[str, Method]:
@@ -275,9 +283,12 @@ def _about_psi(problem: ICP) -> str:
     psi, G = problem.psi, problem.psi.lipschitz
     if isinstance(psi, Constant):
         free = int(np.isneginf(psi.c).sum())
-        return "constant: G = 0, a linear complementarity problem" + (f"; {free} rows without obstacle" if free else "")
+        rows = "row" if free == 1 else "rows"
+        return "constant: G = 0, a linear complementarity problem" + (
+            f"; {free} {rows} without obstacle" if free else ""
+        )
     if isinstance(psi, Intervention):
-        return f"{psi!r}: isotone; every cycle of jumps has rho(G) >= 1, so that no contraction proof can exist"
+        return f"{psi!r}: isotone; where jumps form a cycle rho(G) >= 1, and no proof by contraction can exist"
     if G is None:
         return f"{psi!r}: no Lipschitz matrix is known"
     slope = float((G @ np.ones(problem.n)).max())
@@ -294,10 +305,15 @@ def _what_to_do(problem: ICP, classes: MatrixClasses) -> Iterator[str]:
     elif classes.h_plus.holds and not isinstance(problem.psi, Intervention):
         yield "A is an H+-matrix, but psi moves too much for it: a smaller G, or a larger diagonal of A, is needed"
     if isinstance(problem.psi, Intervention):
-        yield "for an intervention: mnmj (phi >= |D - Omega|) converges monotonically from super- and subsolutions"
+        if classes.z.holds:
+            yield "for an intervention: mnmj (phi >= |D - Omega|) converges monotonically from super- and subsolutions"
+        else:
+            yield "A is no Z-matrix, which the theorem on interventions needs; check the signs of its discretisation"
     elif classes.definite.holds and not problem.is_lcp:
         yield "A is positive definite: with the obstacle frozen at an iterate, mnmod and mnmmod are proved"
     elif classes.p.holds:
         yield "A is a P-matrix, so with constant psi the solution is unique, but sweeps may cycle: try mnmmod"
+    elif classes.semidefinite.holds and problem.is_lcp:
+        yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
     elif classes.p.holds is False:
         yield "A is no P-matrix: there may be no solution, or many; check signs and units of the model"

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import scenes
@@ -124,6 +125,8 @@ def test_one_method_can_be_asked_for():
         (icp.ICP([[2.0]], [-1.0], icp.Affine([[3.0]])), "psi moves too much"),
         (icp.ICP([[-1.0]], [-1.0]), "no P-matrix: there may be no solution, or many"),
         (scenes.hand_cyclic().problem, "sweeps may cycle: try mnmmod"),
+        (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, 1.0]), "A is positive semidefinite: where p >= 0, r >= 0"),
+        (icp.ICP([[0.0, -1.0], [1.0, 0.0]], [1.0, 1.0]), "A is positive semidefinite: where p >= 0, r >= 0"),
     ],
 )
 def test_where_nothing_is_proved_there_is_advice(problem, words):
@@ -138,3 +141,51 @@ def test_data_at_the_edge_of_the_floats_has_a_page(size):
     for psi in (0.0, G):
         page = icp.ICP(np.diag([size, 1.0, 1.0, 1.0]), np.ones(4), psi).explain()
         assert all(page.sections().values())
+
+
+@pytest.mark.parametrize("accuracy", [0.0, -1.0, np.nan, np.inf, "x", None, True, [1.0, 2.0]])
+def test_the_accuracy_is_a_positive_number(accuracy):
+    with pytest.raises(icp.InputError, match="accuracy is"):
+        icp.ICP([[2.0]], [-1.0]).explain(accuracy=accuracy)
+
+
+@pytest.mark.parametrize("method", [None, icp.MNMSOR()])
+def test_options_without_a_named_method_are_refused(method):
+    with pytest.raises(icp.InputError, match="theta1: the options of a method"):
+        icp.ICP([[2.0]], [-1.0]).explain(method, theta1=0.9)
+
+
+def test_no_method_stands_twice_on_the_page(page):
+    told = [(type(f.method), *map(str, vars(f.method).values())) for f in page.forecasts]
+    assert len(set(told)) == len(told)
+
+
+def test_a_method_that_cannot_start_is_not_taken_for_all():
+    text = str(icp.ICP([[0.0]], [1.0]).explain("mnmj"))
+    assert "that was looked at can start" in text
+    assert "solve() begins with MNMMOD" in text
+
+
+def jumping(A, *jumps):
+    rows, columns = zip(*jumps, strict=True)
+    cost = (np.full(len(jumps), -1.0), (np.array(rows), np.array(columns)))
+    return icp.ICP(A, [-1.0, 1.0], icp.Intervention(sp.csr_array(cost, shape=(2, 2))))
+
+
+def test_jumps_that_form_no_cycle_may_have_a_contraction_proof():
+    page = jumping(np.eye(2), (0, 1)).explain()
+    assert page.bound.proof == "A is an H+-matrix (v from A and G)"
+    assert "where jumps form a cycle rho(G) >= 1" in page.sections()["map psi"]
+
+
+def test_monotone_convergence_is_advised_only_where_its_theorem_holds():
+    cycle = ((0, 1), (1, 0))
+    for coupling, words in ((-1.0, "converges monotonically"), (1.0, "A is no Z-matrix")):
+        page = jumping([[1.0, coupling], [coupling, 1.0]], *cycle).explain()
+        assert words in page.sections()["advice"]
+        assert page.forecasts[0].checks["monotone"].holds == (coupling < 0)
+
+
+def test_isotone_is_said_in_words_where_it_stands():
+    assert "(isotone): the step keeps the order" in scenes.bai_symmetric(n=4).problem.explain().sections()["methods"]
+    assert "isotone" not in icp.ICP([[1.0, 0.5], [0.5, 1.0]], [1.0, 1.0]).explain().sections()["methods"]
