@@ -42,6 +42,10 @@ class Check(Answer):
         """The scaling v > 0, shape (n,), or None."""
         return self.witness
 
+    def __str__(self) -> str:
+        misleads = self.holds and self.as_printed and self.false_as_printed
+        return super().__str__() + (" (but the theorem as printed is false)" if misleads else "")
+
 
 @dataclass(frozen=True)
 class _Theorem:

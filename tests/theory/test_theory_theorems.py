@@ -533,6 +533,17 @@ class TestAnswers:
         for name in ("4.1", "4.3", "4.4"):
             assert check(name, icp.ICP([[1.0]], [0.0]), icp.MNMGS()).false_as_printed
 
+    @pytest.mark.parametrize("name", ["4.1", "4.2", "4.3", "4.4"])
+    def test_what_a_false_statement_promises_is_marked_where_it_is_printed(self, name):
+        problem = icp.ICP([[1.0]], [0.0])
+        promise = check(name, problem, icp.MNMGS(), as_printed=True)
+        assert promise.holds
+        assert str(promise).endswith("(but the theorem as printed is false)") == (name != "4.2")
+        assert "as printed" not in str(check(name, problem, icp.MNMGS()))
+        refusal = check(name, problem, icp.MNMGS(phi2=0.1, phi=-3), as_printed=True)
+        assert refusal.holds is False
+        assert "as printed is false" not in str(refusal)
+
     def test_43_is_about_aor_splittings(self):
         assert "AOR" in check("4.3", icp.ICP([[1.0]], [0.0]), icp.MNMOD()).reason
 
