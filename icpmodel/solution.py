@@ -56,8 +56,8 @@ _ADVICE = {
     "STAGNATED": "try another theta1, theta2 or phi2, or another method; unless certified, there may be no solution",
     "CYCLED": "try another theta1, theta2 or phi2 (a larger phi damps the step), or another method",
     "DIVERGED": "try a smaller theta1, a larger phi2 or phi, or another method; A may be far from an H+-matrix",
-    "ITERATION_LIMIT": "raise max_iter, loosen rtol, or pass this solution as z0 to go on",
-    "TIME_LIMIT": "raise time_limit, loosen rtol, or pass this solution as z0 to go on",
+    "ITERATION_LIMIT": "raise max_iter, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
+    "TIME_LIMIT": "raise time_limit, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "INTERRUPTED": "pass this solution as z0 to go on",
     "STOPPED": "the callback returned True; pass this solution as z0 to go on",
     "MAP_FAILED": "mend psi, or start nearer to the solution; this is the best iterate before it failed",
@@ -221,8 +221,9 @@ class Solution:
         """The answer to rounding accuracy: the solution of the equations that the active set leaves, one linear solve.
 
         Rows that are undecided take the side to which z is nearer, so where all are decided the result is z* up to
-        rounding; else it is a candidate like any other. Returns the new solution if its residual is the smaller one,
-        this one otherwise. Its status is SOLVED where it reaches what was asked for, else it is unchanged.
+        rounding; else it is a candidate like any other. Returns the new solution if its residual or its error bound is
+        the smaller one (where p is large in its units, rounding alone makes a residual), else this one. Its status is
+        SOLVED where it reaches what was asked for, else it is unchanged.
 
         >>> rough = ICP([[2, -1], [-1, 2]], [-1, 3]).solve(rtol=0.1)
         >>> rough.polish().z
@@ -231,7 +232,7 @@ class Solution:
         problem, known = self.problem, self.active_set
         active = known.active | (known.undecided & nearer_to_obstacle(problem, self.z))
         z = solve_on(problem, self.z, active)
-        if z is None or not (residual := problem.residual(z)) < self.residual:
+        if z is None or not ((residual := problem.residual(z)) < self.residual or self._closer(z)):
             return self
         z.flags.writeable = False
         left = int(known.undecided.sum())
@@ -247,6 +248,14 @@ class Solution:
             return better._relabelled(Status.SOLVED, "solved")
         told = f"{self.message}; polished to a residual of {residual:.3g}"
         return self if self.solved else better._relabelled(self.status, told)
+
+    def _closer(self, z: Vector) -> bool:
+        """Whether `z` has a smaller error bound than this answer."""
+        known = self.error_bound
+        if known is None:
+            return False
+        found = error_bound(self.problem, z).value
+        return found is not None and found < known
 
     def _relabelled(self, status: Status, message: str) -> Solution:
         """The same answer with what is known of it, but for the status."""
@@ -290,7 +299,7 @@ class Solution:
             "status": f"{self.status.value} after {self.iterations} iteration{plural}",
             "method": f"{self.method!r}" + (f"\n{self.why}" if self.why else ""),
             "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" (stop at {self.tolerance:.3g})"),
-            "error": _in_words(bound, self.accuracy),
+            "error": _in_words(bound, self.accuracy, self.problem.psi.at_users_word),
         }
         if bound.value is not None:
             rows["rows"] = rows_known
@@ -342,11 +351,12 @@ class Solution:
         return f"<table>{''.join(cells)}</table>"
 
 
-def _in_words(bound: ErrorBound, accuracy: float | None) -> str:
+def _in_words(bound: ErrorBound, accuracy: float | None, at_users_word: bool) -> str:
     """What is known of the error, for the card."""
+    given = ", given that psi is what the user says" if at_users_word else ""
     if bound.value is not None:
         wanted = "" if accuracy is None else f" ({accuracy:.3g} was asked for)"
-        return f"|z - z*| <= {bound.value:.3g} in every entry{wanted}; z* is the only solution"
+        return f"|z - z*| <= {bound.value:.3g} in every entry{wanted}; z* is the only solution{given}"
     if bound.unique:
-        return f"no bound: {bound.reason}; z* exists and is the only solution"
+        return f"no bound: {bound.reason}; z* exists and is the only solution{given}"
     return f"no certified bound: {bound.reason}"

@@ -19,6 +19,8 @@ _PROOFS = (h_plus.prove, representatives.prove, definite.prove, supersolution.pr
 _SHARPEN_UP_TO = 10_000
 #: a share of the bound that is not worth another step
 _NEGLIGIBLE = 0.01
+#: added to the sentence of a proof that rests on what a user says of ψ
+_WORD = ", given that psi is what the user says"
 #: steps of the active-set Newton iteration that looks for a better z
 _STEPS = 8
 
@@ -92,12 +94,11 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
         delta, euclidean = proof.bound(problem, z, *problem.rounding(z))
         if sharp or (sharp is None and (proof.wide or problem.A.nnz <= _SHARPEN_UP_TO)):
             delta, euclidean = _sharpened(problem, z, proof, delta, euclidean)
+        sentence = proof.sentence + (_WORD if problem.psi.at_users_word else "")
         if np.isfinite(delta).all():
-            return ErrorBound(float(delta.max()), delta, euclidean, proof.sentence, "")
-        return ErrorBound.none(
-            "the proof bounds nothing at this z: it is too far from z*, or not finite", proof.sentence
-        )
-    return ErrorBound.none("; ".join(reasons))
+            return ErrorBound(float(delta.max()), delta, euclidean, sentence, "")
+        return ErrorBound.none("the proof bounds nothing at this z: it is too far from z*, or not finite", sentence)
+    return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
 
 
 def _sharpened(problem: ICP, z: Vector, proof: Proof, delta: Vector, euclidean: float) -> tuple[Vector, float]:

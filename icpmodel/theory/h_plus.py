@@ -26,6 +26,7 @@ from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
 from .proof import Proof, norm_up
 from .rounding import lower, upper
 from .scaling import comparison_matrix, scaling_vectors
+from .units import in_units, natural_units
 
 #: beyond this size a factorisation for every choice of rows is too dear
 _POLICY_UP_TO = 200_000
@@ -56,7 +57,7 @@ class HPlusProof(Proof):
 
 
 def prove(problem: ICP) -> HPlusProof | str:
-    """Look for v: `scaling_vectors` in turn, then, where ψ needs another one, policy iteration.
+    """Look for v: `scaling_vectors` in turn, then, where ψ needs another one, policy iteration; again in natural units.
 
     The best v solves v = max(D⁻¹|B|v, Gv) + 1, B the off-diagonal part of A: in each row one of two equations. A
     choice of rows is a linear system; its solution is positive for every choice if and only if some v serves both, and
@@ -81,11 +82,8 @@ def _prove(problem: ICP) -> HPlusProof | str:
     if G is None:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
     comparison = comparison_matrix(A)
-    candidates: Iterator[tuple[str, Vector]] = scaling_vectors(comparison)
-    if G.nnz:
-        candidates = chain(candidates, _policy_iteration(comparison, G))
     dominated = False
-    for name, v in candidates:
+    for name, v in chain(_candidates(comparison, G), _in_natural_units(comparison, G)):
         alpha = lower(comparison, v)
         if not (alpha > 0).all():
             continue
@@ -96,7 +94,28 @@ def _prove(problem: ICP) -> HPlusProof | str:
             return HPlusProof(f"A is an H+-matrix ({name})", v, alpha, beta)
     if dominated:
         return "A is an H+-matrix, but no v > 0 found gives both <A>v > 0 and (I - G)v > 0: psi moves too much"
-    return "A is not an H+-matrix: no v > 0 found gives <A>v > 0"
+    return "A is not proved to be an H+-matrix: no v > 0 found gives <A>v > 0"
+
+
+def _candidates(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
+    """Vectors that may serve A, then vectors that may serve A and ψ, each with its name."""
+    yield from scaling_vectors(comparison)
+    if G.nnz:
+        yield from _policy_iteration(comparison, G)
+
+
+def _in_natural_units(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
+    """The same in the units of z that A and ψ have of themselves: in others ⟨A⟩v may drown in its rounding error."""
+    diagonal = comparison.diagonal()
+    if (diagonal < np.finfo(np.float64).tiny).any():
+        return
+    rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ comparison)
+    c = natural_units(sp.csr_array(abs(rows) + G))[1]
+    if not c.any():
+        return
+    with np.errstate(over="ignore", under="ignore"):  # a v that is not positive and finite is refused
+        for name, v in _candidates(in_units(rows, -c, c), in_units(G, -c, c)):
+            yield f"{name} in natural units", np.ldexp(v, c)
 
 
 def _policy_iteration(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:

@@ -133,6 +133,35 @@ class TestSharpness:
         assert bound.value is None
         assert "user's function" in bound.reason
 
+    def test_what_rests_on_a_users_word_says_so(self):
+        psi = icp.Elementwise(np.sin, np.cos, lipschitz=0.5)
+        mine, ours = (icp.ICP([[2.0]], [-1.0], f).solve() for f in (psi, 0.0))
+        assert mine.certificate.bound.proof.endswith("given that psi is what the user says")
+        assert "z* is the only solution, given that psi is what the user says" in str(mine)
+        assert "user" not in str(ours) + ours.certificate.bound.proof
+
+    def test_a_reason_is_given_once(self):
+        reason = icp.error_bound(icp.ICP([[2.0]], [-1.0], np.sin), [0.0]).reason
+        assert reason.count("no Lipschitz matrix") == 1
+
+
+@pytest.mark.parametrize("decades", [1, 10, 40, 90])
+@pytest.mark.parametrize("slope", [0.0, 0.45])
+def test_the_proof_for_h_plus_matrices_does_not_depend_on_the_units_of_p_and_z(decades, slope):
+    rng, n = np.random.default_rng(decades), 30
+    A = 4 * np.eye(n) - 1.9 * (np.eye(n, k=1) + np.eye(n, k=-1))
+    G = slope * np.eye(n)[rng.permutation(n)]
+    z, active = rng.normal(size=n), rng.random(n) < 0.5
+    q, c = active * 1.0 - A @ z, z - G @ z - ~active
+    row, column = (10.0 ** rng.uniform(-decades, decades, n) for _ in range(2))
+    psi = icp.Affine(column[:, None] * G / column, column * c)
+    problem = icp.ICP(row[:, None] * A / column, row * q, psi)
+    bound = icp.error_bound(problem, column * (z + 0.1), rigorous=True)
+    assert bound.proof.startswith("A is an H+-matrix")
+    assert (bound.componentwise >= 0.1 * column * (1 - 1e-9)).all()
+    assert (bound.componentwise <= 10 * column).all()
+    assert "not proved to be an H+-matrix" in icp.error_bound(icp.ICP(-A + 5 * np.eye(n), q), z).reason
+
 
 class TestScalingVectors:
     @settings(max_examples=60, deadline=None)
@@ -254,6 +283,15 @@ class TestPolish:
         assert fine.residual < rough.residual
         assert fine.certificate.bound.reason == "it was not computed"
         assert "it was not computed" in str(fine)
+
+    @pytest.mark.parametrize("size", [1e-150, 1.0, 1e10, 1e150, 1e250])
+    def test_large_units_of_p_do_not_hide_the_better_answer(self, size):
+        """Rounding makes |p| larger than any r, so the residual grows, while the certified error falls."""
+        problem = icp.ICP(size * np.array([[3.0, -0.3], [-0.7, 2.1]]), size * np.array([-1.1, 2.3]), 0.1)
+        rough = problem.solve("mnmgs", max_iter=1, raise_on_failure=False)
+        assert not rough.active_set.undecided.any()
+        assert rough.error_bound > 1e-4
+        assert rough.polish().error_bound < 1e-14
 
     def test_a_singular_active_set_is_no_candidate(self):
         assert solve_on(icp.ICP([[0.0]], [1.0]), np.zeros(1), np.array([False])) is None
