@@ -123,6 +123,10 @@ def test_one_method_can_be_asked_for():
     [
         (icp.ICP([[2.0]], [-1.0], np.sin), "give psi's Lipschitz matrix"),
         (icp.ICP([[2.0]], [-1.0], icp.Affine([[3.0]])), "psi moves too much"),
+        (
+            icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0], icp.Affine([[0, 3.0], [1.0, 0]])),
+            "with the obstacle frozen",
+        ),
         (icp.ICP([[-1.0]], [-1.0]), "no P-matrix: there may be no solution, or many"),
         (scenes.hand_cyclic().problem, "sweeps may cycle: try mnmmod"),
         (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, 1.0]), "A is positive semidefinite: where p >= 0, r >= 0"),
@@ -158,6 +162,33 @@ def test_options_without_a_named_method_are_refused(method):
 def test_no_method_stands_twice_on_the_page(page):
     told = [(type(f.method), *map(str, vars(f.method).values())) for f in page.forecasts]
     assert len(set(told)) == len(told)
+
+
+def test_what_to_do_is_told_only_where_nothing_is_proved(page):
+    proved = any(forecast.proved_by for forecast in page.forecasts)
+    assert ("nothing above proves" in page.sections()["advice"]) != proved
+
+
+def test_what_is_said_of_psi():
+    for psi, words in (
+        (icp.Affine([[0.0, -0.5], [0.0, 0.0]]), r"1 entries, largest row sum 0\.5$"),
+        (icp.Affine([[0.5, 0.0], [0.0, 0.3]]), r"largest row sum 0\.5; each row depends on its own unknown only"),
+        (icp.Elementwise(np.sin, np.cos, lipschitz=1.0), r"largest row sum 1 \(at the user's word\); each row"),
+        ([-np.inf, 0.0], "; 1 row without obstacle$"),
+        (-np.inf, "; 2 rows without obstacle$"),
+        (0.0, "problem$"),
+    ):
+        assert re.search(words, icp.ICP(2 * np.eye(2), [1.0, 1.0], psi).explain().sections()["map psi"])
+
+
+def test_without_a_factor_the_theorem_is_named():
+    advice = built("dividend").explain().sections()["advice"]
+    assert "MNMJ(), Omega = D converges from every start (theorem monotone)" in advice
+
+
+def test_a_large_problem_is_spared_the_factorisations():
+    page = scenes.membrane(n=150**2).problem.explain()
+    assert not any(isinstance(forecast.method, icp.MNMMOD | icp.MNMOD) for forecast in page.forecasts)
 
 
 def test_a_method_that_cannot_start_is_not_taken_for_all():

@@ -1,9 +1,12 @@
 """Error bounds against exact rational solutions; the certified active set, polishing and solving to an accuracy."""
 
+import math
+from fractions import Fraction
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from exact import exceeds, nearest_floats, solutions
+from exact import exceeds, nearest_floats, rational, solutions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,18 +14,19 @@ import icpmodel as icp
 import icpmodel.goal
 from icpmodel.theory import comparison_matrix, h_plus
 from icpmodel.theory.equations import solve_on
+from icpmodel.theory.proof import norm_up
 from icpmodel.theory.scaling import layered, scaling_vectors
 
 #: how far z lies from z*, relative to its size: from next to nothing to far away
 DISTANCES = [0.0, 1e-16, 1e-15, 1e-12, 1e-8, 1e-4, 1.0, 1e3, 1e8]
 
 
-def random_problem(rng):
+def random_problem(rng, decades=2):
     """A small problem with data of full precision at any scale, mostly with a certificate; and its exact solution."""
     n = int(rng.integers(1, 4))
     off = rng.normal(size=(n, n))
     np.fill_diagonal(off, 0.0)
-    columns = 10.0 ** rng.uniform(-2, 2, n)
+    columns = 10.0 ** rng.uniform(-decades, decades, n)
     A = off + np.diag(np.abs(off).sum(axis=1) * rng.uniform(0.9, 3.0) + 10.0 ** rng.uniform(-6, 0, n))
     A = 10.0 ** rng.uniform(-9, 9, (n, 1)) * A / columns
     G = rng.normal(size=(n, n)) * rng.choice([0.0, 0.1, 0.4]) / n * columns[:, None] / columns
@@ -34,12 +38,12 @@ def random_problem(rng):
     return problem, found[0] if len(found) == 1 else None, columns
 
 
-def violations(seed, problems, starts, **options):
+def violations(seed, problems, starts, decades=2, **options):
     """(trials with a bound, violations) over random problems, each looked at from several z."""
     rng = np.random.default_rng(seed)
     trials, bad = 0, []
     for _ in range(problems):
-        problem, exact, columns = random_problem(rng)
+        problem, exact, columns = random_problem(rng, decades)
         if exact is None:
             assert not icp.error_bound(problem, np.zeros(problem.n)).unique
             continue
@@ -51,7 +55,7 @@ def violations(seed, problems, starts, **options):
             if bound.value is None:
                 continue
             trials += 1
-            if exceeds(z, exact, bound.componentwise) or not bound.euclidean >= np.linalg.norm(z - near) * (1 - 1e-9):
+            if exceeds(z, exact, bound.componentwise) or not bound.euclidean >= math.hypot(*(z - near)) * (1 - 1e-9):
                 bad.append((problem, z))
     return trials, bad
 
@@ -69,6 +73,20 @@ class TestNeverBelowTheTrueError:
         trials, bad = violations(99, problems=220, starts=27, sharp=True)
         assert trials >= 5_000
         assert bad == []
+
+    @pytest.mark.parametrize("decades", [20, 90])
+    def test_in_units_of_any_size(self, decades):
+        trials, bad = violations(7, problems=60, starts=9, decades=decades)
+        assert trials >= 400
+        assert bad == []
+
+    @pytest.mark.parametrize("size", [1e-323, 1e-310, 1e-200, 1.0, 1e200, 1e307])
+    def test_a_norm_is_rounded_upwards(self, size):
+        rng = np.random.default_rng(0)
+        for n in (1, 2, 3, 50) * 10:
+            x = rng.uniform(-size, size, n)
+            assert Fraction(norm_up(x)) ** 2 >= sum(Fraction(float(t)) ** 2 for t in x)
+            assert norm_up(x) <= np.abs(x).max() * math.sqrt(n) * (1 + 1e-12) + 1e-320
 
     def test_underflow_of_a_quotient_is_not_lost(self):
         """F/α = 1e-325 is 0 in floats, but v multiplies it by 1e13."""
@@ -232,6 +250,38 @@ class TestActiveSet:
         solution = icp.scenes.hand_degenerate().problem.solve(rtol=1e-14)
         assert solution.active_set.undecided.tolist() == [False, True]
 
+    def test_psi_may_move_by_what_z_is_wrong(self):
+        """z* = 0 touches with p* = 0.1; at z = (2, 2) |z − z*| ≤ 2 < r = 3.8, but ψ changes by 1.8 as well."""
+        problem = icp.ICP([[1.0, -0.5], [-0.5, 1.0]], [0.1, 0.1], icp.Affine(-0.9 * np.eye(2)))
+        z, delta = np.full(2, 2.0), np.full(2, 2.0)
+        known = icp.theory.active_set(problem, z, icp.ErrorBound(2.0, delta, 3.0, "z* = 0", ""))
+        assert known.undecided.all()
+
+    def test_a_bound_that_lies_decides_no_row_twice(self):
+        """z = 10 with δ = 0 would prove p* > 0 and r* > 0."""
+        known = icp.theory.active_set(
+            icp.ICP([[1.0]], [0.0]), np.array([10.0]), icp.ErrorBound(0, np.zeros(1), 0, "", "")
+        )
+        assert known.undecided.all()
+
+    def test_a_sign_that_rounding_made_decides_nothing(self):
+        """p and r of some 1e-17 are computed with either sign; δ = 0 says that z = z* itself."""
+        rng, n, wrong = np.random.default_rng(0), 4, 0
+        for _ in range(40):
+            A, G, z = rng.normal(size=(n, n)), rng.normal(size=(n, n)), rng.normal(size=n)
+            q = np.array([-math.fsum(A[i] * z) for i in range(n)])
+            c = np.array([z[i] - math.fsum(G[i] * z) for i in range(n)])
+            problem = icp.ICP(A, q, icp.Affine(G, c))
+            known = icp.theory.active_set(problem, z, icp.ErrorBound(0.0, np.zeros(n), 0.0, "z is exact", ""))
+            A, G, q, c, z = (rational(x) for x in (A, G, q, c, z))
+            for i in range(n):
+                p = sum(a * x for a, x in zip(A[i], z[0], strict=True)) + q[0][i]
+                r = z[0][i] - sum(g * x for g, x in zip(G[i], z[0], strict=True)) - c[0][i]
+                wrong += (problem.p(nearest_floats(z[0]))[i] > 0 >= p) + (problem.r(nearest_floats(z[0]))[i] > 0 >= r)
+                assert p > 0 or not known.active[i]
+                assert r > 0 or not known.inactive[i]
+        assert wrong >= 10
+
     def test_without_a_bound_nothing_is_decided(self):
         assert icp.ICP([[1.0]], [-1.0], np.sin).solve().active_set.undecided.all()
 
@@ -296,6 +346,31 @@ class TestPolish:
             assert rough.error_bound > 1e-4
             assert rough.polish().error_bound < 1e-14
 
+    def test_a_row_that_is_proved_takes_its_side_though_z_is_nearer_to_the_other(self):
+        """z* = 0 touches with p* = 1; at z = 2 r = 3.8 > p = 3, and p > 2 proves p* > 0."""
+        rough = icp.ICP([[1.0]], [1.0], icp.Affine([[-0.9]])).solve(z0=[2.0], max_iter=0, raise_on_failure=False)
+        assert rough.active_set.active.tolist() == [True]
+        assert rough.polish().z == pytest.approx([0.0], abs=1e-15)
+
+    @pytest.mark.parametrize(("accuracy", "status"), [(1e-20, "ITERATION_LIMIT"), (1e-9, "SOLVED")])
+    def test_it_is_solved_only_where_the_accuracy_is_reached(self, accuracy, status):
+        problem = icp.scenes.membrane(n=100).problem
+        rough = problem.solve("mnmgs", accuracy=accuracy, max_iter=40, raise_on_failure=False)
+        assert rough.status.name == "ITERATION_LIMIT"
+        fine = rough.polish()
+        assert fine.error_bound < 1e-12
+        assert fine.status.name == status
+
+    def test_an_answer_that_is_solved_stays_solved(self):
+        """In units of p that make any rounding larger than `atol`, the better z is not what was asked for."""
+        rng = np.random.default_rng(0)
+        for _ in range(20):
+            A = np.array([[4.0, -1.0], [-2.0, 4.0]]) + rng.uniform(-0.3, 0.3, (2, 2))
+            problem = icp.ICP(1e150 * A, np.array([-3e150, 2e150]), 0.1)
+            fine = problem.solve("mnmgs", rtol=0.0, atol=1.0).polish()
+            assert fine.solved
+            assert fine.residual <= 1.0
+
     def test_a_singular_active_set_is_no_candidate(self):
         assert solve_on(icp.ICP([[0.0]], [1.0]), np.zeros(1), np.array([False])) is None
 
@@ -337,12 +412,21 @@ class TestAccuracy:
         assert problem.solve(accuracy=1e-3, z0=exact).iterations == 0
         assert len(looks) == 1
 
-    def test_a_psi_that_fails_late_leaves_the_best_iterate(self):
+    def test_it_stops_soon_after_the_bound_allows_it(self):
+        """Not every z is looked at, but few more steps are made than are needed."""
+        problem = icp.scenes.membrane(n=100).problem
+        for accuracy in 10.0 ** -np.arange(1, 11):
+            path = enumerate(icp.MNMGS().iterates(problem, np.zeros(problem.n)))
+            first = next(k for k, (z, _) in path if icp.error_bound(problem, z).value <= accuracy)
+            assert first <= problem.solve("mnmgs", accuracy=accuracy).iterations <= 1.3 * first + 5
+
+    @pytest.mark.parametrize("patience", [25, 30, 35, 40, 45])
+    def test_a_psi_that_fails_late_leaves_the_best_iterate(self, patience):
         calls = []
 
         def tiring(z):
             calls.append(1)
-            if len(calls) > 40:
+            if len(calls) > patience:
                 raise ValueError("tired")
             return 0.3 * z[::-1]
 
@@ -351,6 +435,17 @@ class TestAccuracy:
         assert solution.status is icp.Status.MAP_FAILED
         assert "tired" in solution.message
         assert solution.residual < 0.1
+
+    def test_the_bound_of_one_point_is_not_that_of_another_where_psi_fails(self):
+        def psi(z):
+            if z[0] > 5:
+                raise ValueError("too far")
+            return 0.3 * z
+
+        problem = icp.ICP([[2.0]], [-2.0], icp.Function(psi, lipschitz=0.3))
+        goal = icp.goal.AccuracyGoal(problem, 1e-3, np.array([1.0]))
+        assert goal.judge(np.array([1.0]), 0.0)
+        assert not goal.judge(np.array([10.0]), 0.0)
 
     def test_without_a_certificate_it_is_refused_with_the_reason(self):
         with pytest.raises(icp.NotApplicable, match=r"nothing bounds the error .* Lipschitz .* give rtol"):
