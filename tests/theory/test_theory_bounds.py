@@ -181,6 +181,33 @@ def test_the_proof_for_h_plus_matrices_does_not_depend_on_the_units_of_p_and_z(d
     assert "not proved to be an H+-matrix" in icp.error_bound(icp.ICP(-A + 5 * np.eye(n), q), z).reason
 
 
+def test_the_units_of_z_may_show_in_psi_alone():
+    rng, n = np.random.default_rng(0), 30
+    column = 10.0 ** rng.uniform(-40, 40, n)
+    G = 0.45 * np.eye(n)[rng.permutation(n)] + 0.45 * np.eye(n)[rng.permutation(n)]
+    problem = icp.ICP(np.eye(n), np.ones(n), icp.Affine(column[:, None] * G / column))
+    assert h_plus.prove(problem).sentence.endswith("in natural units)")
+
+
+def test_alpha_and_beta_are_never_above_what_they_stand_for():
+    """α ≤ ⟨A⟩v and β ≤ (I − G)v in fractions."""
+    rng, proved = np.random.default_rng(0), 0
+    for _ in range(150):
+        problem, _, _ = random_problem(rng)
+        proof = h_plus.prove(problem)
+        if isinstance(proof, str):
+            continue
+        proved += 1
+        slopes = np.eye(problem.n) - np.abs(problem.psi.G.toarray()) * (1 - np.eye(problem.n))
+        v = rational(proof.v)[0]
+        for matrix, bound in ((comparison_matrix(problem.A).toarray(), proof.alpha), (slopes, proof.beta)):
+            own = np.abs(problem.psi.G.diagonal()) if matrix is slopes else np.zeros(problem.n)
+            for i, row in enumerate(rational(matrix)):
+                exact = sum(a * x for a, x in zip(row, v, strict=True)) - Fraction(float(own[i])) * v[i]
+                assert Fraction(float(bound[i])) <= exact
+    assert proved >= 80
+
+
 class TestScalingVectors:
     @settings(max_examples=60, deadline=None)
     @given(seed=st.integers(0, 10**9))

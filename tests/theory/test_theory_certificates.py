@@ -378,6 +378,51 @@ class TestRepresentatives:
         proof = representatives.prove(icp.ICP(rows[:, None] * A * columns, np.zeros(n)))
         assert isinstance(proof, Proof) == (min(minors) > 1e-9)
 
+    def test_rows_without_obstacle_are_rows_of_a_linear_system(self):
+        """A = [1, 2; 2, 1] has a negative minor, but with both rows free z is the solution of Az = −q."""
+        problem = icp.ICP([[1.0, 2.0], [2.0, 1.0]], [-3.0, -3.0], -np.inf)
+        bound = icp.error_bound(problem, [1.5, 1.0], sharp=False)
+        assert 0.5 <= bound.value <= 1.0
+        assert not icp.error_bound(problem.with_psi([-np.inf, 0.0]), [1.5, 1.0]).unique
+        apart = icp.ICP(np.eye(2), [-1.0, -1.0], -np.inf)
+        delta, _ = representatives.prove(apart).bound(apart, np.zeros(2), *apart.rounding(np.zeros(2)))
+        assert delta == pytest.approx([1.0, 1.0])
+
+    def test_the_inverses_are_never_below_the_exact_ones(self):
+        """K_ij and H_ij in their units, for matrices that are singular to all but a few digits."""
+        rng = np.random.default_rng(0)
+        proved = 0
+        for exponent in rng.uniform(2, 13, 60):
+            n = 2
+            A = np.outer(rng.uniform(1, 2, n), rng.uniform(1, 2, n)) + 10.0**-exponent * np.eye(n)
+            problem = icp.ICP(A, np.zeros(n))
+            proof = representatives.prove(problem)
+            if isinstance(proof, str):
+                continue
+            proved += 1
+            unit = [fractions(row) for row in np.eye(n)]
+            for from_B in product((False, True), repeat=n):
+                V = [unit[i] if from_B[i] else fractions(A)[i] for i in range(n)]
+                for j in range(n):
+                    column = solve_exactly(V, unit[j])
+                    size, row = (proof.H, proof.row_r) if from_B[j] else (proof.K, proof.row_p)
+                    for i in range(n):
+                        scale = Fraction(2) ** int(row[j] + proof.column[i])
+                        assert abs(column[i]) <= Fraction(size[i, j]) * scale
+        assert proved >= 30
+
+    def test_a_determinant_that_rounding_made_is_no_proof(self):
+        """[a, b; c, bc/a]: the determinant is some 1e-17 of either sign, or zero."""
+        rng = np.random.default_rng(0)
+        for _ in range(200):
+            a, b, c = rng.uniform(1, 2, 3)
+            d = b * c / a
+            proof = representatives.prove(icp.ICP([[a, b], [c, d]], [0.0, 0.0]))
+            exact = Fraction(a) * Fraction(d) - Fraction(b) * Fraction(c)
+            assert isinstance(proof, str) or exact > 0
+            if isinstance(proof, str) and "opposite signs" in proof:
+                assert exact < 0
+
     def test_the_cyclic_matrix_is_covered(self):
         """Neither an H₊-matrix nor positive definite; z* = (1, 1, 1)/3."""
         problem = icp.scenes.hand_cyclic().problem
@@ -476,6 +521,36 @@ class TestSupersolution:
             p = sum(a * y for a, y in zip(rows[i], x, strict=True)) + Fraction(q[i])
             assert p >= m * Fraction(weight[i])
             assert all(x[i] - x[g.index(1)] - c >= m for g, c in obstacles[i])
+
+    def test_the_margin_counts_the_rounding_of_a_jump(self):
+        """s of 1e8 against jumps at the cost of 0.1: the difference is computed to 1e-8."""
+        rng = np.random.default_rng(0)
+        for _ in range(40):
+            s, cost = 1e8 * rng.random(2), rng.random()
+            s[0] = s[1] + 2 * rng.random()
+            psi = icp.Intervention(sp.csr_array(([-cost], ([0], [1])), shape=(2, 2)))
+            m = supersolution._margin(icp.ICP(np.eye(2), [1e9, 1e9], psi), np.ones(2), s)
+            assert Fraction(m) <= Fraction(s[0]) - Fraction(s[1]) + Fraction(cost)
+
+    @pytest.mark.parametrize("side", [-1.0, 1.0])
+    def test_the_rounding_of_p_counts_on_either_side(self, side):
+        """Without couplings and jumps the bound is attained: what rounding hides from p is missing at once."""
+        rng = np.random.default_rng(0)
+        psi = icp.Intervention(sp.csr_array(([-1e12], ([0], [1])), shape=(2, 2)))
+        for _ in range(40):
+            a, q = rng.uniform(2, 4, 2), -1e8 * rng.random(2)
+            problem = icp.ICP(np.diag(a), q, psi)
+            proof = supersolution.prove(problem)
+            exact = [-Fraction(y) / Fraction(x) for x, y in zip(a, q, strict=True)]
+            z = np.array([float(x) for x in exact]) + side * 1e-2 * rng.random(2)
+            assert holds(proof, problem, z, exact)
+
+    def test_row_sums_of_exactly_zero_are_told_from_negative_ones(self):
+        jumps = sp.csr_array(([-1.0], ([0], [1])), shape=(2, 2))
+        for entry, proved in ((-1.0, True), (-1.0 - 2.0**-20, False), (-1.0 - 2.0**-52, False)):
+            found = supersolution.prove(icp.ICP([[1.0, entry], [0.0, 1.0]], [-1.0, 1.0], icp.Intervention(jumps)))
+            assert isinstance(found, str) != proved
+            assert proved or "A1 >= 0 is needed" in found
 
     @pytest.mark.parametrize("size", [2.0**-300, 2.0**300])
     def test_it_grows_with_the_units_of_z(self, size):

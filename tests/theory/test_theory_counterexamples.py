@@ -311,8 +311,8 @@ class TestErrorBound:
             (icp.ICP([[-1.0]], [0.0]), r"A\[0, 0\] = -1 is not positive"),
             (icp.ICP([[1.0]], [0.0], np.sin), "no Lipschitz matrix"),
             (icp.ICP([[1.0]], [0.0], icp.Affine([[1.0]])), "psi moves too much"),
-            (icp.ICP([[1.0, 2.0], [2.0, 1.0]], [0.0, 0.0]), "not an H"),
-            (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [0.0, 0.0]), "not an H"),
+            (icp.ICP([[1.0, 2.0], [2.0, 1.0]], [0.0, 0.0]), "not proved to be an H"),
+            (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [0.0, 0.0]), "not proved to be an H"),
         ],
     )
     def test_without_a_certificate_the_reason_is_given(self, problem, words):
