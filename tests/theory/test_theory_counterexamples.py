@@ -213,7 +213,7 @@ class TestCyclicPMatrix:
         assert solution.status.advice
 
     def test_it_is_not_h_plus_but_its_principal_minors_are_a_certificate(self):
-        assert "not an H+-matrix" in h_plus.prove(self.problem)
+        assert "not proved to be an H+-matrix" in h_plus.prove(self.problem)
         bound = icp.error_bound(self.problem, np.full(3, 1 / 3))
         assert bound.value < 1e-14
         assert "P-matrix" in bound.proof
