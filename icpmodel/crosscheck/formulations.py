@@ -26,7 +26,7 @@ from ..errors import MapError
 from ..maps import Affine, Constant, Function, Map
 from ..problem import ICP, UNIT_ROUNDOFF
 from ..theory.bounds import ErrorBound, error_bound
-from ..theory.definiteness import Definiteness, definiteness
+from ..theory.classes import MatrixClasses, classify
 
 
 @dataclass(frozen=True)
@@ -101,13 +101,13 @@ class Target:
         return sp.csr_array(half + half.T)
 
     @cached_property
-    def convexity(self) -> Definiteness:
+    def convexity(self) -> MatrixClasses:
         """Whether S is positive (semi)definite; S = 2A where A is symmetric and ψ constant.
 
-        >>> Target(ICP([[2.0]], [-1.0])).convexity.definite
+        >>> Target(ICP([[2.0]], [-1.0])).convexity.definite.holds
         True
         """
-        return definiteness(self.curvature)
+        return classify(self.curvature)
 
     @cached_property
     def at_zero(self) -> ErrorBound:
@@ -129,7 +129,7 @@ class Target:
         >>> Target(ICP([[1.0, 2.0], [2.0, 1.0]], [-1.0, -1.0])).unique
         False
         """
-        return self.at_zero.unique or self.convexity.definite is True
+        return self.at_zero.unique or self.convexity.definite.holds is True
 
     def why_not(self, form: str) -> str | None:
         """Why `form` ("energy", "gap" or "mpec") does not apply, in one sentence; None where it does.
@@ -146,10 +146,12 @@ class Target:
                 return "psi is not constant"
             if not _is_symmetric(self.problem.A):
                 return "A is not symmetric"
-        if self.convexity.semidefinite:
+        # rounding does not make a QP nonconvex for a solver
+        convex = self.convexity.semidefinite_up_to_rounding
+        if convex.holds:
             return None
-        failed = "is not" if self.convexity.semidefinite is False else "could not be shown to be"
-        return f"{matrix} {failed} positive semidefinite: {self.convexity.reason}"
+        failed = "is not" if convex.holds is False else "could not be shown to be"
+        return f"{matrix} {failed} positive semidefinite: {convex.reason}"
 
     def qp(self, form: str) -> QP:
         """The problem as "energy" or "gap"; call it only where `why_not` is None.

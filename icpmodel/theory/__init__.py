@@ -4,7 +4,6 @@ from .active_set import ActiveSet, active_set
 from .answers import Answer
 from .bounds import ErrorBound, error_bound
 from .classes import MatrixClasses, classify
-from .definiteness import Definiteness, definiteness
 from .pmatrix import p_matrix
 from .rates import Rate, predicted_rate
 from .scaling import comparison_matrix
@@ -14,7 +13,6 @@ __all__ = [
     "ActiveSet",
     "Answer",
     "Check",
-    "Definiteness",
     "ErrorBound",
     "MatrixClasses",
     "Rate",
@@ -23,7 +21,6 @@ __all__ = [
     "check_all",
     "classify",
     "comparison_matrix",
-    "definiteness",
     "error_bound",
     "p_matrix",
     "predicted_rate",

@@ -107,30 +107,35 @@ class MatrixClasses:
         return Answer(False, f"A[{i}, {j}] = {self.A[i, j]:g} but A[{j}, {i}] = {self.A[j, i]:g}", (i, j))
 
     @cached_property
-    def _curvature(self) -> tuple[Answer, Answer]:
-        from .symmetric_part import curvature
+    def _definiteness(self) -> tuple[Answer, Answer]:
+        from .definiteness import definiteness
 
-        return curvature(self.A)
+        return definiteness(self.A)
 
     @cached_property
     def definite(self) -> Answer:
         """xᵀAx > 0 for all x ≠ 0, A symmetric or not. Witness of no: x ≠ 0 with xᵀAx ≤ 0."""
-        diagonal = self.A.diagonal()
-        if (diagonal <= 0).any():
-            i = int(np.argmax(diagonal <= 0))
-            return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", np.eye(1, self.A.shape[0], i)[0])
         if self.symmetric.holds and self.h_plus.holds:
             return Answer(True, "symmetric and H+-matrix")
-        return self._curvature[0]
+        return self._definiteness[0]
 
     @cached_property
     def semidefinite(self) -> Answer:
         """xᵀAx ≥ 0 for all x, A symmetric or not. Witness of no: x with xᵀAx < 0."""
-        diagonal = self.A.diagonal()
-        if (diagonal < 0).any():
-            i = int(np.argmax(diagonal < 0))
-            return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is negative", np.eye(1, self.A.shape[0], i)[0])
-        return self.definite if self.definite.holds else self._curvature[1]
+        return self.definite if self.definite.holds else self._definiteness[1]
+
+    @cached_property
+    def semidefinite_up_to_rounding(self) -> Answer:
+        """Semidefinite, or within rounding errors of a matrix that is, such as a computed BᵀB; the reason says which.
+
+        Witness of no: as for `semidefinite`.
+        """
+        from .definiteness import semidefinite_up_to_rounding
+
+        if self.semidefinite.holds:
+            return self.semidefinite
+        found = semidefinite_up_to_rounding(self.A)
+        return found if found.holds else self.semidefinite
 
     @cached_property
     def p(self) -> Answer:

@@ -34,12 +34,12 @@ import scipy.sparse as sp
 from ..arrays import Vector, row_of
 from ..maps import Affine, Constant
 from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
-from .eigenvalue import largest_above, smallest_below, symmetric_lu
+from .eigenvalue import largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
 from .proof import Proof, norm_up
 from .rounding import upper
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
-_LARGEST = 50_000
+LARGEST = 50_000
 #: products in AᵀB, which has no more entries: a dense A with n = 1000 has as many
 _LARGEST_WORK = 2_000_000
 #: the row takes u = p where p < θr, in scaled units
@@ -147,9 +147,9 @@ def _prove(problem: ICP) -> DefiniteProof | str:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
     B, L = _slopes(problem)
     work = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
-    if n > _LARGEST or work > _LARGEST_WORK:
+    if n > LARGEST or work > _LARGEST_WORK:
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
-    exponent = -np.rint(np.log2(diagonal) / 2).astype(np.int64)
+    exponent = unit_exponents(diagonal)
     scaled = [_scaled(X, left, exponent) for X, left in ((A, exponent), (B, -exponent), (L, -exponent))]
     if not all(exact for _, exact in scaled):
         return "A is not tested for definiteness: scaled to a diagonal of 1, its entries or those of psi underflow"
@@ -165,6 +165,8 @@ def _prove(problem: ICP) -> DefiniteProof | str:
     M = sp.csr_array(At @ B) if coupled else At
     H = sp.csr_array(0.5 * (M + M.T))
     slack += 4 * UNIT_ROUNDOFF * float(abs(H).sum(axis=1).max()) + underflow
+    if not within_reach(H):
+        return f"{name} is not tested for definiteness: with n = {n} it is too large to be factorised"
     lu = symmetric_lu(H)
     smallest = smallest_below(H, slack, lu)
     if lu is None or not smallest > 0:

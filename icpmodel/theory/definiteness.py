@@ -1,132 +1,205 @@
-"""Is a symmetric matrix positive definite? Decided by Gershgorin's discs or a factorisation, with a witness if not."""
+"""Is (A + Aᵀ)/2 positive (semi)definite? By exact row sums, by a factorisation with its error, in rational arithmetic.
+
+Every yes and no is proved, rounding included. The factorisation is that of S = (A + Aᵀ)/2 in units, powers of two, in
+which its diagonal lies between 1/2 and 2, so that large rows do not hide small ones: congruence with a positive
+diagonal keeps the signs of all eigenvalues (Sylvester). `eigenvalue.above` says what it proves.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from fractions import Fraction
+from math import fsum
+from operator import mul
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
-from ..arrays import Vector, row_of
-from ..problem import UNIT_ROUNDOFF
+from ..arrays import Vector, as_csr, row_of
+from ..problem import SMALLEST, UNIT_ROUNDOFF
+from . import exact
+from .answers import Answer
+from .eigenvalue import above, falling, unit_exponents, within_reach
+from .h_matrix import by_row_sums, row_sum_signs
+from .scaling import comparison_matrix
+from .units import in_units
 
-
-@dataclass(frozen=True)
-class Definiteness:
-    """What is known of the smallest eigenvalue of a symmetric matrix S.
-
-    `semidefinite` is True (S ≥ 0 up to rounding), False (proved by `witness`, a unit vector x with xᵀSx < 0) or None
-    (undecided); `definite` likewise for S > 0; `reason` is a sentence.
-
-    >>> definiteness(sp.csr_array([[2.0, -1.0], [-1.0, 2.0]])).definite
-    True
-    """
-
-    semidefinite: bool | None
-    definite: bool | None
-    reason: str
-    witness: Vector | None = None
+#: rows up to which rational elimination is asked
+_RATIONAL = 30
+#: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
+_SHIFT = 2.0**-38
+#: what may be called rounding in a matrix with a diagonal of about 1
+_ROUNDING = 2.0**-26
 
 
-def definiteness(S: sp.csr_array) -> Definiteness:
-    """Decide whether the symmetric matrix `S` (CSR, n × n) is positive (semi)definite.
+def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
+    """Whether the symmetric part of `A` (CSR, shape (n, n), diagonal stored) is positive definite, and semidefinite.
 
-    Gershgorin: s_ii ≥ Σ|s_ij| in every row proves semidefiniteness, with > definiteness. Otherwise S, its
-    diagonal scaled to 1, plus δI, δ the size of the factorisation's own rounding, is factorised with diagonal pivots:
-    that is LDLᵀ up to a symmetric permutation, and by Sylvester's law D has the signs of the eigenvalues. A negative
-    pivot gives a vector x, which is checked. S is called definite only if the pivots with −δI are positive as well: a
-    positive pivot of S itself is no eigenvalue.
+    True rests on the row sums of A + Aᵀ, taken without rounding, or on a factorisation with a bound on its error. Up to
+    n = 30, what is left open is decided in rational arithmetic; an exactly singular matrix may stay open beyond.
+    The witness of False is an x, shape (n,), with xᵀAx ≤ 0 (definite), xᵀAx < 0 (semidefinite), checked.
+    Reference: `eigenvalue.above`.
 
-    >>> found = definiteness(sp.csr_array([[1.0, 2.0], [2.0, 1.0]]))
-    >>> found.semidefinite, bool(found.witness @ [[1.0, 2.0], [2.0, 1.0]] @ found.witness < 0)
+    >>> definite, semidefinite = definiteness(sp.csr_array([[1.0, -1.0], [-1.0, 1.0]]))
+    >>> definite.holds, semidefinite.holds
     (False, True)
-    >>> definiteness(sp.csr_array((3, 3))).semidefinite
-    True
-    >>> definiteness(sp.csr_array([[1.0, -1.0], [-1.0, 1.0]])).definite is None
-    True
     """
-    S = sp.csr_array(S)
-    n = S.shape[0]
-    diagonal = S.diagonal()
-    radius = np.asarray(abs(S).sum(axis=1)).reshape(-1) - np.abs(diagonal)
-    if (diagonal > radius).all():
-        return Definiteness(True, True, "strictly diagonally dominant with positive diagonal (Gershgorin)")
-    semidefinite = bool((diagonal >= radius).all())
-    if (diagonal < 0).any():
-        i = int(np.argmin(diagonal))
-        return Definiteness(
-            False, False, f"its diagonal entry {diagonal[i]:g} in row {i} is negative", np.eye(1, n, i)[0]
-        )
-    if not S.nnz or not S.data.any():
-        return Definiteness(True, False, "zero matrix")
-    witness = _witness_of_two(S, diagonal)
-    if witness is not None:
-        return _indefinite(S, witness)
-    # the same inertia with a diagonal of ones, so that large rows do not hide small ones
-    weight = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    scaled = sp.csr_array(sp.diags_array(weight) @ S @ sp.diags_array(weight))
-    delta = 8 * n * UNIT_ROUNDOFF * float(np.asarray(abs(scaled).sum(axis=1)).max())
-    smallest, witness = _smallest_pivot(sp.csr_array(scaled + delta * sp.eye_array(n)))
-    if smallest is not None and smallest > 0:
-        lower, _ = _smallest_pivot(sp.csr_array(scaled - delta * sp.eye_array(n)))
-        definite = True if lower is not None and lower > 0 else None
-        name = "definite" if definite else "semidefinite up to rounding"
-        return Definiteness(True, definite, f"positive {name}: all pivots of its LDL^T factorisation are positive")
-    if semidefinite:
-        return Definiteness(True, None, "diagonally dominant with nonnegative diagonal (Gershgorin)")
-    if witness is not None:
-        return _indefinite(S, weight * witness)
-    return Definiteness(None, None, _UNDECIDED)
+    n, diagonal = A.shape[0], A.diagonal()
+    definite = semidefinite = Answer(None, "")
+    i = int(np.argmin(diagonal))
+    if diagonal[i] <= 0:
+        sign = "negative" if diagonal[i] < 0 else "not positive"
+        definite = Answer(False, f"its diagonal entry {diagonal[i]:g} in row {i} is {sign}", np.eye(1, n, i)[0])
+        if diagonal[i] < 0:
+            return definite, definite
+    S = _twice_symmetric_part(A)
+    if S is not None:
+        rows, _ = by_row_sums(S)
+        if rows.holds:
+            return (answer := Answer(True, f"H+-matrix: {rows.reason}")), answer
+        if (row_sum_signs(comparison_matrix(S)) >= 0).all():
+            semidefinite = Answer(True, "diagonally dominant with nonnegative diagonal")
+        if rows.holds is False and _sum_within(A, rows.witness) <= 0:
+            definite = Answer(False, "x'Ax <= 0 for the witness x", rows.witness)
+    if definite.holds is None or semidefinite.holds is None:
+        found = _by_pivots(A)
+        if found.holds is not None:
+            return found, found
+        if n <= _RATIONAL:
+            return _in_fractions(A)
+        definite, semidefinite = (found if answer.holds is None else answer for answer in (definite, semidefinite))
+    return definite, semidefinite
 
 
-_UNDECIDED = "its factorisation met a pivot of either sign within rounding"
+def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
+    """Whether the symmetric part of `A` (CSR, shape (n, n), diagonal stored) is semidefinite as far as floats can tell.
+
+    True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, a negative number of
+    the size of rounding errors. What is computed as BᵀB is such a matrix, and a convex QP solver takes it. None for all
+    others.
+
+    >>> B = np.array([[0.1, 0.2, 0.3]])
+    >>> found = semidefinite_up_to_rounding(sp.csr_array(B.T @ B))
+    >>> found.holds, -1e-13 < found.number < 0
+    (True, True)
+    """
+    T, _, _ = _in_own_units(A)
+    if (T.diagonal() >= 0).all() and within_reach(T):
+        bound = above(T, -_rounding_of(T))
+        if bound > -_ROUNDING:
+            reason = f"semidefinite up to rounding: no eigenvalue is below {bound:.2g} of its diagonal"
+            return Answer(True, reason, None, bound)
+    return Answer(None, "not shown to be semidefinite up to rounding")
 
 
-def _indefinite(S: sp.csr_array, x: Vector) -> Definiteness:
-    """Indefinite with the witness `x`, brought to unit length, if xᵀSx is indeed negative."""
-    x = x / np.abs(x).max()
-    x /= np.linalg.norm(x)
-    curvature = float(x @ (S @ x))
-    if not curvature < 0:
-        return Definiteness(None, None, _UNDECIDED)
-    return Definiteness(False, False, f"indefinite: x'Sx = {curvature:.3g} for a unit vector x", x)
+def _twice_symmetric_part(A: sp.csr_array) -> sp.csr_array | None:
+    """A + Aᵀ with its diagonal stored if no entry was rounded, else None."""
+    T = sp.csr_array(A.T)
+    if (A != T).nnz == 0:
+        return A
+    with np.errstate(all="ignore"):
+        S = sp.csr_array(A + T)
+        # x = fl(a + b) is exact if x - a is b and x - b is a
+        if not np.isfinite(S.data).all() or ((S - A) != T).nnz or ((S - T) != A).nnz:
+            return None
+    return as_csr(S, "A + A'", keep_diagonal=True)
 
 
-def _witness_of_two(S: sp.csr_array, diagonal: Vector) -> Vector | None:
-    """x with two nonzero entries and xᵀSx < 0 where |s_ij| > √(s_ii s_jj) plainly; no semidefinite S has that."""
-    rows, root = row_of(S), np.sqrt(diagonal)
-    off = rows != S.indices
-    excess = np.abs(S.data) > root[rows] * root[S.indices] * (1 + 1e-8)
-    found = np.flatnonzero(off & excess & (S.data != 0))
-    if not found.size:
+def _in_own_units(A: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array, NDArray[np.int64]]:
+    """((M + Mᵀ)/2, M, e) with m_ij = 2^(e_i + e_j)a_ij, a diagonal of about 1 where a_ii > 0, and |m_ij| ≤ 2^900.
+
+    Where both cannot be, the diagonal is far smaller than the other entries of its row or column: A is indefinite.
+    """
+    _, size = np.frexp(A.data)
+    largest = np.full(A.shape[0], -1074)
+    np.maximum.at(largest, row_of(A), size)
+    np.maximum.at(largest, A.indices, size)
+    # (900 - E_i)/2 + (900 - E_j)/2 + min(E_i, E_j) is at most 900
+    limit, diagonal = (900 - largest) // 2, A.diagonal()
+    e = np.where(diagonal > 0, np.minimum(unit_exponents(diagonal), limit), limit)
+    M = in_units(A, e, e)
+    with np.errstate(under="ignore"):
+        return sp.csr_array(0.5 * M + 0.5 * M.T), M, e
+
+
+def _rounding_of(T: sp.csr_array) -> float:
+    return 8 * (T.shape[0] + 8) * UNIT_ROUNDOFF * float(abs(T).sum(axis=1).max())
+
+
+def _by_pivots(A: sp.csr_array) -> Answer:
+    """Positive definite, or indefinite with a witness, or None."""
+    n, (T, M, e) = A.shape[0], _in_own_units(A)
+    x = _witness_of_two(T)
+    if x is None:
+        if not within_reach(T):
+            return Answer(None, f"not diagonally dominant, and with n = {n} too large to be factorised")
+        if (T.diagonal() > 0).all() and _factorises(T):
+            return Answer(True, "all pivots are positive, less a margin for rounding")
+        # the shift keeps zero pivots away
+        x = falling(sp.csr_array(T + _rounding_of(T) * sp.eye_array(n)))
+    if x is not None and np.isfinite(x).all():
+        with np.errstate(under="ignore"):
+            shift = e - e[x != 0].max()
+            x = np.ldexp(x / np.abs(x).max(), shift)
+            # what of it is left in the units of A goes back without rounding
+            if _is_negative(M, np.ldexp(x, -shift)):
+                return Answer(False, "indefinite: x'Ax < 0 for the witness x", x)
+    return Answer(None, "its factorisation met a pivot of either sign within rounding")
+
+
+def _factorises(T: sp.csr_array) -> bool:
+    """Whether T is proved positive definite."""
+    bound = above(T, _SHIFT)
+    if -np.inf < bound <= 0:  # rounding is larger than the shift: twice as much as rounding does if any does
+        bound = above(T, 2 * (_SHIFT - bound))
+    return bound > 0
+
+
+def _witness_of_two(T: sp.csr_array) -> Vector | None:
+    """x with two nonzero entries and xᵀTx < 0 where |t_ij| > √(t_ii t_jj) plainly; no semidefinite T has that."""
+    rows, root = row_of(T), np.sqrt(np.maximum(T.diagonal(), 0.0))
+    excess = (np.abs(T.data) > root[rows] * root[T.indices] * (1 + 1e-8)) & (rows != T.indices)
+    if not excess.any():
         return None
-    k = int(found[np.argmax(np.abs(S.data[found]))])
-    i, j, s = int(rows[k]), int(S.indices[k]), float(S.data[k])
-    if diagonal[i] == 0:
+    k = int(np.argmax(np.where(excess, np.abs(T.data), 0.0)))
+    i, j, t = int(rows[k]), int(T.indices[k]), float(T.data[k])
+    if root[i] == 0:
         i, j = j, i
-    x = np.zeros(S.shape[0])
-    if diagonal[j] > 0:  # both are positive: in their units the value is 2 - 2|s|/sqrt(s_ii s_jj)
-        x[i], x[j] = 1.0 / root[i], -np.sign(s) / root[j]
-    else:  # linear in x_j: far enough out it is negative
-        x[i], x[j] = 1.0, -np.sign(s) * (diagonal[i] / abs(s) + 1.0)
+    x = np.zeros(T.shape[0])
+    # where t_jj = 0 the form is linear in x_j: far enough out it is negative
+    x[i], x[j] = 1.0, -np.sign(t) * (root[i] / root[j] if root[j] > 0 else root[i] ** 2 / abs(t) + 1.0)
     return x
 
 
-def _smallest_pivot(S: sp.csr_array) -> tuple[float | None, Vector | None]:
-    """The smallest pivot of S = LDLᵀ (diagonal pivots only) and, where it is negative, a unit x with xᵀSx < 0."""
-    from scipy.sparse.linalg import splu, spsolve_triangular
+def _is_negative(A: sp.csr_array, x: Vector) -> bool:
+    """Whether xᵀAx < 0, rounding included, `A` known to the smallest float; |a_ij| ≤ 2^900 and |x_i| ≤ 1."""
+    k = int(np.diff(A.indptr).max()) + 4
+    size = fsum(np.abs(x) * (abs(A) @ np.abs(x)))
+    return fsum(x * (A @ x)) + 2 * k * UNIT_ROUNDOFF * size + A.shape[0] * k * SMALLEST < 0
 
+
+def _sum_within(A: sp.csr_array, x: Vector) -> Fraction:
+    """xᵀAx for a vector of zeros and ones, exactly."""
+    inside = A.data[(x[row_of(A)] != 0) & (x[A.indices] != 0)]
     try:
-        lu = splu(sp.csc_array(S), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    except RuntimeError:
-        return None, None
-    if not np.array_equal(lu.perm_r, lu.perm_c):
-        return None, None
-    pivots = lu.U.diagonal()
-    k = int(np.argmin(pivots))
-    if pivots[k] > 0:
-        return float(pivots[k]), None
-    # L^T y = e_k gives y^T (P S P^T) y = pivot_k
-    y = spsolve_triangular(sp.csr_array(lu.L.T), np.eye(1, S.shape[0], k)[0], lower=False)
-    x = np.asarray(y)[lu.perm_c]
-    return float(pivots[k]), x / np.linalg.norm(x)
+        return Fraction(fsum(inside))  # of the right sign
+    except OverflowError:
+        return sum(map(Fraction, inside.tolist()), Fraction(0))
+
+
+def _in_fractions(A: sp.csr_array) -> tuple[Answer, Answer]:
+    M = exact.rationals(A)
+
+    def form(x: list[Fraction]) -> Fraction:
+        return sum((x_i * sum(map(mul, row, x)) for x_i, row in zip(x, M, strict=True)), Fraction(0))
+
+    S = [[M[i][j] + M[j][i] for j in range(len(M))] for i in range(len(M))]
+    semidefinite, _, x = exact.curvature(S)
+    how = "pivots in rational arithmetic"
+    if x is None:
+        return (answer := Answer(True, f"positive {how}")), answer
+    if semidefinite:
+        witness = exact.as_witness(x, lambda x: form(x) == 0)
+        return Answer(False, "x'Ax = 0 for the witness x", witness), Answer(True, f"nonnegative {how}")
+    witness = exact.as_witness(x, lambda x: form(x) < 0)
+    return (answer := Answer(False, "indefinite: x'Ax < 0 for the witness x", witness)), answer

@@ -6,45 +6,61 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
+from ..arrays import Vector, row_of
 from ..problem import SMALLEST, UNIT_ROUNDOFF
 from .rounding import upper
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
 _SHARES = (0.99, 0.9, 0.5)
-#: up to here all eigenvalues cost less than one sparse factorisation
-_DENSE = 64
+#: up to so many rows dense factorisations are the quicker ones for all, and for those with many entries
+_DENSE, _DENSE_AT_MOST = 64, 2000
+#: rows up to which all is factorised, which takes seconds, and half the bandwidth up to which more are: a factorisation
+#: took (b/1200)³ · 8 s on grids of two and three dimensions
+_SMALL, _WIDEST = 10_000, 1500
 #: steps of the power method; each makes the bound sharper, none makes it false
 _POWER_STEPS = 40
+
+
+def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
+    """A lower bound c − ε of λ_min of a symmetric matrix by a factorisation of S − cI, −inf where a pivot is not > 0.
+
+    Dense S: a Cholesky factorisation that runs to its end has a backward error of norm ≤ γ_{n+1}trace(S − cI). Sparse
+    S: P(S − cI)Pᵀ + ΔT = LU by diagonal pivots with |ΔT| ≤ γ|L||U|. With D = diag(U) > 0 and U = DLᵀ + ΔU it is
+    LDLᵀ + (LΔU − ΔT), a positive definite matrix and a bracket that is symmetric as the other two are, so that its
+    ∞-norm, ‖|L||ΔU|1 + γ|L||U|1‖_∞ at most, bounds its eigenvalues.
+
+    Parameters: `S` symmetric, CSR, shape (n, n), finite, known to one rounding of its entries and, beyond that, to
+    `slack` in norm; not all of it below 1e-280, where underflow would count.
+    Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), theorems 9.3, 10.5; Rump, BIT 46 (2006).
+
+    >>> 0.99 <= above(sp.csr_array([[3.0, -1.0], [-1.0, 3.0]]), 1.0) <= 1.0
+    True
+    """
+    n = S.shape[0]
+    shifted = sp.csr_array(S - c * sp.eye_array(n))
+    error = _error_of_cholesky(shifted) if is_dense(S) else _distance_from_definite(shifted)
+    rounding = 4 * UNIT_ROUNDOFF * (float(abs(S).sum(axis=1).max()) + float(np.abs(shifted.diagonal()).max()))
+    return c - 1.01 * (error + rounding + slack + n * SMALLEST)
 
 
 def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None) -> float:
     """A lower bound of λ_min(S), S the symmetric part of a matrix that differs from `M` by at most `slack` in norm.
 
-    An estimate of λ_min gives c < λ_min, and S − cI is factorised with diagonal pivots, P(S − cI)Pᵀ + ΔT = LU with
-    |ΔT| ≤ γ|L||U|. With D = diag(U) > 0 and U = DLᵀ + ΔU it is LDLᵀ + (LΔU − ΔT), a positive definite matrix and a
-    bracket that is symmetric as the other two are, so that its ∞-norm bounds its eigenvalues: λ_min(S) ≥
-    c − ‖|L||ΔU|1 + γ|L||U|1‖_∞. Rounding of S and of S − cI is added.
-
-    Parameters: `M` CSR, shape (n, n), with a diagonal of about the size 1; `lu` its `symmetric_lu`, where it is
-    symmetric and that is at hand. Returns the bound, −inf where none was found; above 0 it proves S positive definite.
-    Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), theorem 9.3; Rump, BIT 46 (2006).
+    `above` at a little less than an estimate of λ_min. Parameters: `M` CSR, shape (n, n), with a diagonal of about the
+    size 1; `lu` its `symmetric_lu`, where it is symmetric and that is at hand. Returns the bound, −inf where none was
+    found; above 0 it proves S positive definite.
 
     >>> 1.97 <= smallest_below(sp.csr_array([[3.0, -1.0], [-1.0, 3.0]])) <= 2.0
     True
     """
     S = sp.csr_array(0.5 * (M + M.T))
-    n = S.shape[0]
-    estimate = _estimate(S, lu)
+    estimate = _estimate(S, lu) if np.isfinite(S.data).all() else -np.inf
     if not estimate > 0:
         return -np.inf
-    rounding = 4 * UNIT_ROUNDOFF * float(abs(S).sum(axis=1).max()) + n * SMALLEST
-    for share in _SHARES:
-        c = share * estimate
-        bound = c - 1.01 * (_distance_from_definite(S, c) + rounding + slack)
-        if bound > 0:
-            return bound
-    return -np.inf
+    bounds = (above(S, share * estimate, slack) for share in _SHARES)
+    return next((bound for bound in bounds if bound > 0), -np.inf)
 
 
 def largest_above(N: sp.csr_array) -> float:
@@ -65,13 +81,78 @@ def largest_above(N: sp.csr_array) -> float:
             break
         # half of the old v keeps a bipartite T from swinging, the floor every entry positive
         v = np.maximum(0.5 * (v + w / largest), 1e-6)
-    return float((upper(T, v) / v).max()) * (1 + 8 * UNIT_ROUNDOFF) + T.nnz * SMALLEST
+    return float((upper(T, v) / v).max()) * (1 + 8 * UNIT_ROUNDOFF) + T.nnz * SMALLEST / float(v.min())
+
+
+def falling(S: sp.csr_array) -> Vector | None:
+    """An x ≠ 0, shape (n,), about which xᵀSx < 0 is likely, None where the symmetric `S` (CSR) seems to have none.
+
+    >>> abs(falling(sp.csr_array([[1.0, 2.0], [2.0, 1.0]]))).round(3)
+    array([0.707, 0.707])
+    """
+    if is_dense(S):
+        from scipy.linalg import eigh
+
+        value, x = eigh(S.toarray(), subset_by_index=(0, 0))
+        return x[:, 0] if value[0] < 0 else None
+    from scipy.sparse.linalg import spsolve_triangular
+
+    lu = symmetric_lu(S)
+    if lu is None:
+        return None
+    pivots = lu.U.diagonal()
+    k = int(np.argmin(pivots))
+    if pivots[k] > 0:
+        return None
+    # L^T y = e_k gives y^T (P S P^T) y = pivot_k
+    y = spsolve_triangular(sp.csr_array(lu.L.T), np.eye(1, S.shape[0], k)[0], lower=False)
+    return np.asarray(y)[lu.perm_c]
+
+
+def is_dense(S: sp.csr_array) -> bool:
+    """Whether dense factorisations of `S` (CSR) are quicker than sparse ones.
+
+    >>> is_dense(sp.csr_array(sp.eye_array(1000)))
+    False
+    """
+    n = S.shape[0]
+    return n <= _DENSE or (n <= _DENSE_AT_MOST and 8 * S.nnz >= n * n)
+
+
+def within_reach(S: sp.csr_array) -> bool:
+    """Whether the symmetric `S` (CSR) can be factorised in seconds: a million rows on a plane, fewer in space.
+
+    Half the bandwidth b of S in the order of Cuthill and McKee is about the size of its separators.
+    Reference: George and Liu, Computer Solution of Large Sparse Positive Definite Systems (1981).
+
+    >>> within_reach(sp.csr_array(sp.eye_array(1000)))
+    True
+    """
+    if S.shape[0] <= _SMALL:
+        return True
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    order = reverse_cuthill_mckee(sp.csr_matrix(S), symmetric_mode=True)
+    place = np.empty_like(order)
+    place[order] = np.arange(order.size)
+    return bool(np.abs(place[row_of(S)] - place[S.indices]).max() <= _WIDEST)
+
+
+def unit_exponents(diagonal: Vector) -> NDArray[np.int64]:
+    """Whole e with 2^(2e_i)d_i between 1/2 and 2 for the entries d_i > 0 of `diagonal`, shape (n,), and e_i = 0 else.
+
+    >>> unit_exponents(np.array([1.0, 16.0, 0.0]))
+    array([ 0, -2,  0])
+    """
+    return -np.rint(np.log2(np.where(diagonal > 0, diagonal, 1.0)) / 2).astype(np.int64)
 
 
 def _estimate(S: sp.csr_array, lu: Any) -> float:
     """λ_min(S) by inverse iteration, or something not positive where S is seen to be indefinite. Proves nothing."""
-    if S.shape[0] <= _DENSE:
-        return float(np.linalg.eigvalsh(S.toarray())[0])
+    if is_dense(S):
+        from scipy.linalg import eigh
+
+        return float(eigh(S.toarray(), subset_by_index=(0, 0), eigvals_only=True)[0])
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
     lu = lu or symmetric_lu(S)
@@ -85,34 +166,45 @@ def _estimate(S: sp.csr_array, lu: Any) -> float:
         return -np.inf
 
 
-def _distance_from_definite(S: sp.csr_array, c: float) -> float:
-    """A bound on the norm of (S − cI) − LDLᵀ with D > 0, inf where a pivot is not positive."""
+def _error_of_cholesky(S: sp.csr_array) -> float:
+    """A bound on the norm of S − RᵀR, R the computed Cholesky factor, inf where there is none."""
     n = S.shape[0]
-    shifted = sp.csr_array(S - c * sp.eye_array(n))
-    lu = symmetric_lu(shifted)
+    try:
+        factor = np.linalg.cholesky(S.toarray())
+    except np.linalg.LinAlgError:
+        return np.inf
+    if not np.isfinite(factor).all():  # a pivot NaN stops no factorisation
+        return np.inf
+    return (n + 8) * (UNIT_ROUNDOFF * float(S.diagonal().sum()) + 8 * n * SMALLEST)
+
+
+def _distance_from_definite(S: sp.csr_array) -> float:
+    """A bound on the norm of S − LDLᵀ with D > 0, inf where a pivot is not positive."""
+    lu = symmetric_lu(S)
     if lu is None:
         return np.inf
-    L, U = sp.csr_array(lu.L), sp.csr_array(lu.U)
-    D = U.diagonal()
+    D = lu.U.diagonal()
     if not (D > 0).all():
         return np.inf
-    ones = np.ones(n)
+    L, U = sp.csr_array(lu.L), sp.csr_array(lu.U)
+    ones = np.ones(S.shape[0])
     exact = sp.csr_array(sp.diags_array(D) @ L.T)
     size = abs(U) @ ones + abs(exact) @ ones
     terms = int(np.diff(L.indptr).max()) + 8
     defect = abs(sp.csr_array(U - exact)) @ ones + 2 * terms * UNIT_ROUNDOFF * size
-    rounding = 2 * UNIT_ROUNDOFF * float(np.abs(shifted.diagonal()).max())
-    return float(upper(abs(L), defect).max()) + rounding
+    return float(upper(abs(L), defect).max())
 
 
 def symmetric_lu(S: sp.csr_array) -> Any:
-    """SuperLU of the symmetric matrix `S` (CSR, n × n) with diagonal pivots, None where one of them is zero.
+    """SuperLU of the symmetric matrix `S` (CSR, n × n) with diagonal pivots, None where one is zero or S not finite.
 
     >>> symmetric_lu(sp.csr_array([[2.0, 1.0], [1.0, 2.0]])).solve(np.array([3.0, 3.0]))
     array([1., 1.])
     """
     from scipy.sparse.linalg import splu
 
+    if not np.isfinite(S.data).all():
+        return None
     try:
         lu = splu(sp.csc_array(S), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:

@@ -8,11 +8,12 @@ t, so it converges, and the limit is a solution because ψ is continuous: the la
 up to the smallest. For M₁ = D the condition on X is φ ≥ |D − Ω|.
 
 **definite.** Let A be positive definite (xᵀAx > 0, symmetric or not), ψ constant (rows without obstacle included),
-M₁ = A, φ = 0, Ω any positive diagonal. Write A' = Ω^(−½)AΩ^(−½), also positive definite, and e = Ω^½(z − z*). Then
-e⁺ = (I − 2(A' + I)⁻¹(ΘA' + I − Θ))e = (A' + I)⁻¹(I − 2Θ)(A' − I)e with a diagonal 0 ≤ Θ ≤ I, so y = (A' − I)e has
-‖y⁺‖₂ ≤ σ‖y‖₂, σ = ‖(A' − I)(A' + I)⁻¹‖₂, and ‖(A' + I)x‖² − ‖(A' − I)x‖² = 4xᵀA'x gives
-σ² ≤ 1 − 4λ/(‖A'‖₂ + 1)² < 1, λ the smallest eigenvalue of the symmetric part of A'. Hence
-‖eᵏ‖ ≤ ‖(A' + I)⁻¹‖σᵏ⁻¹‖(A' − I)e⁰‖. It is a Peaceman–Rachford iteration.
+M₁ = A, φ = 0, Ω any positive diagonal. Write A' = Ω^(−½)AΩ^(−½), also positive definite, K = A' + I and
+e = Ω^½(z − z*). Then e⁺ = (I − 2K⁻¹(ΘA' + I − Θ))e = K⁻¹(I − 2Θ)(A' − I)e with a diagonal 0 ≤ Θ ≤ I, so w = Ke has
+‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A' − I)K⁻¹‖₂. With H the symmetric part of A', ‖Kx‖² − ‖(A' − I)x‖² = 4xᵀHx: σ² ≤ 1 − 4τ exactly
+if H − τKᵀK ≥ 0, which a factorisation proves, and some τ > 0 does it. For symmetric A' with eigenvalues λ,
+σ = max|1 − λ|/(1 + λ); for large others σ² ≤ 1 − 4λ_min(H)/(‖A'‖₂ + 1)². ‖Kx‖² = ‖x‖² + 2xᵀHx + ‖A'x‖² ≥ ‖x‖²,
+hence ‖eᵏ‖₂ ≤ σᵏ‖Ke⁰‖₂. It is a Peaceman–Rachford iteration.
 
 Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984); Peaceman and Rachford, J.
 SIAM 3 (1955); Ortega and Rheinboldt (1970), section 13.2, for monotone convergence.
@@ -26,11 +27,19 @@ import scipy.sparse as sp
 from ..arrays import row_of
 from ..intervention import Intervention
 from ..maps import Affine, Constant, Map
-from ..problem import UNIT_ROUNDOFF
-from .absolute import DENSE, is_diagonal
+from ..problem import SMALLEST, UNIT_ROUNDOFF
+from .absolute import is_diagonal
 from .answers import Answer
-from .definiteness import definiteness
+from .classes import MatrixClasses
+from .definite import LARGEST
+from .eigenvalue import is_dense, largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
 from .parts import Parts
+from .units import in_units
+
+#: products in (A + Ω)ᵀ(A + Ω), which has no more entries: up to here σ is sharp, at the price of a second or two
+_LARGEST_WORK = 400_000
+#: shares of τ that are given up for certainty; the first one does unless rounding is felt
+_SHARES, _SHARES_DENSE = (1e-3, 1e-2, 0.1, 0.5), (1e-13, 1e-11, 1e-9, 1e-6, 1e-3, 0.1)
 
 MONOTONE = (
     "If A is a Z-matrix, ψ is continuous and isotone and X = M₁ + φ + Ω is diagonal with X ≥ 2D and X ≥ 2Ω "
@@ -40,7 +49,7 @@ MONOTONE = (
 )
 DEFINITE = (
     "If A is positive definite, ψ constant, M₁ = A and φ = 0, the method converges from every start for every "
-    "diagonal Ω > 0; with Ω = ωI and y = (A − ωI)(z − z*), ‖y⁺‖₂ ≤ σ‖y‖₂, σ = ‖(A − ωI)(A + ωI)⁻¹‖₂ < 1"
+    "diagonal Ω > 0; with Ω = ωI and w = (A + ωI)(z − z*), ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A − ωI)(A + ωI)⁻¹‖₂ < 1"
 )
 
 
@@ -73,7 +82,10 @@ def monotone(parts: Parts) -> Answer:
 
 
 def definite(parts: Parts) -> Answer:
-    """Whether A is positive definite and the rest fits; `number` is a proved σ for n ≤ 300, else None.
+    """Whether A is positive definite and the rest fits.
+
+    `number` is a proved σ for n ≤ 50 000, or None; then `witness` is v = Ω^(−½), for which
+    |zᵏ − z*| ≤ σᵏ‖Ω^(−½)(A + Ω)(z⁰ − z*)‖₂ v.
 
     >>> from icpmodel import ICP, MNMMOD
     >>> found = definite(Parts(ICP([[2, -1], [-1, 2]], [0, 0]), MNMMOD(theta1=2.0)))
@@ -87,14 +99,14 @@ def definite(parts: Parts) -> Answer:
     difference = parts.M1 - parts.A
     if difference.nnz and difference.data.any():
         return Answer(False, "M1 is not A")
-    A = parts.A
-    found = definiteness(sp.csr_array(A + A.T))
-    if found.definite is not True:
-        # a matrix that is semidefinite up to rounding may still be definite
-        holds = False if found.semidefinite is False else None
-        return Answer(holds, f"A is not known to be positive definite: A + A' is {found.reason}", found.witness)
-    sigma = _sigma(parts) if parts.n <= DENSE else None
-    return Answer(True, f"A is positive definite: A + A' is {found.reason}", None, sigma)
+    sigma = _sigma(parts)
+    if sigma is not None:
+        v = (1 + 4 * UNIT_ROUNDOFF) / np.sqrt(parts.omega)
+        return Answer(True, f"A is positive definite and sigma is at most {sigma:.6g}", v, sigma)
+    found = MatrixClasses(parts.A).definite
+    known = {True: "is", False: "is not", None: "is not known to be"}[found.holds]
+    # the witness of a theorem that holds is a vector v
+    return Answer(found.holds, f"A {known} positive definite: {found.reason}", None if found.holds else found.witness)
 
 
 def _isotone(psi: Map) -> bool | None:
@@ -107,32 +119,77 @@ def _isotone(psi: Map) -> bool | None:
 
 
 def _sigma(parts: Parts) -> float | None:
-    """An upper bound of ‖(A' − I)(A' + I)⁻¹‖₂, rounding included, or None where it is not below 1.
+    """An upper bound of ‖(A' − I)(A' + I)⁻¹‖₂, rounding included, or None where none below 1 was found."""
+    if parts.n > LARGEST:
+        return None
+    half = sp.diags_array(1.0 / np.sqrt(parts.omega))
+    A = sp.csr_array(half @ parts.A @ half)
+    if not np.isfinite(A.data).all() or not within_reach(sp.csr_array(A + A.T)):
+        return None
+    if is_dense(A) or int(np.square(np.diff(A.indptr)).sum()) <= _LARGEST_WORK:
+        sigma = _from_quotient(A)
+    else:
+        sigma = _from_eigenvalues(A, symmetric=(parts.A != parts.A.T).nnz == 0)
+    return sigma if sigma is not None and sigma < 1 else None
 
-    With R about (A' + I)⁻¹, Q = (A' − I)R and E = I − (A' + I)R, the norm is at most ‖Q‖/(1 − ‖E‖), and s²I − QᵀQ is
-    shown to be positive definite by its factorisation.
-    """
-    n = parts.n
-    identity, u = np.eye(n), 8 * (n + 8) * UNIT_ROUNDOFF
-    with np.errstate(all="ignore"):
-        root = np.sqrt(parts.omega)
-        A = parts.A.toarray() / root[:, None] / root
+
+def _from_eigenvalues(A: sp.csr_array, symmetric: bool) -> float | None:
+    """σ = max|1 − λ|/(1 + λ) for symmetric A', else σ² ≤ 1 − 4λ_min(H)/(‖A'‖₂ + 1)², from bounds on A' and H."""
+    size = sp.csr_array(abs(A))
+    rows, columns = float(size.sum(axis=1).max()), float(size.sum(axis=0).max())
+    slack = 16 * UNIT_ROUNDOFF * max(rows, columns) + A.nnz * SMALLEST
+    low = smallest_below(A, slack)
+    if not low > 0:
+        return None
+    if symmetric:
+        high = largest_above(size) + slack
+        return max((1 - low) / (1 + low), (high - 1) / (high + 1), 0.0) * (1 + 8 * UNIT_ROUNDOFF) + SMALLEST
+    norm = float(np.sqrt(rows * columns)) * (1 + A.shape[0] * UNIT_ROUNDOFF) + slack
+    return float(np.sqrt(1 - 4 * low / (norm + 1) ** 2 + 8 * UNIT_ROUNDOFF))
+
+
+def _from_quotient(A: sp.csr_array) -> float | None:
+    """σ² ≤ 1 − 4τ for a τ next to the largest with H − τKᵀK ≥ 0."""
+    n, identity, absolute = A.shape[0], sp.eye_array(A.shape[0]), sp.csr_array(abs(A))
+    size, K = sp.csr_array(absolute + identity), sp.csr_array(A + identity)
+    H = sp.csr_array(0.5 * (A + A.T))
+    KK = sp.csr_array(K.toarray().T @ K.toarray()) if is_dense(K) else sp.csr_array(K.T @ K)
+    tau = _smallest_quotient(H, KK) if np.isfinite(KK.data).all() else None
+    if tau is None or not tau > 0:
+        return None
+    terms = int(np.bincount(K.indices).max()) + 24
+    for share in _SHARES_DENSE if is_dense(K) else _SHARES:
+        t = (1 - share) * tau
+        S = sp.csr_array(H - t * KK)
+        if not (S.diagonal() > 0).all():
+            continue
+        e = unit_exponents(S.diagonal())
+        units = np.ldexp(1.0, e)
+        # rounding of A', whose skew part H does not show, of the product and of the difference, in the units of S
+        error = 0.5 * (absolute @ units + absolute.T @ units) + t * (size.T @ (size @ units))
+        slack = 2 * terms * UNIT_ROUNDOFF * float((units * error).max()) + n * terms * SMALLEST
+        if smallest_below(in_units(S, e, e), slack) > 0:
+            return float(np.sqrt(max(1 - 4 * t, 0.0) + 4 * UNIT_ROUNDOFF)) * (1 + 4 * UNIT_ROUNDOFF)
+    return None
+
+
+def _smallest_quotient(H: sp.csr_array, KK: sp.csr_array) -> float | None:
+    """About the smallest xᵀHx/xᵀKᵀKx, or None where it is seen not to be positive. Proves nothing."""
+    if is_dense(KK):
+        from scipy.linalg import eigh
+
         try:
-            R = np.linalg.inv(A + identity)
+            return float(eigh(H.toarray(), KK.toarray(), subset_by_index=(0, 0), eigvals_only=True)[0])
         except np.linalg.LinAlgError:
             return None
-        # Frobenius norms bound the 2-norms of the rounding errors
-        size = np.linalg.norm(np.abs(A) + identity) * np.linalg.norm(R)
-        E = float(np.linalg.norm(identity - (A + identity) @ R)) + u * (size + n)
-        Q = (A - identity) @ R
-        if not E < 0.5:
-            return None
-        s = float(np.linalg.norm(Q, 2))
-        error = u * (n + np.linalg.norm(Q) ** 2)
-        for inflation in (1e-13, 1e-10, 1e-7, 1e-5):
-            bound = s * (1 + inflation) + inflation
-            gap = (bound * bound - error) * identity - Q.T @ Q
-            if definiteness(sp.csr_array(gap)).definite is True:
-                sigma = (bound + u * size) / (1 - E) * (1 + 4 * UNIT_ROUNDOFF)
-                return float(sigma) if sigma < 1 else None
-    return None
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+
+    lu = symmetric_lu(H)
+    if lu is None or not lu.U.diagonal().min() > 0:
+        return None
+    inverse = LinearOperator(H.shape, matvec=lu.solve, dtype=np.float64)
+    start = np.random.default_rng(0).random(H.shape[0])
+    try:
+        return float(eigsh(H, 1, KK, 0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
+    except ArpackNoConvergence:
+        return None

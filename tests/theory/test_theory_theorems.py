@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
+from icpmodel.theory import eigenvalue, exact, structural
 from icpmodel.theory.absolute import Comparison, absolute_inverse
 from icpmodel.theory.conditions import theorem_43
 from icpmodel.theory.contraction import MonotoneMap, radius
@@ -348,6 +349,24 @@ class TestMonotone:
         assert check("monotone", problem, member).holds is holds
 
 
+def contraction_of(A, omega):
+    """‖(A' − I)(A' + I)⁻¹‖₂, A' = Ω^(−½)AΩ^(−½), in floats."""
+    root, identity = np.sqrt(omega), np.eye(len(A))
+    scaled = A / root[:, None] / root
+    return np.linalg.norm((scaled - identity) @ np.linalg.inv(scaled + identity), 2)
+
+
+def proves_contraction(A, omega, sigma):
+    """Whether ‖(A' − I)(A' + I)⁻¹‖₂ ≤ σ, in fractions."""
+    M, W, n, tau = exact.rationals(A), [Fraction(float(w)) for w in omega], len(A), (1 - sigma**2) / 4
+    X = [[M[i][j] + (W[i] if i == j else 0) for j in range(n)] for i in range(n)]
+    S = [
+        [(M[i][j] + M[j][i]) / 2 - tau * sum(X[k][i] * X[k][j] / W[k] for k in range(n)) for j in range(n)]
+        for i in range(n)
+    ]
+    return exact.curvature(S)[0]
+
+
 class TestDefinite:
     def test_the_number_is_a_rate_for_every_positive_diagonal_omega(self):
         """‖y⁺‖₂ ≤ σ‖y‖₂ for y = (A' − I)Ω^½(z − z*), A' = Ω^(−½)AΩ^(−½); A symmetric or not, free rows included."""
@@ -372,12 +391,62 @@ class TestDefinite:
             sizes = np.linalg.norm(y, axis=1)
             assert (sizes[1:] <= found.number * sizes[:-1] + 1e-12 * (1 + sizes[0])).all()
 
+    @pytest.mark.parametrize("kind", ["symmetric", "nearly skew", "small", "near the largest", "random"])
+    def test_sigma_is_proved_and_sharp_in_rational_arithmetic(self, kind):
+        """σ² ≥ 1 − 4τ is Ω^½(H − τKᵀK)Ω^½ = (A + Aᵀ)/2 − τ(A + Ω)ᵀΩ⁻¹(A + Ω) ≥ 0, free of roots."""
+        for seed in range(40):
+            rng = np.random.default_rng(seed)
+            n = int(rng.integers(1, 6))
+            B, K = rng.normal(size=(n, n)), rng.normal(size=(n, n))
+            omega = 10.0 ** rng.uniform(-0.5, 0.5, n)
+            A = {
+                "symmetric": B @ B.T + 1e-3 * np.eye(n),
+                "nearly skew": 10.0 ** rng.uniform(-9, -3) * np.eye(n) + K - K.T,
+                "small": 1e-6 * (B @ B.T + np.eye(n) + K - K.T),
+                "near the largest": np.diag(omega) * (1 + 1e-9 * rng.normal(size=n)),
+                "random": B @ B.T + 10.0 ** rng.uniform(-6, 0) * np.eye(n) + 10.0 ** rng.uniform(-2, 4) * (K - K.T),
+            }[kind]
+            found = check("definite", icp.ICP(A, np.zeros(n)), icp.Modulus(splitting="whole", phi2=omega))
+            assert found.holds is True, seed
+            if found.number is None:  # σ is 1 to all digits
+                assert kind == "random"
+                continue
+            true = contraction_of(A, omega)
+            if 1 - true > 1e-9:
+                assert 1 - found.number >= (1 - 1e-3) * (1 - true) - 1e-15, (seed, found.number, true)
+            assert found.number < 1
+            assert proves_contraction(A, omega, Fraction(found.number)), (seed, found.number, true)
+            if true > 0.1 and 1 - true > 1e-9:
+                assert not proves_contraction(A, omega, Fraction(found.number - 1e-3 * (1 - found.number) - 1e-14))
+
+    @pytest.mark.parametrize("way", ["_from_quotient", "_from_eigenvalues"])
+    @pytest.mark.parametrize("symmetric", [True, False])
+    def test_both_ways_to_sigma_by_sparse_factorisations(self, monkeypatch, way, symmetric):
+        """Sharp but for the eigenvalues of a nonsymmetric A, which give a bound."""
+        monkeypatch.setattr(eigenvalue, "is_dense", lambda S: False)
+        monkeypatch.setattr(structural, "is_dense", lambda S: False)
+        monkeypatch.setattr(structural, "_LARGEST_WORK", 10**9 if way == "_from_quotient" else 0)
+        for seed in range(20):
+            rng = np.random.default_rng(seed)
+            n, omega = int(rng.integers(5, 20)), 10.0 ** rng.uniform(-0.5, 0.5)
+            B = -rng.random((n, n)) * (rng.random((n, n)) < 0.3)
+            A = -B - B.T if symmetric else B * rng.choice([-1.0, 1.0], size=(n, n)) * 2
+            A += (10.0 ** rng.uniform(-3, 0) - np.linalg.eigvalsh((A + A.T) / 2)[0]) * np.eye(n)
+            found = check("definite", icp.ICP(A, np.zeros(n)), icp.MNMMOD(theta1=omega))
+            true = contraction_of(A, np.full(n, omega))
+            assert true - 1e-15 <= found.number < 1
+            assert proves_contraction(A, np.full(n, omega), Fraction(found.number))
+            if way == "_from_quotient":
+                assert 1 - found.number >= (1 - 2e-3) * (1 - true), seed
+            elif symmetric:
+                assert 1 - found.number >= 0.95 * (1 - true), seed
+
     @pytest.mark.parametrize(
         ("A", "psi", "member", "holds"),
         [
             ([[1.0, 3.0], [0.0, 1.0]], 0.0, icp.MNMOD(), False),
             ([[1.0, 1.0], [-1.0, 1.0]], 0.0, icp.MNMOD(), True),
-            ([[1.0, 1.0], [1.0, 1.0]], 0.0, icp.MNMOD(), None),
+            ([[1.0, 1.0], [1.0, 1.0]], 0.0, icp.MNMOD(), False),
             ([[2.0, 1.0], [1.0, 2.0]], icp.Affine([[0.0, 0.1], [0.0, 0.0]]), icp.MNMOD(), False),
             ([[2.0, 1.0], [1.0, 2.0]], 0.0, icp.MNMOD(phi=0.1), False),
             ([[2.0, 1.0], [1.0, 2.0]], 0.0, icp.MNMGS(), False),
