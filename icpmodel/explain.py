@@ -235,9 +235,10 @@ def explain(problem: ICP, method: str | Method | None = None, *, accuracy: float
     forecasts = []
     for title, one in methods.items():
         if isinstance(one, ModulusMember) and one.why_not(problem) is None:
-            rate = predicted_rate(problem, one)
+            checks = check_all(problem, one)
+            rate = predicted_rate(problem, one, checks)
             steps = rate.steps(problem, start, accuracy) if isinstance(rate, Rate) else None
-            forecasts.append(Forecast(title, one, check_all(problem, one), rate, steps, supersolution))
+            forecasts.append(Forecast(title, one, checks, rate, steps, supersolution))
     picked, why = (None, "") if first is None else (first.method, first.why)
     return Explanation(problem, classify(problem.A), bound, tuple(forecasts), picked, why, accuracy)
 

@@ -220,3 +220,9 @@ def test_monotone_convergence_is_advised_only_where_its_theorem_holds():
 def test_isotone_is_said_in_words_where_it_stands():
     assert "(isotone): the step keeps the order" in scenes.bai_symmetric(n=4).problem.explain().sections()["methods"]
     assert "isotone" not in icp.ICP([[1.0, 0.5], [0.5, 1.0]], [1.0, 1.0]).explain().sections()["methods"]
+
+
+def test_the_theorems_are_checked_once(monkeypatch):
+    """The predicted rate takes what the page has checked."""
+    monkeypatch.setattr("icpmodel.theory.rates.check_all", None)
+    assert icp.ICP([[2, -1], [-1, 2]], [-1, 3]).explain().recommended.factor < 0.5

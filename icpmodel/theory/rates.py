@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,15 +15,19 @@ from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
 from . import conditions
 from .absolute import slack
 from .answers import Answer
+from .bounds import error_bound
 from .parts import Member, Parts
-from .theorems import check
+from .proof import norm_up
+from .rounding import upper
+from .theorems import Check, check_all
 
 
 @dataclass(frozen=True, eq=False)
-class Rate:
-    """Every step of the method, in exact arithmetic, reduces ‖z − z*‖_v = max_i |z_i − z*_i|/v_i to `factor` times it.
+class Rate(ABC):
+    """Every step of the method, in exact arithmetic, reduces a norm of the error z − z* to `factor` times it, or less.
 
-    `factor` < 1 and `v` > 0, shape (n,), are proved; `sentence` is the theorem behind them. It does not depend on q.
+    |zᵏ − z*| ≤ factorᵏ·‖z⁰ − z*‖·v entry by entry. `factor` < 1 and `v` > 0, shape (n,), are proved; `sentence` is the
+    theorem behind them. They do not depend on q. The norm is that of the subclass.
 
     >>> from icpmodel import MNMJ
     >>> rate = predicted_rate(ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ())
@@ -36,10 +41,10 @@ class Rate:
     _parts: Parts = field(repr=False)
 
     def distance(self, problem: ICP, z0: Any) -> float:
-        """A bound on ‖z⁰ − z*‖_v: ‖z¹ − z⁰‖_v/(1 − factor), z¹ by one step of the method, rounding included.
+        """A bound on the norm of z⁰ − z*, rounding included, infinite where none is known.
 
-        With d about z⁰ − z¹ = 2X⁻¹F_Ω(z⁰) it is |z⁰ − z¹| ≤ |d| + |X⁻¹||Xd − 2F_Ω(z⁰)|. Parameters: `problem` with the
-        A and ψ of the rate; `z0` shape (n,), finite. Infinite where ψ(z⁰) is not finite enough to tell.
+        It rests on one step of the method: ‖z¹ − z⁰‖/(1 − factor). Parameters: `problem` with the A and ψ of the rate;
+        `z0` shape (n,), finite. Raises InputError for another A or ψ.
 
         >>> from icpmodel import MNMJ
         >>> problem = ICP([[2, -1], [-1, 2]], [-2, -2])
@@ -55,15 +60,15 @@ class Rate:
             for_p, for_r = problem.rounding(z0)
             # the smaller side decides; either side may, within its error
             for_F = np.maximum(for_p, np.where(np.isposinf(r), 0.0, omega * for_r)) + 4 * UNIT_ROUNDOFF * np.abs(F)
-            d = parts.splitting.operator(parts.A, parts.phi + omega).solve(2.0 * F)
-            defect = np.abs(parts.X @ d - 2.0 * F) + 2.0 * for_F + slack(parts.size, d)
-            defect = defect * (1 + 8 * UNIT_ROUNDOFF) + np.finfo(np.float64).tiny
-            step = np.abs(d) + conditions.sharper(parts).inverse.upper(defect)
-            bound = float((step / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
+            bound = self._distance(problem, z0, F, for_F)
         return bound if bound == bound else math.inf
 
+    @abstractmethod
+    def _distance(self, problem: ICP, z0: Vector, F: Vector, for_F: Vector) -> float:
+        """See `distance`; F = min(p, Ωr) at z⁰, known to `for_F`. NaN where nothing is known."""
+
     def error_after(self, k: int, distance: float) -> Vector:
-        """A bound on |zᵏ − z*| entry by entry, shape (n,): factorᵏ·distance·v, `distance` ≥ ‖z⁰ − z*‖_v.
+        """A bound on |zᵏ − z*| entry by entry, shape (n,): factorᵏ·distance·v, `distance` as `distance` gives it.
 
         >>> from icpmodel import MNMJ
         >>> predicted_rate(ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ()).error_after(2, 4.0).round(6)
@@ -96,22 +101,66 @@ class Rate:
             return None
         if distance <= wanted:
             return 0
-        k = (math.log(wanted) - math.log(distance)) / math.log(self.factor)
-        return math.ceil(k * (1 + 64 * UNIT_ROUNDOFF) + 1e-9)
+        far, near = math.log(distance), math.log(wanted)
+        fall = far - near + 8 * UNIT_ROUNDOFF * (1 + abs(far) + abs(near))
+        return math.ceil(fall / -math.log(self.factor) * (1 + 64 * UNIT_ROUNDOFF))
 
 
-def predicted_rate(problem: ICP, member: Member) -> Rate | Answer:
+class Contraction(Rate):
+    """The norm is max_i |z_i − z*_i|/v_i: theorem "sharper".
+
+    >>> from icpmodel import MNMJ
+    >>> isinstance(predicted_rate(ICP([[1.0]], [0.0]), MNMJ()), Contraction)
+    True
+    """
+
+    def _distance(self, problem: ICP, z0: Vector, F: Vector, for_F: Vector) -> float:
+        """With d about z⁰ − z¹ = 2X⁻¹F it is |z⁰ − z¹| ≤ |d| + |X⁻¹||Xd − 2F|."""
+        parts = self._parts
+        d = parts.splitting.operator(parts.A, parts.phi + parts.omega).solve(2.0 * F)
+        defect = np.abs(parts.X @ d - 2.0 * F) + 2.0 * for_F + slack(parts.size, d)
+        defect = defect * (1 + 8 * UNIT_ROUNDOFF) + np.finfo(np.float64).tiny
+        step = np.abs(d) + conditions.sharper(parts).inverse.upper(defect)
+        return float((step / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
+
+
+class PeacemanRachford(Rate):
+    """The norm is ‖Ω^(−½)(A + Ω)(z − z*)‖₂: theorem "definite", where v = Ω^(−½).
+
+    >>> from icpmodel import MNMOD
+    >>> problem = ICP([[1.0, 3.0], [-3.0, 1.0]], [-1.0, 2.0])
+    >>> rate = predicted_rate(problem, MNMOD())
+    >>> round(rate.factor, 6), rate.steps(problem, [0.0, 0.0], 1e-6)
+    (0.83205, 81)
+    """
+
+    def _distance(self, problem: ICP, z0: Vector, F: Vector, for_F: Vector) -> float:
+        """(A + Ω)(z⁰ − z¹) = 2F gives one bound, |A + Ω| times an error bound of z⁰ another."""
+        by_step = norm_up(2 * (np.abs(F) + for_F) * self.v) / (1 - self.factor)
+        found = error_bound(problem, z0, sharp=True)
+        if found.componentwise is None:
+            by_bound = math.inf
+        else:
+            by_bound = norm_up(upper(abs(self._parts.X), found.componentwise) * self.v)
+        return min(by_step, by_bound) * (1 + 16 * UNIT_ROUNDOFF)
+
+
+def predicted_rate(problem: ICP, member: Member, checks: dict[str, Check] | None = None) -> Rate | Answer:
     """The contraction factor of `member` on `problem`, or an `Answer` (unknown or no) that says why there is none.
 
     It is that of the theorem "sharper", which holds with the same v wherever 4.1 to 4.4 do, with a factor that is no
-    larger. Parameters: `member` a method of the modulus family.
-    Reference: `conditions`; Banach's fixed point theorem in the norm max_i |z_i|/v_i.
+    larger; where that does not hold, that of "definite".
+    Parameters: `member` a method of the modulus family; `checks` what `check_all` returned for the two, if at hand.
+    Reference: `conditions` and `structural`; Banach's fixed point theorem.
 
     >>> from icpmodel import MNMGS, Affine
     >>> print(predicted_rate(ICP([[1.0]], [0.0], Affine([[2.0]])), MNMGS()))
     no: the contraction factor is not below 1 (found: at most 2)
     """
-    found = check("sharper", problem, member)
-    if not found.holds or found.number is None or found.vector is None:
-        return Answer(found.holds, found.reason, found.witness, found.number)
-    return Rate(found.number, found.vector, f"theorem sharper: {found.sentence}", Parts(problem, member))
+    checks = check_all(problem, member) if checks is None else checks
+    for name, kind in (("sharper", Contraction), ("definite", PeacemanRachford)):
+        found = checks[name]
+        if found.holds and found.number is not None and found.vector is not None:
+            return kind(found.number, found.vector, f"theorem {name}: {found.sentence}", Parts(problem, member))
+    found = checks["sharper"]
+    return Answer(found.holds, found.reason, found.witness, found.number)
