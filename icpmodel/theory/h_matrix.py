@@ -203,14 +203,15 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
     def image(x: Vector) -> Vector:
         return x - (S @ x) / diagonal  # Jx
 
-    for _ in range(_POWER_STEPS):
-        x = x + np.maximum(image(x), 0.0)  # I + J has no other eigenvalue of its largest modulus
-        largest = np.zeros(count)
-        np.maximum.at(largest, block, x)
-        x = x / largest[block]
-    ratio, least, most = image(x) / x, np.full(count, np.inf), np.zeros(count)
-    np.minimum.at(least, block, ratio)
-    np.maximum.at(most, block, ratio)
+    with np.errstate(all="ignore"):  # beside a diagonal next to nothing J overflows, and NaN proves nothing
+        for _ in range(_POWER_STEPS):
+            x = x + np.maximum(image(x), 0.0)  # I + J has no other eigenvalue of its largest modulus
+            largest = np.zeros(count)
+            np.maximum.at(largest, block, x)
+            x = x / largest[block]
+        ratio, least, most = image(x) / x, np.full(count, np.inf), np.zeros(count)
+        np.minimum.at(least, block, ratio)
+        np.maximum.at(most, block, ratio)
     if (least > 1).any():
         yield "Perron's vector", np.where(block == np.argmax(least), x, 0.0)
     elif (most < 1).all():
