@@ -451,6 +451,14 @@ class TestDefiniteness:
             if sign < 0:
                 assert form(S, definiteness.definiteness(as_csr(S, "S", keep_diagonal=True))[1].witness) < 0
 
+    def test_a_normal_diagonal_beside_one_next_to_nothing(self):
+        S = np.array([[2.3e-308, 1.1, 0.0], [1.1, 2.3e-308, 0.7], [0.0, 0.7, 1.0]])
+        assert curvature_of(S) == (False, False, False)
+
+    def test_an_inexact_sum_is_not_used(self):
+        """A + Aᵀ has the entry −2 − 2⁻⁶⁰ beside a diagonal of 2: indefinite, which its rounding to −2 is not."""
+        assert curvature_of([[1.0, -2.0], [-(2.0**-60), 1.0]])[1] is not True
+
     def test_a_hidden_negative_direction_is_found(self):
         S = np.array([[1.0, 0.9, 0.9], [0.9, 1.0, -0.9], [0.9, -0.9, 1.0]])
         assert curvature_of(S) == (False, False, False)
@@ -467,6 +475,47 @@ class TestDefiniteness:
         S = np.array([[2.0, 1.9, 0.0], [1.9, 2.0, 0.5], [0.0, 0.5, 3.0]])
         assert curvature_of(S + K) == (True, True, True)
         assert curvature_of(S - 0.2 * np.eye(3) + K) == (False, False, False)
+
+
+class TestFactorisations:
+    def test_pivots_off_the_diagonal_prove_nothing(self, monkeypatch):
+        """[0, 1; 1, 0] = P·I: the pivots are 1, the eigenvalues ±1."""
+        for dense in (True, False):
+            monkeypatch.setattr(eigenvalue, "is_dense", lambda S, dense=dense: dense)
+            assert eigenvalue.above(sp.csr_array([[0.0, 1.0], [1.0, 0.0]]), 0.0) == -np.inf
+
+    def test_a_factor_with_nan_proves_nothing(self):
+        """LAPACK runs on where a pivot is NaN, which entries that overflow may become."""
+        assert eigenvalue._error_of_cholesky(sp.csr_array(np.diag([1.0, np.nan]))) == np.inf
+        assert eigenvalue.symmetric_lu(sp.csr_array(np.diag([1.0, np.inf]))) is None
+        assert eigenvalue.smallest_below(sp.csr_array(np.diag([1.0, np.inf]))) == -np.inf
+
+    def test_products_that_overflow_prove_nothing(self):
+        problem = icp.ICP([[1.0, 1e200], [1e200, 1.0]], [0.0, 0.0], icp.Affine([[0.0, 1e200], [1e200, 0.0]]))
+        assert isinstance(definite.prove(problem), str)
+
+    def test_the_form_of_a_null_vector_is_not_called_negative(self):
+        """Its floats are of either sign."""
+        negative = 0
+        for seed in range(200):
+            B = np.random.default_rng(seed).integers(-9, 10, size=(5, 4)) / 8.0
+            S, x = B @ B.T, np.linalg.svd(B.T)[2][-1]
+            negative += x @ (S @ x) < 0
+            assert not definiteness._is_negative(sp.csr_array(S), x)
+        assert negative > 10
+
+    def test_a_shift_below_rounding_is_raised(self):
+        """n = 400, dense, λ_min = 1e-7: the backward error, about 1e-11, is above the first shift."""
+        rng = np.random.default_rng(0)
+        Q, _ = np.linalg.qr(rng.normal(size=(400, 400)))
+        S = (Q * np.r_[1e-7, rng.uniform(0.5, 1.5, 399)]) @ Q.T
+        assert definiteness.definiteness(as_csr(S, "S"))[0].holds is True
+
+    def test_only_a_bound_of_the_size_of_rounding_is_called_rounding(self, monkeypatch):
+        S = as_csr(np.ones((3, 3)), "S")
+        assert definiteness.semidefinite_up_to_rounding(S).holds is True
+        monkeypatch.setattr(definiteness, "_ROUNDING", 1e-17)
+        assert definiteness.semidefinite_up_to_rounding(S).holds is None
 
 
 class TestDefinitenessOfLargeMatrices:

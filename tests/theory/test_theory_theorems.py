@@ -440,6 +440,8 @@ class TestDefinite:
                 assert 1 - found.number >= (1 - 2e-3) * (1 - true), seed
             elif symmetric:
                 assert 1 - found.number >= 0.95 * (1 - true), seed
+        turn = np.eye(5) + 1e-3 * (np.eye(5, k=1) - np.eye(5, k=-1))
+        assert check("definite", icp.ICP(turn, np.zeros(5)), icp.MNMOD()).number < 0.2
 
     @pytest.mark.parametrize(
         ("A", "psi", "member", "holds"),
