@@ -155,7 +155,7 @@ def predicted_rate(problem: ICP, member: Member, checks: dict[str, Check] | None
 
     >>> from icpmodel import MNMGS, Affine
     >>> print(predicted_rate(ICP([[1.0]], [0.0], Affine([[2.0]])), MNMGS()))
-    no: the contraction factor is not below 1 (found: at most 2)
+    no: the contraction factor is at least 1, and at most 2
     """
     checks = check_all(problem, member) if checks is None else checks
     for name, kind in (("sharper", Contraction), ("definite", PeacemanRachford)):

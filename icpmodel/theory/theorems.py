@@ -155,7 +155,7 @@ def _by_radius(
             return Answer(None, f"{name} is at most {number:.6g}, and not known to be below {limit}", None, number)
         if found.holds:
             return Answer(True, f"{name} is at most {size}, below {limit}", found.v, number)
-        return Answer(False, f"{name} is not below {limit} (found: at most {number:.6g})", None, number)
+        return Answer(False, f"{name} is at least {limit}, and at most {number:.6g}", None, number)
 
     return decide
 

@@ -182,7 +182,11 @@ class TestCounterexamples:
     @pytest.mark.parametrize(
         ("problem", "member", "words"),
         [
-            (icp.ICP([[0.1]], [1.0], icp.Affine([[-5.0]], 6.0)), icp.MNMGS(phi1=1.0, phi2=0.1), "not below 1"),
+            (
+                icp.ICP([[0.1]], [1.0], icp.Affine([[-5.0]], 6.0)),
+                icp.MNMGS(phi1=1.0, phi2=0.1),
+                "at least 1, and at most 5",
+            ),
             (icp.ICP([[1.0]], [-1.0]), icp.MNMGS(phi=-1.5), "phi has the negative entry -1.5"),
             (
                 icp.ICP([[1.0, -0.5], [-0.5, 1.0]], [-0.5, -0.5]),
