@@ -18,12 +18,12 @@ from .methods.choose import choose
 from .methods.modulus import MNMAOR, MNMGS, MNMJ, MNMMOD, MNMOD, MNMSOR, ModulusMember
 from .problem import ICP
 from .theory.answers import Answer
-from .theory.bounds import ErrorBound, error_bound
-from .theory.classes import MatrixClasses, classify
-from .theory.rates import Rate, predicted_rate
-from .theory.supersolution import SupersolutionProof
-from .theory.supersolution import prove as supersolution_proof
-from .theory.theorems import Check, check_all
+from .theory.certificates.bounds import ErrorBound, error_bound
+from .theory.certificates.supersolution import SupersolutionProof
+from .theory.certificates.supersolution import prove as supersolution_proof
+from .theory.convergence.rates import Rate, predicted_rate
+from .theory.convergence.theorems import Check, check_all
+from .theory.matrices.classes import MatrixClasses, classify
 
 #: the matrix classes in the order of the page, with their names
 _CLASSES = {

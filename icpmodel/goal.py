@@ -10,7 +10,7 @@ import numpy as np
 from .arrays import Vector
 from .errors import MapError, NotApplicable
 from .problem import ICP
-from .theory.bounds import error_bound
+from .theory.certificates.bounds import error_bound
 
 
 @dataclass

@@ -14,9 +14,9 @@ import numpy as np
 from .arrays import Vector
 from .errors import MapError
 from .problem import ICP
-from .theory.active_set import ActiveSet, active_set
-from .theory.bounds import ErrorBound, error_bound
-from .theory.equations import nearer_to_obstacle, solve_on
+from .theory.certificates.active_set import ActiveSet, active_set
+from .theory.certificates.bounds import ErrorBound, error_bound
+from .theory.certificates.equations import nearer_to_obstacle, solve_on
 
 if TYPE_CHECKING:
     from .methods import Method

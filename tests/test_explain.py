@@ -224,5 +224,5 @@ def test_isotone_is_said_in_words_where_it_stands():
 
 def test_the_theorems_are_checked_once(monkeypatch):
     """The predicted rate takes what the page has checked."""
-    monkeypatch.setattr("icpmodel.theory.rates.check_all", None)
+    monkeypatch.setattr("icpmodel.theory.convergence.rates.check_all", None)
     assert icp.ICP([[2, -1], [-1, 2]], [-1, 3]).explain().recommended.factor < 0.5

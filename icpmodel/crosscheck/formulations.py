@@ -25,8 +25,8 @@ from ..arrays import Vector
 from ..errors import MapError
 from ..maps import Affine, Constant, Function, Map
 from ..problem import ICP, UNIT_ROUNDOFF
-from ..theory.bounds import ErrorBound, error_bound
-from ..theory.classes import MatrixClasses, classify
+from ..theory.certificates.bounds import ErrorBound, error_bound
+from ..theory.matrices.classes import MatrixClasses, classify
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from ..arrays import Vector
 from ..errors import MapError
 from ..problem import ICP
 from ..solution import Solution
-from ..theory.bounds import error_bound
+from ..theory.certificates.bounds import error_bound
 from .formulations import Target, in_handy_units, targets
 
 if TYPE_CHECKING:

@@ -1,13 +1,13 @@
 """What is certain: matrix classes, convergence theorems and predicted rates before a solve, error bounds after it."""
 
-from .active_set import ActiveSet, active_set
 from .answers import Answer
-from .bounds import ErrorBound, error_bound
-from .classes import MatrixClasses, classify
-from .pmatrix import p_matrix
-from .rates import Rate, predicted_rate
+from .certificates.active_set import ActiveSet, active_set
+from .certificates.bounds import ErrorBound, error_bound
+from .convergence.rates import Rate, predicted_rate
+from .convergence.theorems import Check, check, check_all, theorems
+from .matrices.classes import MatrixClasses, classify
+from .matrices.p_matrix import p_matrix
 from .scaling import comparison_matrix
-from .theorems import Check, check, check_all, theorems
 
 __all__ = [
     "ActiveSet",

@@ -121,7 +121,7 @@ def test_an_indefinite_problem_is_skipped_with_the_reason_and_not_confirmed() ->
 
 def test_uniqueness_without_a_bound_on_the_distance_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
     """A positive definite, no error bound (as for large n): one solution, but small residuals do not say how near."""
-    monkeypatch.setattr("icpmodel.theory.bounds._PROOFS", ())
+    monkeypatch.setattr("icpmodel.theory.certificates.bounds._PROOFS", ())
     A = np.array([[1.0, 0.9, 0.9], [0.9, 1.0, 0.9], [0.9, 0.9, 1.0]])
     problem = icp.ICP(A, -A @ np.array([1.0, 1.0, 1.0]))
     assert icp.error_bound(problem, np.ones(3)).value is None

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 import icpmodel.goal
-from icpmodel.theory import comparison_matrix, h_plus
-from icpmodel.theory.equations import solve_on
-from icpmodel.theory.proof import norm_up
+from icpmodel.theory import comparison_matrix
+from icpmodel.theory.certificates import h_plus
+from icpmodel.theory.certificates.equations import solve_on
+from icpmodel.theory.certificates.proof import norm_up
 from icpmodel.theory.scaling import layered, scaling_vectors
 
 #: how far z lies from z*, relative to its size: from next to nothing to far away

@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.theory import definite, eigenvalue, representatives, supersolution
-from icpmodel.theory.eigenvalue import largest_above, smallest_below
-from icpmodel.theory.proof import Proof
+from icpmodel.theory.certificates import definite, representatives, supersolution
+from icpmodel.theory.certificates.proof import Proof
+from icpmodel.theory.matrices import eigenvalue
+from icpmodel.theory.matrices.eigenvalue import largest_above, smallest_below
 
 SEEDS = st.integers(0, 10**9)
 #: how far z is from the solution

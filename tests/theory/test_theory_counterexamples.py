@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.arrays import as_csr
-from icpmodel.theory import check, classify, definite, definiteness, eigenvalue, h_plus
+from icpmodel.theory import check, classify
+from icpmodel.theory.certificates import definite, h_plus
+from icpmodel.theory.matrices import definiteness, eigenvalue
 from icpmodel.theory.spectral import jacobi_radius
 
 

@@ -8,8 +8,8 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.theory.rates import Contraction, PeacemanRachford, Rate, predicted_rate
-from icpmodel.theory.theorems import check, check_all
+from icpmodel.theory.convergence.rates import Contraction, PeacemanRachford, Rate, predicted_rate
+from icpmodel.theory.convergence.theorems import check, check_all
 
 MEMBERS = {
     "mnmod": lambda rng, A: icp.MNMOD(phi=rng.choice([0.0, 0.3])),
@@ -295,6 +295,6 @@ def test_what_check_all_found_is_not_computed_again(monkeypatch):
     problem, member = icp.scenes.bai_symmetric(n=900, mu=4).problem, icp.MNMGS()
     checks = check_all(problem, member)
     alone = predicted_rate(problem, member)
-    monkeypatch.setattr("icpmodel.theory.rates.check_all", None)
+    monkeypatch.setattr("icpmodel.theory.convergence.rates.check_all", None)
     assert predicted_rate(problem, member, checks).factor == alone.factor == checks["sharper"].number
     assert alone.factor < 0.4215

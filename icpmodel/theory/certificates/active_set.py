@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Vector
-from ..problem import ICP, UNIT_ROUNDOFF
+from ...arrays import Vector
+from ...problem import ICP, UNIT_ROUNDOFF
+from ..rounding import upper
 from .bounds import ErrorBound
-from .rounding import upper
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,9 +36,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector
-from ..problem import UNIT_ROUNDOFF
-from ..splittings import AOR
+from ...arrays import Vector
+from ...problem import UNIT_ROUNDOFF
+from ...splittings import AOR
 from .absolute import Comparison, absolute_inverse
 from .contraction import MonotoneMap
 from .parts import Parts, off_diagonal

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector, as_number
-from ..errors import InputError
-from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ...arrays import Vector, as_number
+from ...errors import InputError
+from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ..answers import Answer
+from ..certificates.bounds import error_bound
+from ..certificates.proof import norm_up
+from ..rounding import upper
 from . import conditions
 from .absolute import slack
-from .answers import Answer
-from .bounds import error_bound
 from .parts import Member, Parts
-from .proof import norm_up
-from .rounding import upper
 from .theorems import Check, check_all
 
 

@@ -15,14 +15,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import Vector, as_csr, row_of
-from ..problem import SMALLEST, UNIT_ROUNDOFF
+from ...arrays import Vector, as_csr, row_of
+from ...problem import SMALLEST, UNIT_ROUNDOFF
+from ..answers import Answer
+from ..scaling import comparison_matrix
+from ..units import in_units
 from . import exact
-from .answers import Answer
 from .eigenvalue import above, falling, unit_exponents, within_reach
 from .h_matrix import by_row_sums, row_sum_signs
-from .scaling import comparison_matrix
-from .units import in_units
 
 #: rows up to which rational elimination is asked
 _RATIONAL = 30

@@ -27,13 +27,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector, row_of
-from ..errors import MapError
-from ..intervention import Intervention
-from ..operators import factorise
-from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ...arrays import Vector, row_of
+from ...errors import MapError
+from ...intervention import Intervention
+from ...operators import factorise
+from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ..rounding import lower
 from .proof import Proof, norm_up
-from .rounding import lower
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z, small ones
 #: bound that of a good one better

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..arrays import Vector
-from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ...arrays import Vector
+from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
 from .equations import nearer_to_obstacle, solve_on
 
 
@@ -18,7 +18,7 @@ class Proof(ABC):
     `sentence` says what was proved, for the user. Each proof is one file of this room, with a function
     `prove(problem)` that returns a `Proof` or the reason, one sentence, why there is none.
 
-    >>> from icpmodel.theory.h_plus import prove
+    >>> from icpmodel.theory.certificates.h_plus import prove
     >>> prove(ICP([[2.0]], [-2.0])).sentence
     'A is an H+-matrix (v = 1)'
     """
@@ -32,7 +32,7 @@ class Proof(ABC):
 
         None where there is none. |z − z*| is at most the distance to it plus the bound there.
 
-        >>> from icpmodel.theory.h_plus import prove
+        >>> from icpmodel.theory.certificates.h_plus import prove
         >>> problem = ICP([[2.0]], [-2.0])
         >>> prove(problem).nearer(problem, np.array([1.5]))
         array([1.])
@@ -46,7 +46,7 @@ class Proof(ABC):
         Parameters: `z` shape (n,), finite; `for_p` and `for_r` bounds on the rounding errors of p(z) and r(z), as
         `ICP.rounding` gives them. Returns δ of shape (n,), not finite where the proof says nothing about this z.
 
-        >>> from icpmodel.theory.h_plus import prove
+        >>> from icpmodel.theory.certificates.h_plus import prove
         >>> problem, z = ICP([[2.0]], [-2.0]), np.array([1.5])
         >>> delta, euclidean = prove(problem).bound(problem, z, *problem.rounding(z))
         >>> bool(delta[0] >= 0.5), euclidean >= 0.5

@@ -24,17 +24,17 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import row_of
-from ..intervention import Intervention
-from ..maps import Affine, Constant, Map
-from ..problem import SMALLEST, UNIT_ROUNDOFF
+from ...arrays import row_of
+from ...intervention import Intervention
+from ...maps import Affine, Constant, Map
+from ...problem import SMALLEST, UNIT_ROUNDOFF
+from ..answers import Answer
+from ..certificates.definite import LARGEST
+from ..matrices.classes import MatrixClasses
+from ..matrices.eigenvalue import is_dense, largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
+from ..units import in_units
 from .absolute import is_diagonal
-from .answers import Answer
-from .classes import MatrixClasses
-from .definite import LARGEST
-from .eigenvalue import is_dense, largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
 from .parts import Parts
-from .units import in_units
 
 #: products in (A + Ω)ᵀ(A + Ω), which has no more entries: up to here σ is sharp, at the price of a second or two
 _LARGEST_WORK = 400_000

@@ -8,9 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import Vector, row_of
-from ..problem import SMALLEST, UNIT_ROUNDOFF
-from .rounding import upper
+from ...arrays import Vector, row_of
+from ...problem import SMALLEST, UNIT_ROUNDOFF
+from ..rounding import upper
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
 _SHARES = (0.99, 0.9, 0.5)

@@ -31,12 +31,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector, row_of
-from ..maps import Affine, Constant
-from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
-from .eigenvalue import largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
+from ...arrays import Vector, row_of
+from ...maps import Affine, Constant
+from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ..matrices.eigenvalue import largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
+from ..rounding import upper
 from .proof import Proof, norm_up
-from .rounding import upper
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
 LARGEST = 50_000

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector
-from ..errors import MapError
-from ..problem import ICP, UNIT_ROUNDOFF
+from ...arrays import Vector
+from ...errors import MapError
+from ...problem import ICP, UNIT_ROUNDOFF
 from . import definite, h_plus, representatives, supersolution
 from .proof import Proof, norm_up
 

@@ -26,9 +26,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Vector
-from ..maps import Affine, Constant
-from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ...arrays import Vector
+from ...maps import Affine, Constant
+from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
 from .proof import Proof, norm_up
 
 #: with so many unknowns there are 4096 representatives, inverted within a tenth of a second

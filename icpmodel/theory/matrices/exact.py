@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector
+from ...arrays import Vector
 
 Rationals = list[list[Fraction]]
 

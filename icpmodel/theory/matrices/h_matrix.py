@@ -24,13 +24,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import Vector, row_of
-from ..problem import SMALLEST, UNIT_ROUNDOFF
+from ...arrays import Vector, row_of
+from ...problem import SMALLEST, UNIT_ROUNDOFF
+from ..answers import Answer
+from ..rounding import lower, upper
+from ..scaling import comparison_matrix, scaling_vectors, solve_for_diagonal
+from ..units import in_units, natural_units
 from . import exact
-from .answers import Answer
-from .rounding import lower, upper
-from .scaling import comparison_matrix, scaling_vectors, solve_for_diagonal
-from .units import in_units, natural_units
 
 #: so many steps of the power method cost less than a linear solve
 _POWER_STEPS = 30

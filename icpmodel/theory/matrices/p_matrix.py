@@ -22,12 +22,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import row_of
-from ..problem import SMALLEST, UNIT_ROUNDOFF
+from ...arrays import row_of
+from ...problem import SMALLEST, UNIT_ROUNDOFF
+from ..answers import Answer
+from ..units import in_units, natural_units
 from . import exact
-from .answers import Answer
 from .h_matrix import by_row_sums, irreducible_blocks
-from .units import in_units, natural_units
 
 if TYPE_CHECKING:
     from .classes import MatrixClasses
@@ -61,7 +61,7 @@ def p_matrix(A: Any) -> Answer:
 def decide(known: MatrixClasses) -> Answer:
     """`p_matrix` for a matrix of which `known` is what is, or will be, known.
 
-    >>> from icpmodel.theory.classes import classify
+    >>> from icpmodel.theory.matrices.classes import classify
     >>> decide(classify([[1.0, 2.0], [3.0, 1.0]])).holds
     False
     """

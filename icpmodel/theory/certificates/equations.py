@@ -6,10 +6,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import Vector
-from ..errors import IcpError
-from ..operators import FactorisedOperator
-from ..problem import ICP
+from ...arrays import Vector
+from ...errors import IcpError
+from ...operators import FactorisedOperator
+from ...problem import ICP
 
 #: steps of iterative refinement, or of Newton's method with the first derivative kept
 _REFINEMENTS = 4

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector, row_of
-from ..errors import SingularOperator
-from ..operators import factorise
-from ..problem import SMALLEST, UNIT_ROUNDOFF
-from ..splittings import Given
-from .scaling import comparison_matrix
+from ...arrays import Vector, row_of
+from ...errors import SingularOperator
+from ...operators import factorise
+from ...problem import SMALLEST, UNIT_ROUNDOFF
+from ...splittings import Given
+from ..scaling import comparison_matrix
 
 #: up to this n the inverse of an X that is no M-matrix is computed densely, and so is known from both sides
 DENSE = 300

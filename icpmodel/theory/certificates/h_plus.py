@@ -20,13 +20,13 @@ from itertools import chain
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector
-from ..operators import factorise
-from ..problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ...arrays import Vector
+from ...operators import factorise
+from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ..rounding import lower, upper
+from ..scaling import comparison_matrix, scaling_vectors
+from ..units import in_units, natural_units
 from .proof import Proof, norm_up
-from .rounding import lower, upper
-from .scaling import comparison_matrix, scaling_vectors
-from .units import in_units, natural_units
 
 #: beyond this size a factorisation for every choice of rows is too dear
 _POLICY_UP_TO = 200_000

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Vector
-from ..errors import InputError, SingularOperator
-from ..problem import ICP, UNIT_ROUNDOFF
-from . import conditions, h_plus, structural
-from .answers import Answer
+from ...arrays import Vector
+from ...errors import InputError, SingularOperator
+from ...problem import ICP, UNIT_ROUNDOFF
+from ..answers import Answer
+from ..certificates import h_plus
+from . import conditions, structural
 from .contraction import MonotoneMap, Radius, balanced, radius
 from .parts import Member, Parts
 

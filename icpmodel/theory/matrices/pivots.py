@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kernels import _compile
+from ...kernels import _compile
 
 
 def _search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) -> Any:

@@ -8,10 +8,10 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector, as_csr, as_vector, diagonal_positions
-from ..errors import InputError
-from ..problem import ICP
-from ..splittings import Splitting
+from ...arrays import Vector, as_csr, as_vector, diagonal_positions
+from ...errors import InputError
+from ...problem import ICP
+from ...splittings import Splitting
 
 
 class Member(Protocol):

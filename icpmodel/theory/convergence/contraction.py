@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector
+from ...arrays import Vector
 from .absolute import AbsoluteInverse, slack
 
 #: entries up to which a step costs a factorisation, and entries that all power steps together may read
@@ -24,7 +24,7 @@ class MonotoneMap:
     `inverse` is |X⁻¹|, `parts` are the F_k ≥ 0 (CSR, shape (n, n)), `size` a matrix ≥ F_k/2 of which the F_k are known
     to a few units of roundoff.
 
-    >>> from icpmodel.theory.absolute import absolute_inverse
+    >>> from icpmodel.theory.convergence.absolute import absolute_inverse
     >>> half = sp.csr_array([[1.0]])
     >>> T = MonotoneMap(absolute_inverse(sp.csr_array([[2.0]])), (half,), half)
     >>> bool(T.lower(np.ones(1))[0] <= 0.5 <= T.upper(np.ones(1))[0])
@@ -92,7 +92,7 @@ def radius(T: MonotoneMap, starts: Iterable[Vector]) -> Radius:
     Reference: Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1979), chapter 2; Noda, Numer.
     Math. 17 (1971); Nussbaum, Linear Algebra Appl. 75 (1986), for maps that are not linear.
 
-    >>> from icpmodel.theory.absolute import absolute_inverse
+    >>> from icpmodel.theory.convergence.absolute import absolute_inverse
     >>> F = sp.csr_array([[0.0, 0.5], [0.125, 0.0]])
     >>> found = radius(MonotoneMap(absolute_inverse(sp.csr_array(np.eye(2))), (F,), F), [np.ones(2)])
     >>> round(found.upper, 6), found.holds

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import as_csr, row_of
-from .answers import Answer
+from ...arrays import as_csr, row_of
+from ..answers import Answer
+from ..scaling import comparison_matrix
 from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs
-from .scaling import comparison_matrix
 
 
 def classify(A: Any) -> MatrixClasses:
@@ -140,7 +140,7 @@ class MatrixClasses:
     @cached_property
     def p(self) -> Answer:
         """P-matrix: all principal minors are positive; see `pmatrix`. Witness of no: the indices of one ≤ 0."""
-        from .pmatrix import decide
+        from .p_matrix import decide
 
         return decide(self)
 

@@ -1,0 +1,1 @@
+"""Is the solution the only one, and how far from it is z? Proofs of uniqueness, and the bounds they give."""
