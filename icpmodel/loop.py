@@ -246,7 +246,7 @@ class Job:
         if self._at_floor():
             return Status.PRECISION_LIMIT, self._floor_note()
         if period == 1:
-            return Status.STAGNATED, "the step is below the rounding of z, but z is not a solution"
+            return Status.STAGNATED, "the iterates stand still, but z is not a solution"
         return Status.CYCLED, f"the iterates repeat with period {period}"
 
     def _solution(self, best: _Best, status: Status, note: str) -> Solution:

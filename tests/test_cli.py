@@ -226,7 +226,7 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["solv"], "No such command 'solv'"),
         (["solve", "membrane", "--n", "x"], "'x' is not a valid integer"),
         (["solve", "membrane", "--n", "-4"], "n is -4"),
-        (["solve", "membrane", "--method", "newton"], "method is 'newton'"),
+        (["solve", "membrane", "--method", "nwton"], "method is 'nwton'"),
         (["solve", "membrane", "--method", "mnmgs", "--option", "theta1=2"], "mnmgs has no option theta1"),
         (["solve", "membrane", "--method", "mnmgs", "--option", "phi"], "'phi' is not of the form NAME=VALUE"),
         (["solve", "membrane", "--option", "phi=1"], "name one with --method"),

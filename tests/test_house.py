@@ -170,8 +170,8 @@ def test_the_public_names_are_the_same_for_users_and_for_type_checkers():
         home = importlib.import_module(f"icpmodel.{room}")
         assert getattr(icpmodel, name) is getattr(home, name)
     assert set(icpmodel.__all__) <= set(dir(icpmodel))
-    with pytest.raises(AttributeError, match="no attribute 'Newton'"):
-        _ = icpmodel.Newton
+    with pytest.raises(AttributeError, match="no attribute 'Nwton'"):
+        _ = icpmodel.Nwton
 
 
 def test_no_file_or_function_has_grown_beyond_reason():

@@ -32,7 +32,8 @@ class Method(ABC):
 
     #: the name that `solve` and the command line take
     name: ClassVar[str] = ""
-    #: whether zᵏ alone decides zᵏ⁺¹, so that an iterate that comes back proves a cycle
+    #: whether an iterate that comes back proves that nothing new will come: because zᵏ alone decides zᵏ⁺¹, or because
+    #: the method repeats itself only where it stands still
     memoryless: ClassVar[bool] = True
 
     def __init_subclass__(cls) -> None:

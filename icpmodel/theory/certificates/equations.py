@@ -15,15 +15,41 @@ from ...problem import ICP
 _REFINEMENTS = 4
 
 
+def weights(problem: ICP) -> Vector:
+    """Ω with p/Ω in the units of z: |a_ii|, the largest |a_ij| of the row where that is 0, 1 in a zero row; shape (n,).
+
+    >>> weights(ICP([[-2.0, 1.0], [3.0, 0.0]], [0.0, 0.0]))
+    array([2., 3.])
+    """
+    diagonal = np.abs(problem.A.diagonal())
+    if diagonal.all():
+        return diagonal
+    largest = np.asarray(problem.absolute_A().max(axis=1).toarray()).reshape(-1)
+    return np.where(diagonal > 0, diagonal, np.where(largest > 0, largest, 1.0))
+
+
+def equations_on(problem: ICP, active: NDArray[np.bool_], jacobian: sp.csr_array) -> sp.csr_array:
+    """The matrix with the rows of I − ψ′ where `active` and those of A elsewhere; CSR, shape (n, n).
+
+    Parameters: `active` a mask of shape (n,); `jacobian` = ψ′(z), CSR, shape (n, n).
+
+    >>> problem = ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0])
+    >>> equations_on(problem, np.array([False, True]), problem.psi.jacobian(np.zeros(2))).toarray()
+    array([[ 2., -1.],
+           [ 0.,  1.]])
+    """
+    keep, follow = (sp.diags_array(mask.astype(np.float64)) for mask in (~active, active))
+    return sp.csr_array(keep @ problem.A + follow @ (sp.eye_array(problem.n) - jacobian))
+
+
 def nearer_to_obstacle(problem: ICP, z: Vector) -> NDArray[np.bool_]:
-    """The rows with r_i < p_i/|a_ii|, in which the modulus takes the side of the obstacle; a mask of shape (n,).
+    """The rows with r_i < p_i/Ω_i, Ω = `weights`: there the modulus takes the side of the obstacle; a mask, shape (n,).
 
     >>> nearer_to_obstacle(ICP([[2.0]], [-1.0]), np.array([3.0]))
     array([False])
     """
-    diagonal = np.abs(problem.A.diagonal())
     with np.errstate(over="ignore", invalid="ignore"):
-        return problem.r(z) < problem.p(z) / np.where(diagonal > 0, diagonal, 1.0)
+        return problem.r(z) < problem.p(z) / weights(problem)
 
 
 def solve_on(problem: ICP, z: Vector, active: NDArray[np.bool_]) -> Vector | None:
@@ -47,9 +73,7 @@ def solve_on(problem: ICP, z: Vector, active: NDArray[np.bool_]) -> Vector | Non
 def _refined(problem: ICP, z: Vector, active: NDArray[np.bool_], jacobian: sp.csr_array | None) -> Vector:
     free = np.flatnonzero(~active)
     if jacobian is not None:
-        keep, follow = (sp.diags_array(mask.astype(np.float64)) for mask in (~active, active))
-        whole = sp.csr_array(keep @ problem.A + follow @ (sp.eye_array(problem.n) - jacobian))
-        operator = FactorisedOperator(whole)
+        operator = FactorisedOperator(equations_on(problem, active, jacobian))
     elif free.size:
         operator = FactorisedOperator(sp.csr_array(problem.A[free][:, free]))
     best, smallest = z, np.inf

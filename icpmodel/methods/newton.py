@@ -1,0 +1,276 @@
+"""Newton's method on the modulus equation: the modulus frozen at its sign pattern.
+
+Rows with r_i < p_i/Ω_i take z_i = ψ_i(z), linearised, the others (Az + q)_i = 0. That is the primal–dual active set
+method and, for impulse control, policy iteration. Where ψ is affine the active set decides the next iterate, so that
+there are finitely many of them and the method ends after a few steps, or goes round. So that it cannot go round, a
+merit function takes over where these steps fail:
+
+    Ψ(z) = ½‖φ(p/Ω, r)‖²,        φ(a, b) = a + b − √(a² + b²), zero where a ≥ 0, b ≥ 0, ab = 0 (Fischer and Burmeister).
+
+Let θ = ‖φ‖. The plain steps may raise θ, but within `_PATIENCE` of them it must fall below 0.9 of its smallest value so
+far, and no active set may come twice before. Else the run goes back to its best iterate and takes a semismooth Newton
+step for φ = 0 from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get
+half the patience. So θ of the best iterate falls for ever, or the method stands still: then it yields the same z again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import blake2b
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..arrays import Vector
+from ..errors import MapError
+from ..maps import Elementwise, Function
+from ..problem import ICP
+from ..theory.equations import equations_on, weights
+from . import Method
+from .linear import Solver, solver_of
+
+Mask = NDArray[np.bool_]
+
+#: plain steps may fail to reduce θ so often; later half as often, and so on
+_PATIENCE = 8
+#: what counts as reduced
+_REDUCED = 0.9
+#: Armijo's share of the slope, and how often a step is halved
+_SLOPE, _HALVINGS = 1e-4, 30
+#: descents that together do not reduce θ are the last ones
+_DESCENTS = 40
+#: what is added where the Newton matrix of φ is singular
+_SHIFT = 1e-6
+#: the relative tolerance of an inexact solve, in the first steps and near the solution
+_LOOSE, _TIGHT = 1e-3, 1e-8
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Newton(Method):
+    """z⁺: z_i = ψ_i(z) linearised where r_i < p_i/Ω_i, (Az + q)_i = 0 elsewhere; Ω = |D|.
+
+    It needs ψ's derivative. Where ψ_i moves with z_i alone, or not at all, the active rows are eliminated. Any A will
+    do: where steps fail to reduce the residual enough, a line search takes over (see the module's docstring). It cannot
+    cycle, but where A is no P-matrix it may stand still at a z that is no solution.
+    References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002); De Luca, Facchinei and Kanzow, Math. Program.
+    75 (1996), for the merit function; Bokanowski, Maroso and Zidani, SIAM J. Numer. Anal. 47 (2009), for policy
+    iteration.
+
+    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Newton()).z
+    array([1., 1.])
+    """
+
+    name: ClassVar[str] = "newton"
+
+    def why_not(self, problem: ICP) -> str | None:
+        """See `Method.why_not`: ψ must have a derivative.
+
+        >>> Newton().why_not(ICP([[2.0]], [1.0], np.sin))
+        'psi has no derivative: give `jacobian` to Function'
+        """
+        psi = problem.psi
+        if isinstance(psi, Elementwise) and psi.derivative is None:
+            return "psi has no derivative: give `derivative` to Elementwise"
+        if isinstance(psi, Function) and psi.derivative is None:
+            return "psi has no derivative: give `jacobian` to Function"
+        return None
+
+    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+        """See `Method.iterates`. It never raises SingularOperator: it stands still instead."""
+        path = _Path(problem, z)
+        while True:
+            yield path.here.z, path.here.residual
+            path.advance()
+
+
+class _Point:
+    """z with all that is evaluated there: p, r, the scaled a = p/Ω, φ, θ = ‖φ‖, the residual, and when asked for ψ′."""
+
+    def __init__(self, problem: ICP, omega: Vector, z: Vector) -> None:
+        self.problem, self.z, self.p, self.r = problem, z, problem.p(z), problem.r(z)
+        self.residual = float(np.linalg.norm(np.minimum(self.p, self.r)))
+        self.a = self.p / omega
+        self.free = np.isposinf(self.r)  # no obstacle: φ = a
+        self.b = np.where(self.free, 0.0, self.r)
+        self.root = np.hypot(self.a, self.b)
+        both = (self.a > 0) & (self.b > 0)  # there a + b − √(a² + b²) would cancel
+        total = np.where(both, self.a + self.b + self.root, 1.0)
+        self.phi = np.where(both, 2.0 * self.a * (self.b / total), self.a + self.b - self.root)
+        self.phi[self.free] = self.a[self.free]
+        self.theta = _norm(self.phi)
+        self.active = self.r < self.a
+
+    @cached_property
+    def jacobian(self) -> sp.csr_array:
+        J = self.problem.psi.jacobian(self.z)
+        assert J is not None  # `Newton.why_not`
+        return J
+
+    def slopes(self) -> tuple[Vector, Vector]:
+        """(∂φ/∂a, ∂φ/∂b), an element of the generalised derivative where a = b = 0."""
+        corner = self.root == 0
+        root = np.where(corner, 1.0, self.root)
+        in_a, in_b = (np.where(corner, 1.0 - np.sqrt(0.5), 1.0 - side / root) for side in (self.a, self.b))
+        in_a[self.free], in_b[self.free] = 1.0, 0.0
+        return in_a, in_b
+
+
+class _Path:
+    """The run: where it is, its best point, and what credit is left to the plain steps."""
+
+    def __init__(self, problem: ICP, z: Vector) -> None:
+        self.problem, self.omega = problem, weights(problem)
+        with np.errstate(all="ignore"):
+            self.here = self.best = _Point(problem, self.omega, z)
+        self.first = self.reference = self.here.theta
+        self.patience, self.waited = _PATIENCE, 0
+        self.seen: set[bytes] = set()
+        self.descents: list[float] = []
+        self.still = False
+        self.fault: MapError | None = None
+        self.kept: tuple[Mask, sp.csr_array | None, Solver] | None = None
+        self.taken, self.shrunk = self.here.active, 0
+
+    def advance(self) -> None:
+        """One step; none from when nothing leads on. Raises MapError where that is because ψ fails."""
+        if self.still:
+            return
+        self.fault = None
+        with np.errstate(all="ignore"):
+            new = self._plain() or self._descent()
+        if new is None:
+            if self.fault is not None:
+                raise self.fault
+            self.still = True
+            return
+        self.here = new
+        if new.theta < self.best.theta:
+            self.best = new
+
+    def _point(self, z: Vector) -> _Point | None:
+        """The point at `z`, None where it has no finite θ."""
+        try:
+            point = _Point(self.problem, self.omega, z)
+        except MapError as error:
+            self.fault = error
+            return None
+        return point if np.isfinite(point.theta) else None
+
+    def _plain(self) -> _Point | None:
+        """A step of the active set method, None where it spoils too much or would begin to go round."""
+        active, shrinks = self._choose()
+        key = _fingerprint(active, self.here.jacobian)
+        step = None if key in self.seen else self._plain_direction(active)
+        self.seen.add(key)
+        new = None if step is None else self._point(self.here.z + step)
+        if new is None:
+            return None
+        self.taken = active
+        if new.theta <= _REDUCED * self.reference:
+            self.reference, self.waited = new.theta, 0
+            return new
+        self.waited += not shrinks
+        return None if self.waited > self.patience else new
+
+    def _choose(self) -> tuple[Mask, bool]:
+        """The active set of the next step, and whether it does nothing but shrink.
+
+        Where A is an M-matrix sets that only shrink are the rule, often by one layer of the grid in every step; from
+        the third such step on 1, 2, 4, … layers more are set free. Where those are too many the next step takes them
+        back, and the counting begins anew.
+        """
+        active, taken = self.here.active, self.taken
+        dropped = taken & ~active
+        shrinks = bool(dropped.any()) and not (active & ~taken).any()
+        self.shrunk = self.shrunk + 1 if shrinks else 0
+        if self.shrunk > 2:
+            A, layers = self.problem.absolute_A(), dropped.astype(np.float64)
+            for _ in range(2 ** (self.shrunk - 3)):
+                layers = (A @ layers + layers > 0).astype(np.float64)
+                if layers[active].all():
+                    break
+            active = active & (layers == 0)
+        return active, shrinks
+
+    def _plain_direction(self, active: Mask) -> Vector | None:
+        here, J = self.here, self.here.jacobian
+        # inexact solves follow the residual
+        tolerance = float(np.clip(here.theta / self.first, _TIGHT, _LOOSE)) if self.first > 0 else _TIGHT
+        own = J.diagonal()
+        if J.nnz > np.count_nonzero(own):
+            solve = self._solver(active, J, lambda: equations_on(self.problem, active, J))
+            return solve(-np.where(active, here.r, here.p), tolerance)
+        # every active row determines its own unknown
+        step = np.where(active, -here.r / (1.0 - own), 0.0)
+        if not np.isfinite(step).all():
+            return None
+        free = np.flatnonzero(~active)
+        solve = self._solver(active, None, lambda: sp.csr_array(self.problem.A[free][:, free]))
+        part = solve(-(here.p + self.problem.A @ step)[free], tolerance)
+        if part is None:
+            return None
+        step[free] = part
+        return step
+
+    def _solver(self, active: Mask, J: sp.csr_array | None, matrix: Callable[[], sp.csr_array]) -> Solver:
+        """The solver of the step before where the active set and `J` are the same."""
+        if self.kept is None or self.kept[1] is not J or not np.array_equal(self.kept[0], active):
+            self.kept = None  # so that not two factorisations are held
+            self.kept = (active, J, solver_of(matrix()))
+        return self.kept[2]
+
+    def _descent(self) -> _Point | None:
+        """A step from the best point that reduces Ψ by Armijo's rule; None where none does, or many do too little."""
+        best = self.best
+        self.patience, self.waited = self.patience // 2, 0
+        self.descents.append(best.theta)
+        before = self.descents[-_DESCENTS - 1] if len(self.descents) > _DESCENTS else np.inf
+        if best.theta == 0 or best.theta > _REDUCED * before:
+            return None
+        in_a, in_b = best.slopes()
+        move = sp.eye_array(self.problem.n) - best.jacobian
+        V = sp.csr_array(sp.diags_array(in_a / self.omega) @ self.problem.A + sp.diags_array(in_b) @ move)
+        phi = best.phi / best.theta
+        for direction in self._directions(V, phi, in_a + in_b):
+            slope = float(phi @ (V @ direction))
+            if slope < -_SHIFT:
+                new = self._along(best, best.theta * direction, slope)
+                if new is not None:
+                    self.reference = new.theta
+                    return new
+        return None
+
+    def _directions(self, V: sp.csr_array, phi: Vector, shift: Vector) -> Iterator[Vector]:
+        """Newton's, with V shifted where it is singular, and that of steepest descent with Cauchy's length."""
+        step = solver_of(V)(-phi, _TIGHT)
+        if step is None:
+            step = solver_of(sp.csr_array(V + sp.diags_array(_SHIFT * shift)))(-phi, _TIGHT)
+        if step is not None:
+            yield step
+        gradient = V.T @ phi
+        steepest = gradient / _norm(gradient)
+        yield -steepest * (phi @ (V @ steepest)) / _norm(V @ steepest) ** 2
+
+    def _along(self, best: _Point, step: Vector, slope: float) -> _Point | None:
+        for k in range(_HALVINGS):
+            t = 0.5**k
+            new = self._point(best.z + t * step)
+            if new is not None and (new.theta / best.theta) ** 2 <= 1.0 + 2.0 * _SLOPE * t * slope:
+                return new
+        return None
+
+
+def _fingerprint(active: Mask, J: sp.csr_array) -> bytes:
+    """Of the active set and ψ′, which together decide the plain step where ψ is piecewise affine."""
+    parts = [np.packbits(active), *((J.indptr, J.indices, J.data) if J.nnz else ())]
+    return blake2b(b"".join(part.tobytes() for part in parts)).digest()
+
+
+def _norm(x: Vector) -> float:
+    """‖x‖₂ without over- or underflow of the squares."""
+    size = float(np.abs(x).max(initial=0.0))
+    return size * float(np.linalg.norm(x / size)) if 0 < size < np.inf else size
