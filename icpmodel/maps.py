@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from .arrays import Vector, as_csr, as_vector, freeze
-from .errors import IcpError, InputError, MapError
+from .errors import InputError, MapError
 
 
 class Map(ABC):
@@ -251,15 +251,15 @@ class Function(Map):
         return call_user(lambda: self.fun(z.copy()), z.shape, "psi")
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
-        """The user's Jacobian, checked, or None: see `Map.jacobian`."""
+        """The user's Jacobian, checked, or None: see `Map.jacobian`. Raises MapError where it is no such matrix."""
         if self.derivative is None:
             return None
+        derivative = self.derivative
+        matrix = raising_map_error(lambda: derivative(z.copy()), "psi.jacobian")
         try:
-            return as_csr(self.derivative(z.copy()), "psi.jacobian(z)", z.size)
-        except IcpError:
-            raise
-        except Exception as error:
-            raise MapError(f"psi.jacobian(z) raised {type(error).__name__}: {error}") from error
+            return as_csr(matrix, "psi.jacobian(z)", z.size)
+        except InputError as error:
+            raise MapError(str(error)) from None
 
     def __repr__(self) -> str:
         return f"Function({getattr(self.fun, '__name__', 'psi')})"
