@@ -74,7 +74,8 @@ class Progress:
     seconds: float
 
 
-_WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
+#: another method may go where psi has values, or need no derivative
+_WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
 
 
 @dataclass
@@ -185,7 +186,7 @@ class Job:
         patience = _PATIENCE if choice.hurry else min(max(_PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
         for step, (z, hint) in enumerate(choice.method.iterates(self.problem, start)):
             k = self.iteration = first + step
-            self.current = z
+            still, self.current = step > 0 and z is self.current, z
             residual = self._residual(z, hint)
             seconds = time.perf_counter() - self.clock
             bar.update(k, residual, self.goal.tolerance)
@@ -207,6 +208,8 @@ class Job:
                 if fault:
                     return Status.MAP_FAILED, f"{fault} at iteration {k}"
                 return Status.DIVERGED, f"the residual is {residual:.3g} at iteration {k}"
+            if still:
+                return self._recurred(1)
             if choice.method.memoryless and residual == milestone_residual and np.array_equal(z, milestone_z):
                 return self._recurred(k - milestone)
             if k - first >= 2 * (milestone - first):  # Brent's cycle search: compare with a late iterate

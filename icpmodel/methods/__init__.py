@@ -32,8 +32,7 @@ class Method(ABC):
 
     #: the name that `solve` and the command line take
     name: ClassVar[str] = ""
-    #: whether an iterate that comes back proves that nothing new will come: because zᵏ alone decides zᵏ⁺¹, or because
-    #: the method repeats itself only where it stands still
+    #: whether zᵏ alone decides zᵏ⁺¹, so that an iterate that comes back proves a cycle
     memoryless: ClassVar[bool] = True
 
     def __init_subclass__(cls) -> None:
@@ -52,8 +51,9 @@ class Method(ABC):
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """Yield (zᵏ, Res(zᵏ)) for k = 0, 1, 2, … without end, z⁰ = `z`.
 
-        Each zᵏ is a fresh array of shape (n,) that the method will not change afterwards. The residual is None where
-        it does not fall out of the step for free; it is a hint, never the verdict.
+        Each zᵏ is a fresh array of shape (n,) that the method will not change afterwards; the same array again says
+        that nothing new will come. The residual is None where it does not fall out of the step for free; it is a hint,
+        never the verdict.
         Raises SingularOperator at the first step where the method's operator cannot be inverted.
 
         >>> path = named("mnmgs").iterates(ICP([[2.0]], [-2.0]), np.array([3.0]))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import cache
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -47,56 +49,36 @@ def solver_of(M: sp.csr_array) -> Solver:
         return lambda f, tolerance: None
     # a power of two costs no digit
     scale = np.exp2(-np.floor(np.log2(np.maximum(size, np.finfo(np.float64).tiny))))
-    direct = _direct(sp.csr_array((M.data * scale[row_of(M)], M.indices, M.indptr), shape=M.shape))
-    krylov = _multigrid(M) if n >= _MULTIGRID_FROM and not _band_fits(M) else None
+    scaled = sp.csr_array((M.data * scale[row_of(M)], M.indices, M.indptr), shape=M.shape)
+    symmetric = n >= _MULTIGRID_FROM and (M != M.T).nnz == 0
+    multigrid = _multigrid(M if symmetric else scaled, "cg" if symmetric else "bicgstab")
+
+    @cache
+    def direct() -> Solver:
+        return _banded(scaled) if is_band(M) else _dense(scaled) if M.nnz > _DENSE * n**2 else _sparse(scaled)
 
     def solve(f: Vector, tolerance: float) -> Vector | None:
-        x = None if krylov is None else krylov(f, tolerance)
+        x = None if multigrid is None else multigrid(f if symmetric else scale * f, tolerance)
         if x is None:
-            x = direct(scale * f, tolerance)
+            x = direct()(scale * f, tolerance)
         return x if x is not None and np.isfinite(x).all() else None
 
     return solve
+
+
+def is_band(M: sp.csr_array) -> bool:
+    """Whether few diagonals next to the main one hold all entries of `M` (CSR, square).
+
+    >>> is_band(sp.csr_array([[2.0, -1.0], [-1.0, 2.0]]))
+    True
+    """
+    return sum(_widths(M)) < _WIDEST_BAND
 
 
 def _widths(M: sp.csr_array) -> tuple[int, int]:
     """How far the entries reach below and above the diagonal."""
     reach = row_of(M) - M.indices
     return int(reach.max(initial=0)), int(-reach.min(initial=0))
-
-
-def _band_fits(M: sp.csr_array) -> bool:
-    return sum(_widths(M)) < _WIDEST_BAND
-
-
-def _direct(M: sp.csr_array) -> Solver:
-    """A factorisation that is made at the first solve and kept."""
-    if _band_fits(M):
-        return _banded(M)
-    made: list[Solver] = []
-
-    def solve(f: Vector, tolerance: float) -> Vector | None:
-        if not made:
-            made.append(_dense(M) if M.nnz > _DENSE * M.shape[0] ** 2 else _sparse(M))
-        return made[0](f, tolerance)
-
-    return solve
-
-
-def _sparse(M: sp.csr_array) -> Solver:
-    lu = factorise(M)
-    return lambda f, tolerance: None if lu is None else np.asarray(lu.solve(f))
-
-
-def _dense(M: sp.csr_array) -> Solver:
-    from scipy.linalg import lu_factor, lu_solve
-
-    with warnings.catch_warnings():  # a pivot that is zero
-        warnings.simplefilter("ignore")
-        lu = lu_factor(M.toarray(), check_finite=False)
-    if not np.diagonal(lu[0]).all():
-        return lambda f, tolerance: None
-    return lambda f, tolerance: np.asarray(lu_solve(lu, f, check_finite=False))
 
 
 def _banded(M: sp.csr_array) -> Solver:
@@ -115,23 +97,37 @@ def _banded(M: sp.csr_array) -> Solver:
     return solve
 
 
-def _multigrid(M: sp.csr_array) -> Solver | None:
-    """Krylov steps with algebraic multigrid, None where M is nothing for it."""
-    diagonal = row_of(M) == M.indices
-    if not (M.diagonal() > 0).all() or (M.data[~diagonal] > 0).any():
+def _dense(M: sp.csr_array) -> Solver:
+    from scipy.linalg import lu_factor, lu_solve
+
+    with warnings.catch_warnings():  # of a pivot that is zero
+        warnings.simplefilter("ignore")
+        lu = lu_factor(M.toarray(), check_finite=False)
+    return lambda f, tolerance: np.asarray(lu_solve(lu, f, check_finite=False))
+
+
+def _sparse(M: sp.csr_array) -> Solver:
+    lu = factorise(M)
+    return lambda f, tolerance: None if lu is None else np.asarray(lu.solve(f))
+
+
+def _multigrid(M: sp.csr_array, accelerate: str) -> Solver | None:
+    """Krylov steps with algebraic multigrid, None where M is too small, or nothing for it."""
+    if M.shape[0] < _MULTIGRID_FROM or is_band(M):
+        return None
+    if not (M.diagonal() > 0).all() or (M.data[row_of(M) != M.indices] > 0).any():
         return None
     import pyamg
 
-    matrix = sp.csr_matrix(M)  # PyAMG takes the older class only
-    accelerate = "cg" if (matrix != matrix.T).nnz == 0 else "bicgstab"
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        hierarchy = pyamg.ruge_stuben_solver(matrix)
-
-    def solve(f: Vector, tolerance: float) -> Vector | None:
+    def quietly(call: Callable[[], Any]) -> Any:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            x = np.asarray(hierarchy.solve(f, tol=tolerance, maxiter=_KRYLOV_STEPS, accel=accelerate))
-            return x if np.linalg.norm(M @ x - f) <= 2 * tolerance * np.linalg.norm(f) else None
+            return call()
+
+    hierarchy = quietly(lambda: pyamg.ruge_stuben_solver(sp.csr_matrix(M)))  # it takes the older class only
+
+    def solve(f: Vector, tolerance: float) -> Vector | None:
+        x = quietly(lambda: hierarchy.solve(f, tol=tolerance, maxiter=_KRYLOV_STEPS, accel=accelerate))
+        return np.asarray(x) if np.linalg.norm(M @ x - f) <= 2 * tolerance * np.linalg.norm(f) else None
 
     return solve

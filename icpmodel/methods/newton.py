@@ -7,10 +7,11 @@ merit function takes over where these steps fail:
 
     Ψ(z) = ½‖φ(p/Ω, r)‖²,        φ(a, b) = a + b − √(a² + b²), zero where a ≥ 0, b ≥ 0, ab = 0 (Fischer and Burmeister).
 
-Let θ = ‖φ‖. The plain steps may raise θ, but within `_PATIENCE` of them it must fall below 0.9 of its smallest value so
-far, and no active set may come twice before. Else the run goes back to its best iterate and takes a semismooth Newton
-step for φ = 0 from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get
-half the patience. So θ of the best iterate falls for ever, or the method stands still: then it yields the same z again.
+Let θ = ‖φ‖. The first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one. Plain steps may
+raise θ, but within `_PATIENCE` of them there must be a new mark (those that do nothing but shrink the active set are not
+counted: there are at most n in a row). Else the run goes back to its best iterate and takes a semismooth Newton step for
+φ = 0 from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get half the
+patience. So the marks fall for ever, or the method stands still: then it yields the same array again.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from hashlib import blake2b
 from typing import ClassVar
 
 import numpy as np
@@ -41,7 +41,7 @@ _PATIENCE = 8
 _REDUCED = 0.9
 #: Armijo's share of the slope, and how often a step is halved
 _SLOPE, _HALVINGS = 1e-4, 30
-#: descents that together do not reduce θ are the last ones
+#: so many descents without a new mark are the last ones
 _DESCENTS = 40
 #: what is added where the Newton matrix of φ is singular
 _SHIFT = 1e-6
@@ -65,6 +65,7 @@ class Newton(Method):
     """
 
     name: ClassVar[str] = "newton"
+    memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ICP) -> str | None:
         """See `Method.why_not`: ψ must have a derivative.
@@ -108,6 +109,8 @@ class _Point:
     def jacobian(self) -> sp.csr_array:
         J = self.problem.psi.jacobian(self.z)
         assert J is not None  # `Newton.why_not`
+        if not np.isfinite(J.data).all():
+            raise MapError("psi's derivative is not finite")
         return J
 
     def slopes(self) -> tuple[Vector, Vector]:
@@ -126,14 +129,15 @@ class _Path:
         self.problem, self.omega = problem, weights(problem)
         with np.errstate(all="ignore"):
             self.here = self.best = _Point(problem, self.omega, z)
-        self.first = self.reference = self.here.theta
-        self.patience, self.waited = _PATIENCE, 0
-        self.seen: set[bytes] = set()
-        self.descents: list[float] = []
+        self.first = self.mark = self.here.theta
+        self.patience = _PATIENCE
+        # since the last mark: the plain steps that count, the descents
+        self.waited = self.descents = 0
+        # of the step before: its active set, how many in a row did nothing but shrink, and its factorisation
+        self.taken, self.shrunk = self.here.active, 0
+        self.kept: tuple[Mask, sp.csr_array | None, Solver] | None = None
         self.still = False
         self.fault: MapError | None = None
-        self.kept: tuple[Mask, sp.csr_array | None, Solver] | None = None
-        self.taken, self.shrunk = self.here.active, 0
 
     def advance(self) -> None:
         """One step; none from when nothing leads on. Raises MapError where that is because ψ fails."""
@@ -141,7 +145,7 @@ class _Path:
             return
         self.fault = None
         with np.errstate(all="ignore"):
-            new = self._plain() or self._descent()
+            new = self._tried(self._plain) or self._tried(self._descent)
         if new is None:
             if self.fault is not None:
                 raise self.fault
@@ -150,31 +154,40 @@ class _Path:
         self.here = new
         if new.theta < self.best.theta:
             self.best = new
+        if self._marks(new):
+            self.mark, self.waited, self.descents = new.theta, 0, 0
 
-    def _point(self, z: Vector) -> _Point | None:
-        """The point at `z`, None where it has no finite θ."""
+    def _marks(self, point: _Point) -> bool:
+        return point.theta <= _REDUCED * self.mark
+
+    def _tried(self, step: Callable[[], _Point | None]) -> _Point | None:
+        """What `step` finds, None where ψ fails on the way."""
         try:
-            point = _Point(self.problem, self.omega, z)
+            return step()
         except MapError as error:
             self.fault = error
             return None
-        return point if np.isfinite(point.theta) else None
+
+    def _point(self, z: Vector) -> _Point | None:
+        """The point at `z`, None where it has no finite θ."""
+        point = self._tried(lambda: _Point(self.problem, self.omega, z))
+        if point is None or np.isfinite(point.theta):
+            return point
+        bad = ~(point.r > -np.inf)
+        if np.isfinite(z).all() and bad.any():
+            self.fault = MapError(f"psi(z)[{np.argmax(bad)}] is NaN or +inf")
+        return None
 
     def _plain(self) -> _Point | None:
-        """A step of the active set method, None where it spoils too much or would begin to go round."""
+        """A step of the active set method, None where θ would be above its mark for too long."""
         active, shrinks = self._choose()
-        key = _fingerprint(active, self.here.jacobian)
-        step = None if key in self.seen else self._plain_direction(active)
-        self.seen.add(key)
+        step = self._plain_direction(active)
         new = None if step is None else self._point(self.here.z + step)
         if new is None:
             return None
         self.taken = active
-        if new.theta <= _REDUCED * self.reference:
-            self.reference, self.waited = new.theta, 0
-            return new
         self.waited += not shrinks
-        return None if self.waited > self.patience else new
+        return new if self._marks(new) or self.waited <= self.patience else None
 
     def _choose(self) -> tuple[Mask, bool]:
         """The active set of the next step, and whether it does nothing but shrink.
@@ -199,7 +212,7 @@ class _Path:
     def _plain_direction(self, active: Mask) -> Vector | None:
         here, J = self.here, self.here.jacobian
         # inexact solves follow the residual
-        tolerance = float(np.clip(here.theta / self.first, _TIGHT, _LOOSE)) if self.first > 0 else _TIGHT
+        tolerance = min(_LOOSE, max(_TIGHT, here.theta / self.first)) if self.first > 0 else _TIGHT
         own = J.diagonal()
         if J.nnz > np.count_nonzero(own):
             solve = self._solver(active, J, lambda: equations_on(self.problem, active, J))
@@ -227,9 +240,8 @@ class _Path:
         """A step from the best point that reduces Ψ by Armijo's rule; None where none does, or many do too little."""
         best = self.best
         self.patience, self.waited = self.patience // 2, 0
-        self.descents.append(best.theta)
-        before = self.descents[-_DESCENTS - 1] if len(self.descents) > _DESCENTS else np.inf
-        if best.theta == 0 or best.theta > _REDUCED * before:
+        self.descents += 1
+        if best.theta == 0 or self.descents > _DESCENTS:
             return None
         in_a, in_b = best.slopes()
         move = sp.eye_array(self.problem.n) - best.jacobian
@@ -240,7 +252,6 @@ class _Path:
             if slope < -_SHIFT:
                 new = self._along(best, best.theta * direction, slope)
                 if new is not None:
-                    self.reference = new.theta
                     return new
         return None
 
@@ -262,12 +273,6 @@ class _Path:
             if new is not None and (new.theta / best.theta) ** 2 <= 1.0 + 2.0 * _SLOPE * t * slope:
                 return new
         return None
-
-
-def _fingerprint(active: Mask, J: sp.csr_array) -> bytes:
-    """Of the active set and ψ′, which together decide the plain step where ψ is piecewise affine."""
-    parts = [np.packbits(active), *((J.indptr, J.indices, J.data) if J.nnz else ())]
-    return blake2b(b"".join(part.tobytes() for part in parts)).digest()
 
 
 def _norm(x: Vector) -> float:
