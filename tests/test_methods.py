@@ -172,5 +172,48 @@ def test_a_diagonal_of_zero_is_refused(name):
 def test_theta1_comes_from_both_norms():
     problem = icp.ICP([[0.0, 100.0], [-100.0, 1.0]], [-1.0, 1.0])
     inverse = np.abs(np.linalg.solve(problem.A.toarray(), np.ones(2))).max()
-    method = next(iter(methods.choose.choose(problem))).method
+    method = next(choice.method for choice in methods.choose.choose(problem) if choice.method.name == "mnmmod")
     assert method.theta1 == pytest.approx(np.sqrt(101.0 / inverse))
+
+
+def first_choice(problem):
+    choice = next(iter(methods.choose.choose(problem)))
+    return type(choice.method), choice.why
+
+
+def test_newton_is_chosen_first_where_sweeps_are_slow_and_its_steps_are_cheap():
+    rng = np.random.default_rng(0)
+    B = rng.normal(size=(20, 20))
+    for problem, words in [
+        (scenes.dividend(n=61).problem, "policy iteration"),
+        (scenes.bearing(n=400).problem, "A is a band"),
+        (icp.ICP(B.T @ B + np.eye(20), rng.normal(size=20)), "a Jacobi radius below 1"),
+        (icp.ICP([[0.0, 1.0], [-1.0, 0.0]], [-1.0, 1.0]), "no positive diagonal"),
+    ]:
+        method, why = first_choice(problem)
+        assert method is icp.Newton
+        assert words in why
+
+
+def test_sweeps_are_chosen_first_where_they_are_fast_or_nothing_else_is_possible():
+    for problem, expected in [
+        (scenes.bai_symmetric(n=100).problem, icp.MNMGS),
+        (scenes.membrane(n=2500).problem, icp.MNMAOR),
+        (scenes.bearing(n=40).problem, icp.MNMAOR),
+        (icp.ICP([[1.0, -2.0], [-2.0, 3.0]], [-1.0, 1.0], lambda z: 0 * z), icp.MNMAOR),  # no derivative
+    ]:
+        assert first_choice(problem)[0] is expected
+
+
+def test_newton_follows_on_sweeps_that_fail():
+    chosen = [choice.method.name for choice in methods.choose.choose(scenes.hand_cyclic().problem)]
+    assert chosen == ["mnmgs", "newton", "mnmj", "mnmmod", "mnmmod", "mnmmod"]
+
+
+def test_a_derivative_that_fails_does_not_end_the_automatic_choice():
+    """sqrt has none at the start, where Newton stops; MNMMOD needs none."""
+    psi = icp.Elementwise(lambda z: 0.1 * np.sqrt(np.abs(z)), lambda z: np.full(z.shape, np.nan))
+    problem = icp.ICP([[0.0, 1.0], [-1.0, 2.0]], [-1.0, 1.0], psi)
+    solution = problem.solve()
+    assert isinstance(solution.method, icp.MNMMOD)
+    assert "Newton(): psi failed" in solution.why

@@ -12,11 +12,15 @@ from ..operators import factorise
 from ..problem import ICP
 from ..theory.spectral import jacobi_radius
 from . import Method
+from .linear import is_band
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
+from .newton import Newton
 
 #: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems
 _WORTH_RELAXING = 1.2
-#: beyond this size a factorisation is not tried as a fallback
+#: from this Jacobi radius on sweeps on a band, which is solved in one pass, take longer than Newton's few steps
+_SLOW_ON_A_BAND = 0.999
+#: beyond this size a matrix that is no band is not factorised
 _FACTORISE_UP_TO = 200_000
 
 
@@ -36,33 +40,60 @@ class Choice:
 def choose(problem: ICP) -> Iterator[Choice]:
     """The methods to try on `problem`, best first; each is made only when the one before it has failed.
 
-    Where ψ is an intervention operator: MNMMOD, which carries a change across the whole grid in one step, then MNMJ.
-    Else, with D > 0: overrelaxed sweeps where the estimated Jacobi radius promises a gain and MNMGS otherwise, then the
-    other of the two; then MNMJ, which is proved whenever there is an error bound, and last MNMMOD with three θ₁,
-    which needs no diagonal dominance. MNMMOD is left out where A is too large to be factorised.
+    Newton comes first where sweeps are known to be slow and a step of Newton's is cheap: where ψ is an intervention
+    operator, where A is a band with a Jacobi radius near 1, and where D is not positive or the estimated radius not
+    below 1. Else it follows on sweeps, which are overrelaxed first where the radius promises a gain. The last are MNMJ,
+    which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no diagonal dominance.
+    Newton and MNMMOD are left out where A is too large to be factorised, and Newton where ψ has no derivative.
 
     >>> [choice.method for choice in choose(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]))][0]
     MNMGS()
     """
+    positive = bool((problem.A.diagonal() > 0).all())
     if isinstance(problem.psi, Intervention):
+        yield from _newton(problem, "policy iteration: the best jumps settle in a few steps")
         yield from _factorised(problem, "one factorisation moves the answer across the whole grid in every step")
-        if (problem.A.diagonal() > 0).all():
+        if positive:
             yield Choice(MNMJ(), "Jacobi with Omega = D is monotone where A is a Z-matrix and psi isotone")
         return
-    if (problem.A.diagonal() > 0).all():
-        if "jacobi radius" not in problem._memory:
-            problem._memory["jacobi radius"] = jacobi_radius(problem.A)
-        radius = problem._memory["jacobi radius"]
-        omega = 2.0 / (1.0 + np.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
-        sweeps = Choice(MNMGS(), f"sweeps need no relaxation here (estimated Jacobi radius {radius:.4f})", True)
-        if omega >= _WORTH_RELAXING:
-            why = f"relaxed for the estimated Jacobi radius {radius:.4f}"
-            yield Choice(overrelaxed(problem, 0.98 * omega), why, hurry=True)
-            why = "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope"
-            sweeps = Choice(MNMGS(), why, hurry=True)
-        yield sweeps
+    if positive:
+        yield from _sweeps_and_newton(problem)
         yield Choice(MNMJ(), "projected Jacobi is proved wherever one v > 0 gives <A>v > 0 and (I - G)v > 0")
+    else:
+        yield from _newton(problem, "Newton's method needs no positive diagonal")
     yield from _factorised(problem, "M1 = A needs no diagonal dominance")
+
+
+def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
+    """Sweeps for D > 0, and Newton: before them where they would be slow, else after them."""
+    if "jacobi radius" not in problem._memory:
+        problem._memory["jacobi radius"] = jacobi_radius(problem.A)
+    radius = problem._memory["jacobi radius"]
+    omega = 2.0 / (1.0 + np.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
+    relax = omega >= _WORTH_RELAXING
+    slow = ""
+    if radius >= 1.0:
+        slow = f"sweeps need a Jacobi radius below 1, the estimate is {radius:.4g}"
+    elif radius >= _SLOW_ON_A_BAND and is_band(problem.A):
+        slow = f"A is a band, and at the estimated Jacobi radius {radius:.6f} sweeps are slow"
+    if slow:
+        yield from _newton(problem, slow)
+    if relax:
+        why = f"relaxed for the estimated Jacobi radius {radius:.4f}"
+        yield Choice(overrelaxed(problem, 0.98 * omega), why, hurry=True)
+        why = "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope"
+    else:
+        why = f"sweeps need no relaxation here (estimated Jacobi radius {radius:.4f})"
+    yield Choice(MNMGS(), why, hurry=True)
+    if not slow:
+        yield from _newton(problem, "Newton's method does not depend on a splitting")
+
+
+def _newton(problem: ICP, why: str) -> Iterator[Choice]:
+    """Newton where its systems can be solved and ψ has a derivative."""
+    newton = Newton()
+    if newton.why_not(problem) is None and (problem.n <= _FACTORISE_UP_TO or is_band(problem.A)):
+        yield Choice(newton, why)
 
 
 def why_none(problem: ICP) -> str:

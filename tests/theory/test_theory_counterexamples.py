@@ -186,10 +186,13 @@ class TestWhereSplittingsDiffer:
         with pytest.raises(icp.NotSolved):
             self.problem.solve(method, z0=[5.0, -7.0], max_iter=5000)
 
-    def test_the_automatic_choice_falls_back_on_jacobi_and_says_so(self):
-        solution = self.problem.solve(z0=[5.0, -7.0])
-        assert isinstance(solution.method, icp.MNMJ)
-        assert "also tried" in solution.why
+    def test_the_automatic_choice_falls_back_on_newton_or_else_on_jacobi_and_says_so(self):
+        G, c = self.problem.psi.G, self.problem.psi.c
+        without_derivative = self.problem.with_psi(lambda z: G @ z + c)
+        for problem, method in ((self.problem, icp.Newton), (without_derivative, icp.MNMJ)):
+            solution = problem.solve(z0=[5.0, -7.0])
+            assert isinstance(solution.method, method)
+            assert "also tried" in solution.why
 
 
 class TestCyclicPMatrix:
