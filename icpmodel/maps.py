@@ -199,7 +199,7 @@ class Elementwise(Map):
 
     def _entrywise(self, f: Callable[[Any], Any], z: Vector, name: str) -> Vector:
         if is_compiled(f):
-            from .kernels import apply_entrywise  # loads numba
+            from .kernels.sweeps import apply_entrywise  # loads numba
 
             return call_user(lambda: apply_entrywise(f, z), z.shape, name)
         return call_user(lambda: f(z.copy()), z.shape, name)

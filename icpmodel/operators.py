@@ -103,7 +103,7 @@ class AOROperator(Operator):
 
     def solve(self, f: Vector) -> Vector:
         """See `Operator.solve`."""
-        from .kernels import substitute
+        from .kernels.sweeps import substitute
 
         A, out = self.A, np.empty(f.size)
         substitute(A.indptr, self.diag, A.indices, A.data, self.tau, self.inverse, True, f, out)
@@ -137,7 +137,7 @@ class TriangularOperator(Operator):
 
     def solve(self, f: Vector) -> Vector:
         """See `Operator.solve`."""
-        from .kernels import substitute
+        from .kernels.sweeps import substitute
 
         out = np.empty(f.size)
         substitute(*self._rows, self.M1.indices, self.M1.data, 1.0, self.inverse, self.lower, f, out)
@@ -222,7 +222,7 @@ def compiled_step(problem: ICP, name: str, before: tuple[Any, ...], after: tuple
     >>> compiled_step(problem, "diagonal", matrix, (np.array([2.0]), np.array([0.25])))(np.array([3.0]))
     (array([1.]), 3.0)
     """
-    from .kernels import SWEEPS, USER_SWEEPS
+    from .kernels.sweeps import SWEEPS, USER_SWEEPS
 
     psi = problem.psi
     inside: Any = None

@@ -29,7 +29,7 @@ from ..arrays import Vector
 from ..errors import MapError
 from ..maps import Elementwise, Function
 from ..problem import ICP
-from ..theory.equations import equations_on, weights
+from ..theory.certificates.equations import equations_on, weights
 from . import Method
 from .linear import Solver, solver_of
 

@@ -100,7 +100,7 @@ def layered(comparison: sp.csr_array) -> Vector | None:
     >>> layered(ring)
     array([3., 4., 3.])
     """
-    from ..kernels import layer_increments, layers
+    from ..kernels.layers import layer_increments, layers
 
     diagonal = comparison.diagonal()
     # exactly 0 where the entries cancel exactly; a row that is dominant by rounding only makes a bad v, no wrong one

@@ -9,10 +9,10 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.errors import InputError
+from icpmodel.kernels.pivots import search_pivots
 from icpmodel.theory.matrices import p_matrix as pmatrix
 from icpmodel.theory.matrices.classes import MatrixClasses, classify
 from icpmodel.theory.matrices.p_matrix import p_matrix
-from icpmodel.theory.matrices.pivots import search_pivots
 
 CYCLE = [[1, 0, 2], [2, 1, 0], [0, 2, 1]]
 

@@ -155,7 +155,7 @@ def _by_class(known: MatrixClasses) -> Answer:
 
 def _by_pivots(A: sp.csr_array) -> Answer:
     """The exact test, for n ≤ 60 or so; the time doubles with each row."""
-    from .pivots import search_pivots
+    from ...kernels.pivots import search_pivots
 
     n = A.shape[0]
     r, c = natural_units(A)

@@ -1,10 +1,10 @@
-"""All principal minors of a small matrix, by signs of pivots. Importing this module loads numba."""
+"""All principal minors of a small matrix, by signs of pivots."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from ...kernels import _compile
+from . import compiled
 
 
 def _search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) -> Any:
@@ -66,4 +66,4 @@ def _search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) ->
     return 0, count
 
 
-search_pivots = _compile(_search_pivots, cache=True)
+search_pivots = compiled(_search_pivots)

@@ -1,37 +1,21 @@
-"""Compiled loops. Importing this module loads numba, so the rest of the package imports it inside functions.
+"""Sweeps over the rows of A.
 
 A sweep makes one pass over the CSR arrays of A: it writes the next iterate to `out` and returns Res(z)² of the iterate
 it started from, which falls out for free. There is no branch per stored entry: `diag[i]` splits row i of A at its
 diagonal entry, so that the loop over the strict lower triangle and the loop over the rest need no comparison of
 indices. ψ enters as `psi`, resolved when the loop is compiled: a vector ψ(z), (c, indptr, indices, data) for Gz + c, or
 (c, f) for f(z_i) + c_i with f compiled by numba.
-
-Positions are unsigned (`_at`): a signed one makes numba look for a negative index at every access, which costs a third
-of the sweep. Only "contract" of the fast-math flags is set: it lets a·b + c be fused, and leaves NaN and infinities
-alone.
 """
 
 from __future__ import annotations
-
-import contextlib
-from typing import Any
 
 import numba
 import numpy as np
 from numba import types
 from numba.extending import overload
 
-#: a position in an array
-_at = np.uint64
-
-
-def _compile(function: Any, *, cache: bool) -> Any:
-    compiled = numba.njit(function, fastmath={"contract"}, error_model="numpy", nogil=True)
-    if cache:
-        # without a writable folder for its cache numba raises; then every process compiles anew
-        with contextlib.suppress(RuntimeError):
-            compiled.enable_caching()
-    return compiled
+from . import compiled
+from . import position as _at
 
 
 def psi_entry(psi, i, z):
@@ -171,10 +155,10 @@ class Sweeps:
     """The four sweeps, compiled alike: `aor`, `diagonal`, `triangular`, `projected`."""
 
     def __init__(self, *, cache: bool) -> None:
-        self.aor = _compile(_sweep_aor, cache=cache)
-        self.diagonal = _compile(_sweep_diagonal, cache=cache)
-        self.triangular = _compile(_sweep_triangular, cache=cache)
-        self.projected = _compile(_sweep_projected, cache=cache)
+        self.aor = compiled(_sweep_aor, cache=cache)
+        self.diagonal = compiled(_sweep_diagonal, cache=cache)
+        self.triangular = compiled(_sweep_triangular, cache=cache)
+        self.projected = compiled(_sweep_projected, cache=cache)
 
 
 #: for ψ given by arrays, kept on disk between runs
@@ -183,7 +167,7 @@ SWEEPS = Sweeps(cache=True)
 USER_SWEEPS = Sweeps(cache=False)
 
 
-substitute = _compile(_substitute, cache=True)
+substitute = compiled(_substitute)
 
 
 @numba.njit
@@ -193,57 +177,3 @@ def apply_entrywise(f, z):
     for i in range(z.size):
         out[i] = f(z[i])
     return out
-
-
-def _layers(indptr, indices, data, first):
-    # breadth-first layers along the stored nonzeros j -> indices of row j; layer -1: not reached
-    n = first.size
-    layer = np.full(n, -1, np.int64)
-    order = np.empty(n, np.int64)
-    filled = 0
-    for i in range(n):
-        if first[i]:
-            layer[i] = 0
-            order[filled] = i
-            filled += 1
-    at = 0
-    while at < filled:
-        j = order[at]
-        at += 1
-        for k in range(_at(indptr[j]), _at(indptr[j + 1])):
-            i = indices[k]
-            if layer[i] < 0 and data[k] != 0.0:
-                layer[i] = layer[j] + 1
-                order[filled] = i
-                filled += 1
-    return layer, order[:filled]
-
-
-def _layer_increments(indptr, indices, data, surplus, layer, order):
-    # g with f(k) = g_0 + ... + g_k and <A>f(layer) >= D1; the data is that of <A>, `surplus` is D^-1<A>1, and
-    # above[k] = f(deepest) - f(k)
-    deepest = layer[order[-1]]
-    g = np.zeros(deepest + 1)
-    above = np.zeros(deepest + 2)
-    for at in range(order.size - 1, -1, -1):
-        i = order[at]
-        k = layer[i]
-        if at < order.size - 1 and layer[order[at + 1]] != k:
-            above[k] = above[k + 1] + g[k + 1]
-        own, pull, hold = 0.0, 0.0, 0.0
-        for e in range(_at(indptr[i]), _at(indptr[i + 1])):
-            j = indices[e]
-            if j == i:
-                own += data[e]
-            elif layer[j] > k:
-                pull -= data[e] * (above[k] - above[layer[j]])
-            elif layer[j] < k:
-                hold -= data[e]
-        if k == 0:
-            hold = surplus[i] * own
-        g[k] = max(g[k], (own + pull) / hold)
-    return g
-
-
-layers = _compile(_layers, cache=True)
-layer_increments = _compile(_layer_increments, cache=True)
