@@ -9,21 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Vector, as_number
-from .errors import InputError
-from .intervention import Intervention
-from .maps import Constant
-from .methods import Method, named
-from .methods.choose import choose
-from .methods.modulus import MNMAOR, MNMGS, MNMJ, MNMMOD, MNMOD, MNMSOR, ModulusMember
-from .problem import ICP
-from .theory.answers import Answer
-from .theory.certificates.bounds import ErrorBound, error_bound
-from .theory.certificates.supersolution import SupersolutionProof
-from .theory.certificates.supersolution import prove as supersolution_proof
-from .theory.convergence.rates import Rate, predicted_rate
-from .theory.convergence.theorems import Check, check_all
-from .theory.matrices.classes import MatrixClasses, classify
+from ..arrays import as_number
+from ..errors import InputError
+from ..methods import Method, named
+from ..methods.choose import choose
+from ..methods.modulus import ModulusMember
+from ..problem import ICP
+from ..theory.answers import Answer
+from ..theory.certificates.bounds import ErrorBound, error_bound
+from ..theory.certificates.supersolution import SupersolutionProof
+from ..theory.certificates.supersolution import prove as supersolution_proof
+from ..theory.convergence.rates import Rate, predicted_rate
+from ..theory.convergence.theorems import Check, check_all
+from ..theory.matrices.classes import MatrixClasses, classify
+from .advice import about_psi, members, parameters, recommendation, what_to_do
 
 #: the matrix classes in the order of the page, with their names
 _CLASSES = {
@@ -39,8 +38,6 @@ _CLASSES = {
     "semidefinite": "positive semidefinite",
     "p": "P-matrix",
 }
-#: beyond this size only the members that need no factorisation are looked at
-_FACTORISE_UP_TO = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +102,13 @@ class Explanation:
 
     @property
     def recommended(self) -> Forecast | None:
-        """The method with the smallest proved contraction factor, None where nothing is proved.
+        """The method that is proved to need the fewest steps, None where no rate is proved.
 
         >>> explain(ICP([[0.0]], [1.0])).recommended is None
         True
         """
-        proved = [forecast for forecast in self.forecasts if forecast.factor is not None]
-        return min(proved, key=lambda forecast: forecast.factor or 0.0, default=None)
+        rated = [forecast for forecast in self.forecasts if forecast.factor is not None]
+        return min(rated, key=lambda f: (np.inf if f.steps is None else f.steps, f.factor), default=None)
 
     def sections(self) -> dict[str, str]:
         """The page, part by part: title → text.
@@ -122,7 +119,7 @@ class Explanation:
         return {
             "problem": repr(self.problem),
             "matrix A": "\n".join(self._classes()),
-            "map psi": _about_psi(self.problem),
+            "map psi": about_psi(self.problem),
             "solution": self._solution(),
             "methods": "\n".join(self._methods()),
             "advice": "\n".join(self._advice()),
@@ -138,7 +135,7 @@ class Explanation:
             "problem": repr(self.problem),
             "n": self.problem.n,
             "classes": {name: _plain(getattr(self.classes, name)) for name in _CLASSES},
-            "psi": _about_psi(self.problem),
+            "psi": about_psi(self.problem),
             "unique": self.bound.unique or None,
             "proof": self.bound.proof or None,
             "no_proof_because": self.bound.reason or None,
@@ -186,16 +183,15 @@ class Explanation:
     def _advice(self) -> Iterator[str]:
         best = self.recommended
         if best is not None:
-            yield f"{best.title} has the smallest proved factor, {best.factor:.6g}, of the methods above: " + (
-                "it converges from every start, and no step does worse"
-            )
+            yield from recommendation(best.title, best.method, best.factor, best.steps)
+            yield from parameters({forecast.title: forecast.factor for forecast in self.forecasts})
         proved = [forecast for forecast in self.forecasts if forecast.proved_by]
         if best is None and proved:
             yield f"{proved[0].title} converges from every start (theorem {proved[0].proved_by[0]})"
         if self.picked is not None:
             yield f"solve() begins with {self.picked!r}: {self.why}"
         if not proved:
-            yield from _what_to_do(self.problem, self.classes)
+            yield from what_to_do(self.problem, self.classes)
 
     def __str__(self) -> str:
         indented = {title: text.replace("\n", "\n  ") for title, text in self.sections().items()}
@@ -227,7 +223,7 @@ def explain(problem: ICP, method: str | Method | None = None, *, accuracy: float
         wanted = _member(named(method, **options) if isinstance(method, str) else method)
         methods: dict[str, Method] = {repr(wanted): wanted}
     else:
-        methods = _members(problem)
+        methods = members(problem)
         if first is not None and not any(_same(first.method, one) for one in methods.values()):
             methods["the first choice of solve()"] = first.method
     bound, start = error_bound(problem, np.zeros(problem.n)), np.zeros(problem.n)
@@ -253,68 +249,5 @@ def _same(one: Method, other: Method) -> bool:
     return type(one) is type(other) and all(np.array_equal(x, vars(other)[name]) for name, x in vars(one).items())
 
 
-def _members(problem: ICP) -> dict[str, Method]:
-    """Title → the members to look at; few where A is large."""
-    diagonal: Vector = problem.A.diagonal()
-    members: dict[str, Method] = {
-        "MNMJ(), Omega = D": MNMJ(),
-        "MNMGS(), Omega = D": MNMGS(),
-    }
-    if np.abs(problem.A.data).max() > np.finfo(np.float64).max / 4:  # M1 and Omega of the others would overflow
-        return members
-    members["MNMAOR(theta2=2), Omega = D"] = MNMAOR(theta2=2.0)
-    if problem.n > _FACTORISE_UP_TO:
-        return members
-    members["MNMSOR(theta1=0.9), Omega = D"] = MNMSOR(theta1=0.9)
-    members["MNMSOR(theta1=1.1), Omega = D"] = MNMSOR(theta1=1.1)
-    if (diagonal > 0).all():
-        members["MNMGS(), Omega = 0.9 D"] = MNMGS(phi2=0.9 * diagonal)
-        members["MNMGS(), Omega = 1.5 D"] = MNMGS(phi2=1.5 * diagonal)
-    members["MNMOD(), Omega = I"] = MNMOD()
-    theta1 = float(np.abs(diagonal).max()) or 1.0
-    members[f"MNMMOD(theta1={theta1:g}), Omega = theta1 I"] = MNMMOD(theta1=theta1)
-    return members
-
-
 def _plain(answer: Answer) -> dict[str, Any]:
     return {"holds": answer.holds, "reason": answer.reason, "number": answer.number}
-
-
-def _about_psi(problem: ICP) -> str:
-    psi, G = problem.psi, problem.psi.lipschitz
-    if isinstance(psi, Constant):
-        free = int(np.isneginf(psi.c).sum())
-        rows = "row" if free == 1 else "rows"
-        return "constant: G = 0, a linear complementarity problem" + (
-            f"; {free} {rows} without obstacle" if free else ""
-        )
-    if isinstance(psi, Intervention):
-        return f"{psi!r}: isotone; where jumps form a cycle rho(G) >= 1, and no proof by contraction can exist"
-    if G is None:
-        return f"{psi!r}: no Lipschitz matrix is known"
-    slope = float((G @ np.ones(problem.n)).max())
-    own = "; each row depends on its own unknown only" if G.nnz == np.count_nonzero(G.diagonal()) else ""
-    word = " (at the user's word)" if psi.at_users_word else ""
-    return f"{psi!r}: Lipschitz matrix G with {G.nnz} entries, largest row sum {slope:.6g}{word}{own}"
-
-
-def _what_to_do(problem: ICP, classes: MatrixClasses) -> Iterator[str]:
-    """What helps where nothing is proved."""
-    yield "nothing above proves that a method converges; solve() tries several and calls nothing solved that is not"
-    if problem.psi.lipschitz is None and not isinstance(problem.psi, Intervention):
-        yield "give psi's Lipschitz matrix (lipschitz=...): without it no theorem can be applied"
-    elif classes.h_plus.holds and not isinstance(problem.psi, Intervention):
-        yield "A is an H+-matrix, but psi moves too much for it: a smaller G, or a larger diagonal of A, is needed"
-    if isinstance(problem.psi, Intervention):
-        if classes.z.holds:
-            yield "for an intervention: mnmj (phi >= |D - Omega|) converges monotonically from super- and subsolutions"
-        else:
-            yield "A is no Z-matrix, which the theorem on interventions needs; check the signs of its discretisation"
-    elif classes.definite.holds and not problem.is_lcp:
-        yield "A is positive definite: with the obstacle frozen at an iterate, mnmod and mnmmod are proved"
-    elif classes.p.holds:
-        yield "A is a P-matrix, so with constant psi the solution is unique, but sweeps may cycle: try mnmmod"
-    elif classes.semidefinite.holds and problem.is_lcp:
-        yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
-    elif classes.p.holds is False:
-        yield "A is no P-matrix: there may be no solution, or many; check signs and units of the model"

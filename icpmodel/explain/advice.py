@@ -1,0 +1,149 @@
+"""What the page says in words: of ψ, of the choice of a method and its parameters, and where nothing is proved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..arrays import Vector
+from ..intervention import Intervention
+from ..maps import Constant
+from ..methods import Method
+from ..methods.modulus import MNMAOR, MNMGS, MNMJ, MNMMOD, MNMOD, MNMSOR
+from ..problem import ICP
+from ..theory.matrices.classes import MatrixClasses
+
+#: beyond this size only the members that need no factorisation are looked at
+_FACTORISE_UP_TO = 20_000
+#: titles of members that differ in one parameter alone
+_OMEGA = {
+    "D": "MNMGS(), Omega = D",
+    "0.9 D": "MNMGS(), Omega = 0.9 D",
+    "1.5 D": "MNMGS(), Omega = 1.5 D",
+}
+_THETA = {
+    "theta1 = theta2 = 1 (mnmgs)": "MNMGS(), Omega = D",
+    "theta1 = theta2 = 0.9 (mnmsor)": "MNMSOR(theta1=0.9), Omega = D",
+    "theta1 = theta2 = 1.1 (mnmsor)": "MNMSOR(theta1=1.1), Omega = D",
+    "theta1 = 1, theta2 = 0 (mnmj)": "MNMJ(), Omega = D",
+    "theta1 = 1, theta2 = 2 (mnmaor)": "MNMAOR(theta2=2), Omega = D",
+}
+
+
+def members(problem: ICP) -> dict[str, Method]:
+    """Title → the members to look at; few where A is large.
+
+    >>> list(members(ICP(np.eye(2), [1.0, 1.0])))[:2]
+    ['MNMJ(), Omega = D', 'MNMGS(), Omega = D']
+    """
+    diagonal: Vector = problem.A.diagonal()
+    members: dict[str, Method] = {
+        "MNMJ(), Omega = D": MNMJ(),
+        "MNMGS(), Omega = D": MNMGS(),
+    }
+    if np.abs(problem.A.data).max() > np.finfo(np.float64).max / 4:  # M1 and Omega of the others would overflow
+        return members
+    members["MNMAOR(theta2=2), Omega = D"] = MNMAOR(theta2=2.0)
+    if problem.n > _FACTORISE_UP_TO:
+        return members
+    members["MNMSOR(theta1=0.9), Omega = D"] = MNMSOR(theta1=0.9)
+    members["MNMSOR(theta1=1.1), Omega = D"] = MNMSOR(theta1=1.1)
+    if (diagonal > 0).all():
+        members["MNMGS(), Omega = 0.9 D"] = MNMGS(phi2=0.9 * diagonal)
+        members["MNMGS(), Omega = 1.5 D"] = MNMGS(phi2=1.5 * diagonal)
+    members["MNMOD(), Omega = I"] = MNMOD()
+    theta1 = float(np.abs(diagonal).max()) or 1.0
+    members[f"MNMMOD(theta1={theta1:g}), Omega = theta1 I"] = MNMMOD(theta1=theta1)
+    return members
+
+
+def about_psi(problem: ICP) -> str:
+    """What is known of ψ, in one sentence.
+
+    >>> about_psi(ICP([[2.0]], [1.0], -np.inf))
+    'constant: G = 0, a linear complementarity problem; 1 row without obstacle'
+    """
+    psi, G = problem.psi, problem.psi.lipschitz
+    if isinstance(psi, Constant):
+        free = int(np.isneginf(psi.c).sum())
+        rows = "row" if free == 1 else "rows"
+        return "constant: G = 0, a linear complementarity problem" + (
+            f"; {free} {rows} without obstacle" if free else ""
+        )
+    if isinstance(psi, Intervention):
+        return f"{psi!r}: isotone; where jumps form a cycle rho(G) >= 1, and no proof by contraction can exist"
+    if G is None:
+        return f"{psi!r}: no Lipschitz matrix is known"
+    slope = float((G @ np.ones(problem.n)).max())
+    own = "; each row depends on its own unknown only" if G.nnz == np.count_nonzero(G.diagonal()) else ""
+    word = " (at the user's word)" if psi.at_users_word else ""
+    return f"{psi!r}: Lipschitz matrix G with {G.nnz} entries, largest row sum {slope:.6g}{word}{own}"
+
+
+def recommendation(title: str, method: Method, factor: float | None, steps: int | None) -> Iterator[str]:
+    """Why the method called `title`, with the proved `factor` per step and bound on the `steps`, is the one to take.
+
+    >>> next(recommendation("MNMGS(), Omega = D", MNMGS(), 0.25, 10)).split("; ")
+    ['take MNMGS(), Omega = D: each step leaves at most 0.25 of the error, so that 10 will do', 'one sweep over A each']
+    """
+    cost = "one sweep over A each"
+    if isinstance(method, MNMOD | MNMMOD):
+        cost = "one solve with A + Omega each, which is factorised once"
+    enough = "" if steps is None else f", so that {steps} will do"
+    yield f"take {title}: each step leaves at most {factor:.6g} of the error{enough}; {cost}"
+
+
+def parameters(factors: dict[str, float | None]) -> Iterator[str]:
+    """Which Ω, and which θ₁ and θ₂, by the proved factors on this problem; nothing where there are none to compare.
+
+    Parameters: `factors` title → factor per step or None, the titles being those of `members`.
+
+    >>> next(parameters({"MNMGS(), Omega = D": 0.5, "MNMGS(), Omega = 1.5 D": None})).split("; ")[0]
+    'Omega = D: the proved factor of mnmgs is 0.5 with D, 1.5 D proves nothing'
+    """
+    best, text = _compared(factors, _OMEGA)
+    if best:
+        why = "; else |D - Omega|/(D + Omega) of a row's own error stays"
+        yield f"Omega = {best}: the proved factor of mnmgs is {text}{why if best == 'D' else ''}"
+    best, text = _compared(factors, _THETA)
+    if best:
+        yield f"{best}: with Omega = D the proved factor is {text}"
+
+
+def _compared(factors: dict[str, float | None], titles: dict[str, str]) -> tuple[str, str]:
+    """The label with the smallest factor, and the sentence that holds it against the others; empty for one alone."""
+    known = {label: factors[title] for label, title in titles.items() if title in factors}
+    proved = sorted((factor, label) for label, factor in known.items() if factor is not None)
+    if len(known) < 2 or not proved:
+        return "", ""
+    (least, best), others = proved[0], [f"{label} gives {factor:.6g}" for factor, label in proved[1:]]
+    others += [f"{label} proves nothing" for label, factor in known.items() if factor is None]
+    return best, ", ".join([f"{least:.6g} with {best}" if len(best) < 6 else f"{least:.6g}", *others])
+
+
+def what_to_do(problem: ICP, classes: MatrixClasses) -> Iterator[str]:
+    """What helps where nothing is proved.
+
+    >>> problem = ICP([[0.0]], [1.0])
+    >>> list(what_to_do(problem, MatrixClasses(problem.A)))[0].split(";")[0]
+    'nothing above proves that a method converges'
+    """
+    yield "nothing above proves that a method converges; solve() tries several and calls nothing solved that is not"
+    if problem.psi.lipschitz is None and not isinstance(problem.psi, Intervention):
+        yield "give psi's Lipschitz matrix (lipschitz=...): without it no theorem can be applied"
+    elif classes.h_plus.holds and not isinstance(problem.psi, Intervention):
+        yield "A is an H+-matrix, but psi moves too much for it: a smaller G, or a larger diagonal of A, is needed"
+    if isinstance(problem.psi, Intervention):
+        if classes.z.holds:
+            yield "for an intervention: mnmj (phi >= |D - Omega|) converges monotonically from super- and subsolutions"
+        else:
+            yield "A is no Z-matrix, which the theorem on interventions needs; check the signs of its discretisation"
+    elif classes.definite.holds and not problem.is_lcp:
+        yield "A is positive definite: with the obstacle frozen at an iterate, mnmod and mnmmod are proved"
+    elif classes.p.holds:
+        yield "A is a P-matrix, so with constant psi the solution is unique, but sweeps may cycle: try mnmmod"
+    elif classes.semidefinite.holds and problem.is_lcp:
+        yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
+    elif classes.p.holds is False:
+        yield "A is no P-matrix: there may be no solution, or many; check signs and units of the model"
