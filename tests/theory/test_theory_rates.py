@@ -283,12 +283,24 @@ def test_the_number_of_steps_is_enough_in_exact_arithmetic(monkeypatch, factor):
     for size in (1e-300, 1.0, 1e300):
         for ratio in (1 + 1e-12, 1.1, 1e3):
             monkeypatch.setattr(Contraction, "distance", lambda *_, far=size * ratio: far)
-            steps = rate.steps(problem, [0.0], size)
+            steps = Rate.steps(rate, problem, [0.0], size)
             with localcontext() as context:
                 context.prec = 60
                 reached = Decimal(size * ratio) * (Decimal(factor).ln() * steps).exp()
                 assert reached <= Decimal(size), (size, ratio)
                 assert factor > 0.9 or (reached * 4 > Decimal(size) * Decimal(factor))
+
+
+def test_the_maximum_norm_needs_fewer_steps_where_v_is_uneven():
+    """Both numbers are proved; the norm of v has the smaller factor, the maximum norm loses nothing at its ends."""
+    problem, member = icp.scenes.bai_symmetric(n=900, mu=4).problem, icp.MNMGS()
+    rate, start = predicted_rate(problem, member), np.zeros(900)
+    steps = rate.steps(problem, start, 1e-6)
+    assert steps < Rate.steps(rate, problem, start, 1e-6)
+    iterates = member.iterates(problem, start)
+    for _ in range(steps):
+        next(iterates)
+    assert icp.certify(problem, next(iterates)[0]).bound.value <= 1.01e-6
 
 
 def test_what_check_all_found_is_not_computed_again(monkeypatch):
