@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -22,8 +23,10 @@ from ..theory.certificates.supersolution import prove as supersolution_proof
 from ..theory.convergence.rates import Rate, predicted_rate
 from ..theory.convergence.theorems import Check, check_all
 from ..theory.matrices.classes import MatrixClasses, classify
-from .advice import about_psi, members, parameters, recommendation, what_to_do
+from .advice import about_psi, factorises, members, parameters, recommendation, what_to_do
 
+#: columns of the page
+_WIDTH = 116
 #: the matrix classes in the order of the page, with their names
 _CLASSES = {
     "symmetric": "symmetric",
@@ -102,13 +105,15 @@ class Explanation:
 
     @property
     def recommended(self) -> Forecast | None:
-        """The method that is proved to need the fewest steps, None where no rate is proved.
+        """The method that is proved to need the fewest steps, sweeps first; None where no rate is proved.
 
         >>> explain(ICP([[0.0]], [1.0])).recommended is None
         True
         """
         rated = [forecast for forecast in self.forecasts if forecast.factor is not None]
-        return min(rated, key=lambda f: (np.inf if f.steps is None else f.steps, f.factor), default=None)
+        return min(
+            rated, key=lambda f: (np.inf if f.steps is None else f.steps, factorises(f.method), f.factor), default=None
+        )
 
     def sections(self) -> dict[str, str]:
         """The page, part by part: title → text.
@@ -194,8 +199,15 @@ class Explanation:
             yield from what_to_do(self.problem, self.classes)
 
     def __str__(self) -> str:
-        indented = {title: text.replace("\n", "\n  ") for title, text in self.sections().items()}
-        return "\n\n".join(f"{title}\n  {text}" for title, text in indented.items())
+        lines = []
+        for title, text in self.sections().items():
+            lines += ["", title]
+            for line in text.splitlines():
+                if len(line) + 2 > _WIDTH:  # a sentence: tables are narrower, and keep their columns
+                    lines += textwrap.wrap(line, _WIDTH, initial_indent="  ", subsequent_indent="    ")
+                else:
+                    lines.append(f"  {line}")
+        return "\n".join(lines[1:])
 
     def _repr_html_(self) -> str:
         escaped = {title: html.escape(text) for title, text in self.sections().items()}

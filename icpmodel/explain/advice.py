@@ -23,11 +23,11 @@ _OMEGA = {
     "1.5 D": "MNMGS(), Omega = 1.5 D",
 }
 _THETA = {
-    "theta1 = theta2 = 1 (mnmgs)": "MNMGS(), Omega = D",
-    "theta1 = theta2 = 0.9 (mnmsor)": "MNMSOR(theta1=0.9), Omega = D",
-    "theta1 = theta2 = 1.1 (mnmsor)": "MNMSOR(theta1=1.1), Omega = D",
-    "theta1 = 1, theta2 = 0 (mnmj)": "MNMJ(), Omega = D",
-    "theta1 = 1, theta2 = 2 (mnmaor)": "MNMAOR(theta2=2), Omega = D",
+    "theta1=theta2=1 (mnmgs)": "MNMGS(), Omega = D",
+    "theta1=theta2=0.9 (mnmsor)": "MNMSOR(theta1=0.9), Omega = D",
+    "theta1=theta2=1.1 (mnmsor)": "MNMSOR(theta1=1.1), Omega = D",
+    "theta1=1, theta2=0 (mnmj)": "MNMJ(), Omega = D",
+    "theta1=1, theta2=2 (mnmaor)": "MNMAOR(theta2=2), Omega = D",
 }
 
 
@@ -81,15 +81,22 @@ def about_psi(problem: ICP) -> str:
     return f"{psi!r}: Lipschitz matrix G with {G.nnz} entries, largest row sum {slope:.6g}{word}{own}"
 
 
+def factorises(method: Method) -> bool:
+    """Whether a step of `method`, one of `members`, solves with a factorisation of A + Ω instead of sweeping over A.
+
+    >>> factorises(MNMOD()), factorises(MNMGS())
+    (True, False)
+    """
+    return isinstance(method, MNMOD | MNMMOD)
+
+
 def recommendation(title: str, method: Method, factor: float | None, steps: int | None) -> Iterator[str]:
     """Why the method called `title`, with the proved `factor` per step and bound on the `steps`, is the one to take.
 
     >>> next(recommendation("MNMGS(), Omega = D", MNMGS(), 0.25, 10)).split("; ")
     ['take MNMGS(), Omega = D: each step leaves at most 0.25 of the error, so that 10 will do', 'one sweep over A each']
     """
-    cost = "one sweep over A each"
-    if isinstance(method, MNMOD | MNMMOD):
-        cost = "one solve with A + Omega each, which is factorised once"
+    cost = "one solve with A + Omega each, which is factorised once" if factorises(method) else "one sweep over A each"
     enough = "" if steps is None else f", so that {steps} will do"
     yield f"take {title}: each step leaves at most {factor:.6g} of the error{enough}; {cost}"
 
@@ -104,7 +111,7 @@ def parameters(factors: dict[str, float | None]) -> Iterator[str]:
     """
     best, text = _compared(factors, _OMEGA)
     if best:
-        why = "; else |D - Omega|/(D + Omega) of a row's own error stays"
+        why = "; else the share |D-Omega|/(D+Omega) of a row's own error stays"
         yield f"Omega = {best}: the proved factor of mnmgs is {text}{why if best == 'D' else ''}"
     best, text = _compared(factors, _THETA)
     if best:
@@ -142,7 +149,7 @@ def what_to_do(problem: ICP, classes: MatrixClasses) -> Iterator[str]:
     elif classes.definite.holds and not problem.is_lcp:
         yield "A is positive definite: with the obstacle frozen at an iterate, mnmod and mnmmod are proved"
     elif classes.p.holds:
-        yield "A is a P-matrix, so with constant psi the solution is unique, but sweeps may cycle: try mnmmod"
+        yield "A is a P-matrix, so with constant psi the solution is unique, but sweeps may cycle: try newton"
     elif classes.semidefinite.holds and problem.is_lcp:
         yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
     elif classes.p.holds is False:
