@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from .methods.modulus import NMMS as NMMS
     from .methods.modulus import Modulus as Modulus
     from .methods.modulus import ProjectionFixedPoint as ProjectionFixedPoint
+    from .methods.multilevel import Multilevel as Multilevel
     from .methods.newton import Newton as Newton
     from .methods.psor import PSOR as PSOR
     from .problem import ICP as ICP
@@ -90,6 +91,7 @@ _HOMES = {
         "Modulus",
         "ProjectionFixedPoint",
     ),
+    "methods.multilevel": ("Multilevel",),
     "methods.newton": ("Newton",),
     "methods.psor": ("PSOR",),
     "problem": ("ICP",),

@@ -13,6 +13,7 @@ import numpy as np
 from .arrays import Vector, as_number
 from .errors import MapError, NotApplicable, SingularOperator
 from .goal import AccuracyGoal, Goal
+from .methods import HandOver
 from .methods.choose import Choice, why_none
 from .problem import ICP
 from .progress import Bar, progress_bar
@@ -131,6 +132,7 @@ class Job:
         self.current = start
         self.iteration = 0
         self.tried: list[tuple[Choice, Status]] = []
+        self.successor: Choice | None = None
         self.records: list[tuple[int, float, float]] = []
 
     def first_success(self, choices: Iterator[Choice], *, tolerate_singular: bool) -> Solution:
@@ -141,8 +143,7 @@ class Job:
         """
         status, note = Status.STAGNATED, ""
         try:
-            for choice in choices:
-                start = self.restart if self.tried else self.start
+            for choice, start in self._in_turn(choices):
                 try:
                     with progress_bar(self.progress, choice.method.name) as bar:
                         status, note = self._run(choice, start, bar)
@@ -164,6 +165,14 @@ class Job:
             raise NotApplicable(f"no method takes this problem: {why_none(self.problem)}")
         return self._solution(self.best, status, note)
 
+    def _in_turn(self, choices: Iterator[Choice]) -> Iterator[tuple[Choice, Vector]]:
+        """Each choice with its start, and after it the one that it handed over to, which starts from the best z."""
+        for choice in choices:
+            yield choice, self.restart if self.tried else self.start
+            while self.successor is not None and self.best is not None:
+                following, self.successor = self.successor, None
+                yield following, self.best.z
+
     def _run(self, choice: Choice, start: Vector, bar: Bar) -> tuple[Status, str]:
         """One method from `start` until there is a reason to stop; Ctrl-C and a failing ψ are reasons like others."""
         try:
@@ -177,6 +186,9 @@ class Job:
             if self.best is None:
                 raise
             return Status.MAP_FAILED, str(error)
+        except HandOver as over:
+            self.successor = Choice(over.method, over.why)
+            return Status.STAGNATED, over.why
 
     def _loop(self, choice: Choice, start: Vector, bar: Bar) -> tuple[Status, str]:
         first = self.iteration

@@ -16,6 +16,7 @@ METHODS = {
     "mnmod": icp.MNMOD(),
     "mnmsor": icp.MNMSOR(theta1=0.9),
     "modulus": icp.Modulus(splitting="whole", phi=0.5, phi1=2.0, phi2=3.0),
+    "multilevel": icp.Multilevel(),
     "newton": icp.Newton(),
     "nmms": icp.NMMS(splitting="jacobi"),
     "projection-fixed-point": icp.ProjectionFixedPoint(omega=0.9),

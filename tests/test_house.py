@@ -21,6 +21,7 @@ ROOMS = [
     "maps",
     "intervention",
     "problem",
+    "reduction",
     "operators",
     "splittings",
     "theory",

@@ -113,29 +113,32 @@ def _sweep_triangular(indptr, indices, data, q, psi, omega, start, stop, x_indic
     return squares
 
 
-def _sweep_projected(indptr, indices, data, diag, q, psi, scale, z, out):
-    # projected SOR: out_i = max(psi_i(z), z_i - scale_i (sum_{j<i} a_ij out_j + sum_{j>=i} a_ij z_j + q_i))
+def _sweep_projected(indptr, indices, data, diag, q, psi, scale, forward, z, out):
+    # projected SOR: out_i = max(psi_i(z), z_i - scale_i (sum_{j before i} a_ij out_j + sum_{others} a_ij z_j + q_i))
     squares = 0.0
-    start = _at(indptr[0])
-    for i in range(_at(z.size)):
-        d, end = _at(diag[i]), _at(indptr[i + _at(1)])
-        below_old = 0.0
-        below_new = 0.0
-        for k in range(start, d):
+    n = z.size
+    for step in range(n):
+        i = _at(step if forward else n - 1 - step)
+        d, start, end = _at(diag[i]), _at(indptr[i]), _at(indptr[i + _at(1)])
+        first, last, k0, k1 = start, d, d + _at(1), end
+        if not forward:
+            first, last, k0, k1 = d + _at(1), end, start, d
+        before_old = 0.0
+        before_new = 0.0
+        for k in range(first, last):
             a, j = data[k], _at(indices[k])
-            below_old += a * z[j]
-            below_new += a * out[j]
+            before_old += a * z[j]
+            before_new += a * out[j]
         zi = z[i]
         rest = q[i] + data[d] * zi
-        for k in range(d + _at(1), end):
+        for k in range(k0, k1):
             rest += data[k] * z[_at(indices[k])]
-        start = end
-        p = rest + below_old
+        p = rest + before_old
         obstacle = psi_entry(psi, i, z)
         r = zi - obstacle
         natural = p if p < r else r
         squares += natural * natural
-        moved = (zi - scale[i] * rest) - scale[i] * below_new
+        moved = (zi - scale[i] * rest) - scale[i] * before_new
         out[i] = obstacle if moved < obstacle else moved
     return squares
 

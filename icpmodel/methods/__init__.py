@@ -23,6 +23,18 @@ from ..problem import ICP
 _REGISTRY: dict[str, type[Method]] = {}
 
 
+class HandOver(Exception):
+    """Raised by a method whose iterates lead no further: `method` is to go on from the best one, and `why` says why.
+
+    >>> HandOver(named("mnmgs"), "sweeps are enough").why
+    'sweeps are enough'
+    """
+
+    def __init__(self, method: Method, why: str) -> None:
+        super().__init__(why)
+        self.method, self.why = method, why
+
+
 class Method(ABC):
     """An iterative method for ICP. Subclasses are frozen keyword-only dataclasses that check their options.
 
@@ -54,7 +66,8 @@ class Method(ABC):
         Each zᵏ is a fresh array of shape (n,) that the method will not change afterwards; the same array again says
         that nothing new will come. The residual is None where it does not fall out of the step for free; it is a hint,
         never the verdict.
-        Raises SingularOperator at the first step where the method's operator cannot be inverted.
+        Raises SingularOperator at the first step where the method's operator cannot be inverted, and HandOver where
+        another method is to go on.
 
         >>> path = named("mnmgs").iterates(ICP([[2.0]], [-2.0]), np.array([3.0]))
         >>> next(path), next(path)

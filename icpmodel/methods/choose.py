@@ -12,16 +12,17 @@ from ..operators import factorise
 from ..problem import ICP
 from ..theory.spectral import jacobi_radius
 from . import Method
-from .linear import is_band
+from .linear import FACTORISE_UP_TO, is_band
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
+from .multilevel import Multilevel
 from .newton import Newton
 
 #: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems
 _WORTH_RELAXING = 1.2
-#: from this Jacobi radius on sweeps on a band, which is solved in one pass, take longer than Newton's few steps
-_SLOW_ON_A_BAND = 0.999
-#: beyond this size a matrix that is no band is not factorised
-_FACTORISE_UP_TO = 200_000
+#: a row is hardly dominant where its other entries weigh more than this share of its diagonal
+_HARDLY = 0.97
+#: from these sizes on multilevel is the quicker one where most rows are hardly dominant: bands, and all others
+_MULTILEVEL_FROM_ON_A_BAND, _MULTILEVEL_FROM = 100, 5000
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,12 @@ class Choice:
 def choose(problem: ICP) -> Iterator[Choice]:
     """The methods to try on `problem`, best first; each is made only when the one before it has failed.
 
-    Newton comes first where sweeps are known to be slow and a step of Newton's is cheap: where ψ is an intervention
-    operator, where A is a band with a Jacobi radius near 1, and where D is not positive or the estimated radius not
-    below 1. Else it follows on sweeps, which are overrelaxed first where the radius promises a gain. The last are MNMJ,
-    which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no diagonal dominance.
-    Newton and MNMMOD are left out where A is too large to be factorised, and Newton where ψ has no derivative.
+    Multilevel comes first where A is large and most of its rows are hardly dominant, so that sweeps would be slow.
+    Newton comes first where ψ is an intervention operator, and where D is not positive or the estimated Jacobi radius
+    not below 1. Else it follows on sweeps, which are overrelaxed first where the radius promises a gain. The last are
+    MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no dominance.
+    Newton and MNMMOD are left out where A is too large to be factorised, and where ψ has no derivative Newton, and
+    Multilevel unless every ψ_i moves with its own z_i alone.
 
     >>> [choice.method for choice in choose(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]))][0]
     MNMGS()
@@ -65,7 +67,8 @@ def choose(problem: ICP) -> Iterator[Choice]:
 
 
 def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
-    """Sweeps for D > 0, and Newton: before them where they would be slow, else after them."""
+    """What there is for D > 0: sweeps, and before them what is quicker where they would be slow, Newton else after."""
+    yield from _multilevel(problem)
     if "jacobi radius" not in problem._memory:
         problem._memory["jacobi radius"] = jacobi_radius(problem.A)
     radius = problem._memory["jacobi radius"]
@@ -74,8 +77,6 @@ def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
     slow = ""
     if radius >= 1.0:
         slow = f"sweeps need a Jacobi radius below 1, the estimate is {radius:.4g}"
-    elif radius >= _SLOW_ON_A_BAND and is_band(problem.A):
-        slow = f"A is a band, and at the estimated Jacobi radius {radius:.6f} sweeps are slow"
     if slow:
         yield from _newton(problem, slow)
     if relax:
@@ -89,10 +90,23 @@ def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
         yield from _newton(problem, "Newton's method does not depend on a splitting")
 
 
+def _multilevel(problem: ICP) -> Iterator[Choice]:
+    """Multilevel where sweeps would be slow: information that crosses rows which are hardly dominant does not fade."""
+    A = problem.A
+    least = _MULTILEVEL_FROM_ON_A_BAND if is_band(A) else _MULTILEVEL_FROM
+    if problem.n < least:
+        return
+    with np.errstate(over="ignore"):
+        share = np.mean(problem.absolute_A().sum(axis=1) > (1.0 + _HARDLY) * A.diagonal())
+    multilevel = Multilevel()
+    if share > 0.5 and multilevel.why_not(problem) is None:
+        yield Choice(multilevel, f"{share:.0%} of the rows are hardly dominant: sweeps would be slow")
+
+
 def _newton(problem: ICP, why: str) -> Iterator[Choice]:
     """Newton where its systems can be solved and ψ has a derivative."""
     newton = Newton()
-    if newton.why_not(problem) is None and (problem.n <= _FACTORISE_UP_TO or is_band(problem.A)):
+    if newton.why_not(problem) is None and (problem.n <= FACTORISE_UP_TO or is_band(problem.A)):
         yield Choice(newton, why)
 
 
@@ -104,13 +118,13 @@ def why_none(problem: ICP) -> str:
     """
     diagonal = problem.A.diagonal()
     i = int(np.argmin(diagonal))
-    big = f"A with n > {_FACTORISE_UP_TO} is not factorised" if problem.n > _FACTORISE_UP_TO else ""
+    big = f"A with n > {FACTORISE_UP_TO} is not factorised" if problem.n > FACTORISE_UP_TO else ""
     return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, and {big or 'A + Omega could not be factorised'}"
 
 
 def _factorised(problem: ICP, why: str) -> Iterator[Choice]:
     """MNMMOD with θ₁ = √(‖A‖_∞/‖A⁻¹1‖_∞), for an M-matrix the mean of its largest and smallest scale."""
-    if problem.n > _FACTORISE_UP_TO:
+    if problem.n > FACTORISE_UP_TO:
         return
     with np.errstate(over="ignore"):
         size = float(problem.absolute_A().sum(axis=1).max())

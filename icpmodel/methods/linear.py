@@ -16,6 +16,8 @@ from ..operators import factorise
 #: (right-hand side, relative tolerance) ↦ solution, or None where none was found
 Solver = Callable[[Vector, float], Vector | None]
 
+#: beyond this size a sparse matrix that is no band is not factorised unless the user asks for it
+FACTORISE_UP_TO = 200_000
 #: more diagonals than this are no band
 _WIDEST_BAND = 16
 #: a matrix that is fuller than this is treated as dense

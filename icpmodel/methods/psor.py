@@ -37,7 +37,7 @@ class PSOR(Method):
         """See `Method.iterates`."""
         A = problem.A
         matrix: tuple[Any, ...] = (A.indptr, A.indices, A.data, diagonal_positions(A), problem.q)
-        step = compiled_step(problem, "projected", matrix, (self.omega / A.diagonal(),))
+        step = compiled_step(problem, "projected", matrix, (self.omega / A.diagonal(), True))
         while True:
             following, residual = step(z)
             yield z, residual
