@@ -319,10 +319,11 @@ def test_solve_to_an_accuracy_and_polish(capsys):
     assert "give accuracy alone" in err
 
 
-def test_measure_bounds_and_certificate(capsys):
+def test_measure_bounds_certificate_and_limit(capsys):
     code, out, _ = call(capsys, "measure", "bounds", "--n", "16", "--trials", "1", "--csv")
     assert code == 0
     assert out.startswith("scene,n,z,")
-    code, out, _ = call(capsys, "measure", "certificate", "--n", "400", "--repeats", "3")
-    assert code == 0
-    assert "linear solve" in out
+    for command in ("certificate", "limit"):
+        code, out, _ = call(capsys, "measure", command, "--n", "400", "--repeats", "3")
+        assert code == 0
+        assert "linear solve" in out

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.measure import bound_ratios, certificate_cost, grid_order, sweep_cost, sweep_counts
+from icpmodel.measure import (
+    bound_ratios,
+    certificate_cost,
+    grid_order,
+    linear_solve,
+    solve_cost,
+    sweep_cost,
+    sweep_counts,
+)
 
 
 def test_sweep_cost_compares_in_pairs():
@@ -54,3 +62,27 @@ def test_a_certificate_is_compared_with_a_linear_solve():
     assert min(certificate, solve) > 0
     assert lowest <= ratio <= highest
     assert proof.startswith("A is an H+-matrix")
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.5])
+def test_the_linear_solve_reaches_its_tolerance(skew):
+    A = icp.scenes.membrane(n=50**2, skew=skew).problem.A
+    b = np.ones(A.shape[0])
+    assert np.linalg.norm(A @ linear_solve(A, b) - b) <= 2e-8 * np.linalg.norm(b)
+
+
+def test_solve_is_compared_with_a_linear_solve_on_every_variant():
+    table = solve_cost([400], repeats=3)
+    assert [row[0] for row in table.rows] == [
+        "membrane",
+        "ball",
+        "elementwise psi",
+        "affine psi",
+        "skew = 0.5",
+        "mu = 4",
+    ]
+    for *_, ours, limit, ratio, lowest, highest in table.rows:
+        assert min(ours, limit) > 0
+        assert lowest <= ratio <= highest
+    with pytest.raises(icp.InputError, match="repeats is 2"):
+        solve_cost([400], repeats=2)

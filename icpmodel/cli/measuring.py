@@ -78,6 +78,25 @@ def certificate(n: int, repeats: int, as_csv: bool) -> int:
     return _show(certificate_cost(n, repeats), as_csv)
 
 
+@measure.command()
+@click.option(
+    "--n",
+    "sizes",
+    type=int,
+    multiple=True,
+    default=(10_000, 100_000, 1_000_000),
+    show_default=True,
+    help="Unknowns.",
+)
+@click.option("--repeats", type=int, default=5, show_default=True, help="Pairs of timings.")
+@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+def limit(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
+    """solve() against its limit, one linear solve with the same matrix, timed in turn."""
+    from ..measure import solve_cost
+
+    return _show(solve_cost(sizes, repeats), as_csv)
+
+
 def _show(table: Table, as_csv: bool) -> int:
     click.echo(table.to_csv() if as_csv else str(table), nl=not as_csv)
     return 0

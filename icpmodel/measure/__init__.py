@@ -1,6 +1,16 @@
 """Measurements behind the numbers of the README: the subcommands of `icpmodel measure` print them."""
 
 from .certainty import bound_ratios, certificate_cost
+from .limit import linear_solve, solve_cost
 from .tables import Table, grid_order, sweep_cost, sweep_counts
 
-__all__ = ["Table", "bound_ratios", "certificate_cost", "grid_order", "sweep_cost", "sweep_counts"]
+__all__ = [
+    "Table",
+    "bound_ratios",
+    "certificate_cost",
+    "grid_order",
+    "linear_solve",
+    "solve_cost",
+    "sweep_cost",
+    "sweep_counts",
+]

@@ -1,0 +1,81 @@
+"""What `solve()` costs against its limit, one plain linear solve with the same matrix."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..arrays import Vector
+from ..errors import InputError
+from ..maps import Affine, Elementwise
+from ..problem import ICP
+from ..scenes import scene
+from .tables import Table, machine
+
+
+def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
+    """x with ‖Ax − b‖ ≤ `tolerance`‖b‖ by PyAMG's Ruge–Stüben hierarchy with CG, or BiCGSTAB where A is not symmetric.
+
+    Parameters: `A` CSR, shape (n, n); `b` shape (n,). Returns x, shape (n,).
+
+    >>> linear_solve(sp.csr_array([[2.0, 0.0], [0.0, 4.0]]), np.array([2.0, 4.0])).round(6)
+    array([1., 1.])
+    """
+    import pyamg
+
+    matrix = sp.csr_matrix(A)  # PyAMG takes the older class only
+    accelerate = "cg" if (A != A.T).nnz == 0 else "bicgstab"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return np.asarray(pyamg.ruge_stuben_solver(matrix).solve(b, tol=tolerance, accel=accelerate))
+
+
+def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int = 5) -> Table:
+    """Time of `solve()` to Res ≤ 1e-8·Res(0) against one linear solve with A to 1e-8, set-up included on both sides.
+
+    On the membrane with μ = 0 and its variants: ψ elementwise, ½ sin(z) + c, and affine, a quarter of each of two
+    neighbours; A nonsymmetric (skew ½); A strongly dominant (μ = 4); and the ball. The two are timed in turn; the ratio
+    is the median of the ratios pair by pair.
+    Parameters: `sizes` in unknowns (the nearest squares), `repeats` ≥ 3. Returns a `Table` (seconds).
+
+    >>> solve_cost([400], repeats=3).heads
+    ('problem', 'n', 'method', 'solve, s', 'linear solve, s', 'ratio', 'lowest', 'highest')
+    """
+    if repeats < 3:
+        raise InputError(f"repeats is {repeats}; at least 3 were expected")
+    for _, problem in _problems(900):
+        problem.solve()  # compiles
+    rows = []
+    for n in sizes:
+        for name, problem in _problems(n):
+            b, pairs, method = np.ones(problem.n), [], ""
+            for _ in range(repeats):
+                fresh = ICP(problem.A, problem.q, problem.psi)
+                begin = time.perf_counter()
+                method = fresh.solve().method.name
+                between = time.perf_counter()
+                linear_solve(problem.A, b)
+                pairs.append((between - begin, time.perf_counter() - between))
+            ours, limit = np.array(pairs).T
+            ratios = ours / limit
+            median = (float(np.median(x)) for x in (ours, limit, ratios))
+            rows.append((name, problem.n, method, *median, float(ratios.min()), float(ratios.max())))
+    heads = ("problem", "n", "method", "solve, s", "linear solve, s", "ratio", "lowest", "highest")
+    return Table(f"solve() against one linear solve ({machine()})", heads, tuple(rows))
+
+
+def _problems(n: int) -> Iterator[tuple[str, ICP]]:
+    problem = scene("membrane", n).problem
+    m, c = int(np.sqrt(problem.n)), problem.psi.value(np.zeros(problem.n))
+    yield "membrane", problem
+    yield "ball", scene("ball", n).problem
+    half_sine = Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), lipschitz=0.5, c=c)
+    yield "elementwise psi", problem.with_psi(half_sine)
+    neighbours = sp.diags_array([0.25, 0.25], offsets=[-1, 1], shape=(m, m))
+    yield "affine psi", problem.with_psi(Affine(sp.kron(sp.eye_array(m), neighbours), c))
+    yield "skew = 0.5", scene("membrane", n, skew=0.5).problem
+    yield "mu = 4", scene("membrane", n, mu=4.0).problem
