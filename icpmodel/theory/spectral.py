@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 #: a radius up to which its size makes no difference to any choice
-_SMALL = 0.5
+_SMALL = 0.7
 
 
 def jacobi_radius(A: sp.csr_array, steps: int | None = None) -> float:
@@ -23,8 +23,11 @@ def jacobi_radius(A: sp.csr_array, steps: int | None = None) -> float:
     >>> round(jacobi_radius(sp.csr_array([[2.0, -1.0], [-1.0, 2.0]])), 6)
     0.5
     """
-    n = A.shape[0]
-    weight = sp.diags_array(1.0 / np.sqrt(np.abs(A.diagonal())))
+    n, diagonal = A.shape[0], np.abs(A.diagonal())
+    bound = float((abs(A) @ np.ones(n) / diagonal).max()) - 1.0
+    if bound <= _SMALL:
+        return bound
+    weight = sp.diags_array(1.0 / np.sqrt(diagonal))
     scaled = sp.csr_array(weight @ abs(A) @ weight)
     S = sp.csr_array((scaled * scaled.T.tocsr()).sqrt())
     S.setdiag(0.0)
