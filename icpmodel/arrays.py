@@ -29,7 +29,7 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
     """
     if sp.issparse(value):
         value = value.toarray()
-    array = _real(_as_array(value, name), name)
+    array = _real(as_array(value, name), name)
     if array.ndim == 2 and 1 in array.shape:
         array = array.reshape(-1)
     if array.ndim == 0 and n is not None:
@@ -48,6 +48,56 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
         wanted = "a finite number" if infinite is None else f"a finite number or {infinite}"
         raise InputError(f"{name}[{i}] is {vector[i]}; {wanted} was expected")
     return vector
+
+
+def as_array(value: Any, name: str) -> np.ndarray:
+    """`value` as a NumPy array of any shape. Raises InputError where it is a text, None or any other object.
+
+    >>> as_array(None, "q")
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: q is None; real numbers were expected
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # rows of different lengths
+        raise InputError(f"{name} cannot be read as an array of numbers: {error}") from error
+    if array.ndim == 0 and array.dtype.kind not in "biufc":
+        raise InputError(f"{name} is {described(value)}; real numbers were expected")
+    return array
+
+
+def described(value: Any) -> str:
+    """What a message calls `value`, which is not what was expected: None, texts and numbers as they are, else the type.
+
+    >>> described("x"), described(np.eye(2)), described(float)
+    ("'x'", 'a ndarray', 'the class float')
+    """
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    plain = value is None or isinstance(value, str | int | float | np.number)
+    return repr(value) if plain else f"a {type(value).__name__}"
+
+
+def not_finite(vector: Vector, name: str) -> str:
+    """Which entry of `vector`, shape (n,), is NaN or infinite; empty where none is.
+
+    >>> not_finite(np.array([0.0, np.inf]), "z")
+    'z[1] is inf'
+    """
+    bad = ~np.isfinite(vector)
+    return f"{name}[{np.argmax(bad)}] is {vector[np.argmax(bad)]}" if bad.any() else ""
+
+
+def as_truth(value: Any, name: str) -> bool:
+    """`value`, which must be True or False: the text "no" is neither. Raises InputError.
+
+    >>> as_truth("no", "sharp")
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: sharp is 'no'; True or False was expected
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{name} is {described(value)}; True or False was expected")
+    return bool(value)
 
 
 def as_number(
@@ -92,7 +142,7 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     icpmodel.errors.InputError: A has shape (1, 2); a square matrix was expected
     """
     if not sp.issparse(value):
-        value = _as_array(value, name)
+        value = as_array(value, name)
         if value.ndim == 0:
             value = value.reshape(1, 1)
     shape = value.shape
@@ -161,13 +211,6 @@ def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     full = sp.csr_array(sp.coo_array((data, (rows, columns)), shape=matrix.shape))
     full.sort_indices()
     return full
-
-
-def _as_array(value: Any, name: str) -> np.ndarray:
-    try:
-        return np.asarray(value)
-    except ValueError as error:  # rows of different lengths
-        raise InputError(f"{name} cannot be read as an array of numbers: {error}") from error
 
 
 def _real(value: Any, name: str) -> Any:

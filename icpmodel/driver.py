@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from .arrays import as_truth
 from .errors import InputError, NotApplicable, NotSolved
 from .loop import Job, Limits, Progress
 from .methods import Method, named
 from .methods.choose import Choice, choose
-from .problem import ICP
+from .problem import ICP, as_icp
 from .solution import Solution
 
 #: the default relative tolerance
@@ -78,10 +79,9 @@ def solve(
     )
     if callback is not None and not callable(callback):
         raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
-    start = problem.vector(np.zeros(problem.n) if z0 is None else getattr(z0, "z", z0), "z0").copy()
-    if not np.isfinite(start).all():
-        i = int(np.argmin(np.isfinite(start)))
-        raise InputError(f"z0[{i}] is {start[i]}; a finite number was expected")
+    for name, flag in (("history", history), ("progress", progress), ("raise_on_failure", raise_on_failure)):
+        as_truth(flag, name)
+    start = as_icp(problem).vector(np.zeros(problem.n) if z0 is None else z0, "z0", finite=True).copy()
     job = Job(problem, start, limits, callback, history, progress)
     solution = job.first_success(_choices(problem, method, options), tolerate_singular=method is None)
     if raise_on_failure and not solution.solved:

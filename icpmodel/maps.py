@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from .arrays import Vector, as_csr, as_vector, freeze
+from .arrays import Vector, as_array, as_csr, as_vector, freeze
 from .errors import InputError, MapError
 
 
@@ -331,7 +331,10 @@ def call_user(call: Callable[[], Any], shape: tuple[int, ...], name: str) -> Vec
     Traceback (most recent call last):
     icpmodel.errors.MapError: psi(z) has shape (1,); shape (2,) was expected
     """
-    value = np.asarray(raising_map_error(call, name))
+    try:
+        value = as_array(raising_map_error(call, name), f"{name}(z)")
+    except InputError as error:
+        raise MapError(str(error)) from None
     if value.shape != shape:
         raise MapError(f"{name}(z) has shape {value.shape}; shape {shape} was expected")
     if value.dtype.kind not in "biuf":

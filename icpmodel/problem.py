@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from .arrays import Vector, as_csr, as_vector
+from .arrays import Vector, as_array, as_csr, as_vector, described, not_finite
 from .errors import InputError
 from .maps import Constant, Map, as_map
 
@@ -102,19 +102,24 @@ class ICP:
         """
         return self.with_psi(self.psi.value(self.vector(z)))
 
-    def vector(self, z: Any, name: str = "z") -> Vector:
-        """`z` as a float64 vector of shape (n,); NaN and infinities pass, as iterates may hold them.
+    def vector(self, z: Any, name: str = "z", *, finite: bool = False) -> Vector:
+        """`z` as a float64 vector of shape (n,), of a `Solution` its z; NaN and infinities pass unless `finite`.
+
+        Every method and function that takes a z takes it through here. Raises InputError for anything else.
 
         >>> ICP([[2.0]], [1.0]).vector([1, 2])
         Traceback (most recent call last):
         icpmodel.errors.InputError: z has shape (2,); shape (1,) was expected
         """
-        array = np.asarray(z)
+        array = as_array(getattr(z, "z", z), name)
         if array.shape != (self.n,):
             raise InputError(f"{name} has shape {array.shape}; shape ({self.n},) was expected")
         if array.dtype.kind not in "biuf":
             raise InputError(f"{name} has dtype {array.dtype}; real numbers were expected")
-        return np.asarray(array, dtype=np.float64)
+        vector: Vector = np.asarray(array, dtype=np.float64)
+        if finite and (fault := not_finite(vector, name)):
+            raise InputError(f"{fault}; a finite number was expected")
+        return vector
 
     def p(self, z: Any) -> Vector:
         """p(z) = Az + q, shape (n,).
@@ -244,6 +249,18 @@ class ICP:
 
     def __repr__(self) -> str:
         return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={self.psi!r})"
+
+
+def as_icp(problem: Any) -> ICP:
+    """`problem`, which must be an ICP. Raises InputError.
+
+    >>> as_icp(np.eye(2))
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: problem is a ndarray; an ICP was expected
+    """
+    if not isinstance(problem, ICP):
+        raise InputError(f"problem is {described(problem)}; an ICP was expected")
+    return problem
 
 
 def _gamma(k: Any) -> Any:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .arrays import Vector
+from .arrays import Vector, as_truth
 from .errors import MapError
-from .problem import ICP
+from .problem import ICP, as_icp
 from .theory.certificates.active_set import ActiveSet, active_set
 from .theory.certificates.bounds import ErrorBound, error_bound
 from .theory.certificates.equations import nearer_to_obstacle, solve_on
@@ -110,14 +110,14 @@ def certify(
 ) -> Certificate:
     """The one judge of an answer, ours or a foreign solver's.
 
-    Parameters: `z` shape (n,); `bound` whether to look for an error bound as well, which may cost one linear solve, and
-    `sharp` and `rigorous` how: see `icpmodel.error_bound`.
-    Returns a `Certificate`. Raises InputError for a wrong shape, MapError where ψ fails.
+    Parameters: `z` shape (n,), or a `Solution`; `bound` whether to look for an error bound as well, which may cost one
+    linear solve, and `sharp` and `rigorous` how: see `icpmodel.error_bound`.
+    Returns a `Certificate`. Raises InputError for what is no ICP or no such z, MapError where ψ fails.
 
     >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
     0.0
     """
-    z = problem.vector(z)
+    z, bound = as_icp(problem).vector(z), as_truth(bound, "bound")
     diagonal = np.abs(problem.A.diagonal())
     with np.errstate(over="ignore", invalid="ignore"):
         p, r = problem.p(z), problem.r(z)

@@ -23,7 +23,8 @@ import icpmodel as icp
         (sp.csr_array([[1.0, 0.0], [0.0, np.inf]]), [1.0, 1.0], 0, r"A\[1, 1\] is inf"),
         ([[1j]], [1.0], 0, "A is complex"),
         ([["a"]], [1.0], 0, "A has dtype"),
-        (None, [1.0], 0, "A has"),
+        (None, [1.0], 0, "A is None"),
+        (np.eye(2), "1,2", 0, "q is '1,2'; real numbers"),
         (np.eye(2), [1.0], 0, r"q has shape \(1,\); shape \(2,\)"),
         (np.eye(2), [1.0, float("inf")], 0, r"q\[1\] is inf"),
         (np.eye(1), 1.0, 0, r"q has shape \(\)"),
@@ -39,6 +40,45 @@ import icpmodel as icp
 def test_bad_input_is_named_with_what_was_found(A, q, psi, words):
     with pytest.raises(icp.InputError, match=words):
         icp.ICP(A, q, psi)
+
+
+@pytest.mark.parametrize(
+    ("z", "words"),
+    [
+        (None, "z is None; real numbers"),
+        ("x", "z is 'x'; real numbers"),
+        ({1.0}, "z is a set"),
+        (icp.MNMGS, "z is the class MNMGS"),
+        ([[1.0], [2.0, 3.0]], "z cannot be read as an array"),
+        (["a", "b"], "z has dtype <U1"),
+        (icp.ICP([[2.0]], [1.0]).solve(), r"z has shape \(1,\); shape \(2,\)"),
+    ],
+)
+@pytest.mark.parametrize("judge", [icp.certify, icp.error_bound, icp.ICP.p, icp.ICP.residual])
+def test_what_is_no_z_is_named(judge, z, words):
+    with pytest.raises(icp.InputError, match=words):
+        judge(icp.ICP(np.eye(2), [1.0, 1.0]), z)
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda problem: icp.certify(problem, [1, 2]),
+        lambda problem: icp.error_bound(problem, [1, 2]),
+        lambda problem: icp.theory.active_set(problem, [1, 2], None),
+        lambda problem: icp.theory.check("4.3", problem, icp.MNMGS()),
+        lambda problem: icp.theory.check_all(problem, icp.MNMGS()),
+        lambda problem: icp.theory.predicted_rate(problem, icp.MNMGS()),
+        lambda problem: icp.theory.predicted_rate(icp.ICP([[2.0]], [1.0]), icp.MNMGS()).steps(problem, [1.0], 1e-3),
+        icp.solve,
+        icp.crosscheck.crosscheck,
+        lambda problem: icp.save_problem(problem, "nowhere.npz"),
+    ],
+)
+@pytest.mark.parametrize(("problem", "found"), [(np.eye(2), "a ndarray"), (None, "None"), (icp.ICP, "the class ICP")])
+def test_what_is_no_icp_is_named(use, problem, found):
+    with pytest.raises(icp.InputError, match=f"problem is {found}; an ICP was expected"):
+        use(problem)
 
 
 @pytest.mark.parametrize(

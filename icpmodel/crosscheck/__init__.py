@@ -21,7 +21,7 @@ import numpy as np
 
 from ..arrays import as_number
 from ..errors import InputError, Interrupted
-from ..problem import ICP
+from ..problem import ICP, as_icp
 from ..progress import status_line
 from ..solution import Solution
 from .formulations import QP, Target
@@ -165,6 +165,7 @@ def crosscheck(
     >>> crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5001, 0.0], ["osqp"]).rows[0].verdict
     <Verdict.DISAGREES: 'disagrees'>
     """
+    as_icp(problem)
     chosen = chosen_solvers(solvers)
     if atol is not None:
         as_number(atol, "atol", least=0)

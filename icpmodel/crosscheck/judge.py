@@ -119,7 +119,7 @@ class Checked:
         >>> Checked.of(ICP([[2.0]], [-1.0]), [0.5], atol=0.1).tolerance
         0.1
         """
-        z = problem.vector(solution.z if isinstance(solution, Solution) else solution, "solution")
+        z = problem.vector(solution, "solution")
         handy, unit = in_handy_units(problem)
         y = z / unit
         rtol = OURS

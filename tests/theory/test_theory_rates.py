@@ -125,8 +125,19 @@ def test_it_serves_every_q_and_no_other_problem():
     assert rate.steps(problem.with_q([5.0, -7.0]), [0.0, 0.0], 1e-3) > 0
     with pytest.raises(icp.InputError, match="another A or psi"):
         rate.distance(problem.with_psi(1.0), [0.0, 0.0])
-    with pytest.raises(icp.InputError, match="accuracy"):
-        rate.steps(problem, [0.0, 0.0], 0.0)
+    for accuracy, words in (
+        (0.0, "accuracy is 0"),
+        (-1, "accuracy is -1; a finite number > 0"),
+        ("x", "accuracy is 'x'"),
+        (None, "accuracy is None"),
+        ([1.0, -1.0], "accuracy has the entry -1; positive numbers"),
+        ([1.0, 1.0, 1.0], r"accuracy has shape \(3,\)"),
+    ):
+        with pytest.raises(icp.InputError, match=words):
+            rate.steps(problem, [0.0, 0.0], accuracy)
+    for checks, found in (({}, "a dict"), ([], "a list"), ("sharper", "'sharper'")):
+        with pytest.raises(icp.InputError, match=f"checks is {found}; what check_all"):
+            predicted_rate(problem, icp.MNMGS(), checks)
     with pytest.raises(icp.InputError, match="z0 has shape"):
         rate.steps(problem, [0.0], 1.0)
     with pytest.raises(icp.InputError, match="k is -1"):
@@ -137,8 +148,9 @@ def test_at_the_solution_no_step_is_needed_and_nowhere_none_can_be_told():
     problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -1.0])
     rate = predicted_rate(problem, icp.MNMGS())
     assert rate.steps(problem, [1.0, 1.0], 1e-9) == 0
-    assert rate.steps(problem, [np.nan, 1.0], 1e-9) is None
-    assert rate.steps(problem, [np.inf, 1.0], 1e-9) is None
+    for z0, words in (([np.nan, 1.0], "nan"), ([np.inf, 1.0], "inf")):
+        with pytest.raises(icp.InputError, match=rf"z0\[0\] is {words}; a finite number"):
+            rate.steps(problem, z0, 1e-9)
     assert rate.distance(problem, [1e308, -1e308]) >= 1e308
 
 

@@ -604,6 +604,11 @@ class TestAnswers:
             check("4.5", icp.ICP([[1.0]], [0.0]), icp.MNMGS())
         with pytest.raises(icp.InputError, match="does not print"):
             check("sharper", icp.ICP([[1.0]], [0.0]), icp.MNMGS(), as_printed=True)
+        with pytest.raises(icp.InputError, match="theorem is a list; one of"):
+            check(["4.3"], icp.ICP([[1.0]], [0.0]), icp.MNMGS())
+        for member, words in (("mnmgs", "member is 'mnmgs'"), (icp.MNMGS, "member is the class MNMGS")):
+            with pytest.raises(icp.InputError, match=f"{words}; a Method object was expected, such as MNMGS()"):
+                check("4.3", icp.ICP([[1.0]], [0.0]), member)
         with pytest.raises(icp.InputError, match=r"member is PSOR\(\)"):
             check_all(icp.ICP([[1.0]], [0.0]), icp.PSOR())
         for name in ("4.1", "4.3", "4.4"):

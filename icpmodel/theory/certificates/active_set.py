@@ -7,12 +7,14 @@ With |z − z*| ≤ δ: p_i(z) − Σ|a_ij|δ_j > 0 proves p_i(z*) > 0, hence r_
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Vector
-from ...problem import ICP, UNIT_ROUNDOFF
+from ...arrays import described
+from ...errors import InputError
+from ...problem import ICP, UNIT_ROUNDOFF, as_icp
 from ..rounding import upper
 from .bounds import ErrorBound
 
@@ -43,18 +45,25 @@ class ActiveSet:
         return f"{at} at the obstacle, {off} off it, {open_rows} undecided"
 
 
-def active_set(problem: ICP, z: Vector, bound: ErrorBound) -> ActiveSet:
-    """The active set of z* as far as `bound`, an error bound for `z` (shape (n,)), proves it.
+def active_set(problem: ICP, z: Any, bound: ErrorBound) -> ActiveSet:
+    """The active set of z* as far as `bound` proves it, the error bound of this very `z` on this very `problem`.
 
     Bounds on the rounding errors are included. Nothing is decided where there is no bound, nor where p* = r* = 0.
+    Parameters: `z` shape (n,), or a `Solution`; `bound` = `error_bound(problem, z)`. That it is the bound of this z and
+    no other cannot be checked: with another one the answer is no proof. Returns an `ActiveSet`. Raises InputError where
+    `bound` is no `ErrorBound`, or one of another n.
 
     >>> from icpmodel.theory import error_bound
     >>> problem, z = ICP([[2.0]], [-2.0]), np.array([1.25])
     >>> active_set(problem, z, error_bound(problem, z)).inactive
     array([ True])
     """
-    nothing = np.zeros(problem.n, dtype=bool)
+    z, nothing = as_icp(problem).vector(z), np.zeros(problem.n, dtype=bool)
+    if not isinstance(bound, ErrorBound):
+        raise InputError(f"bound is {described(bound)}; error_bound(problem, z), an ErrorBound, was expected")
     delta = bound.componentwise
+    if delta is not None and delta.size != problem.n:
+        raise InputError(f"bound is that of {delta.size} unknowns; {problem.n} were expected")
     change = None if delta is None else problem.psi.change(delta)
     if delta is None or change is None:
         return ActiveSet(nothing, nothing)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector
+from ...arrays import Vector, as_truth, not_finite
 from ...errors import MapError
-from ...problem import ICP, UNIT_ROUNDOFF
+from ...problem import ICP, UNIT_ROUNDOFF, as_icp
 from . import definite, h_plus, representatives, supersolution
 from .proof import Proof, norm_up
 
@@ -70,9 +70,10 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
     interventions given by a matrix. A user's function ψ is taken as exact to a few units in the last place, and its
     Lipschitz matrix at the user's word.
 
-    Parameters: `z` shape (n,). `sharp`: look for a better point ẑ by a few active-set Newton steps (a factorisation
-    each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error where the bound of z
-    itself may be a hundred times too wide; by default where A has at most 10 000 entries or the proof is a wide one.
+    Parameters: `z` shape (n,), or a `Solution`. `sharp`: look for a better point ẑ by a few active-set Newton steps (a
+    factorisation each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error where the
+    bound of z itself may be a hundred times too wide; by default where A has at most 10 000 entries or the proof is a
+    wide one.
     `rigorous`: no bound where it would rest on a user's word. Returns an `ErrorBound`. Raises MapError where ψ fails at
     z.
     Reference: the proofs of this room, one file each.
@@ -82,8 +83,10 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
     >>> 0.001 <= bound.value <= 0.001001, round(error_bound(problem, [1.0, 1.001], sharp=False).value, 9)
     (True, 0.002)
     """
-    z = problem.vector(z)
-    if rigorous and problem.psi.at_users_word:
+    z = as_icp(problem).vector(z)
+    if sharp is not None:
+        as_truth(sharp, "sharp")
+    if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:
         return ErrorBound.none("psi is computed by a user's function, whose rounding errors are not known")
     reasons = []
     for prove in _PROOFS:
@@ -97,7 +100,8 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
         sentence = proof.sentence + (_WORD if problem.psi.at_users_word else "")
         if np.isfinite(delta).all():
             return ErrorBound(float(delta.max()), delta, euclidean, sentence, "")
-        return ErrorBound.none("the proof bounds nothing at this z: it is too far from z*, or not finite", sentence)
+        fault = not_finite(z, "z") or "the proof bounds nothing at this z: it is too far from z*"
+        return ErrorBound.none(fault, sentence)
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
 
 

@@ -8,9 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector, as_csr, as_vector, diagonal_positions
+from ...arrays import Vector, as_csr, as_vector, described, diagonal_positions
 from ...errors import InputError
-from ...problem import ICP
+from ...problem import ICP, as_icp
 from ...splittings import Splitting
 
 
@@ -38,7 +38,7 @@ class Parts:
     """M₁, M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω as CSR and D, φ, φ₁, Ω as vectors, of `member` on `problem`.
 
     What a theorem makes of them is at most twice `size` entry by entry, and so are the rounding errors of making it.
-    Raises InputError where `member` has no M₁ or Ω.
+    Raises InputError where `problem` is no ICP, or `member` has no M₁ or Ω (a name, a class, Newton).
 
     >>> from icpmodel import MNMGS
     >>> parts = Parts(ICP([[4, -1], [-2, 4]], [0, 0]), MNMGS())
@@ -49,6 +49,9 @@ class Parts:
     """
 
     def __init__(self, problem: ICP, member: Member) -> None:
+        as_icp(problem)
+        if isinstance(member, str | type):
+            raise InputError(f"member is {described(member)}; a Method object was expected, such as MNMGS()")
         if not (hasattr(member, "splitting_of") and hasattr(member, "omega_of")):
             raise InputError(f"member is {member!r}; a method of the modulus family, with M1 and Omega, was expected")
         self.problem, self.member = problem, member

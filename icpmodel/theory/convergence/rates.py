@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector, as_number
+from ...arrays import Vector, as_number, as_vector, described
 from ...errors import InputError
-from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF, as_icp
 from ..answers import Answer
 from ..certificates.bounds import error_bound
 from ..certificates.proof import norm_up
@@ -45,14 +45,14 @@ class Rate(ABC):
         """A bound on the norm of z⁰ − z*, rounding included, infinite where none is known.
 
         It rests on one step of the method: ‖z¹ − z⁰‖/(1 − factor). Parameters: `problem` with the A and ψ of the rate;
-        `z0` shape (n,), finite. Raises InputError for another A or ψ.
+        `z0` shape (n,), finite. Raises InputError for another A or ψ, or another z0.
 
         >>> from icpmodel import MNMJ
         >>> problem = ICP([[2, -1], [-1, 2]], [-2, -2])
         >>> round(predicted_rate(problem, MNMJ()).distance(problem, [0.0, 0.0]), 6)
         2.0
         """
-        z0, parts = problem.vector(z0, "z0"), self._parts
+        z0, parts = as_icp(problem).vector(z0, "z0", finite=True), self._parts
         if problem.A is not parts.A or problem.psi is not parts.problem.psi:
             raise InputError("problem has another A or psi than the rate; make the rate of this problem")
         with np.errstate(all="ignore"):
@@ -92,9 +92,12 @@ class Rate(ABC):
         >>> predicted_rate(problem, MNMJ()).steps(problem, [0.0, 0.0], 1e-3)
         11
         """
-        accuracy = np.asarray(accuracy, dtype=np.float64)
-        if not (accuracy > 0).all():
-            raise InputError(f"accuracy has the entry {accuracy.min():g}; positive numbers were expected")
+        if np.ndim(accuracy):
+            accuracy = as_vector(accuracy, self.v.size, "accuracy")
+            if not (accuracy > 0).all():
+                raise InputError(f"accuracy has the entry {accuracy.min():g}; positive numbers were expected")
+        else:
+            accuracy = as_number(accuracy, "accuracy", above=0)
         distance = self.distance(problem, z0)
         with np.errstate(over="ignore"):
             wanted = float((accuracy / self.v).min())
@@ -175,6 +178,7 @@ def predicted_rate(problem: ICP, member: Member, checks: dict[str, Check] | None
     It is that of the theorem "sharper", which holds with the same v wherever 4.1 to 4.4 do, with a factor that is no
     larger; where that does not hold, that of "definite".
     Parameters: `member` a method of the modulus family; `checks` what `check_all` returned for the two, if at hand.
+    Returns a `Rate`, or an `Answer`. Raises InputError for a method outside of the family, or other `checks`.
     Reference: `conditions` and `structural`; Banach's fixed point theorem.
 
     >>> from icpmodel import MNMGS, Affine
@@ -182,6 +186,8 @@ def predicted_rate(problem: ICP, member: Member, checks: dict[str, Check] | None
     no: the contraction factor is at least 1, and at most 2
     """
     checks = check_all(problem, member) if checks is None else checks
+    if not (isinstance(checks, dict) and {"sharper", "definite"} <= checks.keys()):
+        raise InputError(f"checks is {described(checks)}; what check_all(problem, member) returns was expected")
     for name, kind in (("sharper", Contraction), ("definite", PeacemanRachford)):
         found = checks[name]
         if found.holds and found.number is not None and found.vector is not None:

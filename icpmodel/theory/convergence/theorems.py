@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Vector
+from ...arrays import Vector, described
 from ...errors import InputError, SingularOperator
 from ...problem import ICP, UNIT_ROUNDOFF
 from ..answers import Answer
@@ -69,8 +69,8 @@ def theorems() -> dict[str, str]:
 def check(theorem: str, problem: ICP, member: Member, as_printed: bool = False) -> Check:
     """Whether `member` meets the hypotheses of `theorem` on `problem`, rounding included.
 
-    Parameters: `theorem` one of `theorems()`; `member` a method of the modulus family; `as_printed` asks for the
-    paper's own statement, which may be false (`Check.false_as_printed`) and is kept to be compared with.
+    Parameters: `theorem` one of `theorems()`; `member` a method of the modulus family, as an object; `as_printed` asks
+    for the paper's own statement, which may be false (`Check.false_as_printed`) and is kept to be compared with.
     Returns a `Check`. Raises InputError for an unknown theorem, or one that the paper does not print.
     Reference: `conditions` and `structural` hold the statements and the proofs.
 
@@ -93,8 +93,8 @@ def check_all(problem: ICP, member: Member) -> dict[str, Check]:
 
 
 def _check(name: str, parts: Parts, as_printed: bool) -> Check:
-    if name not in _THEOREMS:
-        raise InputError(f"theorem is {name!r}; one of {', '.join(_THEOREMS)} was expected")
+    if not isinstance(name, str) or name not in _THEOREMS:
+        raise InputError(f"theorem is {described(name)}; one of {', '.join(_THEOREMS)} was expected")
     theorem = _THEOREMS[name]
     decide, sentence = theorem.decide, theorem.sentence
     if as_printed:
