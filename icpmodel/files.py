@@ -29,7 +29,7 @@ import scipy.sparse as sp
 from .arrays import Vector
 from .errors import FileError, InputError
 from .maps import Affine, Constant
-from .problem import ICP
+from .problem import ICP, as_icp
 from .solution import Solution
 
 _VERSION = 1
@@ -49,7 +49,7 @@ def save_problem(problem: ICP, path: str | Path) -> None:
     ...     load_problem(f"{folder}/p.npz")
     ICP(n=1, nnz=1, psi=Constant(3))
     """
-    psi = problem.psi
+    psi = as_icp(problem).psi
     if isinstance(psi, Constant):
         kind = "constant" if psi.c.any() else "zero"
     elif isinstance(psi, Affine):
@@ -138,7 +138,7 @@ def load_solution(path: str | Path) -> dict[str, Any]:
     result: dict[str, Any] = {"z": z}
     for name in ("p", "r"):
         result[name] = _npz_vector(path, fields, name, z.size)
-    result["about"] = _json(path, "about", str(fields["about"]))
+    result["about"] = _json(f"{path}: field about", str(fields["about"]))
     return result
 
 
@@ -250,13 +250,19 @@ def _write_folder(path: Path, kind: str, parts: dict[str, Any]) -> None:
 
 def _read_folder(path: Path) -> tuple[str, dict[str, Any]]:
     declared = path / "psi.json"
+    if not declared.is_file() and not (path / "A.mtx").is_file():
+        raise FileError(f"{path}: the folder holds no saved problem; psi.json, A.mtx and q.mtx were expected")
     if not declared.is_file():
         raise FileError(f'{declared}: no such file; it declares psi, for an LCP as {{"psi": "zero"}}')
     try:
-        content = _json(declared, "psi", declared.read_text())
+        text = declared.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"{declared}: cannot be read ({error})") from error
-    kind = _kind(declared, content.get("psi") if isinstance(content, dict) else None)
+    content = _json(declared, text)
+    if not isinstance(content, dict) or content.keys() != {"psi"}:
+        found = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
+        raise FileError(f'{declared}: {found}; the field psi alone was expected, for an LCP {{"psi": "zero"}}')
+    kind = _kind(declared, content["psi"])
     parts = {"A": read_matrix(path / "A.mtx"), "q": read_vector(path / "q.mtx")}
     if kind != "zero":
         parts["c"] = read_vector(path / "c.mtx")
@@ -330,8 +336,8 @@ def _kind(path: Path, kind: Any) -> str:
     return str(kind)
 
 
-def _json(path: Path, name: str, text: str) -> Any:
+def _json(where: str | Path, text: str) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise FileError(f"{path}: field {name} is not JSON ({error})") from error
+        raise FileError(f"{where}: is not JSON ({error})") from error

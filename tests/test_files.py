@@ -188,7 +188,9 @@ def test_any_bytes_are_an_error_not_a_crash(tmp_path):
         ("psi.json", None, "it declares psi"),
         ("psi.json", "{", "not JSON"),
         ("psi.json", '{"psi": "sine"}', "field psi is 'sine'"),
-        ("psi.json", "[]", "field psi is None"),
+        ("psi.json", "[]", r"psi\.json: holds no object; the field psi alone"),
+        ("psi.json", "{}", r"psi\.json: holds the fields none; the field psi alone"),
+        ("psi.json", '{"psi": "zero", "c": 1}', r"psi\.json: holds the fields psi, c; the field psi alone"),
         ("psi.json", "[" * 100_000, "not JSON"),
         ("q.mtx", "%%MatrixMarket matrix coordinate real general\n10000000000000 1 1\n1 1 1.0\n", "at most"),
         ("q.mtx", None, "no such file"),
@@ -207,8 +209,14 @@ def test_a_wrong_folder_names_the_file_and_what_was_expected(tmp_path, file, con
         (folder / file).unlink()
     else:
         (folder / file).write_text(content)
-    with pytest.raises(icp.FileError, match=words):
+    with pytest.raises(icp.FileError, match=words) as error:
         icp.load_problem(folder)
+    assert str(error.value).count(str(folder)) == 1
+
+
+def test_a_folder_without_a_problem_is_called_that(tmp_path):
+    with pytest.raises(icp.FileError, match="the folder holds no saved problem"):
+        icp.load_problem(tmp_path)
 
 
 def test_paths_that_do_not_fit_are_refused(tmp_path):
