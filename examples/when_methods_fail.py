@@ -3,14 +3,18 @@
 Run: python examples/when_methods_fail.py
 """
 
+import textwrap
+
 import icpmodel as icp
 
 
 def report(title, problem, method=None, **options):
     solution = problem.solve(method, raise_on_failure=False, **options)
-    print(f"{title}\n    {solution.method!r}: {solution.status.value}, residual {solution.residual:.2g}")
-    if not solution.solved:
-        print(f"    advice: {solution.status.advice}")
+    print(title)
+    if solution.solved:
+        print(f"    {solution.method!r}: solved, residual {solution.residual:.2g}")
+    else:  # the message says which method ended how, whose iterate is the best, and what to try
+        print(textwrap.fill(solution.message, 116, initial_indent="    ", subsequent_indent="    "))
 
 
 print("1. A condition that the literature prints, and that is false: its number is .5 < 1, and the method cycles.")
@@ -29,7 +33,7 @@ problem = icp.scenes.hand_splittings().problem
 report("   Gauss-Seidel", problem, "mnmgs")
 report("   Jacobi", problem, "mnmj")
 report("   no method named: what is tried, and why", problem)
-print("   ", problem.solve().why)
+print(textwrap.fill(problem.solve().why, 116, initial_indent="    ", subsequent_indent="    "))
 
 print("\n4. A problem that has no solution at all: -z - 1 >= 0 and z >= 0.")
 report("   A = -1, q = -1", icp.ICP([[-1.0]], [-1.0]))

@@ -277,10 +277,14 @@ class Job:
         elif status is Status.SOLVED:
             status, note = Status.MAP_FAILED, "psi gives different values at the same z"
         message = "solved"
-        if status is not Status.SOLVED:
+        if status is Status.SOLVED:
+            last = best.choice
+        else:
+            by = "" if last is best.choice else f" by {best.choice.method!r}"
+            advice = status.advice_with(last.method.to_try if len(self.tried) < 2 else "")
             message = (
-                f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g} "
-                f"({self.goal.wanted(best.z)}). Advice: {status.advice}"
+                f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g}{by} "
+                f"({self.goal.wanted(best.z)}). Advice: {advice}"
             )
         others = [f"{choice.method!r}: {ended.value}" for choice, ended in self.tried if choice is not best.choice]
         why = "; ".join([best.choice.why, *(["also tried: " + ", ".join(others)] if others else [])])
@@ -295,6 +299,7 @@ class Job:
             status=status,
             message=message,
             method=best.choice.method,
+            last_method=last.method,
             why=why,
             residual=best.residual,
             tolerance=self.goal.tolerance,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arrays import Vector, as_truth
-from .errors import MapError
+from .errors import IcpError, MapError
 from .problem import ICP, as_icp
 from .theory.certificates.active_set import ActiveSet, active_set
 from .theory.certificates.bounds import ErrorBound, error_bound
@@ -26,7 +27,7 @@ class Status(Enum):
     """Why a run stopped. Only SOLVED is success; every other member carries advice.
 
     >>> Status.CYCLED.advice
-    'try another theta1, theta2 or phi2 (a larger phi damps the step), or another method'
+    'try another method or another start z0'
     """
 
     SOLVED = "solved"
@@ -47,15 +48,23 @@ class Status(Enum):
         >>> Status.SOLVED.advice
         ''
         """
-        return _ADVICE[self.name]
+        return self.advice_with("")
+
+    def advice_with(self, to_try: str) -> str:
+        """`advice` for a method that knows what else to try, see `Method.to_try`.
+
+        >>> Status.CYCLED.advice_with("a smaller omega")
+        'try a smaller omega, another method or another start z0'
+        """
+        return _ADVICE[self.name].format(f"{to_try}, " if to_try else "")
 
 
 _ADVICE = {
     "SOLVED": "",
     "PRECISION_LIMIT": "rounding forbids a smaller residual: accept this z, or scale the problem; see its error bound",
-    "STAGNATED": "try another theta1, theta2 or phi2, or another method; unless certified, there may be no solution",
-    "CYCLED": "try another theta1, theta2 or phi2 (a larger phi damps the step), or another method",
-    "DIVERGED": "try a smaller theta1, a larger phi2 or phi, or another method; A may be far from an H+-matrix",
+    "STAGNATED": "try {}another method or another start z0; unless certified, there may be no solution",
+    "CYCLED": "try {}another method or another start z0",
+    "DIVERGED": "try {}another method or another start z0; A may be far from an H+-matrix",
     "ITERATION_LIMIT": "raise max_iter, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "TIME_LIMIT": "raise time_limit, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "INTERRUPTED": "pass this solution as z0 to go on",
@@ -63,6 +72,10 @@ _ADVICE = {
     "MAP_FAILED": "mend psi, or start nearer to the solution; this is the best iterate before it failed",
 }
 
+#: a residual or a bound counts as better than another one if it is at most this share of it
+_BETTER = 0.99
+#: columns of the card
+_WIDTH = 116
 #: the reason of a certificate without a bound that nobody asked for
 _NOT_COMPUTED = "it was not computed"
 
@@ -150,7 +163,8 @@ class Solution:
     """An answer: the returned z, why the loop stopped, and, computed when first asked for, what is certain of z.
 
     `problem`; `z` shape (n,); `status`; `message` with advice; `method`, the method that found z, and `why` it was
-    picked; `residual` = Res(z), judged on the returned z, and the `tolerance` it was held against; `iterations`;
+    picked; `last_method`, whose end the `status` is: another one where several were tried and the last was not the
+    best; `residual` = Res(z), judged on the returned z, and the `tolerance` it was held against; `iterations` in all;
     `seconds` of the run, set-up included; `accuracy`, the certified error that was asked for, or None; `history` or
     None.
 
@@ -164,6 +178,7 @@ class Solution:
     status: Status
     message: str
     method: Method
+    last_method: Method
     why: str
     residual: float
     tolerance: float
@@ -222,8 +237,9 @@ class Solution:
 
         Rows that are undecided take the side to which z is nearer, so where all are decided the result is z* up to
         rounding; else it is a candidate like any other. Returns the new solution if its residual or its error bound is
-        the smaller one (where p is large in its units, rounding alone makes a residual), else this one. Its status is
-        SOLVED where it reaches what was asked for, else it is unchanged.
+        the smaller one by a hundredth or more (where p is large in its units, rounding alone makes a residual), else
+        this one. Its status is SOLVED where it reaches what was asked for, else it is unchanged. Where the equations
+        cannot be solved, because they are singular or ψ or its derivative fails, this answer with `why` saying so.
 
         >>> rough = ICP([[2, -1], [-1, 2]], [-1, 3]).solve(rtol=0.1)
         >>> rough.polish().z
@@ -231,35 +247,41 @@ class Solution:
         """
         problem, known = self.problem, self.active_set
         active = known.active | (known.undecided & nearer_to_obstacle(problem, self.z))
-        z = solve_on(problem, self.z, active)
-        if z is None or not ((residual := problem.residual(z)) < self.residual or self._closer(z)):
+        try:
+            z = solve_on(problem, self.z, active)
+            residual = problem.residual(z)
+        except IcpError as error:
+            return self._with(why=self._and_why(f"not polished: {error}"))
+        if not (residual < _BETTER * self.residual or self._closer(z)):
             return self
         z.flags.writeable = False
         left = int(known.undecided.sum())
         guessed = f", {left} rows of which are not proved" if left else ""
         told = f"polished by one linear solve on the active set{guessed}"
-        why = f"{self.why}; {told}" if self.why else told
-        better = replace(self, z=z, residual=residual, why=why)
+        better = replace(self, z=z, residual=residual, why=self._and_why(told))
         if self.certificate.bound.reason == _NOT_COMPUTED:
             better = better.without_bound()
-        error = better.error_bound if self.accuracy else None
-        reached = residual <= self.tolerance if not self.accuracy else error is not None and error <= self.accuracy
+        found = better.error_bound if self.accuracy else None
+        reached = residual <= self.tolerance if not self.accuracy else found is not None and found <= self.accuracy
         if reached:
-            return better._relabelled(Status.SOLVED, "solved")
+            return better._with(status=Status.SOLVED, message="solved")
         told = f"{self.message}; polished to a residual of {residual:.3g}"
-        return self if self.solved else better._relabelled(self.status, told)
+        return self if self.solved else better._with(message=told)
 
     def _closer(self, z: Vector) -> bool:
-        """Whether `z` has a smaller error bound than this answer."""
+        """Whether `z` has an error bound that is smaller enough than that of this answer."""
         known = self.error_bound
         if known is None:
             return False
         found = error_bound(self.problem, z).value
-        return found is not None and found < known
+        return found is not None and found < _BETTER * known
 
-    def _relabelled(self, status: Status, message: str) -> Solution:
-        """The same answer with what is known of it, but for the status."""
-        copy = replace(self, status=status, message=message)
+    def _and_why(self, told: str) -> str:
+        return f"{self.why}; {told}" if self.why else told
+
+    def _with(self, **changed: Any) -> Solution:
+        """The same z with what is known of it, but for the words on it."""
+        copy = replace(self, **changed)
         if "certificate" in self.__dict__:
             copy.__dict__["certificate"] = self.certificate
         return copy
@@ -294,10 +316,13 @@ class Solution:
             bound, rows_known = self.certificate.bound, str(self.active_set)
         except MapError as error:
             bound, rows_known = ErrorBound.none(str(error)), ""
+        last, found = "", ""
+        if self.last_method is not self.method:
+            last, found = f"; the last method was {self.last_method!r}", ", which found this z"
         rows = {
             "problem": f"{self.problem!r}",
-            "status": f"{self.status.value} after {self.iterations} iteration{plural}",
-            "method": f"{self.method!r}" + (f"\n{self.why}" if self.why else ""),
+            "status": f"{self.status.value} after {self.iterations} iteration{plural}{last}",
+            "method": f"{self.method!r}{found}" + (f"\n{self.why}" if self.why else ""),
             "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" (stop at {self.tolerance:.3g})"),
             "error": _in_words(bound, self.accuracy, self.problem.psi.at_users_word),
         }
@@ -323,10 +348,11 @@ class Solution:
             "status": self.status.value,
             "message": self.message,
             "method": repr(self.method),
+            "last_method": repr(self.last_method),
             "why": self.why,
             "iterations": self.iterations,
             "seconds": self.seconds,
-            "tolerance": self.tolerance,
+            "tolerance": None if self.accuracy else self.tolerance,
             "accuracy": self.accuracy,
             **numbers,
             "error_bound": bound.value,
@@ -342,8 +368,11 @@ class Solution:
         return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
 
     def __str__(self) -> str:
-        rows = self.summary()
-        return "\n".join(f"{name:<9} {text}".replace("\n", "\n" + " " * 10) for name, text in rows.items())
+        lines = []
+        for name, text in self.summary().items():
+            parts = [part for line in text.splitlines() for part in textwrap.wrap(line, _WIDTH - 10)]
+            lines += [f"{head:<9} {part}" for head, part in zip([name, *[""] * len(parts)], parts, strict=False)]
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         lines = {name: html.escape(text).replace("\n", "<br>") for name, text in self.summary().items()}

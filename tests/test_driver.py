@@ -1,10 +1,11 @@
 """The loop: when it stops, what it returns, and that it never calls solved what is not."""
 
+import re
 import signal
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numba
@@ -293,6 +294,50 @@ def test_the_card_tells_the_status_the_bound_and_the_advice(slow):
     html = slow.solve("mnmgs", max_iter=2, raise_on_failure=False)._repr_html_()
     assert html.startswith("<table>")
     assert "&lt;=" in html
+
+
+def test_advice_names_only_what_the_method_has():
+    """An option in `to_try` is one of the method; Newton, which has none, is not told to change one."""
+    known = {field.name for cls in _REGISTRY.values() for field in fields(cls)}
+    for cls in _REGISTRY.values():
+        assert set(re.findall(r"\w+", cls.to_try)) & known <= {field.name for field in fields(cls)}, cls
+        assert bool(cls.to_try) == bool(fields(cls)), cls
+    failed = icp.ICP([[-1.0]], [-1.0]).solve("newton", raise_on_failure=False)
+    assert failed.message.endswith("try another method or another start z0; unless certified, there may be no solution")
+    cycled = icp.scenes.hand_cyclic().problem.solve("mnmsor", theta1=1.0, raise_on_failure=False)
+    assert "Advice: try a larger phi (it damps the step), another phi2, another theta1, another" in cycled.message
+
+
+def test_page_status_and_message_name_the_same_methods():
+    """The best iterate is Newton's, which stood still; the run ended with the divergence of another method."""
+    solution = icp.ICP([[-1.0]], [-1.0]).solve(raise_on_failure=False)
+    last = repr(solution.last_method)
+    assert (repr(solution.method), solution.status) == ("Newton()", Status.DIVERGED)
+    assert last.startswith("MNMMOD")
+    card = solution.summary()
+    assert card["status"].startswith("diverged")
+    assert card["status"].endswith(f"; the last method was {last}")
+    assert card["method"].startswith("Newton(), which found this z\n")
+    assert solution.message.startswith(f"{last} diverged: ")
+    assert "best residual 0.5 by Newton() (" in solution.message
+    assert "phi" not in solution.message.split("Advice")[1]  # several methods failed, whatever their options
+    assert solution.about()["last_method"] == last
+    assert last in str(solution)
+
+
+def test_where_one_method_ran_or_the_answer_is_solved_there_is_no_other_to_name(slow):
+    for solution in (
+        slow.solve("mnmgs", max_iter=2, raise_on_failure=False),
+        icp.scenes.hand_splittings().problem.solve(),
+    ):
+        assert solution.last_method is solution.method
+        assert "last method" not in str(solution)
+
+
+def test_a_text_is_no_truth_value():
+    for name in ("history", "progress", "raise_on_failure"):
+        with pytest.raises(icp.InputError, match=f"{name} is 'no'; True or False was expected"):
+            ONE.solve("mnmgs", **{name: "no"})
 
 
 def test_every_status_but_solved_has_advice():

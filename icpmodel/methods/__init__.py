@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import Vector
+from ..arrays import Vector, described
 from ..errors import InputError
 from ..problem import ICP
 
@@ -46,6 +46,8 @@ class Method(ABC):
     name: ClassVar[str] = ""
     #: whether zᵏ alone decides zᵏ⁺¹, so that an iterate that comes back proves a cycle
     memoryless: ClassVar[bool] = True
+    #: which of its options are worth another try where it stagnates, cycles or diverges, for the advice to the user
+    to_try: ClassVar[str] = ""
 
     def __init_subclass__(cls) -> None:
         if cls.name:
@@ -104,7 +106,7 @@ def named(name: str, /, **options: Any) -> Method:
     icpmodel.errors.InputError: mnmgs has no option theta1; it takes phi, phi1, phi2
     """
     if not isinstance(name, str) or name.lower() not in _REGISTRY:
-        raise InputError(f"method is {name!r}; one of {', '.join(names())} or a Method object was expected")
+        raise InputError(f"method is {described(name)}; one of {', '.join(names())} or a Method object was expected")
     cls = _REGISTRY[name.lower()]
     known = [option.name for option in fields(cls)]  # type: ignore[arg-type]
     for option in options:

@@ -36,6 +36,7 @@ class MMS(Method):
     """
 
     name: ClassVar[str] = "mms"
+    to_try: ClassVar[str] = "another omega, another splitting"
     memoryless: ClassVar[bool] = False  # x is more than z: all x <= 0 give z = psi
     splitting: Any = "gauss-seidel"
     omega: Any = None

@@ -75,6 +75,7 @@ class ModulusMember(Method):
 class _FreeOmega(ModulusMember):
     """Members whose Ω is free: φ₁ and φ₂ as numbers or vectors, by default φ₁ = I and φ₂ = φ₁D, that is Ω = D."""
 
+    to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2"
     phi: Any = 0.0
     phi1: Any = 1.0
     phi2: Any = None
@@ -109,6 +110,7 @@ class Modulus(_FreeOmega):
     """
 
     name: ClassVar[str] = "modulus"
+    to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another splitting"
     splitting: Any = "gauss-seidel"
 
     def __post_init__(self) -> None:
@@ -132,6 +134,7 @@ class MNMOD(ModulusMember):
     """
 
     name: ClassVar[str] = "mnmod"
+    to_try: ClassVar[str] = "a larger phi (it damps the step)"
     phi: Any = 0.0
 
     def __post_init__(self) -> None:
@@ -158,6 +161,7 @@ class MNMMOD(MNMOD):
     """
 
     name: ClassVar[str] = "mnmmod"
+    to_try: ClassVar[str] = "a larger phi (it damps the step), another theta1"
     theta1: float = 1.0
 
     def __post_init__(self) -> None:
@@ -181,6 +185,7 @@ class MNMAOR(_FreeOmega):
     """
 
     name: ClassVar[str] = "mnmaor"
+    to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another theta1 or theta2"
     theta1: float = 1.0
     theta2: float = 1.0
 
@@ -202,6 +207,7 @@ class MNMSOR(_FreeOmega):
     """
 
     name: ClassVar[str] = "mnmsor"
+    to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another theta1"
     theta1: float = 1.0
 
     def __post_init__(self) -> None:
@@ -255,6 +261,7 @@ class NMMS(ModulusMember):
     """
 
     name: ClassVar[str] = "nmms"
+    to_try: ClassVar[str] = "another omega, another splitting"
     splitting: Any = "gauss-seidel"
     omega: Any = None
 
@@ -289,6 +296,7 @@ class ProjectionFixedPoint(ModulusMember):
     """
 
     name: ClassVar[str] = "projection-fixed-point"
+    to_try: ClassVar[str] = "a smaller omega"
     omega: float = 1.0
 
     def __post_init__(self) -> None:

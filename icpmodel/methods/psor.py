@@ -24,6 +24,7 @@ class PSOR(Method):
     """
 
     name: ClassVar[str] = "psor"
+    to_try: ClassVar[str] = "a smaller omega"
     omega: float = 1.0
 
     def __post_init__(self) -> None:

@@ -319,6 +319,40 @@ class TestActiveSet:
         assert psi.change(np.array([5.0, 1.0, 2.0])).tolist() == [2.0, 2.0, 0.0]
 
 
+def test_a_z_that_is_not_finite_is_named():
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, -2.0])
+    for z, words in (([np.nan, 2.0], "z[0] is nan"), ([1.0, np.inf], "z[1] is inf")):
+        for bound in (icp.error_bound(problem, z), icp.certify(problem, z).bound):
+            assert (bound.value, bound.reason, bound.unique) == (None, words, True)
+
+
+def test_a_solution_is_taken_for_its_z():
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, -2.0])
+    solution = problem.solve(rtol=0.1)
+    assert icp.certify(problem, solution).error_bound == icp.certify(problem, solution.z).error_bound
+    bound = icp.error_bound(problem, solution)
+    assert bound.value == icp.error_bound(problem, solution.z).value
+    of_solution, of_z = (icp.theory.active_set(problem, z, bound) for z in (solution, solution.z.tolist()))
+    assert of_solution.active.tolist() == of_z.active.tolist()
+    assert problem.residual(solution) == problem.residual(solution.z)
+
+
+@pytest.mark.parametrize("name", ["sharp", "rigorous", "bound"])
+def test_a_text_is_no_truth_value(name):
+    with pytest.raises(icp.InputError, match=f"{name} is 'no'; True or False was expected"):
+        icp.certify(icp.ICP([[2.0]], [1.0]), [0.0], **{name: "no"})
+
+
+def test_the_active_set_wants_the_bound_of_this_problem():
+    problem = icp.ICP([[2.0]], [1.0])
+    for bound, words in ((None, "bound is None; error_bound"), (1e-6, "bound is 1e-06; error_bound")):
+        with pytest.raises(icp.InputError, match=words):
+            icp.theory.active_set(problem, [0.0], bound)
+    other = icp.error_bound(icp.ICP(np.eye(2), [1.0, 1.0]), [0.0, 0.0])
+    with pytest.raises(icp.InputError, match="bound is that of 2 unknowns; 1 were expected"):
+        icp.theory.active_set(problem, [0.0], other)
+
+
 class TestPolish:
     @pytest.mark.parametrize("name", [n for n in icp.scenes.names() if icp.scenes.scene(n).z_exact is not None])
     def test_a_rough_answer_becomes_exact_to_rounding(self, name):
@@ -400,7 +434,25 @@ class TestPolish:
             assert fine.residual <= 1.0
 
     def test_a_singular_active_set_is_no_candidate(self):
-        assert solve_on(icp.ICP([[0.0]], [1.0]), np.zeros(1), np.array([False])) is None
+        with pytest.raises(icp.SingularOperator):
+            solve_on(icp.ICP([[0.0]], [1.0]), np.zeros(1), np.array([False]))
+        rough = icp.ICP([[0.0]], [-1.0]).solve("mnmgs", phi2=1.0, max_iter=3, raise_on_failure=False)
+        fine = rough.polish()
+        assert fine.z is rough.z
+        assert "not polished: " in fine.why
+
+    def test_a_derivative_that_fails_is_named_and_the_answer_kept(self):
+        psi = icp.Elementwise(lambda z: 0.3 * np.sin(z), lambda z: z[:1], 0.3)
+        rough = icp.ICP([[2, -1], [-1, 2]], [-1, -2], psi).solve("mnmgs", rtol=0.1)
+        fine = rough.polish()
+        assert (fine.z is rough.z, fine.status) == (True, rough.status)
+        assert "not polished: psi.derivative(z) has shape (1,)" in str(fine)
+
+    def test_what_is_hardly_better_is_not_called_polished(self):
+        """The cycled run of a P-matrix: the other candidate has the same residual, and a bound smaller by 1e-15."""
+        rough = icp.scenes.hand_cyclic().problem.solve("mnmgs", raise_on_failure=False)
+        assert rough.status is icp.Status.CYCLED
+        assert rough.polish() is rough
 
 
 class TestAccuracy:

@@ -7,7 +7,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...arrays import Vector
-from ...errors import IcpError
 from ...operators import FactorisedOperator
 from ...problem import ICP
 
@@ -52,22 +51,20 @@ def nearer_to_obstacle(problem: ICP, z: Vector) -> NDArray[np.bool_]:
         return problem.r(z) < problem.p(z) / weights(problem)
 
 
-def solve_on(problem: ICP, z: Vector, active: NDArray[np.bool_]) -> Vector | None:
+def solve_on(problem: ICP, z: Vector, active: NDArray[np.bool_]) -> Vector:
     """The solution of z_i = ψ_i(z) in the `active` rows, (Az + q)_i = 0 in the others, near `z`.
 
     One factorisation, of the other rows alone where ψ has no derivative, then refinement while the residual falls.
-    Parameters: `z` shape (n,), `active` a mask of shape (n,). Returns a vector of shape (n,), or None where the
-    equations are singular or ψ or its Jacobian fails. It is a candidate, no more: `error_bound` says what it is worth.
+    Parameters: `z` shape (n,), `active` a mask of shape (n,). Returns a vector of shape (n,). It is a candidate, no
+    more: `error_bound` says what it is worth. Raises SingularOperator where the equations are singular, MapError where
+    ψ or its Jacobian fails.
 
     >>> solve_on(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0]), np.zeros(2), np.array([False, True]))
     array([0.5, 0. ])
     """
-    try:
-        jacobian = problem.psi.jacobian(z)
-        with np.errstate(over="ignore", invalid="ignore"):
-            return _refined(problem, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
-    except IcpError:
-        return None
+    jacobian = problem.psi.jacobian(z)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _refined(problem, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
 
 
 def _refined(problem: ICP, z: Vector, active: NDArray[np.bool_], jacobian: sp.csr_array | None) -> Vector:

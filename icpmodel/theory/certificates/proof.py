@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...arrays import Vector
+from ...errors import IcpError
 from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
 from .equations import nearer_to_obstacle, solve_on
 
@@ -37,7 +38,10 @@ class Proof(ABC):
         >>> prove(problem).nearer(problem, np.array([1.5]))
         array([1.])
         """
-        return solve_on(problem, z, nearer_to_obstacle(problem, z))
+        try:
+            return solve_on(problem, z, nearer_to_obstacle(problem, z))
+        except IcpError:  # the equations are singular, or ψ or its Jacobian fails
+            return None
 
     @abstractmethod
     def bound(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
