@@ -58,7 +58,7 @@ def solve(output: str | None, polish: bool, folder: str | None, as_json: bool, *
             click.echo(f"{'reference':<9} {name}: off by {error:.3g}")
     if output is not None:
         save_solution(solution, output)
-    return exit_code(solution.solved, f"not solved: {solution.message}")
+    return exit_code(solution.solved, _unsolved(solution))
 
 
 @click.command(epilog=SOURCE_HELP)
@@ -79,7 +79,7 @@ def crosscheck(
     told: dict[str, Any] = {"solution": solution.about(), "report": None, "at_their_size": []}
     if not as_json:  # at once, so that nothing is lost if the solvers below take too long
         click.echo(str(solution))
-    agrees, complaint = False, f"not solved: {solution.message}"
+    agrees, complaint = False, _unsolved(solution)
     if solution.solved:
         report, interrupted = _report(problem, solution, solvers, solver_time_limit)
         agrees, complaint = report.agrees, "not confirmed: no independent solver agrees, or one disagrees"
@@ -99,6 +99,11 @@ def crosscheck(
     return exit_code(agrees, complaint)
 
 
+def _unsolved(solution: Solution) -> str:
+    """The complaint beside a card, which has the message in full."""
+    return f"not solved: {solution.status.value}"
+
+
 def _report(problem: ICP, solution: Any, solvers: tuple[str, ...], time_limit: float) -> tuple[Report, bool]:
     """The report, and whether Ctrl-C cut it short."""
     from ..crosscheck import crosscheck as check
@@ -111,6 +116,8 @@ def _report(problem: ICP, solution: Any, solvers: tuple[str, ...], time_limit: f
 
 def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Solution:
     """The solution with its certificate; Ctrl-C while the error bound is computed leaves the bound out."""
+    if arguments["accuracy"] is not None and not arguments["bound"]:
+        raise InputError("--accuracy asks for a certified error, and --no-bound leaves it out; drop one of them")
     method = named_method(arguments)
     z0 = None if scene is None else scene.z0
     if arguments["z0_file"] is not None:

@@ -101,6 +101,8 @@ def pairs(texts: tuple[str, ...]) -> dict[str, Any]:
         name, equals, value = text.partition("=")
         if not equals or not name:
             raise InputError(f"{text!r} is not of the form NAME=VALUE")
+        if name in found:
+            raise InputError(f"{name} is given twice")
         found[name] = value
         if value.lower() in ("true", "false"):
             found[name] = value.lower() == "true"
