@@ -11,6 +11,7 @@ from .arrays import Vector
 from .errors import MapError, NotApplicable
 from .problem import ICP
 from .theory.certificates.bounds import error_bound
+from .theory.rounding import at_most
 
 
 @dataclass
@@ -87,7 +88,7 @@ class AccuracyGoal(Goal):
     def wanted(self, z: Vector) -> str:
         """See `Goal.wanted`."""
         bound = self._look(z)
-        known = "nothing is certain of its error" if bound is None else f"its error is at most {bound:.3g}"
+        known = "nothing is certain of its error" if bound is None else f"its error is at most {at_most(bound)}"
         return f"{known}; {self.accuracy:.3g} was wanted"
 
     def _look(self, z: Vector) -> float | None:

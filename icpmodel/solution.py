@@ -117,6 +117,18 @@ class Certificate:
         """
         return self.bound.unique
 
+    def __str__(self) -> str:
+        rows = {
+            "residual": f"{self.residual:.3g}, largest entry {self.residual_max:.3g}",
+            "p >= 0": f"violated by {self.violation_p:.3g}",
+            "r >= 0": f"violated by {self.violation_r:.3g}",
+            "error": str(self.bound),
+        }
+        return _card(rows)
+
+    def __repr__(self) -> str:
+        return f"Certificate(residual={self.residual:.6g}, error_bound={self.error_bound}, unique={self.unique})"
+
 
 def certify(
     problem: ICP, z: Any, *, bound: bool = True, sharp: bool | None = None, rigorous: bool = False
@@ -315,7 +327,7 @@ class Solution:
         try:
             bound, rows_known = self.certificate.bound, str(self.active_set)
         except MapError as error:
-            bound, rows_known = ErrorBound.none(str(error)), ""
+            bound, rows_known = ErrorBound.none(str(error).replace("; ", ", ")), ""
         last, found = "", ""
         if self.last_method is not self.method:
             last, found = f"; the last method was {self.last_method!r}", ", which found this z"
@@ -324,7 +336,7 @@ class Solution:
             "status": f"{self.status.value} after {self.iterations} iteration{plural}{last}",
             "method": f"{self.method!r}{found}" + (f"\n{self.why}" if self.why else ""),
             "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" (stop at {self.tolerance:.3g})"),
-            "error": _in_words(bound, self.accuracy, self.problem.psi.at_users_word),
+            "error": bound.in_words(self.accuracy),
         }
         if bound.value is not None:
             rows["rows"] = rows_known
@@ -368,11 +380,7 @@ class Solution:
         return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
 
     def __str__(self) -> str:
-        lines = []
-        for name, text in self.summary().items():
-            parts = [part for line in text.splitlines() for part in textwrap.wrap(line, _WIDTH - 10)]
-            lines += [f"{head:<9} {part}" for head, part in zip([name, *[""] * len(parts)], parts, strict=False)]
-        return "\n".join(lines)
+        return _card(self.summary())
 
     def _repr_html_(self) -> str:
         lines = {name: html.escape(text).replace("\n", "<br>") for name, text in self.summary().items()}
@@ -380,12 +388,9 @@ class Solution:
         return f"<table>{''.join(cells)}</table>"
 
 
-def _in_words(bound: ErrorBound, accuracy: float | None, at_users_word: bool) -> str:
-    """What is known of the error, for the card."""
-    given = ", given that psi is what the user says" if at_users_word else ""
-    if bound.value is not None:
-        wanted = "" if accuracy is None else f" ({accuracy:.3g} was asked for)"
-        return f"|z - z*| <= {bound.value:.3g} in every entry{wanted}; z* is the only solution{given}"
-    if bound.unique:
-        return f"no bound: {bound.reason}; z* exists and is the only solution{given}"
-    return f"no certified bound: {bound.reason}"
+def _card(rows: Mapping[str, str]) -> str:
+    lines = []
+    for name, text in rows.items():
+        parts = [part for line in text.splitlines() for part in textwrap.wrap(line, _WIDTH - 10)]
+        lines += [f"{head:<9} {part}" for head, part in zip([name, *[""] * len(parts)], parts, strict=False)]
+    return "\n".join(lines)

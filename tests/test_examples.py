@@ -52,7 +52,7 @@ def test_the_paper_is_judged_by_numbers_that_are_computed():
         "the limit is [0.75 0.5 ]\n",
         "rho(L) is at most 0.283196, below 1\n",
         "|e0| = [0. 2.], |e1| = [1.    0.125]",
-        "is at most 0.5, below 1 (but the theorem as printed is false)\n",
+        "is at most 0.500001, below 1 (but the theorem as printed is false)\n",
         "[ 56. -10.  56.]\n",
         "multiplies the error by -3\n",
         "the spectral radius 1.1514\n",

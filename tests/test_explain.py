@@ -206,7 +206,7 @@ def test_what_is_said_of_psi():
 
 def test_without_a_factor_the_theorem_is_named():
     advice = built("dividend").explain().sections()["advice"]
-    assert "MNMJ(), Omega = D converges from every start (theorem monotone)" in advice
+    assert "MNMJ(), Omega = D converges from every start (theorem monotone, with a strict supersolution)" in advice
 
 
 def test_a_large_problem_is_spared_the_factorisations():
@@ -249,3 +249,134 @@ def test_the_theorems_are_checked_once(monkeypatch):
     """The predicted rate takes what the page has checked."""
     monkeypatch.setattr("icpmodel.theory.convergence.rates.check_all", None)
     assert icp.ICP([[2, -1], [-1, 2]], [-1, 3]).explain().recommended.factor < 0.5
+
+
+def test_what_is_said_to_be_at_most_is_rounded_upwards(page):
+    """The factor on the page is never below the proved one, and never 1."""
+    for forecast in page.forecasts:
+        if forecast.factor is not None:
+            row = next(line for line in page.sections()["methods"].splitlines() if line.startswith(forecast.title))
+            assert 1 > float(row.split()[-2]) >= forecast.factor
+    best = page.recommended
+    if best is not None:
+        told = re.search("at most (.*) of the error", page.sections()["advice"]).group(1)
+        assert 1 > float(told) >= best.factor
+
+
+def test_a_choice_that_no_theorem_covers_is_not_blamed_on_the_problem():
+    page = scenes.membrane(n=25).problem.explain("mnmsor", theta1=1.2)
+    advice = page.sections()["advice"]
+    assert "no theorem covers MNMSOR(theta1=1.2)" in advice
+    assert "MNMJ(), Omega = D is proved here (theorem 4.1 to 4.4, sharper)" in advice
+    assert "psi moves too much" not in advice
+    assert "cycle" not in advice
+    assert "left to itself, solve() begins with" in advice
+
+
+def test_the_reason_of_every_theorem_is_told_for_the_method_asked_for():
+    problem = scenes.membrane(n=25).problem
+    methods = problem.explain("mnmsor", theta1=1.2).sections()["methods"]
+    assert [line.split()[1] for line in methods.splitlines() if line.startswith("theorem ")] == list(
+        icp.theory.theorems()
+    )
+    assert "theorem definite  no: M1 is not A" in methods
+    assert "theorem definite" not in problem.explain().sections()["methods"]
+
+
+def test_where_no_member_is_proved_the_method_asked_for_gets_the_same_advice():
+    page = scenes.hand_cyclic().problem.explain("mnmgs")
+    assert page.instead is None
+    assert "sweeps may cycle" in page.sections()["advice"]
+
+
+@pytest.mark.parametrize(
+    ("splitting", "cost"),
+    [
+        ("whole", "one solve with X"),
+        ("jacobi", "one sweep"),
+        ([[2.0, 0.0], [-1.0, 2.0]], "one sweep"),
+        ([[2.0, -0.5], [-1.0, 2.0]], "one solve with X"),
+    ],
+)
+def test_the_cost_of_a_step_is_that_of_its_splitting(splitting, cost):
+    advice = icp.ICP([[2, -1], [-1, 2]], [1, -2]).explain("modulus", splitting=splitting).sections()["advice"]
+    assert f"; {cost}" in advice
+
+
+def test_the_table_keeps_its_columns(page):
+    """Every row of the table, its head included, is a line: a title that is too long stands on one of its own."""
+    lines = page.sections()["methods"].splitlines()
+    rows = lines[: len(page.forecasts) + 1]
+    assert max(map(len, rows)) <= 114
+    assert (
+        len({row.index(cell) for row, cell in zip(rows, ["proved by theorem", *_theorem_cells(page)], strict=True)})
+        == 1
+    )
+
+
+def _theorem_cells(page):
+    for forecast in page.forecasts:
+        short = ", ".join(forecast.proved_by).replace("4.1, 4.2, 4.3, 4.4", "4.1 to 4.4") or "none"
+        yield f"  {short}"[2:]
+
+
+def test_a_long_title_does_not_break_the_table():
+    long = icp.MNMAOR(phi=np.zeros(2), phi1=np.ones(2), phi2=[2.0, 2.0], theta1=1.0123456, theta2=1.0123456)
+    lines = icp.ICP([[2, -1], [-1, 2]], [1, -2]).explain(long).sections()["methods"].splitlines()
+    assert lines[1] == repr(long)
+    assert lines[0].index("proved") == lines[2].index("4.1")
+
+
+def test_rounding_noise_decides_nothing():
+    """On the coulomb scene several factors are zero but for rounding: the simplest method is taken."""
+    page = scenes.coulomb().problem.explain()
+    factors = {forecast.title: forecast.factor for forecast in page.forecasts}
+    assert factors["MNMAOR(theta2=2), Omega = D"] < factors["MNMJ(), Omega = D"] < 1e-12
+    assert page.recommended.title == "MNMJ(), Omega = D"
+    assert "theta1=1, theta2=0 (mnmj): with Omega = D" in page.sections()["advice"]
+
+
+def test_an_accuracy_below_rounding_is_remarked():
+    problem = icp.ICP([[2, -1], [-1, 2]], [-2, -2])
+    assert "the accuracy 1e-30 may be out of reach" in problem.explain(accuracy=1e-30).sections()["advice"]
+    assert "out of reach" not in problem.explain().sections()["advice"]
+    assert "out of reach" not in icp.ICP([[2.0]], [1e-40]).explain(accuracy=1e-30).sections()["advice"]
+
+
+def test_the_theorems_stand_in_the_order_of_their_names(page):
+    for forecast in page.forecasts:
+        assert list(forecast.checks) == list(icp.theory.theorems())
+        assert forecast.proved_by == [name for name in icp.theory.theorems() if name in forecast.proved_by]
+
+
+def test_the_table_says_what_its_columns_mean():
+    methods = scenes.bai_symmetric(n=4).problem.explain(accuracy=1e-3).sections()["methods"]
+    assert "icpmodel.theory.theorems()" in methods
+    assert "from z = 0 until no entry of z is off by more than 0.001" in methods
+    assert "in a norm that goes with the method" in methods
+
+
+def test_the_first_choice_of_solve_has_a_name():
+    titles = [forecast.title for forecast in scenes.membrane(n=100).problem.explain().forecasts]
+    assert titles[-1] == "MNMAOR, first choice of solve()"
+
+
+def test_what_is_proved_and_what_is_measured_are_told_apart():
+    words = "this goes by what was measured to be quick, not by what is proved"
+    page = scenes.bai_symmetric(n=4).problem.explain()
+    assert (type(page.recommended.method) is not type(page.picked)) == (words in page.sections()["advice"])
+    assert words in scenes.membrane(n=100).problem.explain().sections()["advice"]
+    assert words not in icp.ICP([[2.0]], [-1.0]).explain("mnmgs").sections()["advice"]
+
+
+def test_the_reasons_why_nothing_is_proved_stand_one_a_line_and_to_the_point():
+    solution = icp.ICP([[1.0, 3.0], [3.0, 1.0]], [1.0, 1.0]).explain().sections()["solution"].splitlines()
+    assert len(solution) == 4
+    assert [line[:2] for line in solution[1:]] == ["- "] * 3
+    assert "jump" not in "".join(solution)
+
+
+def test_a_page_and_its_lines_have_short_names():
+    page = scenes.bai_symmetric(n=4).problem.explain()
+    assert len(repr(page)) < 200
+    assert len(repr(page.forecasts[0])) < 200

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 from ..solution import Solution, certify
+from ..theory.rounding import at_most
 from .judge import Checked, Row, Verdict, finite
 
 
@@ -100,7 +101,9 @@ class Report:
         answer   given as a vector; residual 0, |z - z*| <= 1e-16
         compared |z_foreign - z| <= 1e-06 in every entry
         """
-        bound = f"|z - z*| <= {self.error_bound:.3g}" if self.error_bound is not None else "no certified error bound"
+        bound = (
+            f"|z - z*| <= {at_most(self.error_bound)}" if self.error_bound is not None else "no certified error bound"
+        )
         return (
             f"problem  {self.problem}\n"
             f"answer   {self.answer}; residual {_number(self.residual, '.3g')}, {bound}\n"

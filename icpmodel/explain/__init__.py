@@ -15,32 +15,27 @@ from ..errors import InputError
 from ..methods import Method, named
 from ..methods.choose import choose
 from ..methods.modulus import ModulusMember
-from ..problem import ICP
+from ..problem import ICP, UNIT_ROUNDOFF
 from ..theory.answers import Answer
-from ..theory.certificates.bounds import ErrorBound, error_bound
+from ..theory.certificates.bounds import ErrorBound, error_bound, listed
 from ..theory.certificates.supersolution import SupersolutionProof
 from ..theory.certificates.supersolution import prove as supersolution_proof
 from ..theory.convergence.rates import Rate, predicted_rate
 from ..theory.convergence.theorems import Check, check_all
-from ..theory.matrices.classes import MatrixClasses, classify
-from .advice import about_psi, factorises, members, parameters, recommendation, what_to_do
+from ..theory.matrices.classes import NAMES, MatrixClasses, classify
+from ..theory.rounding import at_most
+from .advice import about_psi, factorises, members, parameters, recommendation, shown, tie, what_to_do
 
 #: columns of the page
 _WIDTH = 116
-#: the matrix classes in the order of the page, with their names
-_CLASSES = {
-    "symmetric": "symmetric",
-    "triangular": "triangular",
-    "banded": "banded",
-    "reducible": "reducible",
-    "dominant": "strictly diagonally dominant",
-    "z": "Z-matrix",
-    "m": "M-matrix",
-    "h_plus": "H+-matrix",
-    "definite": "positive definite",
-    "semidefinite": "positive semidefinite",
-    "p": "P-matrix",
-}
+#: what the columns of the table mean
+_THEOREMS = "theorems: 4.1 to 4.4 are the paper's, corrected; icpmodel.theory.theorems() states all of them"
+_FACTOR = (
+    "factor: a step leaves at most so much of the error, in a norm that goes with the method, so that a method with a "
+    "smaller factor may need more steps"
+)
+#: why solve() may begin with another method than the one that is proved to be the best
+_MEASURED = "; this goes by what was measured to be quick, not by what is proved"
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +71,14 @@ class Forecast:
         """The theorems that prove convergence from every start.
 
         >>> explain(ICP([[2, -1], [-1, 2]], [-1, 3])).forecasts[0].proved_by
-        ['4.3', '4.4', '4.2', '4.1', 'sharper']
+        ['4.1', '4.2', '4.3', '4.4', 'sharper']
         """
         return [
             name for name, check in self.checks.items() if check.holds and (name != "monotone" or self.supersolution)
         ]
+
+    def __repr__(self) -> str:
+        return f"Forecast({self.title!r}, proved_by={self.proved_by}, factor={self.factor}, steps={self.steps})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +87,8 @@ class Explanation:
 
     `classes` the `MatrixClasses` of A; `bound` the `ErrorBound` at z = 0, whose proof says whether the solution exists
     and is the only one; `forecasts` one `Forecast` per method looked at; `picked` the method that `solve()` tries first
-    and `why`; `accuracy` what the numbers of steps refer to.
+    and `why`; `accuracy` what the numbers of steps refer to; `asked` whether one method was asked for, and `instead`
+    another one that is proved where that one is not, or None.
 
     >>> print(explain(ICP([[2.0]], [-2.0])).recommended.method)
     MNMJ()
@@ -102,18 +101,29 @@ class Explanation:
     picked: Method | None
     why: str
     accuracy: float
+    asked: bool = False
+    instead: Forecast | None = None
 
     @property
     def recommended(self) -> Forecast | None:
         """The method that is proved to need the fewest steps, sweeps first; None where no rate is proved.
 
+        Of methods that are equal but for rounding it is the first.
+
         >>> explain(ICP([[0.0]], [1.0])).recommended is None
         True
         """
-        rated = [forecast for forecast in self.forecasts if forecast.factor is not None]
-        return min(
-            rated, key=lambda f: (np.inf if f.steps is None else f.steps, factorises(f.method), f.factor), default=None
-        )
+        rated = [(forecast, forecast.factor) for forecast in self.forecasts if forecast.factor is not None]
+        if not rated:
+            return None
+
+        def dear(forecast: Forecast) -> tuple[float, bool]:
+            return np.inf if forecast.steps is None else forecast.steps, factorises(forecast.method)
+
+        cheapest = min(dear(forecast) for forecast, _ in rated)
+        best = [(forecast, factor) for forecast, factor in rated if dear(forecast) == cheapest]
+        least = min(factor for _, factor in best)
+        return next(forecast for forecast, factor in best if tie(factor, least))
 
     def sections(self) -> dict[str, str]:
         """The page, part by part: title → text.
@@ -123,7 +133,7 @@ class Explanation:
         """
         return {
             "problem": repr(self.problem),
-            "matrix A": "\n".join(self._classes()),
+            "matrix A": str(self.classes),
             "map psi": about_psi(self.problem),
             "solution": self._solution(),
             "methods": "\n".join(self._methods()),
@@ -139,7 +149,7 @@ class Explanation:
         return {
             "problem": repr(self.problem),
             "n": self.problem.n,
-            "classes": {name: _plain(getattr(self.classes, name)) for name in _CLASSES},
+            "classes": {name: _plain(getattr(self.classes, name)) for name in NAMES},
             "psi": about_psi(self.problem),
             "unique": self.bound.unique or None,
             "proof": self.bound.proof or None,
@@ -159,44 +169,68 @@ class Explanation:
             "advice": list(self._advice()),
         }
 
-    def _classes(self) -> Iterator[str]:
-        for name, title in _CLASSES.items():
-            yield f"{title:<29} {getattr(self.classes, name)}"
-
     def _solution(self) -> str:
         if self.bound.unique:
             return f"exists, and is the only one: {self.bound.proof}"
-        return f"neither existence nor uniqueness is proved: {self.bound.reason}"
+        return f"neither existence nor uniqueness is proved:{listed(self.bound.reason)}"
 
     def _methods(self) -> Iterator[str]:
         if not self.forecasts:
             yield "no member of the modulus family that was looked at can start with this A"
             return
-        rows = [("method", "proved by theorem", "factor per step", f"steps to {self.accuracy:g}")]
+        rows = [("method", "proved by theorem", "factor", "steps")]
         for forecast in self.forecasts:
-            proved = ", ".join(forecast.proved_by) or "none"
+            proved = _listed(forecast)
             if forecast.checks["monotone"].holds and not forecast.supersolution:
                 proved += " (isotone)"
-            factor = "-" if forecast.factor is None else f"{forecast.factor:.6g}"
+            factor = "-" if forecast.factor is None else shown(forecast.factor)
             rows.append((forecast.title, proved, factor, "-" if forecast.steps is None else f"{forecast.steps}"))
-        widths = [max(len(row[k]) for row in rows) for k in range(4)]
-        for row in rows:
-            yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        yield from _table(rows)
+        yield _THEOREMS
+        if any(row[2] != "-" for row in rows[1:]):
+            yield _FACTOR
+            yield f"steps: in exact arithmetic, from z = 0 until no entry of z is off by more than {self.accuracy:g}"
         if any("(isotone)" in row[1] for row in rows):
-            yield "(isotone): the step keeps the order, and is monotone from super- and subsolutions (theorem monotone)"
+            yield (
+                "(isotone): the step keeps the order, and is monotone from super- and subsolutions (theorem monotone); "
+                "from every start it is proved only where a strict supersolution is known"
+            )
+        if self.asked:
+            for forecast in self.forecasts:
+                yield from (f"theorem {name:<8}  {check}" for name, check in forecast.checks.items())
 
     def _advice(self) -> Iterator[str]:
         best = self.recommended
-        if best is not None:
+        if best is not None and best.factor is not None:
             yield from recommendation(best.title, best.method, best.factor, best.steps)
             yield from parameters({forecast.title: forecast.factor for forecast in self.forecasts})
         proved = [forecast for forecast in self.forecasts if forecast.proved_by]
         if best is None and proved:
-            yield f"{proved[0].title} converges from every start (theorem {proved[0].proved_by[0]})"
+            by = proved[0].proved_by[0]
+            how = "monotone, with a strict supersolution" if by == "monotone" else by
+            yield f"{proved[0].title} converges from every start (theorem {how})"
+        if self.asked and not proved:
+            yield from self._not_covered()
         if self.picked is not None:
-            yield f"solve() begins with {self.picked!r}: {self.why}"
-        if not proved:
-            yield from what_to_do(self.problem, self.classes)
+            alone = "left to itself, " if self.asked else ""
+            measured = "" if best is None or _same(best.method, self.picked) else _MEASURED
+            yield f"{alone}solve() begins with {self.picked!r}: {self.why}{measured}"
+        if not proved and self.instead is None:
+            yield from what_to_do(self.problem, self.classes, self.picked)
+        largest = self.bound.value
+        if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
+            yield (
+                f"the accuracy {self.accuracy:g} may be out of reach: entries of z can be as large as "
+                f"{at_most(largest)}, and float64 rounds such numbers by up to {at_most(UNIT_ROUNDOFF * largest)}"
+            )
+
+    def _not_covered(self) -> Iterator[str]:
+        """Where the method that was asked for is not proved: no theorem covers it, but perhaps another one."""
+        for forecast in self.forecasts:
+            yield f"no theorem covers {forecast.title} on this problem, which does not say that it fails"
+        if self.instead is not None:
+            other = self.instead
+            yield f"{other.title} is proved here (theorem {_listed(other)}); without a method, explain looks at more"
 
     def __str__(self) -> str:
         lines = []
@@ -208,6 +242,10 @@ class Explanation:
                 else:
                     lines.append(f"  {line}")
         return "\n".join(lines[1:])
+
+    def __repr__(self) -> str:
+        best = self.recommended
+        return f"Explanation({self.problem!r}, unique={self.bound.unique}, recommended={best and best.title!r})"
 
     def _repr_html_(self) -> str:
         escaped = {title: html.escape(text) for title, text in self.sections().items()}
@@ -237,18 +275,43 @@ def explain(problem: ICP, method: str | Method | None = None, *, accuracy: float
     else:
         methods = members(problem)
         if first is not None and not any(_same(first.method, one) for one in methods.values()):
-            methods["the first choice of solve()"] = first.method
-    bound, start = error_bound(problem, np.zeros(problem.n)), np.zeros(problem.n)
+            methods[f"{type(first.method).__name__}, first choice of solve()"] = first.method
+    bound, forecasts = error_bound(problem, np.zeros(problem.n)), list(_forecasts(problem, methods, accuracy))
+    instead = None
+    if method is not None and not any(forecast.proved_by for forecast in forecasts):
+        others = _forecasts(problem, members(problem), accuracy)
+        instead = next((forecast for forecast in others if forecast.proved_by), None)
+    picked, why = (None, "") if first is None else (first.method, first.why)
+    classes, asked = classify(problem.A), method is not None
+    return Explanation(problem, classes, bound, tuple(forecasts), picked, why, accuracy, asked, instead)
+
+
+def _forecasts(problem: ICP, methods: dict[str, Method], accuracy: float) -> Iterator[Forecast]:
+    """A forecast of each of the `methods` that is a member of the family and can start, made when it is asked for."""
     supersolution = isinstance(supersolution_proof(problem), SupersolutionProof)
-    forecasts = []
     for title, one in methods.items():
         if isinstance(one, ModulusMember) and one.why_not(problem) is None:
             checks = check_all(problem, one)
             rate = predicted_rate(problem, one, checks)
-            steps = rate.steps(problem, start, accuracy) if isinstance(rate, Rate) else None
-            forecasts.append(Forecast(title, one, checks, rate, steps, supersolution))
-    picked, why = (None, "") if first is None else (first.method, first.why)
-    return Explanation(problem, classify(problem.A), bound, tuple(forecasts), picked, why, accuracy)
+            steps = rate.steps(problem, np.zeros(problem.n), accuracy) if isinstance(rate, Rate) else None
+            yield Forecast(title, one, checks, rate, steps, supersolution)
+
+
+def _table(rows: list[tuple[str, str, str, str]]) -> Iterator[str]:
+    """The rows in columns as wide as the page; a title that is too long for that stands on a line of its own."""
+    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    room = _WIDTH - 2 - sum(widths[1:]) - 6
+    widths[0] = max((len(row[0]) for row in rows if len(row[0]) <= room), default=0)
+    for title, *cells in rows:
+        if len(title) > room:
+            yield title
+            title = ""
+        yield "  ".join(cell.ljust(width) for cell, width in zip((title, *cells), widths, strict=True)).rstrip()
+
+
+def _listed(forecast: Forecast) -> str:
+    """The theorems that prove it, in short."""
+    return ", ".join(forecast.proved_by).replace("4.1, 4.2, 4.3, 4.4", "4.1 to 4.4") or "none"
 
 
 def _member(method: Method) -> ModulusMember:

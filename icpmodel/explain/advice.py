@@ -10,23 +10,28 @@ from ..arrays import Vector
 from ..intervention import Intervention
 from ..maps import Constant
 from ..methods import Method
-from ..methods.modulus import MNMAOR, MNMGS, MNMJ, MNMMOD, MNMOD, MNMSOR
+from ..methods.modulus import MNMAOR, MNMGS, MNMJ, MNMMOD, MNMOD, MNMSOR, ModulusMember
+from ..methods.newton import Newton
 from ..problem import ICP
+from ..splittings import Given, Whole
 from ..theory.matrices.classes import MatrixClasses
+from ..theory.rounding import at_most
 
 #: beyond this size only the members that need no factorisation are looked at
 _FACTORISE_UP_TO = 20_000
-#: titles of members that differ in one parameter alone
+#: factors that differ by less, or are all rounding, are the same
+_TIE, _NOTHING = 1e-6, 1e-12
+#: titles of members that differ in one parameter alone, the simplest first
 _OMEGA = {
     "D": "MNMGS(), Omega = D",
     "0.9 D": "MNMGS(), Omega = 0.9 D",
     "1.5 D": "MNMGS(), Omega = 1.5 D",
 }
 _THETA = {
+    "theta1=1, theta2=0 (mnmj)": "MNMJ(), Omega = D",
     "theta1=theta2=1 (mnmgs)": "MNMGS(), Omega = D",
     "theta1=theta2=0.9 (mnmsor)": "MNMSOR(theta1=0.9), Omega = D",
     "theta1=theta2=1.1 (mnmsor)": "MNMSOR(theta1=1.1), Omega = D",
-    "theta1=1, theta2=0 (mnmj)": "MNMJ(), Omega = D",
     "theta1=1, theta2=2 (mnmaor)": "MNMAOR(theta2=2), Omega = D",
 }
 
@@ -82,23 +87,47 @@ def about_psi(problem: ICP) -> str:
 
 
 def factorises(method: Method) -> bool:
-    """Whether a step of `method`, one of `members`, solves with a factorisation of A + Ω instead of sweeping over A.
+    """Whether a step of `method` solves with a factorisation of X = M₁ + φ + Ω instead of sweeping over A.
 
     >>> factorises(MNMOD()), factorises(MNMGS())
     (True, False)
     """
-    return isinstance(method, MNMOD | MNMMOD)
+    if not isinstance(method, ModulusMember):
+        return False
+    splitting = method.splitting_of()
+    if isinstance(splitting, Given):
+        return not MatrixClasses(splitting.M1).triangular.holds
+    return isinstance(splitting, Whole)
 
 
-def recommendation(title: str, method: Method, factor: float | None, steps: int | None) -> Iterator[str]:
+def tie(one: float, other: float) -> bool:
+    """Whether two factors per step differ by rounding only.
+
+    >>> tie(1.9e-14, 1.8e-14), tie(0.5, 0.4)
+    (True, False)
+    """
+    return abs(one - other) <= _TIE * max(one, other) or max(one, other) < _NOTHING
+
+
+def recommendation(title: str, method: Method, factor: float, steps: int | None) -> Iterator[str]:
     """Why the method called `title`, with the proved `factor` per step and bound on the `steps`, is the one to take.
 
     >>> next(recommendation("MNMGS(), Omega = D", MNMGS(), 0.25, 10)).split("; ")
     ['take MNMGS(), Omega = D: each step leaves at most 0.25 of the error, so that 10 will do', 'one sweep over A each']
     """
-    cost = "one solve with A + Omega each, which is factorised once" if factorises(method) else "one sweep over A each"
+    solve = "one solve with X = M1 + phi + Omega each, which is factorised once"
+    cost = solve if factorises(method) else "one sweep over A each"
     enough = "" if steps is None else f", so that {steps} will do"
-    yield f"take {title}: each step leaves at most {factor:.6g} of the error{enough}; {cost}"
+    yield f"take {title}: each step leaves at most {shown(factor)} of the error{enough}; {cost}"
+
+
+def shown(factor: float) -> str:
+    """A proved factor per step as text, rounded upwards, but below 1.
+
+    >>> shown(0.4215351654)
+    '0.421536'
+    """
+    return at_most(factor, 6, below=1.0)
 
 
 def parameters(factors: dict[str, float | None]) -> Iterator[str]:
@@ -107,7 +136,7 @@ def parameters(factors: dict[str, float | None]) -> Iterator[str]:
     Parameters: `factors` title → factor per step or None, the titles being those of `members`.
 
     >>> next(parameters({"MNMGS(), Omega = D": 0.5, "MNMGS(), Omega = 1.5 D": None})).split("; ")[0]
-    'Omega = D: the proved factor of mnmgs is 0.5 with D, 1.5 D proves nothing'
+    'Omega = D: the proved factor of mnmgs is 0.5 with D, for 1.5 D nothing is proved'
     """
     best, text = _compared(factors, _OMEGA)
     if best:
@@ -121,16 +150,20 @@ def parameters(factors: dict[str, float | None]) -> Iterator[str]:
 def _compared(factors: dict[str, float | None], titles: dict[str, str]) -> tuple[str, str]:
     """The label with the smallest factor, and the sentence that holds it against the others; empty for one alone."""
     known = {label: factors[title] for label, title in titles.items() if title in factors}
-    proved = sorted((factor, label) for label, factor in known.items() if factor is not None)
+    proved = {label: factor for label, factor in known.items() if factor is not None}
     if len(known) < 2 or not proved:
         return "", ""
-    (least, best), others = proved[0], [f"{label} gives {factor:.6g}" for factor, label in proved[1:]]
-    others += [f"{label} proves nothing" for label, factor in known.items() if factor is None]
-    return best, ", ".join([f"{least:.6g} with {best}" if len(best) < 6 else f"{least:.6g}", *others])
+    least = min(proved.values())
+    best = next(label for label, factor in proved.items() if tie(factor, least))
+    rest = sorted((factor, label) for label, factor in proved.items() if label != best)
+    others = [f"{label} gives {shown(factor)}" for factor, label in rest]
+    others += [f"for {label} nothing is proved" for label, factor in known.items() if factor is None]
+    first = shown(proved[best])
+    return best, ", ".join([f"{first} with {best}" if len(best) < 6 else first, *others])
 
 
-def what_to_do(problem: ICP, classes: MatrixClasses) -> Iterator[str]:
-    """What helps where nothing is proved.
+def what_to_do(problem: ICP, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
+    """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with.
 
     >>> problem = ICP([[0.0]], [1.0])
     >>> list(what_to_do(problem, MatrixClasses(problem.A)))[0].split(";")[0]
@@ -139,7 +172,7 @@ def what_to_do(problem: ICP, classes: MatrixClasses) -> Iterator[str]:
     yield "nothing above proves that a method converges; solve() tries several and calls nothing solved that is not"
     if problem.psi.lipschitz is None and not isinstance(problem.psi, Intervention):
         yield "give psi's Lipschitz matrix (lipschitz=...): without it no theorem can be applied"
-    elif classes.h_plus.holds and not isinstance(problem.psi, Intervention):
+    elif classes.h_plus.holds and not isinstance(problem.psi, Constant | Intervention):
         yield "A is an H+-matrix, but psi moves too much for it: a smaller G, or a larger diagonal of A, is needed"
     if isinstance(problem.psi, Intervention):
         if classes.z.holds:
@@ -149,7 +182,8 @@ def what_to_do(problem: ICP, classes: MatrixClasses) -> Iterator[str]:
     elif classes.definite.holds and not problem.is_lcp:
         yield "A is positive definite: with the obstacle frozen at an iterate, mnmod and mnmmod are proved"
     elif classes.p.holds:
-        yield "A is a P-matrix, so with constant psi the solution is unique, but sweeps may cycle: try newton"
+        later = "" if isinstance(picked, Newton) else ", on which solve() falls back"
+        yield f"A is a P-matrix, so with constant psi the solution is unique, but sweeps may cycle: try newton{later}"
     elif classes.semidefinite.holds and problem.is_lcp:
         yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
     elif classes.p.holds is False:

@@ -1,6 +1,9 @@
-"""Matrix–vector products with a proved direction of rounding."""
+"""Rounding in a proved direction: matrix–vector products, and numbers in sentences that say "<=" or ">="."""
 
 from __future__ import annotations
+
+import math
+from decimal import ROUND_CEILING, Context, Decimal
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,3 +38,30 @@ def upper(matrix: sp.csr_array, v: Vector) -> Vector:
     with np.errstate(over="ignore", invalid="ignore"):
         result: Vector = matrix @ v + 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) + k * SMALLEST
     return result
+
+
+def at_most(x: float, digits: int = 3, below: float = math.inf) -> str:
+    """`x` as text that is never below it, for sentences that say "at most": `digits` digits, rounded upwards.
+
+    More digits where those would reach `below`, which `x` does not.
+
+    >>> at_most(5.364883691e-06), at_most(1 - 2**-20, below=1.0)
+    ('5.37e-06', '0.9999991')
+    """
+    if not math.isfinite(x):
+        return f"{x:g}"
+    exact = Context(prec=digits, rounding=ROUND_CEILING).create_decimal(Decimal(float(x)))
+    text = f"{float(exact):.{digits}g}"
+    if Decimal(text) < exact:  # the float next to it is too small: near underflow, or with all its digits
+        text = str(exact)
+    return at_most(x, digits + 1, below) if float(text) >= below > x else text
+
+
+def at_least(x: float, digits: int = 3) -> str:
+    """`x` as text that is never above it: the mirror image of `at_most`.
+
+    >>> at_least(0.5399), at_least(-1.0)
+    ('0.539', '-1')
+    """
+    text = at_most(-x, digits)
+    return text[1:] if text.startswith("-") else text if float(text) == 0 else f"-{text}"

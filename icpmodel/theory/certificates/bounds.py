@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ...arrays import Vector, as_truth, not_finite
 from ...errors import MapError
+from ...intervention import Intervention
+from ...maps import Affine, Constant, Map
 from ...problem import ICP, UNIT_ROUNDOFF, as_icp
+from ..rounding import at_most
 from . import definite, h_plus, representatives, supersolution
 from .proof import Proof, norm_up
 
-#: the proofs in the order in which they are tried, cheapest and sharpest first
-_PROOFS = (h_plus.prove, representatives.prove, definite.prove, supersolution.prove)
+#: the proofs in the order in which they are tried, cheapest and sharpest first, each with the maps ψ that it is about
+_PROOFS = (
+    (h_plus.prove, Map),
+    (representatives.prove, Constant | Affine),
+    (definite.prove, Map),
+    (supersolution.prove, Intervention),
+)
 #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
 _SHARPEN_UP_TO = 10_000
 #: a share of the bound that is not worth another step
@@ -31,7 +40,7 @@ class ErrorBound:
 
     `componentwise` δ with |z − z*| ≤ δ, shape (n,), its largest entry `value`, and `euclidean` ≥ ‖z − z*‖₂, all in the
     units of z; None where nothing is proved, and then `reason` says why. `proof` is the sentence of the proof, empty
-    where there is none: it says that the solution exists and is the only one, whatever z is.
+    where there is none: it says that the solution exists and is the only one, whatever z is. `print` says it in words.
 
     >>> bound = error_bound(ICP([[2.0]], [-2.0]), [1.25])
     >>> bound.value >= 0.25, bound.proof
@@ -39,7 +48,7 @@ class ErrorBound:
     """
 
     value: float | None
-    componentwise: Vector | None
+    componentwise: Vector | None = field(repr=False)
     euclidean: float | None
     proof: str
     reason: str
@@ -62,6 +71,34 @@ class ErrorBound:
         """
         return bool(self.proof)
 
+    def in_words(self, accuracy: float | None = None) -> str:
+        """What is known of the error, `accuracy` being what was asked for, or None; several reasons on a line each.
+
+        >>> print(error_bound(ICP([[2.0]], [-2.0]), [1.25]).in_words())
+        |z - z*| <= 0.251 in every entry; z* is the only solution
+        """
+        given = _WORD if self.proof.endswith(_WORD) else ""
+        if self.value is not None:
+            wanted = "" if accuracy is None else f" ({accuracy:g} was asked for)"
+            size = at_most(self.value, below=math.inf if accuracy is None else accuracy)
+            return f"|z - z*| <= {size} in every entry{wanted}; z* is the only solution{given}"
+        if self.unique:
+            return f"no bound: {self.reason}; z* exists and is the only solution{given}"
+        return "no certified bound:" + listed(self.reason)
+
+    def __str__(self) -> str:
+        return self.in_words() + (f"\nproof: {self.proof}" if self.proof else "")
+
+
+def listed(reason: str) -> str:
+    """The reasons why nothing is proved, as `ErrorBound.reason` strings them together: one a line if there are several.
+
+    >>> listed("this; that").splitlines(), listed("this")
+    (['', '- this', '- that'], ' this')
+    """
+    several = reason.split("; ")
+    return f" {reason}" if len(several) == 1 else "".join(f"\n- {one}" for one in several)
+
 
 def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bool = False) -> ErrorBound:
     """A bound on |z − z*| from one evaluation of p and r, or the reason why there is none.
@@ -76,7 +113,7 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
     wide one.
     `rigorous`: no bound where it would rest on a user's word. Returns an `ErrorBound`. Raises MapError where ψ fails at
     z.
-    Reference: the proofs of this room, one file each.
+    Reference: the files of `icpmodel.theory.certificates`: `h_plus`, `representatives`, `definite`, `supersolution`.
 
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, -1])
     >>> bound = error_bound(problem, [1.0, 1.001])
@@ -89,10 +126,12 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
     if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:
         return ErrorBound.none("psi is computed by a user's function, whose rounding errors are not known")
     reasons = []
-    for prove in _PROOFS:
+    for prove, kind in _PROOFS:
+        if not isinstance(problem.psi, kind):
+            continue
         proof = prove(problem)
         if isinstance(proof, str):
-            reasons.append(proof)
+            reasons.append(proof.replace("; ", ", "))
             continue
         delta, euclidean = proof.bound(problem, z, *problem.rounding(z))
         if sharp or (sharp is None and (proof.wide or problem.A.nnz <= _SHARPEN_UP_TO)):

@@ -35,7 +35,7 @@ from ...arrays import Vector, row_of
 from ...maps import Affine, Constant
 from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
 from ..matrices.eigenvalue import largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
-from ..rounding import upper
+from ..rounding import at_least, at_most, upper
 from .proof import Proof, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
@@ -53,7 +53,7 @@ class DefiniteProof(Proof):
     `H` differs from the symmetric part of AᵀB by at most `slack` in norm, and `solve` is about H⁻¹.
 
     >>> prove(ICP([[1.0, 3.0], [-3.0, 1.0]], [0.0, 0.0])).sentence
-    'A is positive definite (the symmetric part, its diagonal scaled to 1, is >= 0.99)'
+    'A is positive definite (the symmetric part, its diagonal scaled to 1, is >= 0.989)'
     """
 
     sentence: str
@@ -174,8 +174,9 @@ def _prove(problem: ICP) -> DefiniteProof | str:
     kappa = largest_above(sp.csr_array(abs(At) @ L)) * (1 + gamma) + underflow if L.nnz else 0.0
     gap = float(np.nextafter(smallest - kappa, -np.inf))
     if not gap > 0:
-        return f"psi is too steep: the eigenvalues of |A|'G reach {kappa:.3g}, those of A begin at {smallest:.3g}"
-    sentence = f"{name} is positive definite (the symmetric part, its diagonal scaled to 1, is >= {smallest:.3g})"
+        reach = f"the eigenvalues of |A|'G are at most {at_most(kappa)}, those of A at least {at_least(smallest)}"
+        return f"psi is too steep: {reach}"
+    sentence = f"{name} is positive definite (the symmetric part, its diagonal scaled to 1, is >= {at_least(smallest)})"
     transposed = (At, sp.csr_array(B.T), sp.csr_array(L.T))
     return DefiniteProof(sentence, smallest, gap, exponent, *transposed, H, slack, lu.solve)
 

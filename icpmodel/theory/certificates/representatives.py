@@ -42,7 +42,7 @@ class RepresentativesProof(Proof):
     """K and H of the module's docstring, (n, n), for p, r and z in units of 2^−`row_p`, 2^−`row_r` and 2^`column`.
 
     >>> prove(ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1])).sentence
-    'A is a P-matrix (all 8 representatives have determinants of one sign)'
+    'A is a P-matrix (all 8 choices of rows from A and I have determinants of one sign)'
     """
 
     sentence: str
@@ -72,7 +72,7 @@ def prove(problem: ICP) -> RepresentativesProof | str:
     that share them.
 
     >>> prove(ICP([[1.0, 2.0], [2.0, 1.0]], [0.0, 0.0]))
-    'A is not a P-matrix: two representatives that differ in row 0 have determinants of opposite signs'
+    'A is not a P-matrix: two choices of rows from A and I that differ in row 0 have determinants of opposite signs'
     """
     if "representatives" not in problem._memory:
         problem._memory["representatives"] = _prove(problem)
@@ -81,17 +81,19 @@ def prove(problem: ICP) -> RepresentativesProof | str:
 
 def _prove(problem: ICP) -> RepresentativesProof | str:
     n, psi = problem.n, problem.psi
+    free = np.isneginf(psi.c) if isinstance(psi, Affine | Constant) else np.zeros(n, dtype=bool)
+    is_lcp = problem.is_lcp and not free.any()
+    other = "I" if problem.is_lcp else "I - G"
     if n > LIMIT:
-        return f"n = {n} is too large to compare all representatives of A and I - G, which is done up to n = {LIMIT}"
+        return f"n = {n} is too large to try all choices of rows from A and {other}, which is done up to n = {LIMIT}"
     if not isinstance(psi, Affine | Constant):
         return "psi is neither constant nor affine, so I - G has no rows to be compared with those of A"
-    A, free = problem.A.toarray(), np.isneginf(psi.c)
+    A = problem.A.toarray()
     B = np.where(free[:, None], A, np.eye(n) - psi.jacobian(np.zeros(n)).toarray())
     column = _column_scale(np.vstack([A, B]))
     rows_A, rows_B = _unit_rows(A, column), _unit_rows(B, column)
     if rows_A is None or rows_B is None:
-        return "the representatives of A and I - G are not compared: a row is zero or has entries of too many sizes"
-    is_lcp = problem.is_lcp and not free.any()
+        return f"choices of rows from A and {other} are not compared: a row is zero or has entries of too many sizes"
     yes, no = ("A is a P-matrix", "A is not a P-matrix") if is_lcp else (_HAVE, _HAVE.replace("have", "do not have"))
     corners = np.arange(2**n)
     K, H = np.zeros((n, n)), np.zeros((n, n))
@@ -100,13 +102,14 @@ def _prove(problem: ICP) -> RepresentativesProof | str:
         inverse, radius, sign = _enclosed_inverses(rows_A[0], rows_B[0], from_B)
         if (sign < 0).any():
             k = int(np.argmax((sign < 0).any(axis=0)))
-            return f"{no}: two representatives that differ in row {k} have determinants of opposite signs"
+            rows = f"two choices of rows from A and {other} that differ in row {k}"
+            return f"{no}: {rows} have determinants of opposite signs"
         if not (sign > 0).all():
-            return f"it is not proved that {yes}: a representative is singular to working precision"
+            return f"it is not proved that {yes}: a choice of rows from A and {other} is singular to working precision"
         size = (np.abs(inverse) + radius) * (1 + 4 * UNIT_ROUNDOFF)
         K = np.maximum(K, np.where(from_B[:, None, :], 0.0, size).max(axis=0))
         H = np.maximum(H, np.where(from_B[:, None, :], size, 0.0).max(axis=0))
-    sentence = f"{yes} (all {corners.size} representatives have determinants of one sign)"
+    sentence = f"{yes} (all {corners.size} choices of rows from A and {other} have determinants of one sign)"
     return RepresentativesProof(sentence, K, H, rows_A[1], rows_B[1], column)
 
 

@@ -32,7 +32,7 @@ from ...errors import MapError
 from ...intervention import Intervention
 from ...operators import factorise
 from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
-from ..rounding import lower
+from ..rounding import at_least, lower
 from .proof import Proof, norm_up
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z, small ones
@@ -50,7 +50,7 @@ class SupersolutionProof(Proof):
 
     >>> jumps = sp.csr_array(([-1.0], ([1], [0])), shape=(2, 2))
     >>> prove(ICP([[1.0, 0.0], [0.0, 1.0]], [-1.0, 1.0], Intervention(jumps))).sentence
-    'A is an M-matrix with A1 >= 0, psi a best jump, and a strict supersolution exists (margin 0.25)'
+    'A is an M-matrix with A1 >= 0, psi a best jump, and a strict supersolution exists (margin 0.249)'
     """
 
     sentence: str
@@ -134,7 +134,7 @@ def _prove(problem: ICP) -> SupersolutionProof | str:
             break
     if not pairs:
         return "no strict supersolution was found by policy iteration"
-    margin = f"margin {pairs[0][0]:.3g}"
+    margin = f"margin {at_least(pairs[0][0])}"
     sentence = f"A is an M-matrix with A1 >= 0, psi a best jump, and a strict supersolution exists ({margin})"
     return SupersolutionProof(sentence, weight, tuple(pairs))
 

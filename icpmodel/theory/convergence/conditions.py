@@ -33,6 +33,8 @@ Reference: Kumar, Deepmala and Das, theorems 4.1 to 4.4, corrected; Berman and P
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -184,8 +186,10 @@ def theta_factor(theta: AOR) -> float:
     >>> theta_factor(AOR(1.0, 1.0)) >= 1.0
     True
     """
-    factor = max(theta.theta1, theta.theta2) / min(1.0, theta.theta1)
-    return factor if factor == 1.0 else float(np.nextafter(factor, np.inf))
+    above, below = float(max(theta.theta1, theta.theta2)), float(min(1.0, theta.theta1))
+    factor = above / below
+    exact = np.isfinite(factor) and Fraction(factor) * Fraction(below) == Fraction(above)
+    return factor if exact else float(np.nextafter(factor, np.inf))
 
 
 def _h_splitting(parts: Parts) -> MonotoneMap | str:

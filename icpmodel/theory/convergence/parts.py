@@ -53,7 +53,9 @@ class Parts:
         if isinstance(member, str | type):
             raise InputError(f"member is {described(member)}; a Method object was expected, such as MNMGS()")
         if not (hasattr(member, "splitting_of") and hasattr(member, "omega_of")):
-            raise InputError(f"member is {member!r}; a method of the modulus family, with M1 and Omega, was expected")
+            raise InputError(
+                f"member is {member!r}; a method of the modulus family, such as icpmodel.MNMGS(), was expected"
+            )
         self.problem, self.member = problem, member
         self.A, self.n = problem.A, problem.n
         self.D = problem.A.diagonal()

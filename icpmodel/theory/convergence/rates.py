@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF, as_icp
 from ..answers import Answer
 from ..certificates.bounds import error_bound
 from ..certificates.proof import norm_up
-from ..rounding import upper
+from ..rounding import at_most, upper
 from . import conditions
 from .absolute import slack
 from .parts import Member, Parts
@@ -28,7 +28,7 @@ class Rate(ABC):
     """Every step of the method, in exact arithmetic, reduces a norm of the error z − z* to `factor` times it, or less.
 
     |zᵏ − z*| ≤ factorᵏ·‖z⁰ − z*‖·v entry by entry. `factor` < 1 and `v` > 0, shape (n,), are proved; `sentence` is the
-    theorem behind them. They do not depend on q. The norm is that of the subclass.
+    theorem behind them. They do not depend on q. The norm, `norm` in words, is that of the subclass.
 
     >>> from icpmodel import MNMJ
     >>> rate = predicted_rate(ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ())
@@ -40,6 +40,13 @@ class Rate(ABC):
     v: Vector
     sentence: str
     _parts: Parts = field(repr=False)
+    norm: ClassVar[str]
+
+    def __str__(self) -> str:
+        return f"each step leaves at most {at_most(self.factor, 6, below=1.0)} of {self.norm}\n{self.sentence}"
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(factor={self.factor:.6g}, n={self.v.size})"
 
     def distance(self, problem: ICP, z0: Any) -> float:
         """A bound on the norm of z⁰ − z*, rounding included, infinite where none is known.
@@ -118,6 +125,8 @@ class Contraction(Rate):
     True
     """
 
+    norm = "max_i |z_i - z*_i|/v_i"
+
     def steps(self, problem: ICP, z0: Any, accuracy: Any) -> int | None:
         """See `Rate.steps`: the smaller number of two norms, that of v and the maximum norm.
 
@@ -161,6 +170,8 @@ class PeacemanRachford(Rate):
     (0.83205, 81)
     """
 
+    norm = "|Omega^(-1/2)(A + Omega)(z - z*)|_2"
+
     def _distance(self, problem: ICP, z0: Vector, F: Vector, for_F: Vector) -> float:
         """(A + Ω)(z⁰ − z¹) = 2F gives one bound, |A + Ω| times an error bound of z⁰ another."""
         by_step = norm_up(2 * (np.abs(F) + for_F) * self.v) / (1 - self.factor)
@@ -179,11 +190,11 @@ def predicted_rate(problem: ICP, member: Member, checks: dict[str, Check] | None
     larger; where that does not hold, that of "definite".
     Parameters: `member` a method of the modulus family; `checks` what `check_all` returned for the two, if at hand.
     Returns a `Rate`, or an `Answer`. Raises InputError for a method outside of the family, or other `checks`.
-    Reference: `conditions` and `structural`; Banach's fixed point theorem.
+    Reference: `icpmodel.theory.convergence.conditions` and `.structural`; Banach's fixed point theorem.
 
     >>> from icpmodel import MNMGS, Affine
     >>> print(predicted_rate(ICP([[1.0]], [0.0], Affine([[2.0]])), MNMGS()))
-    no: the contraction factor is at least 1, and at most 2
+    no: the contraction factor is at least 1, and at most 2.00001
     """
     checks = check_all(problem, member) if checks is None else checks
     if not (isinstance(checks, dict) and {"sharper", "definite"} <= checks.keys()):

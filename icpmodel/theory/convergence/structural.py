@@ -32,6 +32,7 @@ from ..answers import Answer
 from ..certificates.definite import LARGEST
 from ..matrices.classes import MatrixClasses
 from ..matrices.eigenvalue import is_dense, largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
+from ..rounding import at_most
 from ..units import in_units
 from .absolute import is_diagonal
 from .parts import Parts
@@ -102,7 +103,7 @@ def definite(parts: Parts) -> Answer:
     sigma = _sigma(parts)
     if sigma is not None:
         v = (1 + 4 * UNIT_ROUNDOFF) / np.sqrt(parts.omega)
-        return Answer(True, f"A is positive definite and sigma is at most {sigma:.6g}", v, sigma)
+        return Answer(True, f"A is positive definite and sigma is at most {at_most(sigma, 6, below=1.0)}", v, sigma)
     found = MatrixClasses(parts.A).definite
     known = {True: "is", False: "is not", None: "is not known to be"}[found.holds]
     # the witness of a theorem that holds is a vector v

@@ -12,6 +12,7 @@ from ...errors import InputError, SingularOperator
 from ...problem import ICP, UNIT_ROUNDOFF
 from ..answers import Answer
 from ..certificates import h_plus
+from ..rounding import at_least, at_most
 from . import conditions, structural
 from .contraction import MonotoneMap, Radius, balanced, radius
 from .parts import Member, Parts
@@ -61,7 +62,7 @@ def theorems() -> dict[str, str]:
     """Name → the theorem in one sentence, as corrected.
 
     >>> list(theorems())
-    ['4.3', '4.4', '4.2', '4.1', 'sharper', 'monotone', 'definite']
+    ['4.1', '4.2', '4.3', '4.4', 'sharper', 'monotone', 'definite']
     """
     return {name: theorem.sentence for name, theorem in _THEOREMS.items()}
 
@@ -72,7 +73,7 @@ def check(theorem: str, problem: ICP, member: Member, as_printed: bool = False) 
     Parameters: `theorem` one of `theorems()`; `member` a method of the modulus family, as an object; `as_printed` asks
     for the paper's own statement, which may be false (`Check.false_as_printed`) and is kept to be compared with.
     Returns a `Check`. Raises InputError for an unknown theorem, or one that the paper does not print.
-    Reference: `conditions` and `structural` hold the statements and the proofs.
+    Reference: the docstrings of `icpmodel.theory.convergence.conditions` and `.structural` hold statements and proofs.
 
     >>> from icpmodel import MNMGS
     >>> print(check("4.3", ICP([[1.0]], [-1.0]), MNMGS(phi=-1.5)))
@@ -86,10 +87,11 @@ def check_all(problem: ICP, member: Member) -> dict[str, Check]:
 
     >>> from icpmodel import MNMGS
     >>> [name for name, found in check_all(ICP([[2, -1], [-1, 2]], [0, 0]), MNMGS()).items() if found.holds]
-    ['4.3', '4.4', '4.2', '4.1', 'sharper']
+    ['4.1', '4.2', '4.3', '4.4', 'sharper']
     """
     parts = Parts(problem, member)
-    return {name: _check(name, parts, False) for name in _THEOREMS}
+    found = {name: _check(name, parts, False) for name in _CHEAPEST_FIRST}
+    return {name: found[name] for name in _THEOREMS}
 
 
 def _check(name: str, parts: Parts, as_printed: bool) -> Check:
@@ -149,14 +151,16 @@ def _by_radius(
         if found.v is None:
             return _without_inverse(parts)
         factor = scale(parts)
-        number, limit = found.upper * factor * (1.0 if factor == 1.0 else 1 + 4 * UNIT_ROUNDOFF), f"{factor:.6g}"
-        # what is proved must not look false for want of digits
-        size = f"{number:.6g}" if f"{number:.6g}" != limit else f"{limit} - {max(factor - number, 0.0):.2g}"
+        number = found.upper * factor * (1.0 if factor == 1.0 else 1 + 4 * UNIT_ROUNDOFF)
+        limit = f"{factor:.6g}"
+        if float(limit) <= number < factor:  # what is proved must not look false for want of digits
+            limit = repr(factor)
+        size = at_most(number, 6, below=float(limit))
         if found.holds is None:
-            return Answer(None, f"{name} is at most {number:.6g}, and not known to be below {limit}", None, number)
+            return Answer(None, f"{name} < {limit} is needed, but no more than {name} <= {size} is known", None, number)
         if found.holds:
             return Answer(True, f"{name} is at most {size}, below {limit}", found.v, number)
-        return Answer(False, f"{name} is at least {limit}, and at most {number:.6g}", None, number)
+        return Answer(False, f"{name} is at least {at_least(factor, 6)}, and at most {size}", None, number)
 
     return decide
 
@@ -176,8 +180,24 @@ def _limit_43(parts: Parts) -> float:
 
 _CONVERGES = "then ICP has one solution and the method converges to it from every start"
 
-#: cheap conditions first: the v of one is the first that the next tries
 _THEOREMS = {
+    "4.1": _Theorem(
+        "If ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), " + _CONVERGES + ", |zᵏ − z*| ≤ Lᵏ(I − L)⁻¹|z¹ − z⁰|",
+        _by_radius("rho(L)", conditions.theorem_41),
+        "If A is a P-matrix and ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), then ICP has one solution and the "
+        "method converges to it from every nonnegative start, each |zᵏ⁺¹ − z*| < |zᵏ − z*|",
+        # that A is a P-matrix follows: for psi = 0 and every q the step has one fixed point
+        _by_radius("rho(L)", conditions.theorem_41),
+        "the componentwise decrease: A = [2, −1; −.5, 2], q = −A(1, 1), Gauss–Seidel, Ω = D, z⁰ = (1, 3) has "
+        "|e⁰| = (0, 2), |e¹| = (1, .125); convergence holds, and no start need be nonnegative",
+    ),
+    "4.2": _Theorem(
+        "If 2(diag(min(m₁ + φ, d)) − (D − Ω)⁺) − off(|M₁| + |N₁| + |A|) − 2ΩG is a nonsingular M-matrix, " + _CONVERGES,
+        _by_radius("rho of its Jacobi matrix", conditions.theorem_42),
+        "If A is an H₊-matrix with an H-splitting, φ₂ ≥ φ₁D, g_ii ≤ (|n_ii + φ_ii| − n_ii − |φ_ii|)/2ω_ii and "
+        "g_ij ≤ (|m_ij| + |n_ij| − |a_ij|)/2ω_ii, " + _CONVERGES,
+        _by_radius("rho(m^-1(off|M| + |N|))", conditions.printed_42),
+    ),
     "4.3": _Theorem(
         "AOR: if D > 0, φ ≥ 0, θ₁ > 0, θ₂ ≥ 0 and max(θ₁, θ₂)·ρ(D⁻¹(|B| + ΩG + (D − Ω)⁺)) < min(1, θ₁), " + _CONVERGES,
         _by_radius("rho(D^-1(|B| + Omega G + (D - Omega)+))", conditions.theorem_43, _limit_43),
@@ -196,28 +216,13 @@ _THEOREMS = {
         "case (1), φ not multiplied by φ₁: A = 1, M₁ = .1, φ = .5, φ₁ = φ₂ = .1, ψ = 1.9 − .9z, q = 5 has the error "
         "factor −1.375; case (2): A = 1, M₁ = .1, φ = .5, φ₁ = .1, φ₂ = .01, ψ = 0, q = −1 has −1.857",
     ),
-    "4.2": _Theorem(
-        "If 2(diag(min(m₁ + φ, d)) − (D − Ω)⁺) − off(|M₁| + |N₁| + |A|) − 2ΩG is a nonsingular M-matrix, " + _CONVERGES,
-        _by_radius("rho of its Jacobi matrix", conditions.theorem_42),
-        "If A is an H₊-matrix with an H-splitting, φ₂ ≥ φ₁D, g_ii ≤ (|n_ii + φ_ii| − n_ii − |φ_ii|)/2ω_ii and "
-        "g_ij ≤ (|m_ij| + |n_ij| − |a_ij|)/2ω_ii, " + _CONVERGES,
-        _by_radius("rho(m^-1(off|M| + |N|))", conditions.printed_42),
-    ),
-    "4.1": _Theorem(
-        "If ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), " + _CONVERGES + ", |zᵏ − z*| ≤ Lᵏ(I − L)⁻¹|z¹ − z⁰|",
-        _by_radius("rho(L)", conditions.theorem_41),
-        "If A is a P-matrix and ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), then ICP has one solution and the "
-        "method converges to it from every nonnegative start, each |zᵏ⁺¹ − z*| < |zᵏ − z*|",
-        # that A is a P-matrix follows: for psi = 0 and every q the step has one fixed point
-        _by_radius("rho(L)", conditions.theorem_41),
-        "the componentwise decrease: A = [2, −1; −.5, 2], q = −A(1, 1), Gauss–Seidel, Ω = D, z⁰ = (1, 3) has "
-        "|e⁰| = (0, 2), |e¹| = (1, .125); convergence holds, and no start need be nonnegative",
-    ),
     "sharper": _Theorem(
-        "If some v > 0 has |X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v) ≤ σv with σ < 1, " + _CONVERGES + ", every step "
-        "reducing max_i |z_i − z*_i|/v_i by the factor σ or more",
+        "If some v > 0 has |X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v) ≤ σv with σ < 1, " + _CONVERGES + ", and "
+        "every step leaves at most σ times max_i |z_i − z*_i|/v_i",
         _by_radius("the contraction factor", conditions.sharper),
     ),
     "monotone": _Theorem(structural.MONOTONE, structural.monotone),
     "definite": _Theorem(structural.DEFINITE, structural.definite),
 }
+#: cheap conditions first: the v of one is the first that the next tries
+_CHEAPEST_FIRST = ("4.3", "4.4", "4.2", "4.1", "sharper", "monotone", "definite")

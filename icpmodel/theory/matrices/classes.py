@@ -13,6 +13,21 @@ from ..answers import Answer
 from ..scaling import comparison_matrix
 from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs
 
+#: the classes in the order of the table, with their names
+NAMES = {
+    "symmetric": "symmetric",
+    "triangular": "triangular",
+    "banded": "banded",
+    "reducible": "reducible",
+    "dominant": "strictly diagonally dominant",
+    "z": "Z-matrix",
+    "m": "M-matrix",
+    "h_plus": "H+-matrix",
+    "definite": "positive definite",
+    "semidefinite": "positive semidefinite",
+    "p": "P-matrix",
+}
+
 
 def classify(A: Any) -> MatrixClasses:
     """The classes of `A`, shape (n, n), dense or sparse. Raises InputError where it is no square matrix of numbers.
@@ -29,7 +44,8 @@ def classify(A: Any) -> MatrixClasses:
 class MatrixClasses:
     """Three-valued answers about the CSR matrix `A`, shape (n, n), with every diagonal entry stored; see `classify`.
 
-    Each is computed when it is first asked for, and what it needs with it. Yes and no are proved, rounding included.
+    Each is computed when it is first asked for, and what it needs with it; `print` asks for all. Yes and no are proved,
+    rounding included.
 
     >>> MatrixClasses(as_csr([[1.0, 2.0], [0.0, 1.0]], "A")).triangular.witness
     'upper'
@@ -37,6 +53,12 @@ class MatrixClasses:
 
     def __init__(self, A: sp.csr_array) -> None:
         self.A = A
+
+    def __str__(self) -> str:
+        return "\n".join(f"{title:<29} {getattr(self, name)}" for name, title in NAMES.items())
+
+    def __repr__(self) -> str:
+        return f"MatrixClasses(A with shape {self.A.shape}, nnz={self.A.nnz})"
 
     @cached_property
     def z(self) -> Answer:

@@ -46,7 +46,8 @@ def p_matrix(A: Any) -> Answer:
     """Whether `A`, shape (n, n), dense or sparse, is a P-matrix.
 
     The witness of False is the index set, an array, of a principal minor ≤ 0; None where the reason is the proof.
-    Raises InputError where A is no square matrix of finite numbers. Reference: this module's docstring.
+    Raises InputError where A is no square matrix of finite numbers. Reference: the docstring of the module
+    `icpmodel.theory.matrices.p_matrix`.
 
     >>> p_matrix([[1, 0, 2], [2, 1, 0], [0, 2, 1]]).holds
     True
