@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import scenes
+from icpmodel.explain.advice import what_to_do
 
 SIZES = {name: {"dividend": 31}.get(name, 49) for name in scenes.names() if "n" in scenes.parameters(name)}
 
@@ -306,18 +307,14 @@ def test_the_cost_of_a_step_is_that_of_its_splitting(splitting, cost):
 def test_the_table_keeps_its_columns(page):
     """Every row of the table, its head included, is a line: a title that is too long stands on one of its own."""
     lines = page.sections()["methods"].splitlines()
-    rows = lines[: len(page.forecasts) + 1]
+    rows, cells = lines[: len(page.forecasts) + 1], ["proved by theorem", *_theorem_cells(page)]
     assert max(map(len, rows)) <= 114
-    assert (
-        len({row.index(cell) for row, cell in zip(rows, ["proved by theorem", *_theorem_cells(page)], strict=True)})
-        == 1
-    )
+    assert len({row.index(cell) for row, cell in zip(rows, cells, strict=True)}) == 1
 
 
 def _theorem_cells(page):
     for forecast in page.forecasts:
-        short = ", ".join(forecast.proved_by).replace("4.1, 4.2, 4.3, 4.4", "4.1 to 4.4") or "none"
-        yield f"  {short}"[2:]
+        yield ", ".join(forecast.proved_by).replace("4.1, 4.2, 4.3, 4.4", "4.1 to 4.4") or "none"
 
 
 def test_a_long_title_does_not_break_the_table():
@@ -380,3 +377,8 @@ def test_a_page_and_its_lines_have_short_names():
     page = scenes.bai_symmetric(n=4).problem.explain()
     assert len(repr(page)) < 200
     assert len(repr(page.forecasts[0])) < 200
+
+
+def test_a_psi_that_does_not_move_is_not_said_to_move_too_much():
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0])
+    assert not any("moves too much" in line for line in what_to_do(problem, icp.theory.classify(problem.A)))

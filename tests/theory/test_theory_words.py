@@ -26,7 +26,7 @@ def test_at_most_is_never_below_and_at_least_never_above(x, digits):
     for text in (at_least(x, digits), at_most(x, digits)):
         if digits > 2 and 1e-300 < abs(x) < 1e300:
             assert float(text) == pytest.approx(x, rel=10.0 ** (1 - digits))
-            assert len(re.sub("[eE].*|[-.]", "", text).strip("0")) <= digits
+            assert len(re.sub("e.*|[-.]", "", text).strip("0")) <= digits
 
 
 @given(st.floats(0.9, 1, exclude_max=True))
