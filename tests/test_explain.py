@@ -382,3 +382,12 @@ def test_a_page_and_its_lines_have_short_names():
 def test_a_psi_that_does_not_move_is_not_said_to_move_too_much():
     problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0])
     assert not any("moves too much" in line for line in what_to_do(problem, icp.theory.classify(problem.A)))
+
+
+def test_a_class_for_a_method_and_an_array_for_a_problem_are_named():
+    from icpmodel.explain import explain
+
+    with pytest.raises(icp.InputError, match=r"method is the class MNMGS; an object such as MNMGS\(\) was expected"):
+        icp.ICP([[2.0]], [-1.0]).explain(icp.MNMGS)
+    with pytest.raises(icp.InputError, match="problem is"):
+        explain(np.eye(2))

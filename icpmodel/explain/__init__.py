@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..methods import Method, named
 from ..methods.choose import choose
 from ..methods.modulus import ModulusMember
-from ..problem import ICP, UNIT_ROUNDOFF
+from ..problem import ICP, UNIT_ROUNDOFF, as_icp
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed
 from ..theory.certificates.supersolution import SupersolutionProof
@@ -265,7 +265,7 @@ def explain(problem: ICP, method: str | Method | None = None, *, accuracy: float
     >>> page.bound.unique, page.recommended.factor < 0.5
     (True, True)
     """
-    accuracy = as_number(accuracy, "accuracy", above=0)
+    problem, accuracy = as_icp(problem), as_number(accuracy, "accuracy", above=0)
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
     first = next(choose(problem), None)
@@ -315,6 +315,8 @@ def _listed(forecast: Forecast) -> str:
 
 
 def _member(method: Method) -> ModulusMember:
+    if isinstance(method, type):
+        raise InputError(f"method is the class {method.__name__}; an object such as {method.__name__}() was expected")
     if not isinstance(method, ModulusMember):
         raise InputError(f"method is {method!r}; theory covers the members of the modulus family only")
     return method
