@@ -13,11 +13,12 @@ import numpy as np
 from .arrays import Vector, as_number
 from .errors import MapError, NotApplicable, SingularOperator
 from .goal import AccuracyGoal, Goal
-from .methods import HandOver
+from .methods import HandOver, Infeasible
 from .methods.choose import Choice, why_none
 from .problem import ICP
 from .progress import Bar, progress_bar
 from .solution import History, Solution, Status
+from .theory.answers import Answer
 
 #: outside this range the squares that a sweep sums for its hint over- or underflow; the judge does not
 _SAFE_HINT = (1e-140, 1e140)
@@ -133,6 +134,7 @@ class Job:
         self.iteration = 0
         self.tried: list[tuple[Choice, Status]] = []
         self.successor: Choice | None = None
+        self.infeasible: Answer | None = None
         self.records: list[tuple[int, float, float]] = []
 
     def first_success(self, choices: Iterator[Choice], *, tolerate_singular: bool) -> Solution:
@@ -189,6 +191,9 @@ class Job:
         except HandOver as over:
             self.successor = Choice(over.method, over.why)
             return Status.STAGNATED, over.why
+        except Infeasible as proof:
+            self.infeasible = proof.answer
+            return Status.INFEASIBLE, proof.answer.reason
 
     def _loop(self, choice: Choice, start: Vector, bar: Bar) -> tuple[Status, str]:
         first = self.iteration
@@ -307,6 +312,7 @@ class Job:
             iterations=self.iteration,
             seconds=seconds,
             history=past,
+            infeasible=self.infeasible if status is Status.INFEASIBLE else None,
         )
 
 

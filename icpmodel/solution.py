@@ -15,6 +15,7 @@ import numpy as np
 from .arrays import Vector, as_truth
 from .errors import IcpError, MapError
 from .problem import ICP, as_icp
+from .theory.answers import Answer
 from .theory.certificates.active_set import ActiveSet, active_set
 from .theory.certificates.bounds import ErrorBound, error_bound
 from .theory.certificates.equations import nearer_to_obstacle, solve_on
@@ -35,6 +36,7 @@ class Status(Enum):
     STAGNATED = "stagnated"
     CYCLED = "cycled"
     DIVERGED = "diverged"
+    INFEASIBLE = "infeasible"
     ITERATION_LIMIT = "iteration limit"
     TIME_LIMIT = "time limit"
     INTERRUPTED = "interrupted"
@@ -65,6 +67,7 @@ _ADVICE = {
     "STAGNATED": "try {}another method or another start z0; unless certified, there may be no solution",
     "CYCLED": "try {}another method or another start z0",
     "DIVERGED": "try {}another method or another start z0; A may be far from an H+-matrix",
+    "INFEASIBLE": "this is proved: mend A, q or psi; `infeasible.witness` says which rows contradict each other",
     "ITERATION_LIMIT": "raise max_iter, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "TIME_LIMIT": "raise time_limit, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "INTERRUPTED": "pass this solution as z0 to go on",
@@ -178,7 +181,7 @@ class Solution:
     picked; `last_method`, whose end the `status` is: another one where several were tried and the last was not the
     best; `residual` = Res(z), judged on the returned z, and the `tolerance` it was held against; `iterations` in all;
     `seconds` of the run, set-up included; `accuracy`, the certified error that was asked for, or None; `history` or
-    None.
+    None; `infeasible`, the proof with its witness where the status is INFEASIBLE, else None.
 
     >>> solution = ICP([[2.0]], [-2.0]).solve("mnmgs")
     >>> solution.status, solution.iterations
@@ -198,6 +201,7 @@ class Solution:
     seconds: float
     accuracy: float | None = None
     history: History | None = field(default=None, repr=False)
+    infeasible: Answer | None = field(default=None, repr=False)
 
     @property
     def solved(self) -> bool:

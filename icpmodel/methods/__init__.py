@@ -19,6 +19,7 @@ import numpy as np
 from ..arrays import Vector, described
 from ..errors import InputError
 from ..problem import ICP
+from ..theory.answers import Answer
 
 _REGISTRY: dict[str, type[Method]] = {}
 
@@ -33,6 +34,18 @@ class HandOver(Exception):
     def __init__(self, method: Method, why: str) -> None:
         super().__init__(why)
         self.method, self.why = method, why
+
+
+class Infeasible(Exception):
+    """Raised by a method that has proved that there is no solution: `answer` has the reason and the witness.
+
+    >>> Infeasible(Answer(True, "no z has p >= 0")).answer.reason
+    'no z has p >= 0'
+    """
+
+    def __init__(self, answer: Answer) -> None:
+        super().__init__(answer.reason)
+        self.answer = answer
 
 
 class Method(ABC):
@@ -68,8 +81,8 @@ class Method(ABC):
         Each zᵏ is a fresh array of shape (n,) that the method will not change afterwards; the same array again says
         that nothing new will come. The residual is None where it does not fall out of the step for free; it is a hint,
         never the verdict.
-        Raises SingularOperator at the first step where the method's operator cannot be inverted, and HandOver where
-        another method is to go on.
+        Raises SingularOperator at the first step where the method's operator cannot be inverted, HandOver where
+        another method is to go on, and Infeasible where it is proved that there is no solution.
 
         >>> path = named("mnmgs").iterates(ICP([[2.0]], [-2.0]), np.array([3.0]))
         >>> next(path), next(path)

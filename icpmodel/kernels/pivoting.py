@@ -1,0 +1,313 @@
+"""Lemke's complementary pivots on a dense dictionary: `methods.lemke` says what for.
+
+The dictionary of w = q + My + d·t, d = 1: one row per basic variable, x_B = D[:, :n + 1] x_N + D[:, n + 1]. Labels of the
+variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1 less
+its column for the others.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from . import compiled
+
+#: how a run of pivots ended
+SOLVED, RAY, UNFINISHED, SINGULAR = 0, 1, 2, 3
+#: in a column of the dictionary, what is smaller than this share of its largest entry counts as zero
+_ZERO = 1e-11
+#: ratios that differ by no more than this are ties
+_TIE = 1e-13
+#: entries within 2^±so many of each other need no balancing; passes of balancing
+_TAME, _PASSES = 20, 60
+
+
+def _balance(M):
+    # exponents (r, c) such that the 2^(r_i + c_j) m_ij are near 1: geometric means of rows and columns in turn, where
+    # entries differ much; else all are divided by the largest
+    n = M.shape[0]
+    r, c = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    low, high = 5000, -5000
+    size = np.zeros((n, n), np.int64)
+    for i in range(n):
+        for j in range(n):
+            if M[i, j] != 0.0:
+                size[i, j] = math.frexp(M[i, j])[1]
+                low, high = min(low, size[i, j]), max(high, size[i, j])
+    if high - low <= 2 * _TAME:
+        r[:] = -max(high, -5000) if high > -5000 else 0
+        return r, c
+    for _ in range(_PASSES):
+        moved = 0
+        for i in range(n):
+            total, count = 0, 0
+            for j in range(n):
+                if M[i, j] != 0.0:
+                    total += size[i, j] + c[j]
+                    count += 1
+            to = -round(total / count) if count else 0
+            moved, r[i] = max(moved, abs(to - r[i])), to
+        for j in range(n):
+            total, count = 0, 0
+            for i in range(n):
+                if M[i, j] != 0.0:
+                    total += size[i, j] + r[i]
+                    count += 1
+            to = -round(total / count) if count else 0
+            moved, c[j] = max(moved, abs(to - c[j])), to
+        if moved <= 1:
+            break
+    return r, c
+
+
+balance = compiled(_balance)
+
+
+def _scaled(M, r, c):
+    S = np.empty_like(M)
+    for i in range(M.shape[0]):
+        for j in range(M.shape[0]):
+            S[i, j] = math.ldexp(M[i, j], r[i] + c[j])
+    return S
+
+
+scaled = compiled(_scaled)
+
+
+def _exchange(D, r, e, basic, nonbasic, place):
+    # the variable of column e becomes basic in row r, and that of the row nonbasic
+    pivot = D[r, e]
+    D[r, e] = -1.0
+    for j in range(D.shape[1]):
+        D[r, j] /= -pivot
+    for i in range(D.shape[0]):
+        factor = D[i, e]
+        if i != r and factor != 0.0:
+            D[i, e] = 0.0
+            for j in range(D.shape[1]):
+                D[i, j] += factor * D[r, j]
+    basic[r], nonbasic[e] = nonbasic[e], basic[r]
+    place[basic[r]], place[nonbasic[e]] = r, -1 - e
+
+
+exchange = compiled(_exchange)
+
+
+def _leaving(D, e, free, basic, place, ties):
+    # the row whose variable reaches 0 first as that of column e grows; -1 where none does. Ties are broken by the rows
+    # of (b, inverse of the basis), which stands in the columns of w: the lexicographically least ratio is unique, so
+    # that no basis comes back. y of a row without obstacle never leaves.
+    n = D.shape[0]
+    largest, least = 0.0, np.inf
+    for i in range(n):
+        largest = max(largest, abs(D[i, e]))
+    for i in range(n):
+        if -D[i, e] > _ZERO * largest and not (basic[i] >= n and basic[i] < 2 * n and free[basic[i] - n]):
+            least = min(least, max(D[i, n + 1], 0.0) / -D[i, e])
+    count = 0
+    if least < np.inf:
+        for i in range(n):
+            if -D[i, e] > _ZERO * largest and not (basic[i] >= n and basic[i] < 2 * n and free[basic[i] - n]):
+                if max(D[i, n + 1], 0.0) / -D[i, e] <= least + _TIE * (1.0 + least):
+                    if basic[i] == 2 * n:
+                        return i
+                    ties[count] = i
+                    count += 1
+    if count == 0:
+        return -1
+    for k in range(n):
+        if count == 1:
+            break
+        if free[k]:
+            continue
+        least = np.inf
+        for at in range(count):
+            least = min(least, _of_inverse(D, ties[at], k, place) / -D[ties[at], e])
+        kept = 0
+        for at in range(count):
+            i = ties[at]
+            if _of_inverse(D, i, k, place) / -D[i, e] <= least + _TIE * (1.0 + abs(least)):
+                ties[kept] = i
+                kept += 1
+        count = kept
+    return ties[0]
+
+
+def _entry_of_inverse(D, i, k, place):
+    # entry (i, k) of the inverse of the basis: the column of w_k, with the sign of the equations
+    if place[k] >= 0:
+        return 1.0 if place[k] == i else 0.0
+    return -D[i, -1 - place[k]]
+
+
+_of_inverse = compiled(_entry_of_inverse)
+leaving = compiled(_leaving)
+
+
+def _eliminate_free(D, free, basic, nonbasic, place):
+    # rows without obstacle: w_i = 0 leaves for good and y_i, of either sign, enters; the largest pivot each time
+    n, first = D.shape[0], 0.0
+    while True:
+        row, column, largest = -1, -1, 0.0
+        left = False
+        for i in range(n):
+            if free[i] and place[i] >= 0:
+                left = True
+                for j in range(n):
+                    if free[j] and place[n + j] < 0 and abs(D[place[i], -1 - place[n + j]]) > largest:
+                        row, column = place[i], -1 - place[n + j]
+                        largest = abs(D[row, column])
+        first = max(first, largest)
+        if not left:
+            return True
+        if not largest > _ZERO * first:
+            return False
+        exchange(D, row, column, basic, nonbasic, place)
+
+
+eliminate_free = compiled(_eliminate_free)
+
+
+def _start(S, q, free, D, basic, nonbasic, place):
+    # the first dictionary; returns the label of the variable that is to enter, or -1 - code where the run has ended
+    n = S.shape[0]
+    D[:, :n], D[:, n + 1] = S, q
+    for i in range(n):
+        D[i, n] = 0.0 if free[i] else 1.0
+        basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
+    nonbasic[n], place[2 * n] = 2 * n, -1 - n
+    if not eliminate_free(D, free, basic, nonbasic, place):
+        return -1 - SINGULAR
+    row = -1
+    for i in range(n):  # the last of equal ones is the lexicographically least
+        if basic[i] < n and D[i, n + 1] < 0.0 and (row < 0 or D[i, n + 1] <= D[row, n + 1]):
+            row = i
+    if row < 0:
+        return -1 - SOLVED
+    entering = n + basic[row]
+    exchange(D, row, n, basic, nonbasic, place)
+    return entering
+
+
+start = compiled(_start)
+
+
+def _pivot(D, free, basic, nonbasic, place, ties, entering, limit):
+    # up to `limit` pivots; returns how they ended, and the label of the variable that is to enter
+    n = D.shape[0]
+    for _ in range(limit):
+        e = -1 - place[entering]
+        r = leaving(D, e, free, basic, place, ties)
+        if r < 0:
+            return RAY, entering
+        out = basic[r]
+        exchange(D, r, e, basic, nonbasic, place)
+        if out == 2 * n:
+            return SOLVED, entering
+        entering = out + n if out < n else out - n
+    return UNFINISHED, entering
+
+
+pivot = compiled(_pivot)
+
+
+def _refined(S, f, D, basic, nonbasic, y, work):
+    # y of the dictionary, with two steps of iterative refinement: it holds the inverse of its own equations
+    n = S.shape[0]
+    for i in range(n):
+        if n <= basic[i] < 2 * n:
+            y[basic[i] - n] = D[i, n + 1]
+    for _ in range(2):
+        for e in range(n + 1):
+            work[e] = 0.0
+            k = nonbasic[e]
+            if k < n:
+                work[e] = f[k]
+                for j in range(n):
+                    work[e] += S[k, j] * y[j]
+        for i in range(n):
+            if n <= basic[i] < 2 * n:
+                for e in range(n + 1):
+                    y[basic[i] - n] -= D[i, e] * work[e]
+
+
+refined = compiled(_refined)
+
+
+def _go_on(S, f, free, units, D, labels, work, entering, limit):
+    # a start (entering = -1) and up to `limit` pivots; returns how they ended, what is to enter, and y: the solution,
+    # the direction of the ray, or where the path is
+    n = S.shape[0]
+    basic, nonbasic, place, ties = (
+        labels[:n],
+        labels[n : 2 * n + 1],
+        labels[2 * n + 1 : 4 * n + 2],
+        labels[4 * n + 2 :],
+    )
+    code = UNFINISHED
+    if entering < 0:
+        entering = start(S, f, free, D, basic, nonbasic, place)
+        code = -1 - entering if entering < 0 else UNFINISHED
+    if code == UNFINISHED:
+        code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
+    y = np.zeros(n)
+    if code == SOLVED:
+        refined(S, f, D, basic, nonbasic, y, work)
+    elif code != SINGULAR:
+        column = n + 1
+        if code == RAY:
+            column = -1 - place[entering]
+            if entering >= n:
+                y[entering - n] = 1.0
+        for i in range(n):
+            if n <= basic[i] < 2 * n:
+                y[basic[i] - n] = D[i, column]
+    for i in range(n):
+        y[i] = math.ldexp(y[i], units[i])
+    return code, entering, y
+
+
+go_on = compiled(_go_on)
+
+
+def _right(q, r, c, f, units):
+    # q in units in which its largest entry is about 1, and the units of y that come with it
+    size = -5000
+    for i in range(q.size):
+        if q[i] != 0.0:
+            size = max(size, math.frexp(q[i])[1] + r[i])
+    size = max(size, -5000) if size > -5000 else 0
+    for i in range(q.size):
+        f[i] = math.ldexp(q[i], r[i] - size)
+        units[i] = c[i] + size
+
+
+right = compiled(_right)
+
+
+def _begin(M, q, free):
+    # all that `go_on` takes but for the last two arguments
+    n = M.shape[0]
+    r, c = balance(M)
+    f, units = np.empty(n), np.empty(n, np.int64)
+    right(q, r, c, f, units)
+    return scaled(M, r, c), f, free, units, np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
+
+
+begin = compiled(_begin)
+
+
+def _many(M, Q, free, limit, Z, codes):
+    # the LCPs with the rows of Q, each from its own start; y goes to the rows of Z
+    n = M.shape[0]
+    r, c = balance(M)
+    S, f, units = scaled(M, r, c), np.empty(n), np.empty(n, np.int64)
+    D, labels, work = np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
+    for k in range(Q.shape[0]):
+        right(Q[k], r, c, f, units)
+        code, _, y = go_on(S, f, free, units, D, labels, work, -1, limit)
+        Z[k], codes[k] = y, code
+
+
+many = compiled(_many)

@@ -1,0 +1,108 @@
+"""A proof that there is nothing to find: no z with p(z) ≥ 0 and r(z) ≥ 0, by a combination of the rows that says 0 < 0."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+
+from ...arrays import Vector
+from ...maps import Constant
+from ...problem import ICP
+from ..answers import Answer
+from ..matrices import exact
+
+#: rows up to which a system is solved in rational arithmetic
+_RATIONAL = 30
+#: what is smaller than this share of the largest entry of a computed y counts as zero
+_ZERO = 1e-9
+#: denominators that are tried first: the rays of problems in small whole numbers have them
+_DENOMINATOR = 1000
+
+
+def infeasible(problem: ICP, y: Vector) -> Answer:
+    """Whether `y`, or an exact y next to it, proves that no z has p ≥ 0 and r ≥ 0, for constant ψ = c.
+
+    With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
+    obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Mostly Aᵀy is 0
+    where y > 0, which floats seldom hold: tried are the simple fractions next to `y`, and up to n = 30 the exact
+    solution of these equations. All is checked in rational arithmetic, so that yes is proved for the A, q and c that
+    the floats are.
+
+    Parameters: `y` shape (n,), such as the direction of a ray in which Lemke's method ends; its scale says nothing.
+    Returns True with the witness y, shape (n,), floats or fractions, and `number` = (q + Ac)ᵀy; else None.
+    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
+
+    >>> print(infeasible(ICP([[1, -1], [-1, 1]], [-1, 0]), np.array([1.0, 1.0])))
+    yes: no z has Az + q >= 0 and z >= psi(z): y >= 0, A'y <= 0 and (q + Ac)'y = -1 for a y that is not 0 in rows 0, 1
+    """
+    unknown = Answer(None, "no combination of the rows was found that contradicts itself")
+    if not isinstance(problem.psi, Constant) or not np.isfinite(y).all() or not y.any():
+        return unknown
+    free = np.isneginf(problem.psi.c)
+    y = y / np.abs(y).max()
+    y = np.where((y > _ZERO) | (free & (y < -_ZERO)), y, 0.0)
+    support = np.flatnonzero((y != 0) | free)
+    simple = {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
+    number = _contradiction(problem, free, simple)
+    found = simple
+    if number is None and support.size <= _RATIONAL:
+        found = _nearest_kernel_vector(problem, support, y)
+        number = _contradiction(problem, free, found)
+    if number is None:
+        return unknown
+    witness = [found.get(i, Fraction(0)) for i in range(problem.n)]
+    rows = [i for i in range(problem.n) if witness[i]]
+    named = ", ".join(map(str, rows[:5])) + (f" and {len(rows) - 5} more" if len(rows) > 5 else "")
+    sign = "y >= 0 where there is an obstacle" if free.any() else "y >= 0"
+    return Answer(
+        True,
+        f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {exact.nearest(number):.3g} for a y "
+        f"that is not 0 in rows {named}",
+        exact.as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x))) is not None),
+        exact.nearest(number),
+    )
+
+
+def _contradiction(problem: ICP, free: np.ndarray, y: dict[int, Fraction]) -> Fraction | None:
+    """(q + Ac)ᵀy where it is negative and y has the right signs, in exact arithmetic; else None."""
+    assert isinstance(problem.psi, Constant)
+    A, c = problem.A, problem.psi.c
+    columns: dict[int, Fraction] = {}
+    total = Fraction(0)
+    for i, weight in y.items():
+        if weight < 0 and not free[i]:
+            return None
+        if weight:
+            total += weight * Fraction(float(problem.q[i]))
+            for k in range(A.indptr[i], A.indptr[i + 1]):
+                j = int(A.indices[k])
+                columns[j] = columns.get(j, Fraction(0)) + weight * Fraction(float(A.data[k]))
+    for j, entry in columns.items():
+        if entry > 0 or (entry and free[j]):
+            return None
+        if entry:
+            total += entry * Fraction(float(c[j]))
+    return total if total < 0 else None
+
+
+def _nearest_kernel_vector(problem: ICP, support: np.ndarray, y: Vector) -> dict[int, Fraction]:
+    """x with (Aᵀx)_i = 0 on the support, exactly, by elimination; unknowns that this leaves open keep their value."""
+    rows = exact.rationals(problem.A[support][:, support].T)
+    x = [Fraction(float(y[i])) for i in support]
+    done: list[int] = []
+    for column in range(len(rows)):
+        k = next((k for k in range(len(done), len(rows)) if rows[k][column]), None)
+        if k is None:
+            continue
+        top = len(done)
+        rows[top], rows[k] = rows[k], rows[top]
+        done.append(column)
+        for i in range(len(rows)):
+            if i != top and rows[i][column]:
+                factor = rows[i][column] / rows[top][column]
+                rows[i] = [a - factor * b for a, b in zip(rows[i], rows[top], strict=True)]
+    left = [j for j in range(len(rows)) if j not in done]
+    for top, column in enumerate(done):
+        x[column] = -sum((rows[top][j] * x[j] for j in left), Fraction(0)) / rows[top][column]
+    return dict(zip(map(int, support), x, strict=True))
