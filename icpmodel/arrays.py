@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,8 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
     if array.size == 0:
         raise InputError(f"{name} is empty; at least one entry was expected")
     vector = np.array(array, dtype=np.float64)
+    if np.isfinite(vector).all():
+        return vector
     bad = ~np.isfinite(vector)
     if infinite is not None:
         bad &= vector != infinite
@@ -120,7 +123,7 @@ def as_number(
     """
     kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
     right = isinstance(value, kinds) and not isinstance(value, bool)
-    if not (right and np.isfinite(value) and above < value < below and least <= value <= most):
+    if not (right and math.isfinite(value) and above < value < below and least <= value <= most):
         bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
         wanted = " and ".join(f"{sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))
         kind = "whole" if whole else "finite"
@@ -152,19 +155,34 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
         raise InputError(f"{name} has shape {shape}; shape ({n}, {n}) was expected")
     if shape[0] == 0:
         raise InputError(f"{name} is empty; at least one row was expected")
-    matrix = sp.csr_array(_real(value, name), dtype=np.float64, copy=True)
-    matrix.sum_duplicates()
-    bad = ~np.isfinite(matrix.data)
-    if bad.any():
-        k = int(np.argmax(bad))
+    if sp.issparse(value):
+        matrix = sp.csr_array(_real(value, name), dtype=np.float64, copy=True)
+        matrix.sum_duplicates()
+    else:
+        matrix = _compressed(_real(value, name), keep_diagonal)
+    if not np.isfinite(matrix.data).all():
+        k = int(np.argmin(np.isfinite(matrix.data)))
         i = int(np.searchsorted(matrix.indptr, k, side="right")) - 1
         raise InputError(f"{name}[{i}, {matrix.indices[k]}] is {matrix.data[k]}; a finite number was expected")
-    if keep_diagonal:
+    if keep_diagonal and sp.issparse(value):
         matrix = _with_stored_diagonal(matrix)
     if matrix.nnz < np.iinfo(np.int32).max:
         matrix.indices = matrix.indices.astype(np.int32, copy=False)
         matrix.indptr = matrix.indptr.astype(np.int32, copy=False)
     return freeze(matrix)
+
+
+def _compressed(array: np.ndarray, keep_diagonal: bool) -> sp.csr_array:
+    """The entries of a dense square `array` that are not 0, and its diagonal where that is asked for, in CSR."""
+    stored = array != 0
+    if keep_diagonal:
+        np.fill_diagonal(stored, True)
+    indptr = np.zeros(array.shape[0] + 1, dtype=np.int64)
+    stored.sum(axis=1).cumsum(out=indptr[1:])
+    indices = stored.nonzero()[1]
+    matrix = sp.csr_array((array[stored].astype(np.float64), indices, indptr), shape=array.shape)
+    matrix.has_canonical_format = True
+    return matrix
 
 
 def freeze(matrix: sp.csr_array) -> sp.csr_array:

@@ -16,7 +16,7 @@ from .problem import ICP, as_icp
 from .solution import Solution
 
 #: the default relative tolerance
-_RTOL = 1e-8
+RTOL = 1e-8
 _OPTIONS = (
     "z0",
     "rtol",
@@ -71,7 +71,7 @@ def solve(
     if accuracy is not None and (rtol is not None or atol is not None):
         raise InputError("accuracy bounds the error, rtol and atol the residual: give accuracy alone, or leave it out")
     limits = Limits(
-        rtol=_RTOL if rtol is None else rtol,
+        rtol=RTOL if rtol is None else rtol,
         atol=0.0 if atol is None else atol,
         max_iter=max_iter,
         time_limit=time_limit,

@@ -13,10 +13,11 @@ Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check; ``report`` has
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .crosscheck.report import Report
+    from .many import Solutions
     from .solution import Solution
 
 
@@ -87,6 +88,8 @@ class SingularOperator(NotApplicable):
 class NotSolved(IcpError):
     """A run ended without a solution. ``solution`` carries the best iterate and its certificate.
 
+    From `solve_many` it is the `Solutions` of all rows.
+
     >>> import icpmodel as icp
     >>> try:
     ...     icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]).solve("mnmgs", max_iter=2)
@@ -95,7 +98,9 @@ class NotSolved(IcpError):
     <Status.ITERATION_LIMIT: 'iteration limit'>
     """
 
-    def __init__(self, solution: Solution) -> None:
+    solution: Any
+
+    def __init__(self, solution: Solution | Solutions) -> None:
         super().__init__(solution.message)
         self.solution = solution
 

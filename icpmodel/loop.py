@@ -115,17 +115,18 @@ class Job:
         self.clock = time.perf_counter()
         self.problem, self.start, self.limits, self.callback = problem, start, limits, callback
         self.history, self.progress = history, progress
-        fault = _fault_of_psi(problem, start)
-        if fault:
+        self.at_start = scale = problem.residual(start)
+        if not np.isfinite(scale) and (fault := _fault_of_psi(problem, start)):
             raise MapError(f"{fault} at the start z0; a finite number or -inf was expected")
         # a start that leads one method astray is not given to the next, unless psi has no value at 0
-        self.restart, scale = np.zeros(problem.n), np.nan
-        with contextlib.suppress(MapError):
-            scale = problem.residual(self.restart)
-        if not np.isfinite(scale):
-            self.restart, scale = start, problem.residual(start)
-        elif scale == 0.0:  # 0 solves the problem and says nothing of its scale
-            scale = problem.residual(start)
+        self.restart = start
+        if start.any():
+            at_0 = np.nan
+            with contextlib.suppress(MapError):
+                at_0 = problem.residual(np.zeros(problem.n))
+            if np.isfinite(at_0):
+                self.restart = np.zeros(problem.n)
+                scale = at_0 or scale  # if 0 solves the problem, it says nothing of its scale
         self.goal = Goal(max(limits.atol, limits.rtol * scale) if np.isfinite(scale) else limits.atol)
         if limits.accuracy is not None:
             self.goal = AccuracyGoal(problem, limits.accuracy, start)
@@ -246,6 +247,8 @@ class Job:
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The method's hint while it is only a hint; the judge where a decision hangs on it."""
         low, high = _SAFE_HINT
+        if z is self.start:
+            return self.at_start
         if hint is not None and low < hint < high and hint > self.goal.tolerance:
             return hint
         return self.problem.residual(z)
@@ -272,7 +275,10 @@ class Job:
     def _solution(self, best: _Best, status: Status, note: str) -> Solution:
         last = self.tried[-1][0] if self.tried else best.choice
         # hints chose the best iterate; the judge has the last word, on the last iterate as well
-        for candidate in (best, _Best(self.current, np.inf, self.iteration, last)):
+        candidates = [best]
+        if self.current is not best.z:
+            candidates.append(_Best(self.current, np.inf, self.iteration, last))
+        for candidate in candidates:
             with contextlib.suppress(MapError, KeyboardInterrupt):  # a ψ that failed may fail again, or take long
                 candidate.residual = self.problem.residual(candidate.z)
             if candidate.residual < best.residual:
@@ -293,8 +299,10 @@ class Job:
             )
         others = [f"{choice.method!r}: {ended.value}" for choice, ended in self.tried if choice is not best.choice]
         why = "; ".join([best.choice.why, *(["also tried: " + ", ".join(others)] if others else [])])
-        columns = np.array(self.records, dtype=np.float64).reshape(-1, 3)
-        past = History(columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2]) if self.history else None
+        past = None
+        if self.history:
+            columns = np.array(self.records, dtype=np.float64).reshape(-1, 3)
+            past = History(columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2])
         seconds = time.perf_counter() - self.clock
         z = best.z.copy()
         z.flags.writeable = False

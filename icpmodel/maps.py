@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -95,7 +96,9 @@ class Constant(Map):
 
     def bind(self, n: int) -> Constant:
         """See `Map.bind`."""
-        bound = Constant(as_vector(self.c[0] if self._is_number else self.c, n, "psi", infinite=-np.inf))
+        bound = object.__new__(Constant)
+        bound.c = as_vector(self.c[0] if self._is_number else self.c, n, "psi", infinite=-np.inf)
+        bound._is_number = False
         bound.c.flags.writeable = False
         bound.lipschitz = _zero(n)
         return bound
@@ -292,6 +295,7 @@ def is_compiled(f: object) -> bool:
     return hasattr(f, "py_func") and hasattr(f, "nopython_signatures")
 
 
+@lru_cache(maxsize=2)
 def _zero(n: int) -> sp.csr_array:
     return freeze(sp.csr_array((n, n)))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 UNIT_ROUNDOFF = 2.0**-53
 #: the smallest positive float64, the most that underflow can cost one operation
 SMALLEST = 2.0**-1074
+#: what is remembered of A alone
+_OF_A = ("absolute", "jacobi radius")
 
 
 class ICP:
@@ -85,7 +88,8 @@ class ICP:
         >>> ICP([[2.0]], [1.0]).with_psi(-3).solve().z
         array([-0.5])
         """
-        return self._with(self.q, as_map(psi, self.n), {})
+        of_A = {name: self._memory[name] for name in _OF_A if name in self._memory}
+        return self._with(self.q, as_map(psi, self.n), of_A)
 
     def _with(self, q: Vector, psi: Map, memory: dict[str, Any]) -> ICP:
         new = object.__new__(ICP)
@@ -112,6 +116,8 @@ class ICP:
         icpmodel.errors.InputError: z has shape (2,); shape (1,) was expected
         """
         array = as_array(getattr(z, "z", z), name)
+        if array.dtype == np.float64 and array.shape == (self.n,):
+            return array
         if array.shape != (self.n,):
             raise InputError(f"{name} has shape {array.shape}; shape ({self.n},) was expected")
         if array.dtype.kind not in "biuf":
@@ -158,11 +164,14 @@ class ICP:
         >>> ICP([[3.0]], [-6.0]).residual([1.0])
         3.0
         """
-        F = self.natural_map(z)
+        z = self.vector(z)
+        with np.errstate(over="ignore", invalid="ignore"):
+            F = np.minimum(self.A @ z + self.q, z - self.psi.value(z))
         largest = float(np.abs(F).max())
-        if largest == 0.0 or not np.isfinite(largest):
+        if largest == 0.0 or not math.isfinite(largest):
             return largest
-        return largest * float(np.linalg.norm(F / largest))
+        F /= largest
+        return largest * math.sqrt(F @ F)
 
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
         """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).

@@ -257,7 +257,7 @@ class Solution:
         this one. Its status is SOLVED where it reaches what was asked for, else it is unchanged. Where the equations
         cannot be solved, because they are singular or ψ or its derivative fails, this answer with `why` saying so.
 
-        >>> rough = ICP([[2, -1], [-1, 2]], [-1, 3]).solve(rtol=0.1)
+        >>> rough = ICP([[2, -1], [-1, 2]], [-1, 3]).solve("mnmgs", rtol=0.1)
         >>> rough.polish().z
         array([0.5, 0. ])
         """

@@ -5,9 +5,11 @@ To check a method of your own, add it to METHODS.
 
 import icpmodel as icp
 from icpmodel import scenes
+from icpmodel.methods.lemke import Lemke
 
 #: a method that is a special case of another by default is given options of its own
 METHODS = {
+    "lemke": Lemke(),
     "mms": icp.MMS(),
     "mnmaor": icp.MNMAOR(theta1=1.1, theta2=0.8, phi=0.1),
     "mnmgs": icp.MNMGS(),
@@ -43,6 +45,8 @@ MUST_FAIL = {
     **dict.fromkeys(
         [(m, "hand-splittings") for m in ("mnmaor", "mnmgs", "mnmmod", "mnmod", "mnmsor", "modulus")], _COUPLED
     ),
+    ("lemke", "dividend"): "why_not: psi is neither constant nor affine",
+    ("lemke", "manufactured-elementwise"): "why_not: psi is neither constant nor affine",
     ("mms", "dividend"): "why_not: a row without obstacle",
     ("mms", "hand-free"): "why_not: a row without obstacle",
 }

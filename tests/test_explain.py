@@ -218,7 +218,7 @@ def test_a_large_problem_is_spared_the_factorisations():
 def test_a_method_that_cannot_start_is_not_taken_for_all():
     text = str(icp.ICP([[0.0]], [1.0]).explain("mnmj"))
     assert "that was looked at can start" in text
-    assert "solve() begins with Newton" in text
+    assert "solve() begins with Lemke" in text
 
 
 def jumping(A, *jumps):

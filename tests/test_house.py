@@ -31,6 +31,7 @@ ROOMS = [
     "progress",
     "loop",
     "driver",
+    "many",
     "explain",
     "files",
     "scenes",

@@ -9,6 +9,7 @@ from conformance import METHODS, MUST_FAIL, SIZES
 
 import icpmodel as icp
 from icpmodel import methods, scenes
+from icpmodel.methods.lemke import Lemke
 
 SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
 
@@ -126,7 +127,7 @@ def test_mms_is_the_recursion_of_hong_and_li():
 @pytest.mark.parametrize(
     ("method", "options", "words"),
     [
-        ("mnmxx", {}, "method is 'mnmxx'; one of mms, mnmaor"),
+        ("mnmxx", {}, "method is 'mnmxx'; one of lemke, mms"),
         (3, {}, "method is 3"),
         ("mnmgs", {"theta1": 1.0}, "mnmgs has no option theta1; it takes phi, phi1, phi2"),
         ("psor", {"omega": 2.0}, "omega is 2.0; a finite number > 0 and < 2 was expected"),
@@ -187,11 +188,11 @@ def first_choice(problem):
 
 def test_newton_is_chosen_first_where_sweeps_are_slow_and_its_steps_are_cheap():
     rng = np.random.default_rng(0)
-    B = rng.normal(size=(20, 20))
+    B = rng.normal(size=(80, 80))
     for problem, words in [
         (scenes.dividend(n=61).problem, "policy iteration"),
-        (icp.ICP(B.T @ B + np.eye(20), rng.normal(size=20)), "a Jacobi radius below 1"),
-        (icp.ICP([[0.0, 1.0], [-1.0, 0.0]], [-1.0, 1.0]), "no positive diagonal"),
+        (icp.ICP(B.T @ B + np.eye(80), rng.normal(size=80)), "a Jacobi radius below 1"),
+        (icp.ICP([[0.0, 1.0], [-1.0, 0.0]], [-1.0, 1.0], icp.Affine(0.1 * np.eye(2))), "no positive diagonal"),
     ]:
         method, why = first_choice(problem)
         assert method is icp.Newton
@@ -225,7 +226,7 @@ def test_sweeps_are_chosen_first_where_they_are_fast_or_nothing_else_is_possible
     for problem, expected in [
         (scenes.bai_symmetric(n=100).problem, icp.MNMGS),
         (scenes.membrane(n=2500).problem, icp.MNMAOR),
-        (scenes.bearing(n=40).problem, icp.MNMAOR),
+        (scenes.bearing(n=80).problem, icp.MNMAOR),
         (icp.ICP([[1.0, -2.0], [-2.0, 3.0]], [-1.0, 1.0], lambda z: 0 * z), icp.MNMAOR),  # no derivative
     ]:
         assert first_choice(problem)[0] is expected
@@ -233,7 +234,7 @@ def test_sweeps_are_chosen_first_where_they_are_fast_or_nothing_else_is_possible
 
 def test_newton_follows_on_sweeps_that_fail():
     chosen = [choice.method.name for choice in methods.choose.choose(scenes.hand_cyclic().problem)]
-    assert chosen == ["mnmgs", "newton", "mnmj", "mnmmod", "mnmmod", "mnmmod"]
+    assert chosen == ["lemke", "mnmgs", "newton", "mnmj", "mnmmod", "mnmmod", "mnmmod"]
 
 
 def test_a_derivative_that_fails_does_not_end_the_automatic_choice():
@@ -243,3 +244,12 @@ def test_a_derivative_that_fails_does_not_end_the_automatic_choice():
     solution = problem.solve()
     assert isinstance(solution.method, icp.MNMMOD)
     assert "Newton(): psi failed" in solution.why
+
+
+def test_a_small_lcp_is_pivoted_first_and_other_small_problems_after_newton():
+    assert first_choice(icp.ICP(np.eye(64), -np.ones(64)))[0] is Lemke
+    assert first_choice(icp.ICP(np.eye(65), -np.ones(65)))[0] is not Lemke
+    for problem in (icp.ICP(np.eye(65), -np.ones(65)), icp.ICP(np.eye(3), -np.ones(3), icp.Affine(0.1 * np.eye(3)))):
+        names = [choice.method.name for choice in methods.choose.choose(problem)]
+        assert names.index("lemke") == names.index("newton") + 1
+    assert "lemke" not in [choice.method.name for choice in methods.choose.choose(icp.ICP(sp.eye(501), -np.ones(501)))]

@@ -1,8 +1,8 @@
 """Lemke's complementary pivots on a dense dictionary: `methods.lemke` says what for.
 
-The dictionary of w = q + My + d·t, d = 1: one row per basic variable, x_B = D[:, :n + 1] x_N + D[:, n + 1]. Labels of the
-variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1 less
-its column for the others.
+The dictionary of w = q + My + d·t, d = 1, has one row per basic variable: x_B = D[:, :n + 1] x_N + D[:, n + 1]. Labels
+of the variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1
+less its column for the others.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from . import compiled
+from .units import balance, right, scaled
 
 #: how a run of pivots ended
 SOLVED, RAY, UNFINISHED, SINGULAR = 0, 1, 2, 3
@@ -19,60 +20,6 @@ SOLVED, RAY, UNFINISHED, SINGULAR = 0, 1, 2, 3
 _ZERO = 1e-11
 #: ratios that differ by no more than this are ties
 _TIE = 1e-13
-#: entries within 2^±so many of each other need no balancing; passes of balancing
-_TAME, _PASSES = 20, 60
-
-
-def _balance(M):
-    # exponents (r, c) such that the 2^(r_i + c_j) m_ij are near 1: geometric means of rows and columns in turn, where
-    # entries differ much; else all are divided by the largest
-    n = M.shape[0]
-    r, c = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    low, high = 5000, -5000
-    size = np.zeros((n, n), np.int64)
-    for i in range(n):
-        for j in range(n):
-            if M[i, j] != 0.0:
-                size[i, j] = math.frexp(M[i, j])[1]
-                low, high = min(low, size[i, j]), max(high, size[i, j])
-    if high - low <= 2 * _TAME:
-        r[:] = -max(high, -5000) if high > -5000 else 0
-        return r, c
-    for _ in range(_PASSES):
-        moved = 0
-        for i in range(n):
-            total, count = 0, 0
-            for j in range(n):
-                if M[i, j] != 0.0:
-                    total += size[i, j] + c[j]
-                    count += 1
-            to = -round(total / count) if count else 0
-            moved, r[i] = max(moved, abs(to - r[i])), to
-        for j in range(n):
-            total, count = 0, 0
-            for i in range(n):
-                if M[i, j] != 0.0:
-                    total += size[i, j] + r[i]
-                    count += 1
-            to = -round(total / count) if count else 0
-            moved, c[j] = max(moved, abs(to - c[j])), to
-        if moved <= 1:
-            break
-    return r, c
-
-
-balance = compiled(_balance)
-
-
-def _scaled(M, r, c):
-    S = np.empty_like(M)
-    for i in range(M.shape[0]):
-        for j in range(M.shape[0]):
-            S[i, j] = math.ldexp(M[i, j], r[i] + c[j])
-    return S
-
-
-scaled = compiled(_scaled)
 
 
 def _exchange(D, r, e, basic, nonbasic, place):
@@ -98,22 +45,24 @@ def _leaving(D, e, free, basic, place, ties):
     # the row whose variable reaches 0 first as that of column e grows; -1 where none does. Ties are broken by the rows
     # of (b, inverse of the basis), which stands in the columns of w: the lexicographically least ratio is unique, so
     # that no basis comes back. y of a row without obstacle never leaves.
-    n = D.shape[0]
+    n, count = D.shape[0], 0
     largest, least = 0.0, np.inf
     for i in range(n):
         largest = max(largest, abs(D[i, e]))
     for i in range(n):
-        if -D[i, e] > _ZERO * largest and not (basic[i] >= n and basic[i] < 2 * n and free[basic[i] - n]):
+        if -D[i, e] > _ZERO * largest and not (n <= basic[i] < 2 * n and free[basic[i] - n]):
+            ties[count] = i
+            count += 1
             least = min(least, max(D[i, n + 1], 0.0) / -D[i, e])
-    count = 0
-    if least < np.inf:
-        for i in range(n):
-            if -D[i, e] > _ZERO * largest and not (basic[i] >= n and basic[i] < 2 * n and free[basic[i] - n]):
-                if max(D[i, n + 1], 0.0) / -D[i, e] <= least + _TIE * (1.0 + least):
-                    if basic[i] == 2 * n:
-                        return i
-                    ties[count] = i
-                    count += 1
+    kept = 0
+    for at in range(count):
+        i = ties[at]
+        if max(D[i, n + 1], 0.0) / -D[i, e] <= least + _TIE * (1.0 + least):
+            if basic[i] == 2 * n:
+                return i
+            ties[kept] = i
+            kept += 1
+    count = kept
     if count == 0:
         return -1
     for k in range(n):
@@ -172,9 +121,10 @@ eliminate_free = compiled(_eliminate_free)
 def _start(S, q, free, D, basic, nonbasic, place):
     # the first dictionary; returns the label of the variable that is to enter, or -1 - code where the run has ended
     n = S.shape[0]
-    D[:, :n], D[:, n + 1] = S, q
     for i in range(n):
-        D[i, n] = 0.0 if free[i] else 1.0
+        for j in range(n):
+            D[i, j] = S[i, j]
+        D[i, n], D[i, n + 1] = 0.0 if free[i] else 1.0, q[i]
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
     nonbasic[n], place[2 * n] = 2 * n, -1 - n
     if not eliminate_free(D, free, basic, nonbasic, place):
@@ -213,23 +163,22 @@ pivot = compiled(_pivot)
 
 
 def _refined(S, f, D, basic, nonbasic, y, work):
-    # y of the dictionary, with two steps of iterative refinement: it holds the inverse of its own equations
+    # y of the dictionary, with a step of iterative refinement: it holds the inverse of its own equations
     n = S.shape[0]
     for i in range(n):
         if n <= basic[i] < 2 * n:
             y[basic[i] - n] = D[i, n + 1]
-    for _ in range(2):
-        for e in range(n + 1):
-            work[e] = 0.0
-            k = nonbasic[e]
-            if k < n:
-                work[e] = f[k]
-                for j in range(n):
-                    work[e] += S[k, j] * y[j]
-        for i in range(n):
-            if n <= basic[i] < 2 * n:
-                for e in range(n + 1):
-                    y[basic[i] - n] -= D[i, e] * work[e]
+    for e in range(n + 1):
+        work[e] = 0.0
+        k = nonbasic[e]
+        if k < n:
+            work[e] = f[k]
+            for j in range(n):
+                work[e] += S[k, j] * y[j]
+    for i in range(n):
+        if n <= basic[i] < 2 * n:
+            for e in range(n + 1):
+                y[basic[i] - n] -= D[i, e] * work[e]
 
 
 refined = compiled(_refined)
@@ -271,19 +220,17 @@ def _go_on(S, f, free, units, D, labels, work, entering, limit):
 go_on = compiled(_go_on)
 
 
-def _right(q, r, c, f, units):
-    # q in units in which its largest entry is about 1, and the units of y that come with it
-    size = -5000
-    for i in range(q.size):
-        if q[i] != 0.0:
-            size = max(size, math.frexp(q[i])[1] + r[i])
-    size = max(size, -5000) if size > -5000 else 0
-    for i in range(q.size):
-        f[i] = math.ldexp(q[i], r[i] - size)
-        units[i] = c[i] + size
+def _dense(indptr, indices, data):
+    # a CSR matrix as a dense one
+    n = indptr.size - 1
+    M = np.zeros((n, n))
+    for i in range(n):
+        for k in range(indptr[i], indptr[i + 1]):
+            M[i, indices[k]] = data[k]
+    return M
 
 
-right = compiled(_right)
+dense = compiled(_dense)
 
 
 def _begin(M, q, free):
@@ -298,16 +245,17 @@ def _begin(M, q, free):
 begin = compiled(_begin)
 
 
-def _many(M, Q, free, limit, Z, codes):
-    # the LCPs with the rows of Q, each from its own start; y goes to the rows of Z
+def _many(M, Q, free, limit, Y):
+    # the LCPs with the rows of Q, each from its own start; y goes to the rows of Y, which only the judge may trust
     n = M.shape[0]
     r, c = balance(M)
     S, f, units = scaled(M, r, c), np.empty(n), np.empty(n, np.int64)
     D, labels, work = np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
     for k in range(Q.shape[0]):
         right(Q[k], r, c, f, units)
-        code, _, y = go_on(S, f, free, units, D, labels, work, -1, limit)
-        Z[k], codes[k] = y, code
+        _, _, y = go_on(S, f, free[k], units, D, labels, work, -1, limit)
+        for i in range(n):
+            Y[k, i] = y[i]
 
 
 many = compiled(_many)

@@ -12,6 +12,7 @@ from ..operators import factorise
 from ..problem import ICP
 from ..theory.spectral import jacobi_radius
 from . import Method
+from .lemke import Lemke
 from .linear import FACTORISE_UP_TO, is_band
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
 from .multilevel import Multilevel
@@ -23,6 +24,8 @@ _WORTH_RELAXING = 1.2
 _HARDLY = 0.97
 #: from these sizes on multilevel is the quicker one where most rows are hardly dominant: bands, and all others
 _MULTILEVEL_FROM_ON_A_BAND, _MULTILEVEL_FROM = 100, 5000
+#: up to this size an LCP costs less to pivot than to look at
+_PIVOT_UP_TO = 64
 
 
 @dataclass(frozen=True)
@@ -41,16 +44,19 @@ class Choice:
 def choose(problem: ICP) -> Iterator[Choice]:
     """The methods to try on `problem`, best first; each is made only when the one before it has failed.
 
+    Lemke comes first for an LCP that is small, and up to n = 500 it follows on Newton.
     Multilevel comes first where A is large and most of its rows are hardly dominant, so that sweeps would be slow.
-    Newton comes first where ψ is an intervention operator, and where D is not positive or the estimated Jacobi radius
-    not below 1. Else it follows on sweeps, which are overrelaxed first where the radius promises a gain. The last are
-    MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no dominance.
-    Newton and MNMMOD are left out where A is too large to be factorised, and where ψ has no derivative Newton, and
-    Multilevel unless every ψ_i moves with its own z_i alone.
+    Newton comes before the sweeps where ψ is an intervention operator, and where D is not positive or the estimated
+    Jacobi radius not below 1. Else it follows on sweeps, which are overrelaxed first where the radius promises a gain.
+    The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
+    dominance. Newton and MNMMOD are left out where A is too large to be factorised, and where ψ has no derivative
+    Newton, and Multilevel unless every ψ_i moves with its own z_i alone.
 
     >>> [choice.method for choice in choose(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]))][0]
-    MNMGS()
+    Lemke()
     """
+    if is_small(problem):
+        yield Choice(Lemke(), f"with n = {problem.n} pivoting solves an LCP at once")
     positive = bool((problem.A.diagonal() > 0).all())
     if isinstance(problem.psi, Intervention):
         yield from _newton(problem, "policy iteration: the best jumps settle in a few steps")
@@ -64,6 +70,15 @@ def choose(problem: ICP) -> Iterator[Choice]:
     else:
         yield from _newton(problem, "Newton's method needs no positive diagonal")
     yield from _factorised(problem, "M1 = A needs no diagonal dominance")
+
+
+def is_small(problem: ICP) -> bool:
+    """Whether it is an LCP so small that pivoting comes first.
+
+    >>> is_small(ICP([[2.0]], [1.0]))
+    True
+    """
+    return problem.n <= _PIVOT_UP_TO and problem.is_lcp
 
 
 def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
@@ -104,10 +119,12 @@ def _multilevel(problem: ICP) -> Iterator[Choice]:
 
 
 def _newton(problem: ICP, why: str) -> Iterator[Choice]:
-    """Newton where its systems can be solved and ψ has a derivative."""
-    newton = Newton()
+    """Newton where its systems can be solved and ψ has a derivative, and pivots where it fails."""
+    newton, lemke = Newton(), Lemke()
     if newton.why_not(problem) is None and (problem.n <= FACTORISE_UP_TO or is_band(problem.A)):
         yield Choice(newton, why)
+    if not is_small(problem) and lemke.why_not(problem) is None:
+        yield Choice(lemke, "pivoting ends for every P-matrix and every semidefinite A")
 
 
 def why_none(problem: ICP) -> str:

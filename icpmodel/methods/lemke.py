@@ -52,7 +52,7 @@ class Lemke(Method):
         return None
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`. Raises SingularOperator where I − G, or A in the rows without obstacle, is singular."""
+        """See `Method.iterates`. Raises SingularOperator where I − G is, or A in the rows without obstacle."""
         from ..kernels.pivoting import RAY, SINGULAR, UNFINISHED, begin, go_on  # loads numba
 
         yield z, None
@@ -81,10 +81,12 @@ class _Linear:
     """The LCP My + q ≥ 0, y ≥ 0 (0 and any sign in the rows that are `free`) behind an ICP with affine ψ."""
 
     def __init__(self, problem: ICP) -> None:
+        from ..kernels.pivoting import dense  # loads numba
+
         psi: Any = problem.psi
-        self.M = problem.A.toarray()
+        self.M = dense(problem.A.indptr, problem.A.indices, problem.A.data)
         self.free = np.isneginf(psi.c)
-        self.c = np.where(self.free, 0.0, psi.c) if self.free.any() else psi.c
+        self.c = np.where(self.free, 0.0, psi.c)
         self.inverse = None
         if isinstance(psi, Affine):
             move = np.eye(problem.n) - np.where(self.free[:, None], 0.0, psi.G.toarray())

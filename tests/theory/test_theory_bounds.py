@@ -389,7 +389,7 @@ class TestPolish:
         assert f"polished to a residual of {fine.residual:.3g}" in fine.message
 
     def test_it_computes_no_bound_where_none_was_wanted(self, monkeypatch):
-        rough = icp.ICP([[2, -1], [-1, 2]], [-1, 3]).solve(rtol=0.1).without_bound()
+        rough = icp.ICP([[2, -1], [-1, 2]], [-1, 3]).solve("mnmgs", rtol=0.1).without_bound()
         monkeypatch.setattr("icpmodel.solution.error_bound", None)
         fine = rough.polish()
         assert fine.residual < rough.residual

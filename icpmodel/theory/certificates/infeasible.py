@@ -1,4 +1,4 @@
-"""A proof that there is nothing to find: no z with p(z) ≥ 0 and r(z) ≥ 0, by a combination of the rows that says 0 < 0."""
+"""A proof that no z has p(z) ≥ 0 and r(z) ≥ 0: a combination of the rows that says 0 < 0."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def infeasible(problem: ICP, y: Vector) -> Answer:
 
     With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
     obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Mostly Aᵀy is 0
-    where y > 0, which floats seldom hold: tried are the simple fractions next to `y`, and up to n = 30 the exact
-    solution of these equations. All is checked in rational arithmetic, so that yes is proved for the A, q and c that
-    the floats are.
+    in many rows, which floats seldom hold: tried are the simple fractions next to `y`, and where up to 30 of its
+    entries are not 0 the exact solution of these equations. All is checked in rational arithmetic, so that yes is
+    proved for the A, q and c that the floats are.
 
     Parameters: `y` shape (n,), such as the direction of a ray in which Lemke's method ends; its scale says nothing.
     Returns True with the witness y, shape (n,), floats or fractions, and `number` = (q + Ac)ᵀy; else None.
@@ -47,7 +47,7 @@ def infeasible(problem: ICP, y: Vector) -> Answer:
     number = _contradiction(problem, free, simple)
     found = simple
     if number is None and support.size <= _RATIONAL:
-        found = _nearest_kernel_vector(problem, support, y)
+        found = _exact(problem, support, y)
         number = _contradiction(problem, free, found)
     if number is None:
         return unknown
@@ -86,23 +86,29 @@ def _contradiction(problem: ICP, free: np.ndarray, y: dict[int, Fraction]) -> Fr
     return total if total < 0 else None
 
 
-def _nearest_kernel_vector(problem: ICP, support: np.ndarray, y: Vector) -> dict[int, Fraction]:
-    """x with (Aᵀx)_i = 0 on the support, exactly, by elimination; unknowns that this leaves open keep their value."""
-    rows = exact.rationals(problem.A[support][:, support].T)
+def _exact(problem: ICP, support: np.ndarray, y: Vector) -> dict[int, Fraction]:
+    """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or must be; unknowns left open keep y_i.
+
+    By Gauss and Jordan's elimination.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        tight = np.abs(problem.A.T @ y) <= _ZERO * (problem.absolute_A().T @ np.abs(y))
+    tight[support] = True
+    rows = [row for row in exact.rationals(problem.A[support][:, tight].T) if any(row)]
     x = [Fraction(float(y[i])) for i in support]
     done: list[int] = []
-    for column in range(len(rows)):
-        k = next((k for k in range(len(done), len(rows)) if rows[k][column]), None)
+    for column in range(len(x)):
+        top = len(done)
+        k = next((k for k in range(top, len(rows)) if rows[k][column]), None)
         if k is None:
             continue
-        top = len(done)
         rows[top], rows[k] = rows[k], rows[top]
         done.append(column)
         for i in range(len(rows)):
             if i != top and rows[i][column]:
                 factor = rows[i][column] / rows[top][column]
                 rows[i] = [a - factor * b for a, b in zip(rows[i], rows[top], strict=True)]
-    left = [j for j in range(len(rows)) if j not in done]
+    left = [j for j in range(len(x)) if j not in done]
     for top, column in enumerate(done):
         x[column] = -sum((rows[top][j] * x[j] for j in left), Fraction(0)) / rows[top][column]
     return dict(zip(map(int, support), x, strict=True))

@@ -1,0 +1,135 @@
+"""solve_many is solve, row by row."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel import many
+from icpmodel.many import solve_many
+
+
+def spd(rng, n):
+    B = rng.normal(size=(n, n))
+    return B @ B.T / n + np.eye(n)
+
+
+def same_as_row_by_row(A, Q, psi, obstacles=False, **options):
+    found = solve_many(A, Q, psi, **options)
+    for i, z in enumerate(found.Z):
+        q = Q[i] if np.ndim(Q) == 2 else Q
+        problem = icp.ICP(A, q, psi[i] if obstacles else psi)
+        alone = problem.solve(**options)
+        assert z == pytest.approx(alone.z, abs=1e-6)
+        assert found.residuals[i] == pytest.approx(problem.residual(z), rel=1e-6, abs=1e-13)
+        assert found.residuals[i] <= found.tolerances[i]
+        assert found.tolerances[i] == pytest.approx(alone.tolerance, rel=1e-12)
+    assert found.failed == []
+    assert set(found.statuses) == {icp.Status.SOLVED}
+    return found
+
+
+@pytest.mark.parametrize("n", [1, 3, 16, 64])
+def test_small_lcps_with_fixed_obstacles(n):
+    rng = np.random.default_rng(n)
+    same_as_row_by_row(spd(rng, n), rng.normal(size=(30, n)), 0.0)
+    same_as_row_by_row(spd(rng, n), rng.normal(size=(30, n)), rng.normal(size=n))
+
+
+def test_obstacles_of_each_row_and_rows_without_one():
+    rng = np.random.default_rng(0)
+    C = rng.normal(size=(40, 6))
+    C[rng.random(C.shape) < 0.3] = -np.inf
+    A = spd(rng, 6)
+    same_as_row_by_row(A, rng.normal(size=(40, 6)), C, obstacles=True)
+    same_as_row_by_row(A, rng.normal(size=6), C, obstacles=True)
+    assert np.array_equal(solve_many(A, np.ones((3, 6)), C[:1]).Z, solve_many(A, np.ones((3, 6)), C[[0, 0, 0]]).Z)
+
+
+def test_what_is_not_pivoted_is_solved_one_by_one():
+    rng = np.random.default_rng(1)
+    large = icp.scenes.membrane(n=100).problem
+    Q = large.q + 0.01 * rng.normal(size=(4, 100))
+    same_as_row_by_row(large.A, Q, large.psi.c)
+    same_as_row_by_row(large.A, Q, np.array([large.psi.c - 0.1 * k for k in range(4)]), obstacles=True)
+    same_as_row_by_row(spd(rng, 5), rng.normal(size=(5, 5)), icp.Affine(0.1 * np.eye(5), -0.1))
+    same_as_row_by_row(spd(rng, 5), rng.normal(size=(5, 5)), lambda z: 0.1 * np.sin(z))
+
+
+def test_threads_give_the_rows_in_their_order():
+    rng = np.random.default_rng(2)
+    A, Q = spd(rng, 4), rng.normal(size=(3 * many._ROWS_A_THREAD + 7, 4))
+    whole = solve_many(A, Q)
+    assert np.array_equal(whole.Z, np.vstack([solve_many(A, part).Z for part in np.array_split(Q, 5)]))
+
+
+def test_the_rows_that_fail_are_named_and_the_others_are_solved():
+    A, Q = [[1.0, -1.0], [-1.0, 1.0]], [[1.0, 1.0], [-1.0, 0.0], [-1.0, 2.0], [-2.0, 1.0]]
+    found = solve_many(A, Q, raise_on_failure=False)
+    assert found.failed == [1, 3]
+    assert [status.name for status in found.statuses] == ["SOLVED", "INFEASIBLE", "SOLVED", "INFEASIBLE"]
+    assert found.message.startswith("2 of 4 rows failed, first row 1: Lemke() infeasible")
+    assert "2 of 4 rows failed" in repr(found)
+    with pytest.raises(icp.NotSolved, match="2 of 4 rows failed") as caught:
+        solve_many(A, Q)
+    assert np.array_equal(caught.value.solution.Z, found.Z)
+
+
+def test_what_the_pivots_get_wrong_is_not_called_solved(monkeypatch):
+    """The residual decides: with a kernel that returns rubbish every row goes to solve()."""
+    from icpmodel.kernels import pivoting
+
+    def rubbish(M, Q, free, limit, Y):
+        Y[:] = np.nan
+        Y[0] = 7.0
+
+    rng = np.random.default_rng(3)
+    A, Q = spd(rng, 5), rng.normal(size=(4, 5))
+    expected = solve_many(A, Q).Z
+    monkeypatch.setattr(pivoting, "many", rubbish)
+    assert np.allclose(solve_many(A, Q).Z, expected, rtol=1e-6)
+
+
+def test_overflow_is_safe_in_the_residuals():
+    rng = np.random.default_rng(4)
+    for size in (1e-200, 1e200):
+        A, Q = spd(rng, 4), size * rng.normal(size=(5, 4))
+        found = solve_many(A, Q)
+        assert found.failed == []
+        assert np.allclose(solve_many(A, Q / size).Z, found.Z / size, rtol=1e-9)
+
+
+def test_rows_whose_problem_is_solved_by_0_and_problems_in_units_of_their_own():
+    assert solve_many([[2.0]], [[0.0], [3.0]]).residuals.tolist() == [0.0, 0.0]
+    assert solve_many(sp.eye_array(3), np.ones((2, 3)), -1.0).failed == []
+
+
+@pytest.mark.parametrize(
+    ("Q", "psi", "words"),
+    [
+        ([[1.0, 2.0]], 0.0, "q has shape|Q has shape"),
+        ([[[1.0]]], 0.0, "Q has shape .1, 1, 1."),
+        (np.zeros((0, 1)), 0.0, "Q has shape .0, 1."),
+        ([[1.0], [np.nan]], 0.0, r"Q\[1, 0\] is nan"),
+        ([[1.0], [-np.inf]], 0.0, r"Q\[1, 0\] is -inf"),
+        ([["a"]], 0.0, "Q cannot be read"),
+        ([[1.0], [2.0]], np.zeros((3, 1)), "psi has shape .3, 1.; shape .2, 1. was expected"),
+        ([[1.0]], [[np.inf]], r"psi\[0, 0\] is inf"),
+    ],
+)
+def test_wrong_input_is_named(Q, psi, words):
+    with pytest.raises(icp.InputError, match=words):
+        solve_many([[2.0]], Q, psi)
+
+
+def test_wrong_tolerances_are_named():
+    with pytest.raises(icp.InputError, match="rtol is 2"):
+        solve_many([[2.0]], [[1.0]], rtol=2.0)
+
+
+def test_with_psi_keeps_what_is_known_of_a_and_forgets_the_proofs():
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0])
+    problem.solve("mnmgs").error_bound  # noqa: B018
+    other = problem.with_psi(1.0)
+    assert set(other._memory) <= {"absolute", "jacobi radius"}
+    assert other.absolute_A() is problem.absolute_A()
