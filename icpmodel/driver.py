@@ -81,7 +81,8 @@ def solve(
         raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
     for name, flag in (("history", history), ("progress", progress), ("raise_on_failure", raise_on_failure)):
         as_truth(flag, name)
-    start = as_icp(problem).vector(np.zeros(problem.n) if z0 is None else z0, "z0", finite=True).copy()
+    n = as_icp(problem).n
+    start = np.zeros(n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     job = Job(problem, start, limits, callback, history, progress)
     solution = job.first_success(_choices(problem, method, options), tolerate_singular=method is None)
     if raise_on_failure and not solution.solved:

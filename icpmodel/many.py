@@ -151,6 +151,7 @@ class _Job:
     def pivot(self) -> None:
         """All rows by Lemke's method; a row counts as solved where its residual says so."""
         from .kernels.pivoting import many  # loads numba
+        from .kernels.units import scale
 
         assert isinstance(self.problem.psi, Constant)
         Q, n = self.Q, self.problem.n
@@ -158,12 +159,13 @@ class _Job:
         free = np.isneginf(C)
         with np.errstate(over="ignore", invalid="ignore"):
             base = np.where(free, 0.0, C)
-            F, M, Y = Q + (self.problem.A @ base.T).T, self.problem.A.toarray(), np.empty(Q.shape)
+            F, Y = Q + (self.problem.A @ base.T).T, np.empty(Q.shape)
+            scaled = scale(self.problem.A.toarray())
             parts = min(_cores(), -(-len(Q) // _ROWS_A_THREAD))
             cuts = [len(Q) * i // parts for i in range(parts + 1)]
             slices = [slice(low, high) for low, high in pairwise(cuts)]
             with ThreadPoolExecutor(parts) as pool:  # the kernel lets go of the interpreter's lock
-                list(pool.map(lambda s: many(M, F[s], free[s], _PIVOTS * (n + 1), Y[s]), slices))
+                list(pool.map(lambda s: many(*scaled, F[s], free[s], _PIVOTS * (n + 1), Y[s]), slices))
             self.Z = Y + base
             self.residuals = self._judge(self.Z, C)
             self.tolerances = np.maximum(self.atol, self.rtol * self._judge(np.zeros(Q.shape), C))

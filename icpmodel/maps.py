@@ -97,7 +97,7 @@ class Constant(Map):
     def bind(self, n: int) -> Constant:
         """See `Map.bind`."""
         bound = object.__new__(Constant)
-        bound.c = as_vector(self.c[0] if self._is_number else self.c, n, "psi", infinite=-np.inf)
+        bound.c = np.full(n, self.c[0]) if self._is_number else as_vector(self.c, n, "psi", infinite=-np.inf)
         bound._is_number = False
         bound.c.flags.writeable = False
         bound.lipschitz = _zero(n)

@@ -93,6 +93,7 @@ def test_what_no_elimination_can_start_on_is_refused():
 
 @pytest.mark.parametrize("n", [31, 101])
 def test_large_cyclic_p_matrices(n):
+    """Every ratio is a tie at first: without the lexicographic rule the pivots do not end."""
     A = np.eye(n) + 2 * np.eye(n, k=1)
     A[-1, 0] = 2
     assert run(icp.ICP(A, -np.ones(n))).z == pytest.approx(np.full(n, 1 / 3))
@@ -109,7 +110,7 @@ def test_semidefinite_problems_with_many_solutions():
         assert run(problem).solved
 
 
-#: zero right-hand sides and equal ratios throughout; the first has the cyclic basis sequence of Kostreva's example
+#: zero right-hand sides and equal ratios throughout
 DEGENERATE = [
     ([[1.0, 2.0, 0.0], [0.0, 1.0, 2.0], [2.0, 0.0, 1.0]], [-1.0, -1.0, -1.0]),
     (np.ones((4, 4)) + np.eye(4), [-1.0, -1.0, -1.0, -1.0]),
@@ -129,11 +130,35 @@ def linear_programme(cost, K, k):
     return icp.ICP(np.block([[np.zeros((n, n)), -K.T], [K, np.zeros((m, m))]]), np.concatenate([cost, -k]))
 
 
-def test_a_linear_programme_that_cycles_without_the_lexicographic_rule():
+def test_the_linear_programme_on_which_the_simplex_method_cycles():
     """Beale's: at the start every row of K is tight."""
     K = -np.array([[0.25, -60, -1 / 25, 9], [0.5, -90, -1 / 50, 3], [0.0, 0.0, 1.0, 0.0]])
     problem = linear_programme(np.array([-0.75, 150.0, -0.02, 6.0]), K, np.array([0.0, 0.0, -1.0]))
     assert run(problem).z[:4] == pytest.approx([0.04, 0.0, 1.0, 0.0])
+
+
+def test_every_basis_is_lexicographically_positive():
+    """The rows of (b, inverse of the basis) are, after each pivot: so none comes back. And t > 0 to the end."""
+    from icpmodel.kernels.pivoting import UNFINISHED, begin, go_on
+    from icpmodel.kernels.units import scale
+
+    rng = np.random.default_rng(10)
+    pivots = 0
+    for _ in range(200):
+        n = int(rng.integers(2, 7))
+        B = rng.integers(-1, 2, size=(n, n)).astype(float)
+        state = begin(*scale(B @ B.T + B - B.T), -rng.integers(0, 2, size=n).astype(float), np.zeros(n, bool))
+        D, labels = state[4], state[5]
+        ended, entering, _ = go_on(*state, -1, 0)
+        while ended == UNFINISHED:
+            basic, place = labels[:n], labels[2 * n + 1 : 4 * n + 2]
+            inverse = [np.eye(n)[place[k]] if place[k] >= 0 else -D[:, -1 - place[k]] for k in range(n)]
+            for row in np.column_stack([D[:, n + 1], *inverse]):
+                assert row[np.abs(row) > 1e-9][0] > 0
+            assert D[basic == 2 * n, n + 1] > 1e-9
+            ended, entering, _ = go_on(*state, entering, 1)
+            pivots += 1
+    assert pivots > 400
 
 
 def test_many_degenerate_problems_in_zeros_and_ones_end_and_never_go_round():
@@ -265,6 +290,21 @@ def test_units_of_rows_and_columns_change_nothing(size):
             assert scaled.z * C == pytest.approx(z, rel=1e-6, abs=1e-9 * np.abs(z).max())
     infeasible_one = run(icp.ICP(size * np.array([[1.0, -1.0], [-1.0, 1.0]]), [-1 / size, 0.0]), rtol=0.0)
     assert infeasible_one.status is icp.Status.INFEASIBLE
+
+
+def test_the_answer_is_as_accurate_as_its_basis_allows():
+    """Nearly skew matrices: the pivots lose digits, and one step of refinement brings them back."""
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        K = rng.normal(size=(6, 6))
+        A, z = K - K.T + 1e-8 * np.eye(6), rng.exponential(size=6)
+        problem = icp.ICP(A, -A @ z)
+        path = Lemke().iterates(problem, np.zeros(6))
+        for _ in range(8):
+            z = next(path)[0]
+            if problem.residual(z) <= 1e-6:
+                break
+        assert (np.abs(problem.p(z)) <= 1e-15 * (np.abs(A) @ np.abs(z) + np.abs(problem.q))).all()
 
 
 def test_a_long_path_is_looked_at_between_rounds_of_n_pivots():

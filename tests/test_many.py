@@ -79,7 +79,7 @@ def test_what_the_pivots_get_wrong_is_not_called_solved(monkeypatch):
     """The residual decides: with a kernel that returns rubbish every row goes to solve()."""
     from icpmodel.kernels import pivoting
 
-    def rubbish(M, Q, free, limit, Y):
+    def rubbish(S, r, c, Q, free, limit, Y):
         Y[:] = np.nan
         Y[0] = 7.0
 

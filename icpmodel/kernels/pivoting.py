@@ -2,7 +2,8 @@
 
 The dictionary of w = q + My + d·t, d = 1, has one row per basic variable: x_B = D[:, :n + 1] x_N + D[:, n + 1]. Labels
 of the variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1
-less its column for the others.
+less its column for the others. S, r and c are what `units.scale` returns; it is not called from here, as numba's cache
+on disk would not notice that it was changed.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import math
 import numpy as np
 
 from . import compiled
-from .units import balance, right, scaled
 
 #: how a run of pivots ended
 SOLVED, RAY, UNFINISHED, SINGULAR = 0, 1, 2, 3
@@ -220,6 +220,21 @@ def _go_on(S, f, free, units, D, labels, work, entering, limit):
 go_on = compiled(_go_on)
 
 
+def _right(q, r, c, f, units):
+    # q in units in which its largest entry is about 1, and the units of y that come with it
+    size = -5000
+    for i in range(q.size):
+        if q[i] != 0.0:
+            size = max(size, math.frexp(q[i])[1] + r[i])
+    size = max(size, -5000) if size > -5000 else 0
+    for i in range(q.size):
+        f[i] = math.ldexp(q[i], r[i] - size)
+        units[i] = c[i] + size
+
+
+right = compiled(_right)
+
+
 def _dense(indptr, indices, data):
     # a CSR matrix as a dense one
     n = indptr.size - 1
@@ -233,23 +248,21 @@ def _dense(indptr, indices, data):
 dense = compiled(_dense)
 
 
-def _begin(M, q, free):
+def _begin(S, r, c, q, free):
     # all that `go_on` takes but for the last two arguments
-    n = M.shape[0]
-    r, c = balance(M)
+    n = S.shape[0]
     f, units = np.empty(n), np.empty(n, np.int64)
     right(q, r, c, f, units)
-    return scaled(M, r, c), f, free, units, np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
+    return S, f, free, units, np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
 
 
 begin = compiled(_begin)
 
 
-def _many(M, Q, free, limit, Y):
+def _many(S, r, c, Q, free, limit, Y):
     # the LCPs with the rows of Q, each from its own start; y goes to the rows of Y, which only the judge may trust
-    n = M.shape[0]
-    r, c = balance(M)
-    S, f, units = scaled(M, r, c), np.empty(n), np.empty(n, np.int64)
+    n = S.shape[0]
+    f, units = np.empty(n), np.empty(n, np.int64)
     D, labels, work = np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
     for k in range(Q.shape[0]):
         right(Q[k], r, c, f, units)

@@ -51,30 +51,17 @@ def _balance(M):
     return r, c
 
 
-balance = compiled(_balance)
+_exponents = compiled(_balance)
 
 
-def _scaled(M, r, c):
+def _scale(M):
+    # (S, r, c) with S the matrix in these units
+    r, c = _exponents(M)
     S = np.empty_like(M)
     for i in range(M.shape[0]):
         for j in range(M.shape[0]):
             S[i, j] = math.ldexp(M[i, j], r[i] + c[j])
-    return S
+    return S, r, c
 
 
-scaled = compiled(_scaled)
-
-
-def _right(q, r, c, f, units):
-    # q in units in which its largest entry is about 1, and the units of y that come with it
-    size = -5000
-    for i in range(q.size):
-        if q[i] != 0.0:
-            size = max(size, math.frexp(q[i])[1] + r[i])
-    size = max(size, -5000) if size > -5000 else 0
-    for i in range(q.size):
-        f[i] = math.ldexp(q[i], r[i] - size)
-        units[i] = c[i] + size
-
-
-right = compiled(_right)
+scale = compiled(_scale)

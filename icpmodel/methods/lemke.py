@@ -54,10 +54,11 @@ class Lemke(Method):
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. Raises SingularOperator where I − G is, or A in the rows without obstacle."""
         from ..kernels.pivoting import RAY, SINGULAR, UNFINISHED, begin, go_on  # loads numba
+        from ..kernels.units import scale
 
         yield z, None
         lcp = _Linear(problem)
-        state = begin(lcp.M, lcp.q, lcp.free)
+        state = begin(*scale(lcp.M), lcp.q, lcp.free)
         ended, entering = UNFINISHED, -1
         while ended == UNFINISHED:
             ended, entering, y = go_on(*state, entering, problem.n)
