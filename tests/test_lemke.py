@@ -82,6 +82,21 @@ def test_obstacles_affine_obstacles_and_rows_without_one():
     assert run(icp.ICP([[0.0, 1.0], [1.0, 0.0]], [1.0, 2.0], -np.inf)).z.tolist() == [-2.0, -1.0]
 
 
+def test_an_affine_obstacle_that_does_not_commute_with_a():
+    rng = np.random.default_rng(11)
+    for _ in range(30):
+        n = int(rng.integers(2, 9))
+        A = np.diag(rng.uniform(4, 8, n)) + rng.uniform(-2, 2, (n, n)) / n
+        G = rng.uniform(-0.9, 0.9, (n, n)) / n
+        touching, z = rng.random(n) < 0.5, rng.normal(size=n)
+        c = z - G @ z - np.where(touching, 0.0, rng.exponential(size=n))
+        if rng.random() < 0.5:
+            c[~touching & (rng.random(n) < 0.5)] = -np.inf
+        solution = run(icp.ICP(A, np.where(touching, rng.exponential(size=n), 0.0) - A @ z, icp.Affine(G, c)))
+        assert solution.solved
+        assert solution.z == pytest.approx(z, abs=1e-10)
+
+
 def test_what_no_elimination_can_start_on_is_refused():
     with pytest.raises(icp.SingularOperator, match="rows and columns without obstacle"):
         icp.ICP([[0.0, 1.0], [1.0, 1.0]], [1.0, 1.0], [-np.inf, 0.0]).solve("lemke")
@@ -247,6 +262,14 @@ def test_by_a_hair_is_not_infeasible():
         problem = icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [-1.0, q2])
         assert infeasible(problem, np.ones(2)).holds is proof
         assert run(problem, rtol=0.0).status.name == status
+
+
+def test_the_obstacle_counts():
+    """p = 1/2 − z: no z ≥ 1 will do, but any in [0, 1/2]."""
+    problem = icp.ICP([[-1.0]], [0.5], 1.0)
+    assert infeasible(problem, np.ones(1)).holds
+    assert infeasible(problem, np.ones(1)).number == -0.5
+    assert infeasible(problem.with_psi(0.0), np.ones(1)).holds is None
 
 
 def test_no_vector_that_is_none_and_no_moving_obstacle_proves_anything():

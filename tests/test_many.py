@@ -56,6 +56,14 @@ def test_what_is_not_pivoted_is_solved_one_by_one():
     same_as_row_by_row(spd(rng, 5), rng.normal(size=(5, 5)), lambda z: 0.1 * np.sin(z))
 
 
+def test_small_lcps_need_no_other_method(monkeypatch):
+    monkeypatch.setattr(many._Job, "solve", None)
+    rng = np.random.default_rng(5)
+    K, C = rng.normal(size=(6, 6)), rng.normal(size=(500, 6))
+    C[rng.random(C.shape) < 0.3] = -np.inf
+    assert solve_many(spd(rng, 6) + K - K.T, rng.normal(size=(500, 6)), C).failed == []
+
+
 def test_threads_give_the_rows_in_their_order():
     rng = np.random.default_rng(2)
     A, Q = spd(rng, 4), rng.normal(size=(3 * many._ROWS_A_THREAD + 7, 4))

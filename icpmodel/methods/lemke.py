@@ -90,9 +90,8 @@ class _Linear:
         self.c = np.where(self.free, 0.0, psi.c)
         self.inverse = None
         if isinstance(psi, Affine):
-            move = np.eye(problem.n) - np.where(self.free[:, None], 0.0, psi.G.toarray())
             try:
-                self.inverse = np.linalg.inv(move)
+                self.inverse = np.linalg.inv(np.eye(problem.n) - psi.G.toarray())
             except np.linalg.LinAlgError:
                 raise SingularOperator("I - G is singular", 0) from None
             self.M = self.M @ self.inverse
