@@ -35,7 +35,7 @@ report("   Jacobi", problem, "mnmj")
 report("   no method named: what is tried, and why", problem)
 print(textwrap.fill(problem.solve().why, 116, initial_indent="    ", subsequent_indent="    "))
 
-print("\n4. A problem that has no solution at all: -z - 1 >= 0 and z >= 0.")
+print("\n4. A problem that has no solution at all: -z - 1 >= 0 and z >= 0. Pivoting proves it.")
 report("   A = -1, q = -1", icp.ICP([[-1.0]], [-1.0]))
 
 print("\n5. A tolerance below rounding is answered with the floor, not with success.")

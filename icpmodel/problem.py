@@ -116,7 +116,7 @@ class ICP:
         icpmodel.errors.InputError: z has shape (2,); shape (1,) was expected
         """
         array = as_array(getattr(z, "z", z), name)
-        if array.dtype == np.float64 and array.shape == (self.n,):
+        if not finite and array.dtype == np.float64 and array.shape == (self.n,):
             return array
         if array.shape != (self.n,):
             raise InputError(f"{name} has shape {array.shape}; shape ({self.n},) was expected")

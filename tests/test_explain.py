@@ -363,7 +363,7 @@ def test_what_is_proved_and_what_is_measured_are_told_apart():
     page = scenes.bai_symmetric(n=4).problem.explain()
     assert (type(page.recommended.method) is not type(page.picked)) == (words in page.sections()["advice"])
     assert words in scenes.membrane(n=100).problem.explain().sections()["advice"]
-    assert words not in icp.ICP([[2.0]], [-1.0]).explain("mnmgs").sections()["advice"]
+    assert words not in icp.ICP([[2.0]], [-1.0], icp.Affine([[0.1]])).explain("mnmgs").sections()["advice"]
 
 
 def test_the_reasons_why_nothing_is_proved_stand_one_a_line_and_to_the_point():

@@ -58,7 +58,7 @@ def infeasible(problem: ICP, y: Vector) -> Answer:
     return Answer(
         True,
         f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {exact.nearest(number):.3g} for a y "
-        f"that is not 0 in rows {named}",
+        f"that is not 0 in row{'s' if len(rows) > 1 else ''} {named}",
         exact.as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x))) is not None),
         exact.nearest(number),
     )
