@@ -159,25 +159,17 @@ class _Job:
         free = np.isneginf(C)
         with np.errstate(over="ignore", invalid="ignore"):
             base = np.where(free, 0.0, C)
-            F, Y = Q + (self.problem.A @ base.T).T, np.empty(Q.shape)
-            scaled = scale(self.problem.A.toarray())
+            M = self.problem.A.toarray()
+            F, Y, scaled = Q + base @ M.T, np.empty(Q.shape), scale(M)
             parts = min(_cores(), -(-len(Q) // _ROWS_A_THREAD))
             cuts = [len(Q) * i // parts for i in range(parts + 1)]
             slices = [slice(low, high) for low, high in pairwise(cuts)]
             with ThreadPoolExecutor(parts) as pool:  # the kernel lets go of the interpreter's lock
                 list(pool.map(lambda s: many(*scaled, F[s], free[s], _PIVOTS * (n + 1), Y[s]), slices))
             self.Z = Y + base
-            self.residuals = self._judge(self.Z, C)
-            self.tolerances = np.maximum(self.atol, self.rtol * self._judge(np.zeros(Q.shape), C))
+            self.residuals = _judge(self.Z @ M.T + Q, self.Z - C)
+            self.tolerances = np.maximum(self.atol, self.rtol * _judge(Q, -C))
             self.solved = self.residuals <= self.tolerances
-
-    def _judge(self, Z: Matrix, C: Matrix) -> Vector:
-        """Res(z) = ‖min(Az + q, z − c)‖₂ row by row, as `ICP.residual` has it."""
-        F = np.minimum((self.problem.A @ Z.T).T + self.Q, Z - C)
-        largest = np.abs(F).max(axis=1)
-        safe = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
-        F /= safe[:, None]
-        return np.where(safe == largest, largest * np.sqrt(np.einsum("ij,ij->i", F, F)), largest)
 
     def solve(self, row: int) -> None:
         """One row by `ICP.solve`, from the answer of the row before."""
@@ -200,6 +192,15 @@ class _Job:
         messages = {row: message for row, (_, message) in self.failures.items()}
         seconds = time.perf_counter() - clock
         return Solutions(self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages)
+
+
+def _judge(P: Matrix, R: Matrix) -> Vector:
+    """‖min(r, p)‖₂ row by row, as `ICP.residual` has it: NaN stays NaN, squares do not overflow."""
+    F = np.minimum(P, R)
+    largest = np.abs(F).max(axis=1)
+    safe = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
+    F /= safe[:, None]
+    return np.where(safe == largest, largest * np.sqrt(np.einsum("ij,ij->i", F, F)), largest)
 
 
 def _cores() -> int:
