@@ -28,12 +28,15 @@ if TYPE_CHECKING:
     from .files import save_solution as save_solution
     from .intervention import Intervention as Intervention
     from .loop import Progress as Progress
+    from .many import Solutions as Solutions
+    from .many import solve_many as solve_many
     from .maps import Affine as Affine
     from .maps import Constant as Constant
     from .maps import Elementwise as Elementwise
     from .maps import Function as Function
     from .maps import Map as Map
     from .methods import Method as Method
+    from .methods.lemke import Lemke as Lemke
     from .methods.mms import MMS as MMS
     from .methods.modulus import MNMAOR as MNMAOR
     from .methods.modulus import MNMGS as MNMGS
@@ -77,8 +80,10 @@ _HOMES = {
     "files": ("load_problem", "load_solution", "save_problem", "save_solution"),
     "intervention": ("Intervention",),
     "loop": ("Progress",),
+    "many": ("Solutions", "solve_many"),
     "maps": ("Affine", "Constant", "Elementwise", "Function", "Map"),
     "methods": ("Method",),
+    "methods.lemke": ("Lemke",),
     "methods.mms": ("MMS",),
     "methods.modulus": (
         "MNMAOR",
