@@ -4,7 +4,7 @@ Every level of an algebraic multigrid hierarchy of A carries a problem of its ow
 points that are kept. Its answer is where the finer level starts, so that the active set there is wrong near its border
 only. On each level
 
-1. sweeps of the modulus family, X = 2(D − L) and Ω = D, move the border of the active set,
+1. sweeps of projected Gauss–Seidel move the border of the active set,
 2. the active rows take z = ψ(z), linearised,
 3. a few steps of a Krylov method (GCR), preconditioned by V-cycles on the free rows, reduce Az + q there.
 
@@ -23,7 +23,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..arrays import Vector, row_of
-from ..errors import MapError
 from ..maps import Affine, Constant
 from ..operators import Step, compiled_step
 from ..problem import ICP
@@ -31,7 +30,7 @@ from ..reduction import has_fixed_obstacle, with_fixed_obstacle
 from . import HandOver, Method, positive_diagonal
 from .hierarchy import Hierarchy, Level, Mask, NoHierarchy
 from .linear import FACTORISE_UP_TO
-from .newton import Newton
+from .newton import Newton, derivative
 
 #: sweeps where the active set has moved
 _SWEEPS = 5
@@ -128,7 +127,7 @@ def _coarse(problem: ICP, level: Level, coarser: Level) -> ICP:
     if isinstance(psi, Constant):
         return ICP(coarser.A, level.P.T @ problem.q, psi.c[level.kept])
     zero = np.zeros(problem.n)
-    c, G = psi.value(zero), sp.csr_array(_jacobian(problem, zero) @ level.P)[level.kept]
+    c, G = psi.value(zero), sp.csr_array(derivative(problem, zero) @ level.P)[level.kept]
     return ICP(coarser.A, level.P.T @ problem.q, Affine(G, c[level.kept]))
 
 
@@ -139,13 +138,14 @@ def _path(hierarchy: Hierarchy, problem: ICP, z: Vector, top: int) -> Iterator[t
     newton: _NewtonStep | None = None
     while True:
         if moves:
-            own = _jacobian(problem, z).diagonal()
+            own = derivative(problem, z).diagonal()
             # p and r then change alike with z_i
             omega = level.diagonal / np.maximum(1.0 - own, _LEAST_SLOPE)
-        if newton is None or not newton.holds(z, omega):
+        p, r = problem.p(z), problem.r(z)
+        if newton is None or not np.array_equal(r < p / omega, newton.active):
             for _ in range(_SWEEPS):
                 z, _ = sweep(z)
-        p, r = problem.p(z), problem.r(z)
+            p, r = problem.p(z), problem.r(z)
         yield z, float(np.linalg.norm(np.minimum(p, r)))
         active = r < p / omega
         if newton is None or moves or not np.array_equal(active, newton.active):
@@ -154,20 +154,11 @@ def _path(hierarchy: Hierarchy, problem: ICP, z: Vector, top: int) -> Iterator[t
         z = newton.further(z)
 
 
-def _jacobian(problem: ICP, z: Vector) -> sp.csr_array:
-    J = problem.psi.jacobian(z)
-    assert J is not None  # `Multilevel.why_not`
-    if not np.isfinite(J.data).all():
-        raise MapError("psi's derivative is not finite")
-    return J
-
-
 def _sweep(problem: ICP, level: Level) -> Step:
     """Projected Gauss–Seidel, from the last row to the first where what flows through A flows that way."""
-    A = level.A
-    forward = row_of(A) > A.indices
-    below, above = (float(np.abs(A.data[side]).sum()) for side in (forward, ~forward))
-    downwards = above - float(np.abs(level.diagonal).sum()) <= _FLOW * below
+    A, rows = level.A, row_of(level.A)
+    below, above = (float(np.abs(A.data[side]).sum()) for side in (rows > A.indices, rows < A.indices))
+    downwards = above <= _FLOW * below
     matrix = (A.indptr, A.indices, A.data, level.diag, problem.q)
     return compiled_step(problem, "projected", matrix, (level.inverse, downwards))
 
@@ -180,7 +171,7 @@ class _NewtonStep:
     ) -> None:
         self.hierarchy, self.problem, self.top, self.active = hierarchy, problem, top, active
         hierarchy.restrict(~active, top)
-        self.J = None if isinstance(problem.psi, Constant) else _jacobian(problem, z)
+        self.J = None if isinstance(problem.psi, Constant) else derivative(problem, z)
         own = 0.0 if self.J is None else self.J.diagonal()
         self.slope = np.maximum(1.0 - own, _LEAST_SLOPE)
         self.coupled = self.J is not None and self.J.nnz > np.count_nonzero(own)
@@ -188,10 +179,6 @@ class _NewtonStep:
         self.start = z + step
         self.rest = np.where(active, -r, -p) - self._product(step)
         self.directions: list[tuple[Vector, Vector]] = []
-
-    def holds(self, z: Vector, omega: Vector) -> bool:
-        """Whether the active set at `z` is that of this step."""
-        return np.array_equal(self.problem.r(z) < self.problem.p(z) / omega, self.active)
 
     def further(self, z: Vector) -> Vector:
         """`z` after some steps of GCR: each reduces ‖rest‖₂ as much as the last directions allow."""

@@ -88,6 +88,19 @@ class Newton(Method):
             path.advance()
 
 
+def derivative(problem: ICP, z: Vector) -> sp.csr_array:
+    """ψ′(z), CSR, shape (n, n), where `Newton.why_not` is None. Raises MapError where it is not finite.
+
+    >>> derivative(ICP([[2.0]], [1.0]), np.zeros(1)).nnz
+    0
+    """
+    J = problem.psi.jacobian(z)
+    assert J is not None
+    if not np.isfinite(J.data).all():
+        raise MapError("psi's derivative is not finite")
+    return J
+
+
 class _Point:
     """z with all that is evaluated there: p, r, the scaled a = p/Ω, φ, θ = ‖φ‖, the residual, and when asked for ψ′."""
 
@@ -107,11 +120,7 @@ class _Point:
 
     @cached_property
     def jacobian(self) -> sp.csr_array:
-        J = self.problem.psi.jacobian(self.z)
-        assert J is not None  # `Newton.why_not`
-        if not np.isfinite(J.data).all():
-            raise MapError("psi's derivative is not finite")
-        return J
+        return derivative(self.problem, self.z)
 
     def slopes(self) -> tuple[Vector, Vector]:
         """(∂φ/∂a, ∂φ/∂b), an element of the generalised derivative where a = b = 0."""
