@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,7 +52,7 @@ class ICP:
     q: Vector
     psi: Map
     n: int
-    #: what was found out about A and ψ (not q), kept for the problems that share them; see `remember`
+    #: what was found out about A and ψ (not q), kept for the problems that share them; see `remembered`
     _memory: dict[str, Any]
 
     def __init__(self, A: Any, q: Any, psi: Any = 0.0) -> None:
@@ -204,10 +204,22 @@ class ICP:
         >>> ICP([[-2.0]], [1.0]).absolute_A().toarray()
         array([[2.]])
         """
-        if "absolute" not in self._memory:
-            data = np.abs(self.A.data)
-            self._memory["absolute"] = sp.csr_array((data, self.A.indices, self.A.indptr), shape=self.A.shape)
-        return self._memory["absolute"]
+
+        def absolute() -> sp.csr_array:
+            return sp.csr_array((np.abs(self.A.data), self.A.indices, self.A.indptr), shape=self.A.shape)
+
+        return self.remembered("absolute", absolute)
+
+    def remembered(self, name: str, make: Callable[[], Any]) -> Any:
+        """What `make` returns, a fact about A and ψ alone, made once for all problems that share the two.
+
+        >>> problem = ICP([[2.0]], [1.0])
+        >>> problem.remembered("trace", lambda: 2.0), problem.with_q([3.0]).remembered("trace", lambda: None)
+        (2.0, 2.0)
+        """
+        if name not in self._memory:
+            self._memory[name] = make()
+        return self._memory[name]
 
     @property
     def is_lcp(self) -> bool:

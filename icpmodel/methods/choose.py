@@ -84,9 +84,7 @@ def is_small(problem: ICP) -> bool:
 def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
     """What there is for D > 0: sweeps, and before them what is quicker where they would be slow, Newton else after."""
     yield from _multilevel(problem)
-    if "jacobi radius" not in problem._memory:
-        problem._memory["jacobi radius"] = jacobi_radius(problem.A)
-    radius = problem._memory["jacobi radius"]
+    radius: float = problem.remembered("jacobi radius", lambda: jacobi_radius(problem.A))
     omega = 2.0 / (1.0 + np.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
     relax = omega >= _WORTH_RELAXING
     slow = ""

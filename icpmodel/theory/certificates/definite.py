@@ -132,9 +132,8 @@ def prove(problem: ICP) -> DefiniteProof | str:
     >>> prove(ICP([[1.0, 3.0], [1.0, 1.0]], [0.0, 0.0]))
     'A is not proved positive definite: its symmetric part has no eigenvalue bound above 0'
     """
-    if "definite" not in problem._memory:
-        problem._memory["definite"] = _prove(problem)
-    return problem._memory["definite"]
+    found: DefiniteProof | str = problem.remembered("definite", lambda: _prove(problem))
+    return found
 
 
 def _prove(problem: ICP) -> DefiniteProof | str:

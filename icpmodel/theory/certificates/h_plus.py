@@ -68,9 +68,8 @@ def prove(problem: ICP) -> HPlusProof | str:
     >>> prove(ICP([[0.0]], [1.0]))
     'A is not an H+-matrix: A[0, 0] = 0 is not positive'
     """
-    if "h plus" not in problem._memory:
-        problem._memory["h plus"] = _prove(problem)
-    return problem._memory["h plus"]
+    found: HPlusProof | str = problem.remembered("h plus", lambda: _prove(problem))
+    return found
 
 
 def _prove(problem: ICP) -> HPlusProof | str:

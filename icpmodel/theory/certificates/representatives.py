@@ -74,9 +74,8 @@ def prove(problem: ICP) -> RepresentativesProof | str:
     >>> prove(ICP([[1.0, 2.0], [2.0, 1.0]], [0.0, 0.0]))
     'A is not a P-matrix: two choices of rows from A and I that differ in row 0 have determinants of opposite signs'
     """
-    if "representatives" not in problem._memory:
-        problem._memory["representatives"] = _prove(problem)
-    return problem._memory["representatives"]
+    found: RepresentativesProof | str = problem.remembered("representatives", lambda: _prove(problem))
+    return found
 
 
 def _prove(problem: ICP) -> RepresentativesProof | str:
