@@ -10,8 +10,10 @@ it into one compiled pass over A.
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -210,6 +212,33 @@ def factorise(matrix: sp.csr_array) -> Any:
         if "singular" not in str(error):
             raise
         return None
+
+
+def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
+    """PyAMG's algebraic multigrid hierarchy of `A` (CSR, shape (n, n)), with the `options` of its Ruge–Stüben solver.
+
+    Reference: Ruge and Stüben, Algebraic multigrid (1987).
+
+    >>> len(ruge_stuben(sp.csr_array([[2.0]])).levels)
+    1
+    """
+    import pyamg
+
+    with quiet():
+        return pyamg.ruge_stuben_solver(sp.csr_matrix(A), **options)  # PyAMG takes the older class only
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """What PyAMG warns of, matrices that are nothing for it above all, its callers see by the result.
+
+    >>> with quiet():
+    ...     np.ones(1) / np.zeros(1)
+    array([inf])
+    """
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def compiled_step(problem: ICP, name: str, before: tuple[Any, ...], after: tuple[Any, ...]) -> Step:

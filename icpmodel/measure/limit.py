@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -12,6 +11,7 @@ import scipy.sparse as sp
 from ..arrays import Vector
 from ..errors import InputError
 from ..maps import Affine, Elementwise
+from ..operators import quiet, ruge_stuben
 from ..problem import ICP
 from ..scenes import scene
 from .tables import Table, machine
@@ -25,13 +25,9 @@ def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
     >>> linear_solve(sp.csr_array([[2.0, 0.0], [0.0, 4.0]]), np.array([2.0, 4.0])).round(6)
     array([1., 1.])
     """
-    import pyamg
-
-    matrix = sp.csr_matrix(A)  # PyAMG takes the older class only
     accelerate = "cg" if (A != A.T).nnz == 0 else "bicgstab"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return np.asarray(pyamg.ruge_stuben_solver(matrix).solve(b, tol=tolerance, accel=accelerate))
+    with quiet():
+        return np.asarray(ruge_stuben(A).solve(b, tol=tolerance, accel=accelerate))
 
 
 def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int = 5) -> Table:

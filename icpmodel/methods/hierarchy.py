@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..arrays import Vector, as_csr, diagonal_positions
+from ..operators import ruge_stuben
 
 Mask = NDArray[np.bool_]
 
@@ -63,15 +63,9 @@ class Hierarchy:
     """
 
     def __init__(self, A: sp.csr_array) -> None:
-        import pyamg
-
         self.levels = [Level(A)]
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            # PyAMG takes the older class only; direct interpolation costs least and is made for M-matrices
-            made = pyamg.ruge_stuben_solver(
-                sp.csr_matrix(A), interpolation="direct", max_coarse=_COARSEST, keep=True
-            ).levels
+        # direct interpolation costs least and is made for M-matrices
+        made = ruge_stuben(A, interpolation="direct", max_coarse=_COARSEST, keep=True).levels
         for fine, coarse in pairwise(made):
             self.levels[-1].P, self.levels[-1].kept = sp.csr_array(fine.P), np.flatnonzero(fine.splitting)
             self.levels.append(Level(as_csr(coarse.A, "A of a coarser level", keep_diagonal=True)))

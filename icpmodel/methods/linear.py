@@ -5,13 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..arrays import Vector, row_of
-from ..operators import factorise
+from ..operators import factorise, quiet, ruge_stuben
 
 #: (right-hand side, relative tolerance) ↦ solution, or None where none was found
 Solver = Callable[[Vector, float], Vector | None]
@@ -119,17 +118,11 @@ def _multigrid(M: sp.csr_array, accelerate: str) -> Solver | None:
         return None
     if not (M.diagonal() > 0).all() or (M.data[row_of(M) != M.indices] > 0).any():
         return None
-    import pyamg
-
-    def quietly(call: Callable[[], Any]) -> Any:
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return call()
-
-    hierarchy = quietly(lambda: pyamg.ruge_stuben_solver(sp.csr_matrix(M)))  # it takes the older class only
+    hierarchy = ruge_stuben(M)
 
     def solve(f: Vector, tolerance: float) -> Vector | None:
-        x = quietly(lambda: hierarchy.solve(f, tol=tolerance, maxiter=_KRYLOV_STEPS, accel=accelerate))
+        with quiet():
+            x = hierarchy.solve(f, tol=tolerance, maxiter=_KRYLOV_STEPS, accel=accelerate)
         return np.asarray(x) if np.linalg.norm(M @ x - f) <= 2 * tolerance * np.linalg.norm(f) else None
 
     return solve

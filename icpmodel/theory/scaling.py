@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..arrays import Vector, as_csr, diagonal_positions
-from ..operators import factorise
+from ..operators import factorise, quiet, ruge_stuben
 
 #: up to this size a factorisation costs less than looking for a cheaper way
 _FACTORISE_FIRST = 20_000
@@ -123,14 +122,9 @@ def layered(comparison: sp.csr_array) -> Vector | None:
 
 def _multigrid(rows: sp.csr_array) -> Vector | None:
     """v > 0 with `rows` @ v ≈ 1 and positive, by a few Krylov steps with algebraic multigrid; None where that fails."""
-    import pyamg
-
-    n = rows.shape[0]
-    matrix = sp.csr_matrix(rows)  # PyAMG takes the older class only
-    accelerate = "cg" if (matrix != matrix.T).nnz == 0 else "bicgstab"
-    with np.errstate(all="ignore"), warnings.catch_warnings():  # where <A> is indefinite it breaks down: see below
-        warnings.simplefilter("ignore")
-        hierarchy = pyamg.ruge_stuben_solver(matrix)
+    n, accelerate = rows.shape[0], "cg" if (rows != rows.T).nnz == 0 else "bicgstab"
+    hierarchy = ruge_stuben(rows)
+    with quiet():  # where <A> is indefinite it breaks down: see below
         v = hierarchy.solve(np.ones(n), tol=0.5 / np.sqrt(n), maxiter=_KRYLOV_STEPS, accel=accelerate)
         good = (v > 0).all() and (rows @ v > 0).all()
     return np.asarray(v) if good else None
