@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from ..measure import Table
 
 
+_AS_CSV = click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+
+
 @click.group()
 def measure() -> None:
     """Measure what the README claims, on this machine."""
@@ -18,7 +21,7 @@ def measure() -> None:
 @measure.command()
 @click.option("--n", type=int, default=1_000_000, show_default=True, help="Unknowns of the 5-point matrix.")
 @click.option("--repeats", type=int, default=15, show_default=True, help="Pairs of timings.")
-@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+@_AS_CSV
 def sweep(n: int, repeats: int, as_csv: bool) -> int:
     """One sweep with its residual against one SciPy A @ z, timed in turn."""
     from ..measure import sweep_cost
@@ -36,7 +39,7 @@ def sweep(n: int, repeats: int, as_csv: bool) -> int:
     show_default=True,
     help="Grid sides.",
 )
-@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+@_AS_CSV
 def counts(sides: tuple[int, ...], as_csv: bool) -> int:
     """Sweeps to Res <= 1e-5 on Bai's LCP, against the grid side m."""
     from ..measure import sweep_counts
@@ -48,7 +51,7 @@ def counts(sides: tuple[int, ...], as_csv: bool) -> int:
 @click.argument("scene", default="dividend")
 @click.option("--n", "sizes", type=int, multiple=True, default=(61, 241, 961), show_default=True, help="Unknowns.")
 @click.option("--method", help="Name of the method; without it one is picked.")
-@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+@_AS_CSV
 def order(scene: str, sizes: tuple[int, ...], method: str | None, as_csv: bool) -> int:
     """The error of SCENE against its closed form on finer and finer grids."""
     from ..measure import grid_order
@@ -59,7 +62,7 @@ def order(scene: str, sizes: tuple[int, ...], method: str | None, as_csv: bool) 
 @measure.command()
 @click.option("--n", type=int, default=900, show_default=True, help="Wanted unknowns of the scenes that have a size.")
 @click.option("--trials", type=int, default=10, show_default=True, help="Points at each distance.")
-@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+@_AS_CSV
 def bounds(n: int, trials: int, as_csv: bool) -> int:
     """Error bound over true error on every scene with an exact answer."""
     from ..measure import bound_ratios
@@ -70,7 +73,7 @@ def bounds(n: int, trials: int, as_csv: bool) -> int:
 @measure.command()
 @click.option("--n", type=int, default=1_000_000, show_default=True, help="Unknowns of the membrane.")
 @click.option("--repeats", type=int, default=5, show_default=True, help="Pairs of timings.")
-@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+@_AS_CSV
 def certificate(n: int, repeats: int, as_csv: bool) -> int:
     """A certificate from scratch against one linear solve, timed in turn."""
     from ..measure import certificate_cost
@@ -89,7 +92,7 @@ def certificate(n: int, repeats: int, as_csv: bool) -> int:
     help="Unknowns.",
 )
 @click.option("--repeats", type=int, default=5, show_default=True, help="Pairs of timings.")
-@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+@_AS_CSV
 def limit(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
     """solve() against its limit, one linear solve with the same matrix, timed in turn."""
     from ..measure import solve_cost
