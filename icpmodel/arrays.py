@@ -185,6 +185,19 @@ def _compressed(array: np.ndarray, keep_diagonal: bool) -> sp.csr_array:
     return matrix
 
 
+def norm(x: Vector) -> float:
+    """‖x‖₂, safe against over- and underflow of the squares; infinite or NaN where an entry is.
+
+    >>> norm(np.array([3e200, 4e200])) / 1e200
+    5.0
+    """
+    largest = float(np.abs(x).max())
+    if largest == 0.0 or not math.isfinite(largest):
+        return largest
+    x = x / largest
+    return largest * math.sqrt(x @ x)
+
+
 def freeze(matrix: sp.csr_array) -> sp.csr_array:
     """Make the three arrays of a CSR matrix read-only, and return it.
 

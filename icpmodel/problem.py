@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from .arrays import Vector, as_array, as_csr, as_vector, described, not_finite
+from .arrays import Vector, as_array, as_csr, as_vector, described, norm, not_finite
 from .errors import InputError
 from .maps import Constant, Map, as_map
 
@@ -167,11 +166,7 @@ class ICP:
         z = self.vector(z)
         with np.errstate(over="ignore", invalid="ignore"):
             F = np.minimum(self.A @ z + self.q, z - self.psi.value(z))
-        largest = float(np.abs(F).max())
-        if largest == 0.0 or not math.isfinite(largest):
-            return largest
-        F /= largest
-        return largest * math.sqrt(F @ F)
+        return norm(F)
 
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
         """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).

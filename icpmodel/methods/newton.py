@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import Vector
+from ..arrays import Vector, norm
 from ..errors import MapError
 from ..maps import Elementwise, Function
 from ..problem import ICP
@@ -115,7 +115,7 @@ class _Point:
         total = np.where(both, self.a + self.b + self.root, 1.0)
         self.phi = np.where(both, 2.0 * self.a * (self.b / total), self.a + self.b - self.root)
         self.phi[self.free] = self.a[self.free]
-        self.theta = _norm(self.phi)
+        self.theta = norm(self.phi)
         self.active = self.r < self.a
 
     @cached_property
@@ -272,8 +272,8 @@ class _Path:
         if step is not None:
             yield step
         gradient = V.T @ phi
-        steepest = gradient / _norm(gradient)
-        yield -steepest * (phi @ (V @ steepest)) / _norm(V @ steepest) ** 2
+        steepest = gradient / norm(gradient)
+        yield -steepest * (phi @ (V @ steepest)) / norm(V @ steepest) ** 2
 
     def _along(self, best: _Point, step: Vector, slope: float) -> _Point | None:
         for k in range(_HALVINGS):
@@ -282,9 +282,3 @@ class _Path:
             if new is not None and (new.theta / best.theta) ** 2 <= 1.0 + 2.0 * _SLOPE * t * slope:
                 return new
         return None
-
-
-def _norm(x: Vector) -> float:
-    """‖x‖₂ without over- or underflow of the squares."""
-    size = float(np.abs(x).max(initial=0.0))
-    return size * float(np.linalg.norm(x / size)) if 0 < size < np.inf else size
