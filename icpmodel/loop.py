@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Vector, as_number
+from .arrays import Vector, as_number, norm
 from .errors import MapError, NotApplicable, SingularOperator
 from .goal import AccuracyGoal, Goal
 from .methods import HandOver, Infeasible
@@ -256,11 +256,11 @@ class Job:
     def _floor(self) -> float:
         """An estimate of the residual that rounding alone leaves at the best iterate."""
         assert self.best is not None
-        return float(np.linalg.norm(np.maximum(*self.problem.rounding(self.best.z))))
+        return norm(np.maximum(*self.problem.rounding(self.best.z)))
 
     def _at_floor(self) -> bool:
         assert self.best is not None
-        return bool(self.best.residual <= 2 * self._floor())
+        return self.best.residual <= 2 * self._floor() < np.inf  # a floor that overflowed explains nothing
 
     def _floor_note(self) -> str:
         return f"rounding leaves a residual of up to about {self._floor():.2g} at this z"

@@ -33,7 +33,10 @@ SIZES = {
 _CYCLIC = "P but not H+: overrelaxed or not, the sweeps turn in a circle (theory of the 3 x 3 cyclic P-matrix)"
 _COUPLED = "rho(D^-1|B| + G) = 1.8: splittings that add both couplings fail, those that take their maximum do not"
 
-#: (method, scene) → the reason why it must fail; an unexpected success fails the test
+_BY_DIAGONAL = ("mms", "mnmaor", "mnmgs", "mnmj", "mnmsor", "multilevel", "nmms", "projection-fixed-point", "psor")
+
+#: (method, scene) → the reason why it must fail; an unexpected success fails the test. On a scene without a solution
+#: every method must, and need not be listed here
 MUST_FAIL = {
     **dict.fromkeys(
         [
@@ -49,4 +52,48 @@ MUST_FAIL = {
     ("lemke", "manufactured-elementwise"): "why_not: psi is neither constant nor affine",
     ("mms", "dividend"): "why_not: a row without obstacle",
     ("mms", "hand-free"): "why_not: a row without obstacle",
+    **dict.fromkeys(
+        [(m, s) for m in _BY_DIAGONAL for s in ("hard-empty-row", "hard-infeasible", "hard-semidefinite")],
+        "why_not: the diagonal has a zero",
+    ),
+    **dict.fromkeys(
+        [(m, "hard-semidefinite") for m in ("mnmmod", "mnmod", "modulus")],
+        "A is only semidefinite, and X = A + Omega turns without shrinking",
+    ),
+    **dict.fromkeys(
+        [(m, "hard-skew") for m in _BY_DIAGONAL], "far from H+: rho(D^-1|B|) = 20, and nothing but the diagonal is kept"
+    ),
+    **dict.fromkeys(
+        [("lemke", s) for s in ("hard-domain", "hard-jump")], "why_not: psi is neither constant nor affine"
+    ),
+    **dict.fromkeys([(m, "hard-jump") for m in ("multilevel", "newton")], "why_not: psi has no derivative"),
+    **dict.fromkeys(
+        [(m, "hard-overflow") for m in ("mms", "mnmaor", "mnmgs", "mnmod", "mnmsor")], "intermediate sums overflow"
+    ),
+    **dict.fromkeys(
+        [("lemke", "hard-scaled"), ("lemke", "hard-singular")],
+        "no tolerance for a zero pivot is right for entries from 1e-150 to 1e150, or for a condition number of 4e12",
+    ),
+    **dict.fromkeys(
+        [(m, "hard-scaled") for m in ("mnmmod", "mnmod", "modulus")], "A + Omega is singular to working precision"
+    ),
+}
+
+#: scene → how a method may end there without solving it; on scenes that are not listed, however it likes
+HONEST = {
+    "hard-domain": {"psi failed"},
+    "hard-infeasible": {"infeasible", "stagnated", "diverged"},
+    "hard-jump": {"cycled", "stagnated"},
+    "hard-overflow": {"diverged", "stagnated", "cycled"},
+    "hard-scaled": {"stagnated", "not applicable"},
+    "hard-semidefinite": {"stagnated", "cycled", "iteration limit"},
+    "hard-singular": {"stagnated"},
+    "hard-skew": {"diverged", "cycled", "stagnated"},
+}
+
+#: scenes on which a small residual leaves z far from the solution, and the reason; the error bound says so
+FAR_THOUGH_SOLVED = {
+    "hard-overflow": "the largest entry is 7.5e307, and the tolerance is relative",
+    "hard-scaled": "rows with small entries do not show in the residual",
+    "hard-singular": "the condition number is 4e12",
 }

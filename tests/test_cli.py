@@ -202,6 +202,7 @@ def test_scenes_are_listed_and_described(capsys):
     code, out, _ = call(capsys, "scenes", "membrane")
     assert "parameters: --n 900 --set mu=0.0 --set skew=0.0" in out
     assert "none: The square has no closed form" in out
+    assert "no solution: r < 0 below 3/4" in call(capsys, "scenes", "hard-jump")[1]
     for name in icp.scenes.names():
         assert json.loads(call(capsys, "scenes", name, "--json")[1])["name"] == name
 

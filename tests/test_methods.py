@@ -5,7 +5,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from conformance import METHODS, MUST_FAIL, SIZES
+from conformance import FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
 
 import icpmodel as icp
 from icpmodel import methods, scenes
@@ -22,35 +22,43 @@ def test_every_registered_method_is_in_the_conformance_table():
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_on_every_scene(method, scene):
-    """Solved, certified by the judge and at its reference; or in MUST_FAIL, and then never called solved."""
+    """Solved, certified by the judge and at its reference; or it must fail, and ends as is honest for the scene."""
     scene_, method_ = SCENES[scene], METHODS[method]
-    reason = MUST_FAIL.get((method, scene))
+    reason = MUST_FAIL.get((method, scene), scene_.why_no_solution)
     if reason is not None and reason.startswith("why_not"):
         assert method_.why_not(scene_.problem) is not None
         with pytest.raises(icp.NotApplicable):
             scene_.problem.solve(method_)
         return
-    solution = scene_.problem.solve(method_, raise_on_failure=False, max_iter=20_000)
+    try:
+        solution = scene_.problem.solve(method_, raise_on_failure=False, max_iter=20_000)
+    except icp.NotApplicable:
+        assert "not applicable" in HONEST[scene]
+        assert reason is not None
+        return
     assert solution.solved is (reason is None), solution.message
     assert solution.residual == scene_.problem.residual(solution.z)
     if reason is not None:
         assert solution.residual > solution.tolerance
         assert solution.status.advice
+        assert solution.status.value in HONEST.get(scene, {solution.status.value})
         return
     assert solution.residual <= solution.tolerance
     if scene_.z_exact is not None:
         error = np.abs(solution.z - scene_.z_exact).max()
-        assert error <= 1e-5
+        assert error <= 1e-5 or scene in FAR_THOUGH_SOLVED
         if solution.error_bound is not None:
             assert error <= solution.error_bound
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_the_automatic_choice_solves_every_scene_and_says_why(scene):
+def test_the_automatic_choice_solves_every_scene_that_has_a_solution_and_says_why(scene):
     scene_ = SCENES[scene]
-    solution = scene_.problem.solve(z0=scene_.z0)
-    assert solution.solved
+    solution = scene_.problem.solve(z0=scene_.z0, raise_on_failure=False)
+    assert solution.solved is (scene_.why_no_solution is None), solution.message
     assert solution.why
+    if not solution.solved:
+        assert solution.status.value in HONEST[scene]
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -35,6 +35,7 @@ def scenes(name: str | None, as_json: bool) -> int:
                 "parameters": parameters,
                 "reference": reference,
                 "why_no_reference": scene.why_no_reference,
+                "why_no_solution": scene.why_no_solution,
             }
         )
         return 0
@@ -42,5 +43,8 @@ def scenes(name: str | None, as_json: bool) -> int:
     listed += [f"--set {key}={value}" for key, value in parameters.items() if key != "n"]
     click.echo(f"{scene.name}: {scene.title}\n{scene.models}\n{scene.problem!r}")
     click.echo("parameters: " + (" ".join(listed) or "none"))
+    if scene.why_no_solution:
+        click.echo(f"no solution: {scene.why_no_solution}")
+        return 0
     click.echo("reference:  " + (", ".join(reference) or f"none: {scene.why_no_reference}"))
     return 0

@@ -100,6 +100,18 @@ def limit(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
     return _show(solve_cost(sizes, repeats), as_csv)
 
 
+@measure.command()
+@click.argument("scenes", nargs=-1)
+@click.option("--seeds", type=int, default=10, show_default=True, help="Random starts, and random data.")
+@click.option("--n", type=int, default=100, show_default=True, help="Wanted unknowns of the scenes that have a size.")
+@_AS_CSV
+def honesty(scenes: tuple[str, ...], seeds: int, n: int, as_csv: bool) -> int:
+    """How runs end, and what of it is false: all methods on SCENES, default all, from random starts."""
+    from ..measure import false_success
+
+    return _show(false_success(seeds, n, scenes, progress=True), as_csv)
+
+
 def _show(table: Table, as_csv: bool) -> int:
     click.echo(table.to_csv() if as_csv else str(table), nl=not as_csv)
     return 0

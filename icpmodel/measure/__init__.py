@@ -1,6 +1,7 @@
 """Measurements behind the numbers of the README: the subcommands of `icpmodel measure` print them."""
 
 from .certainty import bound_ratios, certificate_cost
+from .honesty import false_success
 from .limit import linear_solve, solve_cost
 from .tables import Table, grid_order, sweep_cost, sweep_counts
 
@@ -8,6 +9,7 @@ __all__ = [
     "Table",
     "bound_ratios",
     "certificate_cost",
+    "false_success",
     "grid_order",
     "linear_solve",
     "solve_cost",

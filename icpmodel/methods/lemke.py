@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -72,8 +73,9 @@ class Lemke(Method):
             answer = infeasible(problem, y)
             if answer.holds:
                 raise Infeasible(answer)
-        elif (refined := solve_on(problem, z, ~lcp.free & (y == 0.0))) is not None:
-            z = refined
+        else:
+            with suppress(SingularOperator):  # then what the pivots found has to do
+                z = solve_on(problem, z, ~lcp.free & (y == 0.0))
         while True:
             yield z, None
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Vector, as_number
-from ..errors import InputError
 from ..maps import Affine, Elementwise
 from ..problem import ICP
+from .chosen import complementary
 from .grid import adjacency, five_point, side, square_points
 from .registry import Scene, register
 
@@ -61,7 +61,7 @@ def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
     True
     """
     m, mu = side(n), as_number(mu, "mu", least=0)
-    z, p, r = _chosen(m * m, seed)
+    z, p, r = complementary(m * m, seed)
     A, G = five_point(m, mu), (0.9 / 4.0) * adjacency(m)
     return Scene(
         problem=ICP(A, p - A @ z, Affine(G, z - r - G @ z)),
@@ -85,7 +85,7 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0) -> Sc
     True
     """
     m, mu = side(n), as_number(mu, "mu", least=0)
-    z, p, r = _chosen(m * m, seed)
+    z, p, r = complementary(m * m, seed)
     A = five_point(m, mu)
     return Scene(
         problem=ICP(A, p - A @ z, Elementwise(_sine, _sine_derivative, lipschitz=0.3, c=z - r - _sine(z))),
@@ -107,16 +107,6 @@ def _bai(n: int, mu: Any, skew: float) -> Scene:
         z0=1.0 - odd,
         points=square_points(0.0, 1.0, m),
     )
-
-
-def _chosen(n: int, seed: Any) -> tuple[Vector, Vector, Vector]:
-    """Random z*, and complementary p*, r*: one of the two is 0 in each row."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise InputError(f"seed is {seed!r}; an integer >= 0 was expected")
-    random = np.random.default_rng(seed)
-    z, size = random.uniform(-1.0, 1.0, n), random.uniform(0.5, 1.5, n)
-    at_obstacle = random.permutation(n) < n // 2
-    return z, np.where(at_obstacle, size, 0.0), np.where(at_obstacle, 0.0, size)
 
 
 def _sine(z: Vector) -> Vector:

@@ -47,8 +47,9 @@ class Scene:
 
     `name` and `title` (one line for a table) are filled in by `register`; `models` says in one sentence what it models;
     `z_exact` is the solution of the discrete problem, shape (n,), to rounding; `quantities` are numbers known for the
-    continuous problem; `h` is the grid spacing; `why_no_reference` says why there is neither; `z0` is a start that the
-    literature prescribes; `points` are the coordinates of the unknowns, shape (n,) or (n, 2).
+    continuous problem, or for each of many solutions; `h` is the grid spacing; `why_no_reference` says why there is
+    neither, `why_no_solution` that the problem has none; `z0` is a start that the literature prescribes; `points` are
+    the coordinates of the unknowns, shape (n,) or (n, 2).
 
     >>> from icpmodel.scenes import scene
     >>> lcp = scene("hand-lcp")
@@ -64,6 +65,7 @@ class Scene:
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     h: float | None = None
     why_no_reference: str | None = None
+    why_no_solution: str | None = None
     z0: Vector | None = None
     points: Vector | None = None
 

@@ -29,7 +29,7 @@ def test_every_scene_says_what_it_is_and_has_a_reference_or_the_reason_why_not(n
     assert isinstance(scene.problem, ICP)
     assert scene.problem.n <= 1000
     has_reference = scene.z_exact is not None or bool(scene.quantities)
-    assert has_reference is (scene.why_no_reference is None)
+    assert has_reference is (scene.why_no_reference is None and scene.why_no_solution is None)
     for array in (scene.z_exact, scene.z0):
         assert array is None or (array.shape == (scene.problem.n,) and not array.flags.writeable)
     assert scene.points is None or len(scene.points) == scene.problem.n
@@ -40,8 +40,11 @@ def test_every_scene_says_what_it_is_and_has_a_reference_or_the_reason_why_not(n
 def test_a_scene_takes_the_nearest_size_it_can_have(name, n):
     problem = scenes.scene(name, n).problem
     m = round(problem.n**0.5)
-    if name == "bearing":
+    if name in ("bearing", "hard-skew", "hard-scaled"):
         assert problem.n == n
+    elif name in ("hard-semidefinite", "hard-singular"):
+        assert problem.n % 2 == 0
+        assert abs(problem.n - n) <= 1
     elif name == "dividend":
         assert problem.n % 30 == 1
         assert abs(problem.n - n) <= 15
@@ -115,6 +118,9 @@ def test_an_unknown_parameter_lists_the_parameters():
         ("coulomb", {"mass": 0}),
         ("coulomb", {"g": 0}),
         ("coulomb", {"dt": -1}),
+        ("hard-skew", {"skew": float("inf")}),
+        ("hard-scaled", {"decades": 76}),
+        ("hard-semidefinite", {"seed": -1}),
     ],
 )
 def test_a_bad_value_names_its_parameter(name, parameters):
@@ -123,7 +129,17 @@ def test_a_bad_value_names_its_parameter(name, parameters):
 
 
 def test_every_parameter_matters():
-    changed = {"n": 100, "mu": 0.7, "skew": 0.5, "seed": 3, "alpha": 20.0, "mass": 2.0, "g": 1.62, "dt": 0.2}
+    changed = {
+        "n": 144,
+        "decades": 9.0,
+        "mu": 0.7,
+        "skew": 0.5,
+        "seed": 3,
+        "alpha": 20.0,
+        "mass": 2.0,
+        "g": 1.62,
+        "dt": 0.2,
+    }
     for name in NAMES:
         for parameter in scenes.parameters(name):
             one, two = scenes.scene(name).problem, scenes.scene(name, **{parameter: changed[parameter]}).problem

@@ -7,6 +7,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...arrays import Vector
+from ...errors import SingularOperator
 from ...operators import FactorisedOperator
 from ...problem import ICP
 
@@ -69,10 +70,15 @@ def solve_on(problem: ICP, z: Vector, active: NDArray[np.bool_]) -> Vector:
 
 def _refined(problem: ICP, z: Vector, active: NDArray[np.bool_], jacobian: sp.csr_array | None) -> Vector:
     free = np.flatnonzero(~active)
-    if jacobian is not None:
-        operator = FactorisedOperator(equations_on(problem, active, jacobian))
-    elif free.size:
-        operator = FactorisedOperator(sp.csr_array(problem.A[free][:, free]))
+    try:
+        if jacobian is not None:
+            operator = FactorisedOperator(equations_on(problem, active, jacobian))
+        elif free.size:
+            operator = FactorisedOperator(sp.csr_array(problem.A[free][:, free]))
+    except SingularOperator as error:
+        row = int(error.row if jacobian is not None else free[error.row])
+        told = "the equations that the active set leaves are singular to working precision: row"
+        raise SingularOperator(f"{told} {row} depends on the others", row) from None
     best, smallest = z, np.inf
     for _ in range(_REFINEMENTS):
         if jacobian is not None:
