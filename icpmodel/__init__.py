@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .maps import Elementwise as Elementwise
     from .maps import Function as Function
     from .maps import Map as Map
+    from .measure.stability_map import stability as stability
     from .methods import Method as Method
     from .methods.lemke import Lemke as Lemke
     from .methods.mms import MMS as MMS
@@ -82,6 +83,7 @@ _HOMES = {
     "loop": ("Progress",),
     "many": ("Solutions", "solve_many"),
     "maps": ("Affine", "Constant", "Elementwise", "Function", "Map"),
+    "measure.stability_map": ("stability",),
     "methods": ("Method",),
     "methods.lemke": ("Lemke",),
     "methods.mms": ("MMS",),

@@ -8,7 +8,7 @@ IcpError
 │   └── SingularOperator             X = M₁ + φ + Ω cannot be inverted; ``row`` says where
 └── NotSolved                        the run ended without a solution; ``solution`` has the best iterate
 
-Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check; ``report`` has the rows that were done
+Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check or measurement; ``report`` has what was done
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .crosscheck.report import Report
     from .many import Solutions
     from .solution import Solution
 
@@ -106,7 +105,7 @@ class NotSolved(IcpError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a cross-check. ``report`` carries the rows that were done, the others as skipped.
+    """Ctrl-C during a cross-check or a measurement. ``report`` carries what was done, the rest marked as such.
 
     It is a KeyboardInterrupt, so that it ends a script as Ctrl-C should.
 
@@ -114,6 +113,8 @@ class Interrupted(KeyboardInterrupt):
     True
     """
 
-    def __init__(self, report: Report) -> None:
+    report: Any
+
+    def __init__(self, report: Any) -> None:
         super().__init__("interrupted")
         self.report = report

@@ -333,3 +333,18 @@ def test_measure_bounds_certificate_and_limit(capsys):
         code, out, _ = call(capsys, "measure", command, "--n", "400", "--repeats", "3")
         assert code == 0
         assert "linear solve" in out
+
+
+def test_stability_prints_counts_and_writes_figure_and_data(capsys, tmp_path):
+    target = tmp_path / "map.png"
+    code, out, err = call(capsys, "stability", "units", "--points", "3", "--n", "9", "-o", str(target))
+    assert code == 0
+    assert "proved, and yet failed: 0; as printed: " in out
+    assert [line.split(".")[-1] for line in err.splitlines()] == ["png", "svg", "csv"]
+    assert target.with_suffix(".csv").read_text().startswith("# icpmodel ")
+    code, out, err = call(capsys, "stability", "relaxation", "hand-lcp", "--points", "2", "--csv")
+    assert code == 0
+    assert len(out.splitlines()) == 5
+    assert call(capsys, "stability", "units", "--set", "mu=1")[0] == 2
+    assert call(capsys, "stability", "no-plane")[0] == 2
+    assert call(capsys, "stability", "units", "-o", "no/such/folder/x.png")[0] == 2

@@ -1,0 +1,60 @@
+"""`icpmodel stability`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from typing import Any
+
+import click
+
+from ..errors import InputError, Interrupted
+from .output import complain, must_be_writable
+from .source import SOURCE_HELP, SOURCE_OPTIONS, named_problem, options
+
+
+@click.command(epilog=SOURCE_HELP)
+@click.argument("plane")
+@options(click.argument("source", required=False), *SOURCE_OPTIONS[1:])
+@click.option("--method", help="For the planes that vary the problem.  [default: mnmgs]")
+@click.option("--points", type=int, default=25, show_default=True, help="Points per axis.")
+@click.option("--starts", type=int, default=3, show_default=True, help="Starts per point; the worst run counts.")
+@click.option("--max-iter", type=int, default=2000, show_default=True, help="Steps of a run.")
+@click.option("--rtol", type=float, default=1e-8, show_default=True, help="Relative tolerance of a run.")
+@click.option("-o", "--output", type=click.Path(), help="Write the figure (PNG and SVG) and its data (CSV).")
+@click.option("--csv", "as_csv", is_flag=True, help="Print all points as CSV.")
+def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) -> int:
+    """Map where a method converges, how fast, how it fails elsewhere, and where the theorems prove what.
+
+    PLANE is one of relaxation (theta1 x theta2), shift (phi x Omega), which vary a method on SOURCE or on a built-in
+    problem, and coupling (mu x norm of G), transport (skewness x mu), condition (condition number x units) and
+    units (units x norm of G), which vary the problem.
+    """
+    from ..measure import stability as mapped
+
+    must_be_writable(output)
+    problem = None
+    if arguments["source"] is not None:
+        problem, _ = named_problem(arguments)
+    elif arguments["parameters"] or arguments["q_file"] is not None:
+        raise InputError("--set and --q belong to a SOURCE; name one")
+    asked = {name: arguments[name] for name in ("method", "points", "starts", "max_iter", "rtol")}
+    size = {} if arguments["n"] is None or problem is not None else {"n": arguments["n"]}
+    stopped = False
+    try:
+        found = mapped(plane, problem, **asked, **size, progress=True, command=shlex.join(_typed()))
+    except Interrupted as partial:
+        found, stopped = partial.report, True
+    click.echo(found.table().to_csv() if as_csv else str(found), nl=not as_csv)
+    if output is not None:
+        for path in found.plot(output):
+            click.echo(f"wrote {path}", err=True)
+    if stopped:
+        complain("interrupted: the other points are not run")
+        return 130
+    return 0
+
+
+def _typed() -> list[str]:
+    """The command line as it was typed."""
+    return ["icpmodel", *sys.argv[1:]]
