@@ -348,3 +348,14 @@ def test_stability_prints_counts_and_writes_figure_and_data(capsys, tmp_path):
     assert call(capsys, "stability", "units", "--set", "mu=1")[0] == 2
     assert call(capsys, "stability", "no-plane")[0] == 2
     assert call(capsys, "stability", "units", "-o", "no/such/folder/x.png")[0] == 2
+
+
+def test_a_report_is_written_and_its_exit_code_is_that_of_the_solve(capsys, tmp_path):
+    page = tmp_path / "page.html"
+    code, out, err = call(capsys, "report", "hand-lcp", "-o", str(page), "--time-limit", "5")
+    assert (code, out) == (0, "")
+    assert f"wrote {page}" in err
+    assert "hand-lcp: By hand" in page.read_text()
+    assert call(capsys, "report", "hard-jump", "-o", str(page), "--time-limit", "5")[0] == 1
+    assert "cycled" in page.read_text()
+    assert call(capsys, "report", "hand-lcp", "-o", "no/such/folder.html")[0] == 2

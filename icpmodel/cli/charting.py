@@ -1,16 +1,18 @@
-"""`icpmodel stability`."""
+"""`icpmodel stability` and `icpmodel report`."""
 
 from __future__ import annotations
 
 import shlex
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
 
 from ..errors import InputError, Interrupted
-from .output import complain, must_be_writable
-from .source import SOURCE_HELP, SOURCE_OPTIONS, named_problem, options
+from ..progress import status_line
+from .output import complain, exit_code, must_be_writable
+from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, named_method, named_problem, options
 
 
 @click.command(epilog=SOURCE_HELP)
@@ -53,6 +55,34 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
         complain("interrupted: the other points are not run")
         return 130
     return 0
+
+
+@click.command(epilog=SOURCE_HELP)
+@options(*SOURCE_OPTIONS, *METHOD_OPTIONS)
+@click.option("-o", "--output", type=click.Path(), required=True, help="The HTML file to write.")
+@click.option("--time-limit", type=float, default=60.0, show_default=True, help="Seconds per independent solver.")
+def report(output: str, time_limit: float, **arguments: Any) -> int:
+    """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
+    from ..measure import html_report
+
+    must_be_writable(output)
+    problem, scene = named_problem(arguments)
+    method = named_method(arguments)
+    with status_line(True) as say:
+        say("solving")
+        solution = problem.solve(method, z0=None if scene is None else scene.z0, raise_on_failure=False)
+        page = html_report(
+            solution,
+            title=arguments["source"] if scene is None else f"{scene.name}: {scene.title}",
+            about="" if scene is None else scene.models,
+            points=None if scene is None else scene.points,
+            command=shlex.join(_typed()),
+            time_limit=time_limit,
+            say=say,
+        )
+    Path(output).write_text(page, encoding="utf-8")
+    click.echo(f"wrote {output}", err=True)
+    return exit_code(solution.solved, f"not solved: {solution.status.value}")
 
 
 def _typed() -> list[str]:

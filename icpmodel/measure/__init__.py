@@ -2,21 +2,28 @@
 
 from .certainty import bound_ratios, certificate_cost
 from .honesty import false_success
+from .html_report import html_report
 from .limit import linear_solve, solve_cost
 from .planes import Axis, Plane
+from .sensitivity import Sensitivity, sensitivity
+from .solution_chart import solution_figure
 from .stability_map import StabilityMap, stability
 from .tables import Table, grid_order, sweep_cost, sweep_counts
 
 __all__ = [
     "Axis",
     "Plane",
+    "Sensitivity",
     "StabilityMap",
     "Table",
     "bound_ratios",
     "certificate_cost",
     "false_success",
     "grid_order",
+    "html_report",
     "linear_solve",
+    "sensitivity",
+    "solution_figure",
     "solve_cost",
     "stability",
     "sweep_cost",
