@@ -207,6 +207,12 @@ def test_newton_is_chosen_first_where_sweeps_are_slow_and_its_steps_are_cheap():
         assert words in why
 
 
+def test_for_impulse_control_the_coarser_levels_come_first_where_the_problem_is_large_and_second_else():
+    for n, first, second in ((961, icp.Newton, icp.Multilevel), (1021, icp.Multilevel, icp.Newton)):
+        choices = [type(choice.method) for choice in methods.choose.choose(scenes.dividend(n=n).problem)]
+        assert choices[:2] == [first, second]
+
+
 def test_multilevel_is_chosen_first_where_most_rows_of_a_large_matrix_are_hardly_dominant():
     for problem in (
         scenes.membrane(n=80**2).problem,

@@ -1,5 +1,7 @@
 """Multilevel modulus Newton: its V-cycle, its fixed obstacles, its answers and its hand-over."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel import scenes
-from icpmodel.methods import HandOver
+from icpmodel.methods import HandOver, multilevel
 from icpmodel.methods.hierarchy import Hierarchy, NoHierarchy
 from icpmodel.reduction import has_fixed_obstacle, with_fixed_obstacle
 
@@ -81,7 +83,8 @@ class TestFixedObstacle:
         psi = icp.Elementwise(f, (lambda z: slope + bend * np.cos(z)) if known else None, steep, np.array(c))
         problem = icp.ICP(np.eye(n), np.zeros(n), psi)
         fixed = with_fixed_obstacle(problem).psi.c
-        assert np.abs(problem.r(fixed)).max() <= 1e-14 * (np.abs(fixed).max() + np.abs(np.array(c)).max())
+        size = np.abs(fixed).max() + np.abs(np.array(c)).max()
+        assert np.abs(problem.r(fixed)).max() <= 1e-14 * size + 1e-320  # where size is subnormal, digits are few
 
     def test_a_derivative_saves_evaluations(self):
         calls = []
@@ -120,6 +123,83 @@ class TestFixedObstacle:
         )
         z = with_fixed_obstacle(problem).solve("psor", rtol=1e-12).z
         assert problem.residual(z) < 1e-10
+
+
+class TestCoarserLevels:
+    @pytest.mark.parametrize("isolated", [True, False])
+    def test_without_obstacle_each_level_of_a_tridiagonal_matrix_has_the_same_answer(self, isolated):
+        """Pz_c + s is then the fine answer: no q is lost, not in rows without neighbour nor at a one-sided end."""
+        n = 500
+        rng = np.random.default_rng(0)
+        left, right = -1.0 - 0.1 * rng.random((2, n - 1))
+        left[-1] *= 2.0
+        if isolated:
+            right[0] = 0.0
+        middle = 0.01 - np.concatenate([[0.0], left]) - np.concatenate([right, [0.0]])
+        problem = icp.ICP(sp.diags_array([left, middle, right], offsets=[-1, 0, 1]), rng.normal(size=n), -np.inf)
+        for level, coarser in pairwise(Hierarchy(problem.A).levels):
+            coarse, shift = multilevel._coarse(problem, level, coarser)
+            z, below = (sp.linalg.spsolve(sp.csc_array(one.A), -one.q) for one in (problem, coarse))
+            assert level.P @ below + shift == pytest.approx(z, rel=1e-9, abs=1e-9)
+            problem = coarse
+
+    @pytest.mark.parametrize("kind", ["constant", "affine", "function", "intervention"])
+    def test_psi_is_carried_down_to_the_points_that_are_kept(self, kind):
+        """ψ_c(z) = ψ(Pz + s) there, through all levels, and so is its derivative."""
+        rng, n = np.random.default_rng(1), 20**2
+        G = sp.random_array((n, n), density=0.01, rng=rng).tocsr()
+        psi = {
+            "constant": rng.normal(size=n),
+            "affine": icp.Affine(G, rng.normal(size=n)),
+            "function": icp.Function(lambda z: G @ np.sin(z), lambda z: G * np.cos(z)),
+            "intervention": icp.Intervention(-G),
+        }[kind]
+        problem = fine = icp.ICP(membrane(n).A, rng.normal(size=n), psi)
+        up, kept = (lambda z: z), np.arange(n)
+        for level, coarser in pairwise(Hierarchy(fine.A).levels):
+            problem, shift = multilevel._coarse(problem, level, coarser)
+            z, h = rng.normal(size=(2, problem.n))
+            kept, up = kept[level.kept], lambda z, up=up, level=level, shift=shift: up(level.P @ z + shift)
+            assert problem.psi.value(z) == pytest.approx(fine.psi.value(up(z))[kept], abs=1e-12)
+            moved = fine.psi.jacobian(up(z)) @ (up(z + h) - up(z))
+            assert problem.psi.jacobian(z) @ h == pytest.approx(moved[kept], abs=1e-10)
+
+
+def harvest(n, shared):
+    """Tridiagonal impulse control: growth with drift, jumps back to one of a few points or by a fixed length."""
+    h = 1.0 / n
+    left, right = -1.0 / h**2 - 2.0 / h, -1.0 / h**2 + 2.0 / h
+    A = sp.diags_array([left, 2.0 / h**2 + 1.0, right], offsets=[-1, 0, 1], shape=(n, n))
+    x = np.arange(n) * h
+    rows = np.arange(n // 2, n)
+    targets = [n // 10, n // 7, n // 5] if shared else [0]
+    i = np.concatenate([rows for _ in targets])
+    j = np.concatenate([np.full(rows.size, t) if shared else rows - n // 4 for t in targets])
+    jumps = sp.csr_array((x[i] - x[j] - 0.05, (i, j)), shape=(n, n))
+    return icp.ICP(A, -np.sin(2 * x), icp.Intervention(jumps))
+
+
+class TestImpulseControl:
+    def test_the_start_from_the_coarser_levels_needs_few_steps_at_any_size(self):
+        """Policy iteration from 0 needs tens; from the levels below the best jumps are nearly known."""
+        for n in (961, 6001, 25_601):
+            scene = scenes.dividend(n=n)
+            solution = scene.problem.solve("multilevel")
+            assert solution.iterations <= 4
+            assert max(scene.errors(solution.z).values()) <= 10 * scene.h**2 + 1e-8
+
+    @pytest.mark.parametrize("shared", [True, False])
+    def test_its_answer_is_that_of_policy_iteration(self, shared):
+        problem = harvest(1200, shared)
+        ours, other = problem.solve("multilevel"), problem.solve("newton")
+        assert isinstance(ours.method, icp.Multilevel)
+        assert (ours.r < ours.p).any()
+        assert ours.z == pytest.approx(other.z, rel=1e-7)
+
+    def test_a_good_start_is_kept(self):
+        problem = scenes.dividend(n=961).problem
+        z = problem.solve("newton").z
+        assert problem.solve("multilevel", z0=z).iterations == 0
 
 
 class TestAnswers:

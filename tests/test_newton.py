@@ -35,6 +35,62 @@ def random_p_matrix(rng, n):
             return A
 
 
+# --- its linear systems
+
+
+def derivatives(rng, n):
+    """Derivatives of ψ of every kind: jumps in chains and in circles, slopes of one's own, and full ones."""
+    jumps = np.zeros((n, n))
+    jumps[np.arange(1, n), rng.integers(0, np.arange(1, n))] = 1.0
+    circle = np.roll(np.eye(n), 1, axis=1)
+    own = np.diag(rng.uniform(-2.0, 0.9, n))
+    return {
+        "none": 0 * own,
+        "jumps": jumps,
+        "circle": 0.9 * circle,
+        "own": own,
+        "own and jumps": own + 0.3 * jumps,
+        "full": rng.normal(size=(n, n)) / n,
+    }
+
+
+@pytest.mark.parametrize("kind", derivatives(np.random.default_rng(0), 3))
+@pytest.mark.parametrize("n", [1, 2, 9, 80])
+def test_a_step_solves_its_equations_whatever_psi_and_the_active_set_are(kind, n):
+    """(I − ψ′)d = −r in the active rows and Ad = −p in the others, though the active unknowns are eliminated."""
+    rng = np.random.default_rng(n)
+    for share in (0.0, 0.3, 0.9, 1.0):
+        J = derivatives(rng, n)[kind]
+        problem = icp.ICP(n * np.eye(n) + rng.normal(size=(n, n)), np.zeros(n))
+        active = rng.random(n) < share
+        p, r = rng.normal(size=(2, n))
+        d = linear.step_of(problem, active, sp.csr_array(J))(p, r, 1e-12)
+        assert np.where(active, d - J @ d, problem.A @ d) == pytest.approx(-np.where(active, r, p), abs=1e-9)
+
+
+def test_jumps_in_a_circle_have_no_step():
+    problem = icp.ICP(np.eye(3), np.zeros(3))
+    step = linear.step_of(problem, np.ones(3, dtype=bool), sp.csr_array(np.roll(np.eye(3), 1, axis=1)))
+    assert step(np.ones(3), np.array([1.0, 2.0, 3.0]), 1e-8) is None
+
+
+@pytest.mark.parametrize("singular_band", [False, True])
+@pytest.mark.parametrize("rows", [1, 3, 16, 17])
+def test_a_band_with_a_few_full_rows_is_solved(rows, singular_band):
+    """Up to 16 of them by Woodbury's formula, unless the band alone is singular; else as any sparse matrix."""
+    n, rng = 3000, np.random.default_rng(rows)
+    M = sp.lil_array(sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(n, n)))
+    for i in 100 + 150 * np.arange(rows):
+        if singular_band:
+            M[i, [i - 1, i, i + 1]] = 0.0
+        M[i, i + (10 if singular_band else n // 10)] = 1.5
+    M = sp.csr_array(M)
+    M.eliminate_zeros()
+    f = rng.normal(size=n)
+    x = linear.solver_of(M)(f, 1e-12)
+    assert M @ x == pytest.approx(f, abs=1e-10)
+
+
 # --- it solves
 
 

@@ -13,7 +13,7 @@ from ..problem import ICP
 from ..theory.spectral import jacobi_radius
 from . import Method
 from .lemke import Lemke
-from .linear import FACTORISE_UP_TO, is_band
+from .linear import FACTORISE_UP_TO, is_band, is_factorised
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
 from .multilevel import Multilevel
 from .newton import Newton
@@ -24,6 +24,8 @@ _WORTH_RELAXING = 1.2
 _HARDLY = 0.97
 #: from these sizes on multilevel is the quicker one where most rows are hardly dominant: bands, and all others
 _MULTILEVEL_FROM_ON_A_BAND, _MULTILEVEL_FROM = 100, 5000
+#: from this size on the best jumps are sought on coarser levels first
+_COARSER_JUMPS_FROM = 1000
 #: up to this size an LCP costs less to pivot than to look at
 _PIVOT_UP_TO = 64
 
@@ -46,8 +48,9 @@ def choose(problem: ICP) -> Iterator[Choice]:
 
     Lemke comes first for an LCP that is small, and up to n = 500 it follows on Newton.
     Multilevel comes first where A is large and most of its rows are hardly dominant, so that sweeps would be slow.
-    Newton comes before the sweeps where ψ is an intervention operator, and where D is not positive or the estimated
-    Jacobi radius not below 1. Else it follows on sweeps, which are overrelaxed first where the radius promises a gain.
+    Where ψ is an intervention operator Newton comes first and Multilevel second, for large A the other way round.
+    Newton comes before the sweeps where D is not positive or the estimated Jacobi radius not below 1. Else it follows
+    on sweeps, which are overrelaxed first where the radius promises a gain.
     The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
     dominance. Newton and MNMMOD are left out where A is too large to be factorised, and where ψ has no derivative
     Newton, and Multilevel unless every ψ_i moves with its own z_i alone.
@@ -59,7 +62,12 @@ def choose(problem: ICP) -> Iterator[Choice]:
         yield Choice(Lemke(), f"with n = {problem.n} pivoting solves an LCP at once")
     positive = bool((problem.A.diagonal() > 0).all())
     if isinstance(problem.psi, Intervention):
+        large = problem.n >= _COARSER_JUMPS_FROM
+        if large:
+            yield from _coarser_jumps(problem)
         yield from _newton(problem, "policy iteration: the best jumps settle in a few steps")
+        if not large:
+            yield from _coarser_jumps(problem)
         yield from _factorised(problem, "one factorisation moves the answer across the whole grid in every step")
         if positive:
             yield Choice(MNMJ(), "Jacobi with Omega = D is monotone where A is a Z-matrix and psi isotone")
@@ -116,10 +124,17 @@ def _multilevel(problem: ICP) -> Iterator[Choice]:
         yield Choice(multilevel, f"{share:.0%} of the rows are hardly dominant: sweeps would be slow")
 
 
+def _coarser_jumps(problem: ICP) -> Iterator[Choice]:
+    """Policy iteration that begins on coarser levels, where its systems can be solved."""
+    multilevel = Multilevel()
+    if multilevel.why_not(problem) is None and is_factorised(problem.A):
+        yield Choice(multilevel, "policy iteration, whose best jumps the coarser levels find first")
+
+
 def _newton(problem: ICP, why: str) -> Iterator[Choice]:
     """Newton where its systems can be solved and ψ has a derivative, and pivots where it fails."""
     newton, lemke = Newton(), Lemke()
-    if newton.why_not(problem) is None and (problem.n <= FACTORISE_UP_TO or is_band(problem.A)):
+    if newton.why_not(problem) is None and is_factorised(problem.A):
         yield Choice(newton, why)
     if not is_small(problem) and lemke.why_not(problem) is None:
         yield Choice(lemke, "pivoting ends for every P-matrix and every semidefinite A")
@@ -133,13 +148,13 @@ def why_none(problem: ICP) -> str:
     """
     diagonal = problem.A.diagonal()
     i = int(np.argmin(diagonal))
-    big = f"A with n > {FACTORISE_UP_TO} is not factorised" if problem.n > FACTORISE_UP_TO else ""
+    big = "" if is_factorised(problem.A) else f"A with n > {FACTORISE_UP_TO} is not factorised"
     return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, and {big or 'A + Omega could not be factorised'}"
 
 
 def _factorised(problem: ICP, why: str) -> Iterator[Choice]:
     """MNMMOD with θ₁ = √(‖A‖_∞/‖A⁻¹1‖_∞), for an M-matrix the mean of its largest and smallest scale."""
-    if problem.n > FACTORISE_UP_TO:
+    if not is_factorised(problem.A):
         return
     with np.errstate(over="ignore"):
         size = float(problem.absolute_A().sum(axis=1).max())

@@ -4,27 +4,99 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..arrays import Vector, row_of
 from ..operators import factorise, quiet, ruge_stuben
+from ..problem import ICP
+from ..theory.certificates.equations import equations_on
 
 #: (right-hand side, relative tolerance) ↦ solution, or None where none was found
 Solver = Callable[[Vector, float], Vector | None]
 
 #: beyond this size a sparse matrix that is no band is not factorised unless the user asks for it
 FACTORISE_UP_TO = 200_000
-#: more diagonals than this are no band
-_WIDEST_BAND = 16
+#: more diagonals than this are no band, and more rows that reach beyond it no border
+_WIDEST_BAND, _WIDEST_BORDER = 16, 16
+#: the relative backward error up to which a bordered band counts as solved
+_BACKWARD = 1e-12
 #: a matrix that is fuller than this is treated as dense
 _DENSE = 0.1
 #: from this size on multigrid costs less than a factorisation
 _MULTIGRID_FROM = 50_000
 #: with multigrid as preconditioner a Krylov method that needs more steps will not get there
 _KRYLOV_STEPS = 30
+
+
+#: (p, r, relative tolerance) ↦ the step of Newton's method, or None where there is none
+Stepper = Callable[[Vector, Vector, float], Vector | None]
+
+
+def step_of(problem: ICP, active: NDArray[np.bool_], jacobian: sp.csr_array) -> Stepper:
+    """The solver of (I − ψ′)d = −r in the `active` rows, I, and Ad = −p in the others, F, for many p and r.
+
+    Where the chains of ψ′ through the active rows end, as those of jumps do, the active unknowns are eliminated,
+    d_I = Td_F + s, and A_FF + A_FI T is left: with few rows at the border of I, little more than A_FF.
+    Parameters: `active` a mask of shape (n,); `jacobian` = ψ′(z), CSR, shape (n, n). Returns the solver.
+
+    >>> problem = ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0])
+    >>> step = step_of(problem, np.array([False, True]), sp.csr_array((2, 2)))
+    >>> step(np.array([1.0, 0.0]), np.array([0.0, 3.0]), 1e-6)
+    array([-2., -3.])
+    """
+    rows, free = np.flatnonzero(active), np.flatnonzero(~active)
+    found = _chains(jacobian, rows, free)
+    if found is None:
+        solve_all = solver_of(equations_on(problem, active, jacobian))
+        return lambda p, r, tolerance: solve_all(-np.where(active, r, p), tolerance)
+    slope, links, T = found
+    A_F = problem.A[free]
+    M = sp.csr_array(A_F[:, free])
+    solve = solver_of(sp.csr_array(M + A_F[:, rows] @ T) if T.nnz else M)
+
+    def step(p: Vector, r: Vector, tolerance: float) -> Vector | None:
+        s = -r[rows] / slope
+        for link in links:
+            s = s + link @ s
+        d = np.zeros(p.size)
+        d[rows] = s
+        part = solve(-(p[free] + A_F @ d), tolerance)
+        if part is None or not np.isfinite(s).all():
+            return None
+        d[free] = part
+        d[rows] += T @ part
+        return d
+
+    return step
+
+
+def _chains(
+    J: sp.csr_array, rows: NDArray[np.intp], free: NDArray[np.intp]
+) -> tuple[Vector, list[sp.csr_array], sp.csr_array] | None:
+    """(1 − own slope, N, N², N⁴, …, and T) with (I − N)⁻¹ = … (I + N²)(I + N); None where N has no power that is 0."""
+    own = J.diagonal()[rows]
+    slope, J_I = 1.0 - own, J[rows]
+    if not slope.all():
+        return None
+    if own.any():
+        J_I = sp.diags_array(1.0 / slope) @ J_I
+    T, N = sp.csr_array(J_I[:, free]), sp.csr_array(J_I[:, rows])
+    if own.any():
+        N.data[row_of(N) == N.indices] = 0.0
+        N.eliminate_zeros()
+    links: list[sp.csr_array] = []
+    most = N.nnz
+    while N.nnz:
+        if N.nnz > most or 2 ** len(links) > rows.size:
+            return None
+        links.append(N)
+        T, N = sp.csr_array(T + N @ T), sp.csr_array(N @ N)
+    return slope, links, T
 
 
 def solver_of(M: sp.csr_array) -> Solver:
@@ -56,7 +128,9 @@ def solver_of(M: sp.csr_array) -> Solver:
 
     @cache
     def direct() -> Solver:
-        return _banded(scaled) if is_band(M) else _dense(scaled) if M.nnz > _DENSE * n**2 else _sparse(scaled)
+        if is_band(M):
+            return _banded(scaled)
+        return _dense(scaled) if M.nnz > _DENSE * n**2 else _bordered(scaled) or _sparse(scaled)
 
     def solve(f: Vector, tolerance: float) -> Vector | None:
         x = None if multigrid is None else multigrid(f if symmetric else scale * f, tolerance)
@@ -65,6 +139,15 @@ def solver_of(M: sp.csr_array) -> Solver:
         return x if x is not None and np.isfinite(x).all() else None
 
     return solve
+
+
+def is_factorised(A: sp.csr_array) -> bool:
+    """Whether systems with `A` (CSR, square) may be left to a direct solver: beyond a size only those of bands are.
+
+    >>> is_factorised(sp.csr_array([[2.0, -1.0], [-1.0, 2.0]]))
+    True
+    """
+    return A.shape[0] <= FACTORISE_UP_TO or is_band(A)
 
 
 def is_band(M: sp.csr_array) -> bool:
@@ -94,6 +177,34 @@ def _banded(M: sp.csr_array) -> Solver:
             return np.asarray(solve_banded((lower, upper), band, f, check_finite=False))
         except LinAlgError:
             return None
+
+    return solve
+
+
+def _bordered(M: sp.csr_array) -> Solver | None:
+    """The solver of a band but for a few rows that reach far beyond it, by Woodbury's formula; None for others."""
+    rows = row_of(M)
+    far = 2 * np.abs(rows - M.indices) >= _WIDEST_BAND
+    border = np.unique(rows[far])
+    if border.size > _WIDEST_BORDER:
+        return None
+    n, k = M.shape[0], border.size
+    band = sp.csr_array(sp.coo_array((M.data[~far], (rows[~far], M.indices[~far])), shape=M.shape))
+    W = sp.csr_array((M.data[far], (np.searchsorted(border, rows[far]), M.indices[far])), shape=(k, n))
+    units = np.zeros((n, k))
+    units[border, np.arange(k)] = 1.0
+    solve_band = _banded(band)
+    sparse = cache(lambda: _sparse(M))
+
+    def solve(f: Vector, tolerance: float) -> Vector | None:
+        X = solve_band(np.column_stack([f, units]), tolerance)
+        if X is not None:
+            x, Y = X[:, 0], X[:, 1:]
+            with suppress(np.linalg.LinAlgError):
+                x = x - Y @ np.linalg.solve(np.eye(k) + W @ Y, W @ x)
+            if np.abs(M @ x - f).max() <= _BACKWARD * max(np.abs(x).max(), np.abs(f).max()):
+                return np.asarray(x)
+        return sparse()(f, tolerance)
 
     return solve
 

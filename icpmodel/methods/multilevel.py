@@ -1,14 +1,15 @@
 """Multilevel modulus Newton: inexact Newton steps on the modulus equation, started from the coarser levels.
 
-Every level of an algebraic multigrid hierarchy of A carries a problem of its own: A_c = PᵀAP, q_c = Pᵀq, and ψ at the
-points that are kept. Its answer is where the finer level starts, so that the active set there is wrong near its border
-only. On each level
+Every level of an algebraic multigrid hierarchy of A carries a problem of its own in z = Pz_c + s, where s = −q/D at the
+points that are not kept: A_c = PᵀAP, q_c = Pᵀ(As + q), and ψ at the points that are kept. Its answer is where the finer
+level starts, so that the active set there is wrong near its border only. On each level
 
 1. sweeps of projected Gauss–Seidel move the border of the active set,
 2. the active rows take z = ψ(z), linearised,
 3. a few steps of a Krylov method (GCR), preconditioned by V-cycles on the free rows, reduce Az + q there.
 
-Nothing is known of a grid: A, q and ψ are all. ψ_i that moves with z_i alone is first made a fixed obstacle.
+Nothing is known of a grid: A, q and ψ are all. ψ_i that moves with z_i alone is first made a fixed obstacle. Where ψ is
+an intervention, policy iteration (`Newton`) takes the place of the three: its jumps reach too far for sweeps.
 """
 
 from __future__ import annotations
@@ -17,19 +18,21 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice, pairwise
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..arrays import Vector, row_of
-from ..maps import Affine, Constant
+from ..intervention import Intervention
+from ..maps import Affine, Constant, Map
 from ..operators import Step, compiled_step
 from ..problem import ICP
 from ..reduction import has_fixed_obstacle, with_fixed_obstacle
 from . import HandOver, Method, positive_diagonal
 from .hierarchy import Hierarchy, Level, Mask, NoHierarchy
-from .linear import FACTORISE_UP_TO
+from .linear import is_factorised
 from .newton import Newton, derivative
 
 #: sweeps where the active set has moved
@@ -38,6 +41,8 @@ _SWEEPS = 5
 _SHARE, _KRYLOV = 0.1, 8
 #: a coarser level is left at this share of its own Res(0), or after so many looks
 _COARSE, _LOOKS = 1e-4, 8
+#: the same where ψ is an intervention: a step there costs little against one on the finest level
+_COARSE_JUMPS, _POLICIES = 1e-8, 30
 #: a start with this share of Res(0) is kept
 _NEAR = 1e-2
 #: where so many looks do not halve the residual, or the second number do not reduce it at all, others do better
@@ -52,8 +57,9 @@ _LEAST_SLOPE = 0.1
 class Multilevel(Method):
     """Newton's method on the modulus equation with algebraic multigrid, at the cost of about one linear solve with A.
 
-    For matrices that multigrid is made for: a positive diagonal and little that is positive off it. Where its steps no
-    longer reduce the residual it hands over to `Newton`, unless A is too large to be factorised.
+    For matrices that multigrid is made for: a positive diagonal and little that is positive off it. For impulse control
+    it is policy iteration with a start from the coarser levels. Where its steps no longer reduce the residual it hands
+    over to `Newton`, unless A is too large to be factorised.
     References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the active sets; Kornhuber, Numer. Math. 69
     (1994), for multigrid on them; Eisenstat, Elman and Schultz, SIAM J. Numer. Anal. 20 (1983), for GCR.
 
@@ -83,7 +89,7 @@ class Multilevel(Method):
                 yield last, residual
             why = "multilevel no longer reduced the residual"
         newton = Newton()
-        if problem.n <= FACTORISE_UP_TO and newton.why_not(problem) is None:
+        if is_factorised(problem.A) and newton.why_not(problem) is None:
             raise HandOver(newton, why)
         while True:  # nothing new will come
             yield last, None
@@ -93,7 +99,11 @@ def _run(problem: ICP, z: Vector, first: float) -> Iterator[tuple[Vector, float 
     """The run on the finest level, as long as it leads on; `first` is the residual of the start `z`."""
     hierarchy = Hierarchy(problem.A)
     simple = with_fixed_obstacle(problem) if has_fixed_obstacle(problem) else problem
-    start = z if first <= _NEAR * problem.residual(np.zeros(problem.n)) else _start(hierarchy, simple)
+    at_0 = problem.residual(np.zeros(problem.n))
+    start = z if first <= _NEAR * at_0 else _start(hierarchy, simple)
+    if isinstance(problem.psi, Intervention):
+        # it never ends
+        yield from Newton().iterates(problem, start if problem.residual(start) <= min(first, at_0) else z)
     mark, best, halved_at, better_at = np.inf, np.inf, 0, 0
     for look, (iterate, residual) in enumerate(_path(hierarchy, simple, start, 0)):
         yield iterate, residual if simple is problem else None
@@ -107,28 +117,65 @@ def _run(problem: ICP, z: Vector, first: float) -> Iterator[tuple[Vector, float 
 
 def _start(hierarchy: Hierarchy, problem: ICP) -> Vector:
     """z from the coarser levels, each of which begins with the answer of the one below it."""
-    problems = [problem]
+    problems, shifts = [problem], []
     for level, coarser in pairwise(hierarchy.levels):
-        problems.append(_coarse(problems[-1], level, coarser))
+        coarse, shift = _coarse(problems[-1], level, coarser)
+        problems.append(coarse)
+        shifts.append(shift)
+    jumps = isinstance(problem.psi, Intervention)
+    share, looks = (_COARSE_JUMPS, _POLICIES) if jumps else (_COARSE, _LOOKS)
     z = np.zeros(problems[-1].n)
     for top in range(len(problems) - 1, 0, -1):
-        enough = _COARSE * problems[top].residual(np.zeros(z.size))
-        for near, residual in islice(_path(hierarchy, problems[top], z, top), _LOOKS):
+        enough = share * problems[top].residual(np.zeros(z.size))
+        path = Newton().iterates(problems[top], z) if jumps else _path(hierarchy, problems[top], z, top)
+        for near, residual in islice(path, looks):
             answer = near
-            if residual <= enough:
+            if residual is not None and residual <= enough:
                 break
-        z = hierarchy.levels[top - 1].P @ answer
+        z = hierarchy.levels[top - 1].P @ answer + shifts[top - 1]
     return z
 
 
-def _coarse(problem: ICP, level: Level, coarser: Level) -> ICP:
-    """The problem on the level below `level`, with ψ linearised at 0."""
-    psi = problem.psi
+def _coarse(problem: ICP, level: Level, coarser: Level) -> tuple[ICP, Vector]:
+    """The problem on the level below `level`, and the shift s: Pz + s is what its answer z is worth on `level`.
+
+    Points that are not kept solve their own equation: s = −q/D there, so that rows without a coarse neighbour and those
+    at a boundary do not lose their q.
+    """
+    P, kept, psi = level.P, level.kept, problem.psi
+    shift = -problem.q * level.inverse
+    shift[kept] = 0.0
+    below: Any
     if isinstance(psi, Constant):
-        return ICP(coarser.A, level.P.T @ problem.q, psi.c[level.kept])
-    zero = np.zeros(problem.n)
-    c, G = psi.value(zero), sp.csr_array(derivative(problem, zero) @ level.P)[level.kept]
-    return ICP(coarser.A, level.P.T @ problem.q, Affine(G, c[level.kept]))
+        below = psi.c[kept]
+    elif isinstance(psi, Affine):
+        below = Affine(psi.G[kept] @ P, psi.value(shift)[kept])
+    elif isinstance(psi, _Carried):
+        below = _Carried(psi.psi, sp.csr_array(psi.P @ P), psi.P @ shift + psi.shift, psi.kept[kept])
+    else:
+        below = _Carried(psi, P, shift, kept)
+    return ICP(coarser.A, P.T @ problem.p(shift), below), shift
+
+
+class _Carried(Map):
+    """ψ carried down to a coarser level: z ↦ ψ(Pz + s) at the points that are `kept`."""
+
+    def __init__(self, psi: Map, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> None:
+        self.psi, self.P, self.shift, self.kept = psi, P, shift, kept
+
+    def bind(self, n: int) -> _Carried:
+        """See `Map.bind`."""
+        return self
+
+    def value(self, z: Vector) -> Vector:
+        """See `Map.value`."""
+        return self.psi.value(self.P @ z + self.shift)[self.kept]
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        """See `Map.jacobian`."""
+        J = self.psi.jacobian(self.P @ z + self.shift)
+        assert J is not None
+        return sp.csr_array(J[self.kept] @ self.P)
 
 
 def _path(hierarchy: Hierarchy, problem: ICP, z: Vector, top: int) -> Iterator[tuple[Vector, float]]:

@@ -29,9 +29,9 @@ from ..arrays import Vector, norm
 from ..errors import MapError
 from ..maps import Elementwise, Function
 from ..problem import ICP
-from ..theory.certificates.equations import equations_on, weights
+from ..theory.certificates.equations import weights
 from . import Method
-from .linear import Solver, solver_of
+from .linear import Stepper, solver_of, step_of
 
 Mask = NDArray[np.bool_]
 
@@ -144,7 +144,7 @@ class _Path:
         self.waited = self.descents = 0
         # of the step before: its active set, how many in a row did nothing but shrink, and its factorisation
         self.taken, self.shrunk = self.here.active, 0
-        self.kept: tuple[Mask, sp.csr_array | None, Solver] | None = None
+        self.kept: tuple[Mask, sp.csr_array, Stepper] | None = None
         self.still = False
         self.fault: MapError | None = None
 
@@ -222,28 +222,10 @@ class _Path:
         here, J = self.here, self.here.jacobian
         # inexact solves follow the residual
         tolerance = min(_LOOSE, max(_TIGHT, here.theta / self.first)) if self.first > 0 else _TIGHT
-        own = J.diagonal()
-        if J.nnz > np.count_nonzero(own):
-            solve = self._solver(active, J, lambda: equations_on(self.problem, active, J))
-            return solve(-np.where(active, here.r, here.p), tolerance)
-        # every active row determines its own unknown
-        step = np.where(active, -here.r / (1.0 - own), 0.0)
-        if not np.isfinite(step).all():
-            return None
-        free = np.flatnonzero(~active)
-        solve = self._solver(active, None, lambda: sp.csr_array(self.problem.A[free][:, free]))
-        part = solve(-(here.p + self.problem.A @ step)[free], tolerance)
-        if part is None:
-            return None
-        step[free] = part
-        return step
-
-    def _solver(self, active: Mask, J: sp.csr_array | None, matrix: Callable[[], sp.csr_array]) -> Solver:
-        """The solver of the step before where the active set and `J` are the same."""
         if self.kept is None or self.kept[1] is not J or not np.array_equal(self.kept[0], active):
             self.kept = None  # so that not two factorisations are held
-            self.kept = (active, J, solver_of(matrix()))
-        return self.kept[2]
+            self.kept = (active, J, step_of(self.problem, active, J))
+        return self.kept[2](here.p, here.r, tolerance)
 
     def _descent(self) -> _Point | None:
         """A step from the best point that reduces Ψ by Armijo's rule; None where none does, or many do too little."""
