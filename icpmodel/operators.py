@@ -15,19 +15,59 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from .arrays import Vector, diagonal_positions
 from .errors import SingularOperator
 from .maps import Affine, Constant, Elementwise, is_compiled, raising_map_error
 from .problem import ICP, UNIT_ROUNDOFF
 
+#: entries that stay in a core's cache while a second sweep follows the first
+_NEAR = 50_000
 #: z ↦ (z⁺, Res(z) or None where it does not fall out of the step)
 Step = Callable[[Vector], tuple[Vector, float | None]]
+
+
+class Rows(NamedTuple):
+    """What the sweeps and the choice of a method ask of the rows of A, as `rows_of` finds it.
+
+    `diag` where in A.data each diagonal entry stands; `diagonal`; `rest` = Σ_{j≠i}|a_ij|, all of shape (n,); how far
+    the entries reach `below` the diagonal and `above` it.
+
+    >>> rows_of(ICP([[2.0, -1.0], [0.0, 3.0]], [0.0, 0.0])).rest
+    array([1., 0.])
+    """
+
+    diag: Any
+    diagonal: Vector
+    rest: Vector
+    below: int
+    above: int
+
+
+def rows_of(problem: ICP) -> Rows:
+    """The rows of A, looked at in one pass, once for all problems with this A.
+
+    >>> rows_of(ICP([[2.0, -1.0], [0.0, 3.0]], [0.0, 0.0])).diagonal
+    array([2., 3.])
+    """
+
+    def look() -> Rows:
+        from .kernels.rows import look  # loads numba
+
+        A = problem.A
+        rows = Rows(*look(A.indptr, A.indices, A.data))
+        for array in rows[:3]:
+            array.flags.writeable = False
+        return rows
+
+    found: Rows = problem.remembered("rows", look)
+    return found
 
 
 class Operator(ABC):
@@ -113,9 +153,16 @@ class AOROperator(Operator):
 
     def step(self, problem: ICP, omega: Vector) -> Step:
         """See `Operator.step`."""
-        A = problem.A
-        matrix = (A.indptr, A.indices, A.data, self.diag, problem.q)
-        return compiled_step(problem, "aor", matrix, (omega, self.inverse, self.tau))
+        A, rows = problem.A, rows_of(problem)
+        matrix = (A.indptr, A.indices, A.data, rows.diag if self.A is A else self.diag, problem.q)
+        known, below = np.zeros(1, dtype=np.bool_), np.empty(problem.n)
+        after = (omega, self.inverse, self.tau, known, below)
+        two: Callable[..., tuple[float, float]] | None = None
+        if isinstance(problem.psi, Constant) and rows.above * (A.nnz / problem.n + 4) <= _NEAR:
+            from .kernels.sweeps import SWEEPS
+
+            two = partial(SWEEPS.two_aor, *matrix, problem.psi.c, *after, rows.above)
+        return _with_memory(compiled_step(problem, "aor", matrix, after), two, known)
 
 
 @dataclass(frozen=True)
@@ -275,6 +322,34 @@ def compiled_step(problem: ICP, name: str, before: tuple[Any, ...], after: tuple
     return lambda z: raising_map_error(lambda: step(z), "psi.f")
 
 
+def _with_memory(single: Step, two: Callable[..., tuple[float, float]] | None, known: NDArray[np.bool_]) -> Step:
+    """`single`, which knows the sums over the lower triangle where z is its own last answer, and says so in `known`.
+
+    Where there is `two`, it looks one step ahead, which costs little; once a z other than its own comes, no longer.
+    """
+    last: Vector | None = None
+    ahead: tuple[Vector, Vector, float] | None = None
+
+    def step(z: Vector) -> tuple[Vector, float | None]:
+        nonlocal last, ahead, two
+        if ahead is not None:
+            came, following, residual = ahead
+            ahead = None
+            if z is came:
+                return following, residual
+            two = None
+        known[0] = z is last
+        if two is None:
+            last, hint = single(z)
+            return last, hint
+        one, last = np.empty(z.size), np.empty(z.size)
+        squares = np.sqrt(two(z, one, last))
+        ahead = one, last, float(squares[1])
+        return one, float(squares[0])
+
+    return step
+
+
 def inverse_diagonal(diagonal: Vector, shift: Vector) -> Vector:
     """1/(`diagonal` + `shift`), both of shape (n,). Raises SingularOperator where the sum cancels.
 
@@ -282,6 +357,8 @@ def inverse_diagonal(diagonal: Vector, shift: Vector) -> Vector:
     array([0.5])
     """
     total = diagonal + shift
+    if diagonal.min() > 0.0 and shift.min() >= 0.0:  # nothing cancels
+        return np.divide(1.0, total, out=total)
     bad = np.abs(total) <= 4 * UNIT_ROUNDOFF * (np.abs(diagonal) + np.abs(shift))
     if bad.any():
         row = int(np.argmax(bad))

@@ -23,7 +23,7 @@ UNIT_ROUNDOFF = 2.0**-53
 #: the smallest positive float64, the most that underflow can cost one operation
 SMALLEST = 2.0**-1074
 #: what is remembered of A alone
-_OF_A = ("absolute", "jacobi radius")
+_OF_A = ("absolute", "jacobi radius", "rows")
 
 
 class ICP:
@@ -165,8 +165,9 @@ class ICP:
         """
         z = self.vector(z)
         with np.errstate(over="ignore", invalid="ignore"):
-            F = np.minimum(self.A @ z + self.q, z - self.psi.value(z))
-        return norm(F)
+            p = self.A @ z if z.any() else np.zeros(self.n)
+            p += self.q
+            return norm(np.minimum(p, z - self.psi.value(z), out=p))
 
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
         """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).

@@ -208,7 +208,7 @@ def test_newton_is_chosen_first_where_sweeps_are_slow_and_its_steps_are_cheap():
 
 
 def test_for_impulse_control_the_coarser_levels_come_first_where_the_problem_is_large_and_second_else():
-    for n, first, second in ((961, icp.Newton, icp.Multilevel), (1021, icp.Multilevel, icp.Newton)):
+    for n, first, second in ((481, icp.Newton, icp.Multilevel), (511, icp.Multilevel, icp.Newton)):
         choices = [type(choice.method) for choice in methods.choose.choose(scenes.dividend(n=n).problem)]
         assert choices[:2] == [first, second]
 

@@ -1,5 +1,7 @@
 """Splittings and operators: one equation behind all members."""
 
+from itertools import islice
+
 import numba
 import numpy as np
 import pytest
@@ -8,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal
+from icpmodel.methods import named
+from icpmodel.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal, rows_of
 from icpmodel.splittings import AOR, Given, Whole
 
 
@@ -227,3 +230,56 @@ class TestEquilibration:
         assert X.solve(np.array([3.0, 1e-310])) == pytest.approx([1.0, 1.0])
         with pytest.raises(icp.SingularOperator):
             FactorisedOperator(sp.csr_array([[2.0, 1e-309], [1.0, 0.0]]))
+
+
+def band(rng, n, below, above):
+    """A random matrix whose entries reach so far, with a diagonal of either sign."""
+    A = np.triu(np.tril(rng.normal(size=(n, n)), above), -below) * (rng.random((n, n)) < 0.7)
+    np.fill_diagonal(A, rng.choice([-1.0, 1.0], n) * (1.0 + rng.random(n)))
+    return A
+
+
+@pytest.mark.parametrize("index", [np.int32, np.int64])
+def test_the_rows_are_looked_at_right(index):
+    """Diagonal entries and where they stand, the weight of the others, and how far they reach."""
+    rng = np.random.default_rng(0)
+    for n, below, above in ((1, 0, 0), (2, 1, 0), (9, 0, 3), (40, 7, 2), (40, 39, 39)):
+        A = band(rng, n, below, above)
+        problem = icp.ICP(A, np.zeros(n))
+        problem.A.indices, problem.A.indptr = problem.A.indices.astype(index), problem.A.indptr.astype(index)
+        rows = rows_of(problem)
+        assert (problem.A.data[rows.diag] == A.diagonal()).all()
+        assert (rows.diagonal == A.diagonal()).all()
+        assert rows.rest == pytest.approx(np.abs(A).sum(axis=1) - np.abs(A.diagonal()))
+        i, j = np.nonzero(A)
+        assert (rows.below, rows.above) == ((i - j).max(), (j - i).max())
+
+
+@pytest.mark.parametrize("method", ["mnmgs", "mnmsor"])
+def test_two_sweeps_in_one_pass_are_the_two_sweeps(method):
+    """Iterates and residuals, for every reach of the entries above the diagonal, also from carried sums."""
+    rng = np.random.default_rng(1)
+    for n, below, above in ((1, 0, 0), (5, 4, 0), (5, 0, 4), (60, 3, 1), (60, 20, 9), (60, 59, 59)):
+        A = np.abs(band(rng, n, below, above)) + 2.0 * n * np.eye(n)
+        c = np.where(rng.random(n) < 0.2, -np.inf, rng.normal(size=n))
+        problem, z = icp.ICP(A, rng.normal(size=n), c), rng.normal(size=n)
+        path = named(method).iterates(problem, z)
+        for _ in range(7):
+            came, residual = next(path)
+            assert came == pytest.approx(z, rel=1e-13, abs=1e-13)
+            assert residual == pytest.approx(problem.residual(z), rel=1e-12)
+            z, _ = next(islice(named(method).iterates(problem, came), 1, None))
+
+
+def test_a_step_that_looks_ahead_takes_any_other_z_as_well():
+    rng = np.random.default_rng(2)
+    problem = icp.ICP(band(rng, 30, 3, 3) + 99.0 * np.eye(30), rng.normal(size=30), rng.normal(size=30))
+    omega = problem.A.diagonal()
+    step = AOR(1.0, 1.0).operator(problem.A, omega).step(problem, omega)
+    z = rng.normal(size=30)
+    for turn in range(12):
+        expected, _ = AOR(1.0, 1.0).operator(problem.A, omega).step(problem, omega)(z)
+        came, residual = step(z)
+        assert came == pytest.approx(expected, rel=1e-13, abs=1e-13)
+        assert residual == pytest.approx(problem.residual(z))
+        z = came if turn % 4 < 2 else rng.normal(size=30)

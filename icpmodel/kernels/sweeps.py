@@ -40,34 +40,65 @@ def _psi_entry(psi, i, z):
     return lambda psi, i, z: psi[1](z[i]) + psi[0][i]
 
 
-def _sweep_aor(indptr, indices, data, diag, q, psi, omega, inverse, tau, z, out):
-    # X = diag(1/inverse) + tau * (strict lower triangle of A), and out = z - 2 X^-1 F(z) row by row:
+def _row_aor(i, start, d, end, indices, data, q, psi, omega, inverse, tau, known, below, z, out):
+    # row i of X = diag(1/inverse) + tau * (strict lower triangle of A), and out = z - 2 X^-1 F(z):
     # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j)). The sums over old and new entries are kept
-    # apart, so that only one multiply-add stands between out_{i-1} and out_i.
-    squares = 0.0
+    # apart, so that only one multiply-add stands between out_{i-1} and out_i; the new one is the next sweep's old one.
+    new = 0.0
+    if known:
+        old = below[i]
+        for k in range(start, d):
+            new += data[k] * out[_at(indices[k])]
+    else:
+        old = 0.0
+        for k in range(start, d):
+            a, j = data[k], _at(indices[k])
+            old += a * z[j]
+            new += a * out[j]
+    below[i] = new
+    zi = z[i]
+    rest = q[i] + data[d] * zi
+    for k in range(d + _at(1), end):
+        rest += data[k] * z[_at(indices[k])]
+    p = rest + old
+    r = zi - psi_entry(psi, i, z)
+    natural = p if p < r else r
+    scaled = omega[i] * r
+    F = p if p < scaled else scaled
+    x = inverse[i]
+    out[i] = (zi + x * (tau * old - 2.0 * F)) - (x * tau) * new
+    return natural * natural
+
+
+_row = numba.njit(_row_aor, fastmath={"contract"}, error_model="numpy", nogil=True, inline="always")
+
+
+def _sweep_aor(indptr, indices, data, diag, q, psi, omega, inverse, tau, known, below, z, out):
+    # where known[0], below[i] = sum_{j<i} a_ij z_j; afterwards it is that of `out`
+    squares, carried = 0.0, known[0]
     start = _at(indptr[0])
     for i in range(_at(z.size)):
         d, end = _at(diag[i]), _at(indptr[i + _at(1)])
-        below_old = 0.0
-        below_new = 0.0
-        for k in range(start, d):
-            a, j = data[k], _at(indices[k])
-            below_old += a * z[j]
-            below_new += a * out[j]
-        zi = z[i]
-        rest = q[i] + data[d] * zi
-        for k in range(d + _at(1), end):
-            rest += data[k] * z[_at(indices[k])]
+        squares += _row(i, start, d, end, indices, data, q, psi, omega, inverse, tau, carried, below, z, out)
         start = end
-        p = rest + below_old
-        r = zi - psi_entry(psi, i, z)
-        natural = p if p < r else r
-        squares += natural * natural
-        scaled = omega[i] * r
-        F = p if p < scaled else scaled
-        x = inverse[i]
-        out[i] = (zi + x * (tau * below_old - 2.0 * F)) - (x * tau) * below_new
     return squares
+
+
+def _two_sweeps_aor(indptr, indices, data, diag, q, psi, omega, inverse, tau, known, below, lag, z, one, two):
+    # z -> one -> two, the second sweep `lag` rows behind the first: no row of A reaches further above its diagonal,
+    # and a row's entries come from memory once for both. The two do not wait for each other.
+    squares, more, carried = 0.0, 0.0, known[0]
+    n, lag = _at(z.size), _at(lag)
+    for step in range(n + lag):
+        i = _at(step)
+        if i < n:
+            start, d, end = _at(indptr[i]), _at(diag[i]), _at(indptr[i + _at(1)])
+            squares += _row(i, start, d, end, indices, data, q, psi, omega, inverse, tau, carried, below, z, one)
+        if i >= lag:
+            i -= lag
+            start, d, end = _at(indptr[i]), _at(diag[i]), _at(indptr[i + _at(1)])
+            more += _row(i, start, d, end, indices, data, q, psi, omega, inverse, tau, True, below, one, two)
+    return squares, more
 
 
 def _sweep_diagonal(indptr, indices, data, q, psi, omega, inverse, z, out):
@@ -155,10 +186,11 @@ def _substitute(start, stop, indices, data, tau, inverse, forward, f, out):
 
 
 class Sweeps:
-    """The four sweeps, compiled alike: `aor`, `diagonal`, `triangular`, `projected`."""
+    """The sweeps, compiled alike: `aor`, and `two_aor` in one pass, `diagonal`, `triangular`, `projected`."""
 
     def __init__(self, *, cache: bool) -> None:
         self.aor = compiled(_sweep_aor, cache=cache)
+        self.two_aor = compiled(_two_sweeps_aor, cache=cache)
         self.diagonal = compiled(_sweep_diagonal, cache=cache)
         self.triangular = compiled(_sweep_triangular, cache=cache)
         self.projected = compiled(_sweep_projected, cache=cache)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..intervention import Intervention
-from ..operators import factorise
+from ..operators import factorise, rows_of
 from ..problem import ICP
-from ..theory.spectral import jacobi_radius
+from ..theory.spectral import SMALL_RADIUS, jacobi_radius
 from . import Method
 from .lemke import Lemke
-from .linear import FACTORISE_UP_TO, is_band, is_factorised
+from .linear import FACTORISE_UP_TO, has_band, is_factorised
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
 from .multilevel import Multilevel
 from .newton import Newton
@@ -24,8 +24,8 @@ _WORTH_RELAXING = 1.2
 _HARDLY = 0.97
 #: from these sizes on multilevel is the quicker one where most rows are hardly dominant: bands, and all others
 _MULTILEVEL_FROM_ON_A_BAND, _MULTILEVEL_FROM = 100, 5000
-#: from this size on the best jumps are sought on coarser levels first
-_COARSER_JUMPS_FROM = 1000
+#: from these sizes on the best jumps are sought on coarser levels first: bands, and all others
+_JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
 #: up to this size an LCP costs less to pivot than to look at
 _PIVOT_UP_TO = 64
 
@@ -60,9 +60,9 @@ def choose(problem: ICP) -> Iterator[Choice]:
     """
     if is_small(problem):
         yield Choice(Lemke(), f"with n = {problem.n} pivoting solves an LCP at once")
-    positive = bool((problem.A.diagonal() > 0).all())
+    positive = bool((rows_of(problem).diagonal > 0).all())
     if isinstance(problem.psi, Intervention):
-        large = problem.n >= _COARSER_JUMPS_FROM
+        large = problem.n >= (_JUMPS_FROM_ON_A_BAND if has_band(problem) else _JUMPS_FROM)
         if large:
             yield from _coarser_jumps(problem)
         yield from _newton(problem, "policy iteration: the best jumps settle in a few steps")
@@ -92,7 +92,12 @@ def is_small(problem: ICP) -> bool:
 def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
     """What there is for D > 0: sweeps, and before them what is quicker where they would be slow, Newton else after."""
     yield from _multilevel(problem)
-    radius: float = problem.remembered("jacobi radius", lambda: jacobi_radius(problem.A))
+    rows = rows_of(problem)
+    # from the row sums alone where they already show that relaxation gains nothing
+    with np.errstate(over="ignore"):
+        radius = float((rows.rest / rows.diagonal).max())
+    if radius > SMALL_RADIUS:
+        radius = problem.remembered("jacobi radius", lambda: jacobi_radius(problem.A))
     omega = 2.0 / (1.0 + np.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
     relax = omega >= _WORTH_RELAXING
     slow = ""
@@ -113,12 +118,11 @@ def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
 
 def _multilevel(problem: ICP) -> Iterator[Choice]:
     """Multilevel where sweeps would be slow: information that crosses rows which are hardly dominant does not fade."""
-    A = problem.A
-    least = _MULTILEVEL_FROM_ON_A_BAND if is_band(A) else _MULTILEVEL_FROM
+    rows = rows_of(problem)
+    least = _MULTILEVEL_FROM_ON_A_BAND if has_band(problem) else _MULTILEVEL_FROM
     if problem.n < least:
         return
-    with np.errstate(over="ignore"):
-        share = np.mean(problem.absolute_A().sum(axis=1) > (1.0 + _HARDLY) * A.diagonal())
+    share = np.mean(rows.rest > _HARDLY * rows.diagonal)
     multilevel = Multilevel()
     if share > 0.5 and multilevel.why_not(problem) is None:
         yield Choice(multilevel, f"{share:.0%} of the rows are hardly dominant: sweeps would be slow")
@@ -127,14 +131,14 @@ def _multilevel(problem: ICP) -> Iterator[Choice]:
 def _coarser_jumps(problem: ICP) -> Iterator[Choice]:
     """Policy iteration that begins on coarser levels, where its systems can be solved."""
     multilevel = Multilevel()
-    if multilevel.why_not(problem) is None and is_factorised(problem.A):
+    if multilevel.why_not(problem) is None and is_factorised(problem):
         yield Choice(multilevel, "policy iteration, whose best jumps the coarser levels find first")
 
 
 def _newton(problem: ICP, why: str) -> Iterator[Choice]:
     """Newton where its systems can be solved and ψ has a derivative, and pivots where it fails."""
     newton, lemke = Newton(), Lemke()
-    if newton.why_not(problem) is None and is_factorised(problem.A):
+    if newton.why_not(problem) is None and is_factorised(problem):
         yield Choice(newton, why)
     if not is_small(problem) and lemke.why_not(problem) is None:
         yield Choice(lemke, "pivoting ends for every P-matrix and every semidefinite A")
@@ -148,16 +152,16 @@ def why_none(problem: ICP) -> str:
     """
     diagonal = problem.A.diagonal()
     i = int(np.argmin(diagonal))
-    big = "" if is_factorised(problem.A) else f"A with n > {FACTORISE_UP_TO} is not factorised"
+    big = "" if is_factorised(problem) else f"A with n > {FACTORISE_UP_TO} is not factorised"
     return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, and {big or 'A + Omega could not be factorised'}"
 
 
 def _factorised(problem: ICP, why: str) -> Iterator[Choice]:
     """MNMMOD with θ₁ = √(‖A‖_∞/‖A⁻¹1‖_∞), for an M-matrix the mean of its largest and smallest scale."""
-    if not is_factorised(problem.A):
+    if not is_factorised(problem):
         return
-    with np.errstate(over="ignore"):
-        size = float(problem.absolute_A().sum(axis=1).max())
+    rows = rows_of(problem)
+    size = float((rows.rest + np.abs(rows.diagonal)).max())
     lu = factorise(problem.A)
     inverse = np.inf if lu is None else float(np.abs(lu.solve(np.ones(problem.n))).max())
     theta1 = float(np.sqrt(size / inverse)) if 0 < inverse < np.inf else size

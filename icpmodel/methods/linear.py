@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..arrays import Vector, row_of
-from ..operators import factorise, quiet, ruge_stuben
+from ..operators import factorise, quiet, rows_of, ruge_stuben
 from ..problem import ICP
 from ..theory.certificates.equations import equations_on
 
@@ -79,6 +79,8 @@ def _chains(
     J: sp.csr_array, rows: NDArray[np.intp], free: NDArray[np.intp]
 ) -> tuple[Vector, list[sp.csr_array], sp.csr_array] | None:
     """(1 − own slope, N, N², N⁴, …, and T) with (I − N)⁻¹ = … (I + N²)(I + N); None where N has no power that is 0."""
+    if not J.nnz:
+        return np.ones(rows.size), [], sp.csr_array((rows.size, free.size))
     own = J.diagonal()[rows]
     slope, J_I = 1.0 - own, J[rows]
     if not slope.all():
@@ -128,7 +130,7 @@ def solver_of(M: sp.csr_array) -> Solver:
 
     @cache
     def direct() -> Solver:
-        if is_band(M):
+        if sum(_widths(M)) < _WIDEST_BAND:
             return _banded(scaled)
         return _dense(scaled) if M.nnz > _DENSE * n**2 else _bordered(scaled) or _sparse(scaled)
 
@@ -141,22 +143,23 @@ def solver_of(M: sp.csr_array) -> Solver:
     return solve
 
 
-def is_factorised(A: sp.csr_array) -> bool:
-    """Whether systems with `A` (CSR, square) may be left to a direct solver: beyond a size only those of bands are.
+def is_factorised(problem: ICP) -> bool:
+    """Whether systems with A may be left to a direct solver: beyond a size only those of bands are.
 
-    >>> is_factorised(sp.csr_array([[2.0, -1.0], [-1.0, 2.0]]))
+    >>> is_factorised(ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0]))
     True
     """
-    return A.shape[0] <= FACTORISE_UP_TO or is_band(A)
+    return problem.n <= FACTORISE_UP_TO or has_band(problem)
 
 
-def is_band(M: sp.csr_array) -> bool:
-    """Whether few diagonals next to the main one hold all entries of `M` (CSR, square).
+def has_band(problem: ICP) -> bool:
+    """Whether few diagonals next to the main one hold all entries of A.
 
-    >>> is_band(sp.csr_array([[2.0, -1.0], [-1.0, 2.0]]))
+    >>> has_band(ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0]))
     True
     """
-    return sum(_widths(M)) < _WIDEST_BAND
+    rows = rows_of(problem)
+    return rows.below + rows.above < _WIDEST_BAND
 
 
 def _widths(M: sp.csr_array) -> tuple[int, int]:
@@ -225,7 +228,7 @@ def _sparse(M: sp.csr_array) -> Solver:
 
 def _multigrid(M: sp.csr_array, accelerate: str) -> Solver | None:
     """Krylov steps with algebraic multigrid, None where M is too small, or nothing for it."""
-    if M.shape[0] < _MULTIGRID_FROM or is_band(M):
+    if M.shape[0] < _MULTIGRID_FROM or sum(_widths(M)) < _WIDEST_BAND:
         return None
     if not (M.diagonal() > 0).all() or (M.data[row_of(M) != M.indices] > 0).any():
         return None

@@ -29,6 +29,7 @@ import numpy as np
 
 from ..arrays import Vector, as_number, as_vector
 from ..errors import InputError
+from ..operators import rows_of
 from ..problem import ICP
 from ..splittings import AOR, Splitting, Whole, as_splitting
 from . import Method, positive_diagonal
@@ -89,7 +90,7 @@ class _FreeOmega(ModulusMember):
     def omega_of(self, problem: ICP) -> Vector:
         """φ₂/φ₁, or D where φ₂ is not given: see `ModulusMember.omega_of`."""
         if self.phi2 is None:
-            return problem.A.diagonal()
+            return rows_of(problem).diagonal
         return as_vector(self.phi2, problem.n, "phi2") / as_vector(self.phi1, problem.n, "phi1")
 
     def why_not(self, problem: ICP) -> str | None:

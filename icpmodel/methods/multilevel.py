@@ -89,7 +89,7 @@ class Multilevel(Method):
                 yield last, residual
             why = "multilevel no longer reduced the residual"
         newton = Newton()
-        if is_factorised(problem.A) and newton.why_not(problem) is None:
+        if is_factorised(problem) and newton.why_not(problem) is None:
             raise HandOver(newton, why)
         while True:  # nothing new will come
             yield last, None

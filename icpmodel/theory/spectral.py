@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 #: a radius up to which its size makes no difference to any choice
-_SMALL = 0.7
+SMALL_RADIUS = 0.7
 
 
 def jacobi_radius(A: sp.csr_array, steps: int | None = None) -> float:
@@ -25,14 +25,14 @@ def jacobi_radius(A: sp.csr_array, steps: int | None = None) -> float:
     """
     n, diagonal = A.shape[0], np.abs(A.diagonal())
     bound = float((abs(A) @ np.ones(n) / diagonal).max()) - 1.0
-    if bound <= _SMALL:
+    if bound <= SMALL_RADIUS:
         return bound
     weight = sp.diags_array(1.0 / np.sqrt(diagonal))
     scaled = sp.csr_array(weight @ abs(A) @ weight)
     S = sp.csr_array((scaled * scaled.T.tocsr()).sqrt())
     S.setdiag(0.0)
     bound = float(np.asarray(S.sum(axis=1)).max())
-    if bound <= _SMALL:
+    if bound <= SMALL_RADIUS:
         return bound
     v = np.full(n, 1.0 / np.sqrt(n))
     radius = 0.0
