@@ -13,6 +13,9 @@ from .errors import InputError
 
 Vector = NDArray[np.float64]
 
+#: so many entries have positions that fit into 32 bits
+_SHORT = np.iinfo(np.int32).max
+
 
 def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
     """A float64 copy of `value` with shape (n,); numbers are broadcast where n is given.
@@ -166,7 +169,7 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
         raise InputError(f"{name}[{i}, {matrix.indices[k]}] is {matrix.data[k]}; a finite number was expected")
     if keep_diagonal and sp.issparse(value):
         matrix = _with_stored_diagonal(matrix)
-    if matrix.nnz < np.iinfo(np.int32).max:
+    if matrix.nnz < _SHORT:
         matrix.indices = matrix.indices.astype(np.int32, copy=False)
         matrix.indptr = matrix.indptr.astype(np.int32, copy=False)
     return freeze(matrix)
@@ -177,9 +180,11 @@ def _compressed(array: np.ndarray, keep_diagonal: bool) -> sp.csr_array:
     stored = array != 0
     if keep_diagonal:
         np.fill_diagonal(stored, True)
-    indptr = np.zeros(array.shape[0] + 1, dtype=np.int64)
-    stored.sum(axis=1).cumsum(out=indptr[1:])
-    indices = stored.nonzero()[1]
+    # what SciPy would choose after looking at them all
+    index = np.int32 if array.size < _SHORT else np.int64
+    indptr = np.zeros(array.shape[0] + 1, dtype=index)
+    stored.sum(axis=1, dtype=index).cumsum(out=indptr[1:])
+    indices = stored.nonzero()[1].astype(index)
     matrix = sp.csr_array((array[stored].astype(np.float64), indices, indptr), shape=array.shape)
     matrix.has_canonical_format = True
     return matrix
@@ -191,6 +196,10 @@ def norm(x: Vector) -> float:
     >>> norm(np.array([3e200, 4e200])) / 1e200
     5.0
     """
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = float(x @ x)
+    if 1e-280 < squares < 1e280:
+        return math.sqrt(squares)
     largest = float(np.abs(x).max())
     if largest == 0.0 or not math.isfinite(largest):
         return largest

@@ -274,8 +274,8 @@ class Job:
 
     def _solution(self, best: _Best, status: Status, note: str) -> Solution:
         last = self.tried[-1][0] if self.tried else best.choice
-        # hints chose the best iterate; the judge has the last word, on the last iterate as well
-        candidates = [best]
+        # hints chose the best iterate, so the judge has the last word; of a z that solved he has just had it
+        candidates = [] if status is Status.SOLVED and not self.problem.psi.at_users_word else [best]
         if self.current is not best.z:
             candidates.append(_Best(self.current, np.inf, self.iteration, last))
         for candidate in candidates:

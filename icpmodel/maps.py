@@ -277,6 +277,8 @@ def as_map(psi: Any, n: int) -> Map:
     >>> as_map(0, 2)
     Constant(0)
     """
+    if type(psi) is float and psi == 0.0:
+        return _at_zero(n)
     if isinstance(psi, Map):
         return psi.bind(n)
     if callable(psi):
@@ -298,6 +300,12 @@ def is_compiled(f: object) -> bool:
 @lru_cache(maxsize=2)
 def _zero(n: int) -> sp.csr_array:
     return freeze(sp.csr_array((n, n)))
+
+
+@lru_cache(maxsize=1)
+def _at_zero(n: int) -> Map:
+    """ψ = 0, which LCPs of one size share: a map never changes."""
+    return Constant(0.0).bind(n)
 
 
 def _nonnegative(value: Any, n: int) -> Vector:

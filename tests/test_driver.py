@@ -119,6 +119,7 @@ def test_a_problem_without_solution_is_not_solved():
 
 
 def test_time_limit_returns_the_best_iterate(slow):
+    slow.solve("mnmj", max_iter=1, raise_on_failure=False)  # loads the compiled sweeps
     solution = slow.solve("mnmj", rtol=1e-14, time_limit=0.01, raise_on_failure=False)
     assert solution.status is Status.TIME_LIMIT
     assert 0 < solution.residual < slow.residual(np.zeros(900))
@@ -582,3 +583,21 @@ def test_a_fallback_that_needs_too_much_memory_loses_nothing(monkeypatch):
     solution = problem.solve(z0=[1.0, 0.5, 0.2], raise_on_failure=False)
     assert not solution.solved
     assert np.isfinite(solution.residual)
+
+
+def test_a_psi_that_changes_its_mind_at_the_same_z_is_found_out():
+    """What a user's function says is asked for once more before a run counts as solved."""
+
+    def run(changes_at):
+        calls = []
+
+        def psi(z):
+            calls.append(1)
+            return np.full(1, 5.0 if len(calls) >= changes_at else 0.0)
+
+        solution = icp.ICP([[2.0]], [-2.0], psi).solve("mnmgs", raise_on_failure=False)
+        return solution, len(calls)
+
+    solution, calls = run(np.inf)
+    assert solution.solved
+    assert "different values at the same z" in run(calls)[0].message

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
+from icpmodel.arrays import norm
 
 
 @pytest.mark.parametrize(
@@ -127,6 +128,16 @@ def test_a_series_of_problems_shares_A():
     assert problem.with_psi(5.0).q is problem.q
     assert [problem.with_q([-q]).solve().z[0] for q in (1.0, 2.0, 3.0)] == pytest.approx([0.5, 1.0, 1.5])
     assert problem.with_psi(3.0).solve().z[0] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-300, 1e-150, 1e-140, 1e-139, 1.0, 1e139, 1e140, 1e150, 1e300, np.inf])
+def test_the_norm_is_right_at_every_size_of_its_entries(size):
+    """Also where some squares, or all of them, over- or underflow."""
+    x = np.array([3.0, -4.0]) * size / 4.0 if 0 < size < np.inf else np.array([size, -size])
+    expected = np.hypot(*x)
+    assert norm(x) == pytest.approx(expected, rel=1e-14)
+    assert norm(np.append(x, 1e-170)) >= expected
+    assert np.isnan(norm(np.append(x, np.nan)))
 
 
 def test_res_is_the_two_norm_of_the_natural_map_and_does_not_overflow():
