@@ -196,6 +196,18 @@ class TestImpulseControl:
         assert (ours.r < ours.p).any()
         assert ours.z == pytest.approx(other.z, rel=1e-7)
 
+    def test_the_start_nearly_solves_the_problem(self):
+        problem = scenes.dividend(n=6001).problem
+        start = multilevel._start(Hierarchy(problem.A), problem)
+        assert problem.residual(start) <= 1e-6 * problem.residual(np.zeros(problem.n))
+
+    def test_a_start_that_is_worse_than_none_is_not_taken(self, monkeypatch):
+        problem = scenes.dividend(n=61).problem
+        monkeypatch.setattr(multilevel, "_start", lambda hierarchy, problem: np.full(problem.n, 1e6))
+        path = icp.Multilevel().iterates(problem, np.zeros(61))
+        next(path)
+        assert not next(path)[0].any()
+
     def test_a_good_start_is_kept(self):
         problem = scenes.dividend(n=961).problem
         z = problem.solve("newton").z
@@ -247,6 +259,18 @@ class TestAnswers:
     def test_a_triangular_matrix_takes_one_look_in_either_direction(self):
         for skew in (1.0, -1.0):
             assert membrane(skew=skew).solve(icp.Multilevel()).iterations == 1
+
+    def test_the_start_nearly_solves_the_problem(self):
+        problem = scenes.dividend(n=6001).problem
+        start = multilevel._start(Hierarchy(problem.A), problem)
+        assert problem.residual(start) <= 1e-6 * problem.residual(np.zeros(problem.n))
+
+    def test_a_start_that_is_worse_than_none_is_not_taken(self, monkeypatch):
+        problem = scenes.dividend(n=61).problem
+        monkeypatch.setattr(multilevel, "_start", lambda hierarchy, problem: np.full(problem.n, 1e6))
+        path = icp.Multilevel().iterates(problem, np.zeros(61))
+        next(path)
+        assert not next(path)[0].any()
 
     def test_a_good_start_is_kept(self):
         problem = membrane()

@@ -44,8 +44,10 @@ def derivatives(rng, n):
     jumps[np.arange(1, n), rng.integers(0, np.arange(1, n))] = 1.0
     circle = np.roll(np.eye(n), 1, axis=1)
     own = np.diag(rng.uniform(-2.0, 0.9, n))
+    unit = np.eye(n) + 0.5 * circle  # I − ψ′ has no diagonal
     return {
         "none": 0 * own,
+        "unit slope": unit,
         "jumps": jumps,
         "circle": 0.9 * circle,
         "own": own,
@@ -74,19 +76,34 @@ def test_jumps_in_a_circle_have_no_step():
     assert step(np.ones(3), np.array([1.0, 2.0, 3.0]), 1e-8) is None
 
 
-@pytest.mark.parametrize("singular_band", [False, True])
+def test_a_bordered_band_that_is_solved_badly_is_solved_once_more(monkeypatch):
+    n, banded = 500, linear._banded
+    M = sp.lil_array(sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(n, n)))
+    M[100, 400] = 1.0
+    M = sp.csr_array(M)
+
+    def poor(band):
+        solve = banded(band)
+        return lambda f, tolerance: solve(f, tolerance) * (1.0 + 1e-9)
+
+    monkeypatch.setattr(linear, "_banded", poor)
+    assert M @ linear.solver_of(M)(np.ones(n), 1e-12) == pytest.approx(np.ones(n), rel=1e-12)
+
+
+@pytest.mark.parametrize("band", [0.0, 1e-14, 1.0])
 @pytest.mark.parametrize("rows", [1, 3, 16, 17])
-def test_a_band_with_a_few_full_rows_is_solved(rows, singular_band):
-    """Up to 16 of them by Woodbury's formula, unless the band alone is singular; else as any sparse matrix."""
+def test_a_band_with_a_few_full_rows_is_solved(rows, band, monkeypatch):
+    """Up to 16 of them by Woodbury's formula, unless the band alone is singular or nearly; else as a sparse matrix."""
     n, rng = 3000, np.random.default_rng(rows)
     M = sp.lil_array(sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(n, n)))
     for i in 100 + 150 * np.arange(rows):
-        if singular_band:
-            M[i, [i - 1, i, i + 1]] = 0.0
-        M[i, i + (10 if singular_band else n // 10)] = 1.5
+        M[i, [i - 1, i, i + 1]] = band, -2.5 * band, band
+        M[i, i + (n // 10 if band == 1.0 else 10)] = 1.5
     M = sp.csr_array(M)
     M.eliminate_zeros()
     f = rng.normal(size=n)
+    if band == 1.0 and rows <= 16:
+        monkeypatch.delattr(linear, "_sparse")
     x = linear.solver_of(M)(f, 1e-12)
     assert M @ x == pytest.approx(f, abs=1e-10)
 
