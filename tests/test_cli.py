@@ -325,6 +325,17 @@ def test_solve_to_an_accuracy_and_polish(capsys):
     assert "give accuracy alone" in err
 
 
+def test_measure_dominant_impulse_and_small(capsys):
+    for command, options in (
+        ("dominant", ["--n", "100"]),
+        ("impulse", ["--n", "61"]),
+        ("small", ["--n", "8", "--k", "2"]),
+    ):
+        code, out, _ = call(capsys, "measure", command, *options, "--repeats", "3", "--csv")
+        assert code == 0
+        assert len(out.splitlines()) == (10 if command == "small" else 2)
+
+
 def test_measure_bounds_certificate_and_limit(capsys):
     code, out, _ = call(capsys, "measure", "bounds", "--n", "16", "--trials", "1", "--csv")
     assert code == 0

@@ -7,9 +7,12 @@ import icpmodel as icp
 from icpmodel.measure import (
     bound_ratios,
     certificate_cost,
+    dominant_cost,
     false_success,
     grid_order,
+    impulse_cost,
     linear_solve,
+    small_cost,
     solve_cost,
     sweep_cost,
     sweep_counts,
@@ -114,3 +117,31 @@ def test_solve_is_compared_with_a_linear_solve_on_every_variant():
         assert lowest <= ratio <= highest
     with pytest.raises(icp.InputError, match="repeats is 2"):
         solve_cost([400], repeats=2)
+
+
+@pytest.mark.parametrize("table", [dominant_cost, impulse_cost], ids=lambda f: f.__name__)
+def test_the_costs_of_whole_solves_are_compared_in_pairs(table):
+    """One row per size; the count, the method and, for impulse control, the error are those of `solve()`."""
+    made = table([100, 400], repeats=3)
+    assert [row[0] for row in made.rows] == ([100, 400] if table is dominant_cost else [91, 391])
+    for row in made.rows:
+        name = "membrane" if table is dominant_cost else "dividend"
+        built = icp.scenes.scene(name, row[0], **({"mu": 4.0} if table is dominant_cost else {}))
+        solution = built.problem.solve()
+        assert row[1:3] == (solution.method.name, solution.iterations)
+        if table is impulse_cost:
+            assert row[3] == pytest.approx(built.errors(solution.z)["V(1)"])
+        assert 0 < row[-2] <= row[-3] <= row[-1]
+    with pytest.raises(icp.InputError, match="at least 3"):
+        table([100], repeats=2)
+
+
+def test_small_problems_are_compared_with_osqp_at_residuals_that_are_shown():
+    rows = small_cost(n=8, k=5, repeats=3).rows
+    assert [row[0] for row in rows] == ["one", "one, arrays ready"] * 3 + ["5 with one A"] * 3
+    for row in rows:
+        assert row[-2] < 1e-12
+        assert row[-1] < (1e-6 if "1e-8" in row[2] else 1e-1)
+        assert min(row[3:6]) > 0
+    with pytest.raises(icp.InputError, match="at least 3"):
+        small_cost(repeats=2)

@@ -112,6 +112,40 @@ def honesty(scenes: tuple[str, ...], seeds: int, n: int, as_csv: bool) -> int:
     return _show(false_success(seeds, n, scenes, progress=True), as_csv)
 
 
+@measure.command()
+@click.option("--n", "sizes", type=int, multiple=True, default=(10_000, 100_000, 1_000_000), show_default=True)
+@click.option("--repeats", type=int, default=9, show_default=True, help="Pairs of timings.")
+@_AS_CSV
+def dominant(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
+    """solve() where A is strongly dominant (mu = 4), against sweeps times one SciPy A @ z, timed in turn."""
+    from ..measure import dominant_cost
+
+    return _show(dominant_cost(sizes, repeats), as_csv)
+
+
+@measure.command()
+@click.option("--n", "sizes", type=int, multiple=True, default=(961, 6001, 25_601, 100_001), show_default=True)
+@click.option("--repeats", type=int, default=9, show_default=True, help="Pairs of timings.")
+@_AS_CSV
+def impulse(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
+    """solve() on the dividend scene against one sparse factorisation of its A, timed in turn."""
+    from ..measure import impulse_cost
+
+    return _show(impulse_cost(sizes, repeats), as_csv)
+
+
+@measure.command()
+@click.option("--n", type=click.IntRange(min=1), default=16, show_default=True, help="Unknowns.")
+@click.option("--k", type=click.IntRange(min=1), default=10_000, show_default=True, help="Right-hand sides of one A.")
+@click.option("--repeats", type=int, default=15, show_default=True, help="Pairs of timings.")
+@_AS_CSV
+def small(n: int, k: int, repeats: int, as_csv: bool) -> int:
+    """Small LCPs against OSQP, one at a time and many with one A, timed in turn."""
+    from ..measure import small_cost
+
+    return _show(small_cost(n, k, repeats), as_csv)
+
+
 def _show(table: Table, as_csv: bool) -> int:
     click.echo(table.to_csv() if as_csv else str(table), nl=not as_csv)
     return 0

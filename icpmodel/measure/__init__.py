@@ -1,11 +1,13 @@
 """Measurements behind the numbers of the README: the subcommands of `icpmodel measure` print them."""
 
 from .certainty import bound_ratios, certificate_cost
+from .dominant import dominant_cost, impulse_cost
 from .honesty import false_success
 from .html_report import html_report
 from .limit import linear_solve, solve_cost
 from .planes import Axis, Plane
 from .sensitivity import Sensitivity, sensitivity
+from .small import small_cost
 from .solution_chart import solution_figure
 from .stability_map import StabilityMap, stability
 from .tables import Table, grid_order, sweep_cost, sweep_counts
@@ -18,11 +20,14 @@ __all__ = [
     "Table",
     "bound_ratios",
     "certificate_cost",
+    "dominant_cost",
     "false_success",
     "grid_order",
     "html_report",
+    "impulse_cost",
     "linear_solve",
     "sensitivity",
+    "small_cost",
     "solution_figure",
     "solve_cost",
     "stability",
