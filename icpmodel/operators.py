@@ -338,7 +338,7 @@ def _with_memory(single: Step, two: Callable[..., tuple[float, float]] | None, k
             if z is came:
                 return following, residual
             two = None
-        known[0] = z is last
+        known[0], last = z is last, None  # a sweep that raises leaves no sums behind
         if two is None:
             last, hint = single(z)
             return last, hint

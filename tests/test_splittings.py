@@ -283,3 +283,23 @@ def test_a_step_that_looks_ahead_takes_any_other_z_as_well():
         assert came == pytest.approx(expected, rel=1e-13, abs=1e-13)
         assert residual == pytest.approx(problem.residual(z))
         z = came if turn % 4 < 2 else rng.normal(size=30)
+
+
+def test_a_sweep_that_raises_leaves_nothing_behind():
+    """The step before it, asked for once more, is what it was."""
+
+    @numba.njit
+    def f(t):
+        if t > 50.0:
+            raise ValueError("too large")
+        return 0.3 * np.sin(t)
+
+    rng = np.random.default_rng(3)
+    problem = icp.ICP(band(rng, 9, 3, 3) + 99.0 * np.eye(9), rng.normal(size=9), icp.Elementwise(f))
+    omega = problem.A.diagonal()
+    step = AOR(1.0, 1.0).operator(problem.A, omega).step(problem, omega)
+    one, _ = step(rng.normal(size=9))
+    two, _ = AOR(1.0, 1.0).operator(problem.A, omega).step(problem, omega)(one)
+    with pytest.raises(icp.MapError):
+        step(np.append(rng.normal(size=8), 99.0))
+    assert step(one)[0] == pytest.approx(two, rel=1e-13, abs=1e-13)
