@@ -102,7 +102,7 @@ def _chains(
 
 
 def solver_of(M: sp.csr_array) -> Solver:
-    """A solver of Mx = f for many f: a band, dense or sparse factorisation, or multigrid.
+    """A solver of Mx = f for many f: for a band, one with a few full rows, dense or sparse matrices, or multigrid.
 
     Large matrices with a positive diagonal and nothing positive off it get CG (where symmetric) or BiCGSTAB with
     algebraic multigrid, to the tolerance that is asked for, and SuperLU where those do not converge; the others are

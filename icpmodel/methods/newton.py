@@ -53,9 +53,10 @@ _LOOSE, _TIGHT = 1e-3, 1e-8
 class Newton(Method):
     """z⁺: z_i = ψ_i(z) linearised where r_i < p_i/Ω_i, (Az + q)_i = 0 elsewhere; Ω = |D|.
 
-    It needs ψ's derivative. Where ψ_i moves with z_i alone, or not at all, the active rows are eliminated. Any A will
-    do: where steps fail to reduce the residual enough, a line search takes over (see the module's docstring). It cannot
-    cycle, but where A is no P-matrix it may stand still at a z that is no solution.
+    It needs ψ's derivative. Where the active rows depend on the others by chains that end (constant ψ, ψ_i that moves
+    with z_i alone, jumps), they are eliminated. Any A will do: where steps fail to reduce the residual enough, a line
+    search takes over (see the module's docstring). It cannot cycle, but where A is no P-matrix it may stand still at a
+    z that is no solution.
     References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002); De Luca, Facchinei and Kanzow, Math. Program.
     75 (1996), for the merit function; Bokanowski, Maroso and Zidani, SIAM J. Numer. Anal. 47 (2009), for policy
     iteration.
