@@ -11,7 +11,8 @@ from .arrays import as_truth
 from .errors import InputError, NotApplicable, NotSolved
 from .loop import Job, Limits, Progress
 from .methods import Method, named
-from .methods.choose import Choice, choose
+from .methods.choose import Choice
+from .methods.reduced import choices
 from .problem import ICP, as_icp
 from .solution import Solution
 
@@ -97,7 +98,7 @@ def _choices(problem: ICP, method: str | Method | None, options: dict[str, Any])
                 f"solve has no option {next(iter(options))}; it takes {', '.join(_OPTIONS)}, "
                 "and the options of a method only where one is named"
             )
-        yield from choose(problem)
+        yield from choices(problem)
         return
     if isinstance(method, Method):
         if options:

@@ -154,7 +154,8 @@ class Job:
                     if not tolerate_singular:
                         raise
                     continue
-                self.tried.append((choice, status))
+                if not (self.successor and type(self.successor.method) is type(choice.method)):  # else it goes on
+                    self.tried.append((choice, status))
                 if status not in _WORTH_ANOTHER_METHOD:
                     break
         except KeyboardInterrupt:  # while the next method was chosen

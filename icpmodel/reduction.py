@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
+from typing import Any
 
-from .arrays import Vector
-from .maps import Constant, Map
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .arrays import Vector, row_of
+from .intervention import Intervention
+from .maps import Affine, Constant, Map
 from .problem import ICP, UNIT_ROUNDOFF
 
 #: evaluations of ψ at the most; with a derivative five are the rule
 _EVALUATIONS = 100
+#: a block of at most so many rows is pivoted
+PIVOT_UP_TO = 64
+#: so many parts that do not interact get a method each
+_PARTS = 32
+
+Rows = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
 def has_fixed_obstacle(problem: ICP) -> bool:
@@ -63,3 +76,186 @@ def _roots(psi: Map, slope: Vector) -> Vector:
         if np.array_equal(c, before):
             break
     return np.where(np.isneginf(value), -np.inf, c)
+
+
+def restricted(problem: ICP, rows: Rows, z: Vector) -> ICP:
+    """The ICP in the unknowns `rows` alone, where all others are what they are in `z`, shape (n,).
+
+    ψ must be constant, affine, or a best jump that neither leaves nor enters those rows.
+
+    >>> part = restricted(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0]), np.array([0]), np.array([9.0, 4.0]))
+    >>> part.A.toarray(), part.q
+    (array([[2.]]), array([-5.]))
+    """
+    A, psi, known = problem.A[rows], problem.psi, z.copy()
+    known[rows] = 0.0
+    inside: Any
+    if isinstance(psi, Constant):
+        inside = psi.c[rows]
+    elif isinstance(psi, Affine):
+        G = psi.G[rows]
+        inside = Affine(G[:, rows], G @ known + psi.c[rows])
+    else:
+        assert isinstance(psi, Intervention)
+        assert psi.jumps is not None
+        inside = Intervention(psi.jumps[rows][:, rows], psi.best)
+    return ICP(A[:, rows], A @ known + problem.q[rows], inside)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Blocks:
+    """The `open` rows of `problem` in blocks that hang on earlier ones only: the strong components of A and ψ.
+
+    Block k is `rows[starts[k] : starts[k + 1]]`. The blocks in `before` are so small that they are solved one after the
+    other, those in `after` as well, once the rest is known; `parts` are the rows of that rest, in parts that do not
+    interact (all in one where they are many). Rows that are not open rest on the fixed obstacle, see `without`;
+    `opened` is how often some of them had to be opened, `radius` the estimated Jacobi radius of what was open before.
+
+    >>> chain = blocks(ICP([[1.0, 0.0], [-1.0, 1.0]], [-1.0, -1.0]))
+    >>> chain.rows, chain.core, chain.forward(np.zeros(2), chain.before)
+    (array([0, 1]), 0, (array([1., 2.]), array([ True,  True])))
+    """
+
+    problem: ICP
+    open: Mask
+    rows: Rows
+    starts: Rows
+    before: Mask
+    after: Mask
+    parts: tuple[Rows, ...]
+    opened: int = 0
+    radius: float | None = None
+
+    def __repr__(self) -> str:
+        n, sizes, small = self.problem.n, np.diff(self.starts), self.before | self.after
+        rest, one_by_one = n - np.count_nonzero(self.open), int(small[sizes == 1].sum())
+        pivoted, blocks = int(sizes[small].sum()) - one_by_one, int(small.sum()) - one_by_one
+        told = {
+            f"{rest} rest on the obstacle": rest,
+            f"more were opened {self.opened} times": self.opened,
+            f"{one_by_one} follow one by one": one_by_one,
+            f"{pivoted} in {blocks} small blocks are pivoted": pivoted,
+            f"{len(self.parts)} parts do not interact": len(self.parts) > 1,
+        }
+        return f"n = {n} -> {self.core} rows still open: {', '.join(text for text, holds in told.items() if holds)}"
+
+    @property
+    def core(self) -> int:
+        """How many rows are left once blocks and rows at the obstacle are gone.
+
+        >>> blocks(ICP([[1.0, 0.0], [-1.0, 1.0]], [-1.0, -1.0])).core
+        0
+        """
+        return sum(part.size for part in self.parts)
+
+    def with_core(self, unsolved: Mask) -> Blocks | None:
+        """The blocks once the `unsolved` ones, which `forward` cannot do, belong to the core as well.
+
+        >>> chain = blocks(ICP([[1.0, 0.0], [-1.0, 1.0]], [-1.0, -1.0]))
+        >>> chain.with_core(np.array([True, False]))
+        n = 2 -> 1 rows still open: 1 follow one by one
+        """
+        core = np.zeros(self.problem.n, dtype=bool)
+        core[self.rows[np.repeat(unsolved, np.diff(self.starts))]] = True
+        core[np.concatenate([*self.parts, self.rows[:0]])] = True
+        return blocks(self.problem, core)
+
+    def forward(self, z: Vector, wanted: Mask) -> tuple[Vector, Mask]:
+        """`z` with the `wanted` blocks solved in turn, and which of them are solved, as far as the kernel knows.
+
+        Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4, for the blocks.
+
+        >>> chain = blocks(ICP([[1.0, 0.0], [-1.0, 1.0]], [-1.0, -1.0]))
+        >>> chain.forward(np.zeros(2), np.array([True, False]))
+        (array([1., 0.]), array([ True, False]))
+        """
+        if not wanted.any():
+            return z, wanted
+        from .kernels.pivoting import apart  # loads numba
+
+        A, psi, z = self.problem.A, self.problem.psi, z.copy()
+        c = getattr(psi, "c", np.full(z.size, -np.inf))  # rows of a best jump are never in a block
+        G = psi.G if isinstance(psi, Affine) else sp.csr_array(A.shape)
+        slopes = (G.indptr, G.indices, G.data)
+        return z, apart(A.indptr, A.indices, A.data, self.problem.q, c, slopes, self.rows, self.starts, wanted, z)
+
+
+def without(problem: ICP, open_rows: Mask) -> Blocks:
+    """The `open_rows` of `problem`, a mask of shape (n,), as one part, where the others rest on a fixed obstacle.
+
+    >>> without(ICP(np.eye(3), [-1.0, 1.0, 2.0]), np.array([True, False, False]))
+    n = 3 -> 1 rows still open: 2 rest on the obstacle
+    """
+    nothing, rows = np.zeros(0, dtype=bool), np.flatnonzero(open_rows)
+    return Blocks(problem, open_rows, rows[:0], np.zeros(1, dtype=np.intp), nothing, nothing, (rows,))
+
+
+def blocks(problem: ICP, core: Mask | None = None) -> Blocks | None:
+    """The blocks of `problem`, None where all rows are one, or where it is not known on which unknowns ψ depends.
+
+    Parameters: rows that are to be in the `core`, a mask of shape (n,), or None.
+    Reference: Tarjan, SIAM J. Comput. 1 (1972), for strong components.
+
+    >>> blocks(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0])).core, blocks(ICP([[1.0]], [1.0], np.sin))
+    (0, None)
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    fixed = problem.is_lcp or has_fixed_obstacle(problem)
+    graph = problem.A if fixed else _dependencies(problem)
+    if graph is None:
+        return None
+    count, part = connected_components(graph, connection="strong")
+    if count == 1 and problem.n > PIVOT_UP_TO:
+        return None
+    # SciPy numbers the components so that each hangs on those before it only
+    simple = with_fixed_obstacle(problem) if fixed else problem
+    sizes = np.bincount(part, minlength=count)
+    heavy = sizes > PIVOT_UP_TO
+    heavy[part[_unsuitable(simple, part, sizes)]] = True
+    if core is not None:
+        heavy[part[core]] = True
+    return _arranged(simple, graph, part, np.concatenate([[0], np.cumsum(sizes)]), heavy)
+
+
+def _dependencies(problem: ICP) -> sp.csr_array | None:
+    """Where row i depends on unknown j, be it through A or ψ; None where that is not known, or not of use."""
+    psi = problem.psi
+    if not isinstance(psi, Affine | Intervention) or psi.lipschitz is None:
+        return None
+    return sp.csr_array(problem.absolute_A() + psi.lipschitz)
+
+
+def _unsuitable(problem: ICP, part: Any, sizes: Any) -> Mask:
+    """The rows that `Blocks.forward` does not solve: those alone without one answer, and moving ψ inside a block."""
+    psi, alone = problem.psi, sizes[part] == 1
+    wrong: Mask = alone & ~(problem.A.diagonal() > 0)
+    if isinstance(psi, Affine):
+        i, j = row_of(psi.G), psi.G.indices
+        wrong |= alone & ~(psi.G.diagonal() < 1)
+        wrong[i[~alone[i] & (part[i] == part[j])]] = True
+    elif isinstance(psi, Intervention):
+        assert psi.jumps is not None
+        wrong |= np.diff(psi.jumps.indptr) > 0
+        wrong[psi.jumps.indices] = True
+    return wrong
+
+
+def _arranged(simple: ICP, graph: sp.csr_array, part: Any, starts: Rows, heavy: Mask) -> Blocks:
+    """The blocks by what they need of the `heavy` ones."""
+    from scipy.sparse.csgraph import connected_components
+
+    rows = np.argsort(part, kind="stable")
+    after, needed = heavy, heavy
+    if heavy.any():
+        from .kernels.parts import stages  # loads numba
+
+        after, needed = stages(graph.indptr, graph.indices, part, rows, starts, heavy)
+    core = np.flatnonzero((after & needed)[part])
+    parts = [core] if core.size else []
+    if core.size:
+        count, of = connected_components(graph[core][:, core], connection="weak")
+        if 1 < count <= _PARTS:
+            parts = [core[of == k] for k in range(count)]
+    everything = np.ones(simple.n, dtype=bool)
+    return Blocks(simple, everything, rows, starts, ~after, after & ~needed, tuple(parts))

@@ -6,6 +6,7 @@ To check a method of your own, add it to METHODS.
 import icpmodel as icp
 from icpmodel import scenes
 from icpmodel.methods.lemke import Lemke
+from icpmodel.methods.reduced import Reduced
 
 #: a method that is a special case of another by default is given options of its own
 METHODS = {
@@ -23,6 +24,7 @@ METHODS = {
     "nmms": icp.NMMS(splitting="jacobi"),
     "projection-fixed-point": icp.ProjectionFixedPoint(omega=0.9),
     "psor": icp.PSOR(omega=1.1),
+    "reduced": Reduced(),
 }
 
 #: wanted sizes of the scenes that have one
@@ -47,6 +49,23 @@ MUST_FAIL = {
     ),
     **dict.fromkeys(
         [(m, "hand-splittings") for m in ("mnmaor", "mnmgs", "mnmmod", "mnmod", "mnmsor", "modulus")], _COUPLED
+    ),
+    **dict.fromkeys(
+        [
+            ("reduced", scene)
+            for scene in (
+                "bai-nonsymmetric",
+                "bai-symmetric",
+                "ball",
+                "dividend",
+                "hand-affine",
+                "hand-splittings",
+                "manufactured-affine",
+                "manufactured-elementwise",
+                "membrane",
+            )
+        ],
+        "why_not: every row hangs on every other",
     ),
     ("lemke", "dividend"): "why_not: psi is neither constant nor affine",
     ("lemke", "manufactured-elementwise"): "why_not: psi is neither constant nor affine",

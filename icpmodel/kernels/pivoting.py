@@ -16,10 +16,10 @@ from . import compiled
 
 #: how a run of pivots ended
 SOLVED, RAY, UNFINISHED, SINGULAR = 0, 1, 2, 3
-#: in a column of the dictionary, what is smaller than this share of its largest entry counts as zero
-_ZERO = 1e-11
-#: ratios that differ by no more than this are ties
-_TIE = 1e-13
+#: in a column of the dictionary, a smaller share of its largest entry counts as zero; ratios so near are ties
+_ZERO, _TIE = 1e-11, 1e-13
+#: blocks: entries within 2^±so many of each other need no units of their own; pivots per row
+_TAME, _PIVOTS = 40, 50
 
 
 def _exchange(D, r, e, basic, nonbasic, place):
@@ -42,9 +42,8 @@ exchange = compiled(_exchange)
 
 
 def _leaving(D, e, free, basic, place, ties):
-    # the row whose variable reaches 0 first as that of column e grows; -1 where none does. Ties are broken by the rows
-    # of (b, inverse of the basis), which stands in the columns of w: the lexicographically least ratio is unique, so
-    # that no basis comes back. y of a row without obstacle never leaves.
+    # the row whose variable reaches 0 first as that of column e grows, or -1; ties are broken by the inverse of the
+    # basis, in the columns of w: the lexicographically least ratio is unique. y of a row without obstacle never leaves
     n, count = D.shape[0], 0
     largest, least = 0.0, np.inf
     for i in range(n):
@@ -185,15 +184,10 @@ refined = compiled(_refined)
 
 
 def _go_on(S, f, free, units, D, labels, work, entering, limit):
-    # a start (entering = -1) and up to `limit` pivots; returns how they ended, what is to enter, and y: the solution,
-    # the direction of the ray, or where the path is
+    # a start (entering = -1), up to `limit` pivots: how they ended, what is to enter, and y, of a ray its direction
     n = S.shape[0]
-    basic, nonbasic, place, ties = (
-        labels[:n],
-        labels[n : 2 * n + 1],
-        labels[2 * n + 1 : 4 * n + 2],
-        labels[4 * n + 2 :],
-    )
+    basic, nonbasic = labels[:n], labels[n : 2 * n + 1]
+    place, ties = labels[2 * n + 1 : 4 * n + 2], labels[4 * n + 2 :]
     code = UNFINISHED
     if entering < 0:
         entering = start(S, f, free, D, basic, nonbasic, place)
@@ -235,19 +229,6 @@ def _right(q, r, c, f, units):
 right = compiled(_right)
 
 
-def _dense(indptr, indices, data):
-    # a CSR matrix as a dense one
-    n = indptr.size - 1
-    M = np.zeros((n, n))
-    for i in range(n):
-        for k in range(indptr[i], indptr[i + 1]):
-            M[i, indices[k]] = data[k]
-    return M
-
-
-dense = compiled(_dense)
-
-
 def _begin(S, r, c, q, free):
     # all that `go_on` takes but for the last two arguments
     n = S.shape[0]
@@ -272,3 +253,55 @@ def _many(S, r, c, Q, free, limit, Y):
 
 
 many = compiled(_many)
+
+
+def _row(indptr, indices, data, i, z):
+    # (the diagonal entry of row i, the sum over its other columns of the entry times z)
+    own, others = 0.0, 0.0
+    for k in range(indptr[i], indptr[i + 1]):
+        if indices[k] == i:
+            own += data[k]
+        else:
+            others += data[k] * z[indices[k]]
+    return own, others
+
+
+row = compiled(_row)
+
+
+def _apart(indptr, indices, data, q, c, slopes, rows, starts, wanted, z):
+    # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
+    # having no entry there. Returns which may be solved: none that needs units of its own, or need not have one answer
+    solved, place = np.zeros_like(wanted), np.full(z.size, -1, np.int32)
+    for k in np.flatnonzero(wanted):
+        b, i = starts[k + 1] - starts[k], rows[starts[k]]
+        if b == 1:
+            own, p = row(indptr, indices, data, i, z)
+            slope, r = row(*slopes, i, z)
+            z[i] = max((r + c[i]) / (1.0 - slope), -(p + q[i]) / own)
+            solved[k] = own > 0.0 and slope < 1.0 and math.isfinite(z[i])
+            continue
+        block, S, f = rows[starts[k] : starts[k + 1]], np.zeros((b, b)), np.empty(b)
+        free = c[block] == -np.inf
+        for at in range(b):
+            place[block[at]] = at
+            z[block[at]] = 0.0 if free[at] else c[block[at]] + row(*slopes, block[at], z)[1]
+        for at in range(b):
+            f[at] = q[block[at]]
+            for e in range(indptr[block[at]], indptr[block[at] + 1]):
+                f[at] += data[e] * z[indices[e]]
+                if place[indices[e]] >= 0:
+                    S[at, place[indices[e]]] += data[e]
+        place[block] = -1
+        size = np.abs(S.ravel())
+        low, high = math.frexp(np.min(np.where(size > 0.0, size, np.inf)))[1], math.frexp(np.max(size))[1]
+        if high - low > _TAME or not np.all(np.isfinite(f)):
+            continue
+        state = begin(np.ldexp(S, -high), np.full(b, -high), np.zeros(b, np.int64), f, free)
+        code, _, y = go_on(*state, -1, _PIVOTS * (b + 1))
+        solved[k] = code == SOLVED
+        z[block] += y
+    return solved
+
+
+apart = compiled(_apart)
