@@ -132,7 +132,7 @@ class Blocks:
         pivoted, blocks = int(sizes[small].sum()) - one_by_one, int(small.sum()) - one_by_one
         told = {
             f"{rest} rest on the obstacle": rest,
-            f"more were opened {self.opened} times": self.opened,
+            f"others had to be opened ({self.opened} x)": self.opened,
             f"{one_by_one} follow one by one": one_by_one,
             f"{pivoted} in {blocks} small blocks are pivoted": pivoted,
             f"{len(self.parts)} parts do not interact": len(self.parts) > 1,

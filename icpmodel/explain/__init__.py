@@ -13,8 +13,8 @@ import numpy as np
 from ..arrays import as_number
 from ..errors import InputError
 from ..methods import Method, named
-from ..methods.choose import choose
 from ..methods.modulus import ModulusMember
+from ..methods.reduced import choices
 from ..problem import ICP, UNIT_ROUNDOFF, as_icp
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed
@@ -268,7 +268,7 @@ def explain(problem: ICP, method: str | Method | None = None, *, accuracy: float
     problem, accuracy = as_icp(problem), as_number(accuracy, "accuracy", above=0)
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
-    first = next(choose(problem), None)
+    first = next(choices(problem), None)
     if method is not None:
         wanted = _member(named(method, **options) if isinstance(method, str) else method)
         methods: dict[str, Method] = {repr(wanted): wanted}

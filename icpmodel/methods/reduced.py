@@ -92,13 +92,13 @@ class Reduced(Method):
         >>> Reduced().why_not(ICP([[1.0]], [1.0], np.sin))
         'nothing can be left out, and there are no parts that are solved apart'
         """
-        found = self.blocks is not None or _structure(problem) is not None or _at_rest(problem) is not None
+        found = self.blocks is not None or _found(problem) is not None
         return None if found else "nothing can be left out, and there are no parts that are solved apart"
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. Raises HandOver where more rows have to be opened."""
         yield z, None
-        found = self.blocks or _structure(problem) or _at_rest(problem)
+        found = self.blocks or _found(problem)
         while found is not None:
             start = z.copy() if found.open.all() else np.where(found.open, z, _obstacle(found.problem))
             start, solved = found.forward(start, found.before)
@@ -116,12 +116,12 @@ class Reduced(Method):
         border = _Border(found)
         while True:
             z, _ = found.forward(z, found.after)
-            rest, short = _together(parts), np.minimum(border.p(z), 0.0)
-            violation = _size(short)
+            p = border.p(z)
+            rest, violation = _together(parts), _size(np.minimum(p, 0.0))
             known = found.problem is problem and not found.rows.size
             yield z, float(np.hypot(rest, violation)) if known else None
             if violation > rest:
-                self._open(problem, found, border, short, parts[0].problem._memory.get(_RADIUS))
+                self._open(problem, found, border, p, parts[0].problem._memory.get(_RADIUS))
             if all(part.over for part in parts):
                 break
             _advance(parts)
@@ -131,10 +131,10 @@ class Reduced(Method):
         while True:
             yield z, None
 
-    def _open(self, problem: ICP, found: Blocks, border: _Border, short: Vector, radius: float | None) -> None:
-        """Hand over to the problem with more open rows, as p = `short` < 0 in the border outweighs the other rows."""
-        p = np.maximum(border.at_rest, 0.0)
-        p[border.rows] = short
+    def _open(self, problem: ICP, found: Blocks, border: _Border, at_border: Vector, radius: float | None) -> None:
+        """Hand over to the problem with more open rows, as p < 0 in the border outweighs the residual of the others."""
+        p = np.where(found.open, 0.0, border.at_rest)
+        p[border.rows] = at_border
         opened = found.opened + 1
         wider = _opened(found.problem, found.open, p < 0, p, _SLACK**opened)
         if wider is None or opened > _ROUNDS:
@@ -187,14 +187,16 @@ class _Part:
 
 
 class _Border:
-    """The rows at rest that have an open neighbour: those where p may yet fall below 0."""
+    """The rows at rest where p may be below 0: it is so already, or they have an open neighbour."""
 
     def __init__(self, found: Blocks) -> None:
         A, rest = found.problem.A, ~found.open
-        near = rest & (found.problem.absolute_A() @ found.open.astype(np.float64) > 0)
+        self.at_rest, near = np.zeros(rest.size), rest
+        if rest.any():
+            self.at_rest = found.problem.p(np.where(rest, _obstacle(found.problem), 0.0))
+            near = rest & ((found.problem.absolute_A() @ found.open.astype(np.float64) > 0) | (self.at_rest < 0))
         self.rows = np.flatnonzero(near)
         self.A, self.q = A[self.rows], found.problem.q[self.rows]
-        self.at_rest = found.problem.p(_obstacle(found.problem)) if rest.any() else self.q
 
     def p(self, z: Vector) -> Vector:
         """p(z) in these rows."""
@@ -233,7 +235,7 @@ def choices(problem: ICP) -> Iterator[Choice]:
     """
     usual, found = choose(problem), None
     if problem.n > PIVOT_UP_TO:
-        found = _structure(problem)
+        found = _structure(problem, _WORTH * problem.n)
         if found is None:
             first = next(usual, None)
             usual = chain([] if first is None else [first], usual)
@@ -244,11 +246,16 @@ def choices(problem: ICP) -> Iterator[Choice]:
     yield from usual
 
 
-def _structure(problem: ICP) -> Blocks | None:
-    """The blocks of the whole problem, if they leave little, or parts of which each is a problem of its own."""
+def _found(problem: ICP) -> Blocks | None:
+    """What can be left out or solved apart at all, be it little."""
+    return _structure(problem, problem.n - 1) or _at_rest(problem)
+
+
+def _structure(problem: ICP, most: float) -> Blocks | None:
+    """The blocks of the whole problem, if they leave `most` rows, or parts of which each is a problem of its own."""
     with suppress(MapError):
         found = blocks(problem)
-        if found is not None and (found.core <= _WORTH * problem.n or len(found.parts) > 1):
+        if found is not None and (found.core <= most or len(found.parts) > 1):
             return found
     return None
 

@@ -1,0 +1,363 @@
+"""Reduction: what is left out is left out rightly, and the answer is one of the whole problem."""
+
+import itertools
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel.methods import HandOver
+from icpmodel.methods import reduced as module
+from icpmodel.methods.choose import choose
+from icpmodel.methods.multilevel import Multilevel
+from icpmodel.methods.reduced import Reduced, choices
+from icpmodel.reduction import blocks, restricted, without
+from icpmodel.scenes.grid import five_point
+
+
+def p_matrix(rng, n, skew=3.0):
+    """Positive definite, and mostly far from an H-matrix."""
+    B, C = rng.standard_normal((2, n, n))
+    return B @ B.T + skew * (C - C.T) + 0.2 * np.eye(n)
+
+
+def block_triangular(rng, sizes, coupling=0.3):
+    """Diagonal blocks that are P-matrices, any entries below them: a P-matrix, permuted by the returned order."""
+    n, at = sum(sizes), 0
+    A = np.tril(rng.standard_normal((n, n)) * (rng.random((n, n)) < coupling), -1)
+    for size in sizes:
+        A[at : at + size, at : at + size] = p_matrix(rng, size)
+        at += size
+    order = rng.permutation(n)
+    return A[np.ix_(order, order)], order
+
+
+def plain(problem):
+    """The answer without any reduction."""
+    for choice in choose(problem):
+        solution = problem.solve(choice.method, raise_on_failure=False, rtol=1e-12)
+        if solution.residual <= 1e-9 * (1.0 + problem.residual(np.zeros(problem.n))):
+            return solution.z
+    raise AssertionError("no method solves it")
+
+
+def landscape(m, seed, share=0.05):
+    """A membrane on a floor, m × m, held down but for a few places."""
+    rng = np.random.default_rng(seed)
+    q = np.where(rng.random((m, m)) < share / 100, -200.0, 1.0)
+    return icp.ICP(five_point(m, 0.0), q.ravel(), rng.uniform(-1.0, 1.0))
+
+
+class TestBlocks:
+    @pytest.mark.parametrize("seed", range(12))
+    def test_every_row_of_the_answer_is_that_of_the_whole_problem(self, seed):
+        """LCP with blocks of 1 to 9 rows, any couplings below them, rows without obstacle, in any order of the rows."""
+        rng = np.random.default_rng(seed)
+        A, _ = block_triangular(rng, rng.integers(1, 10, 20))
+        n = len(A)
+        psi = np.where(rng.random(n) < 0.1, -np.inf, rng.standard_normal(n))
+        problem = icp.ICP(A, 3.0 * rng.standard_normal(n), psi)
+        found = blocks(problem)
+        assert found.core == 0
+        solution = problem.solve(Reduced())
+        assert solution.solved
+        assert solution.problem is problem
+        assert np.abs(solution.z - plain(problem)).max() <= 1e-6 * (1.0 + np.abs(solution.z).max())
+
+    @pytest.mark.parametrize("seed", range(6))
+    def test_the_order_of_the_rows_changes_nothing(self, seed):
+        rng = np.random.default_rng(seed)
+        A, _ = block_triangular(rng, [1, 4, 1, 70, 2, 1, 5])
+        q, order = rng.standard_normal(len(A)), rng.permutation(len(A))
+        one, other = icp.ICP(A, q), icp.ICP(A[np.ix_(order, order)], q[order])
+        assert blocks(one).core == blocks(other).core
+        z = one.solve(Reduced(), rtol=1e-11).z
+        assert np.abs(z[order] - other.solve(Reduced(), rtol=1e-11).z).max() <= 1e-6 * (1 + np.abs(z).max())
+
+    @pytest.mark.parametrize("seed", range(6))
+    def test_rows_that_follow_one_by_one_are_exact(self, seed):
+        """Triangular A and G with small whole numbers: the rational answer, row by row, to rounding; G_ii counts."""
+        rng = np.random.default_rng(seed)
+        n = 30
+        A = np.tril(rng.integers(-2, 3, (n, n)) * (rng.random((n, n)) < 0.15), -1) + np.diag(rng.integers(1, 4, n))
+        G = (
+            np.tril(rng.integers(-2, 3, (n, n)) * (rng.random((n, n)) < 0.1), -1) + np.diag(rng.integers(-2, 1, n))
+        ) / 2
+        q, c = rng.integers(-4, 5, n), rng.integers(-4, 5, n)
+        z: list[Fraction] = []
+        for i in range(n):
+            lifts = (Fraction(int(c[i])) + sum(Fraction(G[i, j]) * z[j] for j in range(i))) / (1 - Fraction(G[i, i]))
+            free = -(Fraction(int(q[i])) + sum(int(A[i, j]) * z[j] for j in range(i))) / int(A[i, i])
+            z.append(max(lifts, free))
+        order = rng.permutation(n)
+        problem = icp.ICP(A[np.ix_(order, order)], q[order], icp.Affine(G[np.ix_(order, order)], c[order]))
+        assert blocks(problem).core == 0
+        solution = problem.solve(Reduced(), rtol=1e-13)
+        exact = np.array([float(x) for x in z])[order]
+        assert solution.iterations == 1
+        assert np.allclose(solution.z, exact, rtol=1e-13, atol=1e-13 * np.abs(exact).max())
+
+    def test_a_triangular_matrix_is_solved_in_one_pass_whatever_sweeps_would_need(self):
+        """Upper triangular: the unknowns come in the order in which sweeps do not run."""
+        n = 500
+        A = sp.csr_array(sp.diags_array([np.ones(n), np.full(n - 1, 1.5)], offsets=[0, 1]))
+        q = np.random.default_rng(0).standard_normal(n)
+        solution = icp.ICP(A, q).solve()
+        assert repr(solution.method) == "Reduced()"
+        assert solution.iterations == 1
+        assert "500 follow one by one" in solution.why
+
+    @pytest.mark.parametrize("kind", ["affine", "elementwise", "jumps"])
+    def test_obstacles_that_move(self, kind):
+        """ψ couples blocks as A does: the graph is that of both, and what is left out is the same for all maps."""
+        rng = np.random.default_rng(5)
+        sizes = [80, 1, 6, 1, 3, 1]
+        A, order = block_triangular(rng, sizes, coupling=0.0)
+        A += np.diag(np.abs(A).sum(axis=1))
+        n, place = len(A), np.argsort(order)
+        G = np.zeros((n, n))
+        G[place[80], place[3]], G[place[83], place[80]], G[place[90], place[90]] = 0.5, -0.7, 0.4
+        G[place[3], place[4]] = 0.1
+        if kind == "affine":
+            psi = icp.Affine(G, rng.standard_normal(n))
+        elif kind == "elementwise":
+            psi = icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), 0.5, rng.standard_normal(n))
+        else:
+            rows, columns = place[[80, 81, 2]], place[[3, 80, 5]]
+            psi = icp.Intervention(sp.csr_array((np.full(3, -0.1), (rows, columns)), shape=(n, n)))
+        problem = icp.ICP(A, rng.standard_normal(n), psi)
+        found = blocks(problem)
+        assert 80 <= found.core < n
+        solution = problem.solve(Reduced(), rtol=1e-11)
+        assert solution.residual == problem.residual(solution.z)
+        assert np.abs(solution.z - plain(problem)).max() <= 1e-6
+
+    def test_a_part_of_its_own_gets_a_method_of_its_own(self):
+        """A large membrane and a dense P-matrix: what serves one does not serve the other."""
+        rng = np.random.default_rng(0)
+        membrane = icp.scenes.membrane(n=6400).problem
+        A = sp.csr_array(sp.block_diag([membrane.A, p_matrix(rng, 100)]))
+        q, psi = np.append(membrane.q, rng.standard_normal(100)), np.append(membrane.psi.c, np.zeros(100))
+        problem = icp.ICP(A, q, psi)
+        assert [part.size for part in blocks(problem).parts] in ([6400, 100], [100, 6400])
+        solution = problem.solve()
+        assert "2 parts do not interact" in solution.why
+        assert np.abs(solution.z[:6400] - membrane.solve().z).max() <= 1e-6
+
+    def test_blocks_that_pivots_do_not_solve_go_to_the_core(self):
+        """Rows without a unique answer, and blocks in units of their own, are left to the other methods."""
+        rng = np.random.default_rng(1)
+        wild = np.diag(10.0 ** np.array([-9, 9, 0])) @ p_matrix(rng, 3) @ np.diag(10.0 ** np.array([9, -9, 2]))
+        A = sp.csr_array(sp.block_diag([wild, [[-1.0]], p_matrix(rng, 70)]))
+        problem = icp.ICP(
+            A, np.concatenate([10.0 ** np.array([-9, 9, 0]) * [-1, -2, 1], [2.0], rng.standard_normal(70)])
+        )
+        found = blocks(problem)
+        _, solved = found.forward(np.zeros(74), found.before)
+        assert not solved.all()
+        wider = found.with_core(found.before & ~solved)
+        assert wider.core > found.core
+        assert problem.solve(Reduced()).solved
+
+    def test_one_block_is_no_reduction(self):
+        membrane = icp.scenes.membrane(n=100).problem
+        assert blocks(membrane) is None
+        assert Reduced().why_not(membrane) is not None
+        assert blocks(icp.ICP(np.eye(100), np.ones(100), np.sin)) is None
+
+    def test_no_solution_is_never_called_one(self):
+        """A block without a solution, above others that have one."""
+        A = np.eye(80)
+        A[0, 0], A[1, 0] = 0.0, -1.0
+        q = np.full(80, -1.0)
+        solution = icp.ICP(A, q).solve(raise_on_failure=False)
+        assert not solution.solved
+        assert solution.residual > solution.tolerance
+
+
+class TestRest:
+    @pytest.mark.parametrize("seed", range(3))
+    def test_the_answer_is_that_of_the_whole_problem(self, seed):
+        problem = landscape(110, seed)
+        solution = problem.solve(rtol=1e-11)
+        assert solution.solved
+        assert repr(solution.method) == "Reduced()"
+        assert "rest on the obstacle" in solution.why
+        assert np.abs(solution.z - problem.solve(Multilevel(), rtol=1e-11).z).max() <= 1e-6
+
+    def test_rows_that_are_opened_are_certain_to_leave_the_obstacle(self, monkeypatch):
+        """Started with too few open rows; wherever p < 0 opened one, the solution is off the obstacle there."""
+        problem = landscape(110, 7)
+        first = without(problem, problem.p(problem.psi.c) < 0)
+        exact = problem.solve(Multilevel(), rtol=1e-12).z
+        seeds = []
+        opened = module._opened
+
+        def spy(problem, open_rows, rows, p, slack):
+            seeds.append(rows)
+            return opened(problem, open_rows, rows, p, slack)
+
+        monkeypatch.setattr(module, "_opened", spy)
+        solution = problem.solve(Reduced.on(first))
+        assert solution.solved
+        assert seeds
+        assert f"opened ({len(seeds)} x)" in solution.why
+        for rows in seeds:
+            assert (exact[rows] > problem.psi.c[rows]).all()
+
+    def test_a_wrong_guess_costs_time_and_no_truth(self):
+        """Nothing is open at first: every look opens rows, or the whole problem is handed on."""
+        problem = landscape(110, 3, share=3.0)
+        solution = problem.solve(Reduced.on(without(problem, np.arange(problem.n) < 5)), raise_on_failure=False)
+        assert solution.solved
+        assert solution.residual == problem.residual(solution.z) <= solution.tolerance
+
+    def test_the_balance_opens_as_many_rows_as_it_takes_to_hold_the_load(self):
+        """A point that pushes up with 10, rows that hold down with 1 each: ten of them."""
+        problem = icp.ICP(five_point(20, 0.0), np.ones(400))
+        p = np.ones(400)
+        p[210] = -10.0
+        assert module._balance(problem, p < 0, p) == pytest.approx(10.0)
+        wider = module._opened(problem, np.zeros(400, dtype=bool), p < 0, p, 1.0)
+        assert np.count_nonzero(wider) == 5  # whole layers only: 4 neighbours, the next layer would be 8 more
+        assert wider[[210, 209, 211, 190, 230]].all()
+
+    def test_where_most_rows_leave_the_obstacle_nothing_is_looked_for(self):
+        for scene in (icp.scenes.membrane(n=10_000), icp.scenes.ball(n=10_000)):
+            assert module._at_rest(scene.problem) is None
+
+    def test_only_z_matrices_with_a_fixed_obstacle(self):
+        problem = landscape(110, 0)
+        assert module._at_rest(problem) is not None
+        A = problem.A.tolil()
+        A[0, 5] = 1e-3
+        assert module._at_rest(icp.ICP(A.tocsr(), problem.q, problem.psi)) is None
+        free = np.where(np.arange(problem.n) == 3, -np.inf, problem.psi.c)
+        assert module._at_rest(problem.with_psi(free)) is None
+
+
+class TestTheRun:
+    """The loop, its limits and its callbacks see the whole problem."""
+
+    def problem(self):
+        rng = np.random.default_rng(2)
+        A, _ = block_triangular(rng, [90, 1, 4, 85, 1])
+        return icp.ICP(A, rng.standard_normal(len(A)))
+
+    def test_the_callback_sees_iterates_of_full_size_with_their_residual(self):
+        problem, seen = self.problem(), []
+        problem.solve(Reduced(), callback=lambda state: seen.append((state.z.copy(), state.residual)))
+        assert len(seen) > 2
+        for z, residual in seen:
+            assert z.shape == (problem.n,)
+            assert residual == pytest.approx(problem.residual(z), rel=1e-9)
+
+    def test_limits_hold_and_ctrl_c_leaves_the_best_iterate(self):
+        problem = self.problem()
+
+        def stop(state):
+            if state.iteration == 2:
+                raise KeyboardInterrupt
+
+        stopped = problem.solve(callback=stop, raise_on_failure=False)
+        assert stopped.status is icp.Status.INTERRUPTED
+        assert stopped.z.shape == (problem.n,)
+        assert stopped.residual == problem.residual(stopped.z) < problem.residual(np.zeros(problem.n))
+        assert problem.solve(max_iter=1, raise_on_failure=False).iterations == 1
+
+    def test_a_named_method_gets_the_whole_problem(self):
+        problem = icp.ICP(np.eye(100), np.linspace(-1.0, 1.0, 100))
+        assert repr(problem.solve("mnmgs").method) == "MNMGS()"
+        assert repr(problem.solve().method) == "Reduced()"
+        assert repr(icp.ICP(np.eye(16), -np.ones(16)).solve().method) == "Lemke()"
+
+    def test_where_reduction_fails_the_whole_problem_is_tried(self, monkeypatch):
+        """A kernel that returns rubbish: the judge sees it, and the usual methods solve the problem."""
+        from icpmodel.kernels import pivoting
+
+        def rubbish(*arguments):
+            arguments[-1][:] = 7.0
+            return arguments[-2]
+
+        monkeypatch.setattr(pivoting, "apart", rubbish)
+        solution = icp.ICP(np.eye(100), -np.ones(100)).solve()
+        assert solution.solved
+        assert np.array_equal(solution.z, np.ones(100))
+        assert "also tried: Reduced(): stagnated" in solution.why
+
+    def test_a_certified_error_is_that_of_the_whole_problem(self):
+        A = np.tril(np.full((100, 100), -0.01), -1) + np.eye(100)
+        solution = icp.ICP(A, np.linspace(-1.0, 1.0, 100)).solve(accuracy=1e-9)
+        assert repr(solution.method) == "Reduced()"
+        assert solution.error_bound <= 1e-9
+        assert solution.certificate.bound.componentwise.shape == (100,)
+
+    @pytest.mark.parametrize("unit", [1e-100, 1e100])
+    def test_units_of_rows_change_nothing(self, unit):
+        rng = np.random.default_rng(4)
+        A, _ = block_triangular(rng, rng.integers(1, 6, 30))
+        q, scale = rng.standard_normal(len(A)), np.where(rng.random(len(A)) < 0.5, unit, 1.0)
+        z = icp.ICP(A, q).solve().z
+        scaled = icp.ICP(scale[:, None] * A, scale * q)
+        answer, _ = blocks(scaled).forward(np.zeros(len(A)), blocks(scaled).before)
+        again = icp.ICP(unit * A, unit * q)
+        uniform, solved = blocks(again).forward(np.zeros(len(A)), blocks(again).before)
+        assert solved.all()
+        assert np.allclose(uniform, z, rtol=1e-9, atol=1e-9)
+        alone = np.diff(blocks(scaled).starts) == 1
+        rows = blocks(scaled).rows[np.repeat(alone, np.diff(blocks(scaled).starts))]
+        assert np.isfinite(answer[rows]).all()
+
+
+def test_a_restricted_problem_has_the_p_and_r_of_the_whole_one():
+    rng = np.random.default_rng(3)
+    A, G = rng.standard_normal((2, 9, 9))
+    rows, z = np.array([1, 4, 5, 8]), rng.standard_normal(9)
+    jumps = sp.csr_array((np.array([0.3, -0.2]), ([1, 5], [4, 8])), shape=(9, 9))
+    for psi in (rng.standard_normal(9), icp.Affine(G, 1.0), icp.Intervention(jumps)):
+        problem = icp.ICP(A, rng.standard_normal(9), psi)
+        part = restricted(problem, rows, z)
+        assert np.allclose(part.p(z[rows]), problem.p(z)[rows])
+        assert np.allclose(part.r(z[rows]), problem.r(z)[rows])
+
+
+def test_components_come_in_the_order_in_which_they_hang_on_each_other():
+    """SciPy numbers them so, though it does not say it: every entry of A points to its own block or an earlier one."""
+    for seed, sizes in itertools.product(range(5), ([1] * 30, [3, 1, 7, 1, 1, 12, 2], [5] * 8)):
+        rng = np.random.default_rng(seed)
+        A, _ = block_triangular(rng, sizes)
+        found = blocks(icp.ICP(A, np.ones(len(A))))
+        place = np.empty(len(A), dtype=int)
+        place[found.rows] = np.repeat(np.arange(found.starts.size - 1), np.diff(found.starts))
+        i, j = np.nonzero(A)
+        assert (place[j] <= place[i]).all()
+
+
+def test_a_million_rows_are_counted_and_nothing_is_made_dense():
+    """A membrane on a floor, a few points of which are lifted: it is told how many rows were left open."""
+    m = 1000
+    q = np.ones((m, m))
+    q[50::100, 50::100] = -100.0
+    problem = icp.ICP(five_point(m, 0.0), q.ravel())
+    found = module._at_rest(problem)
+    assert found.core < 0.05 * problem.n
+    solution = problem.solve()
+    assert f"n = 1000000 -> {solution_open(solution)} rows still open" in solution.why
+    assert np.count_nonzero(solution.z) <= solution_open(solution)
+
+
+def solution_open(solution):
+    """The number of open rows that the solution tells."""
+    return int(solution.why.split("-> ")[1].split(" ")[0])
+
+
+def test_handing_over_needs_no_reduction_left():
+    """Rows at rest in a problem where all of them leave: the whole problem goes to the usual method."""
+    problem = icp.ICP(five_point(110, 0.0), np.full(110**2, -1.0))
+    path = Reduced.on(without(problem, np.arange(problem.n) < 50)).iterates(problem, np.zeros(problem.n))
+    with pytest.raises(HandOver, match="too many rows leave the obstacle") as over:
+        list(itertools.islice(path, 50))
+    assert type(over.value.method) is type(next(choose(problem)).method)
+    assert next(choices(problem)).method.name != "reduced"
