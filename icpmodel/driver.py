@@ -53,7 +53,8 @@ def solve(
     |z_i − z*_i| ≤ accuracy in every entry.
 
     Parameters:
-    `problem`; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or None to have one picked;
+    `problem`; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or None to have one picked, and the
+    problem reduced before where that pays (see `icpmodel.methods.reduced`), while a named one gets the whole problem;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
     by default 1e-8 and 0; `accuracy` > 0 in the units of z, instead of the two;
     `max_iter` iterations in all; `time_limit` in seconds, set-up included, looked at between iterations;

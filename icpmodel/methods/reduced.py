@@ -1,6 +1,6 @@
 """Reduction: what need not be iterated on is left out, and what does not interact is solved apart.
 
-1. Rows without obstacle in sight: where A is a Z-matrix and the loads that lift z off a fixed obstacle are small beside
+1. Rows at rest: where A is a Z-matrix and the loads that lift z off a fixed obstacle are small beside
    those that hold it down, some rows stay at the obstacle. Which ones is guessed by a balance of the two; the guess is
    checked on every iterate, and rows where it is wrong (p_i < 0) are opened. For z ≤ z* such a row is certain to leave
    the obstacle; in the end p ≥ 0 on the rows that were left out makes the answer one of the whole problem.
@@ -9,7 +9,8 @@
 
 The iterates are those of the whole problem, and so is the residual that they are judged by.
 References: Tarjan, SIAM J. Comput. 1 (1972), for the components; Chandrasekaran, Opsearch 7 (1970), for rows that once
-open stay open where A is a Z-matrix; Levine and Peres, Potential Anal. 30 (2009), for the balance.
+open stay open where A is a Z-matrix; Levine and Peres, Potential Anal. 30 (2009), for the balance; Brent, BIT 20
+(1980), for cycles.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ _RADIUS = "jacobi radius"
 _FIRST_SLACK, _SLACK, _ROUNDS = 1.3, 4.0, 8
 #: an iterate is what reduces the residual of the parts to this share, or so many of their steps; a method that brings
 #: no better one in the second number gives way
-_SHARE, _STEPS, _PATIENCE = 0.25, 20, 200
+_SHARE, _STEPS, _PATIENCE = 0.25, 20, 1000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -155,8 +156,8 @@ class _Part:
         self.residual = residual if residual < np.inf else np.inf
         self.choices = choose(problem)
         self.path: Iterator[tuple[Vector, float | None]] | None = None
-        self.last: Vector | None = None
-        self.in_vain, self.over = 0, False
+        self.steps, self.better_at, self.milestone_at, self.milestone = 0, 0, 1, self.z
+        self.over = False
 
     def step(self) -> None:
         """One step of the method, or the next method where it fails: `over` where none is left."""
@@ -175,15 +176,17 @@ class _Part:
             self.path = None
             return
         residual = self.problem.residual(z) if hint is None else hint
-        self.in_vain += 1
+        self.steps += 1
         if residual < self.residual:
-            self.z, self.residual, self.in_vain = z, residual, 0
-        if z is self.last or self.in_vain >= _PATIENCE or not residual < np.inf:
+            self.z, self.residual, self.better_at = z, residual, self.steps
+        if np.array_equal(z, self.milestone) or self.steps - self.better_at >= _PATIENCE or not residual < np.inf:
             self.path = None
-        self.last = z
+        if self.steps >= 2 * self.milestone_at:  # Brent's cycle search
+            self.milestone_at, self.milestone = self.steps, z
 
     def _begin(self, method: Method) -> None:
-        self.path, self.last, self.in_vain = method.iterates(self.problem, self.z), None, 0
+        self.path, self.steps, self.better_at = method.iterates(self.problem, self.z), 0, 0
+        self.milestone_at, self.milestone = 1, self.z[:0]  # no z is equal to that
 
 
 class _Border:
@@ -253,7 +256,7 @@ def _found(problem: ICP) -> Blocks | None:
 
 def _structure(problem: ICP, most: float) -> Blocks | None:
     """The blocks of the whole problem, if they leave `most` rows, or parts of which each is a problem of its own."""
-    with suppress(MapError):
+    with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
         found = blocks(problem)
         if found is not None and (found.core <= most or len(found.parts) > 1):
             return found
