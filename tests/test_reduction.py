@@ -207,6 +207,31 @@ class TestRest:
         for rows in seeds:
             assert (exact[rows] > problem.psi.c[rows]).all()
 
+    @pytest.mark.parametrize("seed", range(3))
+    def test_the_guess_is_a_near_one(self, seed):
+        """Not less than four fifths of the rows that leave the obstacle, nor more than twice as many."""
+        problem = landscape(110, seed)
+        free = np.count_nonzero(problem.solve(Multilevel(), rtol=1e-11).z > problem.psi.c)
+        assert 0.8 * free <= module._at_rest(problem).core <= 2.0 * free
+
+    @pytest.mark.parametrize("seed", range(20))
+    def test_for_z_matrices_a_negative_p_proves_that_the_row_leaves_the_obstacle(self, seed):
+        """All solutions of random whole-numbered LCPs, by trying all active sets with rational arithmetic."""
+        rng = np.random.default_rng(seed)
+        n = 5
+        A = -rng.integers(0, 3, (n, n)) * (1 - np.eye(n, dtype=int)) + np.diag(rng.integers(1, 6, n))
+        q = rng.integers(-3, 4, n)
+        for free in itertools.product([False, True], repeat=n):
+            rows = np.flatnonzero(free)
+            y = np.zeros(n)
+            if rows.size and abs(np.linalg.det(A[np.ix_(rows, rows)])) < 0.5:
+                continue
+            y[rows] = np.linalg.solve(A[np.ix_(rows, rows)], -q[rows])
+            exact = [Fraction(float(x)).limit_denominator(10**6) for x in y]
+            p = [int(q[i]) + sum(int(A[i, j]) * exact[j] for j in range(n)) for i in range(n)]
+            if min(exact) >= 0 and min(p) >= 0 and all(x * w == 0 for x, w in zip(exact, p, strict=True)):
+                assert all(exact[i] > 0 for i in range(n) if q[i] < 0)
+
     def test_a_wrong_guess_costs_time_and_no_truth(self):
         """Nothing is open at first: every look opens rows, or the whole problem is handed on."""
         problem = landscape(110, 3, share=3.0)
@@ -220,6 +245,9 @@ class TestRest:
         p = np.ones(400)
         p[210] = -10.0
         assert module._balance(problem, p < 0, p) == pytest.approx(10.0)
+        units = 10.0 ** np.arange(400).clip(0, 200)
+        in_units = icp.ICP(sp.diags_array(units) @ problem.A, problem.q)
+        assert module._balance(in_units, p < 0, units * p) == pytest.approx(10.0)
         wider = module._opened(problem, np.zeros(400, dtype=bool), p < 0, p, 1.0)
         assert np.count_nonzero(wider) == 5  # whole layers only: 4 neighbours, the next layer would be 8 more
         assert wider[[210, 209, 211, 190, 230]].all()
