@@ -1,6 +1,7 @@
 """Reduction: what is left out is left out rightly, and the answer is one of the whole problem."""
 
 import itertools
+from contextlib import suppress
 from fractions import Fraction
 
 import numpy as np
@@ -10,7 +11,7 @@ import scipy.sparse as sp
 import icpmodel as icp
 from icpmodel.methods import HandOver
 from icpmodel.methods import reduced as module
-from icpmodel.methods.choose import choose
+from icpmodel.methods.choose import Choice, choose
 from icpmodel.methods.multilevel import Multilevel
 from icpmodel.methods.reduced import Reduced, choices
 from icpmodel.reduction import blocks, restricted, without
@@ -125,7 +126,7 @@ class TestBlocks:
         elif kind == "elementwise":
             psi = icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), 0.5, rng.standard_normal(n))
         else:
-            rows, columns = place[[80, 81, 2]], place[[3, 80, 5]]
+            rows, columns = place[[80, 81, 2]], place[[3, 80, 90]]
             psi = icp.Intervention(sp.csr_array((np.full(3, -0.1), (rows, columns)), shape=(n, n)))
         problem = icp.ICP(A, rng.standard_normal(n), psi)
         found = blocks(problem)
@@ -238,6 +239,32 @@ class TestRest:
         solution = problem.solve(Reduced.on(without(problem, np.arange(problem.n) < 5)), raise_on_failure=False)
         assert solution.solved
         assert solution.residual == problem.residual(solution.z) <= solution.tolerance
+
+    def test_the_residual_of_an_iterate_is_that_of_the_whole_problem(self):
+        """It falls out of the parts and of the rows at rest next to them; more are opened where those weigh more."""
+        problem = landscape(110, 7)
+        path = Reduced.on(without(problem, problem.p(problem.psi.c) < 0)).iterates(problem, problem.psi.c)
+        seen = []
+        with suppress(HandOver):
+            seen.extend((hint, problem.residual(z)) for z, hint in path)
+        assert len(seen) > 1
+        for hint, residual in seen[1:]:
+            assert hint == pytest.approx(residual, rel=1e-9)
+
+    def test_a_part_goes_on_with_the_method_that_was_handed_over_to(self):
+        class HandsOver(icp.MNMJ):
+            name = ""
+
+            def iterates(self, problem, z):
+                yield z, None
+                raise HandOver(icp.MNMGS(), "sweeps are enough")
+
+        problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -1.0])
+        part = module._Part(problem, np.arange(2), np.zeros(2))
+        part.choices = iter([Choice(HandsOver(), "")])
+        for _ in range(60):
+            part.step()
+        assert part.residual < 1e-12
 
     def test_the_balance_opens_as_many_rows_as_it_takes_to_hold_the_load(self):
         """A point that pushes up with 10, rows that hold down with 1 each: ten of them."""
