@@ -127,7 +127,7 @@ class TestBlocks:
             psi = icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), 0.5, rng.standard_normal(n))
         else:
             rows, columns = place[[80, 81, 2]], place[[3, 80, 90]]
-            psi = icp.Intervention(sp.csr_array((np.full(3, -0.1), (rows, columns)), shape=(n, n)))
+            psi = icp.Intervention(sp.csr_array(([-0.1, -0.1, 5.0], (rows, columns)), shape=(n, n)))
         problem = icp.ICP(A, rng.standard_normal(n), psi)
         found = blocks(problem)
         assert 80 <= found.core < n
