@@ -90,7 +90,20 @@ def loaded_by(code):
     return set(run.stdout.splitlines()[-1].split())
 
 
-HEAVY = {"numba", "pyamg", "cvxpy", "osqp", "pyomo", "highspy", "matplotlib", "rich", "click", "clarabel"}
+HEAVY = {
+    "numba",
+    "pyamg",
+    "cvxpy",
+    "osqp",
+    "pyomo",
+    "highspy",
+    "matplotlib",
+    "rich",
+    "click",
+    "clarabel",
+    "scs",
+    "piqp",
+}
 
 
 def test_importing_icpmodel_loads_numpy_and_scipy_at_most():
@@ -108,8 +121,9 @@ def test_solving_loads_numba_only():
     assert loaded_by("import icpmodel as icp; icp.scenes.hand_lcp().problem.solve()") & HEAVY == {"numba"}
 
 
-def test_the_crosscheck_room_loads_its_solvers_at_first_use():
-    assert loaded_by("import icpmodel.crosscheck") & HEAVY == set()
+@pytest.mark.parametrize("room", ["crosscheck", "measure", "measure.charts"])
+def test_the_rooms_of_foreign_solvers_load_them_at_first_use(room):
+    assert loaded_by(f"import icpmodel.{room}") & HEAVY == set()
 
 
 def test_without_a_writable_cache_everything_still_runs():

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..errors import FileError, Interrupted
+from ..progress import status_line
+from .output import complain
+from .source import options
+
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from matplotlib.figure import Figure
+
     from ..measure import Table
 
 
@@ -144,6 +154,79 @@ def small(n: int, k: int, repeats: int, as_csv: bool) -> int:
     from ..measure import small_cost
 
     return _show(small_cost(n, k, repeats), as_csv)
+
+
+def _comparison(repeats: int, sizes: tuple[int, ...]) -> Callable[..., Any]:
+    """The arguments of the two commands that compare methods."""
+    decorators = (
+        click.argument("scenes", nargs=-1, metavar="[NAME[,PARAMETER=NUMBER]]..."),
+        click.option(
+            "--n", "sizes", type=int, multiple=True, default=sizes, show_default=True, help="Wanted unknowns."
+        ),
+        click.option("--repeats", type=int, default=repeats, show_default=True, help="Rounds of timings at least."),
+        click.option("--time-limit", type=float, default=30.0, show_default=True, help="Seconds for one run."),
+        click.option("-o", "--output", type=click.Path(), help="Write the CSV file and the figures to this folder."),
+        _AS_CSV,
+    )
+    return options(*decorators)
+
+
+@measure.command()
+@_comparison(3, (1_000, 10_000, 100_000))
+def benchmark(output: str | None, as_csv: bool, **arguments: Any) -> int:
+    """solve() against osqp, Clarabel, PIQP, SCS, an active-set method, one linear solve and every own method.
+
+    All to the same residual, on the scenes that are named, or on all. Minutes for each scene with n = 100000.
+    """
+    from ..measure import benchmark as compare
+    from ..measure import faster_peers
+    from ..measure.charts import scaling
+
+    table, code = _measured(compare, arguments, output, as_csv, "benchmark", scaling)
+    faster = faster_peers(table)
+    if not as_csv:
+        click.echo("\n".join(["", "A peer is faster than solve():", *faster] if faster else ["", "No peer is faster."]))
+    return code
+
+
+@measure.command()
+@_comparison(5, (100, 1_000, 10_000, 100_000))
+def dispatch(output: str | None, as_csv: bool, **arguments: Any) -> int:
+    """solve() against the quickest single own method, on the scenes that are named, or on all."""
+    from ..measure import dispatch as compare
+    from ..measure.charts import choice
+
+    return _measured(compare, arguments, output, as_csv, "dispatch", lambda table: {"dispatch": choice(table)})[1]
+
+
+def _measured(
+    compare: Callable[..., Table],
+    arguments: dict[str, Any],
+    output: str | None,
+    as_csv: bool,
+    name: str,
+    draw: Callable[[Table], Mapping[str, Figure]],
+) -> tuple[Table, int]:
+    """Measure, show, write; Ctrl-C leaves what was measured so far, and the exit code 130."""
+    from ..measure.charts import save
+
+    if output is not None:
+        try:
+            Path(output).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FileError(f"{output}: cannot be made a folder: {error.strerror}") from None
+    code = 0
+    try:
+        with status_line(True) as say:
+            table = compare(**arguments, say=say)
+    except Interrupted as stopped:
+        table, code = stopped.report, 130
+        complain("interrupted; what was measured so far follows")
+    _show(table, as_csv)
+    if output is not None:
+        (Path(output) / f"{name}.csv").write_text(table.to_csv())
+        save(draw(table), output)
+    return table, code
 
 
 def _show(table: Table, as_csv: bool) -> int:

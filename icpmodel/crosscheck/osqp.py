@@ -7,13 +7,13 @@ doi 10.1007/s12532-020-00179-2.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
 from . import Answer, IndependentSolver, missing
-from .formulations import Target
+from .formulations import QP, Target
 
 
 class Osqp(IndependentSolver):
@@ -33,31 +33,52 @@ class Osqp(IndependentSolver):
 
     def solve(self, target: Target, *, time_limit: float) -> Answer:
         """See `IndependentSolver.solve`. Raises KeyboardInterrupt, which OSQP itself turns into a status."""
-        import osqp
-
         qp = target.qp(self.form(target))
-        model = osqp.OSQP()
-        model.setup(
-            sp.csc_matrix(sp.triu(qp.P)),
-            qp.q,
-            sp.csc_matrix(qp.K),
-            qp.lower,
-            qp.upper,
-            verbose=False,
-            eps_abs=1e-10,
-            eps_rel=1e-10,
-            eps_prim_inf=1e-12,
-            eps_dual_inf=1e-12,
-            max_iter=1_000_000,
-            time_limit=float(time_limit),
-            polishing=True,
-            polish_refine_iter=10,
-        )
-        result = model.solve(raise_error=False)
-        status = osqp.SolverStatus
-        if result.info.status_val == status.OSQP_SIGINT:
-            raise KeyboardInterrupt
-        polished = ", polished" if result.info.status_polish == 1 else ""
-        return Answer(
-            np.array(result.x), f"{result.info.status}{polished}", result.info.status_val == status.OSQP_SOLVED
-        )
+        return claimed(set_up(qp, 1e-10, time_limit).solve(raise_error=False))
+
+
+def set_up(qp: QP, tolerance: float, time_limit: float) -> Any:
+    """An `osqp.OSQP` that is to solve `qp` to `tolerance`, absolute and relative, and then to polish.
+
+    >>> import icpmodel as icp
+    >>> qp = Target(icp.ICP([[2.0]], [-1.0], psi=1)).qp("energy")
+    >>> set_up(qp, 1e-10, 10.0).solve(raise_error=False).x.round(9)
+    array([1.])
+    """
+    import osqp
+
+    model = osqp.OSQP()
+    model.setup(
+        sp.csc_matrix(sp.triu(qp.P)),
+        qp.q,
+        sp.csc_matrix(qp.K),
+        qp.lower,
+        qp.upper,
+        verbose=False,
+        eps_abs=tolerance,
+        eps_rel=tolerance,
+        eps_prim_inf=1e-12,
+        eps_dual_inf=1e-12,
+        max_iter=1_000_000,
+        time_limit=float(time_limit),
+        polishing=True,
+        polish_refine_iter=10,
+    )
+    return model
+
+
+def claimed(result: Any) -> Answer:
+    """The `result` of an `osqp.OSQP` as an answer. Raises KeyboardInterrupt, which OSQP itself turns into a status.
+
+    >>> import icpmodel as icp
+    >>> qp = Target(icp.ICP([[2.0]], [-1.0], psi=1)).qp("energy")
+    >>> claimed(set_up(qp, 1e-10, 10.0).solve(raise_error=False)).claims_solved
+    True
+    """
+    import osqp
+
+    status = osqp.SolverStatus
+    if result.info.status_val == status.OSQP_SIGINT:
+        raise KeyboardInterrupt
+    polished = ", polished" if result.info.status_polish == 1 else ""
+    return Answer(np.array(result.x), f"{result.info.status}{polished}", result.info.status_val == status.OSQP_SOLVED)

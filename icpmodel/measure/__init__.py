@@ -1,6 +1,7 @@
 """Measurements behind the numbers of the README: the subcommands of `icpmodel measure` print them."""
 
 from .certainty import bound_ratios, certificate_cost
+from .comparison import benchmark, dispatch, faster_peers
 from .dominant import dominant_cost, impulse_cost
 from .honesty import false_success
 from .html_report import html_report
@@ -18,10 +19,13 @@ __all__ = [
     "Sensitivity",
     "StabilityMap",
     "Table",
+    "benchmark",
     "bound_ratios",
     "certificate_cost",
+    "dispatch",
     "dominant_cost",
     "false_success",
+    "faster_peers",
     "grid_order",
     "html_report",
     "impulse_cost",
