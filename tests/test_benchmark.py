@@ -13,7 +13,7 @@ from icpmodel.crosscheck import Target
 from icpmodel.crosscheck.formulations import in_handy_units
 from icpmodel.measure import Table, benchmark, dispatch, faster_peers
 from icpmodel.measure.charts import choice, exponent, save, scaling
-from icpmodel.measure.competitors import Case, Competitor, Limit, built, limits, own_methods
+from icpmodel.measure.competitors import Case, Competitor, Foreign, Limit, built, limits, own_methods
 from icpmodel.measure.peers import PEERS, ColdActiveSet, Peer, Timed
 
 FIELD = "icpmodel.measure.competitors.PEERS"
@@ -148,6 +148,28 @@ def test_the_first_tolerance_that_does_counts(monkeypatch):
     assert len(faster_peers(table)) == 1
 
 
+def test_the_next_size_begins_one_tolerance_below_the_one_that_did(monkeypatch):
+    asked = []
+
+    class Coarse(_Fake):
+        def solve(self, target, *, time_limit):
+            asked.append((target.problem.n, self.tolerance))
+            z = target.problem.solve("newton").z if self.tolerance < 1e-6 else np.zeros(target.problem.n)
+            return Timed(z, "optimal", True, self.seconds, None)
+
+    measured(monkeypatch, Coarse, scenes=["membrane"], sizes=[16, 25])
+    assert max(tolerance for n, tolerance in asked if n == 16) == pytest.approx(1e-3)
+    assert [f"{tolerance:.0e}" for n, tolerance in asked if n == 25][:2] == ["1e-06", "1e-07"]
+
+
+def test_a_peer_is_judged_in_the_units_of_the_problem():
+    problem, z = random_lcp(0)
+    case = Case("", icp.ICP(1e80 * problem.A, 1e160 * problem.q, 1e80 * problem.psi.c))
+    answer = Foreign(ColdActiveSet).run(case, 1e-10, 1.0)
+    assert answer.z / 1e80 == pytest.approx(z)
+    assert case.judged(answer.z) < 1e-8
+
+
 @pytest.mark.parametrize("z", [None, [np.nan, 0.0], [0.5], "text", 0.0])
 def test_what_is_no_z_is_no_answer(monkeypatch, z):
     class Odd(_Fake):
@@ -247,13 +269,19 @@ def test_dispatch_flags_what_is_slower_than_one_and_a_half_times_the_best(monkey
     assert row["best method"] == "instant"
     assert row["ratio"] > 1.5
     assert row["note"] == "above 1.5"
-    _Instant.run, before = (lambda *_: Timed(np.array([0.5, 0.0]), "solved", True, 1e3, None)), _Instant.run
-    try:
-        row = dict(zip(table.heads, dispatch(["hand-lcp"], [2]).rows[0], strict=True))
-    finally:
-        _Instant.run = before
+    monkeypatch.setattr(_Instant, "run", lambda *_: Timed(np.array([0.5, 0.0]), "solved", True, 1e3, None))
+    row = dict(zip(table.heads, dispatch(["hand-lcp"], [2]).rows[0], strict=True))
     assert row["ratio"] < 1.5
     assert row["note"] == ""
+
+
+def test_dispatch_says_where_solve_fails_and_who_does_not(monkeypatch):
+    monkeypatch.setattr(OWN, lambda: [_Instant()])
+    monkeypatch.setattr("icpmodel.measure.comparison.Solve.run", lambda *_: Timed(None, "stagnated", False, 1.0, None))
+    monkeypatch.setattr(_Instant, "run", lambda *_: Timed(np.array([0.5, 0.0]), "solved", True, 1.0, None))
+    row = dispatch(["hand-lcp"], [2]).rows[0]
+    assert row[2:6] == ("", None, "instant", 1.0)
+    assert row[-1] == "solve(): not reached in 1 s: stagnated"
 
 
 def test_sizes_and_scenes_are_checked():
@@ -344,7 +372,9 @@ def test_ctrl_c_keeps_what_was_measured(capsys, tmp_path, monkeypatch):
     try:
         with pytest.raises(icp.Interrupted) as stopped:
             measured(monkeypatch, Stopping, scenes=["membrane"], sizes=[16, 25])
-        assert {row[1] for row in stopped.value.report.rows} == {16}
+        rows = stopped.value.report.rows
+        assert [row[1:3] for row in rows if row[1] == 25] == [(25, "solve()")]
+        assert (16, "fake") in {row[1:3] for row in rows}
         code, out, err = call(capsys, "benchmark", "membrane", "--n", "16", "--n", "25", "-o", str(tmp_path))
     finally:
         signal.signal(signal.SIGINT, before)

@@ -160,7 +160,7 @@ def _table(
             else:
                 records += measurement.of(case, field)
     except KeyboardInterrupt:
-        raise Interrupted(summary(records)) from None
+        raise Interrupted(summary(records + [record for record, _ in measurement.found])) from None
     return summary(records)
 
 
@@ -174,10 +174,12 @@ class _Measurement:
             raise InputError(f"time_limit is {time_limit}; a number > 0 was expected")
         self.repeats, self.time_limit, self.say = repeats, time_limit, say
         self.past: dict[tuple[str, str], _Past] = {}
+        #: what is known of the case at work, with the tolerances that did
+        self.found: list[tuple[Record, float]] = []
 
     def of(self, case: Case, field: list[Competitor]) -> list[Record]:
         """One record for each of `field`, `solve()` being the first of them."""
-        found: list[tuple[Record, float]] = []  # with the tolerance that did
+        found = self.found
         own_limit = self.time_limit
         for k, one in enumerate(field):
             self.say(f"{case.scene}, n = {case.problem.n}: {one.name} ({k + 1} of {len(field)})")
@@ -197,6 +199,7 @@ class _Measurement:
         records = [_timed(record, runs.get(k, [])) for k, (record, _) in enumerate(found)]
         if records[0].reached:
             records = [replace(one, ratios=_ratios(one.seconds, records[0].seconds)) for one in records]
+        self.found = []
         return records
 
     def _search(self, case: Case, one: Competitor, limit: float) -> tuple[Record, float]:
@@ -268,18 +271,8 @@ def _comparison(records: list[Record]) -> Table:
 
 def _choice(records: list[Record]) -> Table:
     """One row for each scene and size: what `solve()` took, and the quickest single method."""
-    heads = (
-        "scene",
-        "n",
-        "solve() by",
-        "solve(), s",
-        "best method",
-        "its time, s",
-        "ratio",
-        "lowest",
-        "highest",
-        "note",
-    )
+    heads = ("scene", "n", "solve() by", "solve(), s", "best method", "its time, s")
+    heads_of_ratio = ("ratio", "lowest", "highest", "note")
     rows: list[tuple[Any, ...]] = []
     for scene, n in dict.fromkeys((one.scene, one.n) for one in records):
         here = [one for one in records if (one.scene, one.n) == (scene, n)]
@@ -287,8 +280,9 @@ def _choice(records: list[Record]) -> Table:
         best = min(singles, key=lambda one: one.median or 0.0, default=None)
         by = solve.note.removeprefix("by ")
         if not solve.reached or best is None:
-            note = "" if solve.reached else "solve() did not reach it" if solve.kind else solve.note
-            rows.append((scene, n, by if solve.kind else "", solve.median, *(None,) * 5, note))
+            told = ("", None) if best is None else (best.name, best.median)
+            note = f"solve(): {solve.note}" if solve.kind else solve.note
+            rows.append((scene, n, "", None, *told, None, None, None, note))
             continue
         ratios = 1.0 / np.array(best.ratios)
         ratio = float(np.median(ratios))
@@ -296,4 +290,4 @@ def _choice(records: list[Record]) -> Table:
         row = (best.name, best.median, ratio, float(ratios.min()), float(ratios.max()), flag)
         rows.append((scene, n, by, solve.median, *row))
     title = f"solve() against the quickest single method, to Res(z) <= {RTOL:g} Res(0) ({machine()})"
-    return Table(title, heads, tuple(rows))
+    return Table(title, (*heads, *heads_of_ratio), tuple(rows))
