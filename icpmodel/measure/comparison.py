@@ -16,11 +16,13 @@ from .peers import Timed
 from .tables import Table, machine
 
 #: one that takes this many times the time of solve(), and more than that many seconds, is timed once
-_HOPELESS, _SHORT = 10.0, 0.25
+_FAR, _SHORT = 3.0, 0.25
 #: short runs are timed in more rounds: up to so many times as many, while all of them take less than so many seconds
 _MORE, _ALL = 7, 2.0
-#: own methods are given so many seconds at least
-_LEAST_LIMIT = 1.0
+#: a run of fewer seconds is timed with warm caches
+_BRIEF = 0.01
+#: own methods are given so many times the time of solve(), and so many seconds at least
+_HOPELESS, _LEAST_LIMIT = 10.0, 1.0
 #: a competitor that is so many times as slow as the best single method makes solve() look bad
 WORST = 1.5
 #: which share of solve()'s time a peer must need for "faster"; a tie is none
@@ -89,8 +91,10 @@ def benchmark(
 
     A peer is run at one tolerance after the other, 1e-3, …, 1e-12 (from one below the one that did at the size before),
     and the first run whose z is good enough counts, by its own time. What a peer itself says of its answer is not
-    believed: the note tells where it claims success at a z that is not good enough. Then all that are not hopelessly
-    slow are timed in turn, in `repeats` rounds or, if they are short, more; the ratio is the median over the rounds.
+    believed: the note tells where it claims success at a z that is not good enough. Then all that take no more
+    than three times as long as `solve()`, or a quarter of a second, are timed in turn, in `repeats` rounds or, if they
+    are short, more, and the ratio is the median over the rounds; the others are timed once. Each round begins with
+    another one, and runs below 10 ms are timed on their second go.
     One that would take longer than `time_limit`, by its growth at the smaller sizes, is not asked; own methods are
     given ten times the time of `solve()`, at least a second.
 
@@ -187,15 +191,19 @@ class _Measurement:
             if k == 0:
                 seconds = found[0][0].seconds[0]
                 own_limit = min(self.time_limit, max(_HOPELESS * seconds, _LEAST_LIMIT))
-        longest = max(_HOPELESS * found[0][0].seconds[0], _SHORT)
+        longest = max(_FAR * found[0][0].seconds[0], _SHORT)
         rounds = [k for k, (record, _) in enumerate(found) if record.reached and record.seconds[0] <= longest]
         runs: dict[int, list[Timed]] = {k: [] for k in rounds}
         begin, done = time.perf_counter(), 0
         while done < self.repeats or (done < _MORE * self.repeats and time.perf_counter() - begin < _ALL):
             done += 1
             self.say(f"{case.scene}, n = {case.problem.n}: round {done}")
-            for k in rounds:
-                runs[k].append(field[k].run(case, found[k][1], self.time_limit))
+            turn = done % max(len(rounds), 1)
+            for k in rounds[turn:] + rounds[:turn]:
+                # a brief run is slower after another code than after itself: it is timed after itself
+                for _ in range(2 if found[k][0].seconds[0] < _BRIEF else 1):
+                    run = field[k].run(case, found[k][1], self.time_limit)
+                runs[k].append(run)
         records = [_timed(record, runs.get(k, [])) for k, (record, _) in enumerate(found)]
         if records[0].reached:
             records = [replace(one, ratios=_ratios(one.seconds, records[0].seconds)) for one in records]
