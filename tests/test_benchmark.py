@@ -225,7 +225,10 @@ def test_a_linear_solve_that_fails_is_no_limit():
     case = Case("", built("membrane", 16).problem)
     wrong = Limit("wrong", lambda A, b: 0.0 * b)
     assert not wrong.run(case, 1e-8, 1.0).claims_solved
+    assert not Limit("nan", lambda A, b: np.nan * b).run(case, 1e-8, 1.0).claims_solved
     assert all(limit.run(case, 1e-8, 1.0).claims_solved for limit in limits())
+    # a condition number of 1e10: 1e-8 ||b|| is below what rounding leaves
+    assert limits()[0].run(Case("", built("bearing", 100_000).problem), 1e-8, 1.0).claims_solved
     singular = Case("", icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, -1.0]))
     assert "singular" in limits()[0].run(singular, 1e-8, 1.0).claim
 
