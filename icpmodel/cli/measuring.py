@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +14,7 @@ from .output import complain
 from .source import options
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from matplotlib.figure import Figure
+    from collections.abc import Callable
 
     from ..measure import Table
 
@@ -178,11 +177,18 @@ def benchmark(output: str | None, as_csv: bool, **arguments: Any) -> int:
 
     All to the same residual, on the scenes that are named, or on all. Minutes for each scene with n = 100000.
     """
+    from ..measure import Table, faster_peers
     from ..measure import benchmark as compare
-    from ..measure import faster_peers
     from ..measure.charts import scaling
+    from ..measure.figures import save
 
-    table, code = _measured(compare, arguments, output, as_csv, "benchmark", scaling)
+    table, code = _measured(compare, arguments, output, as_csv)
+    if output is not None:
+        (Path(output) / "benchmark.csv").write_text(table.to_csv(), encoding="utf-8")
+        for scene, figure in scaling(table).items():
+            rows = tuple(row for row in table.rows if row[0] == scene)
+            name = scene.replace(",", "-").replace("=", "")
+            save(figure, Path(output) / name, Table(scene, table.heads, rows), _line("benchmark", arguments))
     faster = faster_peers(table)
     if not as_csv:
         click.echo("\n".join(["", "A peer is faster than solve():", *faster] if faster else ["", "No peer is faster."]))
@@ -195,21 +201,24 @@ def dispatch(output: str | None, as_csv: bool, **arguments: Any) -> int:
     """solve() against the quickest single own method, on the scenes that are named, or on all."""
     from ..measure import dispatch as compare
     from ..measure.charts import choice
+    from ..measure.figures import save
 
-    return _measured(compare, arguments, output, as_csv, "dispatch", lambda table: {"dispatch": choice(table)})[1]
+    table, code = _measured(compare, arguments, output, as_csv)
+    if output is not None:
+        save(choice(table), Path(output) / "dispatch", table, _line("dispatch", arguments))
+    return code
+
+
+def _line(name: str, arguments: dict[str, Any]) -> str:
+    """The command to type for the same measurement."""
+    sizes = [part for n in arguments["sizes"] for part in ("--n", str(n))]
+    return shlex.join(["icpmodel", "measure", name, *arguments["scenes"], *sizes])
 
 
 def _measured(
-    compare: Callable[..., Table],
-    arguments: dict[str, Any],
-    output: str | None,
-    as_csv: bool,
-    name: str,
-    draw: Callable[[Table], Mapping[str, Figure]],
+    compare: Callable[..., Table], arguments: dict[str, Any], output: str | None, as_csv: bool
 ) -> tuple[Table, int]:
-    """Measure, show, write; Ctrl-C leaves what was measured so far, and the exit code 130."""
-    from ..measure.charts import save
-
+    """Measure and show; Ctrl-C leaves what was measured so far, and the exit code 130."""
     if output is not None:
         try:
             Path(output).mkdir(parents=True, exist_ok=True)
@@ -223,9 +232,6 @@ def _measured(
         table, code = stopped.report, 130
         complain("interrupted; what was measured so far follows")
     _show(table, as_csv)
-    if output is not None:
-        (Path(output) / f"{name}.csv").write_text(table.to_csv())
-        save(draw(table), output)
     return table, code
 
 

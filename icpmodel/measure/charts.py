@@ -5,9 +5,7 @@ Reference: Okabe and Ito, Color Universal Design (2008), for the colours.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import cycle
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,7 +71,7 @@ def choice(table: Table) -> Figure:
         axes.plot(x, y, marker, color=colour, label=label, alpha=0.85)
     axes.axvline(WORST, color="black", linestyle="--", linewidth=1)
     axes.set_xscale("log")
-    ticks = [0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0]
+    ticks = [0.1, 0.2, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0]
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
     axes.minorticks_off()
     ratios = [row["ratio"] for row in rows] or [1.0]
@@ -83,21 +81,6 @@ def choice(table: Table) -> Figure:
     axes.set_xlabel("time of solve() / time of the quickest single method")
     figure.legend(loc="outside lower center", ncols=6, frameon=False)
     return figure
-
-
-def save(figures: Mapping[str, Figure], folder: str | Path) -> list[Path]:
-    """Write each figure to `folder` as PNG and SVG, named by its key. Returns the paths.
-
-    >>> save({}, ".")
-    []
-    """
-    paths = []
-    for name, figure in figures.items():
-        for suffix in ("png", "svg"):
-            path = Path(folder) / f"{name.replace(',', '-').replace('=', '')}.{suffix}"
-            figure.savefig(path, dpi=90)
-            paths.append(path)
-    return paths
 
 
 def exponent(points: list[tuple[int, float]]) -> float | None:

@@ -327,7 +327,7 @@ def cases(texts: tuple[str, ...], sizes: tuple[int, ...]) -> Iterator[tuple[str,
                 n = problem.n
                 assert isinstance(case, Case)
                 _ = case.scale
-            except (InputError, MemoryError) as error:
+            except (IcpError, MemoryError) as error:
                 case, n = str(error) or "not enough memory", wanted
             if n not in seen:
                 seen.add(n)
