@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .maps import Map as Map
     from .measure.stability_map import stability as stability
     from .methods import Method as Method
+    from .methods.accelerated import Accelerated as Accelerated
     from .methods.lemke import Lemke as Lemke
     from .methods.mms import MMS as MMS
     from .methods.modulus import MNMAOR as MNMAOR
@@ -85,6 +86,7 @@ _HOMES = {
     "maps": ("Affine", "Constant", "Elementwise", "Function", "Map"),
     "measure.stability_map": ("stability",),
     "methods": ("Method",),
+    "methods.accelerated": ("Accelerated",),
     "methods.lemke": ("Lemke",),
     "methods.mms": ("MMS",),
     "methods.modulus": (

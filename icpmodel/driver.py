@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,7 @@ def _choices(problem: ICP, method: str | Method | None, options: dict[str, Any])
     if isinstance(method, Method):
         if options:
             raise InputError(f"{next(iter(options))}: the options of a Method object go into its constructor")
+        method = copy(method)  # what a run notes on its method (`MNMAOR.used`) stays with this run's solution
     else:
         try:
             method = named(method, **options)

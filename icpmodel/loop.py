@@ -13,15 +13,13 @@ import numpy as np
 from .arrays import Vector, as_number, norm
 from .errors import MapError, NotApplicable, SingularOperator
 from .goal import AccuracyGoal, Goal
-from .methods import HandOver, Infeasible
+from .methods import SAFE_HINT, HandOver, Infeasible
 from .methods.choose import Choice, why_none
 from .problem import ICP
 from .progress import Bar, progress_bar
 from .solution import History, Solution, Status
 from .theory.answers import Answer
 
-#: outside this range the squares that a sweep sums for its hint over- or underflow; the judge does not
-_SAFE_HINT = (1e-140, 1e140)
 #: after so many steps without a better iterate, or twice the number of unknowns (a signal may have to cross them all)
 #: up to the second number, the run counts as stagnated …
 _PATIENCE, _LONGEST_PATIENCE = 1000, 50_000
@@ -247,7 +245,7 @@ class Job:
 
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The method's hint while it is only a hint; the judge where a decision hangs on it."""
-        low, high = _SAFE_HINT
+        low, high = SAFE_HINT
         if z is self.start:
             return self.at_start
         if hint is not None and low < hint < high and hint > self.goal.tolerance:

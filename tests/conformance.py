@@ -10,6 +10,7 @@ from icpmodel.methods.reduced import Reduced
 
 #: a method that is a special case of another by default is given options of its own
 METHODS = {
+    "accelerated": icp.Accelerated(of="mnmgs"),
     "lemke": Lemke(),
     "mms": icp.MMS(),
     "mnmaor": icp.MNMAOR(theta1=1.1, theta2=0.8, phi=0.1),

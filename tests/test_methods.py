@@ -135,7 +135,7 @@ def test_mms_is_the_recursion_of_hong_and_li():
 @pytest.mark.parametrize(
     ("method", "options", "words"),
     [
-        ("mnmxx", {}, "method is 'mnmxx'; one of lemke, mms"),
+        ("mnmxx", {}, "method is 'mnmxx'; one of accelerated, lemke, mms"),
         (3, {}, "method is 3"),
         ("mnmgs", {"theta1": 1.0}, "mnmgs has no option theta1; it takes phi, phi1, phi2"),
         ("psor", {"omega": 2.0}, "omega is 2.0; a finite number > 0 and < 2 was expected"),
@@ -160,6 +160,7 @@ def test_every_option_changes_the_iterates(name):
     from dataclasses import fields
 
     other = {"phi": 0.7, "phi1": 2.0, "phi2": 5.0, "theta1": 1.4, "theta2": 0.3, "omega": 0.8, "inner": 1}
+    other |= {"of": "mnmj", "window": 1, "every": 1}
     A = np.array([[4.0, -1.0, 0.0], [-2.0, 4.0, -1.0], [0.0, -1.0, 3.0]])
     problem = icp.ICP(A, [-3.0, 2.0, -1.0], icp.Affine(0.2 * np.ones((3, 3)), [0.3, -0.1, 0.2]))
     z = np.array([1.0, -2.0, 0.5])
@@ -170,7 +171,8 @@ def test_every_option_changes_the_iterates(name):
 
     plain = methods.named(name)
     for option in fields(plain):
-        base = {"phi2": 2.0} if option.name == "phi1" else {}  # phi1 acts through phi2/phi1
+        # phi1 acts through phi2/phi1, and the window where it is full
+        base = {"phi1": {"phi2": 2.0}, "window": {"every": 1}}.get(option.name, {})
         value = "jacobi" if option.name == "splitting" else other[option.name]
         changed = methods.named(name, **base, **{option.name: value})
         assert not np.allclose(after(changed), after(methods.named(name, **base)), rtol=1e-10), option.name

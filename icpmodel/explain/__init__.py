@@ -257,7 +257,8 @@ def explain(problem: ICP, method: str | Method | None = None, *, accuracy: float
 
     Parameters: `method` a member of the modulus family by name (with its `options`) or as an object, to be looked at
     alone; by default MNMJ, MNMGS, MNMSOR and MNMAOR with several θ₁, θ₂ and Ω, MNMOD and MNMMOD, and the method that
-    `solve()` tries first. `accuracy` > 0, in the units of z, to which the numbers of steps refer.
+    `solve()` tries first. `accuracy` > 0, in the units of z, to which the numbers of steps refer. A member with
+    theta1="auto" is looked at with the numbers of `settled`, although a run of mnmaor adapts them.
     Returns an `Explanation`. Raises InputError for a method outside of the family.
     Reference: `icpmodel.theory`, which states and checks every theorem.
 
@@ -270,7 +271,7 @@ def explain(problem: ICP, method: str | Method | None = None, *, accuracy: float
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
     first = next(choices(problem), None)
     if method is not None:
-        wanted = _member(named(method, **options) if isinstance(method, str) else method)
+        wanted = _member(named(method, **options) if isinstance(method, str) else method).settled(problem)
         methods: dict[str, Method] = {repr(wanted): wanted}
     else:
         methods = members(problem)

@@ -18,10 +18,14 @@ import numpy as np
 
 from ..arrays import Vector, described
 from ..errors import InputError
+from ..operators import Step
 from ..problem import ICP
 from ..theory.answers import Answer
 
 _REGISTRY: dict[str, type[Method]] = {}
+
+#: outside this range the squares that a sweep sums for its hint over- or underflow; `ICP.residual` does not
+SAFE_HINT = (1e-140, 1e140)
 
 
 class HandOver(Exception):
@@ -98,6 +102,30 @@ class Method(ABC):
             elif value is not option.default and not (np.isscalar(value) and value == option.default):
                 given.append(f"{option.name}={value:.6g}" if isinstance(value, float) else f"{option.name}={value!r}")
         return f"{type(self).__name__}({', '.join(given)})"
+
+
+class FixedPoint(Method):
+    """A method whose iterates are those of one map: zᵏ⁺¹ = g(zᵏ). Such a method can be accelerated.
+
+    >>> isinstance(named("mnmgs"), FixedPoint), isinstance(named("newton"), FixedPoint)
+    (True, False)
+    """
+
+    @abstractmethod
+    def step_of(self, problem: ICP) -> Step:
+        """z ↦ (g(z), Res(z)); the result is a fresh array. Raises SingularOperator.
+
+        >>> named("mnmgs").step_of(ICP([[2.0]], [-2.0]))(np.array([3.0]))
+        (array([1.]), 3.0)
+        """
+
+    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+        """See `Method.iterates`."""
+        step = self.step_of(problem)
+        while True:
+            following, residual = step(z)
+            yield z, residual
+            z = following
 
 
 def names() -> list[str]:

@@ -16,6 +16,8 @@ Written out with the modulus (equation (5) of the paper; φ₁ only rescales, so
 | MNMJ    | D              | any  | θ₁ = 1, θ₂ = 0                                     |
 | NMMS    | any            | any  | φ = 0, φ₁ = I (the method of 2022)                 |
 | projection-fixed-point | D/ω | D/ω | z⁺ = max(ψ(z), z − ωD⁻¹(Az + q))               |
+
+theta1="auto" leaves θ₁, and what goes with it, to `methods.parameters`.
 """
 
 from __future__ import annotations
@@ -29,13 +31,19 @@ import numpy as np
 
 from ..arrays import Vector, as_number, as_vector
 from ..errors import InputError
-from ..operators import rows_of
+from ..operators import Step, rows_of
 from ..problem import ICP
 from ..splittings import AOR, Splitting, Whole, as_splitting
-from . import Method, positive_diagonal
+from . import FixedPoint, Method, positive_diagonal
+from .parameters import AdaptedOmega, a_number, is_auto, leave_out, relaxation, scale_of, sor
+
+#: how far the ω for all of A is held back where it stays as it is: on the free rows a smaller one is the best
+_HELD_BACK = 0.95
+#: with θ₂ = θ₁ the factor √2 − 1 … 1 of the fastest errors outweighs what the slow ones gain beyond this ω
+_MOST_OF_SOR = 1.4
 
 
-class ModulusMember(Method):
+class ModulusMember(FixedPoint):
     """A member of the modulus family: a choice of M₁, φ and Ω, and nothing else.
 
     >>> MNMGS().splitting_of()
@@ -61,15 +69,20 @@ class ModulusMember(Method):
         array([3.])
         """
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`."""
-        omega = self.omega_of(problem)
-        shift = as_vector(self.phi, problem.n, "phi") + omega
-        step = self.splitting_of().operator(problem.A, shift).step(problem, omega)
-        while True:
-            following, residual = step(z)
-            yield z, residual
-            z = following
+    def settled(self, problem: ICP) -> ModulusMember:
+        """This member with numbers in place of theta1="auto", from the theory alone; itself where it has numbers.
+
+        >>> MNMSOR(theta1="auto").settled(ICP([[2.0]], [1.0]))
+        MNMSOR(phi2=<1 values>)
+        """
+        return self
+
+    def step_of(self, problem: ICP) -> Step:
+        """See `FixedPoint.step_of`."""
+        member = self.settled(problem)
+        omega = member.omega_of(problem)
+        shift = as_vector(member.phi, problem.n, "phi") + omega
+        return member.splitting_of().operator(problem.A, shift).step(problem, omega)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -155,7 +168,8 @@ class MNMMOD(MNMOD):
     """Modified new modified modulus method: M₁ = A, Ω = θ₁I, θ₁ > 0.
 
     The display in the paper lacks a "+" and the factor θ₁ before ψ; the scheme is
-    (A + φ + θ₁I)z⁺ = φz + |(A − θ₁I)z + q + θ₁ψ(z)| − q + θ₁ψ(z). √(λ_min λ_max) is a good θ₁ for symmetric A.
+    (A + φ + θ₁I)z⁺ = φz + |(A − θ₁I)z + q + θ₁ψ(z)| − q + θ₁ψ(z). √(λ_min λ_max) is a good θ₁ for symmetric A;
+    theta1="auto" is √(‖A‖_∞/‖A⁻¹1‖_∞), which comes near to it for an M-matrix.
 
     >>> ICP([[1.0]], [1.0], psi=1.0).solve(MNMMOD(theta1=2.0)).z.round(6)
     array([1.])
@@ -163,23 +177,74 @@ class MNMMOD(MNMOD):
 
     name: ClassVar[str] = "mnmmod"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another theta1"
-    theta1: float = 1.0
+    theta1: Any = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        as_number(self.theta1, "theta1", above=0)
+        is_auto(self.theta1)
+
+    def settled(self, problem: ICP) -> MNMMOD:
+        """See `ModulusMember.settled`."""
+        return MNMMOD(phi=self.phi, theta1=scale_of(problem)) if is_auto(self.theta1) else self
 
     def omega_of(self, problem: ICP) -> Vector:
         """Ω = θ₁I: see `ModulusMember.omega_of`."""
-        return np.full(problem.n, float(self.theta1))
+        return np.full(problem.n, a_number(self.theta1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class MNMAOR(_FreeOmega):
+class _Relaxing(_FreeOmega):
+    """Members whose θ₁ may be "auto": then ω goes from what `_adapted` begins with to what the run makes of it."""
+
+    theta1: Any = 1.0
+
+    @abstractmethod
+    def _adapted(self, problem: ICP) -> AdaptedOmega: ...
+
+    @abstractmethod
+    def _relaxed(self, problem: ICP, omega: float) -> MNMAOR | MNMSOR: ...
+
+    @property
+    def memoryless(self) -> bool:  # type: ignore[override]
+        """Whether ω stays as it is: see `Method.memoryless`."""
+        return not is_auto(self.theta1)
+
+    @property
+    def used(self) -> MNMAOR | MNMSOR | None:
+        """With theta1="auto", the numbers that the latest run of this object came to; None before there is one.
+
+        >>> solution = ICP([[2, -1], [-1, 2]], [-1, 3]).solve("mnmaor", theta1="auto")
+        >>> solution.method, solution.method.used
+        (MNMAOR(theta1='auto'), MNMAOR(phi2=<2 values>, theta1=1.0663, theta2=2.1326))
+        """
+        return self.__dict__.get("_used")
+
+    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+        """See `Method.iterates`."""
+        if not is_auto(self.theta1):
+            yield from super().iterates(problem, z)
+            return
+        omega, step = self._adapted(problem), None
+        while True:
+            if step is None:
+                member = type(self)(phi=self.phi) if omega.plain else self._relaxed(problem, omega.value)
+                object.__setattr__(self, "_used", member)
+                step = member.step_of(problem)
+            following, residual = step(z)
+            yield z, residual
+            z = following
+            if omega.changes(residual):
+                step = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MNMAOR(_Relaxing):
     """Accelerated overrelaxation: M₁ = (D − θ₂L)/θ₁; `phi`, `phi1`, `phi2` as in `Modulus`.
 
-    (θ₁, θ₂) = (ω, 2ω) with Ω = D/ω has the reach of projected SOR: then z⁺ = z − (D/ω − L)⁻¹ min(p, (D/ω) r).
-    Reference: Kumar, Deepmala and Das, section 3.
+    θ₁ = 1/(2/ω − s), θ₂ = 2θ₁ and Ω = sD with s = 2 − ω have the reach of projected SOR: where p < Ωr,
+    z⁺ = z − (D/ω − L)⁻¹p. theta1="auto" takes these; the run starts at ω = 1 and adapts ω to the rate that it
+    sees, and `used` tells where it ended.
+    Reference: Kumar, Deepmala and Das, section 3; `methods.parameters` for "auto".
 
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMAOR(theta1=1.2, theta2=1.0, phi=0.5)).z.round(6)
     array([1., 1.])
@@ -187,21 +252,37 @@ class MNMAOR(_FreeOmega):
 
     name: ClassVar[str] = "mnmaor"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another theta1 or theta2"
-    theta1: float = 1.0
     theta2: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        AOR(self.theta1, self.theta2)
+        if is_auto(self.theta1):
+            leave_out(self, "theta2", "phi1", "phi2")
+        else:
+            AOR(self.theta1, self.theta2)
+
+    def settled(self, problem: ICP) -> MNMAOR:
+        """See `ModulusMember.settled`; ω is somewhat below the one that is best for all of A."""
+        return self._relaxed(problem, max(1.0, _HELD_BACK * relaxation(problem))) if is_auto(self.theta1) else self
+
+    def _adapted(self, problem: ICP) -> AdaptedOmega:
+        return AdaptedOmega(relaxation(problem))
+
+    def _relaxed(self, problem: ICP, omega: float) -> MNMAOR:
+        theta1, phi2 = sor(problem, omega)
+        return MNMAOR(phi=self.phi, phi2=phi2, theta1=theta1, theta2=2.0 * theta1)
 
     def splitting_of(self) -> Splitting:
         """See `ModulusMember.splitting_of`."""
-        return AOR(self.theta1, self.theta2)
+        return AOR(a_number(self.theta1), self.theta2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class MNMSOR(_FreeOmega):
+class MNMSOR(_Relaxing):
     """Successive overrelaxation: MNMAOR with θ₂ = θ₁; `phi`, `phi1`, `phi2` as in `Modulus`.
+
+    theta1="auto" is 1/(2/ω − s) with Ω = sD, s = 2 − ω: of the ω that is best for SOR as much as θ₂ = θ₁ bears, and
+    less where the run shows that it is too much; `used` tells where it ended.
 
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMSOR(theta1=1.1)).z.round(6)
     array([1., 1.])
@@ -209,15 +290,28 @@ class MNMSOR(_FreeOmega):
 
     name: ClassVar[str] = "mnmsor"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another theta1"
-    theta1: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        AOR(self.theta1, self.theta1)
+        if is_auto(self.theta1):
+            leave_out(self, "phi1", "phi2")
+
+    def settled(self, problem: ICP) -> MNMSOR:
+        """See `ModulusMember.settled`."""
+        return self._relaxed(problem, self._adapted(problem).value) if is_auto(self.theta1) else self
+
+    def _adapted(self, problem: ICP) -> AdaptedOmega:
+        most = min(relaxation(problem), _MOST_OF_SOR)
+        return AdaptedOmega(most, start=most)
+
+    def _relaxed(self, problem: ICP, omega: float) -> MNMSOR:
+        theta1, phi2 = sor(problem, omega)
+        return MNMSOR(phi=self.phi, phi2=phi2, theta1=theta1)
 
     def splitting_of(self) -> Splitting:
         """See `ModulusMember.splitting_of`."""
-        return AOR(self.theta1, self.theta1)
+        theta1 = a_number(self.theta1)
+        return AOR(theta1, theta1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..arrays import Vector, as_number, diagonal_positions
-from ..operators import compiled_step
+from ..arrays import as_number, diagonal_positions
+from ..operators import Step, compiled_step
 from ..problem import ICP
-from . import Method, positive_diagonal
+from . import FixedPoint, positive_diagonal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class PSOR(Method):
+class PSOR(FixedPoint):
     """z_i⁺ = max(ψ_i(z), z_i − (ω/a_ii)(Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i)), 0 < ω < 2.
 
     It is not of the form z − 2X⁻¹F(z): the projection sits inside the substitution.
@@ -34,12 +33,8 @@ class PSOR(Method):
         """See `Method.why_not`."""
         return positive_diagonal(problem, "projected SOR divides by the diagonal of A")
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`."""
+    def step_of(self, problem: ICP) -> Step:
+        """See `FixedPoint.step_of`."""
         A = problem.A
         matrix: tuple[Any, ...] = (A.indptr, A.indices, A.data, diagonal_positions(A), problem.q)
-        step = compiled_step(problem, "projected", matrix, (self.omega / A.diagonal(), True))
-        while True:
-            following, residual = step(z)
-            yield z, residual
-            z = following
+        return compiled_step(problem, "projected", matrix, (self.omega / A.diagonal(), True))

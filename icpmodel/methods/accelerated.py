@@ -1,0 +1,158 @@
+"""Anderson acceleration of any fixed-point method of the house, safeguarded by the residual."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..arrays import Vector, as_number, described
+from ..errors import InputError, MapError
+from ..problem import ICP
+from . import SAFE_HINT, FixedPoint, Method, named, names
+from .modulus import MNMAOR
+from .parameters import AUTO
+
+#: an accelerated iterate may have this many times the least residual so far
+_GROWTH = 10.0
+#: accelerated steps that have to halve the least residual, and the plain ones that follow where they do not
+_ACCELERATED, _PLAIN = 100, 25
+#: directions of the history that are less independent than this say nothing but rounding errors
+_INDEPENDENT = 1e-10
+_DEFAULT = MNMAOR(theta1=AUTO)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Accelerated(Method):
+    """The method `of` with Anderson acceleration (type II): of the last steps the combination that leaves least.
+
+    With g the map of the method and f(z) = g(z) − z, every `every`-th step is
+
+        z⁺ = g(z) − ΔG γ,        γ = argmin (f(z) − ΔF γ)ᵀ D (f(z) − ΔF γ),
+
+    ΔG and ΔF the differences of the last `window` + 1 values of g and f at those steps, D the diagonal of A, so that
+    symmetric changes of units leave γ as it is; the other steps are plain ones. The combination costs about as much
+    as a sweep, hence not every step is one. Where g is linear and `every` is 1 this is GMRES, restarted gradually.
+
+    **Safeguard.** An iterate so made is kept only if its residual, which the next sweep yields for free, is at most ten
+    times the least one so far; else the plain step is taken and the history forgotten. Where a hundred steps
+    have not halved the least residual, 25 plain ones follow, and both numbers double. Hence the method converges where
+    g contracts in some norm and the residual bounds the error, as for H₊-matrices and ψ of small slope: then there is a
+    K such that K plain steps halve the least residual from wherever the others stopped, and if the others go wrong
+    often enough there are K plain ones.
+
+    Parameters: `of`, the name of a method (taken with its defaults) or a Method object whose iterates are those of one
+    map: any member of the modulus family, `psor`, or a `FixedPoint` of your own; by default MNMAOR(theta1="auto"),
+    whose numbers stay here as `settled(problem)` gives them. `window` ≥ 1, the number of differences; `every` ≥ 1.
+    Raises InputError for anything else.
+    Reference: Anderson, J. ACM 12 (1965); Walker and Ni, SIAM J. Numer. Anal. 49 (2011).
+
+    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Accelerated(of="mnmgs")).z.round(6)
+    array([1., 1.])
+    >>> Accelerated(of="newton")
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: newton cannot be accelerated: its iterates are not those of one map z -> g(z)
+    """
+
+    name: ClassVar[str] = "accelerated"
+    memoryless: ClassVar[bool] = False
+    to_try: ClassVar[str] = "another method to accelerate (of), another window or every"
+    of: Any = _DEFAULT
+    window: int = 5
+    every: int = 3
+
+    def __post_init__(self) -> None:
+        as_number(self.window, "window", least=1, whole=True)
+        as_number(self.every, "every", least=1, whole=True)
+        method = named(self.of) if isinstance(self.of, str) else self.of
+        if not isinstance(method, Method):
+            raise InputError(f"of is {described(method)}; a Method object or one of {', '.join(names())} was expected")
+        if not isinstance(method, FixedPoint):
+            raise InputError(f"{method.name} cannot be accelerated: its iterates are not those of one map z -> g(z)")
+        object.__setattr__(self, "of", method)
+
+    def why_not(self, problem: ICP) -> str | None:
+        """See `Method.why_not`: what the method `of` says."""
+        return self.of.why_not(problem)
+
+    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+        """See `Method.iterates`. A rejected iterate is yielded as well, so that every sweep counts."""
+        step, history = self.of.step_of(problem), _History(problem, self.window)
+        phase, sweeps, plain, least = _Phases(), 0, None, np.inf
+        while True:
+            try:
+                image, hint = step(z)
+            except MapError:
+                if plain is None:
+                    raise
+                image, hint = z, np.nan
+            residual = _residual(problem, z, hint)
+            if plain is None or np.isfinite(residual):
+                yield z, residual
+            if plain is not None and not residual <= _GROWTH * least:
+                z, plain = plain, None
+                history.forget()
+                continue
+            least, sweeps, plain, following = min(least, residual), sweeps + 1, None, image
+            if not phase.accelerates(least):
+                history.forget()
+            elif sweeps % self.every == 0:
+                following = history.combined(z, image)
+                plain = None if following is image else image
+            z = following
+
+
+class _Phases:
+    """Which steps are accelerated: some, and where those did not halve the least residual some that are not."""
+
+    def __init__(self) -> None:
+        self.steps, self.scale, self.mark = 0, 1, np.inf
+
+    def accelerates(self, least: float) -> bool:
+        if least <= self.mark / 2:
+            self.steps, self.mark = 0, least
+        self.steps += 1
+        if self.steps > self.scale * (_ACCELERATED + _PLAIN):
+            self.steps, self.mark, self.scale = 1, least, 2 * self.scale
+        return self.steps <= self.scale * _ACCELERATED
+
+
+class _History:
+    """The last `window` differences of f(z) = g(z) − z and g(z), the rows of F and G, and the products F D Fᵀ."""
+
+    def __init__(self, problem: ICP, window: int) -> None:
+        weight = np.abs(problem.A.diagonal())
+        # a power of two, so that no digit is lost; rows without a diagonal entry count as if theirs were the largest
+        weight = np.ldexp(weight, -int(np.frexp(weight.max())[1]))
+        self.weight = np.where(weight > 0, weight, 1.0)
+        self.window = min(window, problem.n)
+        self.F, self.G = np.empty((self.window, problem.n)), np.empty((self.window, problem.n))
+        self.products = np.empty((self.window, self.window))
+        self.forget()
+
+    def forget(self) -> None:
+        self.last: tuple[Vector, Vector] | None = None
+        self.known = self.next = 0
+
+    def combined(self, z: Vector, image: Vector) -> Vector:
+        """g(z) − γG, with `image` = g(z); `image` itself where the history has nothing to say."""
+        from ..kernels.anderson import combine
+
+        last, self.last = self.last, (z, image)
+        if last is None:
+            return image
+        slot, self.next = self.next, (self.next + 1) % self.window
+        self.known = max(self.known, slot + 1)
+        out = np.empty(z.size)
+        if combine(z, image, *last, self.weight, self.F, self.G, self.products, slot, self.known, _INDEPENDENT, out):
+            return out
+        self.forget()
+        return image
+
+
+def _residual(problem: ICP, z: Vector, hint: float | None) -> float:
+    """The residual of z: the hint of the sweep, unless its squares may have over- or underflown."""
+    low, high = SAFE_HINT
+    return hint if hint is not None and (low < hint < high or np.isnan(hint)) else problem.residual(z)
