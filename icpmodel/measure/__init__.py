@@ -12,6 +12,7 @@ from .small import small_cost
 from .solution_chart import solution_figure
 from .stability_map import StabilityMap, stability
 from .tables import Table, grid_order, sweep_cost, sweep_counts
+from .tuning import tuned_and_automatic
 
 __all__ = [
     "Axis",
@@ -37,4 +38,5 @@ __all__ = [
     "stability",
     "sweep_cost",
     "sweep_counts",
+    "tuned_and_automatic",
 ]
