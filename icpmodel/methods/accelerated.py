@@ -17,6 +17,8 @@ from .parameters import AUTO
 
 #: an accelerated iterate may have this many times the least residual so far
 _GROWTH = 10.0
+#: beyond this it is not even shown, as it would be taken for divergence
+_FAR = 1e100
 #: accelerated steps that have to halve the least residual, and the plain ones that follow where they do not
 _ACCELERATED, _PLAIN = 100, 25
 #: directions of the history that are less independent than this say nothing but rounding errors
@@ -78,7 +80,7 @@ class Accelerated(Method):
         return self.of.why_not(problem)
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`. A rejected iterate is yielded as well, so that every sweep counts."""
+        """See `Method.iterates`. Rejected iterates are yielded as well, so that every sweep counts."""
         step, history = self.of.step_of(problem), _History(problem, self.window)
         phase, sweeps, plain, least = _Phases(), 0, None, np.inf
         while True:
@@ -89,7 +91,7 @@ class Accelerated(Method):
                     raise
                 image, hint = z, np.nan
             residual = _residual(problem, z, hint)
-            if plain is None or np.isfinite(residual):
+            if plain is None or residual <= _FAR * least:
                 yield z, residual
             if plain is not None and not residual <= _GROWTH * least:
                 z, plain = plain, None

@@ -301,8 +301,8 @@ class MNMSOR(_Relaxing):
         return self._relaxed(problem, self._adapted(problem).value) if is_auto(self.theta1) else self
 
     def _adapted(self, problem: ICP) -> AdaptedOmega:
-        most = min(relaxation(problem), _MOST_OF_SOR)
-        return AdaptedOmega(most, start=most)
+        best = relaxation(problem)
+        return AdaptedOmega(best, fixed=min(best, _MOST_OF_SOR))
 
     def _relaxed(self, problem: ICP, omega: float) -> MNMSOR:
         theta1, phi2 = sor(problem, omega)

@@ -31,8 +31,8 @@ _CAUTION = 0.98
 _WORTH = 0.05
 #: below this ω there is nothing to adapt
 _RELAXED = 1.2
-#: in so many steps the residual has to fall by this factor, and this growth is a reason to step back at once
-_PATIENCE, _LESS, _GROWN = 100, 0.99, 1e3
+#: the least patience in steps, and the growth that is a reason to step back at once
+_PATIENCE, _GROWN = 100, 1e3
 
 
 def is_auto(theta1: Any) -> bool:
@@ -118,21 +118,24 @@ def scale_of(problem: ICP) -> float:
 
 
 class AdaptedOmega:
-    """An ω that follows the observed rate: from 1 up to `most`, and back where the residual grows or stands still.
+    """An ω that follows the observed rate: from 1 up to `best`, and back where the residual grows or hardly falls.
 
-    Every step back takes a quarter of ω − 1, all of it where ω ≤ 1.1, and is final. Where ω = 1 does no better, the run
-    is `plain` from then on, with MNMGS; so no problem is lost that MNMGS solves, and that is every one with an
-    H₊-matrix and a ψ of small slope.
-    The start is `start`, by default `most` where that is below 1.2, and 1 else.
+    Every step back halves ω − 1, takes all of it where ω ≤ 1.2, and is final. Where ω = 1 does no better, the run is
+    `plain` from then on, with MNMGS; so hardly a problem is lost that MNMGS solves, and that is every one with an
+    H₊-matrix and a ψ of small slope. The patience is somewhat more than Gauss–Seidel sweeps need to halve an error.
+    Parameters: `best`, the ω that is best for all of A, from which the run starts where it is below 1.2; `fixed`, an
+    ω from which the run starts and which it does not exceed.
 
     >>> omega = AdaptedOmega(1.9)
     >>> any([omega.changes(0.81**k) for k in range(13)]), round(omega.value, 3)
     (True, 1.365)
     """
 
-    def __init__(self, most: float, start: float | None = None) -> None:
-        self.most, self.plain = most, False
-        self.value = start or (most if most < _RELAXED else 1.0)
+    def __init__(self, best: float, fixed: float | None = None) -> None:
+        self.most, self.plain = fixed or best, False
+        self.value = fixed or (best if best < _RELAXED else 1.0)
+        # 1 - rho is about (2 - omega)^2 / 8, and ln(2) / (1 - rho^2) sweeps halve the error
+        self._patience = _PATIENCE + 2.0 / (2.0 - best) ** 2
         self._last = self._factor = math.nan
         self._steps = self._since = 0
         self._least = self._mark = math.inf
@@ -149,14 +152,14 @@ class AdaptedOmega:
         self._least = min(self._least, residual)
         self._steps += 1
         self._since += 1
-        if residual <= _LESS * self._mark:
+        if residual <= self._mark / 2:
             self._mark, self._since = residual, 0
         if self.plain:
             return False
-        stuck = self._since > _PATIENCE + 20.0 / (2.0 - self.value)
+        stuck = self._since > self._patience
         if stuck or not residual <= _GROWN * self._least:
             self.plain = self.value == 1.0
-            self.most = 1.0 + 0.75 * (self.value - 1.0) if self.value > 1.1 else 1.0
+            self.most = 1.0 + 0.5 * (self.value - 1.0) if self.value > 1.2 else 1.0
             self._change(self.most)
             return True
         if self.value < self.most and self._steps >= _SETTLE and abs(factor - before) < _AGREE * (1.0 - factor):
