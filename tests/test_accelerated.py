@@ -121,6 +121,50 @@ def test_where_psi_fails_at_an_accelerated_iterate_the_plain_step_is_taken(monke
     assert solution.status.value == "psi failed"
 
 
+def test_after_a_rejected_iterate_the_history_is_empty(monkeypatch):
+    original, known = accelerated._History.combined, []
+
+    def combined(self, z, image):
+        known.append((self.known, self.next, self.last is None))
+        return image + 1e6 if len(known) == 5 else original(self, z, image)
+
+    monkeypatch.setattr(accelerated._History, "combined", combined)
+    path(icp.Accelerated(of="mnmgs", every=1), scenes.membrane(n=100).problem, np.zeros(100), 12)
+    fresh = [(0, 0, True), (0, 0, False), (1, 1, False), (2, 2, False), (3, 3, False)]
+    assert known[:5] == fresh
+    assert known[5:9] == fresh[:4]
+
+
+def test_phases_alternate_and_double_where_the_least_residual_is_not_halved():
+    phases = accelerated._Phases()
+    told = [phases.accelerates(1.0) for _ in range(125 + 250 + 500)]
+    assert told == [k < 100 for k in range(125)] + [k < 200 for k in range(250)] + [k < 400 for k in range(500)]
+    assert all(phases.accelerates(0.4 * 0.99**k) for k in range(3000))
+
+
+def test_differences_that_depend_on_each_other_are_left_out():
+    """Gram matrices of any rank and scale: what is left of f is what a least-squares solver leaves."""
+    from icpmodel.kernels.anderson import combine
+
+    rng = np.random.default_rng(0)
+    for trial in range(40):
+        n, known, rank = 30, 5, int(rng.integers(1, 5))
+        F = rng.normal(size=(known, rank)) @ rng.normal(size=(rank, n))
+        if trial % 2:
+            F = rng.normal(size=(known, n))
+            F[1] = F[0]
+        F *= 10.0 ** rng.integers(-8, 8, (known, 1))
+        G, weight = F.copy(), rng.uniform(0.1, 1.0, n)  # G = F, so that `out` is what is left of f
+        z, f, newest = np.zeros(n), rng.normal(size=n), trial % known
+        products, out = (F * weight) @ F.T, np.empty(n)
+        f_last = f - F[newest]
+        assert combine(z, f, z, f_last, weight, F, G, products, newest, known, 1e-10, out)
+        root = np.sqrt(weight)
+        scaled = F / np.linalg.norm(F, axis=1)[:, None]
+        expected = f - scaled.T @ np.linalg.lstsq((root * scaled).T, root * f, rcond=1e-5)[0]
+        assert out == pytest.approx(expected, abs=1e-5)
+
+
 def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one(monkeypatch):
     @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
     class Counting(FixedPoint):

@@ -126,9 +126,8 @@ class _History:
 
     def __init__(self, problem: ICP, window: int) -> None:
         weight = np.abs(problem.A.diagonal())
-        # a power of two, so that no digit is lost; rows without a diagonal entry count as if theirs were the largest
-        weight = np.ldexp(weight, -int(np.frexp(weight.max())[1]))
-        self.weight = np.where(weight > 0, weight, 1.0)
+        # rows without a diagonal entry count as if theirs were the largest
+        self.weight = np.where(weight > 0, weight / (weight.max() or 1.0), 1.0)
         self.window = min(window, problem.n)
         self.F, self.G = np.empty((self.window, problem.n)), np.empty((self.window, problem.n))
         self.products = np.empty((self.window, self.window))
