@@ -236,15 +236,16 @@ def _measured(
 
 
 @measure.command()
+@click.argument("scenes", nargs=-1)
 @click.option("--n", type=int, default=900, show_default=True, help="Wanted unknowns of the scenes with a plane grid.")
 @click.option("--repeats", type=int, default=5, show_default=True, help="Timings of each run.")
 @click.option("--method", "methods", multiple=True, default=("mnmaor", "mnmsor", "mnmmod"), show_default=True)
 @_AS_CSV
-def tuning(n: int, repeats: int, methods: tuple[str, ...], as_csv: bool) -> int:
-    """The best theta of a grid against theta1=auto and its acceleration, on every scene."""
+def tuning(scenes: tuple[str, ...], n: int, repeats: int, methods: tuple[str, ...], as_csv: bool) -> int:
+    """The best theta of a grid against theta1=auto and its acceleration, on SCENES, by default on all."""
     from ..measure import tuned_and_automatic
 
-    return _show(tuned_and_automatic(n, repeats, methods), as_csv)
+    return _show(tuned_and_automatic(n, repeats, methods, scenes), as_csv)
 
 
 def _show(table: Table, as_csv: bool) -> int:

@@ -22,25 +22,28 @@ _MOST = 20_000
 
 
 def tuned_and_automatic(
-    n: int = 900, repeats: int = 5, methods: Sequence[str] = ("mnmaor", "mnmsor", "mnmmod")
+    n: int = 900,
+    repeats: int = 5,
+    methods: Sequence[str] = ("mnmaor", "mnmsor", "mnmmod"),
+    on: Sequence[str] = (),
 ) -> Table:
-    """Steps and time of the best θ of a grid, of theta1="auto", and of its acceleration, on every scene.
+    """Steps and time of the best θ of a grid, of theta1="auto", and of its acceleration, on the scenes.
 
     The grids: `mnmaor` 10 × 6 pairs θ₁, θ₂ with Ω = D, and θ₁ = 1/(2/ω − s), θ₂ = 2θ₁, Ω = sD, s = 2 − ω for
     0.8 ≤ ω < 2 in steps of 0.02; `mnmsor` 0.5 ≤ θ₁ ≤ 3 in steps of 0.1 with Ω = D; `mnmmod` θ₁ = 2^(k/2), |k| ≤ 20.
     Nothing is charged for the search, all set-up (estimates, factorisations) to "auto". Runs end at
     Res ≤ 1e-8·Res(0); those that have not after 20 000 steps are shown as "-". The three are timed in turn.
     Parameters: `n` wanted unknowns of the scenes with a grid in the plane, 4√n of those on a line; `repeats` ≥ 1;
-    `methods` by name. Returns a `Table` (milliseconds).
+    `methods` by name; `on`, the names of the scenes, by default all. Returns a `Table` (milliseconds).
 
-    >>> table = tuned_and_automatic(n=16, repeats=1, methods=("mnmmod",))
+    >>> table = tuned_and_automatic(n=16, repeats=1, methods=("mnmmod",), on=("ball",))
     >>> table.heads[3:8]
     ('best theta', 'tuned', 'auto', 'accelerated', 'tuned, ms')
     """
     if repeats < 1:
         raise InputError(f"repeats is {repeats}; at least 1 was expected")
     rows: list[tuple[Any, ...]] = []
-    for one in (_sized(name, n) for name in names()):
+    for one in (_sized(name, n) for name in on or names()):
         for name in methods:
             automatic = named(name, theta1="auto")
             if automatic.why_not(one.problem) is None:
