@@ -70,10 +70,10 @@ class ModulusMember(FixedPoint):
         """
 
     def settled(self, problem: ICP) -> ModulusMember:
-        """This member with numbers in place of theta1="auto", from the theory alone; itself where it has numbers.
+        """This member with fixed numbers in place of theta1="auto", as acceleration needs them; itself if it has some.
 
-        >>> MNMSOR(theta1="auto").settled(ICP([[2.0]], [1.0]))
-        MNMSOR(phi2=<1 values>)
+        >>> MNMMOD(theta1="auto").settled(ICP([[4.0, 0.0], [0.0, 1.0]], [1.0, 1.0]))
+        MNMMOD(theta1=2)
         """
         return self
 
@@ -297,8 +297,8 @@ class MNMSOR(_Relaxing):
             leave_out(self, "phi1", "phi2")
 
     def settled(self, problem: ICP) -> MNMSOR:
-        """See `ModulusMember.settled`."""
-        return self._relaxed(problem, self._adapted(problem).value) if is_auto(self.theta1) else self
+        """See `ModulusMember.settled`; θ₁ = 1 and Ω = D, which is proved, and the best start for acceleration."""
+        return MNMSOR(phi=self.phi) if is_auto(self.theta1) else self
 
     def _adapted(self, problem: ICP) -> AdaptedOmega:
         best = relaxation(problem)
