@@ -76,7 +76,7 @@ def test_the_observed_rate_finds_the_best_omega():
     assert not omega.plain
 
 
-@pytest.mark.parametrize(("residuals", "steps"), [(lambda k: 1.0, 2000), (lambda k: 1.02 ** (k % 40), 2000)])
+@pytest.mark.parametrize(("residuals", "steps"), [(lambda k: 1.0, 4000), (lambda k: 1.02 ** (k % 40), 4000)])
 def test_omega_goes_back_to_plain_sweeps_where_nothing_gets_better(residuals, steps):
     omega = AdaptedOmega(1.9, fixed=1.9)
     seen = [omega.value for k in range(steps) if omega.changes(residuals(k))]

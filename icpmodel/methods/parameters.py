@@ -134,8 +134,9 @@ class AdaptedOmega:
     def __init__(self, best: float, fixed: float | None = None) -> None:
         self.most, self.plain = fixed or best, False
         self.value = fixed or (best if best < _RELAXED else 1.0)
-        # 1 - rho is about (2 - omega)^2 / 8, and ln(2) / (1 - rho^2) sweeps halve the error
-        self._patience = _PATIENCE + 2.0 / (2.0 - best) ** 2
+        # 1 - rho is about (2 - omega)^2 / 8, and ln(2) / (1 - rho^2) Gauss-Seidel sweeps halve the error; a fixed omega
+        # is hardly faster than they are, and from it there are fewer steps back to wait for
+        self._patience = _PATIENCE + (2.0 if fixed is None else 6.0) / (2.0 - best) ** 2
         self._last = self._factor = math.nan
         self._steps = self._since = 0
         self._least = self._mark = math.inf
