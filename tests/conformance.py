@@ -36,7 +36,18 @@ SIZES = {
 _CYCLIC = "P but not H+: overrelaxed or not, the sweeps turn in a circle (theory of the 3 x 3 cyclic P-matrix)"
 _COUPLED = "rho(D^-1|B| + G) = 1.8: splittings that add both couplings fail, those that take their maximum do not"
 
-_BY_DIAGONAL = ("mms", "mnmaor", "mnmgs", "mnmj", "mnmsor", "multilevel", "nmms", "projection-fixed-point", "psor")
+_BY_DIAGONAL = (
+    "accelerated",
+    "mms",
+    "mnmaor",
+    "mnmgs",
+    "mnmj",
+    "mnmsor",
+    "multilevel",
+    "nmms",
+    "projection-fixed-point",
+    "psor",
+)
 
 #: (method, scene) → the reason why it must fail; an unexpected success fails the test. On a scene without a solution
 #: every method must, and need not be listed here
@@ -96,7 +107,8 @@ MUST_FAIL = {
     ),
     **dict.fromkeys([(m, "hard-jump") for m in ("multilevel", "newton")], "why_not: psi has no derivative"),
     **dict.fromkeys(
-        [(m, "hard-overflow") for m in ("mms", "mnmaor", "mnmgs", "mnmod", "mnmsor")], "intermediate sums overflow"
+        [(m, "hard-overflow") for m in ("accelerated", "mms", "mnmaor", "mnmgs", "mnmod", "mnmsor")],
+        "intermediate sums overflow",
     ),
     **dict.fromkeys(
         [("lemke", "hard-scaled"), ("lemke", "hard-singular")],
