@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, NotApplicable
 from ..methods import Method, named
 from ..methods.accelerated import Accelerated
 from ..methods.modulus import MNMAOR, MNMMOD, MNMSOR
 from ..problem import ICP
-from ..scenes import Scene, names, scene
+from ..scenes import Scene, names, parameters, scene
 from .tables import Table, machine
 
 #: a run that needs more is given up
@@ -46,7 +46,7 @@ def tuned_and_automatic(
     for one in (_sized(name, n) for name in on or names()):
         for name in methods:
             automatic = named(name, theta1="auto")
-            if automatic.why_not(one.problem) is None:
+            if automatic.why_not(one.problem) is None and one.why_no_solution is None:
                 label, tuned = _best(one, name)
                 steps, seconds = _timed(one, (tuned, automatic, Accelerated(of=automatic)), repeats)
                 rows.append((one.name, one.problem.n, name, label, *steps, *seconds))
@@ -57,7 +57,7 @@ def tuned_and_automatic(
 
 def _sized(name: str, n: int) -> Scene:
     one = scene(name)
-    if one.problem.n <= 3:
+    if "n" not in parameters(name):
         return one
     flat = one.points is not None and one.points.ndim == 1
     return scene(name, max(16, round(4 * np.sqrt(n))) if flat else n)
@@ -97,7 +97,10 @@ def _best(one: Scene, name: str) -> tuple[str, Method | None]:
 
 def _steps(one: Scene, method: Method, most: int = _MOST) -> int | None:
     problem = ICP(one.problem.A, one.problem.q, one.problem.psi)  # of which nothing is remembered
-    solution = problem.solve(method, z0=one.z0, max_iter=most, raise_on_failure=False)
+    try:
+        solution = problem.solve(method, z0=one.z0, max_iter=most, raise_on_failure=False)
+    except NotApplicable:  # A + Omega is singular
+        return None
     return solution.iterations if solution.solved else None
 
 
