@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .maps import Elementwise as Elementwise
     from .maps import Function as Function
     from .maps import Map as Map
+    from .measure.racing import race as race
     from .measure.stability_map import stability as stability
     from .methods import Method as Method
     from .methods.accelerated import Accelerated as Accelerated
@@ -84,6 +85,7 @@ _HOMES = {
     "loop": ("Progress",),
     "many": ("Solutions", "solve_many"),
     "maps": ("Affine", "Constant", "Elementwise", "Function", "Map"),
+    "measure.racing": ("race",),
     "measure.stability_map": ("stability",),
     "methods": ("Method",),
     "methods.accelerated": ("Accelerated",),

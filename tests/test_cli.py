@@ -370,3 +370,15 @@ def test_a_report_is_written_and_its_exit_code_is_that_of_the_solve(capsys, tmp_
     assert call(capsys, "report", "hard-jump", "-o", str(page), "--time-limit", "5")[0] == 1
     assert "cycled" in page.read_text()
     assert call(capsys, "report", "hand-lcp", "-o", "no/such/folder.html")[0] == 2
+
+
+def test_a_race_is_printed_and_written(capsys, tmp_path):
+    target = tmp_path / "race.png"
+    asked = ("--method", "mnmgs", "--solver", "osqp", "--repeats", "1", "-o", str(target))
+    code, out, _ = call(capsys, "race", "hand-lcp", *asked)
+    assert code == 0
+    assert "max |z - z*|" in out
+    assert "mnmgs" in out
+    assert target.exists()
+    assert target.with_suffix(".csv").read_text().startswith("# icpmodel")
+    assert call(capsys, "race", "hand-lcp", "--solver", "nonsense")[0] == 2

@@ -12,7 +12,7 @@ import sys
 import click
 
 from ..errors import IcpError
-from .charting import report, stability
+from .charting import race, report, stability
 from .explaining import explain
 from .gallery import scenes
 from .measuring import measure
@@ -33,13 +33,14 @@ def commands() -> None:
     icpmodel solve problem/ -o answer.npz    solve a problem from files
     icpmodel crosscheck membrane             solve, then have osqp, cvxpy and Pyomo check the answer
     icpmodel explain membrane                what is certain before a solve
+    icpmodel race membrane -o race.png       time against error, with independent solvers
     icpmodel stability units -o map.png      where a method converges, how fast, and where it fails
     icpmodel report membrane -o page.html    all of that, and pictures, on one page
     icpmodel measure sweep                   the numbers of the README, measured on this machine
     """
 
 
-for _command in (solve, crosscheck, explain, stability, report, scenes, measure):
+for _command in (solve, crosscheck, explain, race, stability, report, scenes, measure):
     commands.add_command(_command)
 
 

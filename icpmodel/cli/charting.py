@@ -1,4 +1,4 @@
-"""`icpmodel stability` and `icpmodel report`."""
+"""`icpmodel race`, `icpmodel stability` and `icpmodel report`."""
 
 from __future__ import annotations
 
@@ -53,6 +53,45 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
             click.echo(f"wrote {path}", err=True)
     if stopped:
         complain("interrupted: the other points are not run")
+        return 130
+    return 0
+
+
+@click.command(epilog=SOURCE_HELP)
+@options(*SOURCE_OPTIONS)
+@click.option("--method", "methods", multiple=True, help="An own method beside solve(); repeatable; default: several.")
+@click.option("--solver", "solvers", multiple=True, help="An independent solver; repeatable; default: all that apply.")
+@click.option("--repeats", type=int, default=3, show_default=True, help="Rounds of timings.")
+@click.option("--time-limit", type=float, default=10.0, show_default=True, help="Seconds for one run.")
+@click.option("-o", "--output", type=click.Path(), help="Write the chart (PNG and SVG) and its data (CSV).")
+@click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+def race(methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, as_csv: bool, **arguments: Any) -> int:
+    """Time against error on SOURCE: own methods and independent solvers at every tolerance, in turn."""
+    from ..measure import race as run
+
+    must_be_writable(output)
+    problem, scene = named_problem(arguments)
+    exact = None if scene is None else scene.z_exact
+    limits = {name: arguments[name] for name in ("repeats", "time_limit")}
+    stopped = False
+    try:
+        found = run(
+            problem,
+            methods or None,
+            solvers or None,
+            z_exact=exact,
+            progress=True,
+            command=shlex.join(_typed()),
+            **limits,
+        )
+    except Interrupted as partial:
+        found, stopped = partial.report, True
+    click.echo(found.table().to_csv() if as_csv else str(found), nl=not as_csv)
+    if output is not None:
+        for path in found.plot(output):
+            click.echo(f"wrote {path}", err=True)
+    if stopped:
+        complain("interrupted: this is what was measured before")
         return 130
     return 0
 

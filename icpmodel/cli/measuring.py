@@ -181,10 +181,11 @@ def benchmark(output: str | None, as_csv: bool, **arguments: Any) -> int:
     from ..measure import benchmark as compare
     from ..measure.charts import scaling
     from ..measure.figures import save
+    from ..measure.profile_chart import profile_figure
 
     table, code = _measured(compare, arguments, output, as_csv)
     if output is not None:
-        (Path(output) / "benchmark.csv").write_text(table.to_csv(), encoding="utf-8")
+        save(profile_figure(table), Path(output) / "benchmark", table, _line("benchmark", arguments))
         for scene, figure in scaling(table).items():
             rows = tuple(row for row in table.rows if row[0] == scene)
             name = scene.replace(",", "-").replace("=", "")
@@ -246,6 +247,25 @@ def tuning(scenes: tuple[str, ...], n: int, repeats: int, methods: tuple[str, ..
     from ..measure import tuned_and_automatic
 
     return _show(tuned_and_automatic(n, repeats, methods, scenes), as_csv)
+
+
+@click.argument("scenes", nargs=-1, metavar="[NAME[,PARAMETER=NUMBER]]...")
+@click.option(
+    "--n",
+    "sizes",
+    type=int,
+    multiple=True,
+    default=(10_000, 100_000, 1_000_000),
+    show_default=True,
+    help="Wanted unknowns.",
+)
+@click.option("--method", help="Name of the method; without it one is picked.")
+@_AS_CSV
+def memory(scenes: tuple[str, ...], sizes: tuple[int, ...], method: str | None, as_csv: bool) -> int:
+    """The most memory that solve() holds on SCENES, default the membrane, against the bytes of A."""
+    from ..measure import memory as measured
+
+    return _show(measured(scenes or ("membrane",), sizes, method), as_csv)
 
 
 def _show(table: Table, as_csv: bool) -> int:

@@ -37,8 +37,8 @@ class Osqp(IndependentSolver):
         return claimed(set_up(qp, 1e-10, time_limit).solve(raise_error=False))
 
 
-def set_up(qp: QP, tolerance: float, time_limit: float) -> Any:
-    """An `osqp.OSQP` that is to solve `qp` to `tolerance`, absolute and relative, and then to polish.
+def set_up(qp: QP, tolerance: float, time_limit: float, *, polish: bool = True) -> Any:
+    """An `osqp.OSQP` that is to solve `qp` to `tolerance`, absolute and relative, and then to `polish`.
 
     >>> import icpmodel as icp
     >>> qp = Target(icp.ICP([[2.0]], [-1.0], psi=1)).qp("energy")
@@ -61,7 +61,7 @@ def set_up(qp: QP, tolerance: float, time_limit: float) -> Any:
         eps_dual_inf=1e-12,
         max_iter=1_000_000,
         time_limit=float(time_limit),
-        polishing=True,
+        polishing=polish,
         polish_refine_iter=10,
     )
     return model

@@ -6,7 +6,9 @@ from .dominant import dominant_cost, impulse_cost
 from .honesty import false_success
 from .html_report import html_report
 from .limit import linear_solve, solve_cost
+from .memory import memory
 from .planes import Axis, Plane
+from .racing import Race, race
 from .sensitivity import Sensitivity, sensitivity
 from .small import small_cost
 from .solution_chart import solution_figure
@@ -17,6 +19,7 @@ from .tuning import tuned_and_automatic
 __all__ = [
     "Axis",
     "Plane",
+    "Race",
     "Sensitivity",
     "StabilityMap",
     "Table",
@@ -31,6 +34,8 @@ __all__ = [
     "html_report",
     "impulse_cost",
     "linear_solve",
+    "memory",
+    "race",
     "sensitivity",
     "small_cost",
     "solution_figure",

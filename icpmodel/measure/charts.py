@@ -16,9 +16,9 @@ from .tables import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 #: one more than the colours, so that no pair comes twice in 42
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 
 def scaling(table: Table) -> dict[str, Figure]:
@@ -64,7 +64,7 @@ def choice(table: Table) -> Figure:
     sizes = sorted({10 ** round(float(np.log10(row["n"]))) for row in rows})
     figure = Figure(figsize=(8, 1.6 + 0.28 * len(scenes)), layout="constrained")
     axes = figure.subplots()
-    for size, colour, marker in zip(sizes, cycle(_COLOURS), cycle(_MARKERS), strict=False):
+    for size, colour, marker in zip(sizes, cycle(COLOURS), cycle(MARKERS), strict=False):
         here = [row for row in rows if 10 ** round(float(np.log10(row["n"]))) == size]
         x, y = [row["ratio"] for row in here], [scenes.index(row["scene"]) for row in here]
         label = f"n ≈ {size}" if size > 1 else "n < 4"
@@ -109,7 +109,7 @@ def _lines(table: Table) -> dict[str, dict[tuple[str, str], list[tuple[int, floa
 
 
 def _draw(axes: Any, lines: dict[tuple[str, str], list[tuple[int, float]]]) -> None:
-    styles = zip(cycle(_COLOURS), cycle(_MARKERS), strict=False)
+    styles = zip(cycle(COLOURS), cycle(MARKERS), strict=False)
     for (kind, name), points in lines.items():
         n, seconds = zip(*points, strict=True)
         power = exponent(points)

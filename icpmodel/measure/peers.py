@@ -96,6 +96,21 @@ class Osqp(Peer):
         return claimed(model.solve(raise_error=False))
 
 
+class OsqpUnpolished(Osqp):
+    """OSQP as it comes, without polishing; 1e-3 is its default tolerance.
+
+    >>> import icpmodel as icp
+    >>> OsqpUnpolished().solve(Target(icp.ICP([[2.0]], [-1.0])), time_limit=10).z.round(6)
+    array([0.5])
+    """
+
+    name: ClassVar[str] = "osqp, not polished"
+
+    def set_up(self, qp: QP, time_limit: float) -> Any:
+        """See `Peer.set_up`."""
+        return set_up(qp, self.tolerance, time_limit, polish=False)
+
+
 class Clarabel(Peer):
     """Clarabel, an interior-point method. Reference: Goulart and Chen (2024), arXiv 2405.12762.
 
@@ -196,6 +211,54 @@ class Piqp(Peer):
         return Answer(np.array(model.result.x), status.removeprefix("PIQP_").lower(), status == "PIQP_SOLVED")
 
 
+class Highs(Peer):
+    """HiGHS, an active-set QP solver: small problems only. Its tolerances are absolute and at least 1e-10.
+
+    Reference: Huangfu and Hall, Math. Program. Comput. 10 (2018), doi 10.1007/s12532-017-0130-5.
+
+    >>> import icpmodel as icp
+    >>> Highs().solve(Target(icp.ICP([[2.0]], [-1.0])), time_limit=10).z.round(6)
+    array([0.5])
+    """
+
+    name: ClassVar[str] = "highs"
+    package: ClassVar[str] = "highspy"
+    ladder: ClassVar[tuple[float, ...]] = tuple(10.0**-k for k in range(3, 11))
+
+    def set_up(self, qp: QP, time_limit: float) -> Any:
+        """See `Peer.set_up`."""
+        import highspy
+
+        model = highspy.HighsModel()
+        lp, hessian = model.lp_, model.hessian_
+        K, P = sp.csc_matrix(qp.K), sp.csc_matrix(sp.tril(qp.P))
+        lp.num_col_, lp.num_row_, lp.col_cost_ = qp.q.size, K.shape[0], qp.q
+        lp.col_lower_, lp.col_upper_ = np.full(qp.q.size, -np.inf), np.full(qp.q.size, np.inf)
+        lp.row_lower_, lp.row_upper_ = qp.lower, qp.upper
+        lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
+        lp.a_matrix_.start_, lp.a_matrix_.index_, lp.a_matrix_.value_ = K.indptr, K.indices, K.data
+        hessian.dim_, hessian.format_ = qp.q.size, highspy.HessianFormat.kTriangular
+        hessian.start_, hessian.index_, hessian.value_ = P.indptr, P.indices, P.data
+        solver = highspy.Highs()
+        tolerance = max(self.tolerance, 1e-10)
+        options = {"output_flag": False, "time_limit": float(time_limit), "qp_regularization_value": 0.0}
+        for name in ("primal_feasibility_tolerance", "dual_feasibility_tolerance"):
+            options[name] = tolerance
+        for name, value in options.items():
+            solver.setOptionValue(name, value)
+        solver.passModel(model)
+        return solver
+
+    def run(self, model: Any) -> Answer:
+        """See `Peer.run`."""
+        import highspy
+
+        model.run()
+        status = model.getModelStatus()
+        z = np.array(model.getSolution().col_value)
+        return Answer(z, model.modelStatusToString(status), status == highspy.HighsModelStatus.kOptimal)
+
+
 class ColdActiveSet(IndependentSolver):
     """The primal–dual active set method for a fixed obstacle, z = 0 at the start and SuperLU for every system.
 
@@ -249,6 +312,8 @@ class ColdActiveSet(IndependentSolver):
 
 #: every peer, in the order in which a table has them
 PEERS: tuple[Any, ...] = (Osqp, Clarabel, Piqp, Scs, ColdActiveSet)
+#: … and those that show in a race what default tolerances are worth, and what does not grow
+RACERS: tuple[Any, ...] = (OsqpUnpolished, *PEERS, Highs)
 
 
 def _conic(qp: QP) -> tuple[sp.csc_matrix, Any, int]:
