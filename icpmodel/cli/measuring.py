@@ -249,6 +249,7 @@ def tuning(scenes: tuple[str, ...], n: int, repeats: int, methods: tuple[str, ..
     return _show(tuned_and_automatic(n, repeats, methods, scenes), as_csv)
 
 
+@measure.command()
 @click.argument("scenes", nargs=-1, metavar="[NAME[,PARAMETER=NUMBER]]...")
 @click.option(
     "--n",
