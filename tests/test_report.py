@@ -16,6 +16,7 @@ SECTIONS = [
     "What is certain before a solve",
     "Cross-check",
     "Sensitivity of the answer",
+    "Race",
     "Where relaxation works",
 ]
 #: elements that have no end tag
@@ -66,7 +67,7 @@ def test_the_page_has_every_section_and_loads_nothing(membrane):
     assert page.loaded == []
     assert page.open == []
     assert "A &lt;membrane&gt;" in membrane
-    assert membrane.count("<svg") == 2
+    assert membrane.count("<svg") == 3
     assert "Not shown" not in membrane
     assert "independent checks agree" in membrane
 
@@ -93,5 +94,5 @@ def test_a_browser_opens_it_offline(membrane, tmp_path):
     command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", f"file://{tmp_path}/page.html"]
     seen = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
     assert all(f"<h2>{heading}</h2>" in seen for heading in SECTIONS)
-    assert seen.count("<svg") == 2
+    assert seen.count("<svg") == 3
     assert "<script" not in seen

@@ -115,6 +115,7 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
             title=arguments["source"] if scene is None else f"{scene.name}: {scene.title}",
             about="" if scene is None else scene.models,
             points=None if scene is None else scene.points,
+            z_exact=None if scene is None else scene.z_exact,
             command=shlex.join(_typed()),
             time_limit=time_limit,
             say=say,

@@ -16,6 +16,8 @@ from ..explain import explain
 from ..problem import ICP
 from ..solution import Solution
 from .map_chart import map_figure
+from .race_chart import race_figure
+from .racing import race
 from .sensitivity import sensitivity
 from .solution_chart import solution_figure
 from .stability_map import stability
@@ -40,6 +42,7 @@ def html_report(
     title: str,
     about: str = "",
     points: Vector | None = None,
+    z_exact: Vector | None = None,
     command: str = "",
     time_limit: float = 60.0,
     say: Callable[[str], None] = lambda text: None,
@@ -47,8 +50,9 @@ def html_report(
     """A page that opens offline: the answer, its picture, the problem explained, a cross-check, sensitivity, a map.
 
     What cannot be done, such as a cross-check of a problem that is too large, is said in its place.
-    Parameters: `solution`, solved or not; `title` and `about`, text; `points` as in `solution_figure`; `command` what
-    makes the page again; `time_limit` in seconds for each independent solver; `say` is told what is going on.
+    Parameters: `solution`, solved or not; `title` and `about`, text; `points` as in `solution_figure`;
+    `z_exact` the solution, shape (n,), where it is known; `command` what makes the page again; `time_limit` in seconds
+    for each independent solver; `say` is told what is going on.
     Returns the HTML text, about a megabyte at the most: figures are SVG within it, large fields pixels within those.
 
     >>> page = html_report(ICP([[2, -1], [-1, 2]], [-1, 3]).solve(), title="A pair", time_limit=5)
@@ -62,6 +66,7 @@ def html_report(
         ("What is certain before a solve", lambda: explain(problem)._repr_html_()),
         ("Cross-check", lambda: crosscheck(problem, solution, time_limit=time_limit)._repr_html_()),
         ("Sensitivity of the answer", lambda: _pre(sensitivity(solution))),
+        ("Race", lambda: _race(problem, z_exact, time_limit)),
         ("Where relaxation works", lambda: _map(problem)),
     ]
     body = []
@@ -91,6 +96,17 @@ def _map(problem: ICP) -> str:
         raise InputError(f"a map solves the problem hundreds of times, which is done up to n = {_MAP_UP_TO}")
     found = stability("relaxation", problem, points=11, starts=2, max_iter=1000)
     return _svg(map_figure(found)) + _pre(found)
+
+
+#: the tolerances of the race, and the seconds that each of its runs may take
+_TOLERANCES, _RACE_LIMIT = tuple(10.0**-k for k in range(2, 13, 2)), 3.0
+
+
+def _race(problem: ICP, z_exact: Vector | None, time_limit: float) -> str:
+    limit = min(_RACE_LIMIT, time_limit)
+    found = race(problem, z_exact=z_exact, tolerances=_TOLERANCES, repeats=1, time_limit=limit)
+    left_out = [f"{name}: left out, {reason}" for name, reason in found.skipped]
+    return _svg(race_figure(found)) + (_pre("\n".join(left_out)) if left_out else "")
 
 
 def _pre(told: Any) -> str:
