@@ -264,6 +264,16 @@ class ICP:
 
         return explain(self, method, accuracy=accuracy, **options)
 
+    def to_pyomo(self) -> Any:
+        """The problem as a Pyomo model; `icpmodel.modelling.pyomo_writer.to_pyomo` says how.
+
+        >>> len(ICP([[2.0]], [-1.0]).to_pyomo().complementarity)
+        1
+        """
+        from .modelling.pyomo_writer import to_pyomo
+
+        return to_pyomo(self)
+
     def __repr__(self) -> str:
         return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={self.psi!r})"
 

@@ -36,12 +36,13 @@ ROOMS = [
     "files",
     "scenes",
     "crosscheck",
+    "modelling",
     "measure",
     "cli",
     "__main__",
 ]
 #: the thin methods of ICP load the rooms below at the moment they are called
-THIN = {("problem", "driver"), ("problem", "explain"), ("problem", "crosscheck")}
+THIN = {("problem", "driver"), ("problem", "explain"), ("problem", "crosscheck"), ("problem", "modelling")}
 
 
 def room_of(path):

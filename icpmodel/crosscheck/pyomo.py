@@ -124,14 +124,23 @@ def _model(target: Target, delta: Vector | None) -> Any:
     # a row without obstacle has p_i = 0 and no complementarity
     model.p = pyo.Var(rows, bounds=lambda _, i: (0.0, 0.0 if target.free[i] else upper(p_max, i)))
     model.r = pyo.Var(held, bounds=lambda _, i: (0.0, upper(r_max, i)))
-    model.p_is = pyo.Constraint(rows, rule=lambda m, i: m.p[i] == _row(problem.A, m.z, i) + float(problem.q[i]))
-    model.r_is = pyo.Constraint(held, rule=lambda m, i: m.r[i] == _row(B, m.z, i) - float(target.c[i]))
+    model.p_is = pyo.Constraint(rows, rule=lambda m, i: m.p[i] == affine_row(problem.A, m.z, i) + float(problem.q[i]))
+    model.r_is = pyo.Constraint(held, rule=lambda m, i: m.r[i] == affine_row(B, m.z, i) - float(target.c[i]))
     model.complementarity = Complementarity(held, rule=lambda m, i: complements(m.p[i] >= 0, m.r[i] >= 0))
     model.objective = pyo.Objective(expr=0.0)  # any point that satisfies the constraints is a solution
     return model
 
 
-def _row(matrix: Any, z: Any, i: int) -> Any:
+def affine_row(matrix: Any, z: Any, i: int) -> Any:
+    """(Mz)_i as a Pyomo expression: `matrix` M CSR, shape (n, n), `z` Pyomo variables by number.
+
+    >>> import pyomo.environ as pyo
+    >>> model = pyo.ConcreteModel()
+    >>> model.z = pyo.Var([0])
+    >>> import icpmodel as icp
+    >>> print(affine_row(icp.ICP([[2.0]], [-1.0]).A, model.z, 0))
+    2.0*z[0]
+    """
     entries = slice(matrix.indptr[i], matrix.indptr[i + 1])
     pairs = zip(matrix.data[entries].tolist(), matrix.indices[entries].tolist(), strict=True)
     return sum(value * z[j] for value, j in pairs)

@@ -1,0 +1,1 @@
+"""Modelling languages: problems written in CVXPY or Pyomo are read, solved and written back."""

@@ -1,0 +1,227 @@
+"""Reading Pyomo models: the same words in any order and sign give the same A, q and psi."""
+
+import numpy as np
+import pyomo.environ as pyo
+import pytest
+from pyomo.core.expr.calculus.derivatives import Modes, differentiate
+from pyomo.mpec import Complementarity, ComplementarityList, complements
+from pyomo_models import linear, random_problem, violation, written
+
+import icpmodel as icp
+from icpmodel.modelling.pyomo_nonlinear import NonlinearRows, flattened
+from icpmodel.modelling.pyomo_reader import read_pyomo
+from icpmodel.modelling.pyomo_rows import Rows
+
+KINDS = ("constant", "affine", "nonlinear")
+
+
+def differences(problem, other, z):
+    yield abs(problem.A - other.A).max()
+    yield np.abs(problem.q - other.q).max()
+    yield np.abs(problem.psi.value(z) - other.psi.value(z)).max()
+    yield np.abs((problem.psi.jacobian(z) - other.psi.jacobian(z)).toarray()).max()
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("kind", KINDS)
+def test_order_sign_blocks_params_and_fixed_variables_change_nothing(kind, seed):
+    """Every variant of a model is the ICP that it was written from: the same rows, and z the variables themselves."""
+    random = np.random.default_rng([seed, KINDS.index(kind)])
+    n = int(random.integers(4, 12))
+    problem, G = random_problem(random, n, kind)
+    model = written(problem, G, random, kind)
+    reading = read_pyomo(model)
+    assert max(differences(reading.problem, problem, random.uniform(-2, 2, n))) <= 1e-12
+    assert list(reading.variables) == list(model.part[0].inner.x.values())
+    assert (reading.signs == 1).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_constant_is_constant_and_what_is_affine_affine(kind):
+    random = np.random.default_rng(1)
+    problem, G = random_problem(random, 5, kind)
+    psi = read_pyomo(written(problem, G, random, kind)).problem.psi
+    assert isinstance(psi, {"constant": icp.maps.Constant, "affine": icp.Affine, "nonlinear": icp.Function}[kind])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_rows_may_come_in_any_order_and_the_variables_have_any_names(seed):
+    """A permutation of conditions against variables is found again: z keeps the order of the conditions."""
+    random = np.random.default_rng(seed)
+    problem, _ = random_problem(random, 7, "constant")
+    order = random.permutation(7).tolist()
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(order)
+    model.rows = ComplementarityList(
+        rule=(
+            complements(linear(problem.A, model.x, i) >= -float(problem.q[i]), model.x[i] >= float(problem.psi.c[i]))
+            for i in order
+        )
+    )
+    read = read_pyomo(model).problem
+    assert max(differences(read, permuted(problem, order), np.zeros(7))) <= 1e-12
+
+
+def permuted(problem, order):
+    return icp.ICP(problem.A[order][:, order], problem.q[order], problem.psi.c[order])
+
+
+@pytest.mark.parametrize("exponent", [-100, 100])
+def test_the_units_of_the_variables_do_not_change_who_owns_what(exponent):
+    """psi_i = x_j / 2 in units that differ by 1e100: the product of the coefficients decides."""
+    unit = [1.0, 10.0**exponent, 1.0]
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(range(3))
+    y = [model.x[i] * unit[i] for i in range(3)]
+    model.rows = Complementarity(
+        range(3), rule=lambda _, i: complements(4 * y[i] - y[i - 1] - y[i - 2] >= 1, y[i] - y[i - 1] / 2 >= -1)
+    )
+    assert [variable.index() for variable in read_pyomo(model).variables] == [0, 1, 2]
+
+
+def test_upper_bounds_turn_the_variable_and_keep_the_diagonal():
+    """x <= u with F(x) <= 0 is z = -x >= -u with -F(-z) >= 0."""
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var([1, 2])
+    model.rows = Complementarity([1, 2], rule=lambda m, i: complements(3 * m.x[i] + m.x[3 - i] <= i, m.x[i] <= 5))
+    reading = read_pyomo(model)
+    assert reading.signs.tolist() == [-1, -1]
+    assert reading.problem.A.toarray().tolist() == [[3, 1], [1, 3]]
+    assert reading.problem.q.tolist() == [1, 2]
+    assert reading.problem.psi.c.tolist() == [-5, -5]
+
+
+def test_an_equality_is_a_row_without_obstacle_whatever_its_sign():
+    """F = 0 with x free, as a condition or as a constraint; the diagonal of A becomes positive."""
+    for form in (
+        lambda m: Complementarity(expr=complements(m.x, 2 * m.x - m.y == 3)),
+        lambda m: Complementarity(expr=complements(m.y - 2 * m.x == -3, m.x)),
+        lambda m: Complementarity(expr=complements(pyo.inequality(3, 2 * m.x - m.y, 3), m.x)),
+        lambda m: pyo.Constraint(expr=2 * m.x == 3 + m.y),
+    ):
+        model = pyo.ConcreteModel()
+        model.x, model.y = pyo.Var(), pyo.Var()
+        model.free = form(model)
+        model.held = Complementarity(expr=complements(model.y >= 0, model.y - model.x >= -1))
+        problem = read_pyomo(model).problem
+        rows = np.argsort(np.isneginf(problem.psi.c))  # constraints come after the conditions
+        assert problem.A.toarray()[rows][:, rows].tolist() == [[1, -1], [-1, 2]]
+        assert problem.q[rows].tolist() == [1, -3]
+        assert problem.psi.c[rows].tolist() == [0, -np.inf]
+
+
+def test_a_nonlinear_equation_is_a_row_with_p_equal_to_one():
+    """p = 1 > 0 makes r = 0: x exp(x) = 2 is solved."""
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(initialize=1.0), pyo.Var(initialize=1.0)
+    model.equation = pyo.Constraint(expr=model.x * pyo.exp(model.x) == 2)
+    model.other = Complementarity(expr=complements(model.y, model.y**2 == 2 * model.x))
+    solution = read_pyomo(model).problem.solve("newton", z0=[1.0, 1.0], rtol=1e-12)
+    other, x = solution.z
+    assert x * np.exp(x) == pytest.approx(2)
+    assert other**2 == pytest.approx(2 * x)
+
+
+def test_bounds_at_infinity_are_none():
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var()
+    model.c = Complementarity(expr=complements(pyo.inequality(1, model.x, float("inf")), 2 * model.x >= 0))
+    assert read_pyomo(model).problem.psi.c.tolist() == [1]
+
+
+def test_conditions_of_fixed_variables_that_hold_are_left_out():
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var([1, 2], initialize=0.0)
+    model.rows = Complementarity([1, 2], rule=lambda m, i: complements(m.x[i] >= 0, m.x[i] >= -2 + i))
+    model.x[2].fix(0.0)
+    reading = read_pyomo(model)
+    assert reading.owners == (model.rows[1],)
+
+
+EXPRESSIONS = {
+    "product": lambda x: x[0] * x[1] * x[0],
+    "quotient": lambda x: x[0] / (1 + x[1] ** 2),
+    "power": lambda x: x[0] ** x[1] + 2.0 ** x[0],
+    "exponent": lambda x: x[0] ** 3 - x[1] ** -1.5,
+    "exp": lambda x: pyo.exp(x[0] * x[1]),
+    "logs": lambda x: pyo.log(x[0]) - 2 * pyo.log10(x[1]),
+    "roots": lambda x: pyo.sqrt(x[0] + x[1]),
+    "waves": lambda x: pyo.sin(x[0]) * pyo.cos(x[1]) - pyo.tan(x[0]),
+    "arcs": lambda x: pyo.asin(x[0] / 2) + pyo.acos(x[1] / 2) + pyo.atan(x[0]),
+    "abs": lambda x: abs(x[0] - 2 * x[1]),
+    "nested": lambda x: pyo.exp(-((x[0] - x[1]) ** 2) / 2) * (x[0] + 3) * (x[0] + 3),
+}
+
+
+@pytest.mark.parametrize("name", EXPRESSIONS)
+def test_values_and_derivatives_are_pyomos(name):
+    """NumPy on all rows of a shape against Pyomo's own evaluation and reverse numeric derivative, row by row."""
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(range(4))
+    x = list(model.x.values())
+    pairs = [(0, 1), (2, 3), (3, 0), (1, 2)]
+    rows = {i: EXPRESSIONS[name]([x[j], x[k]]) * (i + 0.5) for i, (j, k) in enumerate(pairs)}
+    flat = {i: flattened(row, "row") for i, row in rows.items()}
+    own = NonlinearRows(flat, {id(one): j for j, one in enumerate(x)}, (4, 4))
+    assert len(own._shapes) == 1
+    for z in np.random.default_rng(3).uniform(0.2, 1.2, (5, 4)):
+        for one, value in zip(x, z, strict=True):
+            one.set_value(float(value))
+        expected = [pyo.value(row) for row in rows.values()]
+        slopes = [differentiate(row, wrt_list=x, mode=Modes.reverse_numeric) for row in rows.values()]
+        assert own.value(z) == pytest.approx(expected, rel=1e-13)
+        assert own.jacobian(z).toarray() == pytest.approx(np.array(slopes, dtype=float), rel=1e-12)
+        again = [pyo.value(one) for one in own.expressions(x).values()]
+        assert again == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_mixed_and_double_bounded_conditions_hold_at_the_answer(seed):
+    """Conditions of all kinds in one model, by Pyomo's standard form: equalities, bounds on one side and on both."""
+    random = np.random.default_rng(seed)
+    n = 8
+    problem, G = random_problem(random, n, "affine")
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(range(n))
+
+    def rule(m, i):
+        F = linear(problem.A, m.x, i) + float(problem.q[i])
+        low, high = -float(random.uniform(0, 0.5)), float(random.uniform(0, 0.5))
+        kind = random.integers(7)
+        on_x.update({i: -1.0 if kind == 3 else 1.0} if kind in (0, 1, 3, 4) else {})
+        return (
+            lambda: complements(F, pyo.inequality(low, m.x[i], high)),
+            lambda: complements(pyo.inequality(low, m.x[i] - linear(G, m.x, i), high), F),
+            lambda: complements(pyo.inequality(low, F, high), m.x[i]),
+            lambda: complements(m.x[i] <= high, F <= 0),
+            lambda: complements(F >= 0, m.x[i] >= low),
+            lambda: complements(m.x[i], low == F),
+            lambda: complements(pyo.inequality(low, m.x[i], high), F + 0.2 * pyo.sin(m.x[i])),
+        )[kind]()
+
+    on_x = {}
+    model.rows = Complementarity(range(n), rule=rule)
+    reading = read_pyomo(model)
+    solution = reading.problem.solve("newton", rtol=1e-12)
+    for variable, value in reading.values(solution.z):
+        variable.set_value(value)
+    assert len(reading.values(solution.z)) == n
+    assert violation(model) <= 1e-9
+    for owner, _, force, _ in reading.forces(solution.z):
+        if owner.index() in on_x:
+            F = linear(problem.A, model.x, owner.index()) + float(problem.q[owner.index()])
+            assert force == pytest.approx(pyo.value(F) * on_x[owner.index()], abs=1e-9)
+
+
+def test_the_rows_and_their_owners_belong_together():
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var([1, 2])
+    model.c = Complementarity(expr=complements(pyo.inequality(0, model.x[1], 1), model.x[1] - model.x[2]))
+    model.e = pyo.Constraint(expr=model.x[2] == 3)
+    rows = Rows(model)
+    assert rows.owners == [model.c, model.c, model.e]
+    assert rows.equation == [False, False, True]
+    reading = read_pyomo(model)
+    solution = reading.problem.solve("newton")
+    assert {one.name: value for one, value in reading.values(solution.z)} == {"x[1]": 1.0, "x[2]": 3.0}
+    assert reading.forces(solution.z) == [(model.c, model.x[1], -2.0, -2.0)]

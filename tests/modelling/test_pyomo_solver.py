@@ -1,0 +1,284 @@
+"""`SolverFactory("icpmodel")` as Pyomo knows solvers: both interfaces, statuses, suffixes, starts, entry points."""
+
+import io
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pyomo.environ as pyo
+import pytest
+from pyomo.contrib.solver.common.factory import SolverFactory as NewFactory
+from pyomo.contrib.solver.common.results import SolutionStatus, TerminationCondition
+from pyomo.contrib.solver.common.util import NoOptimalSolutionError
+from pyomo.mpec import Complementarity, complements
+from pyomo_models import random_problem, violation, written
+
+import icpmodel as icp
+import icpmodel.modelling.pyomo_solver
+from icpmodel.modelling.pyomo_reader import read_pyomo
+from icpmodel.solution import Status
+
+NEW = NewFactory("icpmodel")
+
+
+def old(model, **options):
+    """The legacy interface, whose objects remember their options."""
+    return pyo.SolverFactory("icpmodel").solve(model, **options)
+
+
+def pair(**bounds):
+    """x - y/2 >= 1 and y - x/4 >= 0, with forces 4x - y - 2 and 2y - x + 3: z = (8/7, 2/7)."""
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(**bounds), pyo.Var()
+    model.c = Complementarity(expr=complements(model.x - model.y / 2 >= 1, 4 * model.x - model.y >= 2))
+    model.d = Complementarity(expr=complements(model.y - model.x / 4 >= 0, 2 * model.y - model.x + 3 >= 0))
+    return model
+
+
+@pytest.mark.parametrize("kind", ["constant", "affine", "nonlinear"])
+@pytest.mark.parametrize("seed", range(4))
+def test_both_interfaces_load_an_answer_that_holds(kind, seed):
+    random = np.random.default_rng([seed, 7])
+    problem, G = random_problem(random, 9, kind)
+    model = written(problem, G, random, kind)
+    results = old(model)
+    assert violation(model) <= 1e-6
+    pyo.assert_optimal_termination(results)
+    values = [variable.value for variable in model.part[0].inner.x.values()]
+    for variable in model.part[0].inner.x.values():
+        variable.set_value(None)
+    results = NEW.solve(model)
+    assert results.termination_condition is TerminationCondition.convergenceCriteriaSatisfied
+    assert results.solution_status is SolutionStatus.optimal
+    assert [variable.value for variable in model.part[0].inner.x.values()] == values
+    assert results.extra_info.solution.z.tolist() == values
+    assert values == pytest.approx(problem.solve(rtol=1e-10).z.tolist(), abs=1e-6)
+    assert not any(variable.stale for variable in model.part[0].inner.x.values())
+
+
+def test_one_import_registers_the_solver_and_none_is_needed_on_pyomos_own_command_line(tmp_path):
+    """The entry point of pyproject.toml is what Pyomo's command line loads."""
+    (tmp_path / "model.py").write_text(
+        "import pyomo.environ as pyo\n"
+        "from pyomo.mpec import Complementarity, complements\n"
+        "model = pyo.ConcreteModel()\n"
+        "model.x = pyo.Var()\n"
+        "model.c = Complementarity(expr=complements(model.x >= 0, 2 * model.x >= 3))\n"
+    )
+    house = Path(icp.__file__).parent.parent
+    declared = tomllib.loads((house / "pyproject.toml").read_text())["project"]["entry-points"]
+    installed = tmp_path / "entry-1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: entry\nVersion: 1.0\n")
+    lines = [f"[{group}]\n" + "\n".join(f"{k} = {v}" for k, v in names.items()) for group, names in declared.items()]
+    (installed / "entry_points.txt").write_text("\n".join(lines))
+    script = (
+        f"import sys; sys.path[:0] = {[str(house), str(tmp_path)]!r}\n"
+        "from pyomo.scripting.pyomo_main import main\n"
+        "main(['solve', '--solver=icpmodel', '--save-results=results.json', 'model.py'])\n"
+    )
+    run = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert '"Termination condition": "optimal"' in (tmp_path / "results.json").read_text()
+    script = (
+        f"import sys; sys.path[:0] = {[str(house), str(tmp_path)]!r}\n"
+        "import icpmodel.modelling.pyomo_solver, pyomo.environ as pyo\n"
+        "from model import model\n"
+        "pyo.SolverFactory('icpmodel').solve(model); print(model.x.value)"
+    )
+    run = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert run.stdout == "1.5\n"
+
+
+def test_it_is_available_and_has_our_version():
+    assert pyo.SolverFactory("icpmodel").available()
+    assert NEW.available()
+    assert ".".join(map(str, NEW.version())) == icp.__version__
+
+
+def test_options_reach_the_solve_and_wrong_ones_are_answered():
+    model = pair()
+    results = NEW.solve(model, solver_options={"method": "mnmsor", "theta1": 1.1, "rtol": 1e-12})
+    solution = results.extra_info.solution
+    assert repr(solution.method) == "MNMSOR(theta1=1.1)"
+    assert solution.tolerance == 1e-12 * solution.problem.residual([0.0, 0.0])
+    results = old(model, options={"method": "newton"})
+    assert results.solver.termination_condition == pyo.TerminationCondition.optimal
+    with pytest.raises(icp.InputError, match="mnmgs has no option theta1"):
+        pyo.SolverFactory("icpmodel", options={"method": "mnmgs", "theta1": 2.0}).solve(model)
+    with pytest.raises(icp.InputError, match="time_limit is given to Pyomo by timelimit"):
+        old(model, options={"time_limit": 1.0})
+
+
+def test_limits_are_reported_as_such_and_leave_the_best_iterate():
+    model = icp.scenes.membrane(n=100).problem.to_pyomo()
+    with pytest.raises(NoOptimalSolutionError, match="iteration limit"):
+        NEW.solve(model, solver_options={"method": "mnmgs", "max_iter": 3})
+    assert model.z[0].value is None
+    results = NEW.solve(
+        model, solver_options={"method": "mnmgs", "max_iter": 3}, raise_exception_on_nonoptimal_result=False
+    )
+    assert results.termination_condition is TerminationCondition.iterationLimit
+    assert results.solution_status is SolutionStatus.infeasible
+    assert results.incumbent_objective is None
+    z = np.array([variable.value for variable in model.z.values()])
+    assert z.tolist() == results.extra_info.solution.z.tolist()
+    assert np.abs(z).max() > 0
+    results = old(model, timelimit=0)
+    assert results.solver.termination_condition == pyo.TerminationCondition.maxTimeLimit
+    assert results.solver.status == pyo.SolverStatus.aborted
+
+
+def test_what_is_proved_infeasible_is_said_to_be():
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var()
+    model.c = Complementarity(expr=complements(model.x >= 0, -model.x - 1 >= 0))
+    results = old(model)
+    assert results.solver.termination_condition == pyo.TerminationCondition.infeasible
+    results = NEW.solve(model, raise_exception_on_nonoptimal_result=False)
+    assert results.termination_condition is TerminationCondition.provenInfeasible
+
+
+def test_only_a_solved_run_is_optimal():
+    ends = icpmodel.modelling.pyomo_solver._ENDS
+    assert set(ends) == set(Status)
+    good = TerminationCondition.convergenceCriteriaSatisfied, SolutionStatus.optimal
+    assert [status for status, end in ends.items() if end[0] is good[0] or end[1] is good[1]] == [Status.SOLVED]
+    assert ends[Status.SOLVED] == good
+
+
+@pytest.mark.parametrize("unique", [True, False])
+def test_a_bound_of_a_variable_that_no_condition_implies_is_looked_at_afterwards(unique):
+    """No answer of the conditions has x >= 2: no success, and infeasible only if one answer is proved to be all."""
+    model = pair(bounds=(2, None))
+    if not unique:  # three answers: (1, 0), (0, 1) and (1/3, 1/3)
+        model.c.deactivate()
+        model.d.deactivate()
+        model.e = Complementarity(expr=complements(model.y >= 0, 2 * model.x + model.y >= 1))
+        model.f = Complementarity(expr=complements(model.x >= 0, model.x + 2 * model.y >= 1))
+    results = NEW.solve(model, raise_exception_on_nonoptimal_result=False)
+    assert results.solution_status is SolutionStatus.infeasible
+    assert results.incumbent_objective is None
+    assert "is not in its bounds [2, inf], which no condition of the model implies" in results.solver_log
+    assert results.extra_info.solution.certificate.unique == unique
+    expected = TerminationCondition.provenInfeasible if unique else TerminationCondition.unknown
+    assert results.termination_condition is expected
+    with pytest.raises(NoOptimalSolutionError, match="not in its bounds"):
+        NEW.solve(model)
+    pyo.assert_optimal_termination(old(pair(within=pyo.NonNegativeReals)))
+
+
+def test_the_values_are_the_start():
+    """From the answer itself nothing is left to do; variables without value start at 0."""
+    model = icp.scenes.membrane(n=100).problem.to_pyomo()
+    first = NEW.solve(model, solver_options={"method": "mnmgs"})
+    again = NEW.solve(model, solver_options={"method": "mnmgs"})
+    assert first.extra_info.solution.iterations > 0
+    assert again.extra_info.solution.iterations == 0
+    model = pair()
+    model.y.set_value(-3.0)
+    assert read_pyomo(model).start().tolist() == [0.0, -3.0]
+
+
+def test_values_can_be_kept_out_of_the_model():
+    model = pair()
+    results = NEW.solve(model, load_solutions=False)
+    assert model.x.value is None
+    assert results.solution_loader.get_vars()[model.x] == pytest.approx(8 / 7)
+    results.solution_loader.load_vars()
+    assert violation(model) <= 1e-6
+    model = pair()
+    results = old(model, load_solutions=False)
+    assert model.x.value is None
+    model.solutions.load_from(results)
+    assert violation(model) <= 1e-6
+
+
+def test_declared_suffixes_get_the_forces():
+    """`dual` has p by condition, `rc` the marginal by variable, negative at an upper bound; nothing is made unasked."""
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(range(4))
+    model.low = Complementarity(expr=complements(model.x[0] >= 1, 2 * model.x[0] >= 1))
+    model.high = Complementarity(expr=complements(model.x[1] <= 1, 2 * model.x[1] <= 5))
+    model.both = Complementarity(expr=complements(pyo.inequality(-1, model.x[2], 1), 2 * model.x[2] + model.x[0] - 7))
+    model.free = Complementarity(expr=complements(model.x[3], model.x[3] + model.x[2] == 3))
+    NEW.solve(model)
+    assert not list(model.component_objects(pyo.Suffix))
+    model.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
+    model.rc = pyo.Suffix(direction=pyo.Suffix.IMPORT_EXPORT)
+    model.rc[model.x[0]] = 17.0
+    for solve in (old, NEW.solve):
+        solve(model, solver_options={"rtol": 1e-12})
+        assert [model.dual[one] for one in (model.low, model.high, model.both)] == pytest.approx([1, 3, -4])
+        assert [model.rc[model.x[i]] for i in range(3)] == pytest.approx([1, -3, -4])
+        assert model.free not in model.dual
+        assert model.x[3] not in model.rc
+
+
+def test_tee_prints_the_card():
+    out = io.StringIO()
+    NEW.solve(pair(), tee=[out])
+    assert "z* is the only solution" in out.getvalue()
+    assert "solved" in out.getvalue()
+
+
+def test_a_block_is_solved_alone():
+    model = pyo.ConcreteModel()
+    model.one, model.other = pyo.Block(), pyo.Block()
+    for block in (model.one, model.other):
+        block.x = pyo.Var()
+        block.c = Complementarity(expr=complements(block.x >= 0, block.x >= 3))
+    old(model.one)
+    assert (model.one.x.value, model.other.x.value) == (3.0, None)
+    model.one.deactivate()
+    old(model)
+    assert model.other.x.value == 3.0
+
+
+@pytest.mark.parametrize("name", ["hand-lcp", "hand-free", "hand-affine", "hand-negative", "coulomb", "membrane"])
+def test_a_round_trip_gives_the_same_problem_or_at_least_the_same_answer(name):
+    """ICP -> Pyomo -> ICP: A, q and psi come back where every r has fewer variables than p; the answer always."""
+    one = icp.scenes.scene(name) if name != "membrane" else icp.scenes.scene(name, 100)
+    problem = one.problem
+    model = problem.to_pyomo()
+    back = read_pyomo(model).problem
+    if name in ("hand-lcp", "membrane"):
+        order = [variable.index() for variable in read_pyomo(model).variables]
+        assert abs(back.A - problem.A[order][:, order]).max() == 0
+        assert back.q.tolist() == problem.q[order].tolist()
+        assert back.psi.c.tolist() == problem.psi.c[order].tolist()
+    old(model, options={"rtol": 1e-12})
+    assert violation(model) <= 1e-9
+    z = np.array([variable.value for variable in model.z.values()])
+    assert problem.residual(z) <= 1e-9
+    if icp.certify(problem, z).unique:
+        assert np.abs(z - problem.solve(rtol=1e-12).z).max() <= 1e-8
+
+
+def test_a_nonlinear_round_trip():
+    random = np.random.default_rng(5)
+    problem, G = random_problem(random, 6, "nonlinear")
+    read = read_pyomo(written(problem, G, random, "nonlinear")).problem
+    back = read_pyomo(read.to_pyomo()).problem
+    z = random.uniform(-1, 1, 6)
+    assert abs(back.A - read.A).max() == 0
+    assert back.psi.value(z) == pytest.approx(read.psi.value(z), abs=1e-14)
+    assert back.psi.jacobian(z).toarray() == pytest.approx(read.psi.jacobian(z).toarray(), abs=1e-14)
+
+
+def test_python_code_has_no_pyomo_form():
+    with pytest.raises(icp.NotApplicable, match="is Python code, which has no Pyomo expression"):
+        icp.ICP([[2.0]], [1.0], psi=np.sin).to_pyomo()
+
+
+def test_another_solver_takes_the_written_model():
+    """HiGHS by Pyomo's own disjunctions finds the answer of the hand-made problem."""
+    problem = icp.scenes.scene("hand-lcp").problem
+    model = problem.to_pyomo()
+    pyo.TransformationFactory("mpec.simple_disjunction").apply_to(model)
+    pyo.TransformationFactory("gdp.bigm").apply_to(model, bigM=100)
+    pyo.SolverFactory("appsi_highs").solve(model)
+    z = [variable.value for variable in model.z.values()]
+    assert z == pytest.approx(problem.solve().z, abs=1e-6)
