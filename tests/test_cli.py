@@ -325,6 +325,16 @@ def test_solve_to_an_accuracy_and_polish(capsys):
     assert "give accuracy alone" in err
 
 
+def test_measure_modelling(capsys):
+    code, out, _ = call(capsys, "measure", "modelling", "--n", "16", "--csv")
+    assert code == 0
+    assert [line.split(",")[:2] for line in out.splitlines()[1:]] == [
+        ["constant psi", "16"],
+        ["affine psi", "16"],
+        ["nonlinear psi", "16"],
+    ]
+
+
 def test_measure_dominant_impulse_and_small(capsys):
     for command, options in (
         ("dominant", ["--n", "100"]),

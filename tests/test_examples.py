@@ -15,6 +15,7 @@ SAYS = {
     "paper_under_the_microscope.py": "4.4 (2)      FALSE AS PRINTED",
     "membrane.py": "median force per area there: 16\n",
     "dividends.py": "2.14369",
+    "market_equilibrium.py": "1.0    2.7938    3.3663    3.0683      2.7281",
     "when_methods_fail.py": "Lemke() infeasible: no z has Az + q >= 0 and z >= psi(z)",
 }
 

@@ -12,6 +12,7 @@ from icpmodel.measure import (
     grid_order,
     impulse_cost,
     linear_solve,
+    pyomo_cost,
     small_cost,
     solve_cost,
     sweep_cost,
@@ -118,6 +119,16 @@ def test_solve_is_compared_with_a_linear_solve_on_every_variant():
         assert lowest <= ratio <= highest
     with pytest.raises(icp.InputError, match="repeats is 2"):
         solve_cost([400], repeats=2)
+
+
+def test_reading_a_pyomo_model_is_compared_with_pyomos_own_writer():
+    rows = pyomo_cost(n=100, repeats=3).rows
+    assert [row[:2] for row in rows] == [("constant psi", 100), ("affine psi", 100), ("nonlinear psi", 100)]
+    for *_, ours, writer, ratio, lowest, highest in rows:
+        assert min(ours, writer) > 0
+        assert lowest <= ratio <= highest
+    with pytest.raises(icp.InputError, match="repeats is 2"):
+        pyomo_cost(n=100, repeats=2)
 
 
 @pytest.mark.parametrize("table", [dominant_cost, impulse_cost], ids=lambda f: f.__name__)

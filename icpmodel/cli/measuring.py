@@ -122,6 +122,17 @@ def honesty(scenes: tuple[str, ...], seeds: int, n: int, as_csv: bool) -> int:
 
 
 @measure.command()
+@click.option("--n", type=int, default=100_000, show_default=True, help="Conditions of the model.")
+@click.option("--repeats", type=int, default=3, show_default=True, help="Pairs of timings.")
+@_AS_CSV
+def modelling(n: int, repeats: int, as_csv: bool) -> int:
+    """Reading a Pyomo model against Pyomo's own writer of the same model, timed in turn."""
+    from ..measure import pyomo_cost
+
+    return _show(pyomo_cost(n, repeats), as_csv)
+
+
+@measure.command()
 @click.option("--n", "sizes", type=int, multiple=True, default=(10_000, 100_000, 1_000_000), show_default=True)
 @click.option("--repeats", type=int, default=9, show_default=True, help="Pairs of timings.")
 @_AS_CSV

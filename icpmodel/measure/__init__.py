@@ -7,6 +7,7 @@ from .honesty import false_success
 from .html_report import html_report
 from .limit import linear_solve, solve_cost
 from .memory import memory
+from .modelling import pyomo_cost
 from .planes import Axis, Plane
 from .racing import Race, race
 from .sensitivity import Sensitivity, sensitivity
@@ -35,6 +36,7 @@ __all__ = [
     "impulse_cost",
     "linear_solve",
     "memory",
+    "pyomo_cost",
     "race",
     "sensitivity",
     "small_cost",

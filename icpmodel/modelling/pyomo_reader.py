@@ -62,6 +62,8 @@ class Reading:
     def start(self) -> Vector:
         """The values that the variables have now, as z, shape (n,); 0 for a variable without value.
 
+        Raises InputError where a condition has no finite value there.
+
         >>> import pyomo.environ as pyo
         >>> from pyomo.mpec import Complementarity, complements
         >>> model = pyo.ConcreteModel()
@@ -71,7 +73,18 @@ class Reading:
         array([-3.])
         """
         values = [variable.value for variable in self.variables]
-        return self.signs * np.array([0.0 if value is None else value for value in values], dtype=np.float64)
+        z: Vector = self.signs * np.array([0.0 if value is None else value for value in values], dtype=np.float64)
+        bad = ~np.isfinite(z)
+        if not bad.any():
+            psi = self.problem.psi.value(z)
+            bad = ~(np.isfinite(psi) | np.isneginf(psi))
+        if bad.any():
+            row = int(np.argmax(bad))
+            at = f"{self.variables[row].name} = {self.signs[row] * z[row] + 0.0:g}"
+            raise InputError(
+                f"{self.owners[row].name} has no finite value at the start, where {at}: give its variables other values"
+            )
+        return z
 
     def values(self, z: Vector) -> list[tuple[Any, float]]:
         """The variables of the model with their values at `z`, shape (n,); the λ are not among them.

@@ -107,15 +107,15 @@ class Rows:
 
     def _refuse_what_is_no_icp(self, model: Any) -> None:
         import pyomo.environ as pyo
-        from pyomo.core.base.set import SetOf
         from pyomo.mpec import Complementarity
         from pyomo.repn.util import categorize_valid_components
 
-        data = {pyo.Block, pyo.Var, pyo.Param, pyo.Expression, pyo.Set, pyo.RangeSet, SetOf, pyo.Suffix}
+        data = {pyo.Block, pyo.Var, pyo.Param, pyo.Expression, pyo.Set, pyo.RangeSet, pyo.Suffix}
         targets = {Complementarity, pyo.Constraint, pyo.Objective}
         _, unknown = categorize_valid_components(model, valid=data | {pyo.ExternalFunction}, targets=targets)
-        for kind, found in unknown.items():
-            raise InputError(f"{found[0].name} is an active {kind.__name__}, which no complementarity problem has")
+        if unknown:
+            names = sorted(f"{kind.__name__} {found[0].name}" for kind, found in unknown.items())
+            raise InputError(f"the model has the active {', '.join(names)}, which no complementarity problem has")
         for objective in _active(model, "Objective"):
             _, linear, nonlinear = self._read(((1.0, objective.expr),), objective)
             if linear or nonlinear is not None:

@@ -87,12 +87,12 @@ REFUSED = {
         component("odd", lambda m: Complementarity(expr=complements(m.x >= 0, m.y + m.part.z[1] + m.part.z[2] >= 0))),
         r"3 conditions for 4 variables .* no condition is left for part.z\[",
     ),
-    "sos": (component("odd", lambda m: pyo.SOSConstraint(var=m.part.z, sos=1)), "part.odd is an active SOSConstraint"),
+    "sos": (component("odd", lambda m: pyo.SOSConstraint(var=m.part.z, sos=1)), "active SOSConstraint part.odd"),
     "disjunction": (
         component("odd", lambda m: Disjunction(expr=[m.x >= 1, m.y >= 1])),
-        "part.odd is an active Disjunction",
+        r"active Disjunct part.odd_disjuncts\[0\], Disjunction part.odd,",
     ),
-    "disjunct": (component("odd", lambda m: Disjunct()), "part.odd is an active Disjunct"),
+    "disjunct": (component("odd", lambda m: Disjunct()), "active Disjunct part.odd,"),
     "discrete": (discrete, "z is in Integers; a continuous variable was expected"),
     "strict": (condition(lambda x, y: x > 0, lambda x, y: y >= 1), "part.odd has a strict inequality"),
     "strict range": (

@@ -182,6 +182,17 @@ def test_the_values_are_the_start():
     assert read_pyomo(model).start().tolist() == [0.0, -3.0]
 
 
+def test_a_start_without_value_is_answered_with_the_condition():
+    model = pair()
+    model.odd = Complementarity(expr=complements(model.y - 1 >= 0, pyo.log(model.y) >= model.x))
+    model.d.deactivate()
+    with pytest.raises(icp.InputError, match="odd has no finite value at the start, where y = 0"):
+        NEW.solve(model)
+    model.y.set_value(float("nan"), skip_validation=True)
+    with pytest.raises(icp.InputError, match="odd has no finite value at the start, where y = nan"):
+        NEW.solve(model)
+
+
 def test_values_can_be_kept_out_of_the_model():
     model = pair()
     results = NEW.solve(model, load_solutions=False)

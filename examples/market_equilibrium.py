@@ -1,0 +1,48 @@
+"""Prices that clear markets, where the law keeps the wage above a floor that moves with the other prices. In Pyomo.
+
+A market clears, or its price lies at its floor and something is left over:
+price >= floor(prices), supply - demand >= 0, and one of the two holds with equality.
+
+Run: python examples/market_equilibrium.py
+"""
+
+import pyomo.environ as pyo
+from pyomo.mpec import Complementarity, complements
+
+import icpmodel.modelling.pyomo_solver  # noqa: F401  Pyomo's SolverFactory now knows "icpmodel"
+
+GOODS = ["bread", "housing", "labour"]
+#: by how much supply less demand of one good rises with the price of another; goods replace each other a little
+SLOPE = {"bread": [5.0, -1.0, -1.5], "housing": [-0.5, 4.0, -1.0], "labour": [-1.0, -0.5, 3.0]}
+#: how much more is demanded than supplied if everything costs nothing
+WANTED = {"bread": 6.0, "housing": 9.0, "labour": 2.0}
+
+model = pyo.ConcreteModel()
+model.price = pyo.Var(GOODS, within=pyo.NonNegativeReals)
+model.share = pyo.Param(initialize=0.0, mutable=True)
+model.cost_of_living = pyo.Expression(expr=pyo.sqrt(0.01 + model.price["bread"] * model.price["housing"]))
+
+
+@model.Expression(GOODS)
+def left_over(model, good):
+    return sum(slope * model.price[other] for slope, other in zip(SLOPE[good], GOODS, strict=True)) - WANTED[good]
+
+
+def market(model, good):
+    floor = model.share * model.cost_of_living if good == "labour" else 0.0
+    return complements(model.price[good] >= floor, model.left_over[good] >= 0)
+
+
+model.market = Complementarity(GOODS, rule=market)
+solver = pyo.SolverFactory("icpmodel", options={"rtol": 1e-12})
+
+print(f"{'share of cost of living':>26}" + "".join(f"{good:>10}" for good in GOODS) + f"{'unemployed':>12}")
+for share in (0.0, 0.8, 1.0, 1.2):
+    model.share.set_value(share)
+    pyo.assert_optimal_termination(solver.solve(model))  # starts from the prices before
+    prices = "".join(f"{model.price[good].value:10.4f}" for good in GOODS)
+    print(f"{share:26.1f}{prices}{pyo.value(model.left_over['labour']):12.4f}")
+print()
+print(
+    "A floor above the market's own wage makes everything dearer, bread and housing too, and leaves some without work."
+)
