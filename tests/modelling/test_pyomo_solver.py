@@ -279,9 +279,56 @@ def test_a_nonlinear_round_trip():
     assert back.psi.jacobian(z).toarray() == pytest.approx(read.psi.jacobian(z).toarray(), abs=1e-14)
 
 
-def test_python_code_has_no_pyomo_form():
-    with pytest.raises(icp.NotApplicable, match="is Python code, which has no Pyomo expression"):
-        icp.ICP([[2.0]], [1.0], psi=np.sin).to_pyomo()
+MIX = np.array([[0.0, 0.2, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, -0.3]])
+CODE = {
+    "sine": lambda z: 0.3 * np.sin(z),
+    "reversed": lambda z: 0.2 * z[::-1] ** 2 - 1,
+    "product": lambda z: MIX @ np.arctan(z),
+    "mean": lambda z: np.full(3, z.mean() / 5),
+    "roots": lambda z: 0.1 * np.sqrt(np.square(z) + 1) / (2 + abs(z)),
+    "power": lambda z: np.power(2.0, -z) / (1 - np.float64(3.0)),
+    "free": lambda z: [0.1 * z[1] - z[0], -np.inf, 2.0],
+    "elementwise": icp.Elementwise(lambda z: 0.1 * np.exp(-z), c=[1, -np.inf, 2]),
+}
+NO_EXPRESSION = {
+    "maximum": (lambda z: np.maximum(z, 0) / 3, "not supported between"),
+    "where": (lambda z: np.where(z > 0, z / 3, 0), "not supported between"),
+    "number": (lambda z: z * float(z[0]) / 10, "float"),
+    "random": (lambda z: 0.1 * z + np.random.default_rng().random(3), "and its expression"),
+    "intervention": (icp.scenes.scene("dividend").problem, "it takes the best of several"),
+}
+
+
+@pytest.mark.parametrize("name", CODE)
+def test_python_code_is_written_as_expressions(name):
+    """The code is run on symbols: the model reads back with the same r, up to a factor, and with the
+    derivative of that."""
+    problem = icp.ICP(4 * np.eye(3) - 1, [-1.0, 2.0, -3.0], CODE[name])
+    reading = read_pyomo(problem.to_pyomo())
+    order = [variable.index() for variable in reading.variables]
+    for z in np.random.default_rng(0).uniform(-2, 2, (5, 3)):
+        r = reading.problem.r(z[order])
+        assert r * reading.scale == pytest.approx(problem.r(z)[order], abs=1e-14)
+        held = np.isfinite(r)
+        slope = reading.problem.psi.jacobian(z[order]).toarray()[held]
+        for j, step in enumerate(np.diag([1e-6] * 3)):
+            ahead, behind = (reading.problem.psi.value(z[order] + turn * step)[held] for turn in (1, -1))
+            assert slope[:, j] == pytest.approx((ahead - behind) / 2e-6, abs=1e-8)
+
+
+def test_code_compiled_by_numba_is_written_as_well():
+    from numba import njit
+
+    problem = icp.ICP([[2.0]], [1.0], icp.Elementwise(njit(lambda z: 0.3 * np.sin(z) + 0.1)))
+    assert "0.3*sin(z[0])" in str(problem.to_pyomo().complementarity[0]._args[1])
+
+
+@pytest.mark.parametrize("name", NO_EXPRESSION)
+def test_code_with_branches_or_chance_has_no_expression(name):
+    psi, words = NO_EXPRESSION[name]
+    problem = psi if isinstance(psi, icp.ICP) else icp.ICP(np.eye(3), np.ones(3), psi)
+    with pytest.raises(icp.NotApplicable, match=f"has no Pyomo expression: .*{words}"):
+        problem.to_pyomo()
 
 
 def test_another_solver_takes_the_written_model():
