@@ -21,9 +21,9 @@ from ..problem import ICP
 from .pyomo_nonlinear import NonlinearRows
 from .pyomo_rows import Rows
 
-#: what it costs a row to own a variable that is missing on one side, or that has different signs on the two,
-#: in powers of two of the coefficients, which count only among equals
-_MISSING, _OPPOSITE = 1e7, 1e5
+#: what it costs a row to own a variable that is not on the side that should become r, that is missing on one side, or
+#: that has different signs on the two, in powers of two of the coefficients, which count only among equals
+_NOT_IN_R, _MISSING, _OPPOSITE = 2e7, 1e7, 1e5
 #: how many names a message lists
 _LISTED = 5
 
@@ -191,6 +191,8 @@ class _Table:
         pairs, place = np.unique(np.concatenate([*keys, r * self.n + j]), return_inverse=True)
         self.row, self.col = pairs // self.n, pairs % self.n
         self.coefficient = np.zeros((2, pairs.size))
+        self.curved = np.zeros(pairs.size, dtype=bool)
+        self.curved[place[place.size - r.size :]] = True
         for k, (side, start) in enumerate(zip(self.sides, (0, keys[0].size), strict=True)):
             self.coefficient[k, place[start : start + side.nnz]] = side.data
 
@@ -207,7 +209,7 @@ class _Table:
         with np.errstate(divide="ignore"):
             size = sum(np.where(side == 0, 0.0, np.log2(np.abs(side))) for side in self.coefficient)
         opposite = (np.sign(first) * np.sign(second) < 0) & ~self.free[self.row]
-        cost = _MISSING * missing + _OPPOSITE * opposite - size
+        cost = _NOT_IN_R * ~self.in_r() + _MISSING * missing + _OPPOSITE * opposite - size
         order = np.lexsort((cost, self.row))
         cheapest = order[np.searchsorted(self.row[order], np.arange(self.m))]
         own: np.ndarray = self.col[cheapest]
@@ -216,6 +218,19 @@ class _Table:
             graph = sp.csr_array((cost - cost.min() + 1.0, (self.row, self.col)), shape=(self.m, self.n))
             own = min_weight_full_bipartite_matching(graph)[1]
         return own
+
+    def in_r(self) -> np.ndarray:
+        """For every pair whether the variable is on the side that should become r: the nonlinear one, or else the one
+        with fewer variables, so that a bound on a single variable is a fixed obstacle."""
+        bent = np.zeros((2, self.m), dtype=bool)
+        for k, side in enumerate(self.rows.sides):
+            bent[k, list(side.nonlinear)] = True
+        counts = np.array([np.bincount(side.row, minlength=self.m) for side in self.sides], dtype=float)
+        counts[counts == 0] = np.inf
+        wanted = bent | (~bent.any(axis=0) & (counts == counts.min(axis=0)))
+        there = (self.coefficient != 0) | (bent[:, self.row] & self.curved)
+        found: np.ndarray = (wanted[:, self.row] & there).any(axis=0) | self.free[self.row]
+        return found
 
     def _refuse_what_is_not_square(self) -> None:
         from scipy.sparse.csgraph import maximum_bipartite_matching

@@ -122,6 +122,32 @@ def test_a_nonlinear_equation_is_a_row_with_p_equal_to_one():
     assert other**2 == pytest.approx(2 * x)
 
 
+def test_a_variable_that_r_bends_takes_its_sign_from_p():
+    """x^2 >= y with 3 - 2x - y >= 0 owns x = -z, so that the diagonal of A is positive; r is as it was written."""
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(), pyo.Var()
+    model.c = Complementarity(expr=complements(model.x**2 + pyo.exp(model.x) >= 1, 3 - 2 * model.x - model.y >= 0))
+    model.d = Complementarity(expr=complements(model.y >= 0, model.x + 2 * model.y >= 1))
+    reading = read_pyomo(model)
+    assert reading.variables == (model.x, model.y)
+    assert reading.signs.tolist() == [-1, 1]
+    assert reading.problem.A.toarray().tolist() == [[2, -1], [-1, 2]]
+    assert reading.problem.r([-3.0, 1.0]) == pytest.approx([3.0**2 + np.exp(3.0) - 1, 1.0])
+    assert reading.problem.psi.jacobian(np.array([-3.0, 1.0])).toarray()[0] == pytest.approx([1 + 6 + np.exp(3.0), 0])
+
+
+def test_a_bound_on_one_variable_is_a_fixed_obstacle():
+    """Even where x is missing on the other side: 0 <= x <= 1 with F(y), and the other way round, is an LCP."""
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var([1, 2])
+    model.rows = Complementarity(
+        [1, 2], rule=lambda m, i: complements(pyo.inequality(0, m.x[i], 1), m.x[3 - i] - i / 2 - 0.2)
+    )
+    problem = read_pyomo(model).problem
+    assert problem.is_lcp
+    assert problem.residual([0.0, 0.0, 1.0, 1.2]) <= 1e-15  # x_1, lambda_1, x_2, lambda_2
+
+
 def test_bounds_at_infinity_are_none():
     model = pyo.ConcreteModel()
     model.x = pyo.Var()
