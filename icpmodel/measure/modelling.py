@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError
-from ..maps import Affine
+from ..maps import Affine, Elementwise
 from ..modelling.pyomo_reader import read_pyomo
 from ..scenes import scene
 from .tables import Table, machine
@@ -57,20 +57,17 @@ def pyomo_cost(n: int = 100_000, repeats: int = 3) -> Table:
 def _models(n: int) -> Iterator[tuple[str, Any]]:
     """Models with `complementarity`, and its 2n sides as constraints `sides`."""
     import pyomo.environ as pyo
-    from pyomo.mpec import Complementarity, complements
 
     problem = scene("membrane", n).problem
     m, c = int(np.sqrt(problem.n)), problem.psi.value(np.zeros(problem.n))
     neighbours = sp.diags_array([0.25, 0.25], offsets=[-1, 1], shape=(m, m))
-    bent = problem.to_pyomo()
-    sides = {i: condition._args for i, condition in bent.complementarity.items()}
-    bent.del_component("complementarity")
-    bent.complementarity = Complementarity(
-        list(sides), rule=lambda _, i: complements(sides[i][0], bent.z[i] - 0.3 * pyo.sin(bent.z[i]) >= float(c[i]))
-    )
-    affine = problem.with_psi(Affine(sp.kron(sp.eye_array(m), neighbours), c))
-    models = {"constant psi": problem.to_pyomo(), "affine psi": affine.to_pyomo(), "nonlinear psi": bent}
-    for name, model in models.items():
+    models = {
+        "constant psi": problem,
+        "affine psi": problem.with_psi(Affine(sp.kron(sp.eye_array(m), neighbours), c)),
+        "nonlinear psi": problem.with_psi(Elementwise(lambda z: 0.3 * np.sin(z), c=c)),
+    }
+    for name, one in models.items():
+        model = one.to_pyomo()
         pairs = [condition._args for condition in model.complementarity.values()]
         model.sides = pyo.Constraint(range(problem.n), [0, 1], rule=lambda _, i, k, pairs=pairs: pairs[i][k])
         yield name, model

@@ -208,7 +208,7 @@ class _Table:
         missing = (first == 0).astype(float) + (second == 0)
         with np.errstate(divide="ignore"):
             size = sum(np.where(side == 0, 0.0, np.log2(np.abs(side))) for side in self.coefficient)
-        opposite = (np.sign(first) * np.sign(second) < 0) & ~self.free[self.row]
+        opposite = np.sign(first) * np.sign(second) < 0
         cost = _NOT_IN_R * ~self.in_r() + _MISSING * missing + _OPPOSITE * opposite - size
         order = np.lexsort((cost, self.row))
         cheapest = order[np.searchsorted(self.row[order], np.arange(self.m))]

@@ -79,6 +79,18 @@ def test_the_units_of_the_variables_do_not_change_who_owns_what(exponent):
     assert [variable.index() for variable in read_pyomo(model).variables] == [0, 1, 2]
 
 
+def test_one_sign_on_both_sides_counts_more_than_size():
+    """x + y with 2y - 3x and with 2x - 3y: larger coefficients would make the diagonal of A negative."""
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(), pyo.Var()
+    both = model.x + model.y
+    model.c = Complementarity(expr=complements(both >= 0, 2 * model.y - 3 * model.x >= 1))
+    model.d = Complementarity(expr=complements(both >= 1, 2 * model.x - 3 * model.y >= 1))
+    reading = read_pyomo(model)
+    assert reading.variables == (model.y, model.x)
+    assert (reading.problem.A.diagonal() > 0).all()
+
+
 def test_upper_bounds_turn_the_variable_and_keep_the_diagonal():
     """x <= u with F(x) <= 0 is z = -x >= -u with -F(-z) >= 0."""
     model = pyo.ConcreteModel()
@@ -120,6 +132,43 @@ def test_a_nonlinear_equation_is_a_row_with_p_equal_to_one():
     other, x = solution.z
     assert x * np.exp(x) == pytest.approx(2)
     assert other**2 == pytest.approx(2 * x)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "first", "second", "implied"),
+    [
+        ((1, None), lambda x: x >= 1, lambda x: 2 * x >= 5, True),
+        ((0.5, None), lambda x: 2 * x >= 1, lambda x: x >= -3, True),
+        ((1, None), lambda x: x >= 0.5, lambda x: 2 * x >= 0.5, False),
+        ((None, 3), lambda x: -2 * x >= -6, lambda x: x <= 7, True),
+        ((None, 3), lambda x: x <= 4, lambda x: x <= 5, False),
+        ((1, 4), lambda x: x >= 1, lambda x: x <= 4, True),
+        ((1, 4), lambda x: x >= 1, lambda x: x <= 5, False),
+        ((2, 2), lambda x: 3 * x == 6, lambda x: x, True),
+        ((2, 2), lambda x: -3 * x == -6, lambda x: x, True),
+        ((1, 2), lambda x: 2 * x == 6, lambda x: x, False),
+        ((0, None), lambda x: x - pyo.sin(x) >= 0, lambda x: x >= -1, False),
+        ((0, None), lambda x: x, lambda x: x**3 == 1, False),
+        ((None, None), lambda x: x >= 0, lambda x: x >= 1, True),
+    ],
+)
+def test_only_bounds_that_no_condition_implies_are_looked_at(bounds, first, second, implied):
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(bounds=bounds)
+    model.c = Complementarity(expr=complements(first(model.x), second(model.x)))
+    limits = tuple(end if end is not None else sign * np.inf for end, sign in zip(bounds, (-1, 1), strict=True))
+    assert read_pyomo(model).bounds == (() if implied else ((0, *limits),))
+
+
+def test_what_stands_beside_an_equation_bounds_nothing():
+    """In complements(x + 0, y = 3) the x is only named, also where y is bounded by it."""
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(bounds=(0, None)), pyo.Var(bounds=(3, 3))
+    model.c = Complementarity(expr=complements(model.x, model.y == 3))
+    model.d = Complementarity(expr=complements(model.y, model.x + model.y == 1))
+    reading = read_pyomo(model)
+    assert [(reading.variables[row].name, low, high) for row, low, high in reading.bounds] == [("x", 0, np.inf)]
+    assert reading.out_of_bounds(reading.problem.solve().z, 1e-9).startswith("x = -2 is not in its bounds [0, inf]")
 
 
 def test_a_variable_that_r_bends_takes_its_sign_from_p():
