@@ -187,6 +187,15 @@ def test_a_variable_that_r_bends_takes_its_sign_from_p():
     assert again.problem.r(again.signs * [-3.0, 1.0]) == pytest.approx(reading.problem.r([-3.0, 1.0]))
 
 
+def test_nonlinear_terms_on_both_ends_of_an_inequality_count():
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var()
+    model.c = Complementarity(expr=complements(3 * model.x + pyo.sin(model.x) >= pyo.cos(model.x), model.x >= 1))
+    reading = read_pyomo(model)
+    assert 3 * reading.problem.r([0.7]) == pytest.approx(2.1 + np.sin(0.7) - np.cos(0.7))
+    assert reading.problem.psi.jacobian(np.array([0.7])).toarray() == pytest.approx(-(np.cos(0.7) + np.sin(0.7)) / 3)
+
+
 def test_a_bound_on_one_variable_is_a_fixed_obstacle():
     """Even where x is missing on the other side: 0 <= x <= 1 with F(y), and the other way round, is an LCP."""
     model = pyo.ConcreteModel()
@@ -209,8 +218,8 @@ def test_bounds_at_infinity_are_none():
 def test_conditions_of_fixed_variables_that_hold_are_left_out():
     model = pyo.ConcreteModel()
     model.x = pyo.Var([1, 2], initialize=0.0)
-    model.rows = Complementarity([1, 2], rule=lambda m, i: complements(m.x[i] >= 0, m.x[i] >= -2 + i))
-    model.x[2].fix(0.0)
+    model.rows = Complementarity([1, 2], rule=lambda m, i: complements(m.x[i] >= 0, m.x[i] >= -3 + i))
+    model.x[2].fix(0.0)  # the sides of its condition are 0 and 1
     reading = read_pyomo(model)
     assert reading.owners == (model.rows[1],)
 

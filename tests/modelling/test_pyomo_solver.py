@@ -168,6 +168,8 @@ def test_a_bound_of_a_variable_that_no_condition_implies_is_looked_at_afterwards
     with pytest.raises(NoOptimalSolutionError, match="not in its bounds"):
         NEW.solve(model)
     pyo.assert_optimal_termination(old(pair(within=pyo.NonNegativeReals)))
+    unsolved = old(pair(bounds=(2, None)), options={"method": "mnmgs", "max_iter": 0})
+    assert unsolved.solver.termination_condition == pyo.TerminationCondition.maxIterations
 
 
 def test_the_values_are_the_start():
@@ -191,6 +193,15 @@ def test_a_start_without_value_is_answered_with_the_condition():
     model.y.set_value(float("nan"), skip_validation=True)
     with pytest.raises(icp.InputError, match="odd has no finite value at the start, where y = nan"):
         NEW.solve(model)
+
+
+def test_values_that_were_not_loaded_are_stale():
+    model = pair()
+    model.other = pyo.Var(initialize=1.0)
+    model.other.set_value(2.0)
+    assert not model.other.stale
+    old(model)
+    assert (model.other.value, model.other.stale, model.x.stale) == (2.0, True, False)
 
 
 def test_values_can_be_kept_out_of_the_model():
