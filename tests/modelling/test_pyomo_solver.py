@@ -315,7 +315,9 @@ def test_python_code_is_written_as_expressions(name):
     """The code is run on symbols: the model reads back with the same r, up to a factor, and with the
     derivative of that."""
     problem = icp.ICP(4 * np.eye(3) - 1, [-1.0, 2.0, -3.0], CODE[name])
-    reading = read_pyomo(problem.to_pyomo())
+    model = problem.to_pyomo()
+    assert [variable.value for variable in model.z.values()] == [None] * 3  # as it was before the comparison
+    reading = read_pyomo(model)
     order = [variable.index() for variable in reading.variables]
     for z in np.random.default_rng(0).uniform(-2, 2, (5, 3)):
         r = reading.problem.r(z[order])
