@@ -197,8 +197,9 @@ class _Table:
             self.coefficient[k, place[start : start + side.nnz]] = side.data
 
     def own_variables(self) -> np.ndarray:
-        """The variable that each row owns, shape (m,): each variable once, on both sides with one sign where that can
-        be, and with the largest product of its coefficients. The sum of logarithms makes this independent of units.
+        """The variable that each row owns, shape (m,): each variable once, on the side that should become r, on both
+        sides and with one sign on them as far as that can be, and with the largest product of coefficients. The sum of
+        their logarithms makes this independent of units.
 
         Reference: Duff and Koster, SIAM J. Matrix Anal. Appl. 22 (2001), doi 10.1137/S0895479899358443.
         """
