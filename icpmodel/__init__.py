@@ -53,6 +53,10 @@ if TYPE_CHECKING:
     from .methods.multilevel import Multilevel as Multilevel
     from .methods.newton import Newton as Newton
     from .methods.psor import PSOR as PSOR
+    from .modelling.cvxpy_problem import Complementarity as Complementarity
+    from .modelling.cvxpy_problem import Problem as Problem
+    from .modelling.cvxpy_problem import complements as complements
+    from .modelling.cvxpy_solver import cvxpy_solver as cvxpy_solver
     from .problem import ICP as ICP
     from .solution import Certificate as Certificate
     from .solution import History as History
@@ -105,6 +109,8 @@ _HOMES = {
     "methods.multilevel": ("Multilevel",),
     "methods.newton": ("Newton",),
     "methods.psor": ("PSOR",),
+    "modelling.cvxpy_problem": ("Complementarity", "Problem", "complements"),
+    "modelling.cvxpy_solver": ("cvxpy_solver",),
     "problem": ("ICP",),
     "solution": ("Certificate", "History", "Solution", "Status", "certify"),
     "splittings": ("AOR",),

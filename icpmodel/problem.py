@@ -274,6 +274,17 @@ class ICP:
 
         return to_pyomo(self)
 
+    def to_cvxpy(self, formulation: str = "qp") -> Any:
+        """The problem as a CVXPY problem, "qp" or "mip"; `icpmodel.modelling.cvxpy_writer.to_cvxpy` says how.
+
+        >>> model = ICP([[2.0]], [-1.0]).to_cvxpy()
+        >>> float(model.solve(solver="CLARABEL").round(6)), model.var_dict["z"].value.round(6)
+        (-0.25, array([0.5]))
+        """
+        from .modelling.cvxpy_writer import to_cvxpy
+
+        return to_cvxpy(self, formulation)
+
     def __repr__(self) -> str:
         return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={self.psi!r})"
 

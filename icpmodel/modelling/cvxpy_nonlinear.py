@@ -1,0 +1,134 @@
+"""ψ that holds expressions of CVXPY which are not affine: their values and gradients, with the parameters frozen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+
+from ..arrays import Vector
+
+#: how far a difference quotient may lie from the gradient
+_SAME = 1e-4
+
+
+class Nonlinear:
+    """ψ(z) = Gz + c + Vw(z), w being the `atoms` stacked, at the present values of their parameters.
+
+    Parameters: `atoms` CVXPY expressions in `variables`, which z stacks column by column; `G` CSR (n, n), `c` (n,),
+    `V` CSR (n, sizes of the atoms together). It works on copies, so that neither new values of the variables nor of
+    the parameters change it.
+
+    >>> x = cp.Variable(2)
+    >>> psi = Nonlinear([cp.square(x)], [x], sp.csr_array((2, 2)), np.ones(2), sp.csr_array(np.eye(2)))
+    >>> psi(np.array([1.0, 2.0]))
+    array([2., 5.])
+    >>> psi.jacobian(np.array([1.0, 2.0])).toarray()
+    array([[2., 0.],
+           [0., 4.]])
+    """
+
+    __name__ = "psi of CVXPY"
+
+    def __init__(
+        self,
+        atoms: Sequence[cp.Expression],
+        variables: Sequence[cp.Variable],
+        G: sp.csr_array,
+        c: Vector,
+        V: sp.csr_array,
+    ) -> None:
+        self.G, self.c, self.V = G, c, V
+        self._variables = [cp.Variable(x.shape, name=x.name()) for x in variables]
+        copies: dict[int, Any] = {id(x): copy for x, copy in zip(variables, self._variables, strict=True)}
+        for parameter in {parameter for atom in atoms for parameter in atom.parameters()}:
+            copies[id(parameter)] = cp.Constant(parameter.value)
+        self._atoms = [atom.tree_copy(copies) for atom in atoms]
+
+    def __call__(self, z: Vector) -> Vector:
+        """ψ(z), shape (n,). Raises ArithmeticError where an expression has no finite value at `z`."""
+        return self.G @ z + self.c + self.V @ self._w(z)
+
+    def _w(self, z: Vector) -> Vector:
+        write(self._variables, z)
+        values = []
+        for atom in self._atoms:
+            with np.errstate(all="ignore"):
+                value = np.asarray(atom.value, dtype=np.float64)
+            if not np.isfinite(value).all():
+                wrong = value.ravel()[np.argmin(np.isfinite(value.ravel()))]
+                raise ArithmeticError(f"{atom} is {wrong} here; start where it is finite, from values of the variables")
+            values.append(value.ravel(order="F"))
+        return np.concatenate(values)
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        """ψ′(z) = G + Vw′(z), CSR, shape (n, n). Raises ArithmeticError where an expression has no gradient at `z`."""
+        return sp.csr_array(self.G + self.V @ self._derivative(z))
+
+    def _derivative(self, z: Vector) -> sp.csr_array:
+        write(self._variables, z)
+        with np.errstate(all="ignore"):
+            return sp.csr_array(sp.block_array([self._blocks(atom) for atom in self._atoms]))
+
+    def _blocks(self, atom: cp.Expression) -> list[sp.csr_array]:
+        """∂atom/∂x for each variable x."""
+        gradients = atom.grad
+        blocks = []
+        for x in self._variables:
+            gradient = gradients.get(x, 0.0)
+            if gradient is None:
+                raise ArithmeticError(f"{atom} has no gradient here")
+            if sp.issparse(gradient) or np.size(gradient) > 1:
+                blocks.append(sp.csr_array(gradient).reshape(x.size, atom.size).T.tocsr())
+            elif gradient == 0.0:
+                blocks.append(sp.csr_array((atom.size, x.size)))
+            else:
+                blocks.append(sp.csr_array(np.full((atom.size, x.size), float(np.asarray(gradient).item()))))
+        return blocks
+
+    def checked_jacobian(self, z: Vector) -> Callable[[Vector], sp.csr_array] | None:
+        """`jacobian`, or None where CVXPY gives no gradient, or one that a difference quotient near `z` contradicts.
+
+        CVXPY 1.9 has no gradient of norm_inf, and a wrong one of a quotient of variables and where maximum or minimum
+        stretches a scalar. A point at which nothing can be evaluated contradicts nothing.
+
+        >>> x = cp.Variable(2)
+        >>> one = sp.csr_array(np.eye(2))
+        >>> psi = Nonlinear([1 / x, x[0] / x], [x], one, np.ones(2), sp.csr_array(np.ones((2, 4))))
+        >>> psi.checked_jacobian(np.ones(2)) is None
+        True
+        """
+        random = np.random.default_rng(0)
+        size = float(np.abs(z).max(initial=0.0)) or 1.0
+        step = 1e-6 * size * random.choice([-1.0, 1.0], z.size) * random.uniform(0.5, 1.0, z.size)
+        for near in (random.uniform(-0.01, 0.01, z.size), random.uniform(0.0, 0.01, z.size)):
+            at = z + size * near
+            try:
+                quotient = self._w(at + step) - self._w(at - step)
+                expected = 2.0 * (self._derivative(at) @ step)
+            except ArithmeticError:
+                continue
+            except Exception:
+                return None
+            noise = 1e-12 * np.abs(self._w(at)).max()
+            allowed = _SAME * max(np.abs(quotient).max(), np.abs(expected).max()) + noise
+            return self.jacobian if (np.abs(quotient - expected) <= allowed).all() else None
+        return self.jacobian
+
+
+def write(variables: Sequence[cp.Variable], z: Vector) -> None:
+    """Give the `variables` the values that `z` stacks, each column by column.
+
+    >>> x, y = cp.Variable((2, 2)), cp.Variable()
+    >>> write([x, y], np.arange(5.0))
+    >>> x.value, float(y.value)
+    (array([[0., 2.],
+           [1., 3.]]), 4.0)
+    """
+    done = 0
+    for x in variables:
+        x.save_value(np.array(z[done : done + x.size]).reshape(x.shape, order="F"))
+        done += x.size

@@ -1,0 +1,87 @@
+"""An ICP as a CVXPY problem: a convex quadratic or a mixed-integer program.
+
+This file imports CVXPY: it is loaded when `ICP.to_cvxpy` is first called.
+"""
+
+from __future__ import annotations
+
+import cvxpy as cp
+import numpy as np
+
+from ..arrays import described
+from ..crosscheck.formulations import Target
+from ..errors import InputError, NotApplicable
+from ..maps import Affine, Constant
+from ..problem import ICP
+
+_FORMULATIONS = ("qp", "mip")
+
+
+def to_cvxpy(problem: ICP, formulation: str = "qp") -> cp.Problem:
+    """`problem` as a CVXPY problem in one variable named z, in the units of the ICP.
+
+    "qp": ½zᵀAz + qᵀz subject to r ≥ 0 where ψ is constant and A symmetric, else the gap pᵀr subject to p ≥ 0, r ≥ 0; an
+    optimum of the gap solves the ICP only if its value is 0. "mip": p ≤ p̄b, r ≤ r̄(1 − b) with a vector b of zeros and
+    ones, for an A of any kind; p̄ and r̄ follow from the certificate at z = 0, which bounds |z*|. Rows without an
+    obstacle have p_i = 0 in both.
+
+    Parameters: `problem` with constant or affine ψ (else take `problem.frozen(z)`); `formulation`. Raises InputError
+    for an unknown one, and NotApplicable where the problem has no such form, with the reason.
+    Reference: see `icpmodel.crosscheck.formulations`.
+
+    >>> model = to_cvxpy(ICP([[2, -1], [-1, 2]], [-1, 3]))
+    >>> _ = model.solve(solver="CLARABEL")
+    >>> model.var_dict["z"].value.round(5) + 0.0
+    array([0.5, 0. ])
+    """
+    if formulation not in _FORMULATIONS:
+        raise InputError(
+            f"formulation is {described(formulation)}; {' or '.join(map(repr, _FORMULATIONS))} was expected"
+        )
+    if not isinstance(problem.psi, Constant | Affine):
+        raise NotApplicable(
+            f"to_cvxpy needs a psi that is constant or affine, not {problem.psi!r}: "
+            "freeze its obstacle at an answer with problem.frozen(z)"
+        )
+    target = Target(problem)
+    return _qp(target) if formulation == "qp" else _mip(target)
+
+
+def _qp(target: Target) -> cp.Problem:
+    forms = ("energy", "gap")
+    form = next((form for form in forms if target.why_not(form) is None), None)
+    if form is None:
+        reason = target.why_not("gap")
+        raise NotApplicable(f"no convex QP: {reason}; the formulation 'mip' needs no convexity")
+    qp, z = target.qp(form), cp.Variable(target.problem.n, name="z")
+    p, r = _p_and_r(target, z)
+    # definiteness was decided above, so that CVXPY need not
+    value = 0.5 * cp.quad_form(z, cp.psd_wrap(qp.P)) + qp.q @ z
+    if form == "energy":
+        return cp.Problem(cp.Minimize(value), [r >= 0])
+    c = np.where(target.free, 0.0, target.c)
+    return cp.Problem(cp.Minimize(value - target.problem.q @ c), [*_signs_of_p(target, p), r >= 0])
+
+
+def _mip(target: Target) -> cp.Problem:
+    delta = target.at_zero.componentwise
+    if delta is None:
+        raise NotApplicable(f"no bounds on p and r for a mixed-integer program: {target.at_zero.reason}")
+    held, problem = ~target.free, target.problem
+    delta = delta * (1 + 1e-9)  # these sums round
+    p_max = (np.abs(problem.q) + problem.absolute_A() @ delta)[held] * (1 + 1e-9)
+    r_max = ((abs(target.I_minus_G) @ delta)[held] + np.abs(target.c[held])) * (1 + 1e-9)
+    z, b = cp.Variable(problem.n, name="z"), cp.Variable(int(held.sum()), boolean=True, name="b")
+    p, r = _p_and_r(target, z)
+    either = [p[held] <= cp.multiply(p_max, b), r <= cp.multiply(r_max, 1 - b)]
+    return cp.Problem(cp.Minimize(0), [*_signs_of_p(target, p), r >= 0, *either])
+
+
+def _p_and_r(target: Target, z: cp.Variable) -> tuple[cp.Expression, cp.Expression]:
+    """p, and r in the rows with an obstacle."""
+    held = ~target.free
+    return target.problem.A @ z + target.problem.q, target.I_minus_G[held] @ z - target.c[held]
+
+
+def _signs_of_p(target: Target, p: cp.Expression) -> list[cp.Constraint]:
+    return [p[~target.free] >= 0, p[target.free] == 0]

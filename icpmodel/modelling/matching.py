@@ -1,0 +1,88 @@
+"""Which entry of z is each row's own, where r is given as Rz + …: r_i = ρz_j − …, ρ > 0, every j once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..arrays import row_of
+
+Columns = NDArray[np.intp]
+
+
+def looks_like_r(R: sp.csr_array) -> int:
+    """How much Rz + … looks like z − ψ(z): 2 one positive entry alone in each row, no column twice; 1 a 1 in each row;
+    0 neither.
+
+    Parameters: `R` CSR, shape (m, n), without stored zeros.
+
+    >>> looks_like_r(sp.csr_array([[2.0, 0.0]])), looks_like_r(sp.csr_array([[1.0, -0.5]]))
+    (2, 1)
+    """
+    if _is_alone(R) and np.bincount(R.indices, minlength=1).max() == 1:
+        return 2
+    with_one = np.zeros(R.shape[0], dtype=bool)
+    with_one[row_of(R)[R.data == 1.0]] = True
+    return int(with_one.all())
+
+
+def own_entries(R: sp.csr_array) -> Columns | None:
+    """The own column of each row of `R`, CSR (n, n): a permutation with positive entries; None if there is none.
+
+    An entry that is 1 is taken before others, as z − ψ(z) is mostly written so, then the largest. Where rows compete,
+    the choice for all of them together is the one that costs least: 1 for a 1, else 2 + log(the row's largest / entry).
+
+    >>> own_entries(sp.csr_array([[0.5, 1.0], [1.0, 3.0]])).tolist()
+    [1, 0]
+    >>> own_entries(sp.csr_array([[-1.0]])) is None
+    True
+    """
+    n = R.shape[0]
+    if _is_alone(R):
+        return R.indices.astype(np.intp) if np.bincount(R.indices).max() == 1 else None
+    rows, positive = row_of(R), R.data > 0
+    rows, columns, entries = rows[positive], R.indices[positive], R.data[positive]
+    largest = np.zeros(n)
+    np.maximum.at(largest, rows, entries)
+    if not largest.all():
+        return None
+    cost = np.where(entries == 1.0, 1.0, 2.0 + np.log(largest[rows] / entries))
+    # of each row the first entry of least cost
+    order = np.lexsort((cost, rows))
+    own: Columns = columns[order[np.searchsorted(rows[order], np.arange(n))]].astype(np.intp)
+    if np.bincount(own, minlength=n).max() == 1:
+        return own
+    return _cheapest(sp.csr_array((cost, (rows, columns)), shape=R.shape))
+
+
+def left_over(R: sp.csr_array) -> tuple[int, int]:
+    """A row and a column that are left over where `own_entries` is None: of as many rows as possible with one each.
+
+    >>> left_over(sp.csr_array([[1.0, 0.0], [1.0, 0.0]]))
+    (1, 1)
+    """
+    from scipy.sparse.csgraph import maximum_bipartite_matching
+
+    positive = sp.csr_array(R > 0)
+    of_row: Any = maximum_bipartite_matching(positive, perm_type="column")
+    free = np.ones(R.shape[1], dtype=bool)
+    free[of_row[of_row >= 0]] = False
+    return int(np.argmax(of_row < 0)), int(np.argmax(free))
+
+
+def _is_alone(R: sp.csr_array) -> bool:
+    """Whether each row has one entry, and that is positive."""
+    return R.nnz == R.shape[0] and bool((np.diff(R.indptr) == 1).all() and (R.data > 0).all())
+
+
+def _cheapest(cost: sp.csr_array) -> Columns | None:
+    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
+
+    try:
+        _, columns = min_weight_full_bipartite_matching(cost)
+    except ValueError:  # there is no full matching
+        return None
+    return np.asarray(columns, dtype=np.intp)
