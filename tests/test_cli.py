@@ -280,6 +280,7 @@ def test_measure_prints_tables_and_csv(capsys):
     assert code == 0
     assert out.splitlines()[0].startswith("method,n,")
     assert len(out.splitlines()) == 4
+    assert "CVXPY" in call(capsys, "measure", "modelling", "--n", "400")[1]
     assert "V(1)" in call(capsys, "measure", "order", "dividend", "--n", "61", "--n", "121")[1]
 
 
@@ -396,9 +397,7 @@ def test_a_race_is_printed_and_written(capsys, tmp_path):
 
 def test_every_measurement_is_a_command(capsys):
     """What the README tells to type is there: each has a help page with a sentence of its own."""
-    names = (
-        "benchmark bounds certificate counts dispatch dominant honesty impulse limit memory order small sweep tuning"
-    )
+    names = "benchmark bounds certificate counts dispatch dominant honesty impulse limit memory modelling order small sweep tuning"
     listed = call(capsys, "measure", "--help")[1]
     assert [line.split()[0] for line in listed.split("Commands:")[1].splitlines() if line.strip()] == names.split()
     code, out, _ = call(capsys, "measure", "memory", "membrane", "--n", "6400", "--csv")

@@ -12,7 +12,7 @@ from icpmodel.measure import (
     grid_order,
     impulse_cost,
     linear_solve,
-    pyomo_cost,
+    reading_cost,
     small_cost,
     solve_cost,
     sweep_cost,
@@ -121,16 +121,6 @@ def test_solve_is_compared_with_a_linear_solve_on_every_variant():
         solve_cost([400], repeats=2)
 
 
-def test_reading_a_pyomo_model_is_compared_with_pyomos_own_writer():
-    rows = pyomo_cost(n=100, repeats=3).rows
-    assert [row[:2] for row in rows] == [("constant psi", 100), ("affine psi", 100), ("nonlinear psi", 100)]
-    for *_, ours, writer, ratio, lowest, highest in rows:
-        assert min(ours, writer) > 0
-        assert lowest <= ratio <= highest
-    with pytest.raises(icp.InputError, match="repeats is 2"):
-        pyomo_cost(n=100, repeats=2)
-
-
 @pytest.mark.parametrize("table", [dominant_cost, impulse_cost], ids=lambda f: f.__name__)
 def test_the_costs_of_whole_solves_are_compared_in_pairs(table):
     """One row per size; the count, the method and, for impulse control, the error are those of `solve()`."""
@@ -181,3 +171,13 @@ def test_tuning_compares_the_best_of_a_grid_with_what_needs_no_theta():
     assert rows["hand-cyclic"][3:6] == ("-", None, None)  # which no theta solves
     with pytest.raises(icp.InputError, match="repeats is 0"):
         tuned_and_automatic(repeats=0)
+
+
+def test_reading_a_model_is_compared_with_its_languages_writer():
+    rows = reading_cost(cvxpy_n=400, pyomo_n=100, repeats=3).rows
+    assert [(row[0], row[2]) for row in rows] == [("CVXPY", 400), *[("Pyomo", 100)] * 3]
+    for _, _, _, read, write, ratio, lowest, highest in rows:
+        assert min(read, write) > 0
+        assert lowest <= ratio <= highest
+    with pytest.raises(icp.InputError, match="repeats is 2"):
+        reading_cost(repeats=2)

@@ -122,14 +122,15 @@ def honesty(scenes: tuple[str, ...], seeds: int, n: int, as_csv: bool) -> int:
 
 
 @measure.command()
-@click.option("--n", type=int, default=100_000, show_default=True, help="Conditions of the model.")
+@click.option("--cvxpy-n", type=int, default=1_000_000, show_default=True, help="Unknowns of the CVXPY model.")
+@click.option("--pyomo-n", type=int, default=100_000, show_default=True, help="Conditions of the Pyomo models.")
 @click.option("--repeats", type=int, default=3, show_default=True, help="Pairs of timings.")
 @_AS_CSV
-def modelling(n: int, repeats: int, as_csv: bool) -> int:
-    """Reading a Pyomo model against Pyomo's own writer of the same model, timed in turn."""
-    from ..measure import pyomo_cost
+def modelling(cvxpy_n: int, pyomo_n: int, repeats: int, as_csv: bool) -> int:
+    """Reading CVXPY and Pyomo models against what these take to write them, timed in turn."""
+    from ..measure import reading_cost
 
-    return _show(pyomo_cost(n, repeats), as_csv)
+    return _show(reading_cost(cvxpy_n, pyomo_n, repeats), as_csv)
 
 
 @measure.command()

@@ -7,7 +7,7 @@ from .honesty import false_success
 from .html_report import html_report
 from .limit import linear_solve, solve_cost
 from .memory import memory
-from .modelling import pyomo_cost
+from .modelling import reading_cost
 from .planes import Axis, Plane
 from .racing import Race, race
 from .sensitivity import Sensitivity, sensitivity
@@ -36,8 +36,8 @@ __all__ = [
     "impulse_cost",
     "linear_solve",
     "memory",
-    "pyomo_cost",
     "race",
+    "reading_cost",
     "sensitivity",
     "small_cost",
     "solution_figure",

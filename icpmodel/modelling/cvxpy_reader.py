@@ -7,6 +7,7 @@ expressions w that are not affine. In each row one entry of z is the row's own: 
 
 from __future__ import annotations
 
+import math
 import re
 import textwrap
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ from cvxpy.atoms.affine.affine_atom import AffAtom
 
 from ..arrays import Vector, row_of
 from ..errors import InputError
-from ..maps import Affine, Function
+from ..maps import Affine, Constant, Function
 from ..problem import ICP
 from .cvxpy_nonlinear import Nonlinear, write
 from .cvxpy_solver import cvxpy_solver
@@ -49,13 +50,14 @@ class Reading:
         _check_variables(_unique(x for pair in pairs for side in pair for x in side.variables()), self._n)
         #: what is not affine, with the variable that stands for it
         self._atoms: dict[cp.Variable, cp.Expression] = {}
-        affine = [p for p, _ in self._pairs] + [_separated(r, self._atoms) for _, r in self._pairs]
+        affine = [_separated(side, self._atoms) for k in (0, 1) for side in (pair[k] for pair in self._pairs)]
         self._model = cp.Problem(cp.Minimize(0), [side == 0 for side in affine])
         self._is_dpp = self._model.is_dpp()
         self._solver = cvxpy_solver()
         inner = _unique(x for atom in self._atoms.values() for x in atom.variables())
         self.variables = _unique([x for x in self._model.variables() if x not in self._atoms] + inner)
         self._swapped: list[bool] | None = None
+        self._gradient_holds: bool | None = None
         self._last: ICP | None = None
         self._last_values: list[Any] = []
 
@@ -137,11 +139,13 @@ class Reading:
         if self._atoms:
             V = sp.csr_array(sp.diags_array(factor) @ W)
             nonlinear = Nonlinear(list(self._atoms.values()), self.variables, G, c, V)
-            start = self.start()
-            psi = Function(nonlinear, nonlinear.checked_jacobian(np.zeros(self._n) if start is None else start))
-        if last is None or not _same(last.A, P):
+            if self._gradient_holds is None:
+                start = self.start()
+                self._gradient_holds = nonlinear.gradient_holds(np.zeros(self._n) if start is None else start)
+            psi = Function(nonlinear, nonlinear.jacobian if self._gradient_holds else None)
+        if last is None or (last.A != P).nnz:
             return ICP(P, q, psi)
-        unchanged = last.is_lcp and not isinstance(psi, Affine | Function) and np.array_equal(last.psi.value(q), psi)
+        unchanged = isinstance(last.psi, Constant) and not self._atoms and not G.nnz and np.array_equal(last.psi.c, c)
         return (last if unchanged else last.with_psi(psi)).with_q(q)
 
     def _compiled(self) -> tuple[Rows, Rows]:
@@ -151,6 +155,7 @@ class Reading:
         data, _, _ = self._model.get_problem_data(self._solver, ignore_dpp=not self._is_dpp, canon_backend=backend)
         columns = data[cp.settings.PARAM_PROB].var_id_to_col
         M, constant = sp.csr_array(data[cp.settings.A]), -data[cp.settings.B]
+        assert M.shape[0] == 2 * self._n, "CVXPY has added rows of its own"
         M.eliminate_zeros()
         Z, W = _columns(M, self.variables, columns), _columns(M, list(self._atoms), columns)
         n = self._n
@@ -221,8 +226,8 @@ def _check_variables(variables: list[cp.Variable], rows: int) -> None:
         given = [name for name, value in x.attributes.items() if value]
         if given:
             raise InputError(
-                f"the variable {x.name()} has the attribute {given[0]}; in an ICP z has no bounds of its own, "
-                f"write them as r, for example complements(p, {x.name()}) for {x.name()} >= 0"
+                f"the variable {x.name()} has the attribute {given[0]}; z is any vector in an ICP, its bounds are "
+                f"written as r, for example complements(p, {x.name()}) for {x.name()} >= 0"
             )
     unknowns = sum(x.size for x in variables)
     if rows != unknowns or not rows:
@@ -234,18 +239,34 @@ def _check_variables(variables: list[cp.Variable], rows: int) -> None:
 
 
 def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
-    """`expression` with a new variable for each largest part that is not affine; these go into `atoms`."""
-    if expression.is_affine():
+    """`expression` with a new variable for each largest part that is not affine; these go into `atoms`.
+
+    CVXPY's compiler adds variables and rows for `cumsum`, which is therefore written as a product.
+    """
+    if expression.is_affine() and cp.cumsum not in expression.atoms():
         return expression
+    if isinstance(expression, cp.cumsum) and expression.is_affine():
+        return _as_product(expression)
     if isinstance(expression, AffAtom):
         found: dict[cp.Variable, cp.Expression] = {}
         inner = expression.copy([_separated(argument, found) for argument in expression.args])
         if inner.is_affine():
             atoms.update(found)
-            return inner
+            return _separated(inner, {})
     stand_in = cp.Variable(expression.shape)
     atoms[stand_in] = expression
     return stand_in
+
+
+def _as_product(cumsum: cp.cumsum) -> cp.Expression:
+    """Lx with the matrix L of ones below the diagonal, along the axis of the array."""
+    x, axis = _separated(cumsum.args[0], {}), cumsum.axis
+    if not isinstance(axis, int):
+        return np.tril(np.ones((x.size, x.size))) @ cp.vec(x, order="C")
+    before, after = math.prod(x.shape[:axis]), math.prod(x.shape[axis:][1:])
+    L = np.tril(np.ones((x.shape[axis], x.shape[axis])))
+    along = sp.kron(sp.eye_array(after), sp.kron(L, sp.eye_array(before)))
+    return cp.reshape(along @ cp.vec(x, order="F"), x.shape, order="F")
 
 
 def _columns(M: sp.csr_array, variables: list[cp.Variable], columns: dict[int, int]) -> sp.csr_array:
@@ -266,11 +287,6 @@ def _entry(x: cp.Expression, k: int) -> str:
         return ""
     index = np.unravel_index(k, x.shape, order="F")
     return f" in entry [{', '.join(str(int(i)) for i in index)}]"
-
-
-def _same(A: sp.csr_array, B: sp.csr_array) -> bool:
-    """Whether the ICP's own A holds the numbers of `B`."""
-    return A.nnz >= B.nnz and (A != B).nnz == 0
 
 
 def _dense(value: Any) -> Any:

@@ -22,7 +22,7 @@ def to_cvxpy(problem: ICP, formulation: str = "qp") -> cp.Problem:
 
     "qp": ½zᵀAz + qᵀz subject to r ≥ 0 where ψ is constant and A symmetric, else the gap pᵀr subject to p ≥ 0, r ≥ 0; an
     optimum of the gap solves the ICP only if its value is 0. "mip": p ≤ p̄b, r ≤ r̄(1 − b) with a vector b of zeros and
-    ones, for an A of any kind; p̄ and r̄ follow from the certificate at z = 0, which bounds |z*|. Rows without an
+    ones, for an A of any kind; the certificate at z = 0 bounds |z*|, from which p̄ and r̄ follow. Rows without an
     obstacle have p_i = 0 in both.
 
     Parameters: `problem` with constant or affine ψ (else take `problem.frozen(z)`); `formulation`. Raises InputError
@@ -58,9 +58,11 @@ def _qp(target: Target) -> cp.Problem:
     # definiteness was decided above, so that CVXPY need not
     value = 0.5 * cp.quad_form(z, cp.psd_wrap(qp.P)) + qp.q @ z
     if form == "energy":
-        return cp.Problem(cp.Minimize(value), [r >= 0])
+        return cp.Problem(cp.Minimize(value), _not_empty([r >= 0]))
     c = np.where(target.free, 0.0, target.c)
-    return cp.Problem(cp.Minimize(value - target.problem.q @ c), [*_signs_of_p(target, p), r >= 0])
+    return cp.Problem(
+        cp.Minimize(value - target.problem.q @ c), _not_empty([p[~target.free] >= 0, p[target.free] == 0, r >= 0])
+    )
 
 
 def _mip(target: Target) -> cp.Problem:
@@ -71,10 +73,12 @@ def _mip(target: Target) -> cp.Problem:
     delta = delta * (1 + 1e-9)  # these sums round
     p_max = (np.abs(problem.q) + problem.absolute_A() @ delta)[held] * (1 + 1e-9)
     r_max = ((abs(target.I_minus_G) @ delta)[held] + np.abs(target.c[held])) * (1 + 1e-9)
-    z, b = cp.Variable(problem.n, name="z"), cp.Variable(int(held.sum()), boolean=True, name="b")
+    # without bounds on z HiGHS 1.15 crashes on some of these programs
+    z = cp.Variable(problem.n, bounds=[-delta, delta], name="z")
+    b = cp.Variable(int(held.sum()), boolean=True, name="b")
     p, r = _p_and_r(target, z)
-    either = [p[held] <= cp.multiply(p_max, b), r <= cp.multiply(r_max, 1 - b)]
-    return cp.Problem(cp.Minimize(0), [*_signs_of_p(target, p), r >= 0, *either])
+    rows = [p[held] >= 0, p[held] <= cp.multiply(p_max, b), r >= 0, r <= cp.multiply(r_max, 1 - b), p[~held] == 0]
+    return cp.Problem(cp.Minimize(0), _not_empty(rows))
 
 
 def _p_and_r(target: Target, z: cp.Variable) -> tuple[cp.Expression, cp.Expression]:
@@ -83,5 +87,5 @@ def _p_and_r(target: Target, z: cp.Variable) -> tuple[cp.Expression, cp.Expressi
     return target.problem.A @ z + target.problem.q, target.I_minus_G[held] @ z - target.c[held]
 
 
-def _signs_of_p(target: Target, p: cp.Expression) -> list[cp.Constraint]:
-    return [p[~target.free] >= 0, p[target.free] == 0]
+def _not_empty(rows: list[cp.Constraint]) -> list[cp.Constraint]:
+    return [row for row in rows if row.size]

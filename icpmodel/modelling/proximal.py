@@ -48,7 +48,7 @@ def points(problem: ICP, tolerance: float, time_limit: float = np.inf) -> Iterat
     """The proximal points of `problem`, an LCP with positive semidefinite A of entries about 1, from its obstacle on.
 
     Parameters: `tolerance` of the residual, from which that of Newton's method follows; `time_limit` in seconds.
-    It ends when the time is over, or no σ lets Newton's method succeed.
+    It ends when the time is over, or no σ lets Newton's method succeed. Raises KeyboardInterrupt after Ctrl-C.
 
     >>> import itertools
     >>> problem = ICP([[0, -1], [1, 0]], [1.0, -1.0])  # singular diagonal: a linear program
@@ -69,6 +69,8 @@ def points(problem: ICP, tolerance: float, time_limit: float = np.inf) -> Iterat
             time_limit=None if np.isinf(left) else left,
             raise_on_failure=False,
         )
+        if found.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
         if found.status in (Status.SOLVED, Status.PRECISION_LIMIT):
             yield Point(found.z, found.z - z, problem.residual(found.z), found.iterations)
             z, following = found.z, max(sigma / _CHANGE, _LEAST) if found.iterations <= _FEW else sigma

@@ -264,6 +264,8 @@ def solve_program(program: Program, *, tolerance: float = 1e-9, time_limit: floa
         limit = None if np.isinf(time_limit) else time_limit
         found = lcp.problem.solve(rtol=0.0, atol=tolerance, time_limit=limit, raise_on_failure=False)
         steps, best, residual = found.iterations, found.z, found.residual
+        if found.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
         if found.status is Status.INFEASIBLE:
             return _unbounded(True, steps, time.perf_counter() - begin)
     if residual > tolerance:

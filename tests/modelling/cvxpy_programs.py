@@ -1,0 +1,80 @@
+"""CVXPY's standard quadratic programs, of any size: portfolio, Lasso, support vectors, control, isotonic regression."""
+
+import cvxpy as cp
+import numpy as np
+
+
+def portfolio(n=30, factors=5):
+    random = np.random.default_rng(1)
+    returns, loading = np.abs(random.normal(size=n)), random.normal(size=(n, factors))
+    S = random.normal(size=(factors, factors))
+    w, f = cp.Variable(n), cp.Variable(factors)
+    risk = cp.quad_form(f, cp.psd_wrap(S.T @ S)) + cp.sum_squares(cp.multiply(random.uniform(0, 1.4, n), w))
+    return cp.Problem(cp.Maximize(returns @ w - 0.1 * risk), [cp.sum(w) == 1, w >= 0, f == loading.T @ w])
+
+
+def long_short(n=20):
+    random = np.random.default_rng(2)
+    S, w = random.normal(size=(n, n)), cp.Variable(n)
+    objective = cp.Maximize(random.normal(size=n) @ w - cp.quad_form(w, cp.psd_wrap(S.T @ S)))
+    return cp.Problem(objective, [cp.sum(w) == 1, cp.norm1(w) <= 2])
+
+
+def lasso(rows=60, n=15):
+    random = np.random.default_rng(3)
+    X, b = random.normal(size=(rows, n)), cp.Variable(n)
+    y = X @ (random.normal(size=n) * (random.random(n) < 0.4)) + random.normal(size=rows)
+    return cp.Problem(cp.Minimize(cp.sum_squares(X @ b - y) + 5 * cp.norm1(b)))
+
+
+def support_vectors(rows=40, n=5):
+    random = np.random.default_rng(4)
+    X, b, v = random.normal(0, 5, size=(rows, n)), cp.Variable(n), cp.Variable()
+    labels = np.sign(X @ random.normal(size=n) + random.normal(size=rows))
+    hinge = cp.sum(cp.pos(1 - cp.multiply(labels, X @ b - v))) / rows
+    return cp.Problem(cp.Minimize(hinge + 0.1 * cp.sum_squares(b)))
+
+
+def control(steps=10):
+    random = np.random.default_rng(5)
+    A, B = np.eye(4) + 0.1 * random.normal(size=(4, 4)), random.normal(size=(4, 2))
+    x, u = cp.Variable((4, steps + 1)), cp.Variable((2, steps))
+    rows = [x[:, 1:] == A @ x[:, :-1] + B @ u, x[:, 0] == 2 * random.normal(size=4), cp.norm_inf(u, axis=0) <= 0.7]
+    return cp.Problem(cp.Minimize(cp.sum_squares(x) + 0.1 * cp.sum_squares(u)), rows)
+
+
+def isotonic(n=60):
+    y, x = np.linspace(0, 3, n) + np.random.default_rng(6).normal(size=n), cp.Variable(n)
+    return cp.Problem(cp.Minimize(cp.sum_squares(x - y)), [cp.diff(x) >= 0])
+
+
+def bounded_least_squares(rows=30, n=15):
+    random = np.random.default_rng(7)
+    X, y, x = random.normal(size=(rows, n)), random.normal(size=rows), cp.Variable(n)
+    return cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, cp.psd_wrap(X.T @ X)) - (X.T @ y) @ x), [x >= 0, x <= 0.1])
+
+
+def nonnegative_least_squares(rows=30, n=15):
+    random = np.random.default_rng(8)
+    X, y, x = random.normal(size=(rows, n)), random.normal(size=rows), cp.Variable(n)
+    return cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, cp.psd_wrap(X.T @ X)) - (X.T @ y) @ x), [2 * x >= 1e-3])
+
+
+def transport(sources=4, sinks=5):
+    random = np.random.default_rng(9)
+    X, supply = cp.Variable((sources, sinks)), random.uniform(1, 2, sources)
+    rows = [cp.sum(X, axis=1) == supply, cp.sum(X, axis=0) == np.full(sinks, supply.sum() / sinks), X >= 0]
+    return cp.Problem(cp.Minimize(cp.sum(cp.multiply(random.uniform(0, 1, (sources, sinks)), X))), rows)
+
+
+PROGRAMS = (
+    portfolio,
+    long_short,
+    lasso,
+    support_vectors,
+    control,
+    isotonic,
+    bounded_least_squares,
+    nonnegative_least_squares,
+    transport,
+)

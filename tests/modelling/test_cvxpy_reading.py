@@ -1,0 +1,385 @@
+"""Models in CVXPY are the ICPs that they state: A, q and ψ, values, duals and parameters."""
+
+import cvxpy as cp
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from cvxpy.reductions.dcp2cone.cone_matrix_stuffing import ConeMatrixStuffing
+
+import icpmodel as icp
+
+
+def an_m_matrix(random, n):
+    A = -random.uniform(0, 1, (n, n)) * (random.random((n, n)) < 0.5)
+    return A + np.diag(1.0 - A.sum(axis=1) + random.random(n))
+
+
+def stacked(*values):
+    return np.concatenate([np.ravel(value, order="F") for value in values])
+
+
+def solves(problem, z):
+    return icp.certify(problem, z, bound=False).residual_max <= 1e-7 * (1 + np.abs(z).max())
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_affine_model_of_several_variables_is_the_icp_of_the_stacked_ones(seed):
+    """A vector, a matrix and a scalar; p in pieces of other shapes than the variables; G of a general affine ψ."""
+    random = np.random.default_rng(seed)
+    A, q = an_m_matrix(random, 9), random.normal(size=9)
+    G = np.zeros((9, 9)) if seed % 2 else 0.1 * random.uniform(-1, 1, (9, 9)) * (1 - np.eye(9))
+    c = random.normal(size=9)
+    x, X, s = cp.Variable(3), cp.Variable((2, 2), name="X"), cp.Variable((2, 1))
+    z = cp.hstack([x, cp.vec(X, order="F"), s[:, 0]])
+    p, r = A @ z + q, z - G @ z - c
+    model = icp.Problem(
+        [
+            icp.complements(p[:2], r[:2]),
+            icp.complements(r[7:], p[7:]) if seed % 3 else icp.complements(p[7:], r[7:]),
+            icp.complements(cp.reshape(p[3:7], (2, 2), order="C"), cp.reshape(r[3:7], (2, 2), order="C")),
+            icp.complements(p[2], r[2]),
+        ]
+    )
+    expected = icp.ICP(A, q, icp.Affine(G, c))
+    assert model.icp.is_lcp == (seed % 2 == 1)
+    model.solve(rtol=1e-10)
+    assert solves(expected, stacked(x.value, X.value, s.value))
+    assert sorted(v.id for v in model.variables) == sorted(v.id for v in (x, X, s))
+    assert model.solution.z == pytest.approx(stacked(*(v.value for v in model.variables)))
+    for constraint in model.constraints:
+        assert min(constraint.p.min(), constraint.r.min()) >= -1e-7
+        assert np.abs(constraint.p * constraint.r).max() <= 1e-6
+        assert constraint.p.shape == constraint.r.shape == constraint.sides[0].shape
+
+
+def test_A_q_and_psi_are_those_that_were_written():
+    A, G = (
+        np.array([[2.0, -1.0, 0.0], [0.0, 3.0, 1.0], [1.0, 0.0, 4.0]]),
+        np.array([[0, 0.5, 0], [0, 0, -2], [0.25, 0, 0]]),
+    )
+    z = cp.Variable(3)
+    read = icp.Problem(icp.complements(A @ z + [1, 2, 3], z - (G @ z + [4, 5, 6]))).icp
+    assert (read.A.toarray() == A).all()
+    assert read.q.tolist() == [1, 2, 3]
+    assert (read.psi.G.toarray() == G).all()
+    assert read.psi.c.tolist() == [4, 5, 6]
+
+
+def test_rows_of_r_in_another_order_take_the_rows_of_p_along():
+    A, z = np.array([[2.0, -1.0], [0.5, 3.0]]), cp.Variable(2)
+    turned = cp.hstack([z[1] - 5, z[0] - 4])
+    read = icp.Problem(icp.complements((A @ z + [1, 2])[::-1], turned)).icp
+    assert (read.A.toarray() == A).all()
+    assert read.q.tolist() == [1, 2]
+    assert read.psi.c.tolist() == [4, 5]
+
+
+def test_a_multiple_of_z_is_divided():
+    z = cp.Variable(2)
+    read = icp.Problem(icp.complements(z - 1, np.diag([2.0, 0.5]) @ z - [6, 1])).icp
+    assert read.psi.c.tolist() == [3, 2]
+    assert read.is_lcp
+
+
+def test_the_sides_may_be_swapped_where_only_one_is_r():
+    A, z = np.array([[4.0, -1.0], [-1.0, 4.0]]), cp.Variable(2)
+    for p, r in ((A @ z - 1, z - 0.5), (A @ z - 1, z - 0.3 * cp.exp(-z)), (A @ z - 1, z - 0.3 * z[::-1])):
+        straight, swapped = icp.complements(p, r), icp.complements(r, p)
+        first = icp.Problem(straight).solve(rtol=1e-12).z
+        assert icp.Problem(swapped).solve(rtol=1e-12).z == pytest.approx(first)
+        assert swapped.p == pytest.approx(straight.p)
+        assert swapped.r == pytest.approx(straight.r)
+        assert straight.p == pytest.approx(p.value)
+
+
+def test_a_constant_p_and_an_unbounded_row_are_read():
+    z = cp.Variable(2)
+    obstacle = cp.Parameter(2, value=[-np.inf, 1.0])
+    model = icp.Problem([icp.complements(cp.hstack([z[0] - 7, cp.Constant(1)]), z - obstacle)])
+    model.solve()
+    assert z.value == pytest.approx([7, 1])
+    assert np.isneginf(model.icp.psi.c[0])
+
+
+@pytest.mark.parametrize(("shape", "axis"), [((4,), 0), ((2, 3), 0), ((2, 3), 1), ((2, 3), None), ((2, 2, 3), -2)])
+def test_running_sums_are_read(shape, axis):
+    """CVXPY compiles them with variables of its own, which are no unknowns of the ICP."""
+    x = cp.Variable(shape, name="x")
+    total = cp.cumsum(2 * x, axis=axis)
+    flat = cp.vec(total, order="F") if axis is not None else total
+    read = icp.Problem(icp.complements(3 * flat - 1, cp.vec(x, order="F"))).icp
+    x.value = np.random.default_rng(0).normal(size=shape)
+    assert read.p(np.ravel(x.value, order="F")) == pytest.approx(3 * flat.value - 1)
+
+
+NONLINEAR = {
+    "minimum": lambda z, y: cp.minimum(z, y, 0.4),
+    "maximum": lambda z, y: cp.maximum(z, 2 * y, 0.3),
+    "exp": lambda z, y: cp.exp(z - 2) + 0.1 * y,
+    "log": lambda z, y: 0.1 * cp.log(z + y),
+    "power": lambda z, y: 0.1 * cp.power(z, 3),
+    "square": lambda z, y: cp.square(y) / 9,
+    "sqrt": lambda z, y: 0.1 * cp.sqrt(z + 1),
+    "inverse": lambda z, y: 0.1 * cp.inv_pos(z + 1),
+    "norm": lambda z, y: 0.1 * cp.norm(z) * np.ones(3),
+    "norm1": lambda z, y: 0.1 * cp.norm1(z - 0.2) * np.arange(3),
+    "product": lambda z, y: 0.1 * cp.multiply(z, y),
+    "quadratic form": lambda z, y: 0.1 * cp.quad_form(z, np.diag([1.0, 2.0, 3.0])) * np.ones(3),
+    "inner product": lambda z, y: 0.1 * (z @ y) * np.ones(3),
+    "sum": lambda z, y: 0.1 * cp.cumsum(cp.exp(-z)),
+    "stacked": lambda z, y: 0.1 * cp.hstack([cp.abs(z[0]), cp.max(y), cp.log_sum_exp(z)]),
+    "sliced": lambda z, y: 0.1 * cp.exp(cp.hstack([y, z]))[::2],
+    "matrix": lambda z, y: 0.01 * cp.sum(cp.square(cp.vstack([z, y])) @ np.ones((3, 3)), axis=0),
+}
+
+
+def model_with(psi):
+    z, y = cp.Variable(3, name="z"), cp.Variable(3, name="y")
+    A = np.array([[4.0, -1.0, 0.0], [-1.0, 4.0, -1.0], [0.0, -1.0, 4.0]])
+    parts = psi(z, y)
+    model = icp.Problem([icp.complements(A @ z - y - 1, z - parts), icp.complements(3 * y - 0.5 * z - 0.5, y)])
+    return model, z, y, parts
+
+
+@pytest.mark.parametrize("name", NONLINEAR)
+def test_psi_has_cvxpys_values_and_derivatives(name):
+    """ψ against the expression's own value, ψ′ against difference quotients, and p, r, pᵀr at the answer."""
+    model, z, y, parts = model_with(NONLINEAR[name])
+    random = np.random.default_rng(0)
+    z.value, y.value = random.uniform(0.5, 1.5, 3), random.uniform(0.5, 1.5, 3)
+    problem = model.icp
+    order = [v.name() for v in model.variables]
+    point = stacked(*(v.value for v in model.variables))
+    own = slice(0, 3) if order == ["z", "y"] else slice(3, 6)
+    z.value = y.value = None  # what was read does not hang on the variables
+    value = problem.psi.value(point)
+    z.value, y.value = (point[own], np.delete(point, range(own.start, own.stop)))
+    assert value[own] == pytest.approx(parts.value, rel=1e-12)
+    J = problem.psi.jacobian(point).toarray()
+    for k in range(6):
+        h = np.zeros(6)
+        h[k] = 1e-6
+        quotient = (problem.psi.value(point + h) - problem.psi.value(point - h)) / 2e-6
+        assert J[:, k] == pytest.approx(quotient, abs=1e-6)
+    model.solve(rtol=1e-10)
+    first = model.constraints[0]
+    assert first.r == pytest.approx(z.value - parts.value)
+    assert min(first.p.min(), first.r.min()) >= -1e-8
+    assert np.abs(first.p * first.r).max() <= 1e-8
+
+
+@pytest.mark.parametrize(
+    "psi",
+    [
+        lambda z, y: 0.1 * cp.multiply(z, 1 / (1 + cp.norm_inf(z))),
+        lambda z, y: 0.1 * y[0] / (z + 1),
+        lambda z, y: 0.1 * cp.minimum(z, y[0]),
+    ],
+)
+def test_a_missing_or_wrong_gradient_is_not_used(psi):
+    """CVXPY 1.9 has none of norm_inf, and a wrong one of quotients and of a scalar that minimum stretches."""
+    model, z, y, _ = model_with(psi)
+    z.value, y.value = np.array([0.5, 0.7, 0.9]), np.array([0.75, 0.5, 0.6])
+    assert model.icp.psi.jacobian(np.ones(6)) is None
+    assert model.solve().solved
+
+
+def count_compilations(monkeypatch):
+    calls = []
+    compile_ = ConeMatrixStuffing.apply
+    monkeypatch.setattr(ConeMatrixStuffing, "apply", lambda *args: calls.append(1) or compile_(*args))
+    return calls
+
+
+def test_a_series_is_compiled_once_and_gives_the_answers_of_new_models(monkeypatch):
+    random = np.random.default_rng(1)
+    A, B, c, weight = cp.Parameter((3, 3)), random.normal(size=(3, 3)), cp.Parameter(3), cp.Parameter(nonneg=True)
+
+    def pair(z, A, c, weight):
+        return icp.complements(A @ z + B @ c, z - weight * cp.exp(-z) - 0.1 * c)
+
+    z = cp.Variable(3)
+    model = icp.Problem(pair(z, A, c, weight))
+    calls, counts = count_compilations(monkeypatch), []
+    for _ in range(4):
+        A.value, c.value, weight.value = an_m_matrix(random, 3), random.normal(size=3), random.random()
+        model.solve(rtol=1e-12)
+        counts.append(len(calls))
+        fresh = cp.Variable(3)
+        icp.Problem(pair(fresh, A.value, c.value, weight.value)).solve(rtol=1e-12)
+        assert z.value == pytest.approx(fresh.value, abs=1e-9)
+    assert counts == [1, 2, 3, 4]  # the first one, and the new models
+
+
+def test_a_model_that_is_not_dpp_is_compiled_for_each_value():
+    a, b, z = cp.Parameter(value=2.0), cp.Parameter(value=3.0), cp.Variable()
+    model = icp.Problem(icp.complements(a * (b * z) - 12, z))
+    assert model.solve().z == pytest.approx(2)
+    a.value = 1.0
+    assert model.solve().z == pytest.approx(4)
+
+
+def test_an_icp_once_read_does_not_change_with_the_parameters():
+    """Also where the parameter is an exponent, which is no argument of the expression."""
+    a, b, z = cp.Parameter(value=1.0), cp.Parameter(nonneg=True, value=2.0), cp.Variable(2)
+    model = icp.Problem(icp.complements(4 * z - a, z - a * cp.exp(-z) - 0.1 * cp.power(z, b)))
+    z.value = np.ones(2)
+    before, point = model.icp, np.array([0.5, 0.75])
+    value, slope = before.psi.value(point), before.psi.jacobian(point).toarray()
+    a.value, b.value = 5.0, 3.0
+    after = model.icp
+    assert (before.psi.value(point) == value).all()
+    assert (before.psi.jacobian(point).toarray() == slope).all()
+    assert not np.allclose(after.psi.value(point), value)
+    assert after.q.tolist() == [-5, -5]
+
+
+def test_what_is_known_of_A_and_psi_is_kept_for_a_new_q():
+    load, z = cp.Parameter(2, value=[1, 2]), cp.Variable(2)
+    model = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.1))
+    first = model.icp
+    load.value = [3, -4]
+    assert model.icp.A is first.A
+    assert model.icp._memory is first._memory
+    bound = cp.Parameter(2, value=[1, 2])
+    model = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - bound))
+    first = model.icp
+    bound.value = [0, 0]
+    assert model.icp.A is first.A
+    assert model.icp.psi.c.tolist() == [0, 0]
+
+
+def test_a_million_unknowns_stay_sparse():
+    """Reading costs memory in proportion to the entries, and a matrix that would not fit is never made."""
+    n = 200_000
+    A = sp.diags_array([-1.0, 4.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
+    z = cp.Variable(n)
+    read = icp.Problem(icp.complements(A @ z + 1, z - cp.minimum(0.5, -0.2 * z))).icp
+    assert read.A.nnz == A.nnz
+    assert read.psi.jacobian(np.ones(n)).nnz <= n
+    assert icp.Problem(icp.complements(A @ z + 1, z)).icp.is_lcp
+
+
+def test_the_start_is_what_the_variables_have():
+    z, y = cp.Variable(2), cp.Variable()
+    model = icp.Problem([icp.complements(4 * z - y, z), icp.complements(2 * y - 1, y)])
+    starts = []
+    z.value = [3, 4]
+    model.solve("mnmgs", callback=lambda state: starts.append(state.z))
+    assert sorted(starts[0]) == [0, 3, 4]
+    model.solve("mnmgs", callback=lambda state: starts.append(state.z))
+    assert starts[-1] == pytest.approx(model.solution.z)
+    model.solve("mnmgs", z0=[9, 9, 9], callback=lambda state: starts.append(state.z) or True, raise_on_failure=False)
+    assert starts[-1].tolist() == [9, 9, 9]
+
+
+def test_a_failed_run_leaves_no_values():
+    z = cp.Variable(2)
+    contact = icp.complements(np.array([[2, -1], [-1, 2]]) @ z - 1, z)
+    model = icp.Problem(contact)
+    model.solve()
+    assert z.value is not None
+    with pytest.raises(icp.NotSolved) as caught:
+        model.solve("mnmgs", z0=[9, 0], max_iter=1)
+    assert caught.value.solution is model.solution
+    assert z.value is None
+    assert contact.p is None
+    assert contact.r is None
+
+
+def test_an_expression_without_a_value_is_named():
+    """A start outside the domain is an error that says which expression; from inside it is solved."""
+    z = cp.Variable(2, name="z")
+    model = icp.Problem(icp.complements(4 * z - 2, z - 0.1 * cp.log(z)))
+    with pytest.raises(icp.MapError, match=r"log\(z\) is -inf here; start where it is finite"):
+        model.solve()
+    z.value = [-1, 1]
+    with pytest.raises(icp.MapError, match=r"log\(z\) is nan here"):
+        model.solve()
+    z.value = [1, 1]
+    assert model.solve().solved
+    assert z.value == pytest.approx([0.5, 0.5])
+
+
+def test_crosscheck_asks_about_the_answer_or_solves_first():
+    load, z = cp.Parameter(2, value=[1, -1]), cp.Variable(2)
+    model = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.1 * cp.exp(-z)))
+    report = model.crosscheck(["osqp"])
+    assert report.agrees
+    assert model.solution is not None
+    kept = model.solution
+    model.crosscheck(["osqp"])
+    assert model.solution is kept
+    load.value = [3, 3]
+    assert model.crosscheck(["osqp", "cvxpy-clarabel"]).agrees
+    assert model.solution is not kept
+
+
+x, X, s, i = cp.Variable(2, name="x"), cp.Variable((2, 2), name="X"), cp.Variable(name="s"), cp.Variable(2, name="i")
+REFUSED = {
+    "a constraint": (lambda: icp.complements(x >= 0, x), r"was given the constraint 0.0 <= x; give the two"),
+    "a text": (lambda: icp.complements("x", x), r"was given 'x'; CVXPY expressions were expected"),
+    "shapes": (lambda: icp.complements(2 * x, s), r"p = 2.0 \* x has shape \(2,\), r = s \(\)"),
+    "no list": (lambda: icp.Problem(3), r"constraints is 3; a list of complements\(p, r\)"),
+    "no pair": (lambda: icp.Problem([x >= 0]), r"constraints\[0\] is 0.0 <= x; complements\(p, r\) was expected"),
+    "nothing": (lambda: icp.Problem([]), r"the constraints have 0 entries, the variables 0 \(no variables\)"),
+    "no variables": (lambda: icp.Problem(icp.complements(1, 2)), r"have 1 entries, the variables 0 \(no variables\)"),
+    "too few rows": (
+        lambda: icp.Problem(icp.complements(x + s, x)),
+        r"have 2 entries, the variables 3 \(x with 2, s with 1\); each entry of a variable needs one row",
+    ),
+    "p not affine": (
+        lambda: icp.Problem(icp.complements(cp.exp(x), x - cp.log(x))),
+        r"neither exp\(x\) nor x \+ -\(log\(x\)\) is affine in the variables; p = Az \+ q must be",
+    ),
+    "complex": (lambda: icp.Problem(icp.complements(1j * x, x)), r"is complex; real expressions were expected"),
+    "an attribute": (
+        lambda: icp.Problem(icp.complements(cp.Variable(nonneg=True, name="y") - 1, s)),
+        r"the variable y has the attribute nonneg; .* for example complements\(p, y\) for y >= 0",
+    ),
+    "bounds": (
+        lambda: icp.Problem(icp.complements(cp.Variable(bounds=[0, 1], name="y") - 1, s)),
+        r"the variable y has the attribute bounds",
+    ),
+    "z falls": (
+        lambda: icp.Problem(icp.complements(2 * x - 1, 1 - cp.square(x) - x)).icp,
+        r"r = 1.0 \+ -.* is not z - psi\(z\) in entry \[0\]: an entry appears with a negative factor only",
+    ),
+    "z is bent": (
+        lambda: icp.Problem(icp.complements(2 * s - 1, cp.exp(s) - 1)).icp,
+        r"r = exp\(s\) \+ -1.0 is not z - psi\(z\): no entry of z appears linearly",
+    ),
+    "one entry twice": (
+        lambda: icp.Problem([icp.complements(np.array([[3, 2], [2, 3]]) @ x, cp.hstack([x[1], x[1] - 1]))]).icp,
+        r"r = Hstack\(reshape.* in entry \[.\]: .* belong to other rows already, while no row belongs to x\[0\]",
+    ),
+    "no value": (
+        lambda: icp.Problem(icp.complements(s - cp.Parameter(name="load"), s)).icp,
+        r"the parameter load has no value; set its .value before solving",
+    ),
+    "NaN": (
+        lambda: icp.Problem(icp.complements(x + [1, np.nan], x)).icp,
+        r"q\[1\] is nan; a finite number was expected",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_icp_is_refused_with_the_expression_and_the_reason(name):
+    make, sentence = REFUSED[name]
+    with pytest.raises(icp.InputError, match=sentence):
+        make()
+
+
+def test_the_entry_of_a_matrix_is_named_by_its_place():
+    r = cp.vstack([X[0], X[0]])
+    with pytest.raises(icp.InputError, match=r"while no row belongs to X\[1, 0\]"):
+        icp.Problem(icp.complements(2 * X, r - cp.square(X))).icp  # noqa: B018
+
+
+def test_a_label_and_not_a_long_text_names_an_expression():
+    y = cp.Variable(100, name="y")
+    with pytest.raises(icp.InputError, match=r"r = an expression of shape \(100,\) in y is not z"):
+        icp.Problem(icp.complements(y, cp.exp(np.eye(100) @ y) - 1)).icp  # noqa: B018
+    with pytest.raises(icp.InputError, match=r"r = gap is not z"):
+        icp.Problem(icp.complements(y, (cp.exp(np.eye(100) @ y) - 1).set_label("gap"))).icp  # noqa: B018

@@ -1,0 +1,238 @@
+"""icpmodel as a solver of CVXPY: right answers and duals, proofs where there is no answer, in any units."""
+
+import cvxpy as cp
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from cvxpy_programs import PROGRAMS
+
+import icpmodel as icp
+from icpmodel.modelling import quadratic
+from icpmodel.modelling.proximal import Point
+from icpmodel.modelling.quadratic import Complementary, Program, solve_program
+
+TIGHT = {
+    "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
+    "OSQP": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 200_000},
+}
+
+
+def solve(problem, **options):
+    problem.solve(solver=icp.cvxpy_solver(), **options)
+    return problem
+
+
+@pytest.mark.parametrize("make", PROGRAMS, ids=lambda make: make.__name__)
+@pytest.mark.parametrize("solver", TIGHT)
+def test_cvxpys_standard_programs_have_the_answers_of_osqp_and_clarabel(make, solver):
+    """The value to nine digits, variables and duals as far as the other solver goes; the transport is an LP."""
+    ours, theirs = solve(make()), make()
+    theirs.solve(solver=solver, **TIGHT[solver])
+    assert ours.status == cp.OPTIMAL
+    assert ours.value == pytest.approx(theirs.value, rel=1e-6 if solver == "OSQP" else 1e-9)
+    for mine, other in zip(ours.variables(), theirs.variables(), strict=True):
+        assert mine.value == pytest.approx(other.value, abs=1e-4)
+    if make.__name__ != "transport":  # whose duals are determined up to a constant
+        for mine, other in zip(ours.constraints, theirs.constraints, strict=True):
+            assert mine.dual_value == pytest.approx(other.dual_value, abs=1e-3)
+
+
+def a_program(seed):
+    """A random program; some are infeasible or unbounded."""
+    random = np.random.default_rng(seed)
+    n, m, k = random.integers(1, 10), random.integers(0, 6), random.integers(0, 12)
+    L = random.normal(size=(random.integers(0, n + 1), n)).round(1)
+    A, F = random.normal(size=(m, n)).round(1), random.normal(size=(k, n)).round(1) * (random.random((k, n)) < 0.6)
+    inside = random.normal(size=n)
+    b = A @ inside if random.random() < 0.8 else random.normal(size=m)
+    g = F @ inside + random.random(k) if random.random() < 0.8 else random.normal(size=k).round(1)
+    lower = inside - 1 if random.random() < 0.4 else None
+    return L.T @ L, random.normal(size=n).round(1), A, b, F, g, lower
+
+
+def in_cvxpy(P, q, A, b, F, g, lower):
+    x = cp.Variable(q.size)
+    rows = [A @ x == b] * bool(b.size) + [F @ x <= g] * bool(g.size) + ([] if lower is None else [x >= lower])
+    return cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, cp.psd_wrap(P)) + q @ x), rows)
+
+
+@pytest.mark.filterwarnings("ignore:Solution may be inaccurate")
+@pytest.mark.parametrize("seed", range(60))
+def test_random_programs_end_as_clarabel_says_and_the_duals_prove_it(seed):
+    """Also the degenerate, infeasible and unbounded ones. Stationarity, signs and complementarity hold to 1e-6."""
+    P, q, A, b, F, g, lower = a_program(seed)
+    ours, theirs = solve(in_cvxpy(P, q, A, b, F, g, lower)), in_cvxpy(P, q, A, b, F, g, lower)
+    theirs.solve(solver="CLARABEL")
+    assert ours.status.removesuffix("_inaccurate") == theirs.status.removesuffix("_inaccurate")
+    if ours.status != cp.OPTIMAL:
+        return
+    assert ours.value == pytest.approx(theirs.value, rel=1e-5, abs=1e-5)
+    x, duals = ours.variables()[0].value, iter(ours.constraints)
+    gradient = P @ x + q
+    if b.size:
+        gradient = gradient + A.T @ next(duals).dual_value
+        assert A @ x == pytest.approx(b, abs=1e-6)
+    if g.size:
+        multiplier = next(duals).dual_value
+        gradient = gradient + F.T @ multiplier
+        assert (F @ x <= g + 1e-6).all()
+        assert (multiplier >= -1e-6).all()
+        assert np.abs(multiplier * (g - F @ x)).max() <= 1e-5
+    if lower is not None:
+        multiplier = next(duals).dual_value
+        gradient = gradient - multiplier
+        assert (multiplier >= 0).all()
+        assert np.abs(multiplier * (x - lower)).max() <= 1e-5
+    assert np.abs(gradient).max() <= 1e-5 * (1 + np.abs(q).max())
+
+
+x = cp.Variable(3)
+WITHOUT_ANSWER = {
+    "bounds that cross": (cp.Minimize(cp.sum_squares(x)), [x >= 1, x <= 0], cp.INFEASIBLE),
+    "equations": (cp.Minimize(cp.sum_squares(x)), [cp.sum(x) == 1, cp.sum(x) == 2], cp.INFEASIBLE),
+    "inequalities": (cp.Minimize(cp.sum(x)), [cp.sum(x) >= 1, x <= 0.25], cp.INFEASIBLE),
+    "zero row": (cp.Minimize(cp.sum(x)), [0 * x[0] >= 1], cp.INFEASIBLE),
+    "both": (cp.Minimize(x[0]), [x[1] >= 1, x[1] <= 0], cp.INFEASIBLE),
+    "linear": (cp.Minimize(cp.sum(x)), [], cp.UNBOUNDED),
+    "linear with bounds": (cp.Maximize(cp.sum(x)), [x >= 0], cp.UNBOUNDED),
+    "linear with rows": (cp.Maximize(cp.sum(x)), [x >= 0, x[0] == x[1]], cp.UNBOUNDED),
+    "quadratic": (cp.Minimize(cp.square(x[0]) - x[1]), [x[2] == 0], cp.UNBOUNDED),
+}
+
+
+@pytest.mark.parametrize("name", WITHOUT_ANSWER)
+def test_infeasible_and_unbounded_are_proved(name):
+    """In exact arithmetic, hence without "inaccurate"; the value is that of the empty minimum."""
+    objective, rows, status = WITHOUT_ANSWER[name]
+    problem = solve(cp.Problem(objective, rows))
+    assert problem.status == status
+    assert np.isinf(problem.value)
+    assert all(v.value is None for v in problem.variables())
+    if name != "zero row":
+        assert "exact arithmetic" in problem.solver_stats.extra_stats.message
+
+
+def test_a_proof_up_to_rounding_is_called_inaccurate():
+    random = np.random.default_rng(0)
+    A, y = random.normal(size=(40, 30)), cp.Variable(30)
+    with pytest.warns(UserWarning, match="inaccurate"):
+        problem = solve(cp.Problem(cp.Minimize(cp.sum_squares(y)), [A @ y == random.normal(size=40)]))
+    assert problem.status == cp.INFEASIBLE_INACCURATE
+    assert problem.solver_stats.extra_stats.message.endswith("up to rounding")
+
+
+def test_an_infinite_right_hand_side_says_nothing_or_everything():
+    y = cp.Variable()
+    assert solve(cp.Problem(cp.Minimize(cp.square(y - 1)), [y <= np.inf, 2 * y <= 1])).value == pytest.approx(0.25)
+    none = sp.csr_array((0, 1))
+    never = Program(sp.csr_array([[1.0]]), np.zeros(1), none, np.zeros(0), sp.csr_array([[1.0]]), np.array([-np.inf]))
+    assert solve_program(never).status == cp.INFEASIBLE
+
+
+@pytest.mark.parametrize("unit", [1e-100, 1e-9, 1e9, 1e100])
+def test_units_do_not_matter(unit):
+    """Of the objective, of a row and of the variables: the answer is (1, 0, 0) in the unit of x."""
+    aim = np.array([3.0, 0.0, 1.0])
+    by_objective = cp.Problem(cp.Minimize(unit * cp.sum_squares(x - aim)), [cp.sum(x) == 1, x >= 0])
+    by_row = cp.Problem(cp.Minimize(cp.sum_squares(x - aim)), [unit * cp.sum(x) == unit, x >= 0])
+    by_unknown = cp.Problem(cp.Minimize(cp.sum_squares(unit * x - aim)), [unit * cp.sum(x) == 1, x >= 0])
+    for problem, size in ((by_objective, 1.0), (by_row, 1.0), (by_unknown, unit)):
+        assert solve(problem).status == cp.OPTIMAL
+        assert x.value * size == pytest.approx([1, 0, 0], abs=1e-8)
+    no_value = cp.Problem(cp.Minimize(cp.sum_squares(unit * x)), [unit * x >= 1, cp.sum(x) <= 2 / unit])
+    assert solve(no_value).status == cp.INFEASIBLE
+
+
+def test_a_linear_program_in_other_units_has_the_same_vertex():
+    for unit in (1e-9, 1e9):
+        problem = cp.Problem(cp.Minimize(unit * (x @ np.array([1.0, 2.0, 3.0]))), [cp.sum(x) == 1 / unit, x >= 0])
+        assert solve(problem).value == pytest.approx(1.0)
+
+
+def test_bounds_only_are_an_lcp_in_x_alone(monkeypatch):
+    """Lower bounds, upper ones, or none, on different variables; no proximal point is needed."""
+    monkeypatch.setattr(quadratic, "points", None)
+    y = cp.Variable(4)
+    S = np.array([[4.0, 1, 0, 1], [1, 3, 1, 0], [0, 1, 3, 1], [1, 0, 1, 4]])
+    rows = [2 * y[0] >= 1, y[0] >= 0.25, y[1] <= -1, -3 * y[2] >= -0.3]
+    objective = cp.Minimize(0.5 * cp.quad_form(y, S) - np.array([0, 3, 4, 1]) @ y)
+    problem = solve(cp.Problem(objective, rows))
+    theirs = cp.Problem(objective, [2 * y[0] >= 1, y[0] >= 0.25, y[1] <= -1, -3 * y[2] >= -0.3])
+    values, duals = y.value, [row.dual_value for row in rows]
+    theirs.solve(solver="CLARABEL", **TIGHT["CLARABEL"])
+    assert problem.solver_stats.extra_stats.residual <= 1e-9
+    assert values == pytest.approx(y.value, abs=1e-7)
+    assert duals == pytest.approx([row.dual_value for row in theirs.constraints], abs=1e-6)
+
+
+def test_a_lower_and_an_upper_bound_each_have_their_dual():
+    y = cp.Variable(2)
+    rows = [y >= [0, -1], 2 * y <= [2, 4]]
+    solve(cp.Problem(cp.Minimize(cp.sum_squares(y - [3, -5])), rows))
+    assert y.value == pytest.approx([1, -1])
+    assert rows[0].dual_value == pytest.approx([0, 8], abs=1e-7)
+    assert rows[1].dual_value == pytest.approx([2, 0], abs=1e-7)
+
+
+def test_bounds_of_variables_and_parameters_arrive():
+    """Also through hinges, which CVXPY 1.9.3 gives wrong bounds for solvers that take bounds as such."""
+    y, level = cp.Variable(2, nonneg=True), cp.Parameter()
+    problem = cp.Problem(cp.Minimize(cp.sum_squares(y - 1) + cp.sum(cp.pos(np.eye(2) @ y - level))))
+    for level.value, expected in ((0.75, 0.75), (2.0, 1.0), (-1.0, 0.5)):
+        solve(problem)
+        assert y.value == pytest.approx([expected] * 2, abs=1e-7)
+
+
+def test_the_options_are_checked_and_work(capsys):
+    problem = cp.Problem(cp.Minimize(cp.sum_squares(x - 1)), [cp.sum(x) == 1])
+    for option, value, sentence in (
+        ("rtol", 1, "has no option rtol; it takes tolerance, time_limit"),
+        ("tolerance", 0, "tolerance is 0; a finite number > 0"),
+        ("time_limit", "no", "time_limit is 'no'"),
+    ):
+        with pytest.raises(icp.InputError, match=sentence):
+            solve(problem, **{option: value})
+    assert solve(problem, tolerance=1e-3, time_limit=60).status == cp.OPTIMAL
+    assert solve(problem).solver_stats.solver_name == "ICPMODEL"
+    assert problem.solver_stats.num_iters >= 1
+    problem.solve(solver=icp.cvxpy_solver(), verbose=True)
+    assert "icpmodel: optimal after" in capsys.readouterr().out
+
+
+def test_out_of_time_is_no_success():
+    with pytest.raises(cp.SolverError, match="no solution and no proof that there is none was found"):
+        solve(PROGRAMS[0](), time_limit=1e-9)
+
+
+def test_what_is_no_quadratic_program_is_refused_by_cvxpy():
+    with pytest.raises(cp.SolverError, match="ICPMODEL cannot solve"):
+        solve(cp.Problem(cp.Minimize(cp.sum(cp.exp(x)))))
+    with pytest.raises(cp.SolverError, match="not MIP-capable"):
+        solve(cp.Problem(cp.Minimize(cp.Variable(boolean=True))))
+
+
+@pytest.mark.parametrize(("error", "status"), [(1e-8, "optimal_inaccurate"), (1e-3, "solver_error")])
+def test_the_status_follows_the_residual_that_was_reached(error, status, monkeypatch):
+    none, one = sp.csr_array((0, 2)), sp.csr_array([[1.0, 1.0]])
+    program = Program(sp.csr_array(np.eye(2)), np.zeros(2), one, np.ones(1), none, np.zeros(0))
+    problem = Complementary(program).problem
+    z = problem.solve("lemke").z + error
+    stuck = Point(z, np.zeros(3), problem.residual(z), 1)
+    monkeypatch.setattr(quadratic, "points", lambda *_: iter([stuck] * 99))
+    answer = solve_program(program)
+    assert answer.status == status
+    assert answer.steps < 99
+    assert answer.residual == stuck.residual
+
+
+@pytest.mark.parametrize("make", [PROGRAMS[0], PROGRAMS[7]])
+def test_ctrl_c_is_not_swallowed(make, monkeypatch):
+    """By a proximal point, or where there are bounds only."""
+    program = make()
+    monkeypatch.setattr(icp.ICP, "residual", lambda *_: interrupt())
+    with pytest.raises(KeyboardInterrupt):
+        solve(program)
+
+
+def interrupt():
+    raise KeyboardInterrupt
