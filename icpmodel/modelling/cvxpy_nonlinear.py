@@ -8,8 +8,11 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
+from cvxpy.atoms.affine.broadcast_to import broadcast_to
+from cvxpy.atoms.elementwise.elementwise import Elementwise
 
 from ..arrays import Vector
+from .cvxpy_names import named
 
 #: how far a difference quotient may lie from the gradient
 _SAME = 1e-4
@@ -60,7 +63,9 @@ class Nonlinear:
                 value = np.asarray(atom.value, dtype=np.float64)
             if not np.isfinite(value).all():
                 wrong = value.ravel()[np.argmin(np.isfinite(value.ravel()))]
-                raise ArithmeticError(f"{atom} is {wrong} here; start where it is finite, from values of the variables")
+                raise ArithmeticError(
+                    f"{named(atom)} is {wrong} here; start where it is finite, from the variables' values"
+                )
             values.append(value.ravel(order="F"))
         return np.concatenate(values)
 
@@ -80,7 +85,7 @@ class Nonlinear:
         for x in self._variables:
             gradient = gradients.get(x, 0.0)
             if gradient is None:
-                raise ArithmeticError(f"{atom} has no gradient here")
+                raise ArithmeticError(f"{named(atom)} has no gradient here")
             if sp.issparse(gradient) or np.size(gradient) > 1:
                 blocks.append(sp.csr_array(gradient).reshape(x.size, atom.size).T.tocsr())
             elif gradient == 0.0:
@@ -92,8 +97,8 @@ class Nonlinear:
     def gradient_holds(self, z: Vector) -> bool:
         """Whether CVXPY gives a gradient that no difference quotient near `z` contradicts.
 
-        CVXPY 1.9 has none of norm_inf, and a wrong one of a quotient of variables and where maximum or minimum
-        stretches a scalar. A point at which nothing can be evaluated contradicts nothing.
+        CVXPY 1.9 has none of norm_inf, and a wrong one of a quotient of variables. A point at which nothing can be
+        evaluated contradicts nothing.
 
         >>> x = cp.Variable(2)
         >>> one = sp.csr_array(np.eye(2))
@@ -119,10 +124,15 @@ class Nonlinear:
 
 
 def _copied(expression: Any, copies: dict[int, Any]) -> Any:
-    """`expression` with some of its leaves replaced, also a parameter that is no argument (power, huber)."""
+    """`expression` with some of its leaves replaced, also a parameter that is no argument (power, huber).
+
+    What is stretched to the shape of the others is stretched beforehand: CVXPY 1.9 forgets it in gradients.
+    """
     if id(expression) in copies or not expression.args:
         return copies.get(id(expression), expression)
     arguments = [_copied(argument, copies) for argument in expression.args]
+    if isinstance(expression, Elementwise):
+        arguments = [x if x.shape == expression.shape else broadcast_to(x, expression.shape) for x in arguments]
     data = expression.get_data() or []
     if not any(isinstance(x, cp.Expression) for x in data):
         return expression.copy(arguments)

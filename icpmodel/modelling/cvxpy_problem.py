@@ -17,7 +17,8 @@ from ..errors import InputError, NotSolved
 from ..methods import Method
 from ..problem import ICP
 from ..solution import Solution
-from .cvxpy_reader import Reading, named
+from .cvxpy_names import named
+from .cvxpy_reader import Reading
 
 
 class Complementarity:

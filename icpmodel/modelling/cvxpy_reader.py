@@ -8,8 +8,6 @@ expressions w that are not affine. In each row one entry of z is the row's own: 
 from __future__ import annotations
 
 import math
-import re
-import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -22,15 +20,13 @@ from ..arrays import Vector, row_of
 from ..errors import InputError
 from ..maps import Affine, Constant, Function
 from ..problem import ICP
+from .cvxpy_names import entry, named
 from .cvxpy_nonlinear import Nonlinear, write
 from .cvxpy_solver import cvxpy_solver
 from .matching import left_over, looks_like_r, own_entries
 
 Sides = tuple[cp.Expression, cp.Expression]
 Rows = tuple[sp.csr_array, sp.csr_array, Vector]
-
-#: constants with more entries than this are not printed
-_PRINTED = 20
 
 
 class Reading:
@@ -182,7 +178,7 @@ class Reading:
         sizes = [r.size for _, r in self.p_and_r]
         k = int(np.searchsorted(np.cumsum(sizes), row, side="right"))
         r = self.p_and_r[k][1]
-        where = _entry(r, row - sum(sizes[:k]))
+        where = entry(r, row - sum(sizes[:k]))
         entries = R[[row]]
         what = f"r = {named(r)} is not z - psi(z){where}"
         if not (entries.data > 0).any():
@@ -193,22 +189,8 @@ class Reading:
             if at < done + x.size:
                 break
             done += x.size
-        left = f"{x.name()}{_entry(x, at - done).removeprefix(' in entry ')}"
+        left = f"{x.name()}{entry(x, at - done).removeprefix(' in entry ')}"
         return f"{what}: the entries of z that it has belong to other rows already, while no row belongs to {left}"
-
-
-def named(expression: cp.Expression) -> str:
-    """What a message calls `expression`: its label, else its text where that is short enough.
-
-    >>> x = cp.Variable(2, name="x")
-    >>> named(x + 1), named(np.ones(1000) @ cp.Variable(1000, name="y"))
-    ('x + 1.0', 'an expression of shape () in y')
-    """
-    if expression.label is None and any(constant.size > _PRINTED for constant in expression.constants()):
-        names = ", ".join(x.name() for x in expression.variables())
-        return f"an expression of shape {expression.shape}" + (f" in {names}" if names else "")
-    text = re.sub(r"Promote\(([^()]*), \([\d, ]*\)\)", r"\1", expression.format_labeled())
-    return textwrap.shorten(text, 80, placeholder=" ...")
 
 
 def _affine_first(pair: Sides) -> Sides:
@@ -279,14 +261,6 @@ def _columns(M: sp.csr_array, variables: list[cp.Variable], columns: dict[int, i
     if (wanted == none).any():
         M = sp.csr_array((M.data, M.indices, M.indptr), shape=(M.shape[0], none + 1))
     return sp.csr_array(M[:, wanted])
-
-
-def _entry(x: cp.Expression, k: int) -> str:
-    """Where the `k`-th number of `x` stands; nothing where it is the only one."""
-    if x.size == 1:
-        return ""
-    index = np.unravel_index(k, x.shape, order="F")
-    return f" in entry [{', '.join(str(int(i)) for i in index)}]"
 
 
 def _dense(value: Any) -> Any:

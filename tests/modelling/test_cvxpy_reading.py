@@ -115,6 +115,7 @@ def test_running_sums_are_read(shape, axis):
 NONLINEAR = {
     "minimum": lambda z, y: cp.minimum(z, y, 0.4),
     "maximum": lambda z, y: cp.maximum(z, 2 * y, 0.3),
+    "stretched": lambda z, y: 0.1 * cp.minimum(z, y[0], 0.9) + 0.1 * cp.maximum(cp.vstack([z, y]), z[0], y)[0],
     "exp": lambda z, y: cp.exp(z - 2) + 0.1 * y,
     "log": lambda z, y: 0.1 * cp.log(z + y),
     "power": lambda z, y: 0.1 * cp.power(z, 3),
@@ -173,11 +174,10 @@ def test_psi_has_cvxpys_values_and_derivatives(name):
     [
         lambda z, y: 0.1 * cp.multiply(z, 1 / (1 + cp.norm_inf(z))),
         lambda z, y: 0.1 * y[0] / (z + 1),
-        lambda z, y: 0.1 * cp.minimum(z, y[0]),
     ],
 )
 def test_a_missing_or_wrong_gradient_is_not_used(psi):
-    """CVXPY 1.9 has none of norm_inf, and a wrong one of quotients and of a scalar that minimum stretches."""
+    """CVXPY 1.9 has none of norm_inf, and a wrong one of quotients."""
     model, z, y, _ = model_with(psi)
     z.value, y.value = np.array([0.5, 0.7, 0.9]), np.array([0.75, 0.5, 0.6])
     assert model.icp.psi.jacobian(np.ones(6)) is None
@@ -358,7 +358,7 @@ REFUSED = {
         r"the parameter load has no value; set its .value before solving",
     ),
     "NaN": (
-        lambda: icp.Problem(icp.complements(x + [1, np.nan], x)).icp,
+        lambda: icp.Problem(icp.complements(x + np.array([1, np.nan]), x)).icp,
         r"q\[1\] is nan; a finite number was expected",
     ),
 }

@@ -54,7 +54,7 @@ def test_the_gap_is_zero_at_the_answer_and_the_energy_its_value():
 
 def test_the_mixed_integer_form_needs_no_convexity():
     problem = icp.ICP([[1.0, 0.0], [-4.0, 1.0]], [-1.0, 1.0], 0.0)  # a P-matrix, A + A' is indefinite
-    with pytest.raises(icp.NotApplicable, match="no convex QP: A \\+ A' is not positive semidefinite.*'mip'"):
+    with pytest.raises(icp.NotApplicable, match=r"no convex QP: A \+ A' is not positive semidefinite.*'mip'"):
         problem.to_cvxpy()
     assert answer(problem.to_cvxpy("mip")) == pytest.approx([1, 3])
 
@@ -89,7 +89,7 @@ def test_what_has_no_such_form_is_refused():
     problem = icp.ICP([[2.0]], [1.0])
     with pytest.raises(icp.InputError, match="formulation is 'lp'; 'qp' or 'mip' was expected"):
         problem.to_cvxpy("lp")
-    with pytest.raises(icp.NotApplicable, match="not Function.sin.: freeze its obstacle"):
+    with pytest.raises(icp.NotApplicable, match=r"not Function.sin.: freeze its obstacle"):
         icp.ICP([[2.0]], [1.0], np.sin).to_cvxpy()
     with pytest.raises(icp.NotApplicable, match="no bounds on p and r for a mixed-integer program"):
         icp.ICP([[0.0, 1.0], [-1.0, 0.0]], [1.0, 1.0]).to_cvxpy("mip")
