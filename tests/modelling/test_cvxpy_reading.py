@@ -81,6 +81,15 @@ def test_a_multiple_of_z_is_divided():
     assert read.is_lcp
 
 
+def test_rows_with_bent_parts_are_put_in_order_and_divided_as_well():
+    z = cp.Variable(2)
+    r = cp.hstack([2 * z[1] - cp.exp(z[0]), z[0] - 0.25 * cp.square(z[1])])
+    read = icp.Problem(icp.complements((np.diag([3.0, 4.0]) @ z - 1)[::-1], r)).icp
+    assert read.psi.value(np.array([0.5, 3.0])) == pytest.approx([0.25 * 9, np.exp(0.5) / 2])
+    assert read.psi.jacobian(np.array([0.5, 3.0])).toarray() == pytest.approx(np.array([[0, 1.5], [np.exp(0.5) / 2, 0]]))
+    assert read.A.diagonal().tolist() == [3, 4]
+
+
 def test_the_sides_may_be_swapped_where_only_one_is_r():
     A, z = np.array([[4.0, -1.0], [-1.0, 4.0]]), cp.Variable(2)
     for p, r in ((A @ z - 1, z - 0.5), (A @ z - 1, z - 0.3 * cp.exp(-z)), (A @ z - 1, z - 0.3 * z[::-1])):
