@@ -5,6 +5,7 @@ This file imports CVXPY: it is loaded when `icpmodel.cvxpy_solver` is first used
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import cvxpy as cp
@@ -79,13 +80,15 @@ class IcpSolver(QpSolver):
         return Solution(solution.status, value, {self.VAR_ID: solution.x}, duals, attributes)
 
 
+@cache
 def cvxpy_solver() -> IcpSolver:
     """icpmodel as a solver for CVXPY's `Problem.solve(solver=…)`: convex quadratic and linear programs.
 
     Bounds only: the LCP goes to `icpmodel.solve`; with other constraints the KKT system is a monotone LCP, for which
     see `icpmodel.modelling.quadratic`. Duals are returned. "infeasible" and "unbounded" are proved in exact arithmetic;
     "infeasible_inaccurate" and "unbounded_inaccurate" up to rounding. `Problem.solve` takes the options `tolerance`
-    (1e-9, of the residual of the LCP, in units in which its data are about 1) and `time_limit` in seconds.
+    (1e-9, of the residual of the LCP, in units in which its data are about 1) and `time_limit` in seconds. It is one
+    object, by which CVXPY knows that a problem with parameters need not be compiled again.
 
     >>> x = cp.Variable(2)
     >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x - [3, 0])), [cp.sum(x) == 1, x >= 0])

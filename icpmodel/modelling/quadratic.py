@@ -291,7 +291,7 @@ def solve_program(program: Program, *, tolerance: float = 1e-9, time_limit: floa
         status = "user_limit" if seconds >= time_limit else "solver_error"
         message = f"no solution and no proof that there is none was found; the best residual is {residual:.3g}"
     if best is None:
-        return Answer("solver_error", message, steps=steps, seconds=seconds)
+        return Answer("solver_error", f"no proximal point was found in {seconds:.3g} s", steps=steps, seconds=seconds)
     x, equality, inequality = lcp.back(best)
     value = float(0.5 * x @ (program.P @ x) + program.q @ x)
     return Answer(status, message, x, equality, inequality, value, residual, steps, seconds)

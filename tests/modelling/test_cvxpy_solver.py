@@ -4,6 +4,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from cvxpy.reductions.dcp2cone.cone_matrix_stuffing import ConeMatrixStuffing
 from cvxpy_programs import PROGRAMS
 
 import icpmodel as icp
@@ -183,6 +184,17 @@ def test_bounds_of_variables_and_parameters_arrive():
         assert y.value == pytest.approx([expected] * 2, abs=1e-7)
 
 
+def test_a_series_is_compiled_once(monkeypatch):
+    calls = []
+    compile_ = ConeMatrixStuffing.apply
+    monkeypatch.setattr(ConeMatrixStuffing, "apply", lambda *args: calls.append(1) or compile_(*args))
+    level = cp.Parameter()
+    problem = cp.Problem(cp.Minimize(cp.sum_squares(x - level)), [cp.sum(x) <= 3])
+    for level.value, expected in ((0.5, 0.5), (2.0, 1.0)):
+        assert solve(problem).variables()[0].value == pytest.approx([expected] * 3)
+    assert len(calls) == 1
+
+
 def test_the_options_are_checked_and_work(capsys):
     problem = cp.Problem(cp.Minimize(cp.sum_squares(x - 1)), [cp.sum(x) == 1])
     for option, value, sentence in (
@@ -200,7 +212,7 @@ def test_the_options_are_checked_and_work(capsys):
 
 
 def test_out_of_time_is_no_success():
-    with pytest.raises(cp.SolverError, match="no solution and no proof that there is none was found"):
+    with pytest.raises(cp.SolverError, match="icpmodel: no proximal point was found in"):
         solve(PROGRAMS[0](), time_limit=1e-9)
 
 
