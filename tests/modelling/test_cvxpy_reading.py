@@ -232,7 +232,7 @@ def test_a_model_that_is_not_dpp_is_compiled_for_each_value():
 def test_an_icp_once_read_does_not_change_with_the_parameters():
     """Also where the parameter is an exponent, which is no argument of the expression."""
     a, b, z = cp.Parameter(value=1.0), cp.Parameter(nonneg=True, value=2.0), cp.Variable(2)
-    model = icp.Problem(icp.complements(4 * z - a, z - a * cp.exp(-z) - 0.1 * cp.power(z, b)))
+    model = icp.Problem(icp.complements(4 * z - a, z - a * cp.exp(-a * z) - 0.1 * cp.power(z, b)))
     z.value = np.ones(2)
     before, point = model.icp, np.array([0.5, 0.75])
     value, slope = before.psi.value(point), before.psi.jacobian(point).toarray()
