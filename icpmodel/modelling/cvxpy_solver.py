@@ -85,10 +85,11 @@ def cvxpy_solver() -> IcpSolver:
     """icpmodel as a solver for CVXPY's `Problem.solve(solver=…)`: convex quadratic and linear programs.
 
     Bounds only: the LCP goes to `icpmodel.solve`; with other constraints the KKT system is a monotone LCP, for which
-    see `icpmodel.modelling.quadratic`. Duals are returned. "infeasible" and "unbounded" are proved in exact arithmetic;
-    "infeasible_inaccurate" and "unbounded_inaccurate" up to rounding. `Problem.solve` takes the options `tolerance`
-    (1e-9, of the residual of the LCP, in units in which its data are about 1) and `time_limit` in seconds. It is one
-    object, by which CVXPY knows that a problem with parameters need not be compiled again.
+    see `icpmodel.modelling.quadratic`. P is taken as semidefinite, which CVXPY has checked. Duals are returned.
+    "infeasible" and "unbounded" are proved in exact arithmetic; "infeasible_inaccurate" and "unbounded_inaccurate" up
+    to rounding. `Problem.solve` takes the options `tolerance` (1e-9, of the residual of the LCP, in units in which its
+    data are about 1) and `time_limit` in seconds.
+    Returns always the same object, by which CVXPY knows that a problem with parameters need not be compiled again.
 
     >>> x = cp.Variable(2)
     >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x - [3, 0])), [cp.sum(x) == 1, x >= 0])

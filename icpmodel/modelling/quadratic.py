@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -162,6 +163,7 @@ class Complementary:
             inequality[row[from_row]] += part[from_row] / self._factor[row[from_row]]
         return x, values[n + m :], inequality
 
+    @cached_property
     def without_objective(self) -> ICP:
         """The same LCP for P = 0 and q = 0: it has a solution if and only if the constraints have."""
         n, M = self._n, self.problem.A
@@ -182,7 +184,7 @@ class Complementary:
         """
         of_x = np.arange(self.problem.n) < self._n
         for kind, problem, y in (
-            ("primal", self.without_objective(), np.where(of_x, 0.0, direction)),
+            ("primal", self.without_objective, np.where(of_x, 0.0, direction)),
             ("dual", self.problem, np.where(of_x, direction, 0.0)),
         ):
             if _proves(problem, y):
