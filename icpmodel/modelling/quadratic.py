@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -163,14 +162,6 @@ class Complementary:
             inequality[row[from_row]] += part[from_row] / self._factor[row[from_row]]
         return x, values[n + m :], inequality
 
-    @cached_property
-    def without_objective(self) -> ICP:
-        """The same LCP for P = 0 and q = 0: it has a solution if and only if the constraints have."""
-        n, M = self._n, self.problem.A
-        keep = (row_of(M) >= n) | (M.indices >= n)
-        M = sp.csr_array((np.where(keep, M.data, 0.0), M.indices, M.indptr), shape=M.shape)
-        return ICP(M, np.where(np.arange(self.problem.n) < n, 0.0, self.problem.q), self.problem.psi)
-
     def contradiction(self, direction: Vector) -> tuple[str, bool] | None:
         """What `direction`, in which the proximal points run off, proves: ("primal" or "dual", in exact arithmetic?).
 
@@ -183,12 +174,10 @@ class Complementary:
         ('dual', True)
         """
         of_x = np.arange(self.problem.n) < self._n
-        for kind, problem, y in (
-            ("primal", self.without_objective, np.where(of_x, 0.0, direction)),
-            ("dual", self.problem, np.where(of_x, direction, 0.0)),
-        ):
-            if _proves(problem, y):
-                return kind, infeasible(problem, y).holds is True
+        # without a part in the rows of x neither P nor q has a say
+        for kind, y in (("primal", np.where(of_x, 0.0, direction)), ("dual", np.where(of_x, direction, 0.0))):
+            if _proves(self.problem, y):
+                return kind, infeasible(self.problem, y).holds is True
         return None
 
 

@@ -122,6 +122,35 @@ def test_a_proof_up_to_rounding_is_called_inaccurate():
     assert problem.solver_stats.extra_stats.message.endswith("up to rounding")
 
 
+def rows_only(F, g, q=(0.0, 0.0)):
+    none = sp.csr_array((0, 2))
+    return Program(none.T @ none, np.array(q), none, np.zeros(0), sp.csr_array(np.array(F, dtype=float)), np.array(g))
+
+
+@pytest.mark.parametrize(
+    ("F", "g", "direction"),
+    [
+        ([[1, 1], [1, 1]], [1.0, 2.0], [0, 0, 1, -1]),  # a multiplier with the wrong sign
+        ([[1, 1], [1, 2]], [-1.0, 0.0], [0, 0, 1, 0]),  # F'y is not 0 although x has no sign
+        ([[1, 1], [-1, -1]], [1.0, -1.0], [0, 0, 1, 1]),  # 0 <= 0 is no contradiction
+        ([[1, 1], [-1, -1]], [1.0, 1.0], [0, 0, 0, 0]),
+        ([[1, 1], [-1, -1]], [1.0, 1.0], [np.inf, 0, 0, 0]),
+    ],
+)
+def test_a_direction_that_proves_nothing_is_not_taken_for_a_proof(F, g, direction):
+    lcp = Complementary(rows_only(F, g))
+    assert lcp.contradiction(np.array(direction, dtype=float) / lcp.unit) is None
+
+
+def test_a_falling_objective_is_no_proof_of_a_feasible_point():
+    """What a dual proof says where the rows contradict each other, and where the time for that question is over."""
+    program = rows_only([[1, 1], [-1, -1], [1, -1]], [-1.0, 0.0, 0.0], (1.0, 1.0))
+    assert quadratic._unsolvable(program, "dual", True, 1e-9, np.inf).status == cp.INFEASIBLE
+    assert quadratic._unsolvable(program, "dual", True, 1e-9, 1e-9).status == cp.settings.INFEASIBLE_OR_UNBOUNDED
+    feasible = rows_only([[1, 1], [1, -1]], [-1.0, 0.0], (1.0, 1.0))
+    assert quadratic._unsolvable(feasible, "dual", False, 1e-9, np.inf).status == cp.settings.UNBOUNDED_INACCURATE
+
+
 def test_an_infinite_right_hand_side_says_nothing_or_everything():
     y = cp.Variable()
     assert solve(cp.Problem(cp.Minimize(cp.square(y - 1)), [y <= np.inf, 2 * y <= 1])).value == pytest.approx(0.25)
