@@ -59,6 +59,11 @@ def test_the_mixed_integer_form_needs_no_convexity():
     assert answer(problem.to_cvxpy("mip")) == pytest.approx([1, 3])
 
 
+def test_the_bounds_of_the_mixed_integer_form_leave_room_for_q_and_c():
+    assert answer(icp.ICP([[2.0]], [100.0]).to_cvxpy("mip")) == pytest.approx([0])
+    assert answer(icp.ICP([[2.0]], [-200.0], -50.0).to_cvxpy("mip")) == pytest.approx([100])
+
+
 def test_our_own_solver_solves_what_was_written():
     problem = a_problem(3, affine=True)
     model = problem.to_cvxpy()
