@@ -91,7 +91,10 @@ def _pyomo(n: int) -> Iterator[_Pair]:
         plain.sides = pyo.Constraint(range(problem.n), [0, 1], rule=lambda _, i, k, sides=sides: sides[i][k])
         plain.complementarity.deactivate()
 
+        def read(model: Any = model) -> object:
+            return read_pyomo(model)
+
         def write(plain: Any = plain) -> object:
             return NLWriter().write(plain, io.StringIO())
 
-        yield "Pyomo", name, problem.n, lambda model=model: read_pyomo(model), write
+        yield "Pyomo", name, problem.n, read, write
