@@ -5,6 +5,7 @@ import importlib
 import inspect
 import os
 import pkgutil
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -208,8 +209,14 @@ def test_no_file_or_function_has_grown_beyond_reason():
                 assert node.end_lineno - node.lineno + 1 - lines(node) <= 50, f"{path}: {node.name}"
 
 
-def test_the_readme_has_no_gap_and_its_python_runs():
+def test_the_readme_has_no_gap_its_python_runs_and_its_figures_are_there():
     text = (HOUSE.parent / "README.md").read_text()
     assert "@@" not in text
-    block = text.split("```python\n")[1].split("```")[0]
-    exec(compile(block, "README.md", "exec"), {})
+    names = {}
+    for block in text.split("```python\n")[1:]:
+        exec(compile(block.split("```")[0], "README.md", "exec"), names)
+    figures = re.findall(r"!\[[^]]+\]\(([^)]+)\)", text)
+    assert figures
+    for figure in figures:
+        assert (HOUSE.parent / figure).read_bytes().startswith(b"\x89PNG")
+        assert (HOUSE.parent / figure).with_suffix(".csv").read_text().startswith("# icpmodel ")

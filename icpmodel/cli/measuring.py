@@ -10,7 +10,7 @@ import click
 
 from ..errors import FileError, Interrupted
 from ..progress import status_line
-from .output import complain
+from .output import complain, must_be_writable
 from .source import options
 
 if TYPE_CHECKING:
@@ -273,12 +273,21 @@ def tuning(scenes: tuple[str, ...], n: int, repeats: int, methods: tuple[str, ..
     help="Wanted unknowns.",
 )
 @click.option("--method", help="Name of the method; without it one is picked.")
+@click.option("-o", "--output", type=click.Path(), help="Write the figure (PNG and SVG) and its data (CSV).")
 @_AS_CSV
-def memory(scenes: tuple[str, ...], sizes: tuple[int, ...], method: str | None, as_csv: bool) -> int:
+def memory(
+    scenes: tuple[str, ...], sizes: tuple[int, ...], method: str | None, output: str | None, as_csv: bool
+) -> int:
     """The most memory that solve() holds on SCENES, default the membrane, against the bytes of A."""
     from ..measure import memory as measured
+    from ..measure.charts import memory_figure
+    from ..measure.figures import save
 
-    return _show(measured(scenes or ("membrane",), sizes, method), as_csv)
+    must_be_writable(output)
+    table = measured(scenes or ("membrane",), sizes, method)
+    if output is not None:
+        save(memory_figure(table), output, table, _line("memory", {"scenes": scenes, "sizes": sizes}))
+    return _show(table, as_csv)
 
 
 def _show(table: Table, as_csv: bool) -> int:

@@ -49,6 +49,37 @@ def scaling(table: Table) -> dict[str, Figure]:
     return found
 
 
+def memory_figure(table: Table) -> Figure:
+    """Memory against n of a `memory`, one line for each scene, and the bytes of A; exponents as in `scaling`.
+
+    >>> from icpmodel.measure import memory
+    >>> memory_figure(memory(["membrane"], [100, 400])).axes[0].get_ylabel()
+    'memory, MiB'
+    """
+    from matplotlib.figure import Figure
+
+    lines: dict[str, list[tuple[int, float]]] = {}
+    sizes: dict[str, list[tuple[int, float]]] = {}
+    for scene, n, _, size, peak, *_ in table.rows:
+        sizes.setdefault(scene, []).append((n, size))
+        if peak > 0:
+            lines.setdefault(scene, []).append((n, peak))
+    figure = Figure(figsize=(7, 4.6), layout="constrained")
+    axes = figure.subplots()
+    for kind, found, dash in (("solve()", lines, "-"), ("A", sizes, "--")):
+        for (scene, points), colour, marker in zip(found.items(), cycle(COLOURS), cycle(MARKERS), strict=False):
+            power = exponent(points)
+            label = f"{kind}, {scene}" + ("" if power is None else f": $n^{{{power:.2f}}}$")
+            axes.plot(*zip(*points, strict=True), dash, marker=marker, color=colour, label=label, linewidth=1.2)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("number of unknowns n")
+    axes.set_ylabel("memory, MiB")
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=8)
+    return figure
+
+
 def choice(table: Table) -> Figure:
     """The ratios of a `dispatch`: one line for each scene, one marker for each size, and the bound of 1.5.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -30,6 +31,9 @@ size = A.data.nbytes + A.indices.nbytes + A.indptr.nbytes
 print(json.dumps([problem.n, solution.method.name, solution.solved, size, 1024 * (status("VmHWM") - before)]))
 """
 
+#: freed arrays go back to the kernel at once, so that the next ones are not hidden in what was freed before (glibc)
+_RETURNED = {"MALLOC_MMAP_THRESHOLD_": "65536", "MALLOC_TRIM_THRESHOLD_": "65536"}
+
 
 def memory(
     scenes: Sequence[str] = ("membrane",),
@@ -52,7 +56,7 @@ def memory(
     for text in scenes:
         for n in sizes:
             command = [sys.executable, "-c", _CHILD, json.dumps([text, n, method])]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | _RETURNED)
             if done.returncode != 0:
                 raise InputError(f"{text}, n = {n}: {(done.stderr.strip().splitlines() or ['killed'])[-1]}")
             unknowns, by, solved, size, peak = json.loads(done.stdout)

@@ -106,5 +106,5 @@ def _bars(axes: Any, found: Race, colours: dict[str, str]) -> None:
         if setup:
             axes.barh(k, setup, color="white", edgecolor=colours[name], hatch="////", height=0.6)
     axes.set_yticks(range(len(best)), [name for name, _ in slowest_first], fontsize=8)
-    axes.set_xlabel(f"time to Res(z) ≤ {RTOL:g} Res(0), s\n(hatched: set-up, where it is known apart)")
+    axes.set_xlabel(f"time to Res(z) ≤ {RTOL:g} Res(0), s\n(hatched: set-up, if known)")
     axes.grid(axis="x", alpha=0.3)

@@ -26,6 +26,8 @@ TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
 #: a claim of success is wrong where the residual, relative to Res(0), is so many times the tolerance that was asked for
 _WRONG = 10.0
+#: a run that takes so many seconds is timed once
+_ONCE = 1.0
 #: iterates of a run of which the error is computed, in geometric progression
 _TRACED = 60
 
@@ -139,8 +141,9 @@ def race(
     its own error bound β; else, where there is no bound, Res(z)/Res(0). One measure holds for all of a race.
     Parameters: `methods` by name ("mnmaor, tuned" and "psor, tuned" have the ω of the estimated Jacobi radius) or as
     objects, beside `solve()` itself; `solvers` by name, both by default what the problem admits; `z_exact` shape (n,);
-    `tolerances`, to each competitor in its own sense; `repeats` ≥ 1; `time_limit` seconds for a run, after which a
-    competitor is not asked for more; `progress` shows a line where standard error is a terminal; `command` is noted.
+    `tolerances`, to each competitor in its own sense; `repeats` ≥ 1, one for runs of a second or more; `time_limit`
+    seconds for a run, after which a competitor is not asked for more; `progress` shows a line where standard error is
+    a terminal; `command` is noted.
     Returns a `Race`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the race as far as it was.
 
     >>> found = race(ICP([[2, -1], [-1, 2]], [-1, 3]), ["mnmgs"], ["osqp"], z_exact=[0.5, 0.0], repeats=1)
@@ -236,7 +239,7 @@ def _time(
         for tolerance in tolerances:
             for one in order:
                 key = one.name, tolerance
-                if (k == 0 and one.name in spent) or (k > 0 and key not in entries):
+                if (k == 0 and one.name in spent) or (k > 0 and not _again(entries.get(key))):
                     continue
                 say(f"round {k + 1} of {repeats}: {one.name} at {tolerance:.0e}")
                 run = one.run(case, tolerance, limit)
@@ -258,6 +261,10 @@ def _time(
                 )
                 if run.seconds > limit or run.z is None:
                     spent.add(one.name)
+
+
+def _again(entry: Entry | None) -> bool:
+    return entry is not None and entry.seconds[0] < _ONCE
 
 
 def _traces(
