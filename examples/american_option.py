@@ -4,10 +4,14 @@ The option's value V is at least what exercising pays; where it is more, it foll
 
     p = V - dt L V - (value a moment later) >= 0,    r = V - payoff >= 0,    p'r = 0.
 
-Run: python examples/american_option.py
+Run: python examples/american_option.py       writes american_option.png and american_option.svg here
 """
 
 import cvxpy as cp
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 import numpy as np
 import scipy.sparse as sp
 
@@ -57,3 +61,26 @@ def tree(early: bool, steps: int = 2000) -> float:
 
 print(f"\nAt the money the put is worth {price:.2f}; a binomial tree gives {tree(True):.2f}.")
 print(f"Without the right to exercise early it would be {tree(False):.2f}.")
+
+figure, (now, when) = plt.subplots(1, 2, figsize=(9, 3.9), layout="constrained")
+prices = strike * np.exp(x)
+now.plot(prices, payoff, "--", color="#D55E00", label="exercise now: payoff")
+now.plot(prices[1:-1], value.value, color="#0072B2", label="the put, a year to expiry")
+now.axvline(boundary[-1], color="0.6", linewidth=1, label="exercise left of this line")
+now.set_xlim(60, 140)
+now.set_ylim(-2, 42)
+now.set_xlabel("price of the share")
+now.set_ylabel("value")
+now.set_title("What the put is worth")
+now.legend(frameon=False)
+when.step(12 * years / dates * np.arange(1, dates + 1), boundary, where="post", color="#0072B2")
+when.axhline(strike, linestyle=":", color="black")
+when.annotate("strike", (12, strike), ha="right", va="bottom")
+when.annotate("hold", (6, 93))
+when.annotate("exercise", (6, 80))
+when.set_ylim(75, 103)
+when.set_xlabel("months to expiry")
+when.set_ylabel("price of the share")
+when.set_title("When to exercise")
+for suffix in ("png", "svg"):
+    figure.savefig(f"american_option.{suffix}", dpi=150)

@@ -3,9 +3,13 @@
 A market clears, or its price lies at its floor and something is left over:
 price >= floor(prices), supply - demand >= 0, and one of the two holds with equality.
 
-Run: python examples/market_equilibrium.py
+Run: python examples/market_equilibrium.py    writes market_equilibrium.png and market_equilibrium.svg here
 """
 
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 import pyomo.environ as pyo
 from pyomo.mpec import Complementarity, complements
 
@@ -46,3 +50,23 @@ print()
 print(
     "A floor above the market's own wage makes everything dearer, bread and housing too, and leaves some without work."
 )
+
+shares, found = [k / 20 for k in range(25)], []
+for share in shares:
+    model.share.set_value(share)
+    pyo.assert_optimal_termination(solver.solve(model))
+    found.append([model.price[good].value for good in GOODS] + [pyo.value(model.left_over["labour"])])
+figure, (prices, work) = plt.subplots(1, 2, figsize=(9, 3.9), layout="constrained")
+*by_good, unemployed = zip(*found, strict=True)
+for good, price, colour, line in zip(GOODS, by_good, ("#0072B2", "#D55E00", "#009E73"), ("--", "-.", "-"), strict=True):
+    prices.plot(shares, price, line, color=colour, label="wage" if good == "labour" else good)
+work.plot(shares, unemployed, color="black")
+prices.set_ylabel("price")
+prices.set_title("A floor that binds makes everything dearer")
+prices.legend(frameon=False)
+work.set_ylabel("labour offered less labour wanted")
+work.set_title("Unemployment")
+for axes in (prices, work):
+    axes.set_xlabel("wage floor / cost of living")
+for suffix in ("png", "svg"):
+    figure.savefig(f"market_equilibrium.{suffix}", dpi=150)
