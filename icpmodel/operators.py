@@ -283,7 +283,8 @@ def quiet() -> Iterator[None]:
     ...     np.ones(1) / np.zeros(1)
     array([inf])
     """
-    with np.errstate(all="ignore"), warnings.catch_warnings():
+    # recorded, and dropped: PyAMG switches some of its warnings on again while it runs
+    with np.errstate(all="ignore"), warnings.catch_warnings(record=True):
         warnings.simplefilter("ignore")
         yield
 
