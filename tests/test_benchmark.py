@@ -296,6 +296,10 @@ def test_sizes_and_scenes_are_checked():
         benchmark(["membrane"], repeats=2)
     with pytest.raises(icp.InputError, match="time_limit"):
         benchmark(["membrane"], time_limit=0)
+    with pytest.raises(icp.InputError, match="sizes is 0"):
+        benchmark(["membrane"], [0])
+    with pytest.raises(icp.InputError, match="sizes is 9; a list"):
+        dispatch(["membrane"], 9)
     row = dispatch(["dividend"], [10]).rows[0]
     assert row[:2] == ("dividend", 10)
     assert "at least 31" in row[-1]
@@ -362,7 +366,8 @@ def test_the_command_writes_csv_and_figures_and_says_who_is_faster(capsys, tmp_p
     assert heads.startswith("scene,n,method,kind,")
     code, out, _ = call(capsys, "dispatch", "hand-lcp", "--n", "100", "--csv", "-o", str(folder))
     assert code == 0
-    assert (folder / "dispatch.csv").read_text() == f"# icpmodel measure dispatch hand-lcp --n 100\n{out}"
+    typed = f"icpmodel measure dispatch hand-lcp --n 100 --csv -o {folder}"
+    assert (folder / "dispatch.csv").read_text() == f"# {typed}\n{out}"
     assert (folder / "dispatch.svg").stat().st_size > 1000
 
 

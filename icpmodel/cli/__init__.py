@@ -7,6 +7,7 @@ that cannot be read or written, 130 interrupted before there was anything to sho
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 
 import click
@@ -52,7 +53,8 @@ def main(arguments: list[str] | None = None) -> None:
     SystemExit: 0
     """
     try:
-        code = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False)
+        typed = shlex.join(["icpmodel", *(sys.argv[1:] if arguments is None else arguments)])
+        code = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
         if sys.stdout is not None:  # it was closed by the shell
             sys.stdout.flush()
     except click.exceptions.Exit as stop:

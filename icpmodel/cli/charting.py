@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +9,7 @@ import click
 
 from ..errors import InputError, Interrupted
 from ..progress import status_line
-from .output import complain, exit_code, must_be_writable
+from .output import complain, exit_code, must_be_writable, typed
 from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, named_method, named_problem, options
 
 
@@ -44,7 +42,7 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
     size = {} if arguments["n"] is None or problem is not None else {"n": arguments["n"]}
     stopped = False
     try:
-        found = mapped(plane, problem, **asked, **size, progress=True, command=shlex.join(_typed()))
+        found = mapped(plane, problem, **asked, **size, progress=True, command=typed())
     except Interrupted as partial:
         found, stopped = partial.report, True
     click.echo(found.table().to_csv() if as_csv else str(found), nl=not as_csv)
@@ -81,7 +79,7 @@ def race(methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None,
             solvers or None,
             z_exact=exact,
             progress=True,
-            command=shlex.join(_typed()),
+            command=typed(),
             **limits,
         )
     except Interrupted as partial:
@@ -116,15 +114,10 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
             about="" if scene is None else scene.models,
             points=None if scene is None else scene.points,
             z_exact=None if scene is None else scene.z_exact,
-            command=shlex.join(_typed()),
+            command=typed(),
             time_limit=time_limit,
             say=say,
         )
     Path(output).write_text(page, encoding="utf-8")
     click.echo(f"wrote {output}", err=True)
     return exit_code(solution.solved, f"not solved: {solution.status.value}")
-
-
-def _typed() -> list[str]:
-    """The command line as it was typed."""
-    return ["icpmodel", *sys.argv[1:]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ import click
 
 from ..errors import FileError, Interrupted
 from ..progress import status_line
-from .output import complain, must_be_writable
+from .output import complain, must_be_writable, typed
 from .source import options
 
 if TYPE_CHECKING:
@@ -197,11 +196,11 @@ def benchmark(output: str | None, as_csv: bool, **arguments: Any) -> int:
 
     table, code = _measured(compare, arguments, output, as_csv)
     if output is not None:
-        save(profile_figure(table), Path(output) / "benchmark", table, _line("benchmark", arguments))
+        save(profile_figure(table), Path(output) / "benchmark", table, typed())
         for scene, figure in scaling(table).items():
             rows = tuple(row for row in table.rows if row[0] == scene)
             name = scene.replace(",", "-").replace("=", "")
-            save(figure, Path(output) / name, Table(scene, table.heads, rows), _line("benchmark", arguments))
+            save(figure, Path(output) / name, Table(scene, table.heads, rows), typed())
     faster = faster_peers(table)
     if not as_csv:
         click.echo("\n".join(["", "A peer is faster than solve():", *faster] if faster else ["", "No peer is faster."]))
@@ -218,14 +217,8 @@ def dispatch(output: str | None, as_csv: bool, **arguments: Any) -> int:
 
     table, code = _measured(compare, arguments, output, as_csv)
     if output is not None:
-        save(choice(table), Path(output) / "dispatch", table, _line("dispatch", arguments))
+        save(choice(table), Path(output) / "dispatch", table, typed())
     return code
-
-
-def _line(name: str, arguments: dict[str, Any]) -> str:
-    """The command to type for the same measurement."""
-    sizes = [part for n in arguments["sizes"] for part in ("--n", str(n))]
-    return shlex.join(["icpmodel", "measure", name, *arguments["scenes"], *sizes])
 
 
 def _measured(
@@ -286,7 +279,7 @@ def memory(
     must_be_writable(output)
     table = measured(scenes or ("membrane",), sizes, method)
     if output is not None:
-        save(memory_figure(table), output, table, _line("memory", {"scenes": scenes, "sizes": sizes}))
+        save(memory_figure(table), output, table, typed())
     return _show(table, as_csv)
 
 

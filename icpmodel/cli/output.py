@@ -34,6 +34,16 @@ def complain(message: str) -> None:
     click.echo("icpmodel: " + " ".join(message.split()), err=True)
 
 
+def typed() -> str:
+    """The command line that is at work, to be noted beside what it makes.
+
+    >>> with click.Context(click.Command("race"), obj="icpmodel race membrane"):
+    ...     typed()
+    'icpmodel race membrane'
+    """
+    return str(click.get_current_context().find_root().obj)
+
+
 def exit_code(success: bool, complaint: str) -> int:
     """0 for success, else 1 and the complaint.
 

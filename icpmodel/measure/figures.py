@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import FileError
+from ..arrays import described
+from ..errors import FileError, InputError
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -16,12 +18,15 @@ def save(figure: Figure, path: Any, table: Table, command: str) -> list[Path]:
     """Write `figure` to `path` with the suffixes .png and .svg, and `table` with .csv, whose first line has `command`.
 
     Parameters: `path` a file name, whose suffix, if any of these three, is left out; `command` the line to type.
-    Returns the three paths. Raises FileError where the folder does not exist or cannot be written to.
+    Returns the three paths. Raises InputError where `path` is no file name, FileError
+    where the folder does not exist or cannot be written to.
 
     >>> save(None, "no-such-folder/map.png", Table("t", ("n",), ()), "icpmodel stability")
     Traceback (most recent call last):
     icpmodel.errors.FileError: no-such-folder/map.png: the folder no-such-folder does not exist
     """
+    if not isinstance(path, str | os.PathLike) or not Path(path).name:
+        raise InputError(f"path is {described(path)}; a file name was expected")
     path = Path(path)
     stem = path.with_suffix("") if path.suffix in (".png", ".svg", ".csv") else path
     if not stem.parent.is_dir():
