@@ -167,9 +167,11 @@ def _expression(side: Any) -> cp.Expression:
     if isinstance(side, cp.Expression):
         return side
     try:
-        return cp.Expression.cast_to_const(side)
+        if side is not None:  # CVXPY would make NaN of it
+            return cp.Expression.cast_to_const(side)
     except Exception:
-        raise InputError(f"complements was given {described(side)}; CVXPY expressions were expected") from None
+        pass
+    raise InputError(f"complements was given {described(side)}; CVXPY expressions were expected")
 
 
 def _same_shape(p: cp.Expression, r: cp.Expression) -> tuple[cp.Expression, cp.Expression]:

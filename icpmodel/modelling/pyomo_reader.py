@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from pyomo.core.base.block import BlockData
 
-from ..arrays import Vector
+from ..arrays import Vector, described
 from ..errors import InputError
 from ..maps import Affine, Function
 from ..problem import ICP
@@ -161,6 +162,10 @@ def read_pyomo(model: Any) -> Reading:
     >>> read_pyomo(model).problem.solve().z
     array([0., 0.])
     """
+    if not isinstance(model, BlockData):
+        raise InputError(f"model is {described(model)}; a Pyomo model or block was expected")
+    if not model.is_constructed():
+        raise InputError(f"model {model.name} is abstract; its create_instance() was expected")
     rows = Rows(model)
     variables = rows.variables()
     if not rows.owners:

@@ -329,6 +329,7 @@ x, X, s, i = cp.Variable(2, name="x"), cp.Variable((2, 2), name="X"), cp.Variabl
 REFUSED = {
     "a constraint": (lambda: icp.complements(x >= 0, x), r"was given the constraint 0.0 <= x; give the two"),
     "a text": (lambda: icp.complements("x", x), r"was given 'x'; CVXPY expressions were expected"),
+    "None": (lambda: icp.complements(x, None), "was given None; CVXPY expressions were expected"),
     "shapes": (lambda: icp.complements(2 * x, s), r"p = 2.0 \* x has shape \(2,\), r = s \(\)"),
     "no list": (lambda: icp.Problem(3), r"constraints is 3; a list of complements\(p, r\)"),
     "no pair": (lambda: icp.Problem([x >= 0]), r"constraints\[0\] is 0.0 <= x; complements\(p, r\) was expected"),

@@ -134,6 +134,16 @@ REFUSED = {
 }
 
 
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [(None, "model is None; a Pyomo model"), (5, "model is 5"), (pyo.AbstractModel(), "is abstract")],
+)
+def test_what_is_no_model_is_refused(model, words):
+    for read in (read_pyomo, pyo.SolverFactory("icpmodel").solve):
+        with pytest.raises(icp.InputError, match=words):
+            read(model)
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_another_model_is_refused_by_name(name):
     build, words = REFUSED[name]
