@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .methods.multilevel import Multilevel as Multilevel
     from .methods.newton import Newton as Newton
     from .methods.psor import PSOR as PSOR
+    from .methods.reduced import Reduced as Reduced
     from .modelling.cvxpy_problem import Complementarity as Complementarity
     from .modelling.cvxpy_problem import Problem as Problem
     from .modelling.cvxpy_problem import complements as complements
@@ -109,6 +110,7 @@ _HOMES = {
     "methods.multilevel": ("Multilevel",),
     "methods.newton": ("Newton",),
     "methods.psor": ("PSOR",),
+    "methods.reduced": ("Reduced",),
     "modelling.cvxpy_problem": ("Complementarity", "Problem", "complements"),
     "modelling.cvxpy_solver": ("cvxpy_solver",),
     "problem": ("ICP",),
