@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,18 @@ def as_truth(value: Any, name: str) -> bool:
     if not isinstance(value, bool | np.bool_):
         raise InputError(f"{name} is {described(value)}; True or False was expected")
     return bool(value)
+
+
+def as_list(value: Any, name: str) -> list[Any]:
+    """`value`, of which the items are meant: a text, whose items are letters, is no list. Raises InputError.
+
+    >>> as_list("osqp", "solvers")
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: solvers is 'osqp'; a list was expected
+    """
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise InputError(f"{name} is {described(value)}; a list was expected")
+    return list(value)
 
 
 def as_number(

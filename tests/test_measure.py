@@ -1,7 +1,10 @@
 """The tables behind the README: their shape, and what does not depend on the machine."""
 
+import warnings
+
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.measure import (
@@ -134,7 +137,7 @@ def test_the_costs_of_whole_solves_are_compared_in_pairs(table):
         if table is impulse_cost:
             assert row[3] == pytest.approx(built.errors(solution.z)["V(1)"])
         assert 0 < row[-2] <= row[-3] <= row[-1]
-    with pytest.raises(icp.InputError, match="at least 3"):
+    with pytest.raises(icp.InputError, match="repeats is 2; a whole number >= 3"):
         table([100], repeats=2)
 
 
@@ -145,8 +148,22 @@ def test_small_problems_are_compared_with_osqp_at_residuals_that_are_shown():
         assert row[-2] < 1e-12
         assert row[-1] < (1e-6 if "1e-8" in row[2] else 1e-1)
         assert min(row[3:6]) > 0
-    with pytest.raises(icp.InputError, match="at least 3"):
+    with pytest.raises(icp.InputError, match="repeats is 2; a whole number >= 3"):
         small_cost(repeats=2)
+    with pytest.raises(icp.InputError, match="n is -1"):
+        small_cost(n=-1)
+
+
+def test_a_linear_solve_that_breaks_down_warns_of_nothing():
+    """PyAMG switches its own warnings on while it runs; the user has the residual."""
+    with warnings.catch_warnings(record=True) as seen:
+        linear_solve(sp.csr_array([[-1.0]]), np.ones(1))
+    assert not seen
+
+
+def test_osqp_does_not_print_into_the_table(capsys):
+    small_cost(n=1, k=1, repeats=3)
+    assert capsys.readouterr().out == ""
 
 
 def test_tuning_compares_the_best_of_a_grid_with_what_needs_no_theta():

@@ -144,7 +144,10 @@ def test_no_two_competitors_look_alike():
     ("arguments", "words"),
     [
         ({"methods": ["nonsense"]}, "method is 'nonsense'"),
-        ({"solvers": ["nonsense"]}, "solvers has 'nonsense'; one of osqp"),
+        ({"solvers": ["nonsense"]}, "solvers has 'nonsense'; one of 'osqp"),
+        ({"methods": "mnmgs"}, "methods is 'mnmgs'; a list was expected"),
+        ({"solvers": 5}, "solvers is 5; a list was expected"),
+        ({"tolerances": 1e-6}, "tolerances is 1e-06; a list was expected"),
         ({"tolerances": []}, "tolerances is empty"),
         ({"tolerances": [2.0]}, "tolerances is 2"),
         ({"repeats": 0}, "repeats is 0"),
@@ -155,6 +158,26 @@ def test_no_two_competitors_look_alike():
 def test_wrong_wishes_are_named(arguments, words):
     with pytest.raises(icp.InputError, match=words):
         icp.race(BAI.problem, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("membrane", [9]), "scenes is 'membrane'; a list"),
+        ((["nonsense"], [9]), "^there is no scene 'nonsense'"),
+        ((["membrane"], [0]), "^sizes is 0"),
+        ((["membrane"], [9], "nonsense"), "^method is 'nonsense'"),
+    ],
+)
+def test_wrong_wishes_of_memory_are_named_before_a_process_starts(arguments, words):
+    with pytest.raises(icp.InputError, match=words):
+        memory(*arguments)
+
+
+@pytest.mark.parametrize("path", [5, None, ""])
+def test_a_figure_needs_a_file_name(path):
+    with pytest.raises(icp.InputError, match="a file name was expected"):
+        icp.race(BAI.problem, [], [], tolerances=[0.1], repeats=1).plot(path)
 
 
 def test_memory_is_measured_in_a_process_of_its_own():

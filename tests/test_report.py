@@ -87,6 +87,13 @@ def test_what_cannot_be_shown_is_said():
     assert "which is done up to n = 1000" in large
 
 
+@pytest.mark.parametrize("wrong", [{"solution": 5}, {"time_limit": 0}, {"time_limit": float("nan")}])
+def test_wrong_wishes_are_named(wrong):
+    arguments = {"solution": icp.scenes.hand_lcp().problem.solve(), "title": "x"} | wrong
+    with pytest.raises(icp.InputError, match=f"^{next(iter(wrong))} is "):
+        html_report(**arguments)
+
+
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium on the PATH")
 def test_a_browser_opens_it_offline(membrane, tmp_path):
     """The page as the browser sees it has all headings, both figures and no script."""

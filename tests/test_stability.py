@@ -122,6 +122,11 @@ def test_the_figure_shows_every_kind_of_end_and_line_in_its_legend():
     ("arguments", "words"),
     [
         ({"plane": "theta"}, "plane is 'theta'; one of relaxation, shift"),
+        ({"plane": None}, "plane is None; one of relaxation, .* or a Plane was expected"),
+        ({"plane": "relaxation", "problem": "membrane"}, "problem is 'membrane'; an ICP was expected"),
+        ({"plane": "units", "n": 0}, "n is 0"),
+        ({"plane": "units", "n": "9"}, "n is '9'"),
+        ({"plane": "condition", "n": 2}, "n is 2; the plane condition needs a ring"),
         ({"points": 1}, "points is 1"),
         ({"starts": 0}, "starts is 0"),
         ({"rtol": -1.0}, "rtol is -1"),

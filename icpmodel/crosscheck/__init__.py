@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import as_number
+from ..arrays import as_list, as_number
 from ..errors import InputError, Interrupted
 from ..problem import ICP, as_icp
 from ..progress import status_line
@@ -232,7 +232,7 @@ def chosen_solvers(solvers: Iterable[str | IndependentSolver] | None) -> list[In
     if solvers is None:
         return list(known.values())
     chosen: dict[str, IndependentSolver] = {}
-    for solver in [solvers] if isinstance(solvers, str | IndependentSolver) else solvers:
+    for solver in [solvers] if isinstance(solvers, str | IndependentSolver) else as_list(solvers, "solvers"):
         if isinstance(solver, str):
             if solver not in known:
                 raise InputError(f"solvers has {solver!r}; one of {', '.join(known)} was expected")

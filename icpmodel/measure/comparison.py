@@ -9,11 +9,22 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import as_number
 from ..driver import RTOL
-from ..errors import InputError, Interrupted
-from .competitors import Case, Competitor, Solve, built, cases, competitors, gallery, own_methods
+from ..errors import Interrupted
+from .competitors import (
+    Case,
+    Competitor,
+    Solve,
+    as_scenes,
+    as_sizes,
+    cases,
+    competitors,
+    gallery,
+    own_methods,
+)
 from .peers import Timed
-from .tables import Table, machine
+from .tables import Table, as_repeats, machine, spread
 
 #: one that takes this many times the time of solve(), and more than that many seconds, is timed once
 _FAR, _SHORT = 3.0, 0.25
@@ -153,12 +164,10 @@ def _table(
     field: list[Competitor],
     summary: Callable[[list[Record]], Table],
 ) -> Table:
-    texts = tuple(scenes) or gallery()
-    for text in texts:
-        built(text, None)
+    texts, wanted = as_scenes(scenes) or gallery(), as_sizes(sizes)
     records: list[Record] = []
     try:
-        for text, n, case in cases(texts, tuple(sorted(sizes))):
+        for text, n, case in cases(texts, tuple(sorted(wanted))):
             if isinstance(case, str):
                 records.append(Record(text, n, "", "", note=case))
             else:
@@ -172,11 +181,8 @@ class _Measurement:
     """Runs competitors on one case after the other, and remembers what each took on the smaller ones."""
 
     def __init__(self, repeats: int, time_limit: float, say: Callable[[str], None]) -> None:
-        if repeats < 3:
-            raise InputError(f"repeats is {repeats}; at least 3 were expected")
-        if not time_limit > 0:
-            raise InputError(f"time_limit is {time_limit}; a number > 0 was expected")
-        self.repeats, self.time_limit, self.say = repeats, time_limit, say
+        self.repeats, self.time_limit = as_repeats(repeats), as_number(time_limit, "time_limit", above=0.0)
+        self.say = say
         self.past: dict[tuple[str, str], _Past] = {}
         #: what is known of the case at work, with the tolerances that did
         self.found: list[tuple[Record, float]] = []
@@ -293,9 +299,7 @@ def _choice(records: list[Record]) -> Table:
             rows.append((scene, n, "", None, *told, None, None, None, note))
             continue
         ratios = 1.0 / np.array(best.ratios)
-        ratio = float(np.median(ratios))
-        flag = f"above {WORST:g}" if ratio > WORST else ""
-        row = (best.name, best.median, ratio, float(ratios.min()), float(ratios.max()), flag)
-        rows.append((scene, n, by, solve.median, *row))
+        flag = f"above {WORST:g}" if np.median(ratios) > WORST else ""
+        rows.append((scene, n, by, solve.median, best.name, best.median, *spread(ratios), flag))
     title = f"solve() against the quickest single method, to Res(z) <= {RTOL:g} Res(0) ({machine()})"
     return Table(title, (*heads, *heads_of_ratio), tuple(rows))

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import Vector
+from ..arrays import Vector, as_list, as_number
 from ..crosscheck import Target
 from ..crosscheck.formulations import in_handy_units
 from ..driver import RTOL
@@ -67,6 +67,29 @@ def built(text: str, n: int | None) -> Scene:
         except ValueError:
             raise InputError(f"{text!r} is not of the form NAME,PARAMETER=NUMBER") from None
     return scene(name, n if "n" in parameters(name) else None, **given)
+
+
+def as_scenes(texts: Any) -> tuple[str, ...]:
+    """The `texts` that `built` understands, found out before anything is measured. Raises InputError.
+
+    >>> as_scenes("membrane")
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: scenes is 'membrane'; a list was expected
+    """
+    listed = tuple(as_list(texts, "scenes"))
+    for text in listed:
+        built(text, None)
+    return listed
+
+
+def as_sizes(sizes: Any) -> tuple[int, ...]:
+    """Wanted numbers of unknowns. Raises InputError.
+
+    >>> as_sizes([100, 0])
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: sizes is 0; a whole number >= 1 was expected
+    """
+    return tuple(int(as_number(n, "sizes", least=1, whole=True)) for n in as_list(sizes, "sizes"))
 
 
 @dataclass(frozen=True, eq=False)

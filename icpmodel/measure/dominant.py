@@ -10,10 +10,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..arrays import Vector
-from ..errors import InputError
 from ..problem import ICP
 from ..scenes import scene
-from .tables import Table, machine
+from .tables import Table, as_repeats, machine, spread
 
 
 def dominant_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int = 9, mu: float = 4.0) -> Table:
@@ -26,7 +25,7 @@ def dominant_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: 
     >>> dominant_cost([400], repeats=3).heads
     ('n', 'method', 'sweeps', 'A @ z, ms', 'solve, ms', 'solve / (sweeps * A @ z)', 'lowest', 'highest')
     """
-    _at_least_three(repeats)
+    repeats = as_repeats(repeats)
     rows = []
     for n in sizes:
         problem = scene("membrane", n, mu=mu).problem
@@ -35,8 +34,7 @@ def dominant_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: 
         products, solves = _in_turn(problem, partial(problem.A.dot, z), repeats)
         ratios = solves / products / max(solution.iterations, 1)
         medians = [1e3 * float(np.median(x)) for x in (products, solves)]
-        spread = (float(np.median(ratios)), float(ratios.min()), float(ratios.max()))
-        rows.append((problem.n, solution.method.name, solution.iterations, *medians, *spread))
+        rows.append((problem.n, solution.method.name, solution.iterations, *medians, *spread(ratios)))
     heads = ("n", "method", "sweeps", "A @ z, ms", "solve, ms", "solve / (sweeps * A @ z)", "lowest", "highest")
     return Table(f"A strongly dominant (mu = {mu:g}), to Res <= 1e-8 Res(0) ({machine()})", heads, tuple(rows))
 
@@ -51,7 +49,7 @@ def impulse_cost(sizes: Sequence[int] = (961, 6001, 25_601, 100_001), repeats: i
     >>> impulse_cost([61], repeats=3).heads
     ('n', 'method', 'steps', 'error', 'factorisation, ms', 'solve, ms', 'solve / factorisation', 'lowest', 'highest')
     """
-    _at_least_three(repeats)
+    repeats = as_repeats(repeats)
     rows = []
     for n in sizes:
         built = scene("dividend", n)
@@ -60,9 +58,8 @@ def impulse_cost(sizes: Sequence[int] = (961, 6001, 25_601, 100_001), repeats: i
         units, solves = _in_turn(built.problem, partial(_factorised_solve, A, b), repeats)
         ratios = solves / units
         medians = [1e3 * float(np.median(x)) for x in (units, solves)]
-        spread = (float(np.median(ratios)), float(ratios.min()), float(ratios.max()))
         error = float(built.errors(solution.z)["V(1)"])
-        rows.append((built.problem.n, solution.method.name, solution.iterations, error, *medians, *spread))
+        rows.append((built.problem.n, solution.method.name, solution.iterations, error, *medians, *spread(ratios)))
     heads = ("n", "method", "steps", "error", "factorisation, ms", "solve, ms", "solve / factorisation")
     return Table(f"Impulse control ({machine()})", (*heads, "lowest", "highest"), tuple(rows))
 
@@ -86,8 +83,3 @@ def _factorised_solve(A: sp.csc_array, b: Vector) -> Vector:
     from scipy.sparse.linalg import splu
 
     return np.asarray(splu(A).solve(b))
-
-
-def _at_least_three(repeats: int) -> None:
-    if repeats < 3:
-        raise InputError(f"repeats is {repeats}; at least 3 were expected")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arrays import Vector, as_number
+from ..arrays import Vector, as_list, as_number
 from ..errors import IcpError, MapError, NotApplicable
 from ..methods import names as method_names
 from ..problem import ICP
@@ -39,7 +39,7 @@ def false_success(seeds: int = 10, n: int = 100, scenes: Sequence[str] = (), pro
     seeds = int(as_number(seeds, "seeds", least=1, whole=True))
     found: list[tuple[str, Counter[str]]] = []
     with status_line(progress) as say:
-        for name in scenes or names():
+        for name in as_list(scenes, "scenes") or names():
             say(f"scene {name}")
             count: Counter[str] = Counter()
             for seed in range(seeds):

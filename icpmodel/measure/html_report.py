@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ..arrays import Vector
+from ..arrays import Vector, as_number, described
 from ..crosscheck import crosscheck
 from ..errors import IcpError, InputError
 from ..explain import explain
@@ -54,11 +54,15 @@ def html_report(
     `z_exact` the solution, shape (n,), where it is known; `command` what makes the page again; `time_limit` in seconds
     for each independent solver; `say` is told what is going on.
     Returns the HTML text, about a megabyte at the most: figures are SVG within it, large fields pixels within those.
+    Raises InputError where an argument is no such thing.
 
     >>> page = html_report(ICP([[2, -1], [-1, 2]], [-1, 3]).solve(), title="A pair", time_limit=5)
     >>> page.startswith("<!DOCTYPE html>"), "<h2>Cross-check</h2>" in page
     (True, True)
     """
+    if not isinstance(solution, Solution):
+        raise InputError(f"solution is {described(solution)}; a Solution was expected")
+    time_limit = as_number(time_limit, "time_limit", above=0.0)
     problem = solution.problem
     parts: list[tuple[str, Callable[[], str]]] = [
         ("Answer", lambda: solution._repr_html_()),

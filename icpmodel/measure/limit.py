@@ -9,12 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..arrays import Vector
-from ..errors import InputError
 from ..maps import Affine, Elementwise
 from ..operators import quiet, ruge_stuben
 from ..problem import ICP
 from ..scenes import scene
-from .tables import Table, machine
+from .tables import Table, as_repeats, machine, spread
 
 
 def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
@@ -41,8 +40,7 @@ def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int
     >>> solve_cost([400], repeats=3).heads
     ('problem', 'n', 'method', 'solve, s', 'linear solve, s', 'ratio', 'lowest', 'highest')
     """
-    if repeats < 3:
-        raise InputError(f"repeats is {repeats}; at least 3 were expected")
+    repeats = as_repeats(repeats)
     for _, problem in _problems(900):
         problem.solve()  # compiles
     rows = []
@@ -57,9 +55,8 @@ def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int
                 linear_solve(problem.A, b)
                 pairs.append((between - begin, time.perf_counter() - between))
             ours, limit = np.array(pairs).T
-            ratios = ours / limit
-            median = (float(np.median(x)) for x in (ours, limit, ratios))
-            rows.append((name, problem.n, method, *median, float(ratios.min()), float(ratios.max())))
+            medians = (float(np.median(x)) for x in (ours, limit))
+            rows.append((name, problem.n, method, *medians, *spread(ours / limit)))
     heads = ("problem", "n", "method", "solve, s", "linear solve, s", "ratio", "lowest", "highest")
     return Table(f"solve() against one linear solve ({machine()})", heads, tuple(rows))
 

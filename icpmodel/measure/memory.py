@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
+from ..methods import named
+from .competitors import as_scenes, as_sizes
 from .tables import Table, machine
 
 #: the child: build, solve a smaller one (imports, compiles), forget the peak so far, solve, tell the peak
@@ -52,9 +54,11 @@ def memory(
     """
     if not Path("/proc/self/clear_refs").exists():
         raise InputError("memory is measured on Linux only: there is no /proc/self/clear_refs")
+    if method is not None:
+        named(method)
     rows = []
-    for text in scenes:
-        for n in sizes:
+    for text in as_scenes(scenes):
+        for n in as_sizes(sizes):
             command = [sys.executable, "-c", _CHILD, json.dumps([text, n, method])]
             done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | _RETURNED)
             if done.returncode != 0:

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import InputError
 from ..maps import Affine, Elementwise
 from ..problem import ICP
 from ..scenes import scene
-from .tables import Table, machine
+from .tables import Table, as_repeats, machine, spread
 
 #: language, model, n, what reads the model from scratch, and what writes the same expressions for another solver
 _Pair = tuple[str, str, int, Callable[[], object], Callable[[], object]]
@@ -32,8 +31,7 @@ def reading_cost(cvxpy_n: int = 1_000_000, pyomo_n: int = 100_000, repeats: int 
     >>> reading_cost(cvxpy_n=100, pyomo_n=100, repeats=3).heads[:5]
     ('language', 'model', 'n', 'read, s', 'its own writer, s')
     """
-    if repeats < 3:
-        raise InputError(f"repeats is {repeats}; at least 3 were expected")
+    repeats = as_repeats(repeats)
     rows = []
     for language, model, n, read, write in (*_cvxpy(cvxpy_n), *_pyomo(pyomo_n)):
         pairs = []
@@ -44,9 +42,8 @@ def reading_cost(cvxpy_n: int = 1_000_000, pyomo_n: int = 100_000, repeats: int 
             write()
             pairs.append((between - begin, time.perf_counter() - between))
         ours, theirs = np.array(pairs).T
-        ratios = ours / theirs
-        times = (float(np.median(ours)), float(np.median(theirs)), float(np.median(ratios)))
-        rows.append((language, model, n, *times, float(ratios.min()), float(ratios.max())))
+        medians = (float(np.median(x)) for x in (ours, theirs))
+        rows.append((language, model, n, *medians, *spread(ours / theirs)))
     heads = ("language", "model", "n", "read, s", "its own writer, s", "ratio", "lowest", "highest")
     return Table(f"Reading a model against its language's own writer ({machine()})", heads, tuple(rows))
 

@@ -104,6 +104,8 @@ def _transport(points: int, n: int, problem: ICP | None, method: str | None) -> 
 def _condition(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
     """Condition number × units of A, on the periodic tridiag(−1, 2 + ε, −1), ε = 4/κ, without contact."""
     _no_problem(problem)
+    if n < 3:
+        raise InputError(f"n is {n}; the plane condition needs a ring of at least 3 unknowns")
     sweep = named(method or "mnmgs")
     kappa = Axis("condition number", "condition number κ of A", np.geomspace(10.0, 1e12, points), log=True)
     scale = Axis("scale of A", "size of the entries of A", np.geomspace(1e-200, 1e200, points), log=True)

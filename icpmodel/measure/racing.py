@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector, as_number
+from ..arrays import Vector, as_list, as_number
 from ..driver import RTOL
 from ..errors import IcpError, InputError, Interrupted
 from ..methods import Method, named
@@ -153,7 +153,9 @@ def race(
     case = Case("this problem", as_icp(problem))
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
-    asked = sorted({as_number(one, "tolerances", above=0.0, below=1.0) for one in tolerances}, reverse=True)
+    asked = sorted(
+        {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}, reverse=True
+    )
     if not asked:
         raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
     field_, skipped = _field(case, methods, solvers)
@@ -178,14 +180,14 @@ def _field(
     own = {one.name: one for one in own_methods()}
     peers = {peer.name: Foreign(peer) for peer in RACERS}
     wanted: list[Competitor] = [Solve()]
-    for name in METHODS if methods is None else methods:
+    for name in METHODS if methods is None else as_list(methods, "methods"):
         if isinstance(name, Method):
             wanted.append(Own(repr(name), partial(_always, name)))
         else:
             wanted.append(own.get(name) or Own(name, partial(_always, named(name))))
-    for name in peers if solvers is None else solvers:
+    for name in peers if solvers is None else as_list(solvers, "solvers"):
         if name not in peers:
-            raise InputError(f"solvers has {name!r}; one of {', '.join(peers)} was expected")
+            raise InputError(f"solvers has {name!r}; one of {', '.join(map(repr, peers))} was expected")
         wanted.append(peers[name])
     reasons = [(one, one.why_not(case)) for one in wanted]
     return [one for one, no in reasons if no is None], [(one.name, no) for one, no in reasons if no is not None]

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import time
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector
-from ..errors import InputError
+from ..arrays import Vector, as_number
 from ..many import solve_many
 from ..problem import ICP
-from .tables import Table, machine
+from .tables import Table, as_repeats, machine
 
 #: what OSQP is asked for: its defaults, and what it takes to come near to a pivoting method's residual
 _SETTINGS: dict[str, dict[str, Any]] = {
@@ -35,8 +36,8 @@ def small_cost(n: int = 16, k: int = 10_000, repeats: int = 15) -> Table:
     >>> small_cost(n=8, k=3, repeats=3).heads
     ('problems', 'n', 'OSQP with', 'ours, us', 'OSQP, us', 'ratio', 'our residual', 'residual of OSQP')
     """
-    if repeats < 3:
-        raise InputError(f"repeats is {repeats}; at least 3 were expected")
+    repeats = as_repeats(repeats)
+    n, k = (int(as_number(value, name, least=1, whole=True)) for name, value in (("n", n), ("k", k)))
     rng = np.random.default_rng(0)
     problems = []
     for _ in range(20):
@@ -46,13 +47,14 @@ def small_cost(n: int = 16, k: int = 10_000, repeats: int = 15) -> Table:
     ICP(*problems[0]).solve()  # compiles
     solve_many(problems[0][0], Q[:2])
     rows = []
-    for name, settings in _SETTINGS.items():
-        ones = np.array([_one(problems, settings) for _ in range(repeats)])
-        rows.append(("one", n, name, *_summary(ones[:, [0, 1, 3, 4]], len(problems))))
-        rows.append(("one, arrays ready", n, name, *_summary(ones[:, [0, 2, 3, 4]], len(problems))))
-    for name, settings in _SETTINGS.items():
-        manies = [_many(problems[0][0], Q, settings) for _ in range(repeats)]
-        rows.append((f"{k} with one A", n, name, *_summary(np.array(manies), k)))
+    with contextlib.redirect_stdout(io.StringIO()):  # OSQP prints about polishing whatever one asks
+        for name, settings in _SETTINGS.items():
+            ones = np.array([_one(problems, settings) for _ in range(repeats)])
+            rows.append(("one", n, name, *_summary(ones[:, [0, 1, 3, 4]], len(problems))))
+            rows.append(("one, arrays ready", n, name, *_summary(ones[:, [0, 2, 3, 4]], len(problems))))
+        for name, settings in _SETTINGS.items():
+            manies = [_many(problems[0][0], Q, settings) for _ in range(repeats)]
+            rows.append((f"{k} with one A", n, name, *_summary(np.array(manies), k)))
     heads = ("problems", "n", "OSQP with", "ours, us", "OSQP, us", "ratio", "our residual", "residual of OSQP")
     return Table(f"Small LCPs against OSQP ({machine()})", heads, tuple(rows))
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Vector
+from ..arrays import Vector, described
 from ..errors import InputError
 from ..solution import Solution
 from ..theory.certificates.equations import nearer_to_obstacle
@@ -33,6 +33,8 @@ def solution_figure(solution: Solution, points: Vector | None = None) -> Figure:
     """
     from matplotlib.figure import Figure
 
+    if not isinstance(solution, Solution):
+        raise InputError(f"solution is {described(solution)}; a Solution was expected")
     n = solution.problem.n
     if points is not None and np.shape(points) not in ((n,), (n, 2)):
         raise InputError(f"points has shape {np.shape(points)}; ({n},) or ({n}, 2) was expected")

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Vector, as_number
+from ..arrays import Vector, as_number, described
 from ..errors import IcpError, InputError, Interrupted, MapError
 from ..loop import Limits
 from ..methods import Method
 from ..methods.modulus import ModulusMember
-from ..problem import ICP
+from ..problem import ICP, as_icp
 from ..progress import status_line
 from ..solution import Solution, Status
 from ..theory import check, check_all, theorems
@@ -185,7 +185,11 @@ def stability(
         if plane not in PLANES:
             raise InputError(f"plane is {plane!r}; one of {', '.join(PLANES)} was expected")
         points = int(as_number(points, "points", least=2, whole=True))
+        n = int(as_number(n, "n", least=1, whole=True))
+        problem = None if problem is None else as_icp(problem)
         plane = PLANES[plane](points=points, n=n, problem=problem, method=method)
+    elif not isinstance(plane, Plane):
+        raise InputError(f"plane is {described(plane)}; one of {', '.join(PLANES)} or a Plane was expected")
     elif problem is not None or method is not None:
         raise InputError("a Plane has its own problems and methods: leave problem and method out")
     limits = Limits(rtol=rtol, atol=0.0, max_iter=max_iter, time_limit=None)

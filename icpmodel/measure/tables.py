@@ -14,7 +14,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..arrays import as_number
 from ..errors import InputError
 from ..methods import named, names
 from ..scenes import scene
@@ -62,8 +64,7 @@ def sweep_cost(n: int = 1_000_000, repeats: int = 15, methods: Sequence[str] = (
     >>> sweep_cost(n=100, repeats=3, methods=("mnmgs",)).heads
     ('method', 'n', 'A @ z, ms', 'sweep, ms', 'sweep / (A @ z)', 'lowest', 'highest')
     """
-    if repeats < 3:
-        raise InputError(f"repeats is {repeats}; at least 3 were expected")
+    repeats = as_repeats(repeats)
     problem = scene("membrane", n).problem
     start = np.maximum(problem.psi.value(np.zeros(problem.n)), 0.0)
     rows = []
@@ -83,17 +84,7 @@ def sweep_cost(n: int = 1_000_000, repeats: int = 15, methods: Sequence[str] = (
             products.append((between - begin) / 2)
             sweeps.append((time.perf_counter() - between) / 2)
         ratios = np.array(sweeps) / np.array(products)
-        rows.append(
-            (
-                name,
-                problem.n,
-                1e3 * float(np.median(products)),
-                1e3 * float(np.median(sweeps)),
-                float(np.median(ratios)),
-                float(ratios.min()),
-                float(ratios.max()),
-            )
-        )
+        rows.append((name, problem.n, *(1e3 * float(np.median(x)) for x in (products, sweeps)), *spread(ratios)))
     heads = ("method", "n", "A @ z, ms", "sweep, ms", "sweep / (A @ z)", "lowest", "highest")
     return Table(f"One sweep with its residual against one product ({machine()})", heads, tuple(rows))
 
@@ -150,6 +141,25 @@ def grid_order(name: str = "dividend", sizes: Sequence[int] = (61, 241, 961), me
             order = float(np.log(before[quantity] / after[quantity]) / np.log(coarse.h / fine.h))
             rows.append((quantity, fine.problem.n, fine.h, after[quantity], order))
     return Table(f"Error against the closed form: {name}", ("quantity", "n", "h", "error", "order"), tuple(rows))
+
+
+def as_repeats(repeats: int) -> int:
+    """How many pairs of timings: below three a median says nothing. Raises InputError.
+
+    >>> as_repeats(2)
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: repeats is 2; a whole number >= 3 was expected
+    """
+    return int(as_number(repeats, "repeats", least=3, whole=True))
+
+
+def spread(ratios: NDArray[np.float64]) -> tuple[float, float, float]:
+    """The median, the lowest and the highest of `ratios`, as tables show them.
+
+    >>> spread(np.array([3.0, 1.0, 2.0]))
+    (2.0, 1.0, 3.0)
+    """
+    return float(np.median(ratios)), float(ratios.min()), float(ratios.max())
 
 
 def machine() -> str:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, NotApplicable
+from ..arrays import as_list, as_number
+from ..errors import NotApplicable
 from ..methods import Method, named
 from ..methods.accelerated import Accelerated
 from ..methods.modulus import MNMAOR, MNMMOD, MNMSOR
@@ -40,10 +41,10 @@ def tuned_and_automatic(
     >>> table.heads[3:8]
     ('best theta', 'tuned', 'auto', 'accelerated', 'tuned, ms')
     """
-    if repeats < 1:
-        raise InputError(f"repeats is {repeats}; at least 1 was expected")
+    repeats = int(as_number(repeats, "repeats", least=1, whole=True))
+    scenes, methods = as_list(on, "on") or names(), as_list(methods, "methods")
     rows: list[tuple[Any, ...]] = []
-    for one in (_sized(name, n) for name in on or names()):
+    for one in (_sized(name, n) for name in scenes):
         for name in methods:
             automatic = named(name, theta1="auto")
             if automatic.why_not(one.problem) is None and one.why_no_solution is None:
