@@ -121,6 +121,22 @@ class Target:
         return error_bound(self.problem, np.zeros(self.problem.n), sharp=False)
 
     @cached_property
+    def bounds(self) -> tuple[Vector, Vector, Vector] | None:
+        """z̄, p̄ and r̄, each of shape (n,), with |z*| ≤ z̄, p* ≤ p̄ and r* ≤ r̄ (∞ in free rows); None without `at_zero`.
+
+        δ of `at_zero`, |q| + |A|δ and |I − G|δ + |c|, each a little larger, as these sums round.
+
+        >>> Target(ICP([[2.0]], [-1.0])).bounds[1].round(6)
+        array([2.])
+        """
+        if self.at_zero.componentwise is None:
+            return None
+        z_max = self.at_zero.componentwise * (1 + 1e-9)
+        p_max = (np.abs(self.problem.q) + self.problem.absolute_A() @ z_max) * (1 + 1e-9)
+        r_max = (abs(self.I_minus_G) @ z_max + np.abs(self.c)) * (1 + 1e-9)
+        return z_max, p_max, r_max
+
+    @cached_property
     def unique(self) -> bool:
         """Whether at most one solution is proved to exist: by the certificate, or because S is positive definite.
 

@@ -24,7 +24,7 @@ _FEASIBLE = ("mip", "primal", "dual")
 class PyomoHighs(IndependentSolver):
     """HiGHS's branch and bound on the big-M form, of n ≤ 250 (it takes minutes beyond).
 
-    |z*| ≤ δ by the certificate at z = 0, hence p* ≤ |q| + |A|δ and r* ≤ δ + |G|δ + |c|.
+    Its bounds on p and r are `Target.bounds`.
 
     >>> import icpmodel as icp
     >>> PyomoHighs().solve(Target(icp.ICP([[2.0]], [-1.0], psi=1)), time_limit=10).z.round(9)
@@ -39,7 +39,7 @@ class PyomoHighs(IndependentSolver):
     def why_not(self, target: Target) -> str | None:
         """See `IndependentSolver.why_not`."""
         reason = missing("pyomo") or missing("highspy") or super().why_not(target)
-        if reason is None and target.at_zero.componentwise is None:
+        if reason is None and target.bounds is None:
             reason = f"no bounds on p and r for the big-M form: {target.at_zero.reason}"
         return reason
 
@@ -49,7 +49,7 @@ class PyomoHighs(IndependentSolver):
         from pyomo.contrib.appsi.solvers import Highs
         from pyomo.environ import TransformationFactory
 
-        model = _model(target, target.at_zero.componentwise)
+        model = _model(target, target.bounds)
         TransformationFactory("mpec.simple_disjunction").apply_to(model)
         TransformationFactory("gdp.bigm").apply_to(model)
         end = time.perf_counter() + time_limit
@@ -102,18 +102,13 @@ class PyomoIpopt(IndependentSolver):
         return Answer(z, claim, claim == "optimal")
 
 
-def _model(target: Target, delta: Vector | None) -> Any:
-    """The MPEC as a Pyomo model with variables z, p, r; `delta` bounds |z*|, shape (n,), or None for no bounds."""
+def _model(target: Target, bounds: tuple[Vector, Vector, Vector] | None) -> Any:
+    """The MPEC as a Pyomo model with variables z, p, r; `bounds` as `Target.bounds`, or None."""
     import pyomo.environ as pyo
     from pyomo.mpec import Complementarity, complements
 
     problem, B, held = target.problem, target.I_minus_G, np.flatnonzero(~target.free).tolist()
-    z_max = p_max = r_max = None
-    if delta is not None:
-        # a little more than the bound, as these sums round
-        z_max = delta * (1 + 1e-9)
-        p_max = (np.abs(problem.q) + problem.absolute_A() @ z_max) * (1 + 1e-9)
-        r_max = (abs(B) @ z_max + np.abs(target.c)) * (1 + 1e-9)
+    z_max, p_max, r_max = (None, None, None) if bounds is None else bounds
 
     def upper(bound: Vector | None, i: int) -> float | None:
         return None if bound is None else float(bound[i])

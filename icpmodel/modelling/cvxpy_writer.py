@@ -66,18 +66,20 @@ def _qp(target: Target) -> cp.Problem:
 
 
 def _mip(target: Target) -> cp.Problem:
-    delta = target.at_zero.componentwise
-    if delta is None:
+    if target.bounds is None:
         raise NotApplicable(f"no bounds on p and r for a mixed-integer program: {target.at_zero.reason}")
-    held, problem = ~target.free, target.problem
-    delta = delta * (1 + 1e-9)  # these sums round
-    p_max = (np.abs(problem.q) + problem.absolute_A() @ delta)[held] * (1 + 1e-9)
-    r_max = ((abs(target.I_minus_G) @ delta)[held] + np.abs(target.c[held])) * (1 + 1e-9)
+    held, (z_max, p_max, r_max) = ~target.free, target.bounds
     # without bounds on z HiGHS 1.15 crashes on some of these programs
-    z = cp.Variable(problem.n, bounds=[-delta, delta], name="z")
+    z = cp.Variable(target.problem.n, bounds=[-z_max, z_max], name="z")
     b = cp.Variable(int(held.sum()), boolean=True, name="b")
     p, r = _p_and_r(target, z)
-    rows = [p[held] >= 0, p[held] <= cp.multiply(p_max, b), r >= 0, r <= cp.multiply(r_max, 1 - b), p[~held] == 0]
+    rows = [
+        p[held] >= 0,
+        p[held] <= cp.multiply(p_max[held], b),
+        r >= 0,
+        r <= cp.multiply(r_max[held], 1 - b),
+        p[~held] == 0,
+    ]
     return cp.Problem(cp.Minimize(0), _not_empty(rows))
 
 

@@ -284,7 +284,7 @@ def test_the_bounds_of_the_big_m_form_come_from_the_certificate_at_zero() -> Non
     scene = icp.scenes.manufactured_affine(n=25)
     target = Target(scene.problem)
     delta, psi = target.at_zero.componentwise, scene.problem.psi
-    model = _model(target, delta)
+    model = _model(target, target.bounds)
     p_most = np.abs(scene.problem.q) + abs(scene.problem.A) @ delta
     r_most = delta + abs(psi.G) @ delta + np.abs(psi.c)
     for i in range(25):
