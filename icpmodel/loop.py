@@ -131,8 +131,9 @@ class Job:
         self.best: _Best | None = None
         self.current = start
         self.iteration = 0
-        self.tried: list[tuple[Choice, Status]] = []
+        self.tried: list[tuple[Choice, str]] = []
         self.successor: Choice | None = None
+        self.afresh = False
         self.infeasible: Answer | None = None
         self.records: list[tuple[int, float, float]] = []
 
@@ -153,7 +154,7 @@ class Job:
                         raise
                     continue
                 if not (self.successor and type(self.successor.method) is type(choice.method)):  # else it goes on
-                    self.tried.append((choice, status))
+                    self.tried.append((choice, "handed over" if self.successor else status.value))
                 if status not in _WORTH_ANOTHER_METHOD:
                     break
         except KeyboardInterrupt:  # while the next method was chosen
@@ -168,12 +169,13 @@ class Job:
         return self._solution(self.best, status, note)
 
     def _in_turn(self, choices: Iterator[Choice]) -> Iterator[tuple[Choice, Vector]]:
-        """Each choice with its start, and after it the one that it handed over to, which starts from the best z."""
+        """Each choice with its start, and after it the one it handed over to, from the best z or that start again."""
         for choice in choices:
-            yield choice, self.restart if self.tried else self.start
+            start = self.restart if self.tried else self.start
+            yield choice, start
             while self.successor is not None and self.best is not None:
                 following, self.successor = self.successor, None
-                yield following, self.best.z
+                yield following, start if self.afresh else self.best.z
 
     def _run(self, choice: Choice, start: Vector, bar: Bar) -> tuple[Status, str]:
         """One method from `start` until there is a reason to stop; Ctrl-C and a failing ψ are reasons like others."""
@@ -189,7 +191,7 @@ class Job:
                 raise
             return Status.MAP_FAILED, str(error)
         except HandOver as over:
-            self.successor = Choice(over.method, over.why)
+            self.successor, self.afresh = Choice(over.method, over.why, choice.hurry), over.afresh
             return Status.STAGNATED, over.why
         except Infeasible as proof:
             self.infeasible = proof.answer
@@ -296,7 +298,7 @@ class Job:
                 f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g}{by} "
                 f"({self.goal.wanted(best.z)}). Advice: {advice}"
             )
-        others = [f"{choice.method!r}: {ended.value}" for choice, ended in self.tried if choice is not best.choice]
+        others = [f"{choice.method!r}: {ended}" for choice, ended in self.tried if choice is not best.choice]
         why = "; ".join([best.choice.why, *(["also tried: " + ", ".join(others)] if others else [])])
         past = None
         if self.history:

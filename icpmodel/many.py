@@ -18,7 +18,7 @@ from .driver import RTOL
 from .errors import InputError, NotSolved
 from .loop import Limits
 from .maps import Constant
-from .methods.choose import is_small
+from .methods.choose import PIVOT_UP_TO
 from .problem import ICP
 from .solution import Status
 
@@ -112,7 +112,7 @@ def solve_many(
     k = max(len(Q), 1 if obstacles is None else len(obstacles))
     problem = ICP(A, Q[0], psi if obstacles is None else obstacles[0])
     job = _Job(problem, np.broadcast_to(Q, (k, problem.n)), obstacles, rtol, atol)
-    if is_small(problem):
+    if problem.is_lcp and problem.n <= PIVOT_UP_TO:
         job.pivot()
     for row in np.flatnonzero(~job.solved):
         job.solve(int(row))

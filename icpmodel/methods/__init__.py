@@ -31,13 +31,15 @@ SAFE_HINT = (1e-140, 1e140)
 class HandOver(Exception):
     """Raised by a method whose iterates lead no further: `method` is to go on from the best one, and `why` says why.
 
+    With `afresh` it begins where this one began.
+
     >>> HandOver(named("mnmgs"), "sweeps are enough").why
     'sweeps are enough'
     """
 
-    def __init__(self, method: Method, why: str) -> None:
+    def __init__(self, method: Method, why: str, *, afresh: bool = False) -> None:
         super().__init__(why)
-        self.method, self.why = method, why
+        self.method, self.why, self.afresh = method, why, afresh
 
 
 class Infeasible(Exception):

@@ -4,30 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..intervention import Intervention
+from ..maps import Affine, Constant
 from ..operators import factorise, rows_of
 from ..problem import ICP
-from ..theory.spectral import SMALL_RADIUS, jacobi_radius
-from . import Method
+from ..reduction import has_fixed_obstacle
+from ..theory.spectral import SMALL_RADIUS, couplings, radius_of
+from . import HandOver, Method
 from .lemke import Lemke
 from .linear import FACTORISE_UP_TO, has_band, is_factorised
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
 from .multilevel import Multilevel
 from .newton import Newton
+from .psor import PSOR
 
 #: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems
-_WORTH_RELAXING = 1.2
-#: a row is hardly dominant where its other entries weigh more than this share of its diagonal
+_WORTH_RELAXING = 1.05
+#: a row is hardly dominant where its couplings, as Gauss–Seidel feels them, sum up to more than this
 _HARDLY = 0.97
 #: from these sizes on multilevel is the quicker one where most rows are hardly dominant: bands, and all others
 _MULTILEVEL_FROM_ON_A_BAND, _MULTILEVEL_FROM = 100, 5000
 #: from these sizes on the best jumps are sought on coarser levels first: bands, and all others
 _JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
-#: up to this size an LCP costs less to pivot than to look at
-_PIVOT_UP_TO = 64
+#: up to this size it costs less to pivot than to look at the problem, and up to the second than what else there is
+#: where sweeps are slow
+PIVOT_UP_TO, _PIVOT_BEFORE_NEWTON_UP_TO = 64, 200
+#: so many sweeps cost less than to begin with another method: at least, at the most, and divided by n in between;
+#: where ψ moves so many more, as there the others cost more
+_SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS, _SWEEPS_OF_A_MOVING_PSI = 50, 250, 20_000, 100
 
 
 @dataclass(frozen=True)
@@ -46,11 +54,13 @@ class Choice:
 def choose(problem: ICP) -> Iterator[Choice]:
     """The methods to try on `problem`, best first; each is made only when the one before it has failed.
 
-    Lemke comes first for an LCP that is small, and up to n = 500 it follows on Newton.
-    Multilevel comes first where A is large and most of its rows are hardly dominant, so that sweeps would be slow.
+    Where n ≤ 64 and ψ is constant or affine Lemke comes first. Else, for D > 0, a few plain sweeps of PSOR are watched,
+    and where they show that many more would be needed the next method takes over:
+    Lemke for n ≤ 200 and constant or affine ψ (up to n = 500 it follows on Newton); Multilevel where A is large and
+    most of its rows are hardly dominant; sweeps that are overrelaxed by the estimated Jacobi radius where that is
+    below 1 and promises a gain, by PSOR where every ψ_i moves with its own z_i alone, else by MNMAOR; then Newton,
+    and MNMGS. Newton comes before the sweeps where the radius is not below 1.
     Where ψ is an intervention operator Newton comes first and Multilevel second, for large A the other way round.
-    Newton comes before the sweeps where D is not positive or the estimated Jacobi radius not below 1. Else it follows
-    on sweeps, which are overrelaxed first where the radius promises a gain.
     The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
     dominance. Newton and MNMMOD are left out where A is too large to be factorised, and where ψ has no derivative
     Newton, and Multilevel unless every ψ_i moves with its own z_i alone.
@@ -59,7 +69,53 @@ def choose(problem: ICP) -> Iterator[Choice]:
     Lemke()
     """
     if is_small(problem):
-        yield Choice(Lemke(), f"with n = {problem.n} pivoting solves an LCP at once")
+        yield Choice(Lemke(), f"with n = {problem.n} and constant or affine psi pivoting is done at once")
+    yield from after_trial(problem, without_trial(problem))
+
+
+def is_small(problem: ICP) -> bool:
+    """Whether ψ is constant or affine and n so small that pivoting comes first.
+
+    >>> is_small(ICP([[2.0]], [1.0]))
+    True
+    """
+    return problem.n <= PIVOT_UP_TO and isinstance(problem.psi, Constant | Affine)
+
+
+def after_trial(problem: ICP, others: Iterator[Choice]) -> Iterator[Choice]:
+    """A few plain sweeps where D > 0, which hand over to the first of the `others` where they are slow; the `others`.
+
+    >>> problem = ICP([[2.0]], [1.0])
+    >>> [choice.method for choice in after_trial(problem, iter([Choice(MNMGS(), "because")]))]
+    [PSOR(), MNMGS()]
+    """
+    if not isinstance(problem.psi, Intervention) and (rows_of(problem).diagonal > 0).all():
+        why = "plain sweeps are watched: they stay as long as they are quick"
+        yield Choice(PSOR.on_trial(_worth(problem), lambda: _next(others)), why, hurry=True)
+    yield from others
+
+
+def _next(others: Iterator[Choice]) -> HandOver | None:
+    """To the next choice, which goes on from the best iterate unless it begins on coarser levels."""
+    choice = next(others, None)
+    if choice is None:
+        return None
+    why = f"{choice.why} (plain sweeps were slow)"
+    return HandOver(choice.method, why, afresh=not isinstance(choice.method, PSOR | MNMAOR))
+
+
+def _worth(problem: ICP) -> float:
+    """How many sweeps cost less than what comes after them."""
+    more = 0 if has_fixed_obstacle(problem) else _SWEEPS_OF_A_MOVING_PSI
+    return more + min(_SWEEPS + _SMALL_SWEEPS / problem.n, _MOST_SWEEPS)
+
+
+def without_trial(problem: ICP) -> Iterator[Choice]:
+    """What `choose` has after the first sweeps.
+
+    >>> next(without_trial(ICP([[2.0, -2.0], [-2.0, 2.0]], [1.0, 1.0], np.sin))).method
+    MNMAOR(phi2=<2 values>, theta1=997.501, theta2=1995)
+    """
     positive = bool((rows_of(problem).diagonal > 0).all())
     if isinstance(problem.psi, Intervention):
         large = problem.n >= (_JUMPS_FROM_ON_A_BAND if has_band(problem) else _JUMPS_FROM)
@@ -72,6 +128,8 @@ def choose(problem: ICP) -> Iterator[Choice]:
         if positive:
             yield Choice(MNMJ(), "Jacobi with Omega = D is monotone where A is a Z-matrix and psi isotone")
         return
+    if _pivots_first(problem):
+        yield Choice(Lemke(), f"with n = {problem.n} and constant or affine psi pivoting costs least")
     if positive:
         yield from _sweeps_and_newton(problem)
         yield Choice(MNMJ(), "projected Jacobi is proved wherever one v > 0 gives <A>v > 0 and (I - G)v > 0")
@@ -80,40 +138,35 @@ def choose(problem: ICP) -> Iterator[Choice]:
     yield from _factorised(problem, "M1 = A needs no diagonal dominance")
 
 
-def is_small(problem: ICP) -> bool:
-    """Whether it is an LCP so small that pivoting comes first.
-
-    >>> is_small(ICP([[2.0]], [1.0]))
-    True
-    """
-    return problem.n <= _PIVOT_UP_TO and problem.is_lcp
+def _pivots_first(problem: ICP) -> bool:
+    """Whether pivoting comes before Newton: `is_small` has had its turn already."""
+    simple = isinstance(problem.psi, Constant | Affine)
+    return simple and not is_small(problem) and problem.n <= _PIVOT_BEFORE_NEWTON_UP_TO
 
 
 def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
-    """What there is for D > 0: sweeps, and before them what is quicker where they would be slow, Newton else after."""
+    """What there is for D > 0 where plain sweeps are slow."""
     yield from _multilevel(problem)
     rows = rows_of(problem)
     # from the row sums alone where they already show that relaxation gains nothing
     with np.errstate(over="ignore"):
         radius = float((rows.rest / rows.diagonal).max())
     if radius > SMALL_RADIUS:
-        radius = problem.remembered("jacobi radius", lambda: jacobi_radius(problem.A))
+        radius = problem.remembered("jacobi radius", lambda: radius_of(_couplings(problem)))
     omega = 2.0 / (1.0 + np.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
-    relax = omega >= _WORTH_RELAXING
-    slow = ""
-    if radius >= 1.0:
-        slow = f"sweeps need a Jacobi radius below 1, the estimate is {radius:.4g}"
+    slow = radius >= 1.0
     if slow:
-        yield from _newton(problem, slow)
-    if relax:
-        why = f"relaxed for the estimated Jacobi radius {radius:.4f}"
-        yield Choice(overrelaxed(problem, 0.98 * omega), why, hurry=True)
-        why = "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope"
-    else:
-        why = f"sweeps need no relaxation here (estimated Jacobi radius {radius:.4f})"
-    yield Choice(MNMGS(), why, hurry=True)
+        yield from _newton(problem, f"sweeps need a Jacobi radius below 1, the estimate is {radius:.4g}")
+    if omega >= _WORTH_RELAXING:
+        relaxed = PSOR(omega=0.98 * omega) if has_fixed_obstacle(problem) else overrelaxed(problem, 0.98 * omega)
+        yield Choice(relaxed, f"relaxed for the estimated Jacobi radius {radius:.4f}", hurry=True)
     if not slow:
         yield from _newton(problem, "Newton's method does not depend on a splitting")
+    yield Choice(MNMGS(), "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope", hurry=True)
+
+
+def _couplings(problem: ICP) -> Any:
+    return problem.remembered("couplings", lambda: couplings(problem.A))
 
 
 def _multilevel(problem: ICP) -> Iterator[Choice]:
@@ -123,6 +176,8 @@ def _multilevel(problem: ICP) -> Iterator[Choice]:
     if problem.n < least:
         return
     share = np.mean(rows.rest > _HARDLY * rows.diagonal)
+    if share > 0.5:  # what flows through A in one direction only does not slow sweeps down
+        share = np.mean(_couplings(problem) @ np.ones(problem.n) > _HARDLY)
     multilevel = Multilevel()
     if share > 0.5 and multilevel.why_not(problem) is None:
         yield Choice(multilevel, f"{share:.0%} of the rows are hardly dominant: sweeps would be slow")
@@ -140,7 +195,7 @@ def _newton(problem: ICP, why: str) -> Iterator[Choice]:
     newton, lemke = Newton(), Lemke()
     if newton.why_not(problem) is None and is_factorised(problem):
         yield Choice(newton, why)
-    if not is_small(problem) and lemke.why_not(problem) is None:
+    if problem.n > _PIVOT_BEFORE_NEWTON_UP_TO and lemke.why_not(problem) is None:
         yield Choice(lemke, "pivoting ends for every P-matrix and every semidefinite A")
 
 

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..arrays import as_number, diagonal_positions
+import numpy as np
+
+from ..arrays import Vector, as_number, diagonal_positions
 from ..operators import Step, compiled_step
 from ..problem import ICP
-from . import FixedPoint, positive_diagonal
+from . import FixedPoint, HandOver, positive_diagonal
+
+#: sweeps on trial are looked at after so many, and whenever their number has doubled
+_LOOK = 10
+#: whether they are quick is judged by how many more bring the residual to this share of the first one
+_SHARE = 1e-8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -25,6 +33,22 @@ class PSOR(FixedPoint):
     name: ClassVar[str] = "psor"
     to_try: ClassVar[str] = "a smaller omega"
     omega: float = 1.0
+    #: on trial: how many more sweeps are worth it, and what comes where they are not
+    trial: ClassVar[tuple[float, Callable[[], HandOver | None]] | None] = None
+
+    @classmethod
+    def on_trial(cls, sweeps: float, then: Callable[[], HandOver | None]) -> PSOR:
+        """Plain sweeps that hand over where the observed rate says that they need more than so many `sweeps`.
+
+        Parameters: `then` is called at that point, and says to which method, or None: then they stay.
+
+        >>> problem = ICP([[2, -1, 0], [-1, 2, -1], [0, -1, 2]], [-1, -1, -1])
+        >>> problem.solve(PSOR.on_trial(5, lambda: HandOver(PSOR(omega=1.2), "too slow"))).method
+        PSOR(omega=1.2)
+        """
+        new = cls()
+        object.__setattr__(new, "trial", (sweeps, then))
+        return new
 
     def __post_init__(self) -> None:
         as_number(self.omega, "omega", above=0, below=2)
@@ -38,3 +62,32 @@ class PSOR(FixedPoint):
         A = problem.A
         matrix: tuple[Any, ...] = (A.indptr, A.indices, A.data, diagonal_positions(A), problem.q)
         return compiled_step(problem, "projected", matrix, (self.omega / A.diagonal(), True))
+
+    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+        """See `Method.iterates`. On trial it raises HandOver where the sweeps are slow."""
+        residuals: list[float] = []
+        look = _LOOK if self.trial else 0
+        for z, residual in super().iterates(problem, z):
+            yield z, residual
+            if look:
+                assert residual is not None
+                residuals.append(residual)
+                if len(residuals) > look:
+                    look = 2 * look if self._stays(residuals) else 0
+
+    def _stays(self, residuals: list[float]) -> bool:
+        """Whether to look again. Raises HandOver where the second half of the `residuals` shows slow sweeps."""
+        assert self.trial is not None
+        sweeps, then = self.trial
+        first, half, last = residuals[0], residuals[len(residuals) // 2], residuals[-1]
+        if last <= _SHARE * first:
+            return False
+        with np.errstate(all="ignore"):
+            speed = np.log(np.float64(half) / last) / (len(residuals) - 1 - len(residuals) // 2)
+            needed = np.log(np.float64(last) / (_SHARE * first)) / speed
+        if speed > 0 and needed <= sweeps:
+            return True
+        over = then()
+        if over is None:
+            return False
+        raise over

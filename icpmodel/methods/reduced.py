@@ -39,7 +39,7 @@ from ..reduction import (
     without,
 )
 from . import HandOver, Infeasible, Method
-from .choose import Choice, choose
+from .choose import Choice, after_trial, choose, is_small, without_trial
 from .multilevel import Multilevel
 
 #: more than this share of open rows is not worth the trouble, and more than the second one, before a sweep is made,
@@ -139,7 +139,7 @@ class Reduced(Method):
         opened = found.opened + 1
         wider = _opened(found.problem, found.open, p < 0, p, _SLACK**opened)
         if wider is None or opened > _ROUNDS:
-            raise HandOver(next(choose(problem)).method, "too many rows leave the obstacle")
+            raise HandOver(next(without_trial(problem)).method, "too many rows leave the obstacle")
         following = replace(without(found.problem, wider), opened=opened, radius=radius)
         raise HandOver(Reduced.on(following), repr(following))
 
@@ -152,6 +152,7 @@ class _Part:
 
     def __init__(self, problem: ICP, rows: Rows, z: Vector) -> None:
         self.problem, self.rows, self.z = problem, rows, z[rows]
+        self.start = self.z
         residual = problem.residual(self.z)
         self.residual = residual if residual < np.inf else np.inf
         self.choices = choose(problem)
@@ -163,11 +164,11 @@ class _Part:
         """One step of the method, or the next method where it fails: `over` where none is left."""
         try:
             if self.path is None:
-                self._begin(next(self.choices).method)
+                self._begin(next(self.choices).method, self.z)
             assert self.path is not None
             z, hint = next(self.path)
         except HandOver as to:
-            self._begin(to.method)
+            self._begin(to.method, self.start if to.afresh else self.z)
             return
         except StopIteration:
             self.over = True
@@ -184,8 +185,8 @@ class _Part:
         if self.steps >= 2 * self.milestone_at:  # Brent's cycle search
             self.milestone_at, self.milestone = self.steps, z
 
-    def _begin(self, method: Method) -> None:
-        self.path, self.steps, self.better_at = method.iterates(self.problem, self.z), 0, 0
+    def _begin(self, method: Method, start: Vector) -> None:
+        self.path, self.steps, self.better_at = method.iterates(self.problem, start), 0, 0
         self.milestone_at, self.milestone = 1, self.z[:0]  # no z is equal to that
 
 
@@ -230,23 +231,32 @@ def choices(problem: ICP) -> Iterator[Choice]:
     """The methods that `solve` tries when none is named: what `choose` has for the whole problem, and before it
     `Reduced` where that is found to pay.
 
-    Strong components are looked for where n > 64, rows at rest only where `Multilevel` would be the first: sweeps
-    and factorisations of easier matrices cost less than to look for them.
+    Strong components are looked for where n > 64, rows at rest only where the first plain sweeps were slow and
+    `Multilevel` would be the next: sweeps and factorisations of easier matrices cost less than to look for them.
 
     >>> next(choices(ICP(np.eye(100), np.ones(100)))).why
     'n = 100 -> 0 rows still open: 100 follow one by one'
     """
-    usual, found = choose(problem), None
-    if problem.n > PIVOT_UP_TO:
-        found = _structure(problem, _WORTH * problem.n)
-        if found is None:
-            first = next(usual, None)
-            usual = chain([] if first is None else [first], usual)
-            if first is not None and isinstance(first.method, Multilevel):
-                found = _at_rest(problem)
+    if is_small(problem):
+        yield from choose(problem)
+        return
+    found = _structure(problem, _WORTH * problem.n) if problem.n > PIVOT_UP_TO else None
     if found is not None:
         yield Choice(Reduced.on(found), repr(found), hurry=True)
-    yield from usual
+    yield from after_trial(problem, _where_slow(problem, found is None))
+
+
+def _where_slow(problem: ICP, look: bool) -> Iterator[Choice]:
+    """The methods after the first sweeps, with a `look` for rows at rest before `Multilevel`."""
+    usual = without_trial(problem)
+    first = next(usual, None)
+    if first is None:
+        return
+    if look and isinstance(first.method, Multilevel):
+        found = _at_rest(problem)
+        if found is not None:
+            yield Choice(Reduced.on(found), repr(found), hurry=True)
+    yield from chain([first], usual)
 
 
 def _found(problem: ICP) -> Blocks | None:
