@@ -133,7 +133,6 @@ class Job:
         self.iteration = 0
         self.tried: list[tuple[Choice, str]] = []
         self.successor: Choice | None = None
-        self.afresh = False
         self.infeasible: Answer | None = None
         self.records: list[tuple[int, float, float]] = []
 
@@ -171,11 +170,10 @@ class Job:
     def _in_turn(self, choices: Iterator[Choice]) -> Iterator[tuple[Choice, Vector]]:
         """Each choice with its start, and after it the one it handed over to, from the best z or that start again."""
         for choice in choices:
-            start = self.restart if self.tried else self.start
-            yield choice, start
+            yield choice, (start := self.restart if self.tried else self.start)
             while self.successor is not None and self.best is not None:
                 following, self.successor = self.successor, None
-                yield following, start if self.afresh else self.best.z
+                yield following, start if following.afresh else self.best.z
 
     def _run(self, choice: Choice, start: Vector, bar: Bar) -> tuple[Status, str]:
         """One method from `start` until there is a reason to stop; Ctrl-C and a failing ψ are reasons like others."""
@@ -191,7 +189,7 @@ class Job:
                 raise
             return Status.MAP_FAILED, str(error)
         except HandOver as over:
-            self.successor, self.afresh = Choice(over.method, over.why, choice.hurry), over.afresh
+            self.successor = Choice(over.method, over.why, choice.hurry, over.afresh)
             return Status.STAGNATED, over.why
         except Infeasible as proof:
             self.infeasible = proof.answer

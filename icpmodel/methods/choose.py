@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +27,8 @@ from .psor import PSOR
 _WORTH_RELAXING = 1.05
 #: a row is hardly dominant where its couplings, as Gauss–Seidel feels them, sum up to more than this
 _HARDLY = 0.97
+#: and a matrix with this mean, at most 1 for every H-matrix, is nothing for multigrid
+_FAR = 2.0
 #: from these sizes on multilevel is the quicker one where most rows are hardly dominant: bands, and all others
 _MULTILEVEL_FROM_ON_A_BAND, _MULTILEVEL_FROM = 100, 5000
 #: from these sizes on the best jumps are sought on coarser levels first: bands, and all others
@@ -40,7 +43,8 @@ _SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS, _SWEEPS_OF_A_MOVING_PSI = 50, 250, 20_000,
 
 @dataclass(frozen=True)
 class Choice:
-    """A method and the sentence on why it was picked; `hurry` where another one waits that is more certain.
+    """A method and the sentence on why it was picked; `hurry` where another one waits that is more certain, `afresh`
+    where it begins where the one began that handed over to it.
 
     >>> Choice(MNMGS(), "because").why
     'because'
@@ -49,6 +53,7 @@ class Choice:
     method: Method
     why: str
     hurry: bool = False
+    afresh: bool = False
 
 
 def choose(problem: ICP) -> Iterator[Choice]:
@@ -153,7 +158,7 @@ def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
         radius = float((rows.rest / rows.diagonal).max())
     if radius > SMALL_RADIUS:
         radius = problem.remembered("jacobi radius", lambda: radius_of(_couplings(problem)))
-    omega = 2.0 / (1.0 + np.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
+    omega = 2.0 / (1.0 + math.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
     slow = radius >= 1.0
     if slow:
         yield from _newton(problem, f"sweeps need a Jacobi radius below 1, the estimate is {radius:.4g}")
@@ -175,9 +180,10 @@ def _multilevel(problem: ICP) -> Iterator[Choice]:
     least = _MULTILEVEL_FROM_ON_A_BAND if has_band(problem) else _MULTILEVEL_FROM
     if problem.n < least:
         return
-    share = np.mean(rows.rest > _HARDLY * rows.diagonal)
+    share = float(np.mean(rows.rest > _HARDLY * rows.diagonal))
     if share > 0.5:  # what flows through A in one direction only does not slow sweeps down
-        share = np.mean(_couplings(problem) @ np.ones(problem.n) > _HARDLY)
+        sums = _couplings(problem) @ np.ones(problem.n)
+        share = float(np.mean(sums > _HARDLY)) if sums.mean() <= _FAR else 0.0
     multilevel = Multilevel()
     if share > 0.5 and multilevel.why_not(problem) is None:
         yield Choice(multilevel, f"{share:.0%} of the rows are hardly dominant: sweeps would be slow")
