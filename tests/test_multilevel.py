@@ -304,7 +304,7 @@ class TestHandOver:
         solution = scenes.hand_cyclic().problem.solve(icp.Multilevel())
         assert isinstance(solution.method, icp.Newton)
         assert "multilevel no longer reduced the residual" in solution.why
-        assert "also tried: Multilevel(): stagnated" in solution.why
+        assert "also tried: Multilevel(): handed over" in solution.why
 
     def test_it_starts_from_the_best_iterate(self):
         problem = scenes.hand_cyclic().problem

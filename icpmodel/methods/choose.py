@@ -118,8 +118,8 @@ def _worth(problem: ICP) -> float:
 def without_trial(problem: ICP) -> Iterator[Choice]:
     """What `choose` has after the first sweeps.
 
-    >>> next(without_trial(ICP([[2.0, -2.0], [-2.0, 2.0]], [1.0, 1.0], np.sin))).method
-    MNMAOR(phi2=<2 values>, theta1=997.501, theta2=1995)
+    >>> next(without_trial(ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0], np.sin))).method
+    MNMAOR(phi2=<2 values>, theta1=1.0477, theta2=2.09541)
     """
     positive = bool((rows_of(problem).diagonal > 0).all())
     if isinstance(problem.psi, Intervention):
