@@ -67,8 +67,8 @@ class PSOR(FixedPoint):
         """See `Method.iterates`. On trial it raises HandOver where the sweeps are slow."""
         residuals: list[float] = []
         look = _LOOK if self.trial else 0
-        for z, residual in super().iterates(problem, z):
-            yield z, residual
+        for iterate, residual in super().iterates(problem, z):
+            yield iterate, residual
             if look:
                 assert residual is not None
                 residuals.append(residual)
