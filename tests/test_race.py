@@ -22,17 +22,20 @@ def bai():
     return icp.race(BAI.problem, ["mnmgs"], ["osqp"], z_exact=BAI.z_exact, tolerances=TOLERANCES, repeats=2)
 
 
-def test_every_competitor_runs_at_every_tolerance_in_every_round(bai):
-    assert {(one.name, one.tolerance) for one in bai.entries} == {
-        (name, tolerance) for name in ("solve()", "mnmgs", "osqp") for tolerance in TOLERANCES
-    }
+def test_every_competitor_runs_at_every_tolerance_that_it_has_not_yet_reached_in_every_round(bai):
+    for name in ("solve()", "mnmgs", "osqp"):
+        residuals = {one.tolerance: one.residual for one in bai.entries if one.name == name}
+        reached = 1.0
+        for tolerance in TOLERANCES:
+            assert (tolerance in residuals) is (tolerance < reached), name
+            reached = residuals.get(tolerance, reached)
     assert all(len(one.seconds) == 2 and min(one.seconds) > 0 for one in bai.entries)
     assert bai.limit > 0
 
 
 def test_the_error_is_that_of_the_z_that_solve_returns(bai):
-    for tolerance in TOLERANCES:
-        (entry,) = (one for one in bai.entries if (one.name, one.tolerance) == ("mnmgs", tolerance))
+    for entry in (one for one in bai.entries if one.name == "mnmgs"):
+        tolerance = entry.tolerance
         z = BAI.problem.solve("mnmgs", rtol=tolerance).z
         assert entry.error == np.abs(z - BAI.z_exact).max()
         assert entry.residual == BAI.problem.residual(z) / BAI.problem.residual(np.zeros(100))

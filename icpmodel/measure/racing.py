@@ -137,6 +137,8 @@ def race(
 ) -> Race:
     """Own methods and independent solvers at every tolerance, set-up included, in turn, `repeats` times.
 
+    A competitor whose answer is already as good as a smaller tolerance asks for is not run at that one again.
+
     The error is max|z − z*| where `z_exact` is given; else |z − ẑ| + β, a certified bound, with a polished answer ẑ and
     its own error bound β; else, where there is no bound, Res(z)/Res(0). One measure holds for all of a race.
     Parameters: `methods` by name ("mnmaor, tuned" and "psor, tuned" have the ω of the estimated Jacobi radius) or as
@@ -235,13 +237,14 @@ def _time(
     for one in competitors:
         say(f"{one.name}: warming up")
         one.run(case, tolerances[0], limit)  # imports and compiles
-    spent: set[str] = set()
+    enough: dict[str, float] = {}  # name → tolerances from this one on need no run of their own, 0 for none at all
     for k in range(repeats):
         order = competitors[k % len(competitors) :] + competitors[: k % len(competitors)]
         for tolerance in tolerances:
             for one in order:
                 key = one.name, tolerance
-                if (k == 0 and one.name in spent) or (k > 0 and not _again(entries.get(key))):
+                wanted = tolerance < enough.get(one.name, 1.0) if k == 0 else _again(entries.get(key))
+                if not wanted:
                     continue
                 say(f"round {k + 1} of {repeats}: {one.name} at {tolerance:.0e}")
                 run = one.run(case, tolerance, limit)
@@ -262,7 +265,9 @@ def _time(
                     wrong=wrong,
                 )
                 if run.seconds > limit or run.z is None:
-                    spent.add(one.name)
+                    enough[one.name] = 0.0
+                elif residual is not None:  # it has reached more than it was asked for
+                    enough[one.name] = residual
 
 
 def _again(entry: Entry | None) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..intervention import Intervention
 from ..maps import Affine, Constant
-from ..operators import factorise, rows_of
+from ..operators import rows_of
 from ..problem import ICP
 from ..reduction import has_fixed_obstacle
 from ..theory.spectral import SMALL_RADIUS, couplings, radius_of
@@ -21,6 +21,7 @@ from .linear import FACTORISE_UP_TO, has_band, is_factorised
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
 from .multilevel import Multilevel
 from .newton import Newton
+from .parameters import scale_of, sor
 from .psor import PSOR
 
 #: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems
@@ -221,13 +222,7 @@ def _factorised(problem: ICP, why: str) -> Iterator[Choice]:
     """MNMMOD with θ₁ = √(‖A‖_∞/‖A⁻¹1‖_∞), for an M-matrix the mean of its largest and smallest scale."""
     if not is_factorised(problem):
         return
-    rows = rows_of(problem)
-    size = float((rows.rest + np.abs(rows.diagonal)).max())
-    lu = factorise(problem.A)
-    inverse = np.inf if lu is None else float(np.abs(lu.solve(np.ones(problem.n))).max())
-    theta1 = float(np.sqrt(size / inverse)) if 0 < inverse < np.inf else size
-    if not 0 < theta1 < np.inf:
-        theta1 = 1.0
+    theta1 = scale_of(problem)
     yield Choice(MNMMOD(theta1=theta1), f"{why}; theta1 from the norms of A and its inverse")
     for factor in (0.5, 2.0):
         yield Choice(MNMMOD(theta1=factor * theta1), f"{why}; theta1 changed by a factor of {factor:g}")
@@ -236,11 +231,10 @@ def _factorised(problem: ICP, why: str) -> Iterator[Choice]:
 def overrelaxed(problem: ICP, omega: float) -> MNMAOR:
     """MNMAOR with X = 2(D/ω − L) and Ω = (2 − ω)D: on the rows where p < Ωr it is successive overrelaxation.
 
-    Parameters: `omega` in (0, 2). The small Ω keeps overrelaxed rows near the contact set from flipping sides.
+    Parameters: `omega` in (0, 2). Reference: `parameters.sor`.
 
     >>> overrelaxed(ICP([[2.0]], [-1.0]), 1.0)
     MNMAOR(phi2=<1 values>, theta2=2)
     """
-    share = 2.0 - omega
-    theta1 = 1.0 / (2.0 / omega - share)
-    return MNMAOR(theta1=theta1, theta2=2.0 * theta1, phi2=share * problem.A.diagonal())
+    theta1, phi2 = sor(problem, omega)
+    return MNMAOR(theta1=theta1, theta2=2.0 * theta1, phi2=phi2)
