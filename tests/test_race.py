@@ -29,7 +29,10 @@ def test_every_competitor_runs_at_every_tolerance_that_it_has_not_yet_reached_in
         for tolerance in TOLERANCES:
             assert (tolerance in residuals) is (tolerance < reached), name
             reached = residuals.get(tolerance, reached)
-    assert all(len(one.seconds) == 2 and min(one.seconds) > 0 for one in bai.entries)
+    for one in bai.entries:
+        assert len(one.seconds) == 2
+        assert 0 < one.build < min(one.seconds)
+        assert one.build + (one.setup or 0.0) < max(one.seconds)
     assert bai.limit > 0
 
 

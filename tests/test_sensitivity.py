@@ -21,6 +21,14 @@ def test_random_changes_move_z_by_no_more_than_the_condition_number(name):
     assert found.local is not None
     assert found.observed is not None
     assert 0 < found.observed <= found.local * (1.001 if found.exact else 3.0)
+    if found.certified is not None:
+        assert max(found.observed, found.local) <= found.certified * 1.001
+
+
+def test_the_certificate_knows_the_condition_of_an_equation():
+    """z = −q/a without an obstacle near: the proof gives 2 as well, up to rounding."""
+    assert sensitivity(icp.ICP([[3.0]], [-6.0]).solve()).certified == pytest.approx(2.0, rel=1e-6)
+    assert sensitivity(icp.scenes.hard_many().problem.solve(), trials=1).certified is None
 
 
 def test_a_scalar_equation_has_condition_two():

@@ -187,7 +187,7 @@ class Piqp(Peer):
         dense = qp.P.nnz > _DENSE * qp.q.size**2
         model = piqp.DenseSolver() if dense else piqp.SparseSolver()
         settings = model.settings
-        settings.verbose, settings.max_iter = False, 1000
+        settings.verbose = False  # and at most 250 iterations: it has no time limit
         settings.eps_abs = settings.eps_rel = self.tolerance
         settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = self.tolerance
         K, equal = sp.csr_array(qp.K), qp.lower == qp.upper

@@ -19,7 +19,7 @@ _EXACT = 0.1
 
 
 def race_figure(found: Race) -> Figure:
-    """Left: time against error, accuracy growing to the right; right: set-up and the rest, to Res(z) ≤ 1e-8·Res(0).
+    """Left: time against error, more accurate to the right; right: build, set-up and the rest, to Res ≤ 1e-8·Res(0).
 
     A marker is a run to one tolerance, the bar on it the spread of the rounds, the thin line the path of one run; a
     hollow marker says "solved" and is not. The dashed line is one linear solve with A. Returns a matplotlib figure.
@@ -94,17 +94,18 @@ def _points(axes: Any, mine: list[Entry], colour: str, marker: str, floor: float
 
 
 def _bars(axes: Any, found: Race, colours: dict[str, str]) -> None:
-    """For each competitor the first run that reached the residual: set-up, hatched, and the rest."""
+    """For each competitor the first run that reached the residual: build, dotted, set-up, striped, and the rest."""
     best: dict[str, Entry] = {}
     for entry in found.entries:
         if entry.residual is not None and entry.residual <= RTOL and entry.name not in best:
             best[entry.name] = entry
     slowest_first = sorted(best.items(), key=lambda item: -item[1].median)
     for k, (name, entry) in enumerate(slowest_first):
-        setup = entry.setup or 0.0
         axes.barh(k, entry.median, color=colours[name], alpha=0.85, height=0.6)
-        if setup:
-            axes.barh(k, setup, color="white", edgecolor=colours[name], hatch="////", height=0.6)
+        axes.barh(k, entry.build, color="white", edgecolor=colours[name], hatch="....", height=0.6)
+        if entry.setup:
+            style = {"color": "white", "edgecolor": colours[name], "hatch": "////", "height": 0.6}
+            axes.barh(k, entry.setup, left=entry.build, **style)
     axes.set_yticks(range(len(best)), [name for name, _ in slowest_first], fontsize=8)
-    axes.set_xlabel(f"time to Res(z) ≤ {RTOL:g} Res(0), s\n(hatched: set-up, if known)")
+    axes.set_xlabel(f"time to Res(z) ≤ {RTOL:g} Res(0), s\n(dots: build, stripes: set-up)")
     axes.grid(axis="x", alpha=0.3)

@@ -28,15 +28,17 @@ METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
 _WRONG = 10.0
 #: a run that takes so many seconds is timed once
 _ONCE = 1.0
+#: how often what a competitor is given is made, for the median
+_BUILDS = 3
 #: iterates of a run of which the error is computed, in geometric progression
 _TRACED = 60
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One competitor at one `tolerance`: `seconds` of each round, `setup` seconds among them (None: not known apart),
-    `error` in the race's measure, `residual` Res(z)/Res(0), its `claim`, and whether that is `wrong`: success, at a
-    residual of ten times the tolerance or more.
+    """One competitor at one `tolerance`: `seconds` of each round, and among them `build` seconds to make the ICP or the
+    QP and `setup` seconds of the solver (None: not known apart); `error` in the race's measure, `residual`
+    Res(z)/Res(0), its `claim`, and whether that is `wrong`: success, at a residual of ten times the tolerance or more.
 
     >>> Entry("osqp", "peer", 1e-3, seconds=(3.0, 1.0, 2.0)).median
     2.0
@@ -46,6 +48,7 @@ class Entry:
     kind: str
     tolerance: float
     seconds: tuple[float, ...] = ()
+    build: float = 0.0
     setup: float | None = None
     error: float | None = None
     residual: float | None = None
@@ -86,10 +89,10 @@ class Race:
         >>> race(ICP([[2.0]], [-3.0]), methods=["mnmgs"], solvers=[], repeats=1).table().heads[:4]
         ('competitor', 'kind', 'tolerance', 'time, s')
         """
-        heads = ("competitor", "kind", "tolerance", "time, s", "lowest", "highest", "set-up, s")
+        heads = ("competitor", "kind", "tolerance", "time, s", "lowest", "highest", "build, s", "set-up, s")
         rows: list[tuple[Any, ...]] = []
         for one in self.entries:
-            times = (one.median, min(one.seconds), max(one.seconds), one.setup)
+            times = (one.median, min(one.seconds), max(one.seconds), one.build, one.setup)
             rows.append(
                 (
                     one.name,
@@ -103,7 +106,7 @@ class Race:
                 )
             )
         if self.limit is not None:
-            rows.append(("PyAMG, one solve", "limit", RTOL, *[self.limit] * 3, *[None] * 5))
+            rows.append(("PyAMG, one solve", "limit", RTOL, *[self.limit] * 3, *[None] * 6))
         return Table(self.title, (*heads, self.measure, "Res(z) / Res(0)", "claim", "is"), tuple(rows))
 
     def plot(self, path: Any) -> list[Path]:
@@ -135,7 +138,7 @@ def race(
     progress: bool = False,
     command: str = "",
 ) -> Race:
-    """Own methods and independent solvers at every tolerance, set-up included, in turn, `repeats` times.
+    """Own methods and independent solvers at every tolerance, build and set-up included, in turn, `repeats` times.
 
     A competitor whose answer is already as good as a smaller tolerance asks for is not run at that one again.
 
@@ -234,9 +237,11 @@ def _time(
     say: Callable[[str], None],
 ) -> None:
     """Fill `entries`: in each round every competitor runs at every tolerance, the next one beginning."""
+    builds = {}
     for one in competitors:
         say(f"{one.name}: warming up")
         one.run(case, tolerances[0], limit)  # imports and compiles
+        builds[one.name] = float(np.median([one.build(case) for _ in range(_BUILDS)]))
     enough: dict[str, float] = {}  # name → tolerances from this one on need no run of their own, 0 for none at all
     for k in range(repeats):
         order = competitors[k % len(competitors) :] + competitors[: k % len(competitors)]
@@ -248,8 +253,9 @@ def _time(
                     continue
                 say(f"round {k + 1} of {repeats}: {one.name} at {tolerance:.0e}")
                 run = one.run(case, tolerance, limit)
+                seconds = builds[one.name] + run.seconds
                 if k > 0:
-                    entries[key] = replace(entries[key], seconds=(*entries[key].seconds, run.seconds))
+                    entries[key] = replace(entries[key], seconds=(*entries[key].seconds, seconds))
                     continue
                 residual = None if run.z is None else case.judged(run.z)
                 wrong = run.claims_solved and (residual is None or residual > _WRONG * tolerance)
@@ -257,7 +263,8 @@ def _time(
                     one.name,
                     one.kind,
                     tolerance,
-                    seconds=(run.seconds,),
+                    seconds=(seconds,),
+                    build=builds[one.name],
                     setup=run.setup,
                     error=None if run.z is None else error(run.z),
                     residual=residual,

@@ -15,7 +15,9 @@ from ..maps import Affine, Constant, Function, Map
 from ..operators import FactorisedOperator
 from ..problem import ICP
 from ..solution import Solution
+from ..theory.certificates.bounds import bound_of_change
 from ..theory.certificates.equations import equations_on, nearer_to_obstacle
+from ..theory.rounding import at_most
 
 #: up to this size the inverse is computed, beyond its norm is estimated
 _INVERT_UP_TO = 500
@@ -27,9 +29,10 @@ class Sensitivity:
 
     `local`: to first order, on the active set of z (undecided rows on the side they are nearer to), None where its
     equations are singular or ψ has no derivative; `exact` whether it was computed or estimated (from below, seldom
-    by more than a factor of 3). `observed`: the largest among `trials` random changes of size `change`, each solved
-    again, None where one of them was not solved. `undecided`: rows of which it is not proved that they are at the
-    obstacle or off it.
+    by more than a factor of 3). `certified`: an upper bound, to first order as well, from the proof behind the error
+    bound, whatever the active set; None where there is no proof. `observed`: the largest among `trials` random changes
+    of size `change`, each solved again, None where one of them was not solved. `undecided`: rows of which it is not
+    proved that they are at the obstacle or off it.
 
     >>> from icpmodel import ICP
     >>> found = sensitivity(ICP([[2.0]], [-2.0]).solve())
@@ -39,6 +42,7 @@ class Sensitivity:
 
     local: float | None
     exact: bool
+    certified: float | None
     observed: float | None
     change: float
     trials: int
@@ -48,8 +52,10 @@ class Sensitivity:
         kind = "" if self.exact else " (estimated)"
         local = "not known: the equations of the active set are singular" if self.local is None else f"{self.local:.3g}"
         seen = "not known: a changed problem was not solved" if self.observed is None else f"{self.observed:.3g}"
+        proved = "no proof" if self.certified is None else f"<= {at_most(self.certified)}"
         lines = [
             f"condition number, to first order{kind}  {local}",
+            f"the same from the certificate  {proved}",
             f"largest of {self.trials} random changes of {self.change:g}  {seen}",
             f"undecided rows  {self.undecided}",
         ]
@@ -87,11 +93,28 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
     return Sensitivity(
         local=_local(solution.problem, solution.z, active, size),
         exact=solution.problem.n <= _INVERT_UP_TO,
+        certified=_certified(solution, change, size),
         observed=_observed(solution, change, trials, random, size),
         change=change,
         trials=trials,
         undecided=int(known.undecided.sum()),
     )
+
+
+def _moved_by(problem: ICP, z: Vector, size: float) -> tuple[Vector, Vector]:
+    """E/size where p and where r counts: |A||z| + |q|, and |G||z| + |c| or |ψ(z)|; divided first, so none overflows."""
+    psi, x = problem.psi, np.abs(z) / size
+    of_r = abs(psi.G) @ x + np.abs(psi.c) / size if isinstance(psi, Affine) else np.abs(psi.value(z)) / size
+    return problem.absolute_A() @ x + np.abs(problem.q) / size, np.where(np.isfinite(of_r), of_r, 0.0)
+
+
+def _certified(solution: Solution, change: float, size: float) -> float | None:
+    """What the proof says of a z at which p and r are wrong by as much as the data change."""
+    problem, z = solution.problem, solution.polish().z
+    of_p, of_r = _moved_by(problem, z, size)
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = bound_of_change(problem, z, (change * size) * of_p, (change * size) * of_r)
+    return None if found is None else found / (change * size)
 
 
 def _local(problem: ICP, z: Vector, active: NDArray[np.bool_], size: float) -> float | None:
@@ -101,10 +124,8 @@ def _local(problem: ICP, z: Vector, active: NDArray[np.bool_], size: float) -> f
     jacobian = problem.psi.jacobian(z)
     if jacobian is None:
         return None
-    psi = problem.psi
-    of_psi = abs(psi.G) @ np.abs(z) + np.abs(psi.c) if isinstance(psi, Affine) else np.abs(psi.value(z))
-    x = np.abs(z) / size
-    E = np.where(active, of_psi / size, problem.absolute_A() @ x + np.abs(problem.q) / size)
+    of_p, of_r = _moved_by(problem, z, size)
+    E = np.where(active, of_r, of_p)
     J = equations_on(problem, active, jacobian)
     try:
         forward, transposed = FactorisedOperator(J), FactorisedOperator(sp.csr_array(J.T))

@@ -144,6 +144,22 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
 
 
+def bound_of_change(problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> float | None:
+    """How far, at most, z is from z* in any entry if p and r are wrong at z by up to `for_p` and `for_r`.
+
+    Parameters: `z`, `for_p` ≥ 0 and `for_r` ≥ 0, all of shape (n,). Returns None where nothing is proved.
+
+    >>> problem, nothing = ICP([[2.0]], [-2.0]), np.zeros(1)
+    >>> 0.05 <= bound_of_change(problem, np.ones(1), np.array([0.1]), nothing) <= 0.051
+    True
+    """
+    for prove, kind in _PROOFS:
+        if isinstance(problem.psi, kind) and not isinstance(proof := prove(problem), str):
+            largest = float(proof.bound(problem, z, for_p, for_r)[0].max())
+            return largest if np.isfinite(largest) else None
+    return None
+
+
 def _sharpened(problem: ICP, z: Vector, proof: Proof, delta: Vector, euclidean: float) -> tuple[Vector, float]:
     """The best of δ(z) and |z − ẑ| + δ(ẑ) over the points ẑ of an active-set Newton iteration from z."""
     better = z
