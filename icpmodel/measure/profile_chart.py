@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 _DASHES = ("solid", "dashed", "dotted", "dashdot")
 #: the largest factor that is drawn
 _LARGEST = 1000.0
+#: more lines than these cannot be told apart
+_SHOWN = 12
 
 
 def profiles(table: Table) -> dict[str, Vector]:
@@ -49,7 +51,7 @@ def profiles(table: Table) -> dict[str, Vector]:
 
 
 def profile_figure(table: Table) -> Figure:
-    """The profiles of a `benchmark`, best first in the legend. Returns a matplotlib figure.
+    """The twelve best profiles of a `benchmark`, best first in the legend. Returns a matplotlib figure.
 
     >>> heads = ("scene", "n", "method", "kind", "time, s")
     >>> profile_figure(Table("", heads, (("a", 9, "x", "own", 1.0),))).axes[0].get_ylabel()
@@ -60,7 +62,7 @@ def profile_figure(table: Table) -> Figure:
     found = profiles(table)
     figure = Figure(figsize=(9, 5.4), layout="constrained")
     axes = figure.subplots()
-    ranked = sorted(found, key=lambda name: (name != "solve()", -_area(found[name])))
+    ranked = sorted(found, key=lambda name: (name != "solve()", -_area(found[name])))[:_SHOWN]
     looks = [(colour, dash) for dash in _DASHES for colour in COLOURS]
     for name, (colour, dash) in zip(ranked, chain([("black", "solid")], cycle(looks)), strict=False):
         factors = found[name]
