@@ -146,3 +146,26 @@ def test_a_problem_of_ones_own_is_mapped():
     found = measure.stability("relaxation", icp.scenes.hand_splittings().problem, points=4)
     assert "n=2" in found.plane.title
     assert found.failed.any()
+
+
+#: plane → ends by their first letters and steps, row by row from the lowest y, on 5 x 5 points with n = 16
+NUMBERS = {
+    "coupling": ("sssss sssss sssss", [[18, 18, 17, 14, 9], [26, 26, 25, 20, 14], [63, 62, 55, 38, 24]]),
+    "units": ("sssss sssss sssss ccccc ccccc", [[11] * 5, [25, 24, 24, 24, 24], [69, 69, 67, 66, 64]]),
+}
+
+
+@pytest.mark.parametrize("name", ["coupling", "units"])
+def test_the_numbers_behind_a_chart_stay_what_they_are(name):
+    """A regression test: a change here is a change of a method or of a plane. Rounding may cost or save one step."""
+    found, (ends, steps) = MAPS[name], NUMBERS[name]
+    rows = ["".join(end[0] for end in row) for row in found.ends.tolist()]
+    assert rows[: len(ends.split())] == ends.split()
+    assert np.abs(found.steps[: len(steps)] - steps).max() <= 1
+
+
+def test_the_numbers_behind_the_map_of_relaxation_stay_what_they_are():
+    """θ₁ = .1, .7, 1.3, 1.9, 2.5 and θ₂ = 0, .625, …; the column of θ₁ = .7 converges for every θ₂."""
+    found = MAPS["relaxation"]
+    assert np.abs(found.steps[:, 1] - [70, 59, 47, 33, 33]).max() <= 1
+    assert (found.ends == "stagnated").sum(axis=1).tolist() == [2, 2, 1, 0, 0]
