@@ -371,12 +371,12 @@ def test_a_psi_without_a_value_at_zero_is_no_trap_for_the_fallback_methods():
 
 
 def test_ctrl_c_while_the_next_method_is_chosen_keeps_the_best_iterate(monkeypatch):
-    from icpmodel.methods import choose
+    from icpmodel.methods import parameters
 
     def press(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(choose, "factorise", press)
+    monkeypatch.setattr(parameters, "factorise", press)
     problem = icp.scenes.hand_cyclic().problem.with_psi(lambda z: 0 * z)  # no derivative: no Newton
     solution = problem.solve(z0=[1.0, 0.5, 0.2], raise_on_failure=False)
     assert solution.status is Status.INTERRUPTED
@@ -573,12 +573,12 @@ def test_a_solved_answer_survives_ctrl_c_while_it_is_judged_again():
 
 
 def test_a_fallback_that_needs_too_much_memory_loses_nothing(monkeypatch):
-    from icpmodel.methods import choose
+    from icpmodel.methods import parameters
 
     def no_memory(*_):
         raise MemoryError
 
-    monkeypatch.setattr(choose, "factorise", no_memory)
+    monkeypatch.setattr(parameters, "factorise", no_memory)
     problem = icp.scenes.hand_cyclic().problem.with_psi(lambda z: 0 * z)  # no derivative: no Newton
     solution = problem.solve(z0=[1.0, 0.5, 0.2], raise_on_failure=False)
     assert not solution.solved

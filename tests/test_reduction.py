@@ -51,6 +51,12 @@ def landscape(m, seed, share=0.05):
     return icp.ICP(five_point(m, 0.0), q.ravel(), rng.uniform(-1.0, 1.0))
 
 
+def against_the_sweeps(n):
+    """Upper triangular, z* = 1: the unknowns come in the order in which sweeps do not run, and errors grow before."""
+    A = sp.csr_array(sp.diags_array([np.ones(n), np.full(n - 1, -1.5)], offsets=[0, 1]))
+    return icp.ICP(A, -(A @ np.ones(n)))
+
+
 class TestBlocks:
     @pytest.mark.parametrize("seed", range(12))
     def test_every_row_of_the_answer_is_that_of_the_whole_problem(self, seed):
@@ -102,13 +108,10 @@ class TestBlocks:
 
     def test_a_triangular_matrix_is_solved_in_one_pass_whatever_sweeps_would_need(self):
         """Upper triangular: the unknowns come in the order in which sweeps do not run."""
-        n = 500
-        A = sp.csr_array(sp.diags_array([np.ones(n), np.full(n - 1, 1.5)], offsets=[0, 1]))
-        q = np.random.default_rng(0).standard_normal(n)
-        solution = icp.ICP(A, q).solve()
+        solution = against_the_sweeps(500).solve()
         assert repr(solution.method) == "Reduced()"
-        assert solution.iterations == 1
         assert "500 follow one by one" in solution.why
+        assert np.array_equal(solution.z, np.ones(500))
 
     @pytest.mark.parametrize("kind", ["affine", "elementwise", "jumps"])
     def test_obstacles_that_move(self, kind):
@@ -323,8 +326,8 @@ class TestTheRun:
         assert problem.solve(max_iter=1, raise_on_failure=False).iterations == 1
 
     def test_a_named_method_gets_the_whole_problem(self):
-        problem = icp.ICP(np.eye(100), np.linspace(-1.0, 1.0, 100))
-        assert repr(problem.solve("mnmgs").method) == "MNMGS()"
+        problem = against_the_sweeps(100)
+        assert repr(problem.solve("mnmod").method) == "MNMOD()"
         assert repr(problem.solve().method) == "Reduced()"
         assert repr(icp.ICP(np.eye(16), -np.ones(16)).solve().method) == "Lemke()"
 
@@ -337,14 +340,14 @@ class TestTheRun:
             return arguments[-2]
 
         monkeypatch.setattr(pivoting, "apart", rubbish)
-        solution = icp.ICP(np.eye(100), -np.ones(100)).solve()
+        solution = against_the_sweeps(100).solve()
         assert solution.solved
         assert np.array_equal(solution.z, np.ones(100))
-        assert "also tried: Reduced(): stagnated" in solution.why
+        assert "Reduced(): stagnated" in solution.why
 
     def test_a_certified_error_is_that_of_the_whole_problem(self):
         A = np.tril(np.full((100, 100), -0.01), -1) + np.eye(100)
-        solution = icp.ICP(A, np.linspace(-1.0, 1.0, 100)).solve(accuracy=1e-9)
+        solution = icp.ICP(A, np.linspace(-1.0, 1.0, 100)).solve(icp.Reduced(), accuracy=1e-9)
         assert repr(solution.method) == "Reduced()"
         assert solution.error_bound <= 1e-9
         assert solution.certificate.bound.componentwise.shape == (100,)

@@ -231,32 +231,25 @@ def choices(problem: ICP) -> Iterator[Choice]:
     """The methods that `solve` tries when none is named: what `choose` has for the whole problem, and before it
     `Reduced` where that is found to pay.
 
-    Strong components are looked for where n > 64, rows at rest only where the first plain sweeps were slow and
+    Strong components are looked for where n > 64 and the first plain sweeps were slow, rows at rest only where
     `Multilevel` would be the next: sweeps and factorisations of easier matrices cost less than to look for them.
 
-    >>> next(choices(ICP(np.eye(100), np.ones(100)))).why
-    'n = 100 -> 0 rows still open: 100 follow one by one'
+    >>> [choice.method for choice in choices(ICP(np.eye(100), -np.ones(100)))][:2]
+    [PSOR(), Reduced()]
     """
-    if is_small(problem):
-        yield from choose(problem)
-        return
+    yield from choose(problem) if is_small(problem) else after_trial(problem, _where_slow(problem))
+
+
+def _where_slow(problem: ICP) -> Iterator[Choice]:
+    """The methods after the first sweeps: on blocks, with a look for rows at rest before `Multilevel`, on the whole."""
     found = _structure(problem, _WORTH * problem.n) if problem.n > PIVOT_UP_TO else None
-    if found is not None:
-        yield Choice(Reduced.on(found), repr(found), hurry=True)
-    yield from after_trial(problem, _where_slow(problem, found is None))
-
-
-def _where_slow(problem: ICP, look: bool) -> Iterator[Choice]:
-    """The methods after the first sweeps, with a `look` for rows at rest before `Multilevel`."""
     usual = without_trial(problem)
     first = next(usual, None)
-    if first is None:
-        return
-    if look and isinstance(first.method, Multilevel):
+    if found is None and first is not None and isinstance(first.method, Multilevel):
         found = _at_rest(problem)
-        if found is not None:
-            yield Choice(Reduced.on(found), repr(found), hurry=True)
-    yield from chain([first], usual)
+    if found is not None:
+        yield Choice(Reduced.on(found), repr(found), hurry=True)
+    yield from chain([] if first is None else [first], usual)
 
 
 def _found(problem: ICP) -> Blocks | None:
