@@ -367,6 +367,7 @@ def test_stability_prints_counts_and_writes_figure_and_data(capsys, tmp_path):
     code, out, err = call(capsys, "stability", "relaxation", "hand-lcp", "--points", "2", "--csv")
     assert code == 0
     assert len(out.splitlines()) == 5
+    assert "MNMAOR on" in call(capsys, "stability", "--points", "2", "--n", "9")[1]
     assert call(capsys, "stability", "units", "--set", "mu=1")[0] == 2
     assert call(capsys, "stability", "no-plane")[0] == 2
     assert call(capsys, "stability", "units", "-o", "no/such/folder/x.png")[0] == 2

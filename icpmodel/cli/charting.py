@@ -14,7 +14,7 @@ from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, named_method, n
 
 
 @click.command(epilog=SOURCE_HELP)
-@click.argument("plane")
+@click.argument("plane", default="relaxation")
 @options(click.argument("source", required=False), *SOURCE_OPTIONS[1:])
 @click.option("--method", help="For the planes that vary the problem.  [default: mnmgs]")
 @click.option("--points", type=int, default=25, show_default=True, help="Points per axis.")
@@ -26,9 +26,9 @@ from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, named_method, n
 def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) -> int:
     """Map where a method converges, how fast, how it fails elsewhere, and where the theorems prove what.
 
-    PLANE is one of relaxation (theta1 x theta2), shift (phi x Omega), which vary a method on SOURCE or on a built-in
-    problem, and coupling (mu x norm of G), transport (skewness x mu), condition (condition number x units) and
-    units (units x norm of G), which vary the problem.
+    PLANE is one of relaxation (theta1 x theta2, the default) and shift (phi x Omega), which vary a method on SOURCE or
+    on a built-in problem, and coupling (mu x norm of G), transport (skewness x mu), condition (condition number x
+    units) and units (units x norm of G), which vary the problem.
     """
     from ..measure import stability as mapped
 
