@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,6 +12,9 @@ from ..errors import InputError, Interrupted
 from ..progress import status_line
 from .output import complain, exit_code, must_be_writable, typed
 from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, named_method, named_problem, options
+
+if TYPE_CHECKING:
+    from ..measure import Race, StabilityMap
 
 
 @click.command(epilog=SOURCE_HELP)
@@ -40,19 +44,12 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
         raise InputError("--set and --q belong to a SOURCE; name one")
     asked = {name: arguments[name] for name in ("method", "points", "starts", "max_iter", "rtol")}
     size = {} if arguments["n"] is None or problem is not None else {"n": arguments["n"]}
-    stopped = False
-    try:
-        found = mapped(plane, problem, **asked, **size, progress=True, command=typed())
-    except Interrupted as partial:
-        found, stopped = partial.report, True
-    click.echo(found.table().to_csv() if as_csv else str(found), nl=not as_csv)
-    if output is not None:
-        for path in found.plot(output):
-            click.echo(f"wrote {path}", err=True)
-    if stopped:
-        complain("interrupted: the other points are not run")
-        return 130
-    return 0
+    return _shown(
+        lambda: mapped(plane, problem, **asked, **size, progress=True, command=typed()),
+        output,
+        as_csv,
+        "the other points are not run",
+    )
 
 
 @click.command(epilog=SOURCE_HELP)
@@ -71,25 +68,27 @@ def race(methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None,
     problem, scene = named_problem(arguments)
     exact = None if scene is None else scene.z_exact
     limits = {name: arguments[name] for name in ("repeats", "time_limit")}
+    return _shown(
+        lambda: run(problem, methods or None, solvers or None, z_exact=exact, progress=True, command=typed(), **limits),
+        output,
+        as_csv,
+        "this is what was measured before",
+    )
+
+
+def _shown(measure: Callable[[], Race | StabilityMap], output: str | None, as_csv: bool, partly: str) -> int:
+    """Measure, print and draw; after Ctrl-C what there is, with the sentence `partly`, and the exit code 130."""
     stopped = False
     try:
-        found = run(
-            problem,
-            methods or None,
-            solvers or None,
-            z_exact=exact,
-            progress=True,
-            command=typed(),
-            **limits,
-        )
-    except Interrupted as partial:
-        found, stopped = partial.report, True
+        found = measure()
+    except Interrupted as interrupted:
+        found, stopped = interrupted.report, True
     click.echo(found.table().to_csv() if as_csv else str(found), nl=not as_csv)
     if output is not None:
         for path in found.plot(output):
             click.echo(f"wrote {path}", err=True)
     if stopped:
-        complain("interrupted: this is what was measured before")
+        complain(f"interrupted: {partly}")
         return 130
     return 0
 

@@ -19,6 +19,15 @@ if TYPE_CHECKING:
 
 
 _AS_CSV = click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
+_LARGE_SIZES = click.option(
+    "--n",
+    "sizes",
+    type=int,
+    multiple=True,
+    default=(10_000, 100_000, 1_000_000),
+    show_default=True,
+    help="Wanted unknowns.",
+)
 
 
 @click.group()
@@ -90,15 +99,7 @@ def certificate(n: int, repeats: int, as_csv: bool) -> int:
 
 
 @measure.command()
-@click.option(
-    "--n",
-    "sizes",
-    type=int,
-    multiple=True,
-    default=(10_000, 100_000, 1_000_000),
-    show_default=True,
-    help="Unknowns.",
-)
+@_LARGE_SIZES
 @click.option("--repeats", type=int, default=5, show_default=True, help="Pairs of timings.")
 @_AS_CSV
 def limit(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
@@ -256,15 +257,7 @@ def tuning(scenes: tuple[str, ...], n: int, repeats: int, methods: tuple[str, ..
 
 @measure.command()
 @click.argument("scenes", nargs=-1, metavar="[NAME[,PARAMETER=NUMBER]]...")
-@click.option(
-    "--n",
-    "sizes",
-    type=int,
-    multiple=True,
-    default=(10_000, 100_000, 1_000_000),
-    show_default=True,
-    help="Wanted unknowns.",
-)
+@_LARGE_SIZES
 @click.option("--method", help="Name of the method; without it one is picked.")
 @click.option("-o", "--output", type=click.Path(), help="Write the figure (PNG and SVG) and its data (CSV).")
 @_AS_CSV
