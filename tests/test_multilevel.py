@@ -260,18 +260,6 @@ class TestAnswers:
         for skew in (1.0, -1.0):
             assert membrane(skew=skew).solve(icp.Multilevel()).iterations == 1
 
-    def test_the_start_nearly_solves_the_problem(self):
-        problem = scenes.dividend(n=6001).problem
-        start = multilevel._start(Hierarchy(problem.A), problem)
-        assert problem.residual(start) <= 1e-6 * problem.residual(np.zeros(problem.n))
-
-    def test_a_start_that_is_worse_than_none_is_not_taken(self, monkeypatch):
-        problem = scenes.dividend(n=61).problem
-        monkeypatch.setattr(multilevel, "_start", lambda hierarchy, problem: np.full(problem.n, 1e6))
-        path = icp.Multilevel().iterates(problem, np.zeros(61))
-        next(path)
-        assert not next(path)[0].any()
-
     def test_a_good_start_is_kept(self):
         problem = membrane()
         before = problem.solve(icp.Multilevel())
