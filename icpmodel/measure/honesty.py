@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arrays import Vector, as_list, as_number
+from ..arrays import Vector, as_list, as_number, row_of
 from ..errors import IcpError, MapError, NotApplicable
 from ..methods import names as method_names
 from ..problem import ICP
@@ -94,8 +94,7 @@ def _residual(problem: ICP, z: Vector) -> np.longdouble:
         psi = problem.psi.value(z)
     except IcpError:
         return wide(np.nan)
-    rows = np.repeat(np.arange(problem.n), np.diff(A.indptr))
     p = problem.q.astype(wide)
-    np.add.at(p, rows, A.data.astype(wide) * z.astype(wide)[A.indices])
+    np.add.at(p, row_of(A), A.data.astype(wide) * z.astype(wide)[A.indices])
     least = np.minimum(z.astype(wide) - psi.astype(wide), p)
     return wide(np.sqrt(np.sum(least * least)))

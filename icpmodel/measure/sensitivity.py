@@ -90,11 +90,12 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
         raise InputError("solution has z = 0, to which no change is relative")
     known = solution.active_set
     active = known.active | (known.undecided & nearer_to_obstacle(solution.problem, solution.z))
+    polished = solution.polish().z
     return Sensitivity(
         local=_local(solution.problem, solution.z, active, size),
         exact=solution.problem.n <= _INVERT_UP_TO,
-        certified=_certified(solution, change, size),
-        observed=_observed(solution, change, trials, random, size),
+        certified=_certified(solution.problem, polished, change, size),
+        observed=_observed(solution.problem, polished, change, trials, random, size),
         change=change,
         trials=trials,
         undecided=int(known.undecided.sum()),
@@ -108,9 +109,8 @@ def _moved_by(problem: ICP, z: Vector, size: float) -> tuple[Vector, Vector]:
     return problem.absolute_A() @ x + np.abs(problem.q) / size, np.where(np.isfinite(of_r), of_r, 0.0)
 
 
-def _certified(solution: Solution, change: float, size: float) -> float | None:
+def _certified(problem: ICP, z: Vector, change: float, size: float) -> float | None:
     """What the proof says of a z at which p and r are wrong by as much as the data change."""
-    problem, z = solution.problem, solution.polish().z
     of_p, of_r = _moved_by(problem, z, size)
     with np.errstate(over="ignore", invalid="ignore"):
         found = bound_of_change(problem, z, (change * size) * of_p, (change * size) * of_r)
@@ -143,10 +143,11 @@ def _local(problem: ICP, z: Vector, active: NDArray[np.bool_], size: float) -> f
     return float(onenormest(operator))
 
 
-def _observed(solution: Solution, change: float, trials: int, random: np.random.Generator, size: float) -> float | None:
+def _observed(
+    problem: ICP, exact: Vector, change: float, trials: int, random: np.random.Generator, size: float
+) -> float | None:
     """max|δz|/(ε·max|z|) over random changes of every entry by a factor 1 ± ε."""
-    problem, largest = solution.problem, 0.0
-    exact = solution.polish().z
+    largest = 0.0
 
     def moved(x: Any) -> Any:
         return x * (1.0 + change * random.choice([-1.0, 1.0], np.shape(x)))
