@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import Vector, as_number, diagonal_positions
-from ..operators import Step, compiled_step
+from ..arrays import Vector, as_number
+from ..operators import Step, compiled_step, rows_of
 from ..problem import ICP
 from . import FixedPoint, HandOver, positive_diagonal
 
@@ -59,9 +59,9 @@ class PSOR(FixedPoint):
 
     def step_of(self, problem: ICP) -> Step:
         """See `FixedPoint.step_of`."""
-        A = problem.A
-        matrix: tuple[Any, ...] = (A.indptr, A.indices, A.data, diagonal_positions(A), problem.q)
-        return compiled_step(problem, "projected", matrix, (self.omega / A.diagonal(), True))
+        A, rows = problem.A, rows_of(problem)
+        matrix: tuple[Any, ...] = (A.indptr, A.indices, A.data, rows.diag, problem.q)
+        return compiled_step(problem, "projected", matrix, (self.omega / rows.diagonal, True))
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. On trial it raises HandOver where the sweeps are slow."""

@@ -23,9 +23,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..arrays import Vector, diagonal_positions, norm
+from ..arrays import Vector, norm
 from ..errors import MapError, SingularOperator
-from ..operators import compiled_step
+from ..operators import compiled_step, rows_of
 from ..problem import ICP
 from ..reduction import (
     PIVOT_UP_TO,
@@ -280,7 +280,7 @@ def _at_rest(problem: ICP) -> Blocks | None:
         p = problem.p(c)
         if not np.mean(p <= 0) + _balance(problem, none, p) / problem.n <= _PROMISING:
             return None
-        matrix = (A.indptr, A.indices, A.data, diagonal_positions(A), problem.q)
+        matrix = (A.indptr, A.indices, A.data, rows_of(problem).diag, problem.q)
         sweep = compiled_step(problem, "projected", matrix, (1.0 / A.diagonal(), True))
         for _ in range(_SWEEPS):
             z, _ = sweep(z)
