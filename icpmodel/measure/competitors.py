@@ -23,6 +23,7 @@ from ..maps import Affine, Constant
 from ..methods import Method, named
 from ..methods import names as method_names
 from ..methods.choose import overrelaxed
+from ..methods.parameters import best_omega
 from ..operators import factorise
 from ..problem import ICP, UNIT_ROUNDOFF
 from ..scenes import Scene, names, parameters, scene
@@ -342,8 +343,7 @@ def competitors() -> list[Competitor]:
 
 
 def _omega(problem: ICP) -> float:
-    radius = min(jacobi_radius(problem.A), 1.0 - 1e-6)
-    return float(0.98 * 2.0 / (1.0 + np.sqrt(1.0 - radius**2)))
+    return 0.98 * best_omega(jacobi_radius(problem.A))
 
 
 def _superlu(A: Any, b: Vector) -> Vector:

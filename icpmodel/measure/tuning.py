@@ -13,6 +13,7 @@ from ..arrays import as_list, as_number
 from ..errors import NotApplicable
 from ..methods import Method, named
 from ..methods.accelerated import Accelerated
+from ..methods.choose import overrelaxed
 from ..methods.modulus import MNMAOR, MNMMOD, MNMSOR
 from ..problem import ICP
 from ..scenes import Scene, names, parameters, scene
@@ -78,10 +79,7 @@ def _grid(problem: ICP, name: str) -> Iterator[tuple[str, Method]]:
             method = MNMAOR(theta1=theta1, theta2=times * theta1)
             yield f"theta1={theta1:g}, theta2={times * theta1:g}", method
         for omega in np.arange(40, 100) / 50:
-            share = 2 - omega
-            theta1 = 1 / (2 / omega - share)
-            method = MNMAOR(theta1=theta1, theta2=2 * theta1, phi2=share * problem.A.diagonal())
-            yield f"omega={omega:.4g}", method
+            yield f"omega={omega:.4g}", overrelaxed(problem, float(omega))
 
 
 def _best(one: Scene, name: str) -> tuple[str, Method | None]:

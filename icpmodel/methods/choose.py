@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +20,7 @@ from .linear import FACTORISE_UP_TO, has_band, is_factorised
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
 from .multilevel import Multilevel
 from .newton import Newton
-from .parameters import scale_of, sor
+from .parameters import best_omega, scale_of, sor
 from .psor import PSOR
 
 #: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems
@@ -159,7 +158,7 @@ def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
         radius = float((rows.rest / rows.diagonal).max())
     if radius > SMALL_RADIUS:
         radius = problem.remembered("jacobi radius", lambda: radius_of(_couplings(problem)))
-    omega = 2.0 / (1.0 + math.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
+    omega = best_omega(radius)
     slow = radius >= 1.0
     if slow:
         yield from _newton(problem, f"sweeps need a Jacobi radius below 1, the estimate is {radius:.4g}")
