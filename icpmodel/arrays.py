@@ -16,6 +16,8 @@ Vector = NDArray[np.float64]
 
 #: so many entries have positions that fit into 32 bits
 _SHORT = np.iinfo(np.int32).max
+#: inner products of so many entries BLAS makes with one thread
+_FEW = 10_000
 
 
 def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
@@ -210,7 +212,8 @@ def norm(x: Vector) -> float:
     5.0
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = float(x @ x)
+        # from some size on BLAS wakes threads, which then spin for a while on the core that a sweep could have
+        squares = float(x @ x if x.size <= _FEW else np.einsum("i,i", x, x))
     if 1e-280 < squares < 1e280:
         return math.sqrt(squares)
     largest = float(np.abs(x).max())

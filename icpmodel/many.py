@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,6 +18,7 @@ from .maps import Constant
 from .methods.choose import PIVOT_UP_TO
 from .problem import ICP
 from .solution import Status
+from .steps import cores, in_parts
 
 Matrix = NDArray[np.float64]
 
@@ -161,11 +159,12 @@ class _Job:
             base = np.where(free, 0.0, C)
             M = self.problem.A.toarray()
             F, Y, scaled = Q + base @ M.T, np.empty(Q.shape), scale(M)
-            parts = min(_cores(), -(-len(Q) // _ROWS_A_THREAD))
-            cuts = [len(Q) * i // parts for i in range(parts + 1)]
-            slices = [slice(low, high) for low, high in pairwise(cuts)]
-            with ThreadPoolExecutor(parts) as pool:  # the kernel lets go of the interpreter's lock
-                list(pool.map(lambda s: many(*scaled, F[s], free[s], _PIVOTS * (n + 1), Y[s]), slices))
+            parts = min(cores(), -(-len(Q) // _ROWS_A_THREAD))
+            in_parts(
+                len(Q),
+                parts,
+                lambda low, high: many(*scaled, F[low:high], free[low:high], _PIVOTS * (n + 1), Y[low:high]),
+            )
             self.Z = Y + base
             self.residuals = _judge(self.Z @ M.T + Q, self.Z - C)
             self.tolerances = np.maximum(self.atol, self.rtol * _judge(Q, -C))
@@ -201,8 +200,3 @@ def _judge(P: Matrix, R: Matrix) -> Vector:
     safe = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
     F /= safe[:, None]
     return np.where(safe == largest, largest * np.sqrt(np.einsum("ij,ij->i", F, F)), largest)
-
-
-def _cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

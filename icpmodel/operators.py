@@ -12,62 +12,19 @@ from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from .arrays import Vector, diagonal_positions
 from .errors import SingularOperator
-from .maps import Affine, Constant, Elementwise, is_compiled, raising_map_error
 from .problem import ICP, UNIT_ROUNDOFF
-
-#: entries that stay in a core's cache while a second sweep follows the first
-_NEAR = 50_000
-#: z ↦ (z⁺, Res(z) or None where it does not fall out of the step)
-Step = Callable[[Vector], tuple[Vector, float | None]]
-
-
-class Rows(NamedTuple):
-    """What the sweeps and the choice of a method ask of the rows of A, as `rows_of` finds it.
-
-    `diag` where in A.data each diagonal entry stands; `diagonal`; `rest` = Σ_{j≠i}|a_ij|, all of shape (n,); how far
-    the entries reach `below` the diagonal and `above` it.
-
-    >>> rows_of(ICP([[2.0, -1.0], [0.0, 3.0]], [0.0, 0.0])).rest
-    array([1., 0.])
-    """
-
-    diag: Any
-    diagonal: Vector
-    rest: Vector
-    below: int
-    above: int
-
-
-def rows_of(problem: ICP) -> Rows:
-    """The rows of A, looked at in one pass, once for all problems with this A.
-
-    >>> rows_of(ICP([[2.0, -1.0], [0.0, 3.0]], [0.0, 0.0])).diagonal
-    array([2., 3.])
-    """
-
-    def look() -> Rows:
-        from .kernels.rows import look  # loads numba
-
-        A = problem.A
-        rows = Rows(*look(A.indptr, A.indices, A.data))
-        for array in rows[:3]:
-            array.flags.writeable = False
-        return rows
-
-    found: Rows = problem.remembered("rows", look)
-    return found
+from .steps import Step, compiled_step, rows_of
 
 
 class Operator(ABC):
@@ -155,14 +112,8 @@ class AOROperator(Operator):
         """See `Operator.step`."""
         A, rows = problem.A, rows_of(problem)
         matrix = (A.indptr, A.indices, A.data, rows.diag if self.A is A else self.diag, problem.q)
-        known, below = np.zeros(1, dtype=np.bool_), np.empty(problem.n)
-        after = (omega, self.inverse, self.tau, known, below)
-        two: Callable[..., tuple[float, float]] | None = None
-        if isinstance(problem.psi, Constant) and rows.above * (A.nnz / problem.n + 4) <= _NEAR:
-            from .kernels.sweeps import SWEEPS
-
-            two = partial(SWEEPS.two_aor, *matrix, problem.psi.c, *after, rows.above)
-        return _with_memory(compiled_step(problem, "aor", matrix, after), two, known)
+        parameters = (omega, self.inverse, self.tau)
+        return compiled_step(problem, "aor", matrix, (parameters, True), reach=rows.above)
 
 
 @dataclass(frozen=True)
@@ -287,68 +238,6 @@ def quiet() -> Iterator[None]:
     with np.errstate(all="ignore"), warnings.catch_warnings(record=True):
         warnings.simplefilter("ignore")
         yield
-
-
-def compiled_step(problem: ICP, name: str, before: tuple[Any, ...], after: tuple[Any, ...]) -> Step:
-    """One compiled sweep as a step: `before` and `after` are the kernel's arguments around ψ.
-
-    ψ = constant, affine and compiled elementwise maps are evaluated inside the sweep; any other is called once for it.
-
-    >>> problem = ICP([[2.0]], [-2.0])
-    >>> matrix = (problem.A.indptr, problem.A.indices, problem.A.data, problem.q)
-    >>> compiled_step(problem, "diagonal", matrix, (np.array([2.0]), np.array([0.25])))(np.array([3.0]))
-    (array([1.]), 3.0)
-    """
-    from .kernels.sweeps import SWEEPS, USER_SWEEPS
-
-    psi = problem.psi
-    inside: Any = None
-    if isinstance(psi, Constant):
-        inside = psi.c
-    elif isinstance(psi, Affine):
-        inside = (psi.c, psi.G.indptr, psi.G.indices, psi.G.data)
-    elif isinstance(psi, Elementwise) and is_compiled(psi.f):
-        inside = (psi.c, psi.f)
-    user = isinstance(psi, Elementwise) and inside is not None
-    sweep = getattr(USER_SWEEPS if user else SWEEPS, name)
-
-    def step(z: Vector) -> tuple[Vector, float]:
-        out = np.empty(z.size)
-        squares = sweep(*before, psi.value(z) if inside is None else inside, *after, z, out)
-        return out, float(np.sqrt(squares))
-
-    if not user:
-        return step
-    # the sweep calls the user's compiled function, which may raise
-    return lambda z: raising_map_error(lambda: step(z), "psi.f")
-
-
-def _with_memory(single: Step, two: Callable[..., tuple[float, float]] | None, known: NDArray[np.bool_]) -> Step:
-    """`single`, which knows the sums over the lower triangle where z is its own last answer, and says so in `known`.
-
-    Where there is `two`, it looks one step ahead, which costs little; once a z other than its own comes, no longer.
-    """
-    last: Vector | None = None
-    ahead: tuple[Vector, Vector, float] | None = None
-
-    def step(z: Vector) -> tuple[Vector, float | None]:
-        nonlocal last, ahead, two
-        if ahead is not None:
-            came, following, residual = ahead
-            ahead = None
-            if z is came:
-                return following, residual
-            two = None
-        known[0], last = z is last, None  # a sweep that raises leaves no sums behind
-        if two is None:
-            last, hint = single(z)
-            return last, hint
-        one, last = np.empty(z.size), np.empty(z.size)
-        squares = np.sqrt(two(z, one, last))
-        ahead = one, last, float(squares[1])
-        return one, float(squares[0])
-
-    return step
 
 
 def inverse_diagonal(diagonal: Vector, shift: Vector) -> Vector:

@@ -13,14 +13,7 @@ import scipy.sparse as sp
 
 from .arrays import Vector, as_csr, as_number, diagonal_positions
 from .errors import InputError
-from .operators import (
-    AOROperator,
-    DiagonalOperator,
-    FactorisedOperator,
-    Operator,
-    TriangularOperator,
-    inverse_diagonal,
-)
+from .operators import AOROperator, DiagonalOperator, FactorisedOperator, Operator, TriangularOperator, inverse_diagonal
 
 
 class Splitting(ABC):

@@ -23,6 +23,7 @@ ROOMS = [
     "intervention",
     "problem",
     "reduction",
+    "steps",
     "operators",
     "splittings",
     "theory",

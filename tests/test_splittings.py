@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.methods import named
-from icpmodel.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal, rows_of
+from icpmodel.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal
 from icpmodel.splittings import AOR, Given, Whole
+from icpmodel.steps import rows_of
 
 
 @numba.njit
@@ -257,7 +258,7 @@ def test_the_rows_are_looked_at_right(index):
 
 @pytest.mark.parametrize("method", ["mnmgs", "mnmsor"])
 def test_two_sweeps_in_one_pass_are_the_two_sweeps(method):
-    """Iterates and residuals, for every reach of the entries above the diagonal, also from carried sums."""
+    """Iterates and residuals, for every reach of the entries above the diagonal."""
     rng = np.random.default_rng(1)
     for n, below, above in ((1, 0, 0), (5, 4, 0), (5, 0, 4), (60, 3, 1), (60, 20, 9), (60, 59, 59)):
         A = np.abs(band(rng, n, below, above)) + 2.0 * n * np.eye(n)
@@ -269,6 +270,22 @@ def test_two_sweeps_in_one_pass_are_the_two_sweeps(method):
             assert came == pytest.approx(z, rel=1e-13, abs=1e-13)
             assert residual == pytest.approx(problem.residual(z), rel=1e-12)
             z, _ = next(islice(named(method).iterates(problem, came), 1, None))
+
+
+@pytest.mark.parametrize("method", ["mnmgs", "psor"])
+@pytest.mark.parametrize("chunk", [7, 20, 59, 60, 500])
+def test_two_threads_make_the_sweeps_of_one(monkeypatch, method, chunk):
+    """The second follows behind what the first has done, so that every number is the same."""
+    rng = np.random.default_rng(4)
+    problem = icp.ICP(band(rng, 60, 5, 3) + 99.0 * np.eye(60), rng.normal(size=60), rng.normal(size=60))
+    z = rng.normal(size=60)
+    alone = list(islice(named(method).iterates(problem, z), 10))
+    monkeypatch.setattr("icpmodel.steps._THREADS_FROM", 1)
+    monkeypatch.setattr("icpmodel.steps._CHUNK", chunk)
+    monkeypatch.setattr("icpmodel.steps.cores", lambda: 2)
+    for (one, residual), (two, other) in zip(alone, islice(named(method).iterates(problem, z), 10), strict=True):
+        assert (one == two).all()
+        assert residual == pytest.approx(other, rel=1e-14)
 
 
 def test_a_step_that_looks_ahead_takes_any_other_z_as_well():

@@ -8,14 +8,12 @@ from . import compiled
 from . import position as _at
 
 
-def _look(indptr, indices, data):
-    # where each row's diagonal entry stands, its value, the sum of the other |entries|; how far the entries reach below
-    # the diagonal and above it. Rows are sorted, and every diagonal entry is stored.
-    n = indptr.size - 1
-    diag, diagonal, rest = np.empty(n, indptr.dtype), np.empty(n), np.empty(n)
+def _look(indptr, indices, data, low, high, diag, diagonal, rest):
+    # rows low <= i < high: where the diagonal entry stands, its value, the sum of the other |entries|; returns how far
+    # the entries reach below the diagonal and above it. Rows are sorted, and every diagonal entry is stored.
     below, above = 0, 0
-    start = _at(indptr[0])
-    for i in range(n):
+    start = _at(indptr[low])
+    for i in range(low, high):
         end = _at(indptr[i + 1])
         below = max(below, i - indices[start])
         above = max(above, indices[end - _at(1)] - i)
@@ -26,7 +24,7 @@ def _look(indptr, indices, data):
         own = data[start + _at(left)]
         diag[i], diagonal[i], rest[i] = start + _at(left), own, total - abs(own)
         start = end
-    return diag, diagonal, rest, below, above
+    return below, above
 
 
 look = compiled(_look)

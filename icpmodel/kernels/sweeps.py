@@ -40,25 +40,21 @@ def _psi_entry(psi, i, z):
     return lambda psi, i, z: psi[1](z[i]) + psi[0][i]
 
 
-def _row_aor(i, start, d, end, indices, data, q, psi, omega, inverse, tau, known, below, z, out):
+# A row: entries first ... last are those that the sweep has passed, k0 ... k1 those to come, d is the diagonal one.
+
+
+def _row_aor(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out):
     # row i of X = diag(1/inverse) + tau * (strict lower triangle of A), and out = z - 2 X^-1 F(z):
-    # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j)). The sums over old and new entries are kept
-    # apart, so that only one multiply-add stands between out_{i-1} and out_i; the new one is the next sweep's old one.
-    new = 0.0
-    if known:
-        old = below[i]
-        for k in range(start, d):
-            new += data[k] * out[_at(indices[k])]
-    else:
-        old = 0.0
-        for k in range(start, d):
-            a, j = data[k], _at(indices[k])
-            old += a * z[j]
-            new += a * out[j]
-    below[i] = new
+    # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j))
+    omega, inverse, tau = par
+    old, new = 0.0, 0.0
+    for k in range(first, last):
+        a, j = data[k], _at(indices[k])
+        old += a * z[j]
+        new += a * out[j]
     zi = z[i]
     rest = q[i] + data[d] * zi
-    for k in range(d + _at(1), end):
+    for k in range(k0, k1):
         rest += data[k] * z[_at(indices[k])]
     p = rest + old
     r = zi - psi_entry(psi, i, z)
@@ -70,35 +66,68 @@ def _row_aor(i, start, d, end, indices, data, q, psi, omega, inverse, tau, known
     return natural * natural
 
 
-_row = numba.njit(_row_aor, fastmath={"contract"}, error_model="numpy", nogil=True, inline="always")
+def _row_projected(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out):
+    # projected SOR: out_i = max(psi_i(z), z_i - omega/a_ii (sum_{j before i} a_ij out_j + sum_{others} a_ij z_j + q_i))
+    old, new = 0.0, 0.0
+    for k in range(first, last):
+        a, j = data[k], _at(indices[k])
+        old += a * z[j]
+        new += a * out[j]
+    zi, own = z[i], data[d]
+    rest = q[i] + own * zi
+    for k in range(k0, k1):
+        rest += data[k] * z[_at(indices[k])]
+    p = rest + old
+    obstacle = psi_entry(psi, i, z)
+    r = zi - obstacle
+    natural = p if p < r else r
+    # a division costs less than one more number per row from memory
+    scale = par[0] / own
+    moved = (zi - scale * rest) - scale * new
+    out[i] = obstacle if moved < obstacle else moved
+    return natural * natural
 
 
-def _sweep_aor(indptr, indices, data, diag, q, psi, omega, inverse, tau, known, below, z, out):
-    # where known[0], below[i] = sum_{j<i} a_ij z_j; afterwards it is that of `out`
-    squares, carried = 0.0, known[0]
-    start = _at(indptr[0])
-    for i in range(_at(z.size)):
-        d, end = _at(diag[i]), _at(indptr[i + _at(1)])
-        squares += _row(i, start, d, end, indices, data, q, psi, omega, inverse, tau, carried, below, z, out)
-        start = end
-    return squares
+def _in_order(row):
+    # one sweep, z -> out. In `row` the sums over old and new entries are kept apart, so that only one multiply-add
+    # stands between one row and the next
+    row = numba.njit(row, fastmath={"contract"}, error_model="numpy", nogil=True, inline="always")
+
+    def sweep(indptr, indices, data, diag, q, psi, par, forward, z, out):
+        squares = 0.0
+        n = z.size
+        for step in range(n):
+            i = _at(step if forward else n - 1 - step)
+            d, start, end = _at(diag[i]), _at(indptr[i]), _at(indptr[i + _at(1)])
+            first, last, k0, k1 = start, d, d + _at(1), end
+            if not forward:
+                first, last, k0, k1 = d + _at(1), end, start, d
+            squares += row(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out)
+        return squares
+
+    return sweep
 
 
-def _two_sweeps_aor(indptr, indices, data, diag, q, psi, omega, inverse, tau, known, below, lag, z, one, two):
-    # z -> one -> two, the second sweep `lag` rows behind the first: no row of A reaches further above its diagonal,
-    # and a row's entries come from memory once for both. The two do not wait for each other.
-    squares, more, carried = 0.0, 0.0, known[0]
-    n, lag = _at(z.size), _at(lag)
-    for step in range(n + lag):
-        i = _at(step)
-        if i < n:
-            start, d, end = _at(indptr[i]), _at(diag[i]), _at(indptr[i + _at(1)])
-            squares += _row(i, start, d, end, indices, data, q, psi, omega, inverse, tau, carried, below, z, one)
-        if i >= lag:
-            i -= lag
-            start, d, end = _at(indptr[i]), _at(diag[i]), _at(indptr[i + _at(1)])
-            more += _row(i, start, d, end, indices, data, q, psi, omega, inverse, tau, True, below, one, two)
-    return squares, more
+def _two_in_order(row):
+    # rows low <= i < high of the sweep z -> one, and rows low - lag <= i < high - lag of the next one, one -> two: no
+    # row of A reaches further above its diagonal than `lag`, and a row's entries come from memory once for both. The
+    # two sweeps do not wait for each other.
+    row = numba.njit(row, fastmath={"contract"}, error_model="numpy", nogil=True, inline="always")
+
+    def sweeps(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low, high):
+        squares, more = 0.0, 0.0
+        n, lag = _at(z.size), _at(lag)
+        for i in range(_at(low), _at(high)):
+            if i < n:
+                d, start, end = _at(diag[i]), _at(indptr[i]), _at(indptr[i + _at(1)])
+                squares += row(i, d, start, d, d + _at(1), end, indices, data, q, psi, par, z, one)
+            if i >= lag:
+                j = i - lag
+                d, start, end = _at(diag[j]), _at(indptr[j]), _at(indptr[j + _at(1)])
+                more += row(j, d, start, d, d + _at(1), end, indices, data, q, psi, par, one, two)
+        return squares, more
+
+    return sweeps
 
 
 def _sweep_diagonal(indptr, indices, data, q, psi, omega, inverse, z, out):
@@ -144,36 +173,6 @@ def _sweep_triangular(indptr, indices, data, q, psi, omega, start, stop, x_indic
     return squares
 
 
-def _sweep_projected(indptr, indices, data, diag, q, psi, scale, forward, z, out):
-    # projected SOR: out_i = max(psi_i(z), z_i - scale_i (sum_{j before i} a_ij out_j + sum_{others} a_ij z_j + q_i))
-    squares = 0.0
-    n = z.size
-    for step in range(n):
-        i = _at(step if forward else n - 1 - step)
-        d, start, end = _at(diag[i]), _at(indptr[i]), _at(indptr[i + _at(1)])
-        first, last, k0, k1 = start, d, d + _at(1), end
-        if not forward:
-            first, last, k0, k1 = d + _at(1), end, start, d
-        before_old = 0.0
-        before_new = 0.0
-        for k in range(first, last):
-            a, j = data[k], _at(indices[k])
-            before_old += a * z[j]
-            before_new += a * out[j]
-        zi = z[i]
-        rest = q[i] + data[d] * zi
-        for k in range(k0, k1):
-            rest += data[k] * z[_at(indices[k])]
-        p = rest + before_old
-        obstacle = psi_entry(psi, i, z)
-        r = zi - obstacle
-        natural = p if p < r else r
-        squares += natural * natural
-        moved = (zi - scale[i] * rest) - scale[i] * before_new
-        out[i] = obstacle if moved < obstacle else moved
-    return squares
-
-
 def _substitute(start, stop, indices, data, tau, inverse, forward, f, out):
     # X out = f for X = diag(1/inverse) + tau * T, row i of the strictly triangular T at start[i] ... stop[i]
     n = f.size
@@ -186,14 +185,15 @@ def _substitute(start, stop, indices, data, tau, inverse, forward, f, out):
 
 
 class Sweeps:
-    """The sweeps, compiled alike: `aor`, and `two_aor` in one pass, `diagonal`, `triangular`, `projected`."""
+    """The sweeps, compiled alike: `aor` and `projected`, two of either in one pass, `diagonal`, `triangular`."""
 
     def __init__(self, *, cache: bool) -> None:
-        self.aor = compiled(_sweep_aor, cache=cache)
-        self.two_aor = compiled(_two_sweeps_aor, cache=cache)
+        self.aor = compiled(_in_order(_row_aor), cache=cache)
+        self.two_aor = compiled(_two_in_order(_row_aor), cache=cache)
+        self.projected = compiled(_in_order(_row_projected), cache=cache)
+        self.two_projected = compiled(_two_in_order(_row_projected), cache=cache)
         self.diagonal = compiled(_sweep_diagonal, cache=cache)
         self.triangular = compiled(_sweep_triangular, cache=cache)
-        self.projected = compiled(_sweep_projected, cache=cache)
 
 
 #: for ψ given by arrays, kept on disk between runs

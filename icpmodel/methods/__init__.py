@@ -18,8 +18,8 @@ import numpy as np
 
 from ..arrays import Vector, described
 from ..errors import InputError
-from ..operators import Step
 from ..problem import ICP
+from ..steps import Step
 from ..theory.answers import Answer
 
 _REGISTRY: dict[str, type[Method]] = {}

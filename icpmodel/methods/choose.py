@@ -10,9 +10,9 @@ import numpy as np
 
 from ..intervention import Intervention
 from ..maps import Affine, Constant
-from ..operators import rows_of
 from ..problem import ICP
 from ..reduction import has_fixed_obstacle
+from ..steps import rows_of
 from ..theory.spectral import SMALL_RADIUS, couplings, radius_of
 from . import HandOver, Method
 from .lemke import Lemke

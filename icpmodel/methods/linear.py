@@ -12,8 +12,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..arrays import Vector, row_of
-from ..operators import factorise, quiet, rows_of, ruge_stuben
+from ..operators import factorise, quiet, ruge_stuben
 from ..problem import ICP
+from ..steps import rows_of
 from ..theory.certificates.equations import equations_on
 
 #: (right-hand side, relative tolerance) ↦ solution, or None where none was found

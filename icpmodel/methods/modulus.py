@@ -31,9 +31,9 @@ import numpy as np
 
 from ..arrays import Vector, as_number, as_vector
 from ..errors import InputError
-from ..operators import Step, rows_of
 from ..problem import ICP
 from ..splittings import AOR, Splitting, Whole, as_splitting
+from ..steps import Step, rows_of
 from . import FixedPoint, Method, positive_diagonal
 from .parameters import AdaptedOmega, a_number, is_auto, leave_out, relaxation, scale_of, sor
 

@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from ..arrays import Vector, row_of
 from ..intervention import Intervention
 from ..maps import Affine, Constant, Map
-from ..operators import Step, compiled_step
 from ..problem import ICP
 from ..reduction import has_fixed_obstacle, with_fixed_obstacle
+from ..steps import Step, compiled_step
 from . import HandOver, Method, positive_diagonal
 from .hierarchy import Hierarchy, Level, Mask, NoHierarchy
 from .linear import is_factorised
@@ -207,7 +207,7 @@ def _sweep(problem: ICP, level: Level) -> Step:
     below, above = (float(np.abs(A.data[side]).sum()) for side in (rows > A.indices, rows < A.indices))
     downwards = above <= _FLOW * below
     matrix = (A.indptr, A.indices, A.data, level.diag, problem.q)
-    return compiled_step(problem, "projected", matrix, (level.inverse, downwards))
+    return compiled_step(problem, "projected", matrix, ((1.0,), downwards))
 
 
 class _NewtonStep:

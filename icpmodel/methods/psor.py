@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..arrays import Vector, as_number
-from ..operators import Step, compiled_step, rows_of
 from ..problem import ICP
+from ..steps import Step, compiled_step, rows_of
 from . import FixedPoint, HandOver, positive_diagonal
 
 #: sweeps on trial are looked at after so many, and whenever their number has doubled
@@ -61,7 +61,7 @@ class PSOR(FixedPoint):
         """See `FixedPoint.step_of`."""
         A, rows = problem.A, rows_of(problem)
         matrix: tuple[Any, ...] = (A.indptr, A.indices, A.data, rows.diag, problem.q)
-        return compiled_step(problem, "projected", matrix, (self.omega / rows.diagonal, True))
+        return compiled_step(problem, "projected", matrix, ((self.omega,), True), reach=rows.above)
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. On trial it raises HandOver where the sweeps are slow."""

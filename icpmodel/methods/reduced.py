@@ -25,7 +25,6 @@ import numpy as np
 
 from ..arrays import Vector, norm
 from ..errors import MapError, SingularOperator
-from ..operators import compiled_step, rows_of
 from ..problem import ICP
 from ..reduction import (
     PIVOT_UP_TO,
@@ -38,6 +37,7 @@ from ..reduction import (
     with_fixed_obstacle,
     without,
 )
+from ..steps import compiled_step, rows_of
 from . import HandOver, Infeasible, Method
 from .choose import Choice, after_trial, choose, is_small, without_trial
 from .multilevel import Multilevel
@@ -281,7 +281,7 @@ def _at_rest(problem: ICP) -> Blocks | None:
         if not np.mean(p <= 0) + _balance(problem, none, p) / problem.n <= _PROMISING:
             return None
         matrix = (A.indptr, A.indices, A.data, rows_of(problem).diag, problem.q)
-        sweep = compiled_step(problem, "projected", matrix, (1.0 / A.diagonal(), True))
+        sweep = compiled_step(problem, "projected", matrix, ((1.0,), True))
         for _ in range(_SWEEPS):
             z, _ = sweep(z)
         p = problem.p(z)
