@@ -163,26 +163,15 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     icpmodel.errors.InputError: A has shape (1, 2); a square matrix was expected
     """
     if not sp.issparse(value):
-        value = as_array(value, name)
-        if value.ndim == 0:
-            value = value.reshape(1, 1)
-    shape = value.shape
-    if len(shape) != 2 or shape[0] != shape[1]:
-        raise InputError(f"{name} has shape {shape}; a square matrix was expected")
-    if n is not None and shape[0] != n:
-        raise InputError(f"{name} has shape {shape}; shape ({n}, {n}) was expected")
-    if shape[0] == 0:
-        raise InputError(f"{name} is empty; at least one row was expected")
-    if sp.issparse(value):
-        matrix = sp.csr_array(_real(value, name), dtype=np.float64, copy=True)
-        matrix.sum_duplicates()
-    else:
-        matrix = _compressed(_real(value, name), keep_diagonal)
+        return freeze(_compressed(as_square(value, name, n), keep_diagonal))
+    _check_square(value.shape, name, n)
+    matrix = sp.csr_array(_real(value, name), dtype=np.float64, copy=True)
+    matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():
         k = int(np.argmin(np.isfinite(matrix.data)))
         i = int(np.searchsorted(matrix.indptr, k, side="right")) - 1
-        raise InputError(f"{name}[{i}, {matrix.indices[k]}] is {matrix.data[k]}; a finite number was expected")
-    if keep_diagonal and sp.issparse(value):
+        raise _not_finite_entry(name, i, matrix.indices[k], matrix.data[k])
+    if keep_diagonal:
         matrix = _with_stored_diagonal(matrix)
     if matrix.nnz < _SHORT:
         matrix.indices = matrix.indices.astype(np.int32, copy=False)
@@ -190,7 +179,40 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     return freeze(matrix)
 
 
-def _compressed(array: np.ndarray, keep_diagonal: bool) -> sp.csr_array:
+def as_square(value: Any, name: str, n: int | None = None) -> NDArray[np.float64]:
+    """A float64 copy of the dense square matrix `value`, read-only; see `as_csr`.
+
+    >>> as_square([[1, 2], [3, float("nan")]], "A")
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: A[1, 1] is nan; a finite number was expected
+    """
+    array = as_array(value, name)
+    if array.ndim == 0:
+        array = array.reshape(1, 1)
+    _check_square(array.shape, name, n)
+    square = np.array(_real(array, name), dtype=np.float64, order="C")
+    finite = np.isfinite(square)
+    if not finite.all():
+        i, j = divmod(int(np.argmin(finite)), square.shape[0])
+        raise _not_finite_entry(name, i, j, square[i, j])
+    square.flags.writeable = False
+    return square
+
+
+def _check_square(shape: tuple[int, ...], name: str, n: int | None) -> None:
+    if len(shape) != 2 or shape[0] != shape[1]:
+        raise InputError(f"{name} has shape {shape}; a square matrix was expected")
+    if n is not None and shape[0] != n:
+        raise InputError(f"{name} has shape {shape}; shape ({n}, {n}) was expected")
+    if shape[0] == 0:
+        raise InputError(f"{name} is empty; at least one row was expected")
+
+
+def _not_finite_entry(name: str, i: int, j: int, entry: float) -> InputError:
+    return InputError(f"{name}[{i}, {j}] is {entry}; a finite number was expected")
+
+
+def _compressed(array: NDArray[np.float64], keep_diagonal: bool) -> sp.csr_array:
     """The entries of a dense square `array` that are not 0, and its diagonal where that is asked for, in CSR."""
     stored = array != 0
     if keep_diagonal:
@@ -200,7 +222,7 @@ def _compressed(array: np.ndarray, keep_diagonal: bool) -> sp.csr_array:
     indptr = np.zeros(array.shape[0] + 1, dtype=index)
     stored.sum(axis=1, dtype=index).cumsum(out=indptr[1:])
     indices = stored.nonzero()[1].astype(index)
-    matrix = sp.csr_array((array[stored].astype(np.float64), indices, indptr), shape=array.shape)
+    matrix = sp.csr_array((array[stored], indices, indptr), shape=array.shape)
     matrix.has_canonical_format = True
     return matrix
 

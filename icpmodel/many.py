@@ -157,7 +157,7 @@ class _Job:
         free = np.isneginf(C)
         with np.errstate(over="ignore", invalid="ignore"):
             base = np.where(free, 0.0, C)
-            M = self.problem.A.toarray()
+            M = self.problem.dense()
             F, Y, scaled = Q + base @ M.T, np.empty(Q.shape), scale(M)
             parts = min(cores(), -(-len(Q) // _ROWS_A_THREAD))
             in_parts(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
-from .arrays import Vector, as_array, as_csr, as_vector, described, norm, not_finite
+from .arrays import Vector, as_array, as_csr, as_square, as_vector, described, norm, not_finite
 from .errors import InputError
 from .maps import Constant, Map, as_map
 
@@ -22,8 +24,25 @@ if TYPE_CHECKING:
 UNIT_ROUNDOFF = 2.0**-53
 #: the smallest positive float64, the most that underflow can cost one operation
 SMALLEST = 2.0**-1074
+#: a dense A of so many rows stays dense until its sparse form is asked for
+_SMALL = 64
 #: what is remembered of A alone
 _OF_A = ("absolute", "jacobi radius", "rows")
+
+
+class _Matrix:
+    """A, `small` where it was handed in as a dense array with few rows; then `sparse` is made when it is asked for."""
+
+    def __init__(self, A: Any) -> None:
+        square = None if sp.issparse(A) else as_square(A, "A")
+        self.small = square if square is not None and len(square) <= _SMALL else None
+        if self.small is None:
+            self.sparse = as_csr(A if square is None else square, "A", keep_diagonal=True)
+        self.n = (self.sparse if self.small is None else self.small).shape[0]
+
+    @cached_property
+    def sparse(self) -> sp.csr_array:
+        return as_csr(self.small, "A", keep_diagonal=True)
 
 
 class ICP:
@@ -45,24 +64,50 @@ class ICP:
     ICP(n=2, nnz=4, psi=Constant(0))
     """
 
-    __slots__ = ("A", "_memory", "n", "psi", "q")
+    __slots__ = ("_matrix", "_memory", "n", "psi", "q")
 
-    A: sp.csr_array
     q: Vector
     psi: Map
     n: int
+    _matrix: _Matrix
     #: what was found out about A and ψ (not q), kept for the problems that share them; see `remembered`
     _memory: dict[str, Any]
 
     def __init__(self, A: Any, q: Any, psi: Any = 0.0) -> None:
-        matrix = as_csr(A, "A", keep_diagonal=True)
-        n = matrix.shape[0]
+        matrix = _Matrix(A)
+        n = matrix.n
         self._set(matrix, as_vector(q, n if np.ndim(q) else None, "q"), as_map(psi, n), {})
 
-    def _set(self, A: sp.csr_array, q: Vector, psi: Map, memory: dict[str, Any]) -> None:
+    def _set(self, matrix: _Matrix, q: Vector, psi: Map, memory: dict[str, Any]) -> None:
         q.flags.writeable = False
-        for name, value in (("A", A), ("q", q), ("psi", psi), ("n", q.size), ("_memory", memory)):
+        for name, value in (("_matrix", matrix), ("q", q), ("psi", psi), ("n", q.size), ("_memory", memory)):
             object.__setattr__(self, name, value)
+
+    @property
+    def A(self) -> sp.csr_array:
+        """A, CSR, shape (n, n), read-only; a small dense one is compressed when it is first asked for.
+
+        >>> ICP([[2.0]], [1.0]).A.nnz
+        1
+        """
+        return self._matrix.sparse
+
+    def dense(self) -> NDArray[np.float64]:
+        """A as a dense array, shape (n, n), read-only where it was handed in as one and n is small.
+
+        >>> ICP([[2.0]], [1.0]).dense()
+        array([[2.]])
+        """
+        return self.A.toarray() if self._matrix.small is None else self._matrix.small
+
+    def product(self, z: Vector) -> Vector:
+        """Az, shape (n,), for z of that shape.
+
+        >>> ICP([[2.0]], [1.0]).product(np.array([3.0]))
+        array([6.])
+        """
+        image: Vector = (self.A if self._matrix.small is None else self._matrix.small) @ z
+        return image
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"an ICP never changes; make a new one with with_q or with_psi instead of setting {name}")
@@ -92,7 +137,7 @@ class ICP:
 
     def _with(self, q: Vector, psi: Map, memory: dict[str, Any]) -> ICP:
         new = object.__new__(ICP)
-        new._set(self.A, q, psi, memory)
+        new._set(self._matrix, q, psi, memory)
         return new
 
     def frozen(self, z: Any) -> ICP:
@@ -132,7 +177,7 @@ class ICP:
         >>> ICP([[2.0]], [1.0]).p([3.0])
         array([7.])
         """
-        return self.A @ self.vector(z) + self.q
+        return self.product(self.vector(z)) + self.q
 
     def r(self, z: Any) -> Vector:
         """r(z) = z − ψ(z), shape (n,); +inf where there is no obstacle.
@@ -165,7 +210,7 @@ class ICP:
         """
         z = self.vector(z)
         with np.errstate(over="ignore", invalid="ignore"):
-            p = self.A @ z if z.any() else np.zeros(self.n)
+            p = self.product(z) if np.count_nonzero(z) else np.zeros(self.n)
             p += self.q
             return norm(np.minimum(p, z - self.psi.value(z), out=p))
 

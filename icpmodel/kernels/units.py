@@ -65,16 +65,3 @@ def _scale(M):
 
 
 scale = compiled(_scale)
-
-
-def _dense(indptr, indices, data):
-    # a CSR matrix as a dense one
-    n = indptr.size - 1
-    M = np.zeros((n, n))
-    for i in range(n):
-        for k in range(indptr[i], indptr[i + 1]):
-            M[i, indices[k]] = data[k]
-    return M
-
-
-dense = compiled(_dense)

@@ -84,10 +84,8 @@ class _Linear:
     """The LCP My + q ≥ 0, y ≥ 0 (0 and any sign in the rows that are `free`) behind an ICP with affine ψ."""
 
     def __init__(self, problem: ICP) -> None:
-        from ..kernels.units import dense  # loads numba
-
         psi: Any = problem.psi
-        self.M = dense(problem.A.indptr, problem.A.indices, problem.A.data)
+        self.M = problem.dense()
         self.free = np.isneginf(psi.c)
         self.c = np.where(self.free, 0.0, psi.c)
         self.inverse = None
