@@ -148,27 +148,26 @@ class _Job:
 
     def pivot(self) -> None:
         """All rows by Lemke's method; a row counts as solved where its residual says so."""
-        from .kernels.pivoting import many  # loads numba
+        from .kernels.judging import judge  # loads numba
+        from .kernels.pivoting import many
         from .kernels.units import scale
 
         assert isinstance(self.problem.psi, Constant)
-        Q, n = self.Q, self.problem.n
+        Q, n, M = self.Q, self.problem.n, self.problem.dense()
         C = np.broadcast_to(self.problem.psi.c if self.obstacles is None else self.obstacles, Q.shape)
-        free = np.isneginf(C)
+        at_0, zero = np.empty(len(Q)), np.broadcast_to(np.zeros(n), Q.shape)
+
+        def pivot(low: int, high: int) -> None:
+            q, c, z = Q[low:high], C[low:high], self.Z[low:high]
+            many(*scaled, M, q, c, _PIVOTS * (n + 1), z)
+            judge(M, q, c, z, self.residuals[low:high])
+            judge(M, q, c, zero[low:high], at_0[low:high])
+
         with np.errstate(over="ignore", invalid="ignore"):
-            base = np.where(free, 0.0, C)
-            M = self.problem.dense()
-            F, Y, scaled = Q + base @ M.T, np.empty(Q.shape), scale(M)
-            parts = min(cores(), -(-len(Q) // _ROWS_A_THREAD))
-            in_parts(
-                len(Q),
-                parts,
-                lambda low, high: many(*scaled, F[low:high], free[low:high], _PIVOTS * (n + 1), Y[low:high]),
-            )
-            self.Z = Y + base
-            self.residuals = _judge(self.Z @ M.T + Q, self.Z - C)
-            self.tolerances = np.maximum(self.atol, self.rtol * _judge(Q, -C))
-            self.solved = self.residuals <= self.tolerances
+            scaled = scale(M)
+            in_parts(len(Q), min(cores(), -(-len(Q) // _ROWS_A_THREAD)), pivot)
+            self.tolerances = np.maximum(self.atol, self.rtol * at_0)
+        self.solved = self.residuals <= self.tolerances
 
     def solve(self, row: int) -> None:
         """One row by `ICP.solve`, from the answer of the row before."""
@@ -191,12 +190,3 @@ class _Job:
         messages = {row: message for row, (_, message) in self.failures.items()}
         seconds = time.perf_counter() - clock
         return Solutions(self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages)
-
-
-def _judge(P: Matrix, R: Matrix) -> Vector:
-    """‖min(r, p)‖₂ row by row, as `ICP.residual` has it: NaN stays NaN, squares do not overflow."""
-    F = np.minimum(P, R)
-    largest = np.abs(F).max(axis=1)
-    safe = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
-    F /= safe[:, None]
-    return np.where(safe == largest, largest * np.sqrt(np.einsum("ij,ij->i", F, F)), largest)

@@ -87,9 +87,9 @@ def test_what_the_pivots_get_wrong_is_not_called_solved(monkeypatch):
     """The residual decides: with a kernel that returns rubbish every row goes to solve()."""
     from icpmodel.kernels import pivoting
 
-    def rubbish(S, r, c, Q, free, limit, Y):
-        Y[:] = np.nan
-        Y[0] = 7.0
+    def rubbish(S, r, c, M, Q, C, limit, Z):
+        Z[:] = np.nan
+        Z[0] = 7.0
 
     rng = np.random.default_rng(3)
     A, Q = spd(rng, 5), rng.normal(size=(4, 5))

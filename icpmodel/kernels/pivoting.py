@@ -240,16 +240,16 @@ def _begin(S, r, c, q, free):
 begin = compiled(_begin)
 
 
-def _many(S, r, c, Q, free, limit, Y):
-    # the LCPs with the rows of Q, each from its own start; y goes to the rows of Y, which only the judge may trust
+def _many(S, r, c, M, Q, C, limit, Z):
+    # the LCPs with the rows of Q over the obstacles in the rows of C, each from its own start, to the rows of Z
     n = S.shape[0]
     f, units = np.empty(n), np.empty(n, np.int64)
     D, labels, work = np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
     for k in range(Q.shape[0]):
-        right(Q[k], r, c, f, units)
-        _, _, y = go_on(S, f, free[k], units, D, labels, work, -1, limit)
-        for i in range(n):
-            Y[k, i] = y[i]
+        free = C[k] == -np.inf
+        base = np.where(free, 0.0, C[k])
+        right(Q[k] + M @ base, r, c, f, units)
+        Z[k] = base + go_on(S, f, free, units, D, labels, work, -1, limit)[2]
 
 
 many = compiled(_many)
