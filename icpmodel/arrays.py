@@ -227,6 +227,16 @@ def _compressed(array: NDArray[np.float64], keep_diagonal: bool) -> sp.csr_array
     return matrix
 
 
+def inner(x: Vector, y: Vector) -> float:
+    """xᵀy, both of shape (n,).
+
+    >>> inner(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    11.0
+    """
+    # from some size on BLAS wakes threads, which then spin for a while on the core that a sweep could have
+    return float(x @ y if x.size <= _FEW else np.einsum("i,i", x, y))
+
+
 def norm(x: Vector) -> float:
     """‖x‖₂, safe against over- and underflow of the squares; infinite or NaN where an entry is.
 
@@ -234,8 +244,7 @@ def norm(x: Vector) -> float:
     5.0
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        # from some size on BLAS wakes threads, which then spin for a while on the core that a sweep could have
-        squares = float(x @ x if x.size <= _FEW else np.einsum("i,i", x, x))
+        squares = inner(x, x)
     if 1e-280 < squares < 1e280:
         return math.sqrt(squares)
     largest = float(np.abs(x).max())

@@ -18,7 +18,7 @@ from .maps import Constant
 from .methods.choose import PIVOT_UP_TO
 from .problem import ICP
 from .solution import Status
-from .steps import cores, in_parts
+from .threads import cores, in_parts
 
 Matrix = NDArray[np.float64]
 

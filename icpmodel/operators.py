@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from .arrays import Vector, diagonal_positions
+from .arrays import Vector, diagonal_positions, norm
 from .errors import SingularOperator
 from .problem import ICP, UNIT_ROUNDOFF
 from .steps import Step, compiled_step, rows_of
@@ -52,7 +52,7 @@ class Operator(ABC):
 
         def step(z: Vector) -> tuple[Vector, float]:
             p, r = problem.A @ z + problem.q, z - problem.psi.value(z)
-            residual = float(np.linalg.norm(np.minimum(p, r)))
+            residual = norm(np.minimum(p, r))
             return z - 2.0 * self.solve(np.minimum(p, omega * r)), residual
 
         return step

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from .arrays import Vector, as_array, as_csr, as_square, as_vector, described, norm, not_finite
 from .errors import InputError
 from .maps import Constant, Map, as_map
+from .threads import in_parts, threads_for
 
 if TYPE_CHECKING:
     from .crosscheck.report import Report
@@ -106,7 +107,16 @@ class ICP:
         >>> ICP([[2.0]], [1.0]).product(np.array([3.0]))
         array([6.])
         """
-        image: Vector = (self.A if self._matrix.small is None else self._matrix.small) @ z
+        if self._matrix.small is not None:
+            image: Vector = self._matrix.small @ z
+            return image
+        A, threads = self.A, threads_for(self.A.nnz)
+        if threads == 1:
+            return np.asarray(A @ z)
+        from .kernels.rows import product  # loads numba
+
+        image, z = np.empty(self.n), np.ascontiguousarray(z)
+        in_parts(self.n, threads, lambda low, high: product(A.indptr, A.indices, A.data, z, low, high, image))
         return image
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,11 +11,10 @@ import numpy as np
 from .arrays import Vector
 from .maps import Affine, Constant, Elementwise, is_compiled, raising_map_error
 from .problem import ICP
+from .threads import in_parts, one_behind_the_other, threads_for
 
 #: entries that stay in a core's cache while a second sweep follows the first
 _NEAR = 50_000
-#: so many rows a thread goes ahead of the one that follows it, where A has at least so many entries
-_CHUNK, _THREADS_FROM = 50_000, 1_000_000
 #: z ↦ (z⁺, Res(z) or None where it does not fall out of the step)
 Step = Callable[[Vector], tuple[Vector, float | None]]
 
@@ -27,7 +23,7 @@ class Rows(NamedTuple):
     """What the sweeps and the choice of a method ask of the rows of A, as `rows_of` finds it.
 
     `diag` where in A.data each diagonal entry stands; `diagonal`; `rest` = Σ_{j≠i}|a_ij|, all of shape (n,); how far
-    the entries reach `below` the diagonal and `above` it.
+    the entries reach `below` the diagonal and `above` it, and the sums `lower` and `upper` of all |a_ij| there.
 
     >>> rows_of(ICP([[2.0, -1.0], [0.0, 3.0]], [0.0, 0.0])).rest
     array([1., 0.])
@@ -38,6 +34,8 @@ class Rows(NamedTuple):
     rest: Vector
     below: int
     above: int
+    lower: float
+    upper: float
 
 
 def rows_of(problem: ICP) -> Rows:
@@ -52,39 +50,15 @@ def rows_of(problem: ICP) -> Rows:
 
         A, n = problem.A, problem.n
         arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n)
-        parts = cores() if A.nnz >= _THREADS_FROM else 1
-        reach = in_parts(n, parts, lambda low, high: look(A.indptr, A.indices, A.data, low, high, *arrays))
+        matrix = (A.indptr, A.indices, A.data)
+        reach = in_parts(n, threads_for(A.nnz), lambda low, high: look(*matrix, low, high, *arrays))
         for array in arrays:
             array.flags.writeable = False
-        below, above = np.max(reach, axis=0).tolist()
-        return Rows(*arrays, below, above)
+        below, above, lower, upper = zip(*reach, strict=True)
+        return Rows(*arrays, max(below), max(above), sum(lower), sum(upper))
 
     found: Rows = problem.remembered("rows", look)
     return found
-
-
-def cores() -> int:
-    """How many cores this process may use.
-
-    >>> cores() >= 1
-    True
-    """
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def in_parts(size: int, parts: int, work: Callable[[int, int], Any]) -> list[Any]:
-    """`work(low, high)` on `parts` pieces of range(`size`), each in a thread of its own: compiled loops run at once.
-
-    Returns what it returned, in order.
-
-    >>> in_parts(5, 2, lambda low, high: (low, high))
-    [(0, 2), (2, 5)]
-    """
-    cuts = [size * i // parts for i in range(parts + 1)]
-    if parts == 1:
-        return [work(0, size)]
-    with ThreadPoolExecutor(parts) as pool:
-        return list(pool.map(work, cuts, cuts[1:]))
 
 
 def compiled_step(
@@ -127,7 +101,7 @@ def compiled_step(
     if reach is None or not isinstance(psi, Constant) or reach * (nnz / problem.n + 4) > _NEAR:
         return step
     two = partial(getattr(SWEEPS, f"two_{name}"), *before, inside, after[0], reach)
-    return _looking_ahead(step, partial(_passes, two, reach, cores() if nnz >= _THREADS_FROM else 1))
+    return _looking_ahead(step, partial(_passes, two, reach, nnz))
 
 
 def _looking_ahead(single: Step, several: Callable[[Vector], list[tuple[Vector, float]]]) -> Step:
@@ -151,30 +125,20 @@ def _looking_ahead(single: Step, several: Callable[[Vector], list[tuple[Vector, 
     return step
 
 
-def _passes(two: Callable[..., tuple[float, float]], reach: int, threads: int, z: Vector) -> list[tuple[Vector, float]]:
+def _passes(two: Callable[..., tuple[float, float]], reach: int, nnz: int, z: Vector) -> list[tuple[Vector, float]]:
     """(z⁺, Res(z)) of two sweeps in one pass over A, or of four where a second thread follows the first one.
 
     Every number is the same as that of one sweep after the other.
     """
-    n, iterates = z.size, [z, *(np.empty(z.size) for _ in range(4 if threads > 1 else 2))]
-    squares = np.zeros(len(iterates) - 1)
-    # the second sweep of a pass is `reach` rows behind the first, and the thread behind as much again
-    ends = [*range(_CHUNK, n, _CHUNK), n + reach]
+    sweeps = 4 if threads_for(nnz) > 1 else 2
+    iterates, squares = [z, *(np.empty(z.size) for _ in range(sweeps))], np.zeros(sweeps)
 
     def part(first: int, low: int, high: int) -> None:
         squares[first : first + 2] += two(*iterates[first : first + 3], low, high)
 
-    if threads == 1:
-        for low, high in pairwise([0, *ends]):
-            part(0, low, high)
+    # the second sweep of a pass is `reach` rows behind the first
+    if sweeps == 2:
+        part(0, 0, z.size + reach)
     else:
-        with ThreadPoolExecutor(1) as behind:
-            low = done = 0
-            for high in ends:
-                ready = max(low - 2 * reach, 0)
-                following = behind.submit(part, 2, done, ready)
-                part(0, low, high)
-                following.result()
-                low, done = high, ready
-            part(2, done, n + reach)
+        one_behind_the_other(z.size + reach, nnz, partial(part, 0), partial(part, 2), 2 * reach)
     return list(zip(iterates[1:], np.sqrt(squares).tolist(), strict=True))

@@ -18,6 +18,7 @@ HOUSE = Path(icpmodel.__file__).parent
 ROOMS = [
     "errors",
     "arrays",
+    "threads",
     "kernels",
     "maps",
     "intervention",

@@ -31,7 +31,7 @@ class TestVCycle:
         """Steps x ← x + cycle(f − Ax) converge to the solution of A_FF x = f_F, in few steps whatever n is."""
         for n in (20**2, 80**2):
             A, free = membrane(n).A, disc(n, radius)
-            hierarchy = Hierarchy(A)
+            hierarchy = Hierarchy(icp.ICP(A, np.zeros(A.shape[0])))
             hierarchy.restrict(free)
             f = np.random.default_rng(0).normal(size=n)
             exact = np.zeros(n)
@@ -45,24 +45,24 @@ class TestVCycle:
 
     def test_it_is_a_symmetric_operator_where_A_is_symmetric(self):
         n = 30**2
-        hierarchy, free = Hierarchy(membrane(n).A), disc(n, 0.2)
+        hierarchy, free = Hierarchy(membrane(n)), disc(n, 0.2)
         hierarchy.restrict(free)
         f, g = np.random.default_rng(1).normal(size=(2, n)) * free
         assert g @ hierarchy.cycle(f) == pytest.approx(f @ hierarchy.cycle(g), rel=1e-10)
 
     def test_a_small_matrix_is_solved_exactly(self):
         A = sp.csr_array(np.array([[2.0, -1.0, 0.0], [-1.0, 3.0, -1.0], [0.0, -1.0, 2.0]]))
-        hierarchy = Hierarchy(A)
+        hierarchy = Hierarchy(icp.ICP(A, np.zeros(A.shape[0])))
         hierarchy.restrict(np.array([True, True, False]))
         assert hierarchy.cycle(np.array([1.0, 2.0, 7.0])) == pytest.approx([1.0, 1.0, 0.0])
 
     def test_interpolation_leaves_the_kept_points_alone(self):
-        for level in Hierarchy(membrane().A).levels[:-1]:
+        for level in Hierarchy(membrane()).levels[:-1]:
             assert abs(level.P[level.kept] - sp.eye_array(level.P.shape[1])).max() == 0
 
     def test_a_diagonal_that_is_not_positive_is_refused(self):
         with pytest.raises(NoHierarchy):
-            Hierarchy(sp.csr_array([[0.0, 1.0], [1.0, 1.0]]))
+            Hierarchy(icp.ICP([[0.0, 1.0], [1.0, 1.0]], [0.0, 0.0]))
 
 
 class TestFixedObstacle:
@@ -137,7 +137,7 @@ class TestCoarserLevels:
             right[0] = 0.0
         middle = 0.01 - np.concatenate([[0.0], left]) - np.concatenate([right, [0.0]])
         problem = icp.ICP(sp.diags_array([left, middle, right], offsets=[-1, 0, 1]), rng.normal(size=n), -np.inf)
-        for level, coarser in pairwise(Hierarchy(problem.A).levels):
+        for level, coarser in pairwise(Hierarchy(problem).levels):
             coarse, shift = multilevel._coarse(problem, level, coarser)
             z, below = (sp.linalg.spsolve(sp.csc_array(one.A), -one.q) for one in (problem, coarse))
             assert level.P @ below + shift == pytest.approx(z, rel=1e-9, abs=1e-9)
@@ -156,7 +156,7 @@ class TestCoarserLevels:
         }[kind]
         problem = fine = icp.ICP(membrane(n).A, rng.normal(size=n), psi)
         up, kept = (lambda z: z), np.arange(n)
-        for level, coarser in pairwise(Hierarchy(fine.A).levels):
+        for level, coarser in pairwise(Hierarchy(fine).levels):
             problem, shift = multilevel._coarse(problem, level, coarser)
             z, h = rng.normal(size=(2, problem.n))
             kept, up = kept[level.kept], lambda z, up=up, level=level, shift=shift: up(level.P @ z + shift)
@@ -198,7 +198,7 @@ class TestImpulseControl:
 
     def test_the_start_nearly_solves_the_problem(self):
         problem = scenes.dividend(n=6001).problem
-        start = multilevel._start(Hierarchy(problem.A), problem)
+        start = multilevel._start(Hierarchy(problem), problem)
         assert problem.residual(start) <= 1e-6 * problem.residual(np.zeros(problem.n))
 
     def test_a_start_that_is_worse_than_none_is_not_taken(self, monkeypatch):

@@ -254,6 +254,8 @@ def test_the_rows_are_looked_at_right(index):
         assert rows.rest == pytest.approx(np.abs(A).sum(axis=1) - np.abs(A.diagonal()))
         i, j = np.nonzero(A)
         assert (rows.below, rows.above) == ((i - j).max(), (j - i).max())
+        assert rows.lower == pytest.approx(np.abs(np.tril(A, -1)).sum())
+        assert rows.upper == pytest.approx(np.abs(np.triu(A, 1)).sum())
 
 
 @pytest.mark.parametrize("method", ["mnmgs", "mnmsor"])
@@ -280,9 +282,9 @@ def test_two_threads_make_the_sweeps_of_one(monkeypatch, method, chunk):
     problem = icp.ICP(band(rng, 60, 5, 3) + 99.0 * np.eye(60), rng.normal(size=60), rng.normal(size=60))
     z = rng.normal(size=60)
     alone = list(islice(named(method).iterates(problem, z), 10))
-    monkeypatch.setattr("icpmodel.steps._THREADS_FROM", 1)
-    monkeypatch.setattr("icpmodel.steps._CHUNK", chunk)
-    monkeypatch.setattr("icpmodel.steps.cores", lambda: 2)
+    monkeypatch.setattr("icpmodel.threads._THREADS_FROM", 1)
+    monkeypatch.setattr("icpmodel.threads._CHUNK", chunk)
+    monkeypatch.setattr("icpmodel.threads.cores", lambda: 2)
     for (one, residual), (two, other) in zip(alone, islice(named(method).iterates(problem, z), 10), strict=True):
         assert (one == two).all()
         assert residual == pytest.approx(other, rel=1e-14)

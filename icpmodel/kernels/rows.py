@@ -1,4 +1,4 @@
-"""What is asked of the rows of a matrix before the first sweep, in one pass: `operators.rows_of` says what for."""
+"""Products with a matrix, and what is asked of its rows before the first sweep: `steps.rows_of` says what for."""
 
 from __future__ import annotations
 
@@ -10,24 +10,40 @@ from . import position as _at
 
 def _look(indptr, indices, data, low, high, diag, diagonal, rest):
     # rows low <= i < high: where the diagonal entry stands, its value, the sum of the other |entries|; returns how far
-    # the entries reach below the diagonal and above it. Rows are sorted, and every diagonal entry is stored.
-    below, above = 0, 0
+    # the entries reach below the diagonal and above it, and the sums of those there. Rows are sorted, and every
+    # diagonal entry is stored.
+    below, above, lower, whole = 0, 0, 0.0, 0.0
     start = _at(indptr[low])
     for i in range(low, high):
         end = _at(indptr[i + 1])
         below = max(below, i - indices[start])
         above = max(above, indices[end - _at(1)] - i)
-        total, left = 0.0, 0
+        total, first, left = 0.0, 0.0, 0
         for k in range(start, end):
             total += abs(data[k])
-            left += indices[k] < i  # no branch
+            first += abs(data[k]) * (indices[k] < i)  # no branch
+            left += indices[k] < i
         own = data[start + _at(left)]
         diag[i], diagonal[i], rest[i] = start + _at(left), own, total - abs(own)
+        lower += first
+        whole += rest[i]
         start = end
-    return below, above
+    return below, above, lower, whole - lower
 
 
 look = compiled(_look)
+
+
+def _product(indptr, indices, data, z, low, high, out):
+    # rows low <= i < high of Az
+    for i in range(_at(low), _at(high)):
+        total = 0.0
+        for k in range(_at(indptr[i]), _at(indptr[i + _at(1)])):
+            total += data[k] * z[_at(indices[k])]
+        out[i] = total
+
+
+product = compiled(_product)
 
 
 def _couple(indptr, indices, data, weight):

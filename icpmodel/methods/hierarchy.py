@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -9,8 +10,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import Vector, as_csr, diagonal_positions
+from ..arrays import Vector
 from ..operators import ruge_stuben
+from ..problem import ICP
+from ..steps import rows_of
+from ..threads import one_behind_the_other
 
 Mask = NDArray[np.bool_]
 
@@ -21,28 +25,29 @@ _COARSEST = 64
 class NoHierarchy(Exception):
     """The diagonal of A, or of a coarser level, is not positive.
 
-    >>> Hierarchy(sp.csr_array([[-2.0]]))
+    >>> Hierarchy(ICP([[-2.0]], [0.0]))
     Traceback (most recent call last):
     icpmodel.methods.hierarchy.NoHierarchy
     """
 
 
 class Level:
-    """A of one level, CSR, shape (m, m), with its diagonal; and which rows are `free`.
+    """A of one level, that of `problem`, CSR, shape (m, m), with its diagonal; and which rows are `free`.
 
     Where there is a coarser level, `P`, CSR, shape (m, m_coarse), interpolates from it, and `kept`, shape (m_coarse,),
     are the points that are on it as well: P leaves their values alone.
 
-    >>> Level(sp.csr_array([[2.0]])).diagonal
+    >>> Level(ICP([[2.0]], [0.0])).diagonal
     array([2.])
     """
 
-    def __init__(self, A: sp.csr_array) -> None:
-        self.A, self.diag, self.diagonal = A, diagonal_positions(A), A.diagonal()
+    def __init__(self, problem: ICP) -> None:
+        self.problem, self.A, self.rows = problem, problem.A, rows_of(problem)
+        self.diag, self.diagonal = self.rows.diag, self.rows.diagonal
         if not (self.diagonal > 0).all():
             raise NoHierarchy
         self.inverse = 1.0 / self.diagonal
-        self.free: Mask = np.ones(A.shape[0], dtype=np.bool_)
+        self.free: Mask = np.ones(problem.n, dtype=np.bool_)
         self.P: Any = None
         self.kept: Any = None
 
@@ -52,30 +57,30 @@ class Hierarchy:
 
     On every level the points whose own row is not free keep the value 0. That is how the interpolation is truncated
     without another Galerkin product; what it leaves out is next to the border of F.
-    Parameters: `A` CSR, shape (n, n), with every diagonal entry stored. Raises NoHierarchy where the diagonal of A or
+    Parameters: the `problem` whose A it is. Raises NoHierarchy where the diagonal of A or
     of a coarser level is not positive.
     Reference: Ruge and Stüben, Algebraic multigrid (1987); Kornhuber, Numer. Math. 69 (1994), for the truncation.
 
-    >>> hierarchy = Hierarchy(sp.csr_array([[2.0, -1.0], [-1.0, 2.0]]))
+    >>> hierarchy = Hierarchy(ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0]))
     >>> hierarchy.restrict(np.array([True, False]))
     >>> hierarchy.cycle(np.array([1.0, 5.0]))
     array([0.5, 0. ])
     """
 
-    def __init__(self, A: sp.csr_array) -> None:
-        self.levels = [Level(A)]
+    def __init__(self, problem: ICP) -> None:
+        self.levels = [Level(problem)]
         # direct interpolation costs least and is made for M-matrices
-        made = ruge_stuben(A, interpolation="direct", max_coarse=_COARSEST, keep=True).levels
+        made = ruge_stuben(problem.A, interpolation="direct", max_coarse=_COARSEST, keep=True).levels
         for fine, coarse in pairwise(made):
             self.levels[-1].P, self.levels[-1].kept = sp.csr_array(fine.P), np.flatnonzero(fine.splitting)
-            self.levels.append(Level(as_csr(coarse.A, "A of a coarser level", keep_diagonal=True)))
+            self.levels.append(Level(ICP(sp.csr_array(coarse.A), np.zeros(coarse.A.shape[0]))))
         self._dense = self.levels[-1].A.toarray()
         self.restrict(self.levels[0].free)
 
     def restrict(self, free: Mask, top: int = 0) -> None:
         """Let only the rows where `free`, shape (m,), of level `top` take part in the cycles that follow.
 
-        >>> hierarchy = Hierarchy(sp.csr_array([[2.0]]))
+        >>> hierarchy = Hierarchy(ICP([[2.0]], [0.0]))
         >>> hierarchy.restrict(np.array([False]))
         >>> hierarchy.cycle(np.array([1.0]))
         array([0.])
@@ -91,18 +96,21 @@ class Hierarchy:
 
         Parameters: `f` of shape (m,), m the rows of level `top`. Returns a new array of that shape.
 
-        >>> Hierarchy(sp.csr_array([[2.0]])).cycle(np.array([1.0]))
+        >>> Hierarchy(ICP([[2.0]], [0.0])).cycle(np.array([1.0]))
         array([0.5])
         """
-        from ..kernels.multigrid import ascend, descend
+        from ..kernels.multigrid import interpolate, restrict, sweep_down, sweep_up
 
         level, x = self.levels[top], np.zeros(f.size)
         if level.P is None:
             x[self._rows] = self._inverse @ f[self._rows]
             return x
-        A, P = level.A, level.P
-        transfer, coarse = (P.indptr, P.indices, P.data), np.empty(P.shape[1])
-        descend(A.indptr, A.indices, A.data, level.diag, level.inverse, level.free, f, *transfer, x, coarse)
+        A, P, n, free, inverse = level.A, level.P, f.size, level.free, level.inverse
+        matrix, transfer, coarse = (A.indptr, A.indices, A.data), (P.indptr, P.indices, P.data), np.zeros(P.shape[1])
+        down = partial(sweep_down, *matrix, level.diag, inverse, free, f, x)
+        rest = partial(restrict, *matrix, level.diag, free, *transfer, x, coarse)
+        one_behind_the_other(n, A.nnz, down, rest, level.rows.above)
         coarse = self.cycle(coarse, top + 1)
-        ascend(A.indptr, A.indices, A.data, level.inverse, level.free, f, *transfer, coarse, x)
+        correct = partial(interpolate, free, *transfer, coarse, x)
+        one_behind_the_other(n, A.nnz, correct, partial(sweep_up, *matrix, inverse, free, f, x), level.rows.below)
         return x

@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import Vector, row_of
+from ..arrays import Vector, inner, norm
 from ..intervention import Intervention
 from ..maps import Affine, Constant, Map
 from ..problem import ICP
@@ -36,7 +36,7 @@ from .linear import is_factorised
 from .newton import Newton, derivative
 
 #: sweeps where the active set has moved
-_SWEEPS = 5
+_SWEEPS = 4
 #: Krylov steps between two looks at the active set: until the rest has fallen to a share, and at the most
 _SHARE, _KRYLOV = 0.1, 8
 #: a coarser level is left at this share of its own Res(0), or after so many looks
@@ -97,7 +97,7 @@ class Multilevel(Method):
 
 def _run(problem: ICP, z: Vector, first: float) -> Iterator[tuple[Vector, float | None]]:
     """The run on the finest level, as long as it leads on; `first` is the residual of the start `z`."""
-    hierarchy = Hierarchy(problem.A)
+    hierarchy = Hierarchy(problem)
     simple = with_fixed_obstacle(problem) if has_fixed_obstacle(problem) else problem
     at_0 = problem.residual(np.zeros(problem.n))
     start = z if first <= _NEAR * at_0 else _start(hierarchy, simple)
@@ -105,8 +105,12 @@ def _run(problem: ICP, z: Vector, first: float) -> Iterator[tuple[Vector, float 
         # it never ends
         yield from Newton().iterates(problem, start if problem.residual(start) <= min(first, at_0) else z)
     mark, best, halved_at, better_at = np.inf, np.inf, 0, 0
+    last = None
     for look, (iterate, residual) in enumerate(_path(hierarchy, simple, start, 0)):
+        if iterate is last:
+            return
         yield iterate, residual if simple is problem else None
+        last = iterate
         if residual < best:
             best, better_at = residual, look
         if residual <= 0.5 * mark:
@@ -154,7 +158,7 @@ def _coarse(problem: ICP, level: Level, coarser: Level) -> tuple[ICP, Vector]:
         below = _Carried(psi.psi, sp.csr_array(psi.P @ P), psi.P @ shift + psi.shift, psi.kept[kept])
     else:
         below = _Carried(psi, P, shift, kept)
-    return ICP(coarser.A, P.T @ problem.p(shift), below), shift
+    return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(below), shift
 
 
 class _Carried(Map):
@@ -193,7 +197,7 @@ def _path(hierarchy: Hierarchy, problem: ICP, z: Vector, top: int) -> Iterator[t
             for _ in range(_SWEEPS):
                 z, _ = sweep(z)
             p, r = problem.p(z), problem.r(z)
-        yield z, float(np.linalg.norm(np.minimum(p, r)))
+        yield z, norm(np.minimum(p, r))
         active = r < p / omega
         if newton is None or moves or not np.array_equal(active, newton.active):
             newton = _NewtonStep(hierarchy, problem, top, active, z, p, r)
@@ -203,11 +207,11 @@ def _path(hierarchy: Hierarchy, problem: ICP, z: Vector, top: int) -> Iterator[t
 
 def _sweep(problem: ICP, level: Level) -> Step:
     """Projected Gauss–Seidel, from the last row to the first where what flows through A flows that way."""
-    A, rows = level.A, row_of(level.A)
-    below, above = (float(np.abs(A.data[side]).sum()) for side in (rows > A.indices, rows < A.indices))
-    downwards = above <= _FLOW * below
-    matrix = (A.indptr, A.indices, A.data, level.diag, problem.q)
-    return compiled_step(problem, "projected", matrix, ((1.0,), downwards))
+    A, rows = level.A, level.rows
+    downwards = rows.upper <= _FLOW * rows.lower
+    matrix = (A.indptr, A.indices, A.data, rows.diag, problem.q)
+    reach = rows.above if downwards else None
+    return compiled_step(problem, "projected", matrix, ((1.0,), downwards), reach=reach)
 
 
 class _NewtonStep:
@@ -229,24 +233,24 @@ class _NewtonStep:
 
     def further(self, z: Vector) -> Vector:
         """`z` after some steps of GCR: each reduces ‖rest‖₂ as much as the last directions allow."""
-        wanted = _SHARE * np.linalg.norm(self.rest)
+        wanted = _SHARE * norm(self.rest)
         for _ in range(_KRYLOV):
             y = self._preconditioned(self.rest)
             w = self._product(y)
             for direction, image in self.directions:
-                share = w @ image
+                share = inner(w, image)
                 w -= share * image
                 y -= share * direction
-            size = float(np.linalg.norm(w))
+            size = norm(w)
             if not 0 < size < np.inf:
                 break
             y /= size
             w /= size
             self.directions = [*self.directions[1 - _KRYLOV :], (y, w)]
-            share = self.rest @ w
+            share = inner(self.rest, w)
             z = z + share * y
             self.rest = self.rest - share * w
-            if np.linalg.norm(self.rest) <= wanted:
+            if norm(self.rest) <= wanted:
                 break
         return z
 
@@ -254,11 +258,11 @@ class _NewtonStep:
         if not self.coupled:
             return self.hierarchy.cycle(f, self.top)
         step = np.where(self.active, f / self.slope, 0.0)
-        return step + self.hierarchy.cycle(f - self.problem.A @ step, self.top)
+        return step + self.hierarchy.cycle(f - self.problem.product(step), self.top)
 
     def _product(self, y: Vector) -> Vector:
         """The matrix of the system times `y`."""
-        image = self.problem.A @ y
+        image = self.problem.product(y)
         if self.J is None:
             return np.where(self.active, y, image)
         return np.where(self.active, y - self.J @ y, image)

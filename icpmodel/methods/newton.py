@@ -107,7 +107,7 @@ class _Point:
 
     def __init__(self, problem: ICP, omega: Vector, z: Vector) -> None:
         self.problem, self.z, self.p, self.r = problem, z, problem.p(z), problem.r(z)
-        self.residual = float(np.linalg.norm(np.minimum(self.p, self.r)))
+        self.residual = norm(np.minimum(self.p, self.r))
         self.a = self.p / omega
         self.free = np.isposinf(self.r)  # no obstacle: φ = a
         self.b = np.where(self.free, 0.0, self.r)
