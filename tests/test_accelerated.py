@@ -32,6 +32,12 @@ def random_h_plus(rng, kind):
     return icp.ICP(A, rng.normal(size=n), psi)
 
 
+def newest(history):
+    """z and g(z), the last that the history was told."""
+    image = history.G[history.newest]
+    return image - history.F[history.newest], image.copy()
+
+
 def path(method, problem, z, steps):
     iterates = method.iterates(problem, np.asarray(z, dtype=float))
     return [next(iterates)[0] for _ in range(steps + 1)]
@@ -50,11 +56,10 @@ def test_every_step_is_the_least_squares_combination_of_the_last_ones():
         for k in range(16):
             image = step(found[k])[0]
             expected = image
-            if (k + 1) % every == 0:
-                known.append((image - found[k], image))
+            known.append((image - found[k], image))
+            if (k + 1) % every == 0 and k > 0:
                 F, G = (np.diff([pair[i] for pair in known[-4:]], axis=0).T for i in (0, 1))
-                if F.size:
-                    expected = image - G @ np.linalg.lstsq(root[:, None] * F, root * known[-1][0], rcond=None)[0]
+                expected = image - G @ np.linalg.lstsq(root[:, None] * F, root * known[-1][0], rcond=None)[0]
             assert found[k + 1] == pytest.approx(expected, rel=1e-6, abs=1e-9), (every, k)
 
 
@@ -99,7 +104,7 @@ def test_it_solves_what_its_method_is_proved_to_solve(of, kind):
 def test_however_wrong_the_combinations_are_the_plain_sweeps_win(monkeypatch, wrong):
     """Nothing gained, noise, overshooting, growth, NaN, overflow: Gauss–Seidel still ends."""
     random = np.random.default_rng(0)
-    monkeypatch.setattr(accelerated._History, "combined", lambda self, z, image: wrong(z, image, random))
+    monkeypatch.setattr(accelerated._History, "combined", lambda self: wrong(*newest(self), random))
     for every in (1, 3):
         problem = scenes.membrane(n=100).problem
         solution = problem.solve(icp.Accelerated(of="mnmgs", every=every), raise_on_failure=False)
@@ -113,7 +118,7 @@ def test_where_psi_fails_at_an_accelerated_iterate_the_plain_step_is_taken(monke
         return 0.1 * np.sin(z)
 
     problem = icp.ICP([[4.0, -1.0], [-2.0, 4.0]], [-3.0, -2.0], psi)
-    monkeypatch.setattr(accelerated._History, "combined", lambda self, z, image: image + 1e6)
+    monkeypatch.setattr(accelerated._History, "combined", lambda self: newest(self)[1] + 1e6)
     assert problem.solve(icp.Accelerated(of="mnmgs", every=1)).solved
     start = np.array([99.0, 99.0])  # from which the first plain step of this one leaves the domain
     outside = icp.ICP(problem.A, [-3000.0, -2000.0], psi)
@@ -124,15 +129,16 @@ def test_where_psi_fails_at_an_accelerated_iterate_the_plain_step_is_taken(monke
 def test_after_a_rejected_iterate_the_history_is_empty(monkeypatch):
     original, known = accelerated._History.combined, []
 
-    def combined(self, z, image):
-        known.append((self.known, self.next, self.last is None))
-        return image + 1e6 if len(known) == 5 else original(self, z, image)
+    def combined(self):
+        known.append((self.known, self.newest))
+        return newest(self)[1] + 1e6 if len(known) == 5 else original(self)
 
     monkeypatch.setattr(accelerated._History, "combined", combined)
     path(icp.Accelerated(of="mnmgs", every=1), scenes.membrane(n=100).problem, np.zeros(100), 12)
-    fresh = [(0, 0, True), (0, 0, False), (1, 1, False), (2, 2, False), (3, 3, False)]
-    assert known[:5] == fresh
-    assert known[5:9] == fresh[:4]
+    fresh = [(1, 0), (2, 1), (3, 2), (4, 3), (5, 4), (6, 5), (6, 0), (6, 1)]
+    assert known[:5] == fresh[:5]
+    assert known[5:] == fresh[: len(known) - 5]
+    assert len(known) == 11
 
 
 def test_phases_alternate_and_double_where_the_least_residual_is_not_halved():
@@ -148,21 +154,21 @@ def test_differences_that_depend_on_each_other_are_left_out():
 
     rng = np.random.default_rng(0)
     for trial in range(40):
-        n, known, rank = 30, 5, int(rng.integers(1, 5))
-        F = rng.normal(size=(known, rank)) @ rng.normal(size=(rank, n))
+        n, known, rank = 600, 5, int(rng.integers(1, 5))
+        dF = rng.normal(size=(known, rank)) @ rng.normal(size=(rank, n))
         if trial % 2:
-            F = rng.normal(size=(known, n))
-            F[1] = F[0]
-        F *= 10.0 ** rng.integers(-8, 8, (known, 1))
-        G, weight = F.copy(), rng.uniform(0.1, 1.0, n)  # G = F, so that `out` is what is left of f
-        z, f, newest = np.zeros(n), rng.normal(size=n), trial % known
-        products, out = (F * weight) @ F.T, np.empty(n)
-        f_last = f - F[newest]
-        assert combine(z, f, z, f_last, weight, F, G, products, newest, known, 1e-10, out)
+            dF = rng.normal(size=(known, n))
+            dF[1] = dF[0]
+        dF *= 10.0 ** rng.integers(-3, 3, (known, 1))
+        f, weight, newest, out = rng.normal(size=n), rng.uniform(0.1, 1.0, n), trial % (known + 1), np.empty(n)
+        F = np.insert(f - dF, newest, f, axis=0)
+        assert combine(F, F, known + 1, newest, weight, 1e-10, out)  # G = F, so that `out` is what is left of f
         root = np.sqrt(weight)
-        scaled = F / np.linalg.norm(F, axis=1)[:, None]
+        scaled = dF / np.linalg.norm(dF, axis=1)[:, None]
         expected = f - scaled.T @ np.linalg.lstsq((root * scaled).T, root * f, rcond=1e-5)[0]
         assert out == pytest.approx(expected, abs=1e-5)
+        F[trial % (known + 1), -1] = np.nan
+        assert not combine(F, F, known + 1, newest, weight, 1e-10, out)
 
 
 def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one(monkeypatch):
@@ -182,7 +188,7 @@ def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one(monkeypatch)
     for every, spoil in ((1, False), (3, False), (2, True)):
         calls = []
         if spoil:  # rejected iterates count as well
-            monkeypatch.setattr(accelerated._History, "combined", lambda self, z, image: 1e3 + image)
+            monkeypatch.setattr(accelerated._History, "combined", lambda self: 1e3 + newest(self)[1])
         solution = problem.solve(icp.Accelerated(of=Counting(), every=every))
         assert len(calls) == solution.iterations + 1
         assert spoil or solution.iterations < plain / 3

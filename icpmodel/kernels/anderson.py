@@ -13,45 +13,47 @@ from . import compiled
 _BLOCK = 512
 
 
-def _combine(z, image, z_last, image_last, weight, F, G, products, slot, known, least, out):
-    # rows `slot` of F and G become the newest differences, and out = image - gamma G[:known] with gamma as in
-    # `methods.accelerated`; False where a product is not finite, and then `out` is nothing
-    n = z.size
-    weighted, value = np.empty(_BLOCK), np.empty(_BLOCK)
-    row, right, gamma = np.zeros(known), np.zeros(known), np.zeros(known)
+def _combine(F, G, known, newest, weight, least, out):
+    # rows 0 ... known - 1 of F and G are values of f and g, and out = G[newest] - gamma dG with gamma as in
+    # `methods.accelerated`, the differences those of the other rows to the newest; False where a product is not
+    # finite, and then `out` is nothing
+    n, last = weight.size, known - 1
+    # `newest` is the row that the last one takes the place of
+    order = np.arange(known)
+    order[newest], order[last] = last, newest
+    products, right, gamma = np.zeros((last, last)), np.zeros(last), np.zeros(last)
+    differences, weighted = np.empty((last, _BLOCK)), np.empty(_BLOCK)
     for start in range(0, n, _BLOCK):
-        stop = min(start + _BLOCK, n)
+        size = min(_BLOCK, n - start)
         # slices, as an index into them needs no offset, which would keep the loops out of vector instructions
-        zs, images, zs_last, images_last = z[start:stop], image[start:stop], z_last[start:stop], image_last[start:stop]
-        weights, newest_f, newest_g = weight[start:stop], F[slot, start:stop], G[slot, start:stop]
-        for i in range(stop - start):
-            f = images[i] - zs[i]
-            df = f - (images_last[i] - zs_last[i])
-            newest_f[i] = df
-            newest_g[i] = images[i] - images_last[i]
-            weighted[i] = weights[i] * df
-            value[i] = weights[i] * f
-        for j in range(known):
-            differences = F[j, start:stop]
-            with_df, with_f = 0.0, 0.0
-            for i in range(stop - start):
-                with_df += weighted[i] * differences[i]
-                with_f += value[i] * differences[i]
-            row[j] += with_df
+        f, weights = F[newest, start : start + size], weight[start : start + size]
+        for j in range(last):
+            other, difference = F[order[j], start : start + size], differences[j]
+            with_f = 0.0
+            for i in range(size):
+                difference[i] = f[i] - other[i]
+                weighted[i] = weights[i] * difference[i]
+                with_f += weighted[i] * f[i]
             right[j] += with_f
-    for j in range(known):
-        products[slot, j] = row[j]
-        products[j, slot] = row[j]
-    if not _solve(products, right, known, least, gamma):
+            for k in range(j + 1):
+                one = differences[k]
+                total = 0.0
+                for i in range(size):
+                    total += weighted[i] * one[i]
+                products[j, k] += total
+    for j in range(last):
+        for k in range(j):
+            products[k, j] = products[j, k]
+    if not _solve(products, right, last, least, gamma):
         return False
     for start in range(0, n, _BLOCK):
-        stop = min(start + _BLOCK, n)
-        block = out[start:stop]
-        block[:] = image[start:stop]
-        for j in range(known):
-            differences, factor = G[j, start:stop], gamma[j]
-            for i in range(stop - start):
-                block[i] -= factor * differences[i]
+        size = min(_BLOCK, n - start)
+        block, image = out[start : start + size], G[newest, start : start + size]
+        block[:] = image
+        for j in range(last):
+            other, factor = G[order[j], start : start + size], gamma[j]
+            for i in range(size):
+                block[i] -= factor * (image[i] - other[i])
     return True
 
 

@@ -34,9 +34,10 @@ class Accelerated(Method):
 
         z⁺ = g(z) − ΔG γ,        γ = argmin (f(z) − ΔF γ)ᵀ D (f(z) − ΔF γ),
 
-    ΔG and ΔF the differences of the last `window` + 1 values of g and f at those steps, D the diagonal of A, so that
-    symmetric changes of units leave γ as it is; the other steps are plain ones. The combination costs about as much
-    as a sweep, hence not every step is one. Where g is linear and `every` is 1 this is GMRES, restarted gradually.
+    ΔG and ΔF the differences of the last `window` + 1 values of g and f, D the diagonal of A, so that symmetric changes
+    of units leave γ as it is; the other steps are plain ones. The combination costs about as much as a sweep, hence not
+    every step is one. Where g is linear and `every` is 1 this is GMRES, restarted gradually; where g is affine and n is
+    at most 2, the third step of the default is exact.
 
     **Safeguard.** An iterate so made is kept only if its residual, which the next sweep yields for free, is at most ten
     times the least one so far; else the plain step is taken and the history forgotten. Where a hundred steps
@@ -49,7 +50,8 @@ class Accelerated(Method):
     map: any member of the modulus family, `psor`, or a `FixedPoint` of your own; by default MNMAOR(theta1="auto"),
     whose numbers stay here as `settled(problem)` gives them. `window` ≥ 1, the number of differences; `every` ≥ 1.
     Raises InputError for anything else.
-    Reference: Anderson, J. ACM 12 (1965); Walker and Ni, SIAM J. Numer. Anal. 49 (2011).
+    Reference: Anderson, J. ACM 12 (1965); Walker and Ni, SIAM J. Numer. Anal. 49 (2011); Pratapa, Suryanarayana and
+    Pask, J. Comput. Phys. 306 (2016), for the steps between.
 
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Accelerated(of="mnmgs")).z.round(6)
     array([1., 1.])
@@ -100,9 +102,10 @@ class Accelerated(Method):
             least, sweeps, plain, following = min(least, residual), sweeps + 1, None, image
             if not phase.accelerates(least):
                 history.forget()
-            elif sweeps % self.every == 0:
-                following = history.combined(z, image)
-                plain = None if following is image else image
+            else:
+                history.add(z, image)
+                if sweeps % self.every == 0 and (combined := history.combined()) is not None:
+                    following, plain = combined, image
             z = following
 
 
@@ -122,35 +125,34 @@ class _Phases:
 
 
 class _History:
-    """The last `window` differences of f(z) = g(z) − z and g(z), the rows of F and G, and the products F D Fᵀ."""
+    """The last `window` + 1 values of f(z) = g(z) − z and of g(z), the rows of F and G."""
 
     def __init__(self, problem: ICP, window: int) -> None:
         weight = np.abs(problem.A.diagonal())
         # rows without a diagonal entry count as if theirs were the largest
         self.weight = np.where(weight > 0, weight / (weight.max() or 1.0), 1.0)
-        self.window = min(window, problem.n)
-        self.F, self.G = np.empty((self.window, problem.n)), np.empty((self.window, problem.n))
-        self.products = np.empty((self.window, self.window))
+        rows = min(window, problem.n) + 1
+        self.F, self.G = np.empty((rows, problem.n)), np.empty((rows, problem.n))
         self.forget()
 
     def forget(self) -> None:
-        self.last: tuple[Vector, Vector] | None = None
-        self.known = self.next = 0
+        self.known = self.newest = 0
 
-    def combined(self, z: Vector, image: Vector) -> Vector:
-        """g(z) − γG, with `image` = g(z); `image` itself where the history has nothing to say."""
+    def add(self, z: Vector, image: Vector) -> None:
+        """Keep f(z) and `image` = g(z) in place of the oldest."""
+        self.newest = (self.newest + 1) % len(self.F) if self.known else 0
+        self.known = max(self.known, self.newest + 1)
+        np.subtract(image, z, out=self.F[self.newest])
+        self.G[self.newest] = image
+
+    def combined(self) -> Vector | None:
+        """g(z) − ΔGγ, z the newest; None where the history has nothing to say."""
         from ..kernels.anderson import combine
 
-        last, self.last = self.last, (z, image)
-        if last is None:
-            return image
-        slot, self.next = self.next, (self.next + 1) % self.window
-        self.known = max(self.known, slot + 1)
-        out = np.empty(z.size)
-        if combine(z, image, *last, self.weight, self.F, self.G, self.products, slot, self.known, _INDEPENDENT, out):
+        out = np.empty(self.weight.size)
+        if self.known > 1 and combine(self.F, self.G, self.known, self.newest, self.weight, _INDEPENDENT, out):
             return out
-        self.forget()
-        return image
+        return None
 
 
 def _residual(problem: ICP, z: Vector, hint: float | None) -> float:

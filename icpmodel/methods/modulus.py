@@ -35,12 +35,22 @@ from ..problem import ICP
 from ..splittings import AOR, Splitting, Whole, as_splitting
 from ..steps import Step, rows_of
 from . import FixedPoint, Method, positive_diagonal
-from .parameters import AdaptedOmega, a_number, is_auto, leave_out, relaxation, scale_of, sor
+from .parameters import (
+    RELAXED,
+    AdaptedOmega,
+    a_number,
+    after_jacobi,
+    is_auto,
+    jacobi_step,
+    leave_out,
+    relaxation,
+    scale_of,
+    sor,
+)
 
-#: how far the ω for all of A is held back where it stays as it is: on the free rows a smaller one is the best
-_HELD_BACK = 0.95
-#: with θ₂ = θ₁ the factor √2 − 1 … 1 of the fastest errors outweighs what the slow ones gain beyond this ω
-_MOST_OF_SOR = 1.4
+#: an ω that is not adapted is at most this: on the free rows a smaller one is the best than for all of A, acceleration
+#: hardly needs more, and with θ₂ = θ₁ the factor √2 − 1 … 1 of the fastest errors outweighs what slow ones gain
+_MOST_UNWATCHED = 1.4
 
 
 class ModulusMember(FixedPoint):
@@ -50,8 +60,9 @@ class ModulusMember(FixedPoint):
     AOR(theta1=1.0, theta2=1.0)
     """
 
-    #: members without the option have φ = 0
+    #: members without these options have φ = 0 and numbers for all else
     phi: Any = 0.0
+    theta1: Any = 1.0
 
     @abstractmethod
     def splitting_of(self) -> Splitting:
@@ -77,12 +88,22 @@ class ModulusMember(FixedPoint):
         """
         return self
 
+    @property
+    def memoryless(self) -> bool:  # type: ignore[override]
+        """Whether all steps are alike, which they are not with theta1="auto": see `Method.memoryless`.
+
+        >>> MNMGS().memoryless, MNMAOR(theta1="auto").memoryless
+        (True, False)
+        """
+        return not is_auto(self.theta1)
+
     def step_of(self, problem: ICP) -> Step:
-        """See `FixedPoint.step_of`."""
-        member = self.settled(problem)
-        omega = member.omega_of(problem)
-        shift = as_vector(member.phi, problem.n, "phi") + omega
-        return member.splitting_of().operator(problem.A, shift).step(problem, omega)
+        """See `FixedPoint.step_of`; with theta1="auto" the first step is `parameters.jacobi_step`."""
+        if is_auto(self.theta1):
+            return after_jacobi(problem, self.phi, lambda: self.settled(problem).step_of(problem))
+        omega = self.omega_of(problem)
+        shift = as_vector(self.phi, problem.n, "phi") + omega
+        return self.splitting_of().operator(problem.A, shift).step(problem, omega)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -205,11 +226,6 @@ class _Relaxing(_FreeOmega):
     def _relaxed(self, problem: ICP, omega: float) -> MNMAOR | MNMSOR: ...
 
     @property
-    def memoryless(self) -> bool:  # type: ignore[override]
-        """Whether ω stays as it is: see `Method.memoryless`."""
-        return not is_auto(self.theta1)
-
-    @property
     def used(self) -> MNMAOR | MNMSOR | None:
         """With theta1="auto", the numbers that the latest run of this object came to; None before there is one.
 
@@ -224,17 +240,16 @@ class _Relaxing(_FreeOmega):
         if not is_auto(self.theta1):
             yield from super().iterates(problem, z)
             return
-        omega, step = self._adapted(problem), None
+        omega, step = None, jacobi_step(problem, self.phi)
         while True:
-            if step is None:
-                member = type(self)(phi=self.phi) if omega.plain else self._relaxed(problem, omega.value)
-                object.__setattr__(self, "_used", member)
-                step = member.step_of(problem)
             following, residual = step(z)
             yield z, residual
             z = following
-            if omega.changes(residual):
-                step = None
+            if omega is None or omega.changes(residual):
+                omega = omega or self._adapted(problem)
+                member = type(self)(phi=self.phi) if omega.plain else self._relaxed(problem, omega.value)
+                object.__setattr__(self, "_used", member)
+                step = member.step_of(problem)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -262,11 +277,12 @@ class MNMAOR(_Relaxing):
             AOR(self.theta1, self.theta2)
 
     def settled(self, problem: ICP) -> MNMAOR:
-        """See `ModulusMember.settled`; ω is somewhat below the one that is best for all of A."""
-        return self._relaxed(problem, max(1.0, _HELD_BACK * relaxation(problem))) if is_auto(self.theta1) else self
+        """See `ModulusMember.settled`; ω is `relaxation(problem)`, but at most 1.4: acceleration needs no more."""
+        return self._relaxed(problem, min(relaxation(problem), _MOST_UNWATCHED)) if is_auto(self.theta1) else self
 
     def _adapted(self, problem: ICP) -> AdaptedOmega:
-        return AdaptedOmega(relaxation(problem))
+        omega = relaxation(problem)
+        return AdaptedOmega(omega, most=omega) if 1.0 < omega < RELAXED else AdaptedOmega(1.0)
 
     def _relaxed(self, problem: ICP, omega: float) -> MNMAOR:
         theta1, phi2 = sor(problem, omega)
@@ -301,8 +317,8 @@ class MNMSOR(_Relaxing):
         return MNMSOR(phi=self.phi) if is_auto(self.theta1) else self
 
     def _adapted(self, problem: ICP) -> AdaptedOmega:
-        best = relaxation(problem)
-        return AdaptedOmega(best, fixed=min(best, _MOST_OF_SOR))
+        omega = min(relaxation(problem), _MOST_UNWATCHED)
+        return AdaptedOmega(omega, most=omega)
 
     def _relaxed(self, problem: ICP, omega: float) -> MNMSOR:
         theta1, phi2 = sor(problem, omega)

@@ -2,7 +2,8 @@
 
 On rows with p < Ωr a step with X = 2(D/ω − L) and Ω = (2 − ω)D is successive overrelaxation (SOR), whose best ω follows
 from the spectral radius μ of the Jacobi matrix of those rows: ω = 2/(1 + √(1 − μ²)). Where A is consistently ordered,
-SOR with an ω below the best one shrinks the error by λ a step, and λ tells μ: (λ + ω − 1)² = ω²μ²λ.
+SOR with an ω below the best one shrinks the error by λ a step, and λ tells μ: (λ + ω − 1)² = ω²μ²λ. So a run that is
+watched needs no estimate of μ beforehand, and one that is accelerated hardly depends on ω.
 Reference: Young, Iterative Solution of Large Linear Systems (1971), chapters 6 and 7; Hageman and Young, Applied
 Iterative Methods (1981), chapter 9.
 """
@@ -10,16 +11,19 @@ Iterative Methods (1981), chapter 9.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import fields
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector, as_number
+from ..arrays import Vector, as_number, as_vector
 from ..errors import InputError
-from ..operators import factorise
+from ..maps import Affine
+from ..operators import DiagonalOperator, Step, factorise, inverse_diagonal, rows_of
 from ..problem import ICP
-from ..theory.spectral import jacobi_radius
+from ..theory.spectral import SMALL_RADIUS, couplings
 
 #: what theta1 may be instead of a number
 AUTO = "auto"
@@ -29,10 +33,11 @@ _SETTLE, _AGREE = 12, 0.05
 _CAUTION = 0.98
 #: … and it is taken where it comes nearer to 2 by this share
 _WORTH = 0.05
-#: below this ω there is nothing to adapt
-_RELAXED = 1.2
-#: the least patience in steps, and the growth that is a reason to step back at once
-_PATIENCE, _GROWN = 100, 1e3
+#: below this ω there is nothing to adapt, and no rate leads beyond this one
+RELAXED, _MOST = 1.2, 1.995
+#: the least patience in steps, what multiplies the steps that halve the error at the observed rate and at the one for
+#: which ω is best, and the growth that is a reason to step back at once
+_PATIENCE, _HALVES, _GROWN = 100, 3.0, 1e3
 
 
 def is_auto(theta1: Any) -> bool:
@@ -98,15 +103,20 @@ def best_omega(radius: float) -> float:
 
 
 def relaxation(problem: ICP) -> float:
-    """The ω of the least SOR rate for the whole of A: 2/(1 + √(1 − ρ²)), ρ the estimated Jacobi radius; 1 where ρ ≥ 1.
+    """A cautious ω: 2/(1 + √(1 − ρ²)) with ρ = 1ᵀS1/n, S as in `couplings`, or ‖I − D⁻¹A‖_∞ if small; 1 where ρ ≥ 1.
 
-    On the rows that do not touch the obstacle the radius is smaller, so that this ω is rather too large.
+    ρ is a Rayleigh quotient, hence at most the Jacobi radius where S is similar to the Jacobi matrix, and costs no more
+    than a few sweeps; on the rows that do not touch the obstacle the radius is smaller than on all.
 
     >>> relaxation(ICP([[2.0, -1.2], [-1.2, 2.0]], [-1.0, 1.0])) == 2 / (1 + 0.8)
     True
     """
+    rows = rows_of(problem)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        radius: float = problem.remembered("jacobi radius", lambda: jacobi_radius(problem.A))
+        radius = float((rows.rest / np.abs(rows.diagonal)).max())
+        if radius > SMALL_RADIUS:
+            S = problem.remembered("couplings", lambda: couplings(problem.A))
+            radius = float(S.data.sum()) / problem.n
     return best_omega(radius) if radius < 1.0 else 1.0
 
 
@@ -126,26 +136,60 @@ def scale_of(problem: ICP) -> float:
     return scale if 0 < scale < np.inf else 1.0
 
 
+def jacobi_step(problem: ICP, phi: Any = 0.0) -> Step:
+    """Jacobi's step with Ω = D/(1 − g_ii), which solves every row on its own where ψ is affine with g_ii < 1.
+
+    With it theta1="auto" begins: it may be all there is to do, as on many small problems.
+    Parameters: `phi` a number or a vector of shape (n,). Where ψ is not affine or g_ii ≥ 1, Ω_ii = a_ii > 0.
+
+    >>> jacobi_step(ICP([[2.0]], [6.0], Affine([[0.5]], -2.0)))(np.zeros(1))
+    (array([-3.]), 2.0)
+    """
+    diagonal = omega = rows_of(problem).diagonal
+    if isinstance(problem.psi, Affine):
+        slope = problem.psi.G.diagonal()
+        omega = diagonal / (1.0 - np.where(slope < 1.0, slope, 0.0))
+    shift = as_vector(phi, problem.n, "phi") + diagonal
+    return DiagonalOperator(inverse_diagonal(diagonal, shift)).step(problem, omega)
+
+
+def after_jacobi(problem: ICP, phi: Any, then: Callable[[], Step]) -> Step:
+    """`jacobi_step`, and from the second call on the step that `then` makes.
+
+    Where a diagonal entry is not positive there is the latter alone.
+
+    >>> from icpmodel import MNMGS
+    >>> problem = ICP([[2, -1], [-1, 2]], [-1, 3])
+    >>> after_jacobi(problem, 0.0, lambda: MNMGS().step_of(problem))(np.zeros(2))[0]
+    array([0.5, 0. ])
+    """
+
+    if not (rows_of(problem).diagonal > 0).all():
+        return then()
+
+    def steps() -> Iterator[Step]:
+        yield jacobi_step(problem, phi)
+        yield from repeat(then())
+
+    following = steps()
+    return lambda z: next(following)(z)
+
+
 class AdaptedOmega:
-    """An ω that follows the observed rate: from 1 up to `best`, and back where the residual grows or hardly falls.
+    """An ω that follows the rate: from `value` up to `most`, and back where the residual grows or hardly falls.
 
     Every step back halves ω − 1, takes all of it where ω ≤ 1.2, and is final. Where ω = 1 does no better, the run is
     `plain` from then on, with MNMGS; so hardly a problem is lost that MNMGS solves, and that is every one with an
-    H₊-matrix and a ψ of small slope. The patience is somewhat more than Gauss–Seidel sweeps need to halve an error.
-    Parameters: `best`, the ω that is best for all of A, from which the run starts where it is below 1.2; `fixed`, an
-    ω from which the run starts and which it does not exceed.
+    H₊-matrix and a ψ of small slope. The patience is several times the number of steps that should halve the error, by
+    the observed rate or by the one for which ω is best.
 
-    >>> omega = AdaptedOmega(1.9)
+    >>> omega = AdaptedOmega(1.0)
     >>> any([omega.changes(0.81**k) for k in range(13)]), round(omega.value, 3)
     (True, 1.365)
     """
 
-    def __init__(self, best: float, fixed: float | None = None) -> None:
-        self.most, self.plain = fixed or best, False
-        self.value = fixed or (best if best < _RELAXED else 1.0)
-        # 1 - rho is about (2 - omega)^2 / 8, and ln(2) / (1 - rho^2) Gauss-Seidel sweeps halve the error; a fixed omega
-        # is hardly faster than they are, and from it there are fewer steps back to wait for
-        self._patience = _PATIENCE + (2.0 if fixed is None else 6.0) / (2.0 - best) ** 2
+    def __init__(self, value: float, most: float = _MOST) -> None:
+        self.value, self.most, self.plain = value, most, False
         self._last = self._factor = math.nan
         self._steps = self._since = 0
         self._least = self._mark = math.inf
@@ -153,7 +197,7 @@ class AdaptedOmega:
     def changes(self, residual: float | None) -> bool:
         """Whether the `residual` of the next iterate is a reason to change ω, or to be `plain` from now on.
 
-        >>> AdaptedOmega(1.9).changes(1.0)
+        >>> AdaptedOmega(1.0).changes(1.0)
         False
         """
         assert residual is not None
@@ -166,10 +210,9 @@ class AdaptedOmega:
             self._mark, self._since = residual, 0
         if self.plain:
             return False
-        stuck = self._since > self._patience
-        if stuck or not residual <= _GROWN * self._least:
+        if self._since > self._patience(factor) or not residual <= _GROWN * self._least:
             self.plain = self.value == 1.0
-            self.most = 1.0 + 0.5 * (self.value - 1.0) if self.value > 1.2 else 1.0
+            self.most = 1.0 + 0.5 * (self.value - 1.0) if self.value > RELAXED else 1.0
             self._change(self.most)
             return True
         if self.value < self.most and self._steps >= _SETTLE and abs(factor - before) < _AGREE * (1.0 - factor):
@@ -178,6 +221,12 @@ class AdaptedOmega:
                 self._change(omega)
                 return True
         return False
+
+    def _patience(self, factor: float) -> float:
+        # where omega is best, 1 - rho is about (2 - omega)^2 / 8 for the Jacobi radius rho, and Gauss-Seidel sweeps
+        # halve the error in ln(2) / (1 - rho^2)
+        slow = 4.0 / (2.0 - self.value) ** 2
+        return _PATIENCE + _HALVES * math.log(2.0) * (max(slow, 1.0 / (1.0 - factor)) if factor < 1.0 else slow)
 
     def _best(self, factor: float) -> float:
         """The ω for which this factor, seen at the present ω, gives the least rate; 0 where it tells nothing."""
