@@ -48,10 +48,6 @@ from .parameters import (
     sor,
 )
 
-#: an ω that is not adapted is at most this: on the free rows a smaller one is the best than for all of A, acceleration
-#: hardly needs more, and with θ₂ = θ₁ the factor √2 − 1 … 1 of the fastest errors outweighs what slow ones gain
-_MOST_UNWATCHED = 1.4
-
 
 class ModulusMember(FixedPoint):
     """A member of the modulus family: a choice of M₁, φ and Ω, and nothing else.
@@ -277,8 +273,8 @@ class MNMAOR(_Relaxing):
             AOR(self.theta1, self.theta2)
 
     def settled(self, problem: ICP) -> MNMAOR:
-        """See `ModulusMember.settled`; ω is `relaxation(problem)`, but at most 1.4: acceleration needs no more."""
-        return self._relaxed(problem, min(relaxation(problem), _MOST_UNWATCHED)) if is_auto(self.theta1) else self
+        """See `ModulusMember.settled`; ω is `parameters.relaxation`: acceleration needs no more."""
+        return self._relaxed(problem, relaxation(problem)) if is_auto(self.theta1) else self
 
     def _adapted(self, problem: ICP) -> AdaptedOmega:
         omega = relaxation(problem)
@@ -317,7 +313,7 @@ class MNMSOR(_Relaxing):
         return MNMSOR(phi=self.phi) if is_auto(self.theta1) else self
 
     def _adapted(self, problem: ICP) -> AdaptedOmega:
-        omega = min(relaxation(problem), _MOST_UNWATCHED)
+        omega = relaxation(problem)
         return AdaptedOmega(omega, most=omega)
 
     def _relaxed(self, problem: ICP, omega: float) -> MNMSOR:
