@@ -107,7 +107,7 @@ def _run(problem: ICP, z: Vector, first: float) -> Iterator[tuple[Vector, float 
     mark, best, halved_at, better_at = np.inf, np.inf, 0, 0
     last = None
     for look, (iterate, residual) in enumerate(_path(hierarchy, simple, start, 0)):
-        if iterate is last:
+        if iterate is last or not residual < np.inf:
             return
         yield iterate, residual if simple is problem else None
         last = iterate
