@@ -196,15 +196,18 @@ class Elementwise(Map):
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         """diag(f′(z)), or None without `derivative`: see `Map.jacobian`."""
-        if self.derivative is None:
-            return None
-        return sp.diags_array(self._entrywise(self.derivative, z, "psi.derivative")).tocsr()
+        slopes = self.slopes(z)
+        return None if slopes is None else sp.diags_array(slopes).tocsr()
+
+    def slopes(self, z: Vector) -> Vector | None:
+        """f′(z), shape (n,), or None without `derivative`. Raises MapError where the user's function fails."""
+        return None if self.derivative is None else self._entrywise(self.derivative, z, "psi.derivative")
 
     def _entrywise(self, f: Callable[[Any], Any], z: Vector, name: str) -> Vector:
         if is_compiled(f):
-            from .kernels.sweeps import apply_entrywise  # loads numba
+            from .kernels.user import entrywise  # loads numba
 
-            return call_user(lambda: apply_entrywise(f, z), z.shape, name)
+            return call_user(lambda: entrywise(f)(z), z.shape, name)
         return call_user(lambda: f(z.copy()), z.shape, name)
 
     def __repr__(self) -> str:

@@ -85,23 +85,33 @@ def compiled_step(
     elif isinstance(psi, Affine):
         inside = (psi.c, psi.G.indptr, psi.G.indices, psi.G.data)
     elif isinstance(psi, Elementwise) and is_compiled(psi.f):
-        inside = (psi.c, psi.f)
-    user = isinstance(psi, Elementwise) and inside is not None
-    sweep = getattr(USER_SWEEPS if user else SWEEPS, name)
+        return _step_with(getattr(USER_SWEEPS, name), psi, before, after)
+    sweep = getattr(SWEEPS, name)
 
     def step(z: Vector) -> tuple[Vector, float]:
         out = np.empty(z.size)
         squares = sweep(*before, psi.value(z) if inside is None else inside, *after, z, out)
         return out, float(np.sqrt(squares))
 
-    if user:
-        # the sweep calls the user's compiled function, which may raise
-        return lambda z: raising_map_error(lambda: step(z), "psi.f")
     nnz = problem.A.nnz
     if reach is None or not isinstance(psi, Constant) or reach * (nnz / problem.n + 4) > _NEAR:
         return step
     two = partial(getattr(SWEEPS, f"two_{name}"), *before, inside, after[0], reach)
     return _looking_ahead(step, partial(_passes, two, reach, nnz))
+
+
+def _step_with(kernel: Any, psi: Elementwise, before: tuple[Any, ...], after: tuple[Any, ...]) -> Step:
+    """`compiled_step` where the sweep calls the user's compiled function, which may raise."""
+    from .kernels.user import sweep_with
+
+    sweep = sweep_with(kernel, psi.f)
+
+    def step(z: Vector) -> tuple[Vector, float]:
+        out = np.empty(z.size)
+        squares = raising_map_error(lambda: sweep(before, psi.c, after, z, out), "psi.f")
+        return out, float(np.sqrt(squares))
+
+    return step
 
 
 def _looking_ahead(single: Step, several: Callable[[Vector], list[tuple[Vector, float]]]) -> Step:

@@ -10,7 +10,6 @@ indices. ψ enters as `psi`, resolved when the loop is compiled: a vector ψ(z),
 from __future__ import annotations
 
 import numba
-import numpy as np
 from numba import types
 from numba.extending import overload
 
@@ -203,12 +202,3 @@ USER_SWEEPS = Sweeps(cache=False)
 
 
 substitute = compiled(_substitute)
-
-
-@numba.njit
-def apply_entrywise(f, z):
-    """f(z_i) for every i, f a scalar function compiled by numba."""
-    out = np.empty(z.size)
-    for i in range(z.size):
-        out[i] = f(z[i])
-    return out
