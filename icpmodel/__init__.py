@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from .measure.stability_map import stability as stability
     from .methods import Method as Method
     from .methods.accelerated import Accelerated as Accelerated
+    from .methods.josephy import Josephy as Josephy
     from .methods.lemke import Lemke as Lemke
     from .methods.mms import MMS as MMS
     from .methods.modulus import MNMAOR as MNMAOR
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from .methods.newton import Newton as Newton
     from .methods.psor import PSOR as PSOR
     from .methods.reduced import Reduced as Reduced
+    from .methods.tridiagonal import Tridiagonal as Tridiagonal
     from .modelling.cvxpy_problem import Complementarity as Complementarity
     from .modelling.cvxpy_problem import Problem as Problem
     from .modelling.cvxpy_problem import complements as complements
@@ -94,6 +96,7 @@ _HOMES = {
     "measure.stability_map": ("stability",),
     "methods": ("Method",),
     "methods.accelerated": ("Accelerated",),
+    "methods.josephy": ("Josephy",),
     "methods.lemke": ("Lemke",),
     "methods.mms": ("MMS",),
     "methods.modulus": (
@@ -111,6 +114,7 @@ _HOMES = {
     "methods.newton": ("Newton",),
     "methods.psor": ("PSOR",),
     "methods.reduced": ("Reduced",),
+    "methods.tridiagonal": ("Tridiagonal",),
     "modelling.cvxpy_problem": ("Complementarity", "Problem", "complements"),
     "modelling.cvxpy_solver": ("cvxpy_solver",),
     "problem": ("ICP",),

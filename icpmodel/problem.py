@@ -101,6 +101,15 @@ class ICP:
         """
         return self.A.toarray() if self._matrix.small is None else self._matrix.small
 
+    @property
+    def nnz(self) -> int:
+        """How many entries of A are stored, or not 0 where A is small and dense.
+
+        >>> ICP(np.eye(3), np.ones(3)).nnz
+        3
+        """
+        return self.A.nnz if self._matrix.small is None else int(np.count_nonzero(self._matrix.small))
+
     def product(self, z: Vector) -> Vector:
         """Az, shape (n,), for z of that shape.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .arrays import Vector, row_of
 from .intervention import Intervention
-from .maps import Affine, Constant, Map
+from .maps import Affine, Constant, Elementwise, Map
 from .problem import ICP, UNIT_ROUNDOFF
 
 #: evaluations of ψ at the most; with a derivative five are the rule
@@ -70,12 +70,20 @@ def _roots(psi: Map, slope: Vector) -> Vector:
             break
         near, far = c - r / (1.0 + slope), c - r / (1.0 - slope)
         low, high = np.maximum(low, np.minimum(near, far)), np.minimum(high, np.maximum(near, far))
-        J = psi.jacobian(c)
-        newton = np.nan if J is None else c - r / (1.0 - J.diagonal())
+        own = _own_slopes(psi, c)
+        newton = np.nan if own is None else c - r / (1.0 - own)
         before, c = c, np.where((low <= newton) & (newton <= high), newton, 0.5 * (low + high))
         if np.array_equal(c, before):
             break
     return np.where(np.isneginf(value), -np.inf, c)
+
+
+def _own_slopes(psi: Map, z: Vector) -> Vector | None:
+    """∂ψ_i/∂z_i, None where it is not known."""
+    if isinstance(psi, Elementwise):  # without the matrix, which costs more than its entries
+        return psi.slopes(z)
+    J = psi.jacobian(z)
+    return None if J is None else J.diagonal()
 
 
 def restricted(problem: ICP, rows: Rows, z: Vector) -> ICP:

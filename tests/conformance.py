@@ -11,6 +11,7 @@ from icpmodel.methods.reduced import Reduced
 #: a method that is a special case of another by default is given options of its own
 METHODS = {
     "accelerated": icp.Accelerated(of="mnmgs"),
+    "josephy": icp.Josephy(),
     "lemke": Lemke(),
     "mms": icp.MMS(),
     "mnmaor": icp.MNMAOR(theta1=1.1, theta2=0.8, phi=0.1),
@@ -26,6 +27,7 @@ METHODS = {
     "projection-fixed-point": icp.ProjectionFixedPoint(omega=0.9),
     "psor": icp.PSOR(omega=1.1),
     "reduced": Reduced(),
+    "tridiagonal": icp.Tridiagonal(),
 }
 
 #: wanted sizes of the scenes that have one
@@ -87,8 +89,40 @@ MUST_FAIL = {
         ],
         "why_not: every row hangs on every other, or it is not known on which",
     ),
+    **dict.fromkeys(
+        [
+            ("tridiagonal", scene)
+            for scene in (
+                "bai-nonsymmetric",
+                "bai-symmetric",
+                "ball",
+                "hand-cyclic",
+                "hard-degenerate",
+                "hard-semidefinite",
+                "hard-singular",
+                "manufactured-affine",
+                "manufactured-elementwise",
+                "membrane",
+            )
+        ],
+        "why_not: A is not tridiagonal",
+    ),
+    **dict.fromkeys(
+        [
+            ("tridiagonal", scene)
+            for scene in (
+                "coulomb",
+                "dividend",
+                "hand-affine",
+                "hand-splittings",
+                "hard-domain",
+                "hard-jump",
+                "hard-steep",
+            )
+        ],
+        "why_not: an obstacle moves with other unknowns, or faster than its own, or it is not known how",
+    ),
     ("lemke", "dividend"): "why_not: psi is neither constant nor affine",
-    ("lemke", "manufactured-elementwise"): "why_not: psi is neither constant nor affine",
     ("mms", "dividend"): "why_not: a row without obstacle",
     ("mms", "hand-free"): "why_not: a row without obstacle",
     **dict.fromkeys(
@@ -106,13 +140,16 @@ MUST_FAIL = {
     **dict.fromkeys(
         [("lemke", s) for s in ("hard-domain", "hard-jump")], "why_not: psi is neither constant nor affine"
     ),
-    **dict.fromkeys([(m, "hard-jump") for m in ("multilevel", "newton")], "why_not: psi has no derivative"),
+    **dict.fromkeys(
+        [("tridiagonal", s) for s in ("hard-empty-row", "hard-infeasible")], "why_not: the diagonal has a zero"
+    ),
+    **dict.fromkeys([(m, "hard-jump") for m in ("josephy", "multilevel", "newton")], "why_not: psi has no derivative"),
     **dict.fromkeys(
         [(m, "hard-overflow") for m in ("accelerated", "mms", "mnmaor", "mnmgs", "mnmod", "mnmsor")],
         "intermediate sums overflow",
     ),
     **dict.fromkeys(
-        [("lemke", "hard-scaled"), ("lemke", "hard-singular")],
+        [(m, s) for m in ("josephy", "lemke") for s in ("hard-scaled", "hard-singular")],
         "no tolerance for a zero pivot is right for entries from 1e-150 to 1e150, or for a condition number of 4e12",
     ),
     **dict.fromkeys(
@@ -122,7 +159,7 @@ MUST_FAIL = {
 
 #: scene → how a method may end there without solving it; on scenes that are not listed, however it likes
 HONEST = {
-    "hard-domain": {"psi failed"},
+    "hard-domain": {"psi failed", "stagnated"},
     "hard-infeasible": {"infeasible", "stagnated", "diverged"},
     "hard-jump": {"cycled", "stagnated"},
     "hard-overflow": {"diverged", "stagnated", "cycled"},

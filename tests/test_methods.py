@@ -136,7 +136,7 @@ def test_mms_is_the_recursion_of_hong_and_li():
 @pytest.mark.parametrize(
     ("method", "options", "words"),
     [
-        ("mnmxx", {}, "method is 'mnmxx'; one of accelerated, lemke, mms"),
+        ("mnmxx", {}, "method is 'mnmxx'; one of accelerated, josephy, lemke, mms"),
         (3, {}, "method is 3"),
         ("mnmgs", {"theta1": 1.0}, "mnmgs has no option theta1; it takes phi, phi1, phi2"),
         ("psor", {"omega": 2.0}, "omega is 2.0; a finite number > 0 and < 2 was expected"),
@@ -192,6 +192,13 @@ def test_theta1_comes_from_both_norms():
     assert method.theta1 == pytest.approx(np.sqrt(101.0 / inverse))
 
 
+def ring(n):
+    """The identity, with one entry far off the diagonal."""
+    A = np.eye(n)
+    A[0, -1] = -0.5
+    return A
+
+
 def first_choice(problem, skip=()):
     """The method and the reason of the first choice that is none of those to `skip`."""
     choice = next(c for c in methods.choose.choose(problem) if type(c.method) not in skip)
@@ -212,7 +219,7 @@ def test_newton_is_chosen_first_where_sweeps_are_slow_and_its_steps_are_cheap():
         (icp.ICP(B.T @ B + np.eye(80), rng.normal(size=80), icp.Elementwise(np.sin, np.cos)), "Jacobi radius below 1"),
         (icp.ICP([[0.0, 1.0], [-1.0, 0.0]], [-1.0, 1.0], icp.Elementwise(np.sin, np.cos)), "no positive diagonal"),
     ]:
-        method, why = first_choice(problem, skip=[icp.PSOR])
+        method, why = first_choice(problem, skip=[icp.Josephy, icp.PSOR])
         assert method is icp.Newton
         assert words in why
 
@@ -229,7 +236,7 @@ def test_multilevel_is_chosen_first_where_most_rows_of_a_large_matrix_are_hardly
         scenes.bearing(n=400).problem,
         scenes.membrane(n=80**2).problem.with_psi(icp.Elementwise(np.sin, lipschitz=0.9)),
     ):
-        assert first_choice(problem)[0] is icp.PSOR
+        assert first_choice(problem, skip=[icp.Tridiagonal])[0] is icp.PSOR
         method, why = after_trial(problem)
         assert method is icp.Multilevel
         assert "of the rows are hardly dominant" in why
@@ -256,7 +263,7 @@ def test_plain_sweeps_come_first_for_every_positive_diagonal_unless_psi_jumps_or
         icp.ICP([[1.0, -2.0], [-2.0, 3.0]], [-1.0, 1.0], moving),
     ):
         assert first_choice(problem)[0] is icp.PSOR
-    assert first_choice(icp.ICP([[1.0, 2.0], [2.0, -3.0]], [-1.0, 1.0], moving))[0] is icp.Newton
+    assert first_choice(icp.ICP([[1.0, 2.0], [2.0, -3.0]], [-1.0, 1.0], moving))[0] is icp.Josephy
     assert first_choice(scenes.dividend(n=61).problem)[0] is icp.Newton
 
 
@@ -333,10 +340,14 @@ def test_a_derivative_that_fails_does_not_end_the_automatic_choice():
 
 def test_small_problems_are_pivoted_first_larger_ones_after_sweeps_and_still_larger_ones_after_newton():
     for psi in (0.0, icp.Affine(0.1 * sp.eye_array(64))):
-        assert first_choice(icp.ICP(np.eye(64), -np.ones(64), psi))[0] is Lemke
-    assert first_choice(icp.ICP(np.eye(64), -np.ones(64), icp.Elementwise(np.sin, np.cos)))[0] is icp.PSOR
-    assert first_choice(icp.ICP(np.eye(65), -np.ones(65)))[0] is icp.PSOR
-    assert after_trial(icp.ICP(np.eye(200), -np.ones(200)))[0] is Lemke
+        assert first_choice(icp.ICP(ring(64), -np.ones(64), psi))[0] is Lemke
+    moving = icp.ICP(ring(64), -np.ones(64), icp.Elementwise(np.sin, np.cos))
+    assert first_choice(moving)[0] is icp.PSOR
+    assert after_trial(moving)[0] is icp.Josephy
+    assert after_trial(icp.ICP(ring(65), -np.ones(65), icp.Elementwise(np.sin, np.cos)))[0] is not icp.Josephy
+    assert first_choice(icp.ICP(ring(65), -np.ones(65)))[0] is icp.PSOR
+    for psi in (0.0, icp.Elementwise(np.sin, lipschitz=0.9)):
+        assert after_trial(icp.ICP(ring(200), -np.ones(200), psi))[0] is Lemke
     names = [choice.method.name for choice in methods.choose.choose(icp.ICP(np.eye(201), -np.ones(201)))]
     assert names.index("lemke") == names.index("newton") + 1
     for n in (64, 65, 200, 201):

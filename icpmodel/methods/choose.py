@@ -15,6 +15,7 @@ from ..reduction import has_fixed_obstacle
 from ..steps import rows_of
 from ..theory.spectral import SMALL_RADIUS, couplings, radius_of
 from . import HandOver, Method
+from .josephy import Josephy
 from .lemke import Lemke
 from .linear import FACTORISE_UP_TO, has_band, is_factorised
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
@@ -22,6 +23,7 @@ from .multilevel import Multilevel
 from .newton import Newton
 from .parameters import best_omega, scale_of, sor
 from .psor import PSOR
+from .tridiagonal import Tridiagonal
 
 #: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems
 _WORTH_RELAXING = 1.05
@@ -37,8 +39,9 @@ _JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
 #: where sweeps are slow
 PIVOT_UP_TO, _PIVOT_BEFORE_NEWTON_UP_TO = 64, 200
 #: so many sweeps cost less than to begin with another method: at least, at the most, and divided by n in between;
-#: where ψ moves so many more, as there the others cost more
-_SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS, _SWEEPS_OF_A_MOVING_PSI = 50, 250, 20_000, 100
+#: where ψ moves so many more, as there the others cost more, but for Josephy's steps: there n and so many
+_SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS = 50, 250, 20_000
+_SWEEPS_OF_A_MOVING_PSI, _SWEEPS_BEFORE_JOSEPHY = 100, 30
 
 
 @dataclass(frozen=True)
@@ -59,23 +62,35 @@ class Choice:
 def choose(problem: ICP) -> Iterator[Choice]:
     """The methods to try on `problem`, best first; each is made only when the one before it has failed.
 
-    Where n ≤ 64 and ψ is constant or affine Lemke comes first. Else, for D > 0, a few plain sweeps of PSOR are watched,
-    and where they show that many more would be needed the next method takes over:
-    Lemke for n ≤ 200 and constant or affine ψ (up to n = 500 it follows on Newton); Multilevel where A is large and
-    most of its rows are hardly dominant; sweeps that are overrelaxed by the estimated Jacobi radius where that is
-    below 1 and promises a gain, by PSOR where every ψ_i moves with its own z_i alone, else by MNMAOR; then Newton,
-    and MNMGS. Newton comes before the sweeps where the radius is not below 1.
+    Tridiagonal comes first wherever it applies, then Lemke where n ≤ 64 and ψ is constant or affine. Else, for D > 0, a
+    few plain sweeps of PSOR are watched, and where they show that many more would be needed the next method takes over:
+    Josephy for n ≤ 64 and another ψ that has a derivative; Lemke for n ≤ 200 where ψ is affine or amounts to a fixed
+    obstacle (up to n = 500 it follows on Newton); Multilevel where A is large and most of its rows are hardly dominant;
+    sweeps that are overrelaxed by the estimated Jacobi radius where that is below 1 and promises a gain, by PSOR where
+    every ψ_i moves with its own z_i alone, else by MNMAOR; then Newton, and MNMGS. Newton comes before the sweeps where
+    the radius is not below 1.
     Where ψ is an intervention operator Newton comes first and Multilevel second, for large A the other way round.
     The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
     dominance. Newton and MNMMOD are left out where A is too large to be factorised, and where ψ has no derivative
     Newton, and Multilevel unless every ψ_i moves with its own z_i alone.
 
-    >>> [choice.method for choice in choose(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]))][0]
-    Lemke()
+    >>> [choice.method for choice in choose(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]))][:2]
+    [Tridiagonal(), Lemke()]
     """
+    yield from direct(problem)
+    yield from after_trial(problem, without_trial(problem))
+
+
+def direct(problem: ICP) -> Iterator[Choice]:
+    """The methods that cost less than to look at the problem: one for tridiagonal A, and pivots where n is small.
+
+    >>> [choice.method for choice in direct(ICP(np.ones((3, 3)), [-1.0, 1.0, 1.0]))]
+    [Lemke()]
+    """
+    if Tridiagonal().why_not(problem) is None:
+        yield Choice(Tridiagonal(), "A is tridiagonal: a pass over its rows solves the problem")
     if is_small(problem):
         yield Choice(Lemke(), f"with n = {problem.n} and constant or affine psi pivoting is done at once")
-    yield from after_trial(problem, without_trial(problem))
 
 
 def is_small(problem: ICP) -> bool:
@@ -106,11 +121,13 @@ def _next(others: Iterator[Choice]) -> HandOver | None:
     if choice is None:
         return None
     why = f"{choice.why} (plain sweeps were slow)"
-    return HandOver(choice.method, why, afresh=not isinstance(choice.method, PSOR | MNMAOR))
+    return HandOver(choice.method, why, afresh=not isinstance(choice.method, PSOR | MNMAOR | Josephy))
 
 
 def _worth(problem: ICP) -> float:
     """How many sweeps cost less than what comes after them."""
+    if _linearises_first(problem):
+        return problem.n + _SWEEPS_BEFORE_JOSEPHY
     more = 0 if has_fixed_obstacle(problem) else _SWEEPS_OF_A_MOVING_PSI
     return more + min(_SWEEPS + _SMALL_SWEEPS / problem.n, _MOST_SWEEPS)
 
@@ -133,8 +150,10 @@ def without_trial(problem: ICP) -> Iterator[Choice]:
         if positive:
             yield Choice(MNMJ(), "Jacobi with Omega = D is monotone where A is a Z-matrix and psi isotone")
         return
+    if _linearises_first(problem):
+        yield Choice(Josephy(), f"with n = {problem.n} a few affine problems are pivoted at once")
     if _pivots_first(problem):
-        yield Choice(Lemke(), f"with n = {problem.n} and constant or affine psi pivoting costs least")
+        yield Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting costs least")
     if positive:
         yield from _sweeps_and_newton(problem)
         yield Choice(MNMJ(), "projected Jacobi is proved wherever one v > 0 gives <A>v > 0 and (I - G)v > 0")
@@ -145,8 +164,15 @@ def without_trial(problem: ICP) -> Iterator[Choice]:
 
 def _pivots_first(problem: ICP) -> bool:
     """Whether pivoting comes before Newton: `is_small` has had its turn already."""
-    simple = isinstance(problem.psi, Constant | Affine)
-    return simple and not is_small(problem) and problem.n <= _PIVOT_BEFORE_NEWTON_UP_TO
+    if is_small(problem) or problem.n > _PIVOT_BEFORE_NEWTON_UP_TO:
+        return False
+    return Lemke().why_not(problem) is None
+
+
+def _linearises_first(problem: ICP) -> bool:
+    """Whether n is small and ψ neither constant nor affine, but has a derivative."""
+    small = problem.n <= PIVOT_UP_TO and not is_small(problem)
+    return small and not isinstance(problem.psi, Intervention) and Josephy().why_not(problem) is None
 
 
 def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:

@@ -8,14 +8,18 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Vector
 from ..errors import SingularOperator
-from ..maps import Affine, Constant
+from ..maps import Affine
 from ..problem import ICP
+from ..reduction import has_fixed_obstacle, with_fixed_obstacle
 from ..theory.certificates.equations import solve_on
 from ..theory.certificates.infeasible import infeasible
 from . import Infeasible, Method
+
+Matrix = NDArray[np.float64]
 
 #: the dictionary has n² entries, and every pivot changes all of them
 UP_TO = 500
@@ -25,7 +29,8 @@ UP_TO = 500
 class Lemke(Method):
     """Pivots from basis to basis of w = q + My + d·t, wᵀy = 0, t falling to 0; one iterate is up to n pivots.
 
-    ψ = c: M = A, and y = z − c. ψ = Gz + c: M = A(I − G)⁻¹, and y = (I − G)z − c. Rows without obstacle are eliminated
+    ψ = c: M = A, and y = z − c. ψ = Gz + c: M = A(I − G)⁻¹, and y = (I − G)z − c. A ψ_i that moves with z_i alone, and
+    by less than it, is a constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated
     first. Ties in the ratio test are broken lexicographically, so that, but for rounding, no basis comes back; the last
     one is refined. The start has no influence. It finds a solution where A is a P-matrix, and one, if there is any,
     where A is positive semidefinite (copositive-plus). Else it may end in a ray, which is tried as a proof that p ≥ 0
@@ -41,25 +46,29 @@ class Lemke(Method):
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ICP) -> str | None:
-        """See `Method.why_not`: ψ must be constant or affine, and n small.
+        """See `Method.why_not`: ψ must be affine, or every ψ_i move with z_i alone, by less than it; and n small.
 
         >>> Lemke().why_not(ICP([[2.0]], [1.0], np.sin))
-        'pivoting needs a psi that is constant or affine, not Function(sin)'
+        'pivoting needs a psi that is constant or affine, or moves with z_i alone and by less, not Function(sin)'
         """
-        if not isinstance(problem.psi, Constant | Affine):
-            return f"pivoting needs a psi that is constant or affine, not {problem.psi!r}"
+        if not (isinstance(problem.psi, Affine) or has_fixed_obstacle(problem)):
+            wanted = "constant or affine, or moves with z_i alone and by less"
+            return f"pivoting needs a psi that is {wanted}, not {problem.psi!r}"
         if problem.n > UP_TO:
             return f"pivoting works on all n x n entries: n = {problem.n} is more than {UP_TO}"
         return None
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. Raises SingularOperator where I − G is, or A in the rows without obstacle."""
-        from ..kernels.pivoting import RAY, SINGULAR, UNFINISHED, begin, go_on  # loads numba
-        from ..kernels.units import scale
+        from ..kernels.pivoting import RAY, SINGULAR, UNFINISHED, go_on  # loads numba
 
         yield z, None
-        lcp = _Linear(problem)
-        state = begin(*scale(lcp.M), lcp.q, lcp.free)
+        psi = problem.psi
+        if isinstance(psi, Affine):
+            lcp = Linear(problem.dense(), problem.q, psi.c, psi.G.toarray())
+        else:
+            lcp = Linear(problem.dense(), problem.q, with_fixed_obstacle(problem).psi.value(z))
+        state = lcp.start()
         ended, entering = UNFINISHED, -1
         while ended == UNFINISHED:
             ended, entering, y = go_on(*state, entering, problem.n)
@@ -80,24 +89,46 @@ class Lemke(Method):
             yield z, None
 
 
-class _Linear:
-    """The LCP My + q ≥ 0, y ≥ 0 (0 and any sign in the rows that are `free`) behind an ICP with affine ψ."""
+class Linear:
+    """The LCP My + q ≥ 0, y ≥ 0 (0 and any sign in the rows that are `free`) behind an ICP with ψ(z) = Gz + c.
 
-    def __init__(self, problem: ICP) -> None:
-        psi: Any = problem.psi
-        self.M = problem.dense()
-        self.free = np.isneginf(psi.c)
-        self.c = np.where(self.free, 0.0, psi.c)
-        self.inverse = None
-        if isinstance(psi, Affine):
-            try:
-                self.inverse = np.linalg.inv(np.eye(problem.n) - psi.G.toarray())
-            except np.linalg.LinAlgError:
-                raise SingularOperator("I - G is singular", 0) from None
-            self.M = self.M @ self.inverse
-        self.q = problem.q + self.M @ self.c
+    Parameters: `A` dense, shape (n, n); `q` and `c` shape (n,); `G` dense, shape (n, n), or its diagonal, shape (n,),
+    if it is one, or None for 0. Raises SingularOperator where I − G is singular.
+
+    >>> lcp = Linear(np.array([[2.0]]), np.array([-3.0]), np.array([1.0]), np.array([0.5]))
+    >>> lcp.M, lcp.q, lcp.z(np.array([1.0]))
+    (array([[4.]]), array([1.]), array([4.]))
+    """
+
+    def __init__(self, A: Matrix, q: Vector, c: Vector, G: Matrix | Vector | None = None) -> None:
+        self.free = np.isneginf(c)
+        self.c = np.where(self.free, 0.0, c)
+        self.M, self.inverse = A, None
+        if G is not None:
+            self.inverse = _inverse(G)
+            self.M = A * self.inverse if G.ndim == 1 else A @ self.inverse
+        self.q = q + self.M @ self.c
+
+    def start(self) -> Any:
+        """The first dictionary, as `kernels.pivoting.go_on` takes it."""
+        from ..kernels.pivoting import begin  # loads numba
+        from ..kernels.units import scale
+
+        return begin(*scale(self.M), self.q, self.free)
 
     def z(self, y: Vector) -> Vector:
         """The z that belongs to y."""
         z: Vector = y + self.c
-        return z if self.inverse is None else self.inverse @ z
+        if self.inverse is None:
+            return z
+        return self.inverse * z if self.inverse.ndim == 1 else self.inverse @ z
+
+
+def _inverse(G: Matrix | Vector) -> Any:
+    """(I − G)⁻¹, as a diagonal where G is one."""
+    if G.ndim == 1 and (G != 1.0).all():
+        return 1.0 / (1.0 - G)
+    with suppress(np.linalg.LinAlgError):
+        if G.ndim == 2:
+            return np.linalg.inv(np.eye(len(G)) - G)
+    raise SingularOperator("I - G is singular", 0)

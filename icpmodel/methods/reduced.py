@@ -39,7 +39,7 @@ from ..reduction import (
 )
 from ..steps import compiled_step, rows_of
 from . import HandOver, Infeasible, Method
-from .choose import Choice, after_trial, choose, is_small, without_trial
+from .choose import Choice, after_trial, choose, direct, without_trial
 from .multilevel import Multilevel
 
 #: more than this share of open rows is not worth the trouble, and more than the second one, before a sweep is made,
@@ -234,10 +234,11 @@ def choices(problem: ICP) -> Iterator[Choice]:
     Strong components are looked for where n > 64 and the first plain sweeps were slow, rows at rest only where
     `Multilevel` would be the next: sweeps and factorisations of easier matrices cost less than to look for them.
 
-    >>> [choice.method for choice in choices(ICP(np.eye(100), -np.ones(100)))][:2]
-    [PSOR(), Reduced()]
+    >>> [choice.method for choice in choices(ICP(np.eye(100), -np.ones(100)))][:3]
+    [Tridiagonal(), PSOR(), Reduced()]
     """
-    yield from choose(problem) if is_small(problem) else after_trial(problem, _where_slow(problem))
+    yield from direct(problem)
+    yield from after_trial(problem, _where_slow(problem))
 
 
 def _where_slow(problem: ICP) -> Iterator[Choice]:

@@ -1,0 +1,96 @@
+"""Josephy's method, Newton's for complementarity: ψ linearised at zᵏ, and the affine problem solved by pivots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..arrays import Vector
+from ..errors import MapError, SingularOperator
+from ..maps import Elementwise
+from ..problem import ICP
+from . import Method
+from .lemke import UP_TO, Linear
+from .newton import Newton, derivative
+
+#: pivots per row and step; how often a step is halved, and the share of its length by which it has to reduce Res
+_PIVOTS, _HALVINGS, _SLOPE = 50, 6, 0.1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Josephy(Method):
+    """zᵏ⁺¹ solves the ICP with ψ(zᵏ) + ψ′(zᵏ)(z − zᵏ) in place of ψ, by the pivots of `Lemke`.
+
+    Near a solution where these affine problems have one answer each the steps converge quadratically. A step that does
+    not reduce the residual is halved. Where that does not help, I − ψ′ is singular, or the pivots
+    end in a ray, z stands still.
+    Reference: Josephy, Newton's method for generalized equations, MRC Technical Summary Report 1965 (1979); Cottle,
+    Pang and Stone, The Linear Complementarity Problem (1992), section 4.4, for the pivots.
+
+    >>> from icpmodel import Elementwise
+    >>> ICP([[2.0]], [-1.0], Elementwise(np.cos, lambda z: -np.sin(z))).solve(Josephy()).z.round(9)
+    array([0.73908513])
+    """
+
+    name: ClassVar[str] = "josephy"
+    memoryless: ClassVar[bool] = False
+
+    def why_not(self, problem: ICP) -> str | None:
+        """See `Method.why_not`: ψ must have a derivative, and n be small.
+
+        >>> Josephy().why_not(ICP([[2.0]], [1.0], np.sin))
+        'psi has no derivative: give `jacobian` to Function'
+        """
+        if problem.n > UP_TO:
+            return f"pivoting works on all n x n entries: n = {problem.n} is more than {UP_TO}"
+        return Newton().why_not(problem)
+
+    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+        """See `Method.iterates`. It never raises SingularOperator: it stands still instead."""
+        from ..kernels.pivoting import SOLVED, go_on  # loads numba
+
+        A, n = problem.dense(), problem.n
+        best = problem.residual(z)
+        yield z, best
+        with suppress(SingularOperator):
+            while best > 0.0:
+                G = _derivative(problem, z)
+                lcp = Linear(A, problem.q, problem.psi.value(z) - (G * z if G.ndim == 1 else G @ z), G)
+                ended, _, y = go_on(*lcp.start(), -1, _PIVOTS * (n + 1))
+                if ended != SOLVED:
+                    break
+                step = lcp.z(y) - z
+                following = _shortened(problem, z, step, best)
+                if following is None:
+                    yield z + step, None  # where ψ may have no value, which the run then ends with
+                    break
+                z, best = following
+                yield z, best
+        while True:
+            yield z, None
+
+
+def _shortened(problem: ICP, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:
+    """z + t·step and its residual for the first t of 1, 1/2, 1/4, … that reduces `residual` enough, None for none."""
+    for k in range(_HALVINGS + 1):
+        following = z + 0.5**k * step
+        reduced = problem.residual(following)
+        if reduced <= (1.0 - _SLOPE * 0.5**k) * residual:
+            return following, reduced
+    return None
+
+
+def _derivative(problem: ICP, z: Vector) -> Any:
+    """ψ′(z), dense, or its diagonal alone where ψ_i moves with z_i alone. Raises MapError where it is not finite."""
+    psi = problem.psi
+    if not isinstance(psi, Elementwise):
+        return derivative(problem, z).toarray()
+    slopes = psi.slopes(z)
+    assert slopes is not None
+    if not np.isfinite(slopes).all():
+        raise MapError("psi's derivative is not finite")
+    return slopes

@@ -1,0 +1,76 @@
+"""Problems in one dimension: A tridiagonal, solved directly in O(n)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..arrays import Vector
+from ..steps import rows_of
+from ..problem import ICP
+from ..reduction import has_fixed_obstacle, with_fixed_obstacle
+from . import Method, positive_diagonal
+
+#: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
+_ROUNDS, _STEPS = 5, 10
+#: steps of iterative refinement, for those who ask for the last digit
+_REFINEMENTS = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Tridiagonal(Method):
+    """One pass over the rows says which of them leave the obstacle, and one tridiagonal system gives z.
+
+    The rows are added one by one, from the top, to a problem that is solved; where a row leaves the obstacle, rows
+    above it may have to follow. Runs of open rows are known by the corners of their inverse, so that two of them are
+    joined at once, whatever their length. For tridiagonal M-matrices that finds the active set, but for rounding, which
+    Newton's steps correct: z_i = c_i where p_i ≥ a_ii(z_i − c_i), p_i = 0 elsewhere. For other matrices it is where
+    those steps begin; they may fail, and then z stands still. The start z⁰ has no influence.
+    Reference: Cryer, ACM Trans. Math. Softw. 9 (1983), for a direct method on tridiagonal M-matrices; Chandrasekaran,
+    Opsearch 7 (1970), for rows that once open stay open.
+
+    >>> ICP([[2, -1, 0], [-1, 2, -1], [0, -1, 2]], [-1, 3, -1]).solve(Tridiagonal()).z
+    array([0.5, 0. , 0.5])
+    """
+
+    name: ClassVar[str] = "tridiagonal"
+    memoryless: ClassVar[bool] = False
+
+    def why_not(self, problem: ICP) -> str | None:
+        """See `Method.why_not`: A must be tridiagonal, D > 0, and every ψ_i move with z_i alone, by less than it.
+
+        >>> Tridiagonal().why_not(ICP(np.ones((3, 3)), np.zeros(3)))
+        'A is not tridiagonal: it has 9 entries'
+        """
+        if problem.nnz > 3 * problem.n - 2:
+            return f"A is not tridiagonal: it has {problem.nnz} entries"
+        rows = rows_of(problem)
+        if max(rows.below, rows.above) > 1:
+            reach = f"reach {rows.below} rows below the diagonal and {rows.above} above"
+            return f"A is not tridiagonal: its entries {reach}"
+        if not has_fixed_obstacle(problem):
+            return f"it needs a psi_i that moves with z_i alone, by less than it, which is not known of {problem.psi!r}"
+        return positive_diagonal(problem, "it divides by the diagonal of A")
+
+    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+        """See `Method.iterates`. It never raises SingularOperator: it stands still instead."""
+        from ..kernels.tridiagonal import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
+
+        yield z, None
+        A, q, c = problem.A, problem.q, with_fixed_obstacle(problem).psi.value(z)
+        matrix = bands(A.indptr, A.indices, A.data)
+        free, ended, rounds = release(*matrix, q, c), UNSETTLED, 0
+        while ended == UNSETTLED and rounds < _ROUNDS:
+            found, ended = newton(*matrix, q, c, free, _STEPS)
+            rounds += 1
+            if np.isfinite(found).all():
+                z = found
+                yield z, None
+        for _ in range(_REFINEMENTS if ended == SETTLED else 0):
+            z = refine(*matrix, q, free, z)
+            yield z, None
+        while True:
+            yield z, None

@@ -1,0 +1,140 @@
+"""Josephy's steps: the affine problems are those of ψ's derivative, and the last one has the answer."""
+
+import numba
+import numpy as np
+import pytest
+
+import icpmodel as icp
+from icpmodel.methods.josephy import Josephy
+from icpmodel.methods.lemke import Lemke, Linear
+
+
+def spd(rng, n, shift=1.0):
+    B = rng.normal(size=(n, n))
+    return B @ B.T / n + shift * np.eye(n)
+
+
+def run(problem, **options):
+    return problem.solve(Josephy(), raise_on_failure=False, **options)
+
+
+def neighbours(n, slope):
+    """ψ_i(z) = slope·sin z_{i+1}, cyclic: its Jacobian is full of zeros, but for one entry off the diagonal."""
+
+    def jacobian(z):
+        J = np.zeros((n, n))
+        J[np.arange(n), (np.arange(n) + 1) % n] = slope * np.cos(np.roll(z, -1))
+        return J
+
+    return icp.Function(lambda z: slope * np.sin(np.roll(z, -1)), jacobian)
+
+
+@pytest.mark.parametrize("n", [1, 4, 16, 64])
+def test_the_answer_is_that_of_the_sweeps_for_obstacles_that_move_alone_or_with_others(n):
+    rng = np.random.default_rng(n)
+    for psi in (
+        icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), c=rng.normal(size=n)),
+        neighbours(n, 0.3),
+        icp.Affine(0.3 / n * rng.normal(size=(n, n)), rng.normal(size=n)),
+        rng.normal(size=n),
+    ):
+        problem = icp.ICP(spd(rng, n, 8.0), rng.normal(size=n), psi)
+        solution = run(problem, rtol=1e-11)
+        assert solution.solved
+        assert solution.iterations <= 8
+        assert solution.z == pytest.approx(problem.solve("newton", rtol=1e-11).z, abs=1e-8)
+
+
+def test_a_step_is_the_affine_problem_at_z():
+    rng = np.random.default_rng(0)
+    A, q, z = spd(rng, 6), rng.normal(size=6), rng.normal(size=6)
+    psi = neighbours(6, 0.4)
+    path = Josephy().iterates(icp.ICP(A, q, psi), z)
+    next(path)
+    J = psi.jacobian(z).toarray()
+    linear = icp.ICP(A, q, icp.Affine(J, psi.value(z) - J @ z))
+    assert next(path)[0] == pytest.approx(linear.solve(Lemke()).z, rel=1e-12)
+
+
+def test_it_converges_quadratically():
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        psi = icp.Elementwise(lambda z: 0.9 * np.sin(z), lambda z: 0.9 * np.cos(z), c=rng.normal(size=8))
+        problem = icp.ICP(spd(rng, 8), rng.normal(size=8), psi)
+        exact = problem.solve("newton", rtol=1e-14, raise_on_failure=False).z
+        path = Josephy().iterates(problem, exact + 1e-3 * rng.normal(size=8))
+        near, step = (np.abs(next(path)[0] - exact).max() for _ in range(2))
+        assert step <= 10 * near**2 + 1e-14
+
+
+def test_where_a_smooth_psi_has_a_fixed_obstacle_pivots_need_one_iterate():
+    rng = np.random.default_rng(2)
+    for derivative in (lambda z: 0.8 * np.cos(z), None):
+        psi = icp.Elementwise(lambda z: 0.8 * np.sin(z), derivative, lipschitz=0.8, c=rng.normal(size=12))
+        problem = icp.ICP(spd(rng, 12), rng.normal(size=12), psi)
+        solution = problem.solve(Lemke())
+        assert solution.iterations == 1
+        assert solution.z == pytest.approx(problem.solve("mnmgs", rtol=1e-12).z, abs=1e-9)
+
+
+def test_it_stands_still_where_steps_lead_nowhere_and_solve_goes_on():
+    """z ≥ 1 + z² for no z: there is no solution. And a first step where I − ψ′ is singular."""
+    none = icp.ICP([[1.0]], [-1.0], icp.Elementwise(lambda z: z**2 + 1.0, lambda z: 2.0 * z))
+    flat = icp.ICP([[2.0]], [-4.0], icp.Elementwise(lambda z: z - 1.0, lambda z: np.ones(z.shape)))
+    for problem in (none, flat):
+        solution = run(problem)
+        assert solution.status is icp.Status.STAGNATED
+        assert solution.iterations < 20
+    assert flat.solve().z == pytest.approx([2.0])
+
+
+def test_a_derivative_that_is_not_finite_is_named():
+    psi = icp.Elementwise(np.sin, lambda z: np.full(z.shape, np.nan))
+    solution = run(icp.ICP([[1.0]], [-1.0], psi))
+    assert solution.status is icp.Status.MAP_FAILED
+    assert "psi's derivative is not finite" in solution.message
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_steps_that_would_wander_are_shortened(seed):
+    """Newton's method for z − .9 sin z = c alone goes to and fro; here 40 rows do so at once."""
+    rng = np.random.default_rng(seed)
+    psi = icp.Elementwise(lambda z: 0.9 * np.sin(z), lambda z: 0.9 * np.cos(z), c=rng.normal(size=40))
+    solution = run(icp.ICP(spd(rng, 40, 3.0), rng.normal(size=40), psi), history=True)
+    assert solution.solved
+    assert (np.diff(solution.history.residual) < 0).all()
+
+
+def test_small_problems_whose_sweeps_are_slow_get_it_from_the_best_iterate():
+    A = 2 * np.eye(20) - np.eye(20, k=1) - np.eye(20, k=-1)
+    A[0, -1] = -0.5
+    psi = icp.Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), c=-1.0)
+    solution = icp.ICP(A, -np.ones(20), psi).solve(history=True)
+    assert isinstance(solution.method, Josephy)
+    assert "plain sweeps were slow" in solution.why
+    assert solution.history.residual[solution.history.iteration > 10].max() < 0.99 * solution.history.residual[0]
+
+
+def test_a_compiled_psi_gives_what_the_same_function_in_python_gives():
+    f, slope = numba.njit(lambda t: 0.3 * np.sin(t)), numba.njit(lambda t: 0.3 * np.cos(t))
+    rng = np.random.default_rng(4)
+    for method in ("josephy", "psor", "mnmgs", "lemke", "mnmj"):
+        A, q, c = spd(rng, 7) + 2 * np.eye(7), rng.normal(size=7), rng.normal(size=7)
+        compiled = icp.ICP(A, q, icp.Elementwise(f, slope, lipschitz=0.3, c=c))
+        python = icp.ICP(A, q, icp.Elementwise(f.py_func, slope.py_func, lipschitz=0.3, c=c))
+        found = [problem.solve(method) for problem in (compiled, python)]
+        assert found[0].iterations == found[1].iterations
+        assert found[0].z == pytest.approx(found[1].z, rel=1e-13)
+
+
+@pytest.mark.parametrize("G", [np.array([0.5, -0.2]), np.array([[0.1, 0.3], [-0.4, 0.2]]), None])
+def test_the_lcp_behind_an_affine_obstacle(G):
+    """w = My + q and z(y) give the p and the r of the ICP, for any y."""
+    rng = np.random.default_rng(5)
+    A, q, c, y = rng.normal(size=(2, 2)), rng.normal(size=2), np.array([0.7, -np.inf]), rng.normal(size=2)
+    lcp = Linear(A, q, c, G)
+    z = lcp.z(y)
+    full = np.zeros((2, 2)) if G is None else np.diag(G) if G.ndim == 1 else G
+    assert lcp.M @ y + lcp.q == pytest.approx(A @ z + q)
+    assert z - full @ z - np.array([0.7, 0.0]) == pytest.approx(y)
+    assert lcp.free.tolist() == [False, True]
