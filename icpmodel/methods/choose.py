@@ -38,6 +38,8 @@ _JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
 #: up to this size it costs less to pivot than to look at the problem, and up to the second than what else there is
 #: where sweeps are slow
 PIVOT_UP_TO, _PIVOT_BEFORE_NEWTON_UP_TO = 64, 200
+#: up to this size pivots cost less than to find out that A is tridiagonal
+_PIVOT_BEFORE_TRIDIAGONAL_UP_TO = 32
 #: so many sweeps cost less than to begin with another method: at least, at the most, and divided by n in between;
 #: where ψ moves so many more, as there the others cost more, but for Josephy's steps: there n and so many
 _SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS = 50, 250, 20_000
@@ -62,7 +64,7 @@ class Choice:
 def choose(problem: ICP) -> Iterator[Choice]:
     """The methods to try on `problem`, best first; each is made only when the one before it has failed.
 
-    Tridiagonal comes first wherever it applies, then Lemke where n ≤ 64 and ψ is constant or affine. Else, for D > 0, a
+    Tridiagonal comes first wherever it applies, and Lemke where n ≤ 64 and ψ is constant or affine. Else, for D > 0, a
     few plain sweeps of PSOR are watched, and where they show that many more would be needed the next method takes over:
     Josephy for n ≤ 64 and another ψ that has a derivative; Lemke for n ≤ 200 where ψ is affine or amounts to a fixed
     obstacle (up to n = 500 it follows on Newton); Multilevel where A is large and most of its rows are hardly dominant;
@@ -75,7 +77,7 @@ def choose(problem: ICP) -> Iterator[Choice]:
     Newton, and Multilevel unless every ψ_i moves with its own z_i alone.
 
     >>> [choice.method for choice in choose(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]))][:2]
-    [Tridiagonal(), Lemke()]
+    [Lemke(), Tridiagonal()]
     """
     yield from direct(problem)
     yield from after_trial(problem, without_trial(problem))
@@ -87,10 +89,14 @@ def direct(problem: ICP) -> Iterator[Choice]:
     >>> [choice.method for choice in direct(ICP(np.ones((3, 3)), [-1.0, 1.0, 1.0]))]
     [Lemke()]
     """
+    pivots = Choice(Lemke(), f"with n = {problem.n} and constant or affine psi pivoting is done at once")
+    small, tiny = is_small(problem), problem.n <= _PIVOT_BEFORE_TRIDIAGONAL_UP_TO
+    if small and tiny:
+        yield pivots
     if Tridiagonal().why_not(problem) is None:
         yield Choice(Tridiagonal(), "A is tridiagonal: a pass over its rows solves the problem")
-    if is_small(problem):
-        yield Choice(Lemke(), f"with n = {problem.n} and constant or affine psi pivoting is done at once")
+    if small and not tiny:
+        yield pivots
 
 
 def is_small(problem: ICP) -> bool:

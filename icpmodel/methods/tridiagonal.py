@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from ..arrays import Vector
-from ..steps import rows_of
 from ..problem import ICP
 from ..reduction import has_fixed_obstacle, with_fixed_obstacle
+from ..steps import rows_of
 from . import Method, positive_diagonal
 
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
