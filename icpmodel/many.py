@@ -1,8 +1,10 @@
-"""Many problems that share A: thousands of right-hand sides or obstacles, solved by compiled code where n is small."""
+"""Thousands of problems at once: right-hand sides, obstacles or parameter values, in compiled code where it can be."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,22 +12,25 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .arrays import Vector
+from .arrays import Vector, norm
 from .driver import RTOL
-from .errors import InputError, NotSolved
+from .errors import InputError, MapError, NotSolved
 from .loop import Limits
-from .maps import Constant
+from .maps import Affine, Map
 from .methods.choose import PIVOT_UP_TO
+from .methods.lemke import Linear
+from .methods.tridiagonal import Tridiagonal
 from .problem import ICP
+from .reduction import has_fixed_obstacle, with_fixed_obstacle
 from .solution import Status
 from .threads import cores, in_parts
 
 Matrix = NDArray[np.float64]
 
-#: pivots that a row may take, in multiples of n + 1, before `solve` has a try at it
-_PIVOTS = 50
-#: so many rows are worth a thread of their own
-_ROWS_A_THREAD = 200
+#: pivots that a row may take, in multiples of n + 1, or Newton's steps, before `solve` has a try at it
+_PIVOTS = _STEPS = 50
+#: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
+_ROWS_A_THREAD, _UNKNOWNS_A_THREAD = 200, 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,18 +83,21 @@ def solve_many(
     Q: Any,
     psi: Any = 0.0,
     *,
+    Z0: Any = None,
     rtol: float = RTOL,
     atol: float = 0.0,
     raise_on_failure: bool = True,
 ) -> Solutions:
-    """Solve the k problems that share A, row i of `Q` with ψ or with row i of the obstacles, as `solve` would each.
+    """Solve k problems, row i of `Q` with A and ψ, or with the i-th of those that are lists, as `solve` would each.
 
-    An LCP with n ≤ 64 is pivoted (see `Lemke`), all of them in a few compiled calls on all cores. What these leave
-    open, and all other problems, `solve` gets one by one: what is known of A is kept from row to row, and the start is
-    the answer of the row before.
+    Where they share A, and ψ is affine or amounts to fixed obstacles, problems with n ≤ 64 are pivoted (see `Lemke`),
+    and those with a tridiagonal A go the way of `Tridiagonal`: all of them in a few compiled calls on all cores. What
+    these leave open, and all other problems, `solve` gets one by one: what is known of a shared A is kept from row to
+    row, and the start is the row of `Z0`, or the answer of the row before. Ctrl-C leaves the rows that are solved.
 
-    Parameters: `A` as for `ICP`; `Q` shape (k, n), or (n,) with k rows of obstacles; `psi` as for `ICP`, or obstacles
-    of shape (k, n), −inf for none; `rtol` and `atol`: row i is solved where Res(z) ≤ max(atol, rtol·Res(0)).
+    Parameters: `A` as for `ICP`, or a list of k of them; `Q` shape (k, n), or (n,) where A or psi are k; `psi` as for
+    `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `Z0` starts of shape (k, n) or (n,), or
+    earlier `Solutions`; `rtol` and `atol`: row i is solved where Res(z) ≤ max(atol, rtol·Res(0)).
     Returns `Solutions`. Raises InputError for wrong shapes, NotSolved, which carries them, where a row is not solved
     unless `raise_on_failure` is False, and what else `solve` raises.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
@@ -98,20 +106,13 @@ def solve_many(
     array([[0.5, 0. ],
            [0. , 0.5],
            [1. , 1. ]])
+    >>> solve_many([[[2.0]], [[4.0]]], [-2.0]).Z.ravel()
+    array([1. , 0.5])
     """
     clock = time.perf_counter()
     Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=None)
-    Q = _rows(Q, "Q", np.inf)
-    obstacles = None
-    if np.ndim(psi) == 2 and not sp.issparse(psi):
-        obstacles = _rows(psi, "psi", -np.inf)
-        if obstacles.shape[1] != Q.shape[1] or (len(obstacles) != len(Q) and 1 not in (len(obstacles), len(Q))):
-            raise InputError(f"psi has shape {obstacles.shape}; shape {Q.shape} was expected")
-    k = max(len(Q), 1 if obstacles is None else len(obstacles))
-    problem = ICP(A, Q[0], psi if obstacles is None else obstacles[0])
-    job = _Job(problem, np.broadcast_to(Q, (k, problem.n)), obstacles, rtol, atol)
-    if problem.is_lcp and problem.n <= PIVOT_UP_TO:
-        job.pivot()
+    job = _Job(A, _rows(Q, "Q", np.inf), psi, Z0, rtol, atol)
+    job.at_once()
     for row in np.flatnonzero(~job.solved):
         job.solve(int(row))
     solutions = job.solutions(clock)
@@ -136,50 +137,135 @@ def _rows(value: Any, name: str, infinite: float) -> Matrix:
     return array
 
 
+def _each(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
+    """The items of a list of which each is a value of its own; None for a single value."""
+    listed = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    return list(value) if listed and len(value) and is_one(value[0]) else None
+
+
+def _common(**several: Any) -> int:
+    """How many problems there are, by the lists that are not None. Raises InputError where they differ."""
+    counts = {name: len(values) for name, values in several.items() if values is not None}
+    k = max(counts.values())
+    if not set(counts.values()) <= {1, k}:
+        found = ", ".join(f"{count} of {name}" for name, count in counts.items())
+        raise InputError(f"there are {found}; as many of each were expected, or one for all")
+    return k
+
+
 class _Job:
     """The rows of one `solve_many` and what is found for them."""
 
-    def __init__(self, problem: ICP, Q: Matrix, obstacles: Matrix | None, rtol: float, atol: float) -> None:
-        self.problem, self.Q, self.obstacles, self.rtol, self.atol = problem, Q, obstacles, rtol, atol
-        self.Z = np.zeros(Q.shape)
-        self.residuals, self.tolerances = np.full(len(Q), np.inf), np.zeros(len(Q))
-        self.solved = np.zeros(len(Q), dtype=bool)
+    def __init__(self, A: Any, Q: Matrix, psi: Any, Z0: Any, rtol: float, atol: float) -> None:
+        self.psi, self.rtol, self.atol = psi, rtol, atol
+        self.matrices = _each(A, lambda one: sp.issparse(one) or np.ndim(one) == 2)
+        self.maps = _each(psi, lambda one: isinstance(one, Map) or callable(one))
+        self.obstacles: Matrix | None = None
+        if self.maps is None and np.ndim(psi) == 2 and not sp.issparse(psi):
+            self.obstacles = _rows(psi, "psi", -np.inf)
+            self.maps = list(self.obstacles)
+        self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", np.inf)
+        k = _common(A=self.matrices, Q=Q, psi=self.maps, Z0=self.starts)
+        self.problem = ICP(A if self.matrices is None else self.matrices[0], Q[0], self._psi(0))
+        if self.starts is not None:
+            self.problem.vector(self.starts[0], "Z0")  # has the right length
+        shape = k, self.problem.n
+        self.Q, self.Z = np.broadcast_to(Q, shape), np.zeros(shape)
+        self.residuals, self.tolerances = np.full(k, np.inf), np.zeros(k)
+        self.solved = np.zeros(k, dtype=bool)
         self.failures: dict[int, tuple[Status, str]] = {}
 
-    def pivot(self) -> None:
-        """All rows by Lemke's method; a row counts as solved where its residual says so."""
+    def _psi(self, row: int) -> Any:
+        """ψ of one row."""
+        return self.psi if self.maps is None else self.maps[row if len(self.maps) > 1 else 0]
+
+    def at_once(self) -> None:
+        """All rows in compiled code, where there is some for them; a row is solved where its residual says so."""
+        problem = self.problem
+        affine = isinstance(problem.psi, Affine)
+        shared = self.matrices is None and (self.maps is None or self.obstacles is not None)
+        if not shared or not (affine or has_fixed_obstacle(problem)):
+            return
+        small = problem.n <= PIVOT_UP_TO
+        if not small and (affine or Tridiagonal().why_not(problem) is not None):
+            return
+        with np.errstate(over="ignore", invalid="ignore"), suppress(MapError):
+            c: Any = self.obstacles
+            if isinstance(problem.psi, Affine):
+                c = problem.psi.c
+            elif c is None:
+                c = with_fixed_obstacle(problem).psi.value(self.Q[0])
+            C = np.broadcast_to(c, self.Q.shape)
+            if small:
+                self._pivot(C)
+            else:
+                self._solve_tridiagonal(C)
+        self.solved = self.residuals <= self.tolerances
+
+    def _values(self, Z: Matrix, C: Matrix) -> Matrix:
+        """ψ(z), row by row."""
+        psi = self.problem.psi
+        if self.problem.is_lcp:
+            return C
+        return (psi.G @ Z.T).T + psi.c if isinstance(psi, Affine) else np.array([psi.value(z) for z in Z])
+
+    def _pivot(self, C: Matrix) -> None:
+        """The rows by Lemke's method."""
         from .kernels.judging import judge  # loads numba
         from .kernels.pivoting import many
         from .kernels.units import scale
 
-        assert isinstance(self.problem.psi, Constant)
-        Q, n, M = self.Q, self.problem.n, self.problem.dense()
-        C = np.broadcast_to(self.problem.psi.c if self.obstacles is None else self.obstacles, Q.shape)
-        at_0, zero = np.empty(len(Q)), np.broadcast_to(np.zeros(n), Q.shape)
+        problem, Q, A, limit = self.problem, self.Q, self.problem.dense(), _PIVOTS * (self.problem.n + 1)
+        lcp = Linear(A, Q[0], C[0], problem.psi.G.toarray() if isinstance(problem.psi, Affine) else None)
+        scaled, X, at_0, zero = scale(lcp.M), np.empty(Q.shape), np.empty(len(Q)), np.broadcast_to(0.0, Q.shape)
+        parts = min(cores(), -(-len(Q) // _ROWS_A_THREAD))
+        in_parts(len(Q), parts, lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high]))
+        self.Z = np.ascontiguousarray(lcp.back(X))
+        there, here = (np.broadcast_to(self._values(Z, C), Q.shape) for Z in (zero[:1], self.Z))
 
-        def pivot(low: int, high: int) -> None:
-            q, c, z = Q[low:high], C[low:high], self.Z[low:high]
-            many(*scaled, M, q, c, _PIVOTS * (n + 1), z)
-            judge(M, q, c, z, self.residuals[low:high])
-            judge(M, q, c, zero[low:high], at_0[low:high])
+        def look(low: int, high: int) -> None:
+            judge(A, Q[low:high], here[low:high], self.Z[low:high], self.residuals[low:high])
+            judge(A, Q[low:high], there[low:high], zero[low:high], at_0[low:high])
 
-        with np.errstate(over="ignore", invalid="ignore"):
-            scaled = scale(M)
-            in_parts(len(Q), min(cores(), -(-len(Q) // _ROWS_A_THREAD)), pivot)
-            self.tolerances = np.maximum(self.atol, self.rtol * at_0)
-        self.solved = self.residuals <= self.tolerances
+        in_parts(len(Q), parts, look)
+        self.tolerances = np.maximum(self.atol, self.rtol * at_0)
+
+    def _solve_tridiagonal(self, C: Matrix) -> None:
+        """The rows by the direct method for tridiagonal A."""
+        from .kernels.tridiagonal import bands, many  # loads numba
+
+        A, Q, Z, k = self.problem.A, self.Q, self.Z, len(C)
+        matrix = bands(A.indptr, A.indices, A.data)
+        in_parts(
+            k,
+            min(cores(), k, -(-Z.size // _UNKNOWNS_A_THREAD)),
+            lambda low, high: many(*matrix, Q[low:high], C[low:high], _STEPS, Z[low:high]),
+        )
+        here, there = self._values(Z, C), np.broadcast_to(self._values(np.zeros((1, self.problem.n)), C), C.shape)
+        for row, (z, q) in enumerate(zip(Z, Q, strict=True)):
+            self.residuals[row] = norm(np.minimum(self.problem.product(z) + q, z - here[row]))
+            self.tolerances[row] = max(self.atol, self.rtol * norm(np.minimum(q, -there[row])))
 
     def solve(self, row: int) -> None:
-        """One row by `ICP.solve`, from the answer of the row before."""
-        problem = self.problem.with_q(self.Q[row])
-        if self.obstacles is not None:
-            problem = problem.with_psi(self.obstacles[row if len(self.obstacles) > 1 else 0])
+        """One row by `ICP.solve`; none where an earlier one was interrupted."""
+        if any(status is Status.INTERRUPTED for status, _ in self.failures.values()):
+            self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
+            return
         start = self.Z[row - 1] if row and self.solved[row - 1] else None
-        solution = problem.solve(z0=start, rtol=self.rtol, atol=self.atol, raise_on_failure=False)
+        if self.starts is not None:
+            start = self.starts[row if len(self.starts) > 1 else 0]
+        solution = self._problem(row).solve(z0=start, rtol=self.rtol, atol=self.atol, raise_on_failure=False)
         self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
         self.solved[row] = solution.solved
         if not solution.solved:
             self.failures[row] = solution.status, solution.message
+
+    def _problem(self, row: int) -> ICP:
+        """The problem of one row, which shares with the others what they have in common."""
+        if self.matrices is not None and len(self.matrices) > 1:
+            return ICP(self.matrices[row], self.Q[row], self._psi(row))
+        problem = self.problem.with_q(self.Q[row])
+        return problem if self.maps is None else problem.with_psi(self._psi(row))
 
     def solutions(self, clock: float) -> Solutions:
         """What was found, `clock` being the time of the start."""

@@ -71,7 +71,8 @@ def _roots(psi: Map, slope: Vector) -> Vector:
         near, far = c - r / (1.0 + slope), c - r / (1.0 - slope)
         low, high = np.maximum(low, np.minimum(near, far)), np.minimum(high, np.maximum(near, far))
         own = _own_slopes(psi, c)
-        newton = np.nan if own is None else c - r / (1.0 - own)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a slope of 1 belies the Lipschitz constant
+            newton = np.nan if own is None else c - r / (1.0 - own)
         before, c = c, np.where((low <= newton) & (newton <= high), newton, 0.5 * (low + high))
         if np.array_equal(c, before):
             break

