@@ -15,18 +15,21 @@ from ..reduction import has_fixed_obstacle
 from ..steps import rows_of
 from ..theory.spectral import SMALL_RADIUS, couplings, radius_of
 from . import HandOver, Method
+from .accelerated import Accelerated
 from .josephy import Josephy
 from .lemke import Lemke
 from .linear import FACTORISE_UP_TO, has_band, is_factorised
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
 from .multilevel import Multilevel
 from .newton import Newton
-from .parameters import best_omega, scale_of, sor
+from .parameters import best_omega, relaxation, scale_of, sor
 from .psor import PSOR
 from .tridiagonal import Tridiagonal
 
 #: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems
 _WORTH_RELAXING = 1.05
+#: up to this size combining sweeps costs less than to find out how far they should be relaxed
+_ACCELERATED_UP_TO = 1500
 #: a row is hardly dominant where its couplings, as Gauss–Seidel feels them, sum up to more than this
 _HARDLY = 0.97
 #: and a matrix with this mean, at most 1 for every H-matrix, is nothing for multigrid
@@ -68,9 +71,9 @@ def choose(problem: ICP) -> Iterator[Choice]:
     few plain sweeps of PSOR are watched, and where they show that many more would be needed the next method takes over:
     Josephy for n ≤ 64 and another ψ that has a derivative; Lemke for n ≤ 200 where ψ is affine or amounts to a fixed
     obstacle (up to n = 500 it follows on Newton); Multilevel where A is large and most of its rows are hardly dominant;
-    sweeps that are overrelaxed by the estimated Jacobi radius where that is below 1 and promises a gain, by PSOR where
-    every ψ_i moves with its own z_i alone, else by MNMAOR; then Newton, and MNMGS. Newton comes before the sweeps where
-    the radius is not below 1.
+    sweeps that are overrelaxed where the Jacobi radius is below 1 and promises a gain, by PSOR where every ψ_i moves
+    with its own z_i alone (up to n = 1500 accelerated, with a rough radius), else by MNMAOR; then Newton, and MNMGS.
+    Newton comes before the sweeps where the radius is not below 1.
     Where ψ is an intervention operator Newton comes first and Multilevel second, for large A the other way round.
     The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
     dominance. Newton and MNMMOD are left out where A is too large to be factorised, and where ψ has no derivative
@@ -185,6 +188,11 @@ def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
     """What there is for D > 0 where plain sweeps are slow."""
     yield from _multilevel(problem)
     rows = rows_of(problem)
+    if problem.n <= _ACCELERATED_UP_TO and has_fixed_obstacle(problem):
+        omega = relaxation(problem)
+        if omega >= _WORTH_RELAXING:
+            why = "accelerated, and relaxed with caution: Newton's systems cost more than some dozens of sweeps"
+            yield Choice(Accelerated(of=PSOR(omega=omega)), why, hurry=True)
     # from the row sums alone where they already show that relaxation gains nothing
     with np.errstate(over="ignore"):
         radius = float((rows.rest / rows.diagonal).max())

@@ -21,8 +21,9 @@ import numpy as np
 from ..arrays import Vector, as_number, as_vector
 from ..errors import InputError
 from ..maps import Affine
-from ..operators import DiagonalOperator, Step, factorise, inverse_diagonal, rows_of
+from ..operators import DiagonalOperator, factorise, inverse_diagonal
 from ..problem import ICP
+from ..steps import Step, rows_of
 from ..theory.spectral import couplings, radius_of
 
 #: what theta1 may be instead of a number
