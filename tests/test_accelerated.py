@@ -245,7 +245,7 @@ def test_extreme_units_are_solved_without_a_warning(unit):
         ({"of": "lemke"}, "lemke cannot be accelerated: its iterates are not those of one map"),
         ({"of": "accelerated"}, "accelerated cannot be accelerated"),
         ({"of": "mms"}, "mms cannot be accelerated"),
-        ({"of": 3}, "of is 3; a Method object or one of accelerated, lemke"),
+        ({"of": 3}, "of is 3; a Method object or one of accelerated, josephy, lemke"),
         ({"of": "mnmgz"}, "method is 'mnmgz'"),
         ({"window": 0}, "window is 0; a whole number >= 1"),
         ({"every": 1.5}, "every is 1.5; a whole number >= 1"),
