@@ -13,6 +13,7 @@ from icpmodel import scenes
 from icpmodel.methods import HandOver, multilevel
 from icpmodel.methods.hierarchy import Hierarchy, NoHierarchy
 from icpmodel.reduction import has_fixed_obstacle, with_fixed_obstacle
+from icpmodel.scenes.grid import five_point
 
 
 def membrane(n=40**2, **options):
@@ -329,3 +330,31 @@ class TestHandOver:
         solution = membrane().with_psi(psi).solve(icp.Multilevel(), raise_on_failure=False)
         assert solution.status is icp.Status.MAP_FAILED
         assert "psi's derivative is not finite" in solution.message
+
+
+class TestMatricesThatMultigridIsNotMadeFor:
+    """They cost a moment, not all time and memory: other methods take over."""
+
+    def test_coarsening_that_stalls(self):
+        """Nothing is coupled: the coarsest level would be all of A, dense."""
+        with pytest.raises(NoHierarchy):
+            Hierarchy(icp.ICP(sp.eye_array(100_000), np.ones(100_000)))
+        solution = icp.ICP(sp.eye_array(1000, format="csr"), -np.ones(1000)).solve("multilevel")
+        assert "multigrid found no useful coarser levels" in solution.why
+        assert np.array_equal(solution.z, np.ones(1000))
+
+    def test_levels_that_fill_in(self):
+        """A saddle point with random constraints: its Galerkin products are nearly dense."""
+        rng = np.random.default_rng(0)
+        K, n = five_point(100, 0.0), 10_000
+        B = sp.random_array((1000, n), density=20 / n, rng=rng)
+        A = sp.csr_array(sp.block_array([[K, -B.T], [B, sp.eye_array(1000)]]))
+        with pytest.raises(NoHierarchy):
+            Hierarchy(icp.ICP(A, np.ones(13_000)))
+
+    def test_a_grid_in_three_dimensions_does_not_fill_in(self):
+        line = sp.diags_array([-np.ones(19), 2.0 * np.ones(20), -np.ones(19)], offsets=[-1, 0, 1])
+        eye = sp.eye_array(20)
+        plane = sp.kron(line, eye) + sp.kron(eye, line)
+        A = sp.csr_array(sp.kron(plane, eye) + sp.kron(sp.eye_array(400), line))
+        assert len(Hierarchy(icp.ICP(A, np.ones(8000))).levels) > 3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,12 +17,14 @@ from ..threads import one_behind_the_other
 
 Mask = NDArray[np.bool_]
 
-#: a level of at most so many rows is solved by a dense inverse
-_COARSEST = 64
+#: a level of at most so many rows is solved by a dense inverse, and where coarsening stalls one of so many
+_COARSEST, _STALLED = 64, 512
+#: a level that has so many times the entries of A, or more, costs more than it helps
+_FILL = 4
 
 
 class NoHierarchy(Exception):
-    """The diagonal of A, or of a coarser level, is not positive.
+    """The diagonal of A or of a coarser level is not positive, coarsening stalls, or the coarser levels fill in.
 
     >>> Hierarchy(ICP([[-2.0]], [0.0]))
     Traceback (most recent call last):
@@ -57,8 +58,9 @@ class Hierarchy:
 
     On every level the points whose own row is not free keep the value 0. That is how the interpolation is truncated
     without another Galerkin product; what it leaves out is next to the border of F.
-    Parameters: the `problem` whose A it is. Raises NoHierarchy where the diagonal of A or
-    of a coarser level is not positive.
+    Parameters: the `problem` whose A it is. Raises NoHierarchy where the diagonal of A or of a coarser level is not
+    positive, where more than 512 rows are left that cannot be made fewer, and at the first level with four times the
+    entries of A: matrices that multigrid is not made for would take all time and memory.
     Reference: Ruge and Stüben, Algebraic multigrid (1987); Kornhuber, Numer. Math. 69 (1994), for the truncation.
 
     >>> hierarchy = Hierarchy(ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0]))
@@ -69,13 +71,24 @@ class Hierarchy:
 
     def __init__(self, problem: ICP) -> None:
         self.levels = [Level(problem)]
-        # direct interpolation costs least and is made for M-matrices
-        made = ruge_stuben(problem.A, interpolation="direct", max_coarse=_COARSEST, keep=True).levels
-        for fine, coarse in pairwise(made):
-            self.levels[-1].P, self.levels[-1].kept = sp.csr_array(fine.P), np.flatnonzero(fine.splitting)
-            self.levels.append(Level(ICP(sp.csr_array(coarse.A), np.zeros(coarse.A.shape[0]))))
+        while self.levels[-1].A.shape[0] > _COARSEST and self._coarsen():
+            if self.levels[-1].A.nnz > _FILL * problem.A.nnz:
+                raise NoHierarchy
+        if self.levels[-1].A.shape[0] > _STALLED:
+            raise NoHierarchy
         self._dense = self.levels[-1].A.toarray()
         self.restrict(self.levels[0].free)
+
+    def _coarsen(self) -> bool:
+        """One more level; False where there is none."""
+        last = self.levels[-1]
+        # direct interpolation costs least and is made for M-matrices
+        made = ruge_stuben(last.A, interpolation="direct", max_coarse=_COARSEST, max_levels=2, keep=True).levels
+        if len(made) == 1:
+            return False
+        last.P, last.kept = sp.csr_array(made[0].P), np.flatnonzero(made[0].splitting)
+        self.levels.append(Level(ICP(sp.csr_array(made[1].A), np.zeros(made[1].A.shape[0]))))
+        return True
 
     def restrict(self, free: Mask, top: int = 0) -> None:
         """Let only the rows where `free`, shape (m,), of level `top` take part in the cycles that follow.

@@ -83,7 +83,7 @@ class Multilevel(Method):
         """See `Method.iterates`. It raises HandOver, never SingularOperator."""
         first = problem.residual(z)
         yield z, first
-        why, last = "multigrid found no positive diagonal on a coarser level", z
+        why, last = "multigrid found no useful coarser levels", z
         with suppress(NoHierarchy):
             for last, residual in _run(problem, z, first):
                 yield last, residual
