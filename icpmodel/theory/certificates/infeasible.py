@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -20,7 +21,20 @@ _ZERO = 1e-9
 _DENOMINATOR = 1000
 
 
-def infeasible(problem: ICP, y: Vector) -> Answer:
+@dataclass(frozen=True, eq=False)
+class Known:
+    """Every solution has `low` ≤ z ≤ `high`, shape (n,), infinite where nothing is known; `proof` says why.
+
+    >>> Known(np.zeros(1), np.ones(1), "it is so").proof
+    'it is so'
+    """
+
+    low: Vector
+    high: Vector
+    proof: str
+
+
+def infeasible(problem: ICP, y: Vector, known: Known | None = None) -> Answer:
     """Whether `y`, or an exact y next to it, proves that no z has p ≥ 0 and r ≥ 0, for constant ψ = c.
 
     With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
@@ -28,6 +42,10 @@ def infeasible(problem: ICP, y: Vector) -> Answer:
     in many rows, which floats seldom hold: tried are the simple fractions next to `y`, and where up to 30 of its
     entries are not 0 the exact solution of these equations. All is checked in rational arithmetic, so that yes is
     proved for the A, q and c that the floats are.
+
+    Where it is `known` of some unknowns in which interval every solution has them, (Aᵀy)_j z_j is at most its largest
+    value there, whatever the sign of (Aᵀy)_j. That no z solves the problem is then proved, though one may have p ≥ 0
+    and r ≥ 0.
 
     Parameters: `y` shape (n,), such as the direction of a ray in which Lemke's method ends; its scale says nothing.
     Returns True with the witness y, shape (n,), floats or fractions, and `number` = (q + Ac)ᵀy; else None.
@@ -44,27 +62,36 @@ def infeasible(problem: ICP, y: Vector) -> Answer:
     y = np.where((y > _ZERO) | (free & (y < -_ZERO)), y, 0.0)
     support = np.flatnonzero((y != 0) | free)
     simple = {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
-    number = _contradiction(problem, free, simple)
+    number = _contradiction(problem, free, simple, known)
     found = simple
     if number is None and support.size <= _RATIONAL:
-        found = _exact(problem, support, y)
-        number = _contradiction(problem, free, found)
+        found = _exact(problem, support, y, known)
+        number = _contradiction(problem, free, found, known)
     if number is None:
         return unknown
     witness = [found.get(i, Fraction(0)) for i in range(problem.n)]
     rows = [i for i in range(problem.n) if witness[i]]
     named = ", ".join(map(str, rows[:5])) + (f" and {len(rows) - 5} more" if len(rows) > 5 else "")
     sign = "y >= 0 where there is an obstacle" if free.any() else "y >= 0"
+    where = f"for a y that is not 0 in row{'s' if len(rows) > 1 else ''} {named}"
+    reason = (
+        f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {exact.nearest(number):.3g} {where}"
+    )
+    if known is not None:
+        count = np.count_nonzero(np.isfinite(known.high))
+        reason = (
+            f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {count} unknowns are proved to be what they are "
+            f"({known.proof}), and then (Az + q)'y <= {exact.nearest(number):.3g}, {sign}, {where}"
+        )
     return Answer(
         True,
-        f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {exact.nearest(number):.3g} for a y "
-        f"that is not 0 in row{'s' if len(rows) > 1 else ''} {named}",
-        exact.as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x))) is not None),
+        reason,
+        exact.as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x)), known) is not None),
         exact.nearest(number),
     )
 
 
-def _contradiction(problem: ICP, free: np.ndarray, y: dict[int, Fraction]) -> Fraction | None:
+def _contradiction(problem: ICP, free: np.ndarray, y: dict[int, Fraction], known: Known | None) -> Fraction | None:
     """(q + Ac)ᵀy where it is negative and y has the right signs, in exact arithmetic; else None."""
     assert isinstance(problem.psi, Constant)
     A, c = problem.A, problem.psi.c
@@ -79,6 +106,10 @@ def _contradiction(problem: ICP, free: np.ndarray, y: dict[int, Fraction]) -> Fr
                 j = int(A.indices[k])
                 columns[j] = columns.get(j, Fraction(0)) + weight * Fraction(float(A.data[k]))
     for j, entry in columns.items():
+        end = 0.0 if known is None else float(known.high[j] if entry > 0 else known.low[j])
+        if known is not None and np.isfinite(end):
+            total += entry * Fraction(end)
+            continue
         if entry > 0 or (entry and free[j]):
             return None
         if entry:
@@ -86,7 +117,7 @@ def _contradiction(problem: ICP, free: np.ndarray, y: dict[int, Fraction]) -> Fr
     return total if total < 0 else None
 
 
-def _exact(problem: ICP, support: np.ndarray, y: Vector) -> dict[int, Fraction]:
+def _exact(problem: ICP, support: np.ndarray, y: Vector, known: Known | None) -> dict[int, Fraction]:
     """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or must be; unknowns left open keep y_i.
 
     By Gauss and Jordan's elimination.
@@ -94,6 +125,8 @@ def _exact(problem: ICP, support: np.ndarray, y: Vector) -> dict[int, Fraction]:
     with np.errstate(over="ignore", invalid="ignore"):
         tight = np.abs(problem.A.T @ y) <= _ZERO * (problem.absolute_A().T @ np.abs(y))
     tight[support] = True
+    if known is not None:
+        tight &= ~np.isfinite(known.high)
     rows = [row for row in exact.rationals(problem.A[support][:, tight].T) if any(row)]
     x = [Fraction(float(y[i])) for i in support]
     done: list[int] = []
