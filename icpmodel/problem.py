@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .arrays import Vector, as_array, as_csr, as_square, as_vector, described, norm, not_finite
+from .arrays import Vector, as_array, as_csr, as_square, as_vector, described, freeze, norm, not_finite
 from .errors import InputError
 from .maps import Constant, Map, as_map
 from .threads import in_parts, threads_for
@@ -157,6 +157,14 @@ class ICP:
     def _with(self, q: Vector, psi: Map, memory: dict[str, Any]) -> ICP:
         new = object.__new__(ICP)
         new._set(self._matrix, q, psi, memory)
+        return new
+
+    @classmethod
+    def _made(cls, A: sp.csr_array, q: Vector, psi: Any) -> ICP:
+        """The problem of an `A` that is known to be as the constructor would leave it, and is not copied."""
+        new, matrix = object.__new__(cls), object.__new__(_Matrix)
+        matrix.small, matrix.sparse, matrix.n = None, freeze(A), q.size
+        new._set(matrix, q, as_map(psi, q.size), {})
         return new
 
     def frozen(self, z: Any) -> ICP:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .arrays import Vector, row_of
 from .intervention import Intervention
 from .maps import Affine, Constant, Elementwise, Map
-from .problem import ICP, UNIT_ROUNDOFF
+from .problem import ICP, SMALLEST, UNIT_ROUNDOFF
 
 #: evaluations of ψ at the most; with a derivative five are the rule
 _EVALUATIONS = 100
@@ -20,6 +20,8 @@ _EVALUATIONS = 100
 PIVOT_UP_TO = 64
 #: so many parts that do not interact get a method each
 _PARTS = 32
+#: up to so many stages are solved in turn; above `_PARTS`, where their blocks are large
+_STAGES = 1000
 
 Rows = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -88,7 +90,7 @@ def _own_slopes(psi: Map, z: Vector) -> Vector | None:
 
 
 def restricted(problem: ICP, rows: Rows, z: Vector) -> ICP:
-    """The ICP in the unknowns `rows` alone, where all others are what they are in `z`, shape (n,).
+    """The ICP in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,).
 
     ψ must be constant, affine, or a best jump that neither leaves nor enters those rows.
 
@@ -96,19 +98,22 @@ def restricted(problem: ICP, rows: Rows, z: Vector) -> ICP:
     >>> part.A.toarray(), part.q
     (array([[2.]]), array([-5.]))
     """
-    A, psi, known = problem.A[rows], problem.psi, z.copy()
-    known[rows] = 0.0
+    from .kernels.parts import cut  # loads numba
+
+    A, psi = problem.A, problem.psi
+    starts, columns, values, q = cut(A.indptr, A.indices, A.data, problem.q, rows, z)
     inside: Any
     if isinstance(psi, Constant):
         inside = psi.c[rows]
     elif isinstance(psi, Affine):
-        G = psi.G[rows]
+        G, known = psi.G[rows], z.copy()
+        known[rows] = 0.0
         inside = Affine(G[:, rows], G @ known + psi.c[rows])
     else:
         assert isinstance(psi, Intervention)
         assert psi.jumps is not None
         inside = Intervention(psi.jumps[rows][:, rows], psi.best)
-    return ICP(A[:, rows], A @ known + problem.q[rows], inside)
+    return ICP._made(sp.csr_array((values, columns, starts), shape=(rows.size, rows.size)), q, inside)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,9 +121,11 @@ class Blocks:
     """The `open` rows of `problem` in blocks that hang on earlier ones only: the strong components of A and ψ.
 
     Block k is `rows[starts[k] : starts[k + 1]]`. The blocks in `before` are so small that they are solved one after the
-    other, those in `after` as well, once the rest is known; `parts` are the rows of that rest, in parts that do not
-    interact (all in one where they are many). Rows that are not open rest on the fixed obstacle, see `without`;
-    `opened` is how often some of them had to be opened, `radius` the estimated Jacobi radius of what was open before.
+    other, those in `after` as well, once the rest is known. The rest comes in `stages`, each of which hangs on earlier
+    ones only and has the rows of its parts, which do not interact (all in one where they are many); the small blocks
+    `between` two stages, a mask for each stage, come after it. Rows that are not open rest on the fixed obstacle, see
+    `without`; `opened` is how often some of them had to be opened, `radius` the estimated Jacobi radius of what was
+    open before, `certain` whether it is proved that they rest there.
 
     >>> chain = blocks(ICP([[1.0, 0.0], [-1.0, 1.0]], [-1.0, -1.0]))
     >>> chain.rows, chain.core, chain.forward(np.zeros(2), chain.before)
@@ -131,22 +138,36 @@ class Blocks:
     starts: Rows
     before: Mask
     after: Mask
-    parts: tuple[Rows, ...]
+    stages: tuple[tuple[Rows, ...], ...]
+    between: tuple[Mask, ...] = ()
     opened: int = 0
     radius: float | None = None
+    certain: bool = False
 
     def __repr__(self) -> str:
         n, sizes, small = self.problem.n, np.diff(self.starts), self.before | self.after
+        for blocks_between in self.between:
+            small = small | blocks_between
         rest, one_by_one = n - np.count_nonzero(self.open), int(small[sizes == 1].sum())
         pivoted, blocks = int(sizes[small].sum()) - one_by_one, int(small.sum()) - one_by_one
         told = {
-            f"{rest} rest on the obstacle": rest,
+            f"{rest} {'are certain to touch' if self.certain else 'rest on'} the obstacle": rest,
             f"others had to be opened ({self.opened} x)": self.opened,
             f"{one_by_one} follow one by one": one_by_one,
             f"{pivoted} in {blocks} small blocks are pivoted": pivoted,
-            f"{len(self.parts)} parts do not interact": len(self.parts) > 1,
+            f"{len(self.parts)} parts do not interact": len(self.parts) > len(self.stages) == 1,
+            f"{len(self.parts)} parts in {len(self.stages)} stages follow one another": len(self.stages) > 1,
         }
         return f"n = {n} -> {self.core} rows still open: {', '.join(text for text, holds in told.items() if holds)}"
+
+    @property
+    def parts(self) -> tuple[Rows, ...]:
+        """The rows of the parts of all stages.
+
+        >>> without(ICP(np.eye(2), [-1.0, 1.0]), np.array([True, False])).parts
+        (array([0]),)
+        """
+        return tuple(part for stage in self.stages for part in stage)
 
     @property
     def core(self) -> int:
@@ -196,7 +217,27 @@ def without(problem: ICP, open_rows: Mask) -> Blocks:
     n = 3 -> 1 rows still open: 2 rest on the obstacle
     """
     nothing, rows = np.zeros(0, dtype=bool), np.flatnonzero(open_rows)
-    return Blocks(problem, open_rows, rows[:0], np.zeros(1, dtype=np.intp), nothing, nothing, (rows,))
+    return Blocks(problem, open_rows, rows[:0], np.zeros(1, dtype=np.intp), nothing, nothing, ((rows,),))
+
+
+def certain_rows(problem: ICP, z: Vector) -> Mask:
+    """The rows that are proved to touch the obstacle, z*_i = c_i, by what p and r are at `z`, shape (n,); ψ = c.
+
+    With ⟨A⟩v > 0 and e = max_i |min(p_i/(⟨A⟩v)_i, r_i/v_i)|, |z − z*| ≤ ev, so that p_i(z) > e(|A|v)_i proves
+    p_i(z*) > 0. v is that of the proof that A is an H₊-matrix where it was asked for before, else 1: then the rows of A
+    must be strictly dominant. Bounds on the rounding errors are included. One pass over A; no row where it fails.
+    Reference: `icpmodel.theory.certificates`: `h_plus` for the bound, `active_set` for the rows.
+
+    >>> certain_rows(ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0]), np.array([0.5, 0.0]))
+    array([False,  True])
+    """
+    from .kernels.parts import certain  # loads numba
+
+    A, v = problem.A, getattr(problem._memory.get("h plus"), "v", None)
+    assert isinstance(problem.psi, Constant), "ask is_lcp first"
+    v = np.ones(problem.n) if v is None else v
+    found: Mask = certain(A.indptr, A.indices, A.data, problem.q, problem.psi.c, v, z, UNIT_ROUNDOFF, SMALLEST)
+    return found
 
 
 def blocks(problem: ICP, core: Mask | None = None) -> Blocks | None:
@@ -254,17 +295,32 @@ def _arranged(simple: ICP, graph: sp.csr_array, part: Any, starts: Rows, heavy: 
     """The blocks by what they need of the `heavy` ones."""
     from scipy.sparse.csgraph import connected_components
 
-    rows = np.argsort(part, kind="stable")
-    after, needed = heavy, heavy
-    if heavy.any():
-        from .kernels.parts import stages  # loads numba
+    rows, everything = np.argsort(part, kind="stable"), np.ones(simple.n, dtype=bool)
+    if not heavy.any():
+        return Blocks(simple, everything, rows, starts, ~heavy, heavy, ())
+    from .kernels.parts import stages  # loads numba
 
-        after, needed = stages(graph.indptr, graph.indices, part, rows, starts, heavy)
-    core = np.flatnonzero((after & needed)[part])
-    parts = [core] if core.size else []
-    if core.size:
-        count, of = connected_components(graph[core][:, core], connection="weak")
-        if 1 < count <= _PARTS:
-            parts = [core[of == k] for k in range(count)]
-    everything = np.ones(simple.n, dtype=bool)
-    return Blocks(simple, everything, rows, starts, ~after, after & ~needed, tuple(parts))
+    depth, needed = stages(graph.indptr, graph.indices, part, rows, starts, heavy)
+    last, inner, before = int(depth.max()), (depth > 0) & needed, depth == 0
+    many = last > _STAGES or PIVOT_UP_TO * max(last - _PARTS, 0) > np.count_nonzero(heavy[part])
+    # where rows are dominant nothing grows along the chain, and one method for all costs less; and jumps must not leave
+    # their part
+    dominant = (simple.absolute_A() @ np.ones(simple.n) <= 2.0 * simple.A.diagonal()).all()
+    if many or dominant or isinstance(simple.psi, Intervention):
+        depth, last, heavy = inner.astype(np.int64), 1, inner
+    of = np.where(heavy, depth, 0)[part]
+    i, j = row_of(graph), graph.indices
+    inside = (of[i] == of[j]) & (of[i] > 0)
+    links = sp.csr_array((np.ones(np.count_nonzero(inside)), (i[inside], j[inside])), shape=graph.shape)
+    label = connected_components(links, connection="weak")[1]
+    order = np.lexsort((np.arange(simple.n), label, of))
+    order = order[of[order] > 0]
+    found = tuple(_parts(stage, label) for stage in np.split(order, np.flatnonzero(np.diff(of[order])) + 1))
+    between = tuple(inner & ~heavy & (depth == stage) for stage in range(1, last)) if last > 1 else ()
+    return Blocks(simple, everything, rows, starts, before, ~before & ~needed, found, between)
+
+
+def _parts(rows: Rows, label: Any) -> tuple[Rows, ...]:
+    """The `rows` of one stage, sorted by the `label` of their part; in one where there are many."""
+    parts = np.split(rows, np.flatnonzero(np.diff(label[rows])) + 1)
+    return tuple(parts) if len(parts) <= _PARTS else (np.sort(rows),)

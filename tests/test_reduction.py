@@ -1,6 +1,7 @@
 """Reduction: what is left out is left out rightly, and the answer is one of the whole problem."""
 
 import itertools
+import re
 from contextlib import suppress
 from fractions import Fraction
 
@@ -9,13 +10,15 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.methods import HandOver
+from icpmodel.methods import HandOver, narrowing, parts
 from icpmodel.methods import reduced as module
 from icpmodel.methods.choose import Choice, choose, without_trial
 from icpmodel.methods.multilevel import Multilevel
 from icpmodel.methods.reduced import Reduced, choices
-from icpmodel.reduction import blocks, restricted, without
+from icpmodel.reduction import blocks, certain_rows, restricted, without
 from icpmodel.scenes.grid import five_point
+from icpmodel.theory.certificates.active_set import active_set
+from icpmodel.theory.certificates.infeasible import Known, infeasible
 
 
 def p_matrix(rng, n, skew=3.0):
@@ -263,7 +266,7 @@ class TestRest:
                 raise HandOver(icp.MNMGS(), "sweeps are enough")
 
         problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -1.0])
-        part = module._Part(problem, np.arange(2), np.zeros(2))
+        part = parts.Part(problem, np.arange(2), np.zeros(2))
         part.choices = iter([Choice(HandsOver(), "")])
         for _ in range(60):
             part.step()
@@ -420,3 +423,303 @@ def test_handing_over_needs_no_reduction_left():
         list(itertools.islice(path, 50))
     assert type(over.value.method) is type(next(without_trial(problem)).method)
     assert "reduced" not in [choice.method.name for choice in itertools.islice(choices(problem), 2)]
+
+
+def exact_value(problem, y, low, high):
+    """The most that (Az + q)'y can be where low <= z <= high, in rational arithmetic."""
+    y = [Fraction(x) for x in y]
+    total = sum(weight * Fraction(float(b)) for weight, b in zip(y, problem.q, strict=True))
+    for j, column in enumerate(problem.A.toarray().T):
+        entry = sum(weight * Fraction(float(a)) for weight, a in zip(y, column, strict=True))
+        end = high[j] if entry > 0 else low[j]
+        if entry:
+            if not np.isfinite(float(end)):
+                return np.inf
+            total += entry * Fraction(end)
+    return total
+
+
+class TestCertainRows:
+    """What leaves the sweeps is proved to touch the obstacle."""
+
+    def dominant(self, seed, n=60, slack=0.05):
+        rng = np.random.default_rng(seed)
+        A = rng.standard_normal((n, n)) * (rng.random((n, n)) < 0.1)
+        np.fill_diagonal(A, 0.0)
+        np.fill_diagonal(A, np.abs(A).sum(axis=1) * (1.0 + slack) + 0.01)
+        return icp.ICP(A, rng.standard_normal(n), np.where(rng.random(n) < 0.1, -np.inf, rng.standard_normal(n)))
+
+    @pytest.mark.parametrize("seed", range(10))
+    def test_no_row_that_is_off_the_obstacle_is_ever_certain(self, seed):
+        """At every z, near and far; and they are among those that the error bound of the house proves."""
+        problem = self.dominant(seed)
+        exact = problem.solve(rtol=1e-13)
+        touches = problem.p(exact.z) > 1e-9
+        rng, seen = np.random.default_rng(seed), 0
+        for size in (1e2, 1.0, 1e-1, 1e-2, 1e-4, 1e-8):
+            z = exact.z + size * rng.standard_normal(problem.n)
+            found = certain_rows(problem, z)
+            assert not (found & ~touches).any()
+            proved = active_set(problem, z, icp.error_bound(problem, z, sharp=False)).active
+            assert np.count_nonzero(found != proved) <= 1  # but for a row that is so by a rounding error
+            seen += np.count_nonzero(found)
+        assert seen > 0
+        assert certain_rows(problem, exact.z).sum() == touches.sum()
+
+    def test_by_a_hair_is_not_certain(self):
+        """z - z* is as large as its bound allows, and p*_1 = 0: what is left of p_1(z) beside it is no proof."""
+        A = np.array([[2.0, 0.0], [-1.0, 2.0]])
+        for k in range(1, 40):
+            z = np.array([1.0 - 2.0**-k, 0.0])
+            problem = icp.ICP(A, [-2.0, 1.0])
+            assert not certain_rows(problem, z)[1]
+        assert certain_rows(icp.ICP(A, [-2.0, 2.0]), np.array([1.0, 0.0])).tolist() == [False, True]
+
+    def test_nothing_is_certain_without_a_certificate_or_of_a_z_that_is_not_finite(self):
+        singular = icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [5.0, 5.0])
+        assert not certain_rows(singular, np.zeros(2)).any()
+        assert not certain_rows(icp.ICP(np.eye(2), [5.0, 5.0]), np.array([np.nan, 0.0])).any()
+        assert not certain_rows(icp.ICP(np.eye(2), [5.0, 5.0]), np.array([np.inf, 0.0])).any()
+
+    @pytest.mark.parametrize("unit", [1e-100, 1.0, 1e100])
+    def test_units_of_all_rows_change_nothing(self, unit):
+        problem = self.dominant(1)
+        z = problem.solve().z
+        again = icp.ICP(unit * problem.A, unit * problem.q, problem.psi)
+        # 1/unit is no power of two
+        assert np.count_nonzero(certain_rows(again, z) != certain_rows(problem, z)) <= 1
+
+    def test_a_remembered_certificate_serves_where_rows_are_not_dominant(self):
+        problem = icp.ICP(five_point(10, 0.0), np.where(np.arange(100) < 30, -1.0, 1.0))
+        z = problem.solve(rtol=1e-13).z
+        assert not certain_rows(problem, z).any()
+        icp.error_bound(problem, z)
+        found = certain_rows(problem, z)
+        assert found.any()
+        assert (z[found] == 0.0).all()
+
+    def pushed(self, m=160, seed=0):
+        rng = np.random.default_rng(seed)
+        load = np.kron(rng.random((m // 4, m // 4)) < 0.1, np.ones((4, 4))).ravel()
+        return icp.ICP(five_point(m, 1.0), np.where(load > 0, -1.0, 1.0) * rng.random(m * m), 0.25)
+
+    def test_the_sweeps_go_on_without_the_certain_rows_and_end_at_the_same_answer(self, monkeypatch):
+        problem = self.pushed()
+        solution = problem.solve()
+        assert solution.solved
+        assert solution.residual == problem.residual(solution.z) <= solution.tolerance
+        told = re.search(r"n = 25600 -> (\d+) rows still open: (\d+) are certain to touch the obstacle", solution.why)
+        still_open, certain = map(int, told.groups())
+        assert still_open + certain == 25600
+        assert np.count_nonzero(solution.z == 0.25) >= certain
+        monkeypatch.setattr(narrowing, "_FROM", np.inf)
+        plain_one = icp.ICP(problem.A, problem.q, problem.psi).solve()
+        assert repr(plain_one.method) == "PSOR()"
+        assert abs(plain_one.iterations - solution.iterations) <= plain_one.iterations
+        assert np.abs(plain_one.z - solution.z).max() <= 1e-6
+
+    def test_every_iterate_has_the_residual_of_the_whole_problem(self):
+        problem, seen = self.pushed(), []
+        problem.solve(callback=lambda state: seen.append((state.z.copy(), state.residual)))
+        for z, residual in seen:
+            assert residual == pytest.approx(problem.residual(z), rel=1e-9)
+
+    def test_rows_that_were_certain_say_nothing_of_another_problem(self):
+        """The method of one answer, taken for another q: it begins anew."""
+        problem = self.pushed()
+        method = problem.solve().method
+        assert method.left is not None
+        again = problem.with_q(-problem.q)
+        for z, _ in itertools.islice(method.iterates(again, np.zeros(problem.n)), 3):
+            assert not np.array_equal(z, method.left.following)
+
+    @pytest.mark.parametrize("psi", [-np.inf, icp.Affine(0.1 * sp.eye_array(25_600), 0.0)])
+    def test_no_row_leaves_without_a_fixed_obstacle_to_touch(self, psi):
+        z = self.pushed().solve().z
+        ask = (z, z, 1.0, 1e-6, 1e9)
+        assert module.narrowed(self.pushed(), *ask) is not None
+        assert module.narrowed(self.pushed().with_psi(psi), *ask) is None
+
+
+class TestChains:
+    """Large blocks that follow one another."""
+
+    def chain(self, seed, sizes=(90, 1, 80, 3, 100, 2)):
+        rng = np.random.default_rng(seed)
+        A, _ = block_triangular(rng, sizes, coupling=0.05)
+        return icp.ICP(A, rng.standard_normal(len(A)), rng.standard_normal(len(A)))
+
+    @pytest.mark.parametrize("seed", range(6))
+    def test_a_chain_is_solved_in_turn_and_the_answer_is_that_of_the_whole_problem(self, seed):
+        problem = self.chain(seed)
+        found = blocks(problem)
+        assert [sum(part.size for part in stage) for stage in found.stages].count(0) == 0
+        assert sorted(part.size for part in found.parts) == [80, 90, 100]
+        assert len(found.stages) > 1
+        assert f"3 parts in {len(found.stages)} stages follow one another" in repr(found)
+        solution = problem.solve(Reduced(), rtol=1e-11)
+        assert solution.residual == problem.residual(solution.z) <= solution.tolerance
+        assert np.abs(solution.z - plain(problem)).max() <= 1e-6 * (1.0 + np.abs(solution.z).max())
+
+    @pytest.mark.parametrize("seed", range(6))
+    def test_a_stage_hangs_on_earlier_ones_and_the_blocks_between_only(self, seed):
+        """Each row in exactly one place, and every entry of A leads to its own part or to what is known by then."""
+        problem = self.chain(seed, (70, 1, 4, 80, 66, 1, 2, 90, 1, 1, 100, 3))
+        found = blocks(problem)
+        sizes = np.diff(found.starts)
+        turn = np.full(problem.n, -1)
+
+        def small(mask, at):
+            rows = found.rows[np.repeat(mask, sizes)]
+            assert (turn[rows] == -1).all()
+            turn[rows] = at
+
+        small(found.before, 0)
+        part = np.full(problem.n, -1)
+        for k, stage in enumerate(found.stages):
+            for number, rows in enumerate(stage):
+                assert (turn[rows] == -1).all()
+                turn[rows], part[rows] = 2 * k + 1, number
+            if k < len(found.between):
+                small(found.between[k], 2 * k + 2)
+        small(found.after, 2 * len(found.stages))
+        assert (turn >= 0).all()
+        i, j = np.nonzero(problem.A.toarray())
+        assert (turn[j] <= turn[i]).all()
+        same = (turn[i] == turn[j]) & (turn[i] % 2 == 1)
+        assert (part[i] == part[j])[same].all()
+
+    def test_a_chain_too_long_is_solved_at_once(self, monkeypatch):
+        from icpmodel import reduction
+
+        problem = self.chain(0)
+        monkeypatch.setattr(reduction, "_STAGES", 0)
+        found = blocks(problem)
+        assert len(found.stages) == 1
+        assert found.between == ()
+        assert problem.solve(Reduced()).solved
+
+    def test_where_rows_are_dominant_one_method_takes_the_whole_chain(self):
+        K, eye = five_point(10, 0.1), sp.eye_array(100)
+        problem = icp.ICP(sp.block_array([[K, None], [-0.1 * eye, K]]), -np.ones(200))
+        assert len(blocks(problem).stages) == 1
+        assert len(blocks(icp.ICP(sp.block_array([[K, None], [-5.0 * eye, K]]), -np.ones(200))).stages) == 2
+
+    def test_what_is_not_good_enough_is_gone_through_again_for_less(self, monkeypatch):
+        monkeypatch.setattr(parts, "_SHARES", (1e-2, 1e-5, 1e-9, 0.0))
+        problem = self.chain(1)
+        assert problem.solve(Reduced(), rtol=1e-8).solved
+
+    def test_the_loop_sees_iterates_of_full_size_and_none_twice(self):
+        problem = self.chain(2)
+        before = None
+        for z, _ in itertools.islice(Reduced().iterates(problem, np.zeros(problem.n)), 6):
+            assert z is not before
+            assert z.shape == (problem.n,)
+            before = z
+
+
+class TestInfeasible:
+    """A block without a solution is one of the whole, where that is proved of the whole; else nothing is claimed."""
+
+    def test_a_contradiction_in_the_first_block_is_one_of_the_whole(self):
+        n = 100
+        A = np.eye(n) + np.diag(np.full(n - 1, -0.1), -1)
+        A[:2, :2], A[5, 0] = [[1.0, -1.0], [-1.0, 1.0]], 2.0
+        q = np.full(n, -1.0)
+        q[1] = 0.0
+        order = np.random.default_rng(0).permutation(n)
+        problem = icp.ICP(A[np.ix_(order, order)], q[order])
+        solution = problem.solve(raise_on_failure=False)
+        assert solution.status is icp.Status.INFEASIBLE
+        y = solution.infeasible.witness
+        assert set(order[np.flatnonzero(y)]) == {0, 1}
+        assert min(y) >= 0
+        assert exact_value(problem, y, np.zeros(n), np.full(n, np.inf)) < 0
+
+    @pytest.mark.parametrize("n", [3, 80])
+    @pytest.mark.parametrize(("b", "solvable"), [(-1.25, False), (-0.75, True), (-1.0, True)])
+    def test_what_follows_from_a_block_with_one_answer_may_contradict_itself(self, n, b, solvable):
+        """z_0 = 1/2, and z_1 - z_2 + 2 z_0 + b >= 0 with z_2 - z_1 >= 0 needs b >= -1; with z_0 free it has points."""
+        A, q = np.eye(n), np.full(n, -1.0)
+        A[:3, :3], q[:3] = [[2.0, 0.0, 0.0], [2.0, 1.0, -1.0], [0.0, -1.0, 1.0]], [-1.0, b, 0.0]
+        problem = icp.ICP(A, q)
+        assert (problem.p(np.r_[1.0, np.ones(n - 1)]) >= 0).all()
+        solution = problem.solve(raise_on_failure=False)
+        if solvable:
+            assert solution.status is not icp.Status.INFEASIBLE
+            return
+        assert solution.status is icp.Status.INFEASIBLE
+        assert "1 unknowns are proved to be what they are" in solution.infeasible.reason
+        low, high = np.zeros(n), np.full(n, np.inf)
+        low[0] = high[0] = 0.5
+        assert exact_value(problem, solution.infeasible.witness, low, high) < 0
+
+    def test_a_block_with_several_answers_proves_nothing_of_those_behind_it(self):
+        """z_0 >= 0 is any number, z_1 (z_0 - 2) = 0 and z_0 >= 2."""
+        solution = icp.ICP([[0.0, 0.0], [1.0, 0.0]], [0.0, -2.0]).solve(raise_on_failure=False)
+        assert solution.status is not icp.Status.INFEASIBLE
+
+    @pytest.mark.parametrize("seed", range(40))
+    def test_no_problem_with_a_solution_is_ever_called_infeasible(self, seed):
+        """Whole-numbered blocks, singular ones among them, with a solution put in; without it what is claimed holds."""
+        rng = np.random.default_rng(seed)
+        n = 6
+        A = np.tril(rng.integers(-2, 3, (n, n)), -1) + np.diag(rng.integers(0, 3, n))
+        A[4, 5] = rng.integers(-2, 3)
+        active = rng.random(n) < 0.5
+        z = np.where(active, 0, rng.integers(1, 4, n))
+        q = np.where(active, rng.integers(0, 3, n), 0) - A @ z
+        few = {"raise_on_failure": False, "max_iter": 30}
+        assert icp.ICP(A, q).solve(**few).status is not icp.Status.INFEASIBLE
+        other = icp.ICP(A, q - rng.integers(0, 3, n))
+        if other.solve(**few).status is icp.Status.INFEASIBLE:
+            assert not any(solves(other, free) for free in itertools.product([False, True], repeat=n))
+
+    def test_an_interval_counts_with_its_worse_end(self):
+        """p_1 = z_0 - 2 < 0 for z_0 in [1, 2), and for -z_0 + 2 it takes the lower end."""
+        below, at = np.array([1.0, -np.inf]), np.array([2.0, np.inf])
+        y = np.array([0.0, 1.0])
+        up = icp.ICP([[1.0, 0.0], [1.0, 0.0]], [-1.0, -2.0])
+        assert infeasible(up, y, Known(below, np.array([1.5, np.inf]), "")).holds
+        assert infeasible(up, y, Known(below, at, "")).holds is None
+        down = icp.ICP([[1.0, 0.0], [-1.0, 0.0]], [-1.0, 0.5])
+        assert infeasible(down, y, Known(below, at, "")).holds
+        assert infeasible(down, y, Known(np.array([0.5, -np.inf]), at, "")).holds is None
+
+
+def solves(problem, free):
+    """Whether some z with z_i = 0 off `free` and p_i = 0 on it has z >= 0, p >= 0: by HiGHS."""
+    from scipy.optimize import linprog
+
+    free, A = np.array(free), problem.A.toarray()
+    found = linprog(
+        np.zeros(problem.n),
+        A_ub=-A,
+        b_ub=problem.q,
+        A_eq=A[free] if free.any() else None,
+        b_eq=-problem.q[free] if free.any() else None,
+        bounds=[(0, None if is_free else 0) for is_free in free],
+    )
+    return found.status == 0
+
+
+def test_what_is_settled_holds_the_answer_and_says_nothing_of_the_rest():
+    A = np.diag([2.0, 3.0, 1.0, 1.0])
+    A[1, 0], A[2, 1] = -3.0, 5.0
+    known = parts._settled(icp.ICP(A, [-1.0, -1.0, 0.0, 0.0]), np.array([2]), np.array([0.5001, 0.8, 7.0, 7.0]))
+    exact = np.array([1 / 2, 5 / 6])
+    assert (known.low[:2] <= exact).all()
+    assert (exact <= known.high[:2]).all()
+    assert np.isinf(known.low[2:]).all()
+    assert np.isinf(known.high[2:]).all()
+
+
+def test_a_small_block_without_a_solution_behind_a_large_one():
+    ring = 3.0 * np.eye(70) - np.roll(np.eye(70), 1, axis=0)
+    A, q = np.eye(72), np.full(72, -1.0)
+    A[:70, :70], A[70:, 70:], A[70, 5] = ring, [[1.0, -1.0], [-1.0, 1.0]], 10.0
+    q[70:] = [-5.5, 0.0]  # z = 1/2 in the ring
+    solution = icp.ICP(A, q).solve(Reduced(), raise_on_failure=False)
+    assert solution.status is icp.Status.INFEASIBLE
+    assert "70 unknowns are proved" in solution.infeasible.reason

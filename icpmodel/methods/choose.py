@@ -23,7 +23,7 @@ from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
 from .multilevel import Multilevel
 from .newton import Newton
 from .parameters import best_omega, relaxation, scale_of, sor
-from .psor import PSOR
+from .psor import PSOR, Narrow
 from .tridiagonal import Tridiagonal
 
 #: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems
@@ -111,8 +111,12 @@ def is_small(problem: ICP) -> bool:
     return problem.n <= PIVOT_UP_TO and isinstance(problem.psi, Constant | Affine)
 
 
-def after_trial(problem: ICP, others: Iterator[Choice]) -> Iterator[Choice]:
+def after_trial(
+    problem: ICP, others: Iterator[Choice], first: float | None = None, narrow: Narrow | None = None
+) -> Iterator[Choice]:
     """A few plain sweeps where D > 0, which hand over to the first of the `others` where they are slow; the `others`.
+
+    Parameters: `first` and `narrow` as in `PSOR.on_trial`.
 
     >>> problem = ICP([[2.0]], [1.0])
     >>> [choice.method for choice in after_trial(problem, iter([Choice(MNMGS(), "because")]))]
@@ -120,7 +124,7 @@ def after_trial(problem: ICP, others: Iterator[Choice]) -> Iterator[Choice]:
     """
     if not isinstance(problem.psi, Intervention) and (rows_of(problem).diagonal > 0).all():
         why = "plain sweeps are watched: they stay as long as they are quick"
-        yield Choice(PSOR.on_trial(_worth(problem), lambda: _next(others)), why, hurry=True)
+        yield Choice(PSOR.on_trial(_worth(problem), lambda: _next(others), first, narrow), why, hurry=True)
     yield from others
 
 

@@ -19,6 +19,10 @@ _LOOK = 10
 _SHARE = 1e-8
 
 
+#: see `PSOR.on_trial`
+Narrow = Callable[[Vector, Vector, float, float, float], HandOver | None]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PSOR(FixedPoint):
     """z_i⁺ = max(ψ_i(z), z_i − (ω/a_ii)(Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i)), 0 < ω < 2.
@@ -33,21 +37,31 @@ class PSOR(FixedPoint):
     name: ClassVar[str] = "psor"
     to_try: ClassVar[str] = "a smaller omega"
     omega: float = 1.0
-    #: on trial: how many more sweeps are worth it, and what comes where they are not
-    trial: ClassVar[tuple[float, Callable[[], HandOver | None]] | None] = None
+    #: on trial: how many more sweeps are worth it, and what comes where they are not; the first residual, if another
+    #: one than that of the start; and what to ask where they stay
+    trial: ClassVar[tuple[float, Callable[[], HandOver | None], float | None, Narrow | None] | None] = None
 
     @classmethod
-    def on_trial(cls, sweeps: float, then: Callable[[], HandOver | None]) -> PSOR:
+    def on_trial(
+        cls,
+        sweeps: float,
+        then: Callable[[], HandOver | None],
+        first: float | None = None,
+        narrow: Narrow | None = None,
+    ) -> PSOR:
         """Plain sweeps that hand over where the observed rate says that they need more than so many `sweeps`.
 
-        Parameters: `then` is called at that point, and says to which method, or None: then they stay.
+        Parameters: `then` is called at that point, and says to which method, or None: then they stay. `first` is the
+        residual by which the rate is judged, by default that of the start. Where they stay `narrow` is called with the
+        iterate, the next one, the first residual, the last one and the number of sweeps that are still needed; it may
+        say what goes on with fewer rows.
 
         >>> problem = ICP([[2, -1, 0], [-1, 2, -1], [0, -1, 2]], [-1, -1, -1])
         >>> problem.solve(PSOR.on_trial(5, lambda: HandOver(PSOR(omega=1.2), "too slow"))).method
         PSOR(omega=1.2)
         """
         new = cls()
-        object.__setattr__(new, "trial", (sweeps, then))
+        object.__setattr__(new, "trial", (sweeps, then, first, narrow))
         return new
 
     def __post_init__(self) -> None:
@@ -67,27 +81,29 @@ class PSOR(FixedPoint):
         """See `Method.iterates`. On trial it raises HandOver where the sweeps are slow."""
         residuals: list[float] = []
         look = _LOOK if self.trial else 0
-        for iterate, residual in super().iterates(problem, z):
-            yield iterate, residual
+        step = self.step_of(problem)
+        while True:
+            following, residual = step(z)
+            yield z, residual
             if look:
                 assert residual is not None
                 residuals.append(residual)
                 if len(residuals) > look:
-                    look = 2 * look if self._stays(residuals) else 0
+                    look = 2 * look if self._stays(residuals, z, following) else 0
+            z = following
 
-    def _stays(self, residuals: list[float]) -> bool:
+    def _stays(self, residuals: list[float], z: Vector, following: Vector) -> bool:
         """Whether to look again. Raises HandOver where the second half of the `residuals` shows slow sweeps."""
         assert self.trial is not None
-        sweeps, then = self.trial
-        first, half, last = residuals[0], residuals[len(residuals) // 2], residuals[-1]
+        sweeps, then, known, narrow = self.trial
+        first, half, last = known or residuals[0], residuals[len(residuals) // 2], residuals[-1]
         if last <= _SHARE * first:
             return False
         with np.errstate(all="ignore"):
             speed = np.log(np.float64(half) / last) / (len(residuals) - 1 - len(residuals) // 2)
             needed = np.log(np.float64(last) / (_SHARE * first)) / speed
-        if speed > 0 and needed <= sweeps:
-            return True
-        over = then()
-        if over is None:
-            return False
-        raise over
+        quick = speed > 0 and needed <= sweeps
+        over = then() if not quick else narrow and narrow(z, following, first, last, needed)
+        if over:
+            raise over
+        return bool(quick)

@@ -18,19 +18,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from typing import ClassVar
 
 import numpy as np
 
 from ..arrays import Vector, norm
-from ..errors import MapError, SingularOperator
+from ..errors import MapError
 from ..problem import ICP
 from ..reduction import (
     PIVOT_UP_TO,
     Blocks,
     Mask,
-    Rows,
     blocks,
     has_fixed_obstacle,
     restricted,
@@ -38,9 +38,12 @@ from ..reduction import (
     without,
 )
 from ..steps import compiled_step, rows_of
-from . import HandOver, Infeasible, Method
-from .choose import Choice, after_trial, choose, direct, without_trial
+from . import HandOver, Method
+from .choose import Choice, after_trial, direct, is_small, without_trial
 from .multilevel import Multilevel
+from .narrowing import Left, go_on, open_rows
+from .parts import Part, Path, advance, in_turn
+from .psor import PSOR
 
 #: more than this share of open rows is not worth the trouble, and more than the second one, before a sweep is made,
 #: not a closer look
@@ -53,9 +56,6 @@ _SWEEPS = 5
 _RADIUS = "jacobi radius"
 #: so many times the rows that the balance asks for are opened, at first and at each of so many later times
 _FIRST_SLACK, _SLACK, _ROUNDS = 1.3, 4.0, 8
-#: an iterate is what reduces the residual of the parts to this share, or so many of their steps; a method that brings
-#: no better one in the second number gives way
-_SHARE, _STEPS, _PATIENCE = 0.25, 20, 1000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -74,10 +74,12 @@ class Reduced(Method):
     memoryless: ClassVar[bool] = False
     #: what is left, where that is known already: see `on`
     blocks: ClassVar[Blocks | None] = None
+    #: where plain sweeps were left to go on with fewer rows: see `narrowed`
+    left: ClassVar[Left | None] = None
 
     @classmethod
-    def on(cls, found: Blocks) -> Reduced:
-        """The method for a problem of which it is known what is left.
+    def on(cls, found: Blocks, left: Left | None = None) -> Reduced:
+        """The method for a problem of which it is known what is left, and where plain sweeps were left for it.
 
         >>> problem = ICP([[2.0, 0.0], [-1.0, 1.0]], [-2.0, -1.0])
         >>> problem.solve(Reduced.on(blocks(problem))).z
@@ -85,6 +87,7 @@ class Reduced(Method):
         """
         new = cls()
         object.__setattr__(new, "blocks", found)
+        object.__setattr__(new, "left", left)
         return new
 
     def why_not(self, problem: ICP) -> str | None:
@@ -98,37 +101,37 @@ class Reduced(Method):
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. Raises HandOver where more rows have to be opened."""
+        if self.blocks is not None and self.left is not None and z is self.left.at:
+            yield z, self.left.last
+            yield from go_on(self.blocks, self.left)
         yield z, None
-        found = self.blocks or _found(problem)
+        found = _found(problem) if self.blocks is None or self.left is not None else self.blocks
         while found is not None:
             start = z.copy() if found.open.all() else np.where(found.open, z, _obstacle(found.problem))
             start, solved = found.forward(start, found.before)
-            if np.array_equal(solved, found.before):
-                yield from self._path(problem, found, start)
-            found = found.with_core(found.before & ~solved)
+            unsolved = found.before & ~solved
+            if not unsolved.any():
+                unsolved = yield from (in_turn if found.rows.size else self._path)(problem, found, start)
+            found = found.with_core(unsolved)
         while True:
             yield z, None
 
-    def _path(self, problem: ICP, found: Blocks, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """The parts until they have no more methods, with what follows from them, and the rows at rest looked at."""
-        parts = [_Part(restricted(found.problem, rows, z), rows, z) for rows in found.parts]
+    def _path(self, problem: ICP, found: Blocks, z: Vector) -> Path:
+        """The open rows until they have no more methods, and the rows at rest looked at."""
+        (rows,) = found.parts
+        part = Part(restricted(found.problem, rows, z), rows, z)
         if found.radius is not None:
-            parts[0].problem.remembered(_RADIUS, lambda: found.radius)
+            part.problem.remembered(_RADIUS, lambda: found.radius)
         border = _Border(found)
         while True:
-            z, _ = found.forward(z, found.after)
             p = border.p(z)
-            rest, violation = _together(parts), _size(np.minimum(p, 0.0))
-            known = found.problem is problem and not found.rows.size
-            yield z, float(np.hypot(rest, violation)) if known else None
-            if violation > rest:
-                self._open(problem, found, border, p, parts[0].problem._memory.get(_RADIUS))
-            if all(part.over for part in parts):
+            violation = norm(np.minimum(p, 0.0)) if p.size else 0.0
+            yield z, float(np.hypot(part.residual, violation)) if found.problem is problem else None
+            if violation > part.residual:
+                self._open(problem, found, border, p, part.problem._memory.get(_RADIUS))
+            if part.over:
                 break
-            _advance(parts)
-            z = z.copy()
-            for part in parts:
-                z[part.rows] = part.z
+            z = advance([part], z)
         while True:
             yield z, None
 
@@ -145,49 +148,6 @@ class Reduced(Method):
 
     def __repr__(self) -> str:
         return "Reduced()"
-
-
-class _Part:
-    """Unknowns that do not interact with those of other parts, and the methods that they are left to, in turn."""
-
-    def __init__(self, problem: ICP, rows: Rows, z: Vector) -> None:
-        self.problem, self.rows, self.z = problem, rows, z[rows]
-        self.start = self.z
-        residual = problem.residual(self.z)
-        self.residual = residual if residual < np.inf else np.inf
-        self.choices = choose(problem)
-        self.path: Iterator[tuple[Vector, float | None]] | None = None
-        self.steps, self.better_at, self.milestone_at, self.milestone = 0, 0, 1, self.z
-        self.over = False
-
-    def step(self) -> None:
-        """One step of the method, or the next method where it fails: `over` where none is left."""
-        try:
-            if self.path is None:
-                self._begin(next(self.choices).method, self.z)
-            assert self.path is not None
-            z, hint = next(self.path)
-        except HandOver as to:
-            self._begin(to.method, self.start if to.afresh else self.z)
-            return
-        except StopIteration:
-            self.over = True
-            return
-        except (SingularOperator, Infeasible):
-            self.path = None
-            return
-        residual = self.problem.residual(z) if hint is None else hint
-        self.steps += 1
-        if residual < self.residual:
-            self.z, self.residual, self.better_at = z, residual, self.steps
-        if np.array_equal(z, self.milestone) or self.steps - self.better_at >= _PATIENCE or not residual < np.inf:
-            self.path = None
-        if self.steps >= 2 * self.milestone_at:  # Brent's cycle search
-            self.milestone_at, self.milestone = self.steps, z
-
-    def _begin(self, method: Method, start: Vector) -> None:
-        self.path, self.steps, self.better_at = method.iterates(self.problem, start), 0, 0
-        self.milestone_at, self.milestone = 1, self.z[:0]  # no z is equal to that
 
 
 class _Border:
@@ -208,23 +168,16 @@ class _Border:
         return p
 
 
-def _together(parts: list[_Part]) -> float:
-    """The residual of all parts."""
-    return _size(np.array([part.residual for part in parts]))
+def narrowed(problem: ICP, at: Vector, following: Vector, first: float, last: float, needed: float) -> HandOver | None:
+    """Over to sweeps on fewer rows, where enough of them are certain to touch a fixed obstacle; else None.
 
+    Parameters: see `PSOR.on_trial`.
 
-def _size(x: Vector) -> float:
-    return norm(x) if x.size else 0.0
-
-
-def _advance(parts: list[_Part]) -> None:
-    """Steps of the parts that are worst, until together they are better."""
-    enough = _SHARE * _together(parts)
-    for _ in range(_STEPS):
-        live = [part for part in parts if not part.over]
-        if not live or _together(parts) <= enough:
-            return
-        max(live, key=lambda part: part.residual).step()
+    >>> narrowed(ICP(np.eye(3), [1.0, 1.0, -1.0]), np.zeros(3), np.zeros(3), 1.0, 1e-6, 30.0) is None
+    True
+    """
+    found = open_rows(problem, following, last / first, needed)
+    return None if found is None else HandOver(Reduced.on(found, Left(at, following, first, last)), repr(found))
 
 
 def choices(problem: ICP) -> Iterator[Choice]:
@@ -238,7 +191,10 @@ def choices(problem: ICP) -> Iterator[Choice]:
     [Tridiagonal(), PSOR(), Reduced()]
     """
     yield from direct(problem)
-    yield from after_trial(problem, _where_slow(problem))
+    found = _structure(problem, problem.n) if is_small(problem) else None
+    if found is not None and found.starts.size > 2:  # pivots on the whole failed: one block may have no solution
+        yield Choice(Reduced.on(found), repr(found), hurry=True)
+    yield from after_trial(problem, _where_slow(problem), narrow=partial(narrowed, problem))
 
 
 def _where_slow(problem: ICP) -> Iterator[Choice]:
@@ -248,9 +204,12 @@ def _where_slow(problem: ICP) -> Iterator[Choice]:
     first = next(usual, None)
     if found is None and first is not None and isinstance(first.method, Multilevel):
         found = _at_rest(problem)
-    if found is not None:
-        yield Choice(Reduced.on(found), repr(found), hurry=True)
-    yield from chain([] if first is None else [first], usual)
+    order = [] if found is None else [Choice(Reduced.on(found), repr(found), hurry=True)]
+    if first is not None:
+        # the rate of relaxed sweeps is that of the slowest block: in turn they are no quicker
+        together = found is not None and len(found.stages) > 1 and isinstance(first.method, PSOR)
+        order.insert(0 if together else len(order), first)
+    yield from chain(order, usual)
 
 
 def _found(problem: ICP) -> Blocks | None:
