@@ -347,8 +347,8 @@ class TestMatricesThatMultigridIsNotMadeFor:
         """A saddle point with random constraints: its Galerkin products are nearly dense."""
         rng = np.random.default_rng(0)
         K, n = five_point(100, 0.0), 10_000
-        B = sp.random_array((1000, n), density=20 / n, rng=rng)
-        A = sp.csr_array(sp.block_array([[K, -B.T], [B, sp.eye_array(1000)]]))
+        B = sp.random_array((3000, n), density=20 / n, rng=rng)
+        A = sp.csr_array(sp.block_array([[K, -B.T], [B, sp.eye_array(3000)]]))
         with pytest.raises(NoHierarchy):
             Hierarchy(icp.ICP(A, np.ones(13_000)))
 
