@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -237,9 +238,20 @@ class ICP:
         """
         z = self.vector(z)
         with np.errstate(over="ignore", invalid="ignore"):
-            p = self.product(z) if np.count_nonzero(z) else np.zeros(self.n)
-            p += self.q
-            return norm(np.minimum(p, z - self.psi.value(z), out=p))
+            psi = self.psi.value(z)
+            if not np.count_nonzero(z):
+                return norm(np.minimum(self.q, -psi))
+            if threads_for(self.nnz) > 1 and 1e-280 < (squares := self._squares(z, psi)) < 1e280:
+                return math.sqrt(squares)
+            return norm(np.minimum(self.product(z) + self.q, z - psi))
+
+    def _squares(self, z: Vector, psi: Vector) -> float:
+        """Res(z)², without care for overflow, in one pass over A on all cores."""
+        from .kernels.rows import natural  # loads numba
+
+        A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
+        given = (A.indptr, A.indices, A.data, self.q, psi, z)
+        return float(sum(in_parts(self.n, threads_for(A.nnz), lambda low, high: natural(*given, low, high))))
 
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
         """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).

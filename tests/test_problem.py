@@ -210,3 +210,20 @@ def test_a_certificate_tells_each_violation_by_its_own_name():
     assert icp.certify(icp.ICP([[0.0]], [1.0]), [0.0]).residual_scaled is None
     with pytest.raises(icp.InputError, match="omega"):
         problem.natural_map([0.0, 5.0], omega=-1.0)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e160, 1e-170])
+def test_large_problems_have_the_residual_of_small_ones(monkeypatch, scale):
+    """In one pass over A, in two threads: min(r, p), row by row, NaN where p or r is, and safe against overflow."""
+    rng = np.random.default_rng(0)
+    A, q, c = rng.normal(size=(90, 90)), scale * rng.normal(size=90), scale * rng.normal(size=90)
+    problem, z = icp.ICP(A, q, c), scale * rng.normal(size=90)
+    expected = scale * np.linalg.norm(np.minimum(A @ (z / scale) + q / scale, (z - c) / scale))
+    monkeypatch.setattr("icpmodel.threads._THREADS_FROM", 1)
+    monkeypatch.setattr("icpmodel.threads.cores", lambda: 2)
+    assert problem.residual(z) == pytest.approx(expected, rel=1e-12, abs=0)
+    assert problem.p(z) == pytest.approx(A @ z + q, rel=1e-12, abs=1e-13 * scale)
+    assert np.isnan(problem.residual(np.append(z[1:], np.nan)))
+    c[7] = -np.inf
+    free = icp.ICP(A, q, c)
+    assert free.residual(z) == pytest.approx(np.hypot.reduce(np.minimum(A @ z + q, z - c)), rel=1e-12, abs=0)

@@ -46,6 +46,22 @@ def _product(indptr, indices, data, z, low, high, out):
 product = compiled(_product)
 
 
+def _natural(indptr, indices, data, q, psi, z, low, high):
+    # the sum of min(p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is
+    squares = 0.0
+    for i in range(_at(low), _at(high)):
+        p = q[i]
+        for k in range(_at(indptr[i]), _at(indptr[i + _at(1)])):
+            p += data[k] * z[_at(indices[k])]
+        r = z[i] - psi[i]
+        least = r if r <= p or r != r else p
+        squares += least * least
+    return squares
+
+
+natural = compiled(_natural)
+
+
 def _couple(indptr, indices, data, weight):
     # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: what row j is asked for
     # is at or behind what it was asked for last, so that `at` only ever moves on

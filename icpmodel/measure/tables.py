@@ -21,6 +21,9 @@ from ..errors import InputError
 from ..methods import named, names
 from ..scenes import scene
 
+#: so many sweeps a method makes at most in one pass over A
+_TOGETHER = 4
+
 
 @dataclass(frozen=True)
 class Table:
@@ -57,8 +60,8 @@ class Table:
 def sweep_cost(n: int = 1_000_000, repeats: int = 15, methods: Sequence[str] = ("mnmgs", "mnmj", "psor")) -> Table:
     """Time of one sweep with its residual against one SciPy `A @ z`, on the 5-point matrix of the membrane.
 
-    A sweep is what `Method.iterates` does between two iterates, the new array included. Two products and two sweeps,
-    which may be made in one pass over A, are timed in turn, and the ratio is the median of the ratios pair by pair.
+    A sweep is what `Method.iterates` does between two iterates, the new array included. Four products and four sweeps,
+    which two threads may make in one pass over A, are timed in turn; the ratio is the median of those of the pairs.
     Parameters: `n` unknowns (the nearest square), `repeats` ≥ 3, `methods` by name. Returns a `Table` (milliseconds).
 
     >>> sweep_cost(n=100, repeats=3, methods=("mnmgs",)).heads
@@ -76,13 +79,13 @@ def sweep_cost(n: int = 1_000_000, repeats: int = 15, methods: Sequence[str] = (
         products, sweeps = [], []
         for _ in range(repeats):
             begin = time.perf_counter()
-            for _ in range(2):
+            for _ in range(_TOGETHER):
                 problem.A @ z
             between = time.perf_counter()
-            for _ in range(2):
+            for _ in range(_TOGETHER):
                 next(path)
-            products.append((between - begin) / 2)
-            sweeps.append((time.perf_counter() - between) / 2)
+            products.append((between - begin) / _TOGETHER)
+            sweeps.append((time.perf_counter() - between) / _TOGETHER)
         ratios = np.array(sweeps) / np.array(products)
         rows.append((name, problem.n, *(1e3 * float(np.median(x)) for x in (products, sweeps)), *spread(ratios)))
     heads = ("method", "n", "A @ z, ms", "sweep, ms", "sweep / (A @ z)", "lowest", "highest")
