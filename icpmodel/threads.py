@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from queue import SimpleQueue
 from typing import Any
 
 #: loops over so many entries are worth threads
@@ -62,12 +63,22 @@ def one_behind_the_other(size: int, nnz: int, first: OfRows, second: OfRows, lag
         first(0, size)
         second(0, size)
         return
+    reached: SimpleQueue[int | None] = SimpleQueue()
+
+    def follow() -> None:
+        done = 0
+        while done < size and (end := reached.get()) is not None:
+            ready = size if end == size else max(end - lag, 0)
+            second(done, ready)
+            done = ready
+
     with ThreadPoolExecutor(1) as behind:
-        low = done = 0
-        for high in [*range(_CHUNK, size, _CHUNK), size]:
-            ready = max(low - lag, 0)
-            following = behind.submit(second, done, ready)
-            first(low, high)
-            following.result()
-            low, done = high, ready
-        second(done, size)
+        following, low = behind.submit(follow), 0
+        try:
+            for high in [*range(_CHUNK, size, _CHUNK), size]:
+                first(low, high)
+                reached.put(high)
+                low = high
+        finally:
+            reached.put(None)  # so that it does not wait for ever where `first` was interrupted
+        following.result()

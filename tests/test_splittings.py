@@ -14,6 +14,7 @@ from icpmodel.methods import named
 from icpmodel.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal
 from icpmodel.splittings import AOR, Given, Whole
 from icpmodel.steps import rows_of
+from icpmodel.threads import one_behind_the_other
 
 
 @numba.njit
@@ -288,6 +289,24 @@ def test_two_threads_make_the_sweeps_of_one(monkeypatch, method, chunk):
     for (one, residual), (two, other) in zip(alone, islice(named(method).iterates(problem, z), 10), strict=True):
         assert (one == two).all()
         assert residual == pytest.approx(other, rel=1e-14)
+
+
+def test_what_interrupts_the_first_thread_ends_the_second(monkeypatch):
+    """And what the second one raises comes out."""
+    monkeypatch.setattr("icpmodel.threads._THREADS_FROM", 1)
+    monkeypatch.setattr("icpmodel.threads._CHUNK", 2)
+    monkeypatch.setattr("icpmodel.threads.cores", lambda: 2)
+    seen = []
+
+    def first(low, high):
+        if low == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        one_behind_the_other(9, 9, first, lambda low, high: seen.append((low, high)), 1)
+    assert seen == [(0, 1), (1, 3)]
+    with pytest.raises(ZeroDivisionError):
+        one_behind_the_other(9, 9, lambda low, high: None, lambda low, high: 1 / (4 - high), 0)
 
 
 def test_a_step_that_looks_ahead_takes_any_other_z_as_well():
