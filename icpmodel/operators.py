@@ -26,6 +26,9 @@ from .errors import SingularOperator
 from .problem import ICP, UNIT_ROUNDOFF
 from .steps import Step, compiled_step, rows_of
 
+#: coarsening has stalled where so many rows are left
+_STALLED = 500
+
 
 class Operator(ABC):
     """X⁻¹ of a splitting.
@@ -215,6 +218,8 @@ def factorise(matrix: sp.csr_array) -> Any:
 def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
     """PyAMG's algebraic multigrid hierarchy of `A` (CSR, shape (n, n)), with the `options` of its Ruge–Stüben solver.
 
+    A coarsest level that is still large, as coarsening stalled, is left to SuperLU, which raises RuntimeError in the
+    first cycle where it is singular: PyAMG's default, a dense pseudoinverse, would take all memory.
     Reference: Ruge and Stüben, Algebraic multigrid (1987).
 
     >>> len(ruge_stuben(sp.csr_array([[2.0]])).levels)
@@ -223,7 +228,10 @@ def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
     import pyamg
 
     with quiet():
-        return pyamg.ruge_stuben_solver(sp.csr_matrix(A), **options)  # PyAMG takes the older class only
+        made = pyamg.ruge_stuben_solver(sp.csr_matrix(A), **options)  # PyAMG takes the older class only
+        if made.levels[-1].A.shape[0] > _STALLED:
+            made.coarse_solver = pyamg.coarse_grid_solver("splu")
+        return made
 
 
 @contextmanager

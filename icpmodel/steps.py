@@ -15,6 +15,8 @@ from .threads import in_parts, one_behind_the_other, threads_for
 
 #: entries that stay in a core's cache while a second sweep follows the first
 _NEAR = 50_000
+#: sweeps over so few entries cost less than to call them, so that so many are made at once
+_FEW, _SOME = 20_000, 4
 #: z ↦ (z⁺, Res(z) or None where it does not fall out of the step)
 Step = Callable[[Vector], tuple[Vector, float | None]]
 
@@ -67,9 +69,9 @@ def compiled_step(
     """One compiled sweep as a step: `before` and `after` are the kernel's arguments around ψ.
 
     ψ = constant, affine and compiled elementwise maps are evaluated inside the sweep; any other is called once for it.
-    For a constant ψ a sweep that goes forward may make some more in the same pass over A: they are the next answers, as
-    long as the step is asked for its own last one. `reach` is how far A reaches above its diagonal, None where the
-    sweep has no such pass.
+    A sweep that goes forward may make some more in the same call, for a large A and constant ψ in the same pass over A:
+    they are the next answers, as long as the step is asked for its own last one. `reach` is how far A reaches above its
+    diagonal, None where the sweep cannot do that.
 
     >>> problem = ICP([[2.0]], [-2.0])
     >>> matrix = (problem.A.indptr, problem.A.indices, problem.A.data, problem.q)
@@ -94,7 +96,13 @@ def compiled_step(
         return out, float(np.sqrt(squares))
 
     nnz = problem.A.nnz
-    if reach is None or not isinstance(psi, Constant) or reach * (nnz / problem.n + 4) > _NEAR:
+    if reach is None:
+        return step
+    if inside is not None and nnz <= _FEW:
+        return _looking_ahead(
+            step, partial(_in_turn, partial(getattr(SWEEPS, f"some_{name}"), *before, inside, *after))
+        )
+    if not isinstance(psi, Constant) or reach * (nnz / problem.n + 4) > _NEAR:
         return step
     two = partial(getattr(SWEEPS, f"two_{name}"), *before, inside, after[0], reach)
     return _looking_ahead(step, partial(_passes, two, reach, nnz))
@@ -133,6 +141,14 @@ def _looking_ahead(single: Step, several: Callable[[Vector], list[tuple[Vector, 
         return following
 
     return step
+
+
+def _in_turn(some: Callable[..., None], z: Vector) -> list[tuple[Vector, float]]:
+    """(z⁺, Res(z)) of some sweeps in one call."""
+    Z, squares = np.empty((_SOME + 1, z.size)), np.empty(_SOME)
+    Z[0] = z
+    some(Z, squares)
+    return list(zip(Z[1:], np.sqrt(squares).tolist(), strict=True))
 
 
 def _passes(two: Callable[..., tuple[float, float]], reach: int, nnz: int, z: Vector) -> list[tuple[Vector, float]]:

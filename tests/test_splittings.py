@@ -259,9 +259,11 @@ def test_the_rows_are_looked_at_right(index):
         assert rows.upper == pytest.approx(np.abs(np.triu(A, 1)).sum())
 
 
+@pytest.mark.parametrize("few", [0, 20_000])
 @pytest.mark.parametrize("method", ["mnmgs", "mnmsor"])
-def test_two_sweeps_in_one_pass_are_the_two_sweeps(method):
-    """Iterates and residuals, for every reach of the entries above the diagonal."""
+def test_sweeps_made_at_once_are_the_sweeps(monkeypatch, method, few):
+    """Iterates and residuals, for every reach of the entries above the diagonal: two in one pass, some in one call."""
+    monkeypatch.setattr("icpmodel.steps._FEW", few)
     rng = np.random.default_rng(1)
     for n, below, above in ((1, 0, 0), (5, 4, 0), (5, 0, 4), (60, 3, 1), (60, 20, 9), (60, 59, 59)):
         A = np.abs(band(rng, n, below, above)) + 2.0 * n * np.eye(n)
@@ -282,6 +284,7 @@ def test_two_threads_make_the_sweeps_of_one(monkeypatch, method, chunk):
     rng = np.random.default_rng(4)
     problem = icp.ICP(band(rng, 60, 5, 3) + 99.0 * np.eye(60), rng.normal(size=60), rng.normal(size=60))
     z = rng.normal(size=60)
+    monkeypatch.setattr("icpmodel.steps._FEW", 0)
     alone = list(islice(named(method).iterates(problem, z), 10))
     monkeypatch.setattr("icpmodel.threads._THREADS_FROM", 1)
     monkeypatch.setattr("icpmodel.threads._CHUNK", chunk)

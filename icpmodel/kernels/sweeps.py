@@ -107,6 +107,17 @@ def _in_order(row):
     return sweep
 
 
+def _some_in_order(row):
+    # sweeps one after the other, Z[0] -> Z[1] -> ..., for problems so small that to call one costs more than to make it
+    sweep = numba.njit(_in_order(row), fastmath={"contract"}, error_model="numpy", nogil=True)
+
+    def sweeps(indptr, indices, data, diag, q, psi, par, forward, Z, squares):
+        for k in range(squares.size):
+            squares[k] = sweep(indptr, indices, data, diag, q, psi, par, forward, Z[k], Z[k + 1])
+
+    return sweeps
+
+
 def _two_in_order(row):
     # rows low <= i < high of the sweep z -> one, and rows low - lag <= i < high - lag of the next one, one -> two: no
     # row of A reaches further above its diagonal than `lag`, and a row's entries come from memory once for both. The
@@ -184,12 +195,14 @@ def _substitute(start, stop, indices, data, tau, inverse, forward, f, out):
 
 
 class Sweeps:
-    """The sweeps, compiled alike: `aor` and `projected`, two of either in one pass, `diagonal`, `triangular`."""
+    """The sweeps, compiled alike: `aor` and `projected`, some of either in turn or two in one pass; the others."""
 
     def __init__(self, *, cache: bool) -> None:
         self.aor = compiled(_in_order(_row_aor), cache=cache)
+        self.some_aor = compiled(_some_in_order(_row_aor), cache=cache)
         self.two_aor = compiled(_two_in_order(_row_aor), cache=cache)
         self.projected = compiled(_in_order(_row_projected), cache=cache)
+        self.some_projected = compiled(_some_in_order(_row_projected), cache=cache)
         self.two_projected = compiled(_two_in_order(_row_projected), cache=cache)
         self.diagonal = compiled(_sweep_diagonal, cache=cache)
         self.triangular = compiled(_sweep_triangular, cache=cache)

@@ -237,7 +237,10 @@ def _multigrid(M: sp.csr_array, accelerate: str) -> Solver | None:
 
     def solve(f: Vector, tolerance: float) -> Vector | None:
         with quiet():
-            x = hierarchy.solve(f, tol=tolerance, maxiter=_KRYLOV_STEPS, accel=accelerate)
+            try:
+                x = hierarchy.solve(f, tol=tolerance, maxiter=_KRYLOV_STEPS, accel=accelerate)
+            except RuntimeError:  # the coarsest level is singular
+                return None
         return np.asarray(x) if np.linalg.norm(M @ x - f) <= 2 * tolerance * np.linalg.norm(f) else None
 
     return solve

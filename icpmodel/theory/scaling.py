@@ -125,6 +125,9 @@ def _multigrid(rows: sp.csr_array) -> Vector | None:
     n, accelerate = rows.shape[0], "cg" if (rows != rows.T).nnz == 0 else "bicgstab"
     hierarchy = ruge_stuben(rows)
     with quiet():  # where <A> is indefinite it breaks down: see below
-        v = hierarchy.solve(np.ones(n), tol=0.5 / np.sqrt(n), maxiter=_KRYLOV_STEPS, accel=accelerate)
+        try:
+            v = hierarchy.solve(np.ones(n), tol=0.5 / np.sqrt(n), maxiter=_KRYLOV_STEPS, accel=accelerate)
+        except RuntimeError:  # the coarsest level is singular
+            return None
         good = (v > 0).all() and (rows @ v > 0).all()
     return np.asarray(v) if good else None
