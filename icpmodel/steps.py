@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arrays import Vector
+from .arrays import Vector, row_of
 from .maps import Affine, Constant, Elementwise, is_compiled, raising_map_error
 from .problem import ICP
 from .threads import in_parts, one_behind_the_other, threads_for
@@ -69,9 +69,9 @@ def compiled_step(
     """One compiled sweep as a step: `before` and `after` are the kernel's arguments around ψ.
 
     ψ = constant, affine and compiled elementwise maps are evaluated inside the sweep; any other is called once for it.
-    A sweep that goes forward may make some more in the same call, for a large A and constant ψ in the same pass over A:
-    they are the next answers, as long as the step is asked for its own last one. `reach` is how far A reaches above its
-    diagonal, None where the sweep cannot do that.
+    A sweep that goes forward may make some more in the same call, for a large A in the same pass over it: they are the
+    next answers, as long as the step is asked for its own last one. `reach` is how far A reaches above its diagonal,
+    None where the sweep cannot do that.
 
     >>> problem = ICP([[2.0]], [-2.0])
     >>> matrix = (problem.A.indptr, problem.A.indices, problem.A.data, problem.q)
@@ -102,7 +102,9 @@ def compiled_step(
         return _looking_ahead(
             step, partial(_in_turn, partial(getattr(SWEEPS, f"some_{name}"), *before, inside, *after))
         )
-    if not isinstance(psi, Constant) or reach * (nnz / problem.n + 4) > _NEAR:
+    if isinstance(psi, Affine):  # the second sweep asks for what psi takes from the first as well
+        reach, nnz = max(reach, int((psi.G.indices - row_of(psi.G)).max(initial=0))), nnz + psi.G.nnz
+    if inside is None or reach * (nnz / problem.n + 4) > _NEAR:
         return step
     two = partial(getattr(SWEEPS, f"two_{name}"), *before, inside, after[0], reach)
     return _looking_ahead(step, partial(_passes, two, reach, nnz))

@@ -264,7 +264,8 @@ def test_plain_sweeps_come_first_for_every_positive_diagonal_unless_psi_jumps_or
     ):
         assert first_choice(problem)[0] is icp.PSOR
     assert first_choice(icp.ICP([[1.0, 2.0], [2.0, -3.0]], [-1.0, 1.0], moving))[0] is icp.Josephy
-    assert first_choice(scenes.dividend(n=61).problem)[0] is icp.Newton
+    assert first_choice(scenes.dividend(n=61).problem)[0] is icp.Josephy
+    assert first_choice(scenes.dividend(n=211).problem)[0] is icp.Newton
 
 
 def test_where_plain_sweeps_are_slow_relaxed_ones_follow_psor_where_no_psi_depends_on_another_unknown():

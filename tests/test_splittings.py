@@ -259,16 +259,18 @@ def test_the_rows_are_looked_at_right(index):
         assert rows.upper == pytest.approx(np.abs(np.triu(A, 1)).sum())
 
 
+@pytest.mark.parametrize("moves", [False, True])
 @pytest.mark.parametrize("few", [0, 20_000])
-@pytest.mark.parametrize("method", ["mnmgs", "mnmsor"])
-def test_sweeps_made_at_once_are_the_sweeps(monkeypatch, method, few):
+@pytest.mark.parametrize("method", ["mnmgs", "mnmsor", "psor"])
+def test_sweeps_made_at_once_are_the_sweeps(monkeypatch, method, few, moves):
     """Iterates and residuals, for every reach of the entries above the diagonal: two in one pass, some in one call."""
     monkeypatch.setattr("icpmodel.steps._FEW", few)
     rng = np.random.default_rng(1)
     for n, below, above in ((1, 0, 0), (5, 4, 0), (5, 0, 4), (60, 3, 1), (60, 20, 9), (60, 59, 59)):
         A = np.abs(band(rng, n, below, above)) + 2.0 * n * np.eye(n)
         c = np.where(rng.random(n) < 0.2, -np.inf, rng.normal(size=n))
-        problem, z = icp.ICP(A, rng.normal(size=n), c), rng.normal(size=n)
+        psi = icp.Affine(band(rng, n, 1, min(n - 1, 12)) / n, c) if moves else c
+        problem, z = icp.ICP(A, rng.normal(size=n), psi), rng.normal(size=n)
         path = named(method).iterates(problem, z)
         for _ in range(7):
             came, residual = next(path)

@@ -22,7 +22,7 @@ def psi_entry(psi, i, z):
     raise TypeError("psi_entry exists in compiled code only")
 
 
-@overload(psi_entry, inline="always")
+@overload(psi_entry)
 def _psi_entry(psi, i, z):
     if isinstance(psi, types.Array):
         return lambda psi, i, z: psi[i]

@@ -38,6 +38,8 @@ _FAR = 2.0
 _MULTILEVEL_FROM_ON_A_BAND, _MULTILEVEL_FROM = 100, 5000
 #: from these sizes on the best jumps are sought on coarser levels first: bands, and all others
 _JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
+#: up to this size they are found by pivots
+_PIVOTED_JUMPS_UP_TO = 150
 #: up to this size it costs less to pivot than to look at the problem, and up to the second than what else there is
 #: where sweeps are slow
 PIVOT_UP_TO, _PIVOT_BEFORE_NEWTON_UP_TO = 64, 200
@@ -74,7 +76,8 @@ def choose(problem: ICP) -> Iterator[Choice]:
     sweeps that are overrelaxed where the Jacobi radius is below 1 and promises a gain, by PSOR where every ψ_i moves
     with its own z_i alone (up to n = 1500 accelerated, with a rough radius), else by MNMAOR; then Newton, and MNMGS.
     Newton comes before the sweeps where the radius is not below 1.
-    Where ψ is an intervention operator Newton comes first and Multilevel second, for large A the other way round.
+    Where ψ is an intervention operator Newton comes first and Multilevel second, for large A the other way round, and
+    before them Josephy where n ≤ 150.
     The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
     dominance. Newton and MNMMOD are left out where A is too large to be factorised, and where ψ has no derivative
     Newton, and Multilevel unless every ψ_i moves with its own z_i alone.
@@ -153,6 +156,8 @@ def without_trial(problem: ICP) -> Iterator[Choice]:
     """
     positive = bool((rows_of(problem).diagonal > 0).all())
     if isinstance(problem.psi, Intervention):
+        if problem.n <= _PIVOTED_JUMPS_UP_TO and Josephy().why_not(problem) is None:
+            yield Choice(Josephy(), f"with n = {problem.n} to pivot for the best jumps costs less than to factorise")
         large = problem.n >= (_JUMPS_FROM_ON_A_BAND if has_band(problem) else _JUMPS_FROM)
         if large:
             yield from _coarser_jumps(problem)
