@@ -13,7 +13,7 @@ from ..problem import ICP
 from .chosen import complementary
 from .grid import five_point, neighbours, side, square_points, tridiagonal
 from .hand import PAIR
-from .registry import Quantity, Scene, at_least, register
+from .registry import Quantity, Scene, at_least, at_most, register
 
 
 @register
@@ -147,14 +147,14 @@ def hard_semidefinite(n: int = 40, seed: int = 0) -> Scene:
     A = [0, −Bᵀ; B, 0] with a random m × m matrix B: min cᵀx with Bx ≥ b, x ≥ 0, and its dual, of which half of
     the x and half of the constraints are active, strictly. A is skew-symmetric with a zero diagonal: semidefinite, no
     splitting by the diagonal exists. Honest: solved by pivoting or Newton; sweeps refuse.
-    Parameters: `n` ≈ 2m; `seed` an integer ≥ 0. No units. Raises InputError for bad parameters.
+    Parameters: `n` ≈ 2m, at most 5000; `seed` an integer ≥ 0. No units. Raises InputError for bad parameters.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
 
     >>> pair = hard_semidefinite(n=10)
     >>> pair.problem.n, pair.problem.residual(pair.z_exact) < 1e-12
     (10, True)
     """
-    m = max(round(n / 2), 1)
+    m = max(round(at_most(n, 5000) / 2), 1)
     random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
     B = random.standard_normal((m, m))
     size = random.uniform(0.5, 1.5, 2 * m)

@@ -140,6 +140,18 @@ def at_least(n: int, least: int) -> int:
     return n
 
 
+def at_most(n: int, most: int) -> int:
+    """`n`, or InputError where the scene, whose matrix is dense, takes fewer unknowns.
+
+    >>> at_most(5, 3)
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: n is 5; this scene, whose matrix is dense, takes at most 3 unknowns
+    """
+    if n > most:
+        raise InputError(f"n is {n}; this scene, whose matrix is dense, takes at most {most} unknowns")
+    return n
+
+
 def size(n: Any) -> int:
     """The wanted number of unknowns as an int ≥ 1. Raises InputError.
 
