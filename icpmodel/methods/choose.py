@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Vector
 from ..intervention import Intervention
 from ..maps import Affine, Constant
 from ..problem import ICP
@@ -30,6 +31,8 @@ from .tridiagonal import Tridiagonal
 _WORTH_RELAXING = 1.05
 #: up to this size combining sweeps costs less than to find out how far they should be relaxed
 _ACCELERATED_UP_TO = 1500
+#: where psi moves acceleration gains from this size on, and where more plain sweeps than that are needed
+_ACCELERATED_FROM, _PLAIN = 500, 25
 #: a row is hardly dominant where its couplings, as Gauss–Seidel feels them, sum up to more than this
 _HARDLY = 0.97
 #: and a matrix with this mean, at most 1 for every H-matrix, is nothing for multigrid
@@ -47,7 +50,7 @@ PIVOT_UP_TO, _PIVOT_BEFORE_NEWTON_UP_TO = 64, 200
 _PIVOT_BEFORE_TRIDIAGONAL_UP_TO = 32
 #: so many sweeps cost less than to begin with another method: at least, at the most, and divided by n in between;
 #: where ψ moves so many more, as there the others cost more, but for Josephy's steps: there n and so many
-_SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS = 50, 250, 20_000
+_SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS = 50, 250, 5000
 _SWEEPS_OF_A_MOVING_PSI, _SWEEPS_BEFORE_JOSEPHY = 100, 30
 
 
@@ -126,8 +129,15 @@ def after_trial(
     [PSOR(), MNMGS()]
     """
     if not isinstance(problem.psi, Intervention) and (rows_of(problem).diagonal > 0).all():
+        accelerates = problem.n >= _ACCELERATED_FROM and not has_fixed_obstacle(problem)
+
+        def look(z: Vector, following: Vector, first: float, last: float, needed: float) -> HandOver | None:
+            if accelerates and needed > _PLAIN:
+                return HandOver(Accelerated(), f"psi moves, and {needed:.0f} more plain sweeps would be needed")
+            return None if narrow is None else narrow(z, following, first, last, needed)
+
         why = "plain sweeps are watched: they stay as long as they are quick"
-        yield Choice(PSOR.on_trial(_worth(problem), lambda: _next(others), first, narrow), why, hurry=True)
+        yield Choice(PSOR.on_trial(_worth(problem), lambda: _next(others), first, look), why, hurry=True)
     yield from others
 
 
@@ -137,7 +147,7 @@ def _next(others: Iterator[Choice]) -> HandOver | None:
     if choice is None:
         return None
     why = f"{choice.why} (plain sweeps were slow)"
-    return HandOver(choice.method, why, afresh=not isinstance(choice.method, PSOR | MNMAOR | Josephy))
+    return HandOver(choice.method, why, afresh=not isinstance(choice.method, PSOR | MNMAOR | Josephy | Accelerated))
 
 
 def _worth(problem: ICP) -> float:
@@ -171,6 +181,8 @@ def without_trial(problem: ICP) -> Iterator[Choice]:
     if _linearises_first(problem):
         yield Choice(Josephy(), f"with n = {problem.n} a few affine problems are pivoted at once")
     if _pivots_first(problem):
+        if positive:
+            yield from _accelerated(problem)
         yield Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting costs least")
     if positive:
         yield from _sweeps_and_newton(problem)
@@ -197,11 +209,8 @@ def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
     """What there is for D > 0 where plain sweeps are slow."""
     yield from _multilevel(problem)
     rows = rows_of(problem)
-    if problem.n <= _ACCELERATED_UP_TO and has_fixed_obstacle(problem):
-        omega = relaxation(problem)
-        if omega >= _WORTH_RELAXING:
-            why = "accelerated, and relaxed with caution: Newton's systems cost more than some dozens of sweeps"
-            yield Choice(Accelerated(of=PSOR(omega=omega)), why, hurry=True)
+    if not _pivots_first(problem):
+        yield from _accelerated(problem)
     # from the row sums alone where they already show that relaxation gains nothing
     with np.errstate(over="ignore"):
         radius = float((rows.rest / rows.diagonal).max())
@@ -217,6 +226,15 @@ def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
     if not slow:
         yield from _newton(problem, "Newton's method does not depend on a splitting")
     yield Choice(MNMGS(), "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope", hurry=True)
+
+
+def _accelerated(problem: ICP) -> Iterator[Choice]:
+    """Accelerated sweeps, where n is small enough and the Jacobi radius promises a gain."""
+    if problem.n <= _ACCELERATED_UP_TO and has_fixed_obstacle(problem):
+        omega = relaxation(problem)
+        if omega >= _WORTH_RELAXING:
+            why = "accelerated, and relaxed with caution: other methods cost more than some dozens of sweeps"
+            yield Choice(Accelerated(of=PSOR(omega=omega)), why, hurry=True)
 
 
 def _couplings(problem: ICP) -> Any:
