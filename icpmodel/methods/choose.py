@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,8 @@ _WORTH_RELAXING = 1.05
 _ACCELERATED_UP_TO = 1500
 #: where psi moves acceleration gains from this size on, and where more plain sweeps than that are needed
 _ACCELERATED_FROM, _PLAIN = 500, 25
+#: beyond this size forty sweeps do not tell how slow the others will be
+_RATES_TOLD_UP_TO = 150_000
 #: a row is hardly dominant where its couplings, as Gauss–Seidel feels them, sum up to more than this
 _HARDLY = 0.97
 #: and a matrix with this mean, at most 1 for every H-matrix, is nothing for multigrid
@@ -129,10 +132,12 @@ def after_trial(
     [PSOR(), MNMGS()]
     """
     if not isinstance(problem.psi, Intervention) and (rows_of(problem).diagonal > 0).all():
-        accelerates = problem.n >= _ACCELERATED_FROM and not has_fixed_obstacle(problem)
+        accelerates = _ACCELERATED_FROM <= problem.n <= _RATES_TOLD_UP_TO and not has_fixed_obstacle(problem)
+        looks, early = count(1), 0 if problem.n < _MULTILEVEL_FROM else 2
 
         def look(z: Vector, following: Vector, first: float, last: float, needed: float) -> HandOver | None:
-            if accelerates and needed > _PLAIN:
+            # in large problems the first rates are those of the roughest errors, which say little of the others
+            if accelerates and next(looks) > early and needed > _PLAIN:
                 return HandOver(Accelerated(), f"psi moves, and {needed:.0f} more plain sweeps would be needed")
             return None if narrow is None else narrow(z, following, first, last, needed)
 
