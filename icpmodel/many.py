@@ -17,18 +17,17 @@ from .driver import RTOL
 from .errors import InputError, MapError, NotSolved
 from .loop import Limits
 from .maps import Affine, Map
-from .methods.choose import PIVOT_UP_TO
-from .methods.lemke import Linear
+from .methods.lemke import PIVOTS, Linear
 from .methods.tridiagonal import Tridiagonal
 from .problem import ICP
-from .reduction import has_fixed_obstacle, with_fixed_obstacle
+from .reduction import PIVOT_UP_TO, has_fixed_obstacle, with_fixed_obstacle
 from .solution import Status
 from .threads import cores, in_parts
 
 Matrix = NDArray[np.float64]
 
-#: pivots that a row may take, in multiples of n + 1, or Newton's steps, before `solve` has a try at it
-_PIVOTS = _STEPS = 50
+#: Newton's steps that a row may take where A is tridiagonal, before `solve` has a try at it
+_STEPS = 50
 #: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
 _ROWS_A_THREAD, _UNKNOWNS_A_THREAD = 200, 20_000
 
@@ -215,7 +214,7 @@ class _Job:
         from .kernels.pivoting import many
         from .kernels.units import scale
 
-        problem, Q, A, limit = self.problem, self.Q, self.problem.dense(), _PIVOTS * (self.problem.n + 1)
+        problem, Q, A, limit = self.problem, self.Q, self.problem.dense(), PIVOTS * (self.problem.n + 1)
         lcp = Linear(A, Q[0], C[0], problem.psi.G.toarray() if isinstance(problem.psi, Affine) else None)
         scaled, X, at_0, zero = scale(lcp.M), np.empty(Q.shape), np.empty(len(Q)), np.broadcast_to(0.0, Q.shape)
         parts = min(cores(), -(-len(Q) // _ROWS_A_THREAD))

@@ -241,7 +241,8 @@ class ICP:
             psi = self.psi.value(z)
             if not np.count_nonzero(z):
                 return norm(np.minimum(self.q, -psi))
-            if threads_for(self.nnz) > 1 and 1e-280 < (squares := self._squares(z, psi)) < 1e280:
+            large = self._matrix.small is None and threads_for(self.A.nnz) > 1
+            if large and 1e-280 < (squares := self._squares(z, psi)) < 1e280:
                 return math.sqrt(squares)
             return norm(np.minimum(self.product(z) + self.q, z - psi))
 

@@ -34,6 +34,14 @@ def signed(rng, n, margin):
     return tridiagonal(lower, np.abs(lower) + np.abs(upper) + margin, upper)
 
 
+def obstacle(rng, n, trial):
+    """Normal entries; in every third trial a third of the rows is without one."""
+    c = rng.normal(size=n)
+    if trial % 3 == 0:
+        c[rng.random(n) < 0.3] = -np.inf
+    return c
+
+
 def scaled_residual(problem, z):
     """The largest natural residual in units of z, beside what rounding explains."""
     p, r = problem.p(z) / problem.A.diagonal(), problem.r(z)
@@ -45,9 +53,7 @@ def test_the_answer_is_lemke_s_for_m_matrices_with_obstacles_and_rows_without_on
     rng = np.random.default_rng(0)
     for trial in range(300):
         n = int(rng.integers(1, 30))
-        c = rng.normal(size=n)
-        if trial % 3 == 0:
-            c[rng.random(n) < 0.3] = -np.inf
+        c = obstacle(rng, n, trial)
         problem = icp.ICP(m_matrix(rng, n, 0.1), rng.normal(size=n) * np.exp(2 * rng.normal(size=n)), c)
         solution = run(problem)
         assert solution.solved
@@ -118,9 +124,7 @@ def test_couplings_of_either_sign_are_solved_where_the_diagonal_dominates():
     rng = np.random.default_rng(2)
     for trial in range(200):
         n = int(rng.integers(1, 40))
-        c = rng.normal(size=n)
-        if trial % 3 == 0:
-            c[rng.random(n) < 0.3] = -np.inf
+        c = obstacle(rng, n, trial)
         problem = icp.ICP(signed(rng, n, 0.1), rng.normal(size=n), c)
         solution = run(problem)
         assert solution.solved

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import count
-from typing import Any
 
 import numpy as np
 
@@ -13,9 +12,9 @@ from ..arrays import Vector
 from ..intervention import Intervention
 from ..maps import Affine, Constant
 from ..problem import ICP
-from ..reduction import has_fixed_obstacle
+from ..reduction import PIVOT_UP_TO, has_fixed_obstacle
 from ..steps import rows_of
-from ..theory.spectral import SMALL_RADIUS, couplings, radius_of
+from ..theory.spectral import SMALL_RADIUS, radius_of
 from . import HandOver, Method
 from .accelerated import Accelerated
 from .josephy import Josephy
@@ -24,7 +23,7 @@ from .linear import FACTORISE_UP_TO, has_band, is_factorised
 from .modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
 from .multilevel import Multilevel
 from .newton import Newton
-from .parameters import best_omega, relaxation, scale_of, sor
+from .parameters import best_omega, couplings_of, relaxation, scale_of, sor
 from .psor import PSOR, Narrow
 from .tridiagonal import Tridiagonal
 
@@ -46,9 +45,8 @@ _MULTILEVEL_FROM_ON_A_BAND, _MULTILEVEL_FROM = 100, 5000
 _JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
 #: up to this size they are found by pivots
 _PIVOTED_JUMPS_UP_TO = 150
-#: up to this size it costs less to pivot than to look at the problem, and up to the second than what else there is
-#: where sweeps are slow
-PIVOT_UP_TO, _PIVOT_BEFORE_NEWTON_UP_TO = 64, 200
+#: up to this size it costs less to pivot than what else there is where sweeps are slow
+_PIVOT_BEFORE_NEWTON_UP_TO = 200
 #: up to this size pivots cost less than to find out that A is tridiagonal
 _PIVOT_BEFORE_TRIDIAGONAL_UP_TO = 32
 #: so many sweeps cost less than to begin with another method: at least, at the most, and divided by n in between;
@@ -220,7 +218,7 @@ def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
     with np.errstate(over="ignore"):
         radius = float((rows.rest / rows.diagonal).max())
     if radius > SMALL_RADIUS:
-        radius = problem.remembered("jacobi radius", lambda: radius_of(_couplings(problem)))
+        radius = problem.remembered("jacobi radius", lambda: radius_of(couplings_of(problem)))
     omega = best_omega(radius)
     slow = radius >= 1.0
     if slow:
@@ -242,10 +240,6 @@ def _accelerated(problem: ICP) -> Iterator[Choice]:
             yield Choice(Accelerated(of=PSOR(omega=omega)), why, hurry=True)
 
 
-def _couplings(problem: ICP) -> Any:
-    return problem.remembered("couplings", lambda: couplings(problem.A))
-
-
 def _multilevel(problem: ICP) -> Iterator[Choice]:
     """Multilevel where sweeps would be slow: information that crosses rows which are hardly dominant does not fade."""
     rows = rows_of(problem)
@@ -254,7 +248,7 @@ def _multilevel(problem: ICP) -> Iterator[Choice]:
         return
     share = float(np.mean(rows.rest > _HARDLY * rows.diagonal))
     if share > 0.5:  # what flows through A in one direction only does not slow sweeps down
-        sums = _couplings(problem) @ np.ones(problem.n)
+        sums = couplings_of(problem) @ np.ones(problem.n)
         share = float(np.mean(sums > _HARDLY)) if sums.mean() <= _FAR else 0.0
     multilevel = Multilevel()
     if share > 0.5 and multilevel.why_not(problem) is None:

@@ -14,11 +14,11 @@ from ..errors import MapError, SingularOperator
 from ..maps import Elementwise
 from ..problem import ICP
 from . import Method
-from .lemke import UP_TO, Linear
+from .lemke import PIVOTS, UP_TO, Linear
 from .newton import Newton, derivative
 
-#: pivots per row and step; how often a step is halved, and the share of its length by which it has to reduce Res
-_PIVOTS, _HALVINGS, _SLOPE = 50, 6, 0.1
+#: how often a step is halved, and the share of its length by which it has to reduce Res
+_HALVINGS, _SLOPE = 6, 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -60,7 +60,7 @@ class Josephy(Method):
             while best > 0.0:
                 G = _derivative(problem, z)
                 lcp = Linear(A, problem.q, problem.psi.value(z) - (G * z if G.ndim == 1 else G @ z), G)
-                ended, _, y = go_on(*lcp.start(), -1, _PIVOTS * (n + 1))
+                ended, _, y = go_on(*lcp.start(), -1, PIVOTS * (n + 1))
                 if ended != SOLVED:
                     break
                 step = lcp.z(y) - z

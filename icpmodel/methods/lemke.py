@@ -23,6 +23,8 @@ Matrix = NDArray[np.float64]
 
 #: the dictionary has n² entries, and every pivot changes all of them
 UP_TO = 500
+#: so many pivots, times n + 1, and an LCP that is one of many counts as not solved
+PIVOTS = 50
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

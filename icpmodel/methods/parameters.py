@@ -17,6 +17,7 @@ from itertools import repeat
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..arrays import Vector, as_number, as_vector
 from ..errors import InputError
@@ -108,6 +109,16 @@ def best_omega(radius: float) -> float:
     return 2.0 / (1.0 + math.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
 
 
+def couplings_of(problem: ICP) -> sp.csr_array:
+    """`couplings` of A, made once for all problems that share A and ψ.
+
+    >>> couplings_of(ICP([[4.0, -1.0], [-4.0, 4.0]], [1.0, 1.0])).toarray()
+    array([[0. , 0.5],
+           [0.5, 0. ]])
+    """
+    return problem.remembered("couplings", lambda: couplings(problem.A))
+
+
 def radius(problem: ICP) -> float:
     """A rough estimate of the Jacobi radius: the mean of the row sums Σ_{j≠i}|a_ij|/a_ii where none is above 1.
 
@@ -122,7 +133,7 @@ def radius(problem: ICP) -> float:
         sums = rows.rest / np.abs(rows.diagonal)
         if sums.max() <= _DOMINANT:
             return min(float(sums.mean()), 1.0)
-        S = problem.remembered("couplings", lambda: couplings(problem.A))
+        S = couplings_of(problem)
         found: float = problem.remembered("rough jacobi radius", lambda: radius_of(S, _POWER_STEPS))
     return found
 
