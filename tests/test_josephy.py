@@ -108,7 +108,7 @@ def test_steps_that_would_wander_are_shortened(seed):
 def test_small_problems_whose_sweeps_are_slow_get_it_from_the_best_iterate():
     A = 2 * np.eye(20) - np.eye(20, k=1) - np.eye(20, k=-1)
     A[0, -1] = -0.5
-    psi = icp.Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), c=-1.0)
+    psi = icp.Function(lambda z: 0.3 * np.sin(z) - 1.0, lambda z: np.diag(0.3 * np.cos(z)))
     solution = icp.ICP(A, -np.ones(20), psi).solve(history=True)
     assert isinstance(solution.method, Josephy)
     assert "plain sweeps were slow" in solution.why

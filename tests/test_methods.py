@@ -260,7 +260,7 @@ def test_plain_sweeps_come_first_for_every_positive_diagonal_unless_psi_jumps_or
     for problem in (
         scenes.bai_symmetric(n=100).problem,
         scenes.membrane(n=2500).problem,
-        icp.ICP([[1.0, -2.0], [-2.0, 3.0]], [-1.0, 1.0], moving),
+        icp.ICP([[1.0, -2.0], [-2.0, 3.0]], [-1.0, 1.0], np.sin),
     ):
         assert first_choice(problem)[0] is icp.PSOR
     assert first_choice(icp.ICP([[1.0, 2.0], [2.0, -3.0]], [-1.0, 1.0], moving))[0] is icp.Josephy
@@ -340,11 +340,12 @@ def test_a_derivative_that_fails_does_not_end_the_automatic_choice():
 
 
 def test_small_problems_are_pivoted_first_larger_ones_after_sweeps_and_still_larger_ones_after_newton():
-    for psi in (0.0, icp.Affine(0.1 * sp.eye_array(64))):
+    for psi in (0.0, icp.Affine(0.1 * sp.eye_array(64)), icp.Elementwise(np.sin, lipschitz=0.9)):
         assert first_choice(icp.ICP(ring(64), -np.ones(64), psi))[0] is Lemke
-    moving = icp.ICP(ring(64), -np.ones(64), icp.Elementwise(np.sin, np.cos))
-    assert first_choice(moving)[0] is icp.PSOR
-    assert after_trial(moving)[0] is icp.Josephy
+    assert first_choice(icp.ICP(ring(64), -np.ones(64), icp.Elementwise(np.sin, np.cos)))[0] is icp.Josephy
+    coupled = icp.ICP(ring(64), -np.ones(64), icp.Function(np.sin, lambda z: np.diag(np.cos(z))))
+    assert first_choice(coupled)[0] is icp.PSOR
+    assert after_trial(coupled)[0] is icp.Josephy
     assert after_trial(icp.ICP(ring(65), -np.ones(65), icp.Elementwise(np.sin, np.cos)))[0] is not icp.Josephy
     assert first_choice(icp.ICP(ring(65), -np.ones(65)))[0] is icp.PSOR
     for psi in (0.0, icp.Elementwise(np.sin, lipschitz=0.9)):

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Vector
 from ..intervention import Intervention
-from ..maps import Affine, Constant
+from ..maps import Elementwise
 from ..problem import ICP
 from ..reduction import PIVOT_UP_TO, has_fixed_obstacle
 from ..steps import rows_of
@@ -43,7 +43,7 @@ _FAR = 2.0
 _MULTILEVEL_FROM_ON_A_BAND, _MULTILEVEL_FROM = 100, 5000
 #: from these sizes on the best jumps are sought on coarser levels first: bands, and all others
 _JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
-#: up to this size they are found by pivots
+#: up to this size to pivot for the best jumps costs less than to factorise
 _PIVOTED_JUMPS_UP_TO = 150
 #: up to this size it costs less to pivot than what else there is where sweeps are slow
 _PIVOT_BEFORE_NEWTON_UP_TO = 200
@@ -53,6 +53,7 @@ _PIVOT_BEFORE_TRIDIAGONAL_UP_TO = 32
 #: where ψ moves so many more, as there the others cost more, but for Josephy's steps: there n and so many
 _SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS = 50, 250, 5000
 _SWEEPS_OF_A_MOVING_PSI, _SWEEPS_BEFORE_JOSEPHY = 100, 30
+_LINEARISED = "with n = {} a few affine problems are pivoted at once"
 
 
 @dataclass(frozen=True)
@@ -73,15 +74,16 @@ class Choice:
 def choose(problem: ICP) -> Iterator[Choice]:
     """The methods to try on `problem`, best first; each is made only when the one before it has failed.
 
-    Tridiagonal comes first wherever it applies, and Lemke where n ≤ 64 and ψ is constant or affine. Else, for D > 0, a
-    few plain sweeps of PSOR are watched, and where they show that many more would be needed the next method takes over:
-    Josephy for n ≤ 64 and another ψ that has a derivative; Lemke for n ≤ 200 where ψ is affine or amounts to a fixed
-    obstacle (up to n = 500 it follows on Newton); Multilevel where A is large and most of its rows are hardly dominant;
-    sweeps that are overrelaxed where the Jacobi radius is below 1 and promises a gain, by PSOR where every ψ_i moves
-    with its own z_i alone (up to n = 1500 accelerated, with a rough radius), else by MNMAOR; then Newton, and MNMGS.
-    Newton comes before the sweeps where the radius is not below 1.
-    Where ψ is an intervention operator Newton comes first and Multilevel second, for large A the other way round, and
-    before them Josephy where n ≤ 150.
+    Tridiagonal comes first wherever it applies, and for n ≤ 64 Lemke where ψ is affine or amounts to a fixed obstacle,
+    and Josephy where ψ is another elementwise map with a derivative. Else, for D > 0, a few plain sweeps of PSOR are
+    watched, and where they show that many more would be needed the next method takes over: Josephy for n ≤ 64 where ψ
+    has a derivative; Lemke for n ≤ 200 where ψ is affine or amounts to a fixed obstacle (up to n = 500 it follows on
+    Newton); Multilevel where A is large and most of its rows are hardly dominant; sweeps that are overrelaxed where the
+    Jacobi radius is below 1 and promises a gain, by PSOR where every ψ_i moves with its own z_i alone (up to n = 1500
+    accelerated, with a rough radius), else by MNMAOR; then Newton, and MNMGS. Newton comes before the sweeps where the
+    radius is not below 1.
+    Where ψ is an intervention operator Josephy comes first where n ≤ 150, then Newton and Multilevel, for large A the
+    other way round.
     The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
     dominance. Newton and MNMMOD are left out where A is too large to be factorised, and where ψ has no derivative
     Newton, and Multilevel unless every ψ_i moves with its own z_i alone.
@@ -99,23 +101,25 @@ def direct(problem: ICP) -> Iterator[Choice]:
     >>> [choice.method for choice in direct(ICP(np.ones((3, 3)), [-1.0, 1.0, 1.0]))]
     [Lemke()]
     """
-    pivots = Choice(Lemke(), f"with n = {problem.n} and constant or affine psi pivoting is done at once")
     small, tiny = is_small(problem), problem.n <= _PIVOT_BEFORE_TRIDIAGONAL_UP_TO
+    pivots = Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting is done at once")
     if small and tiny:
         yield pivots
     if Tridiagonal().why_not(problem) is None:
         yield Choice(Tridiagonal(), "A is tridiagonal: a pass over its rows solves the problem")
     if small and not tiny:
         yield pivots
+    if isinstance(problem.psi, Elementwise | Intervention) and _is_linearised(problem):
+        yield Choice(Josephy(), _LINEARISED.format(problem.n))
 
 
 def is_small(problem: ICP) -> bool:
-    """Whether ψ is constant or affine and n so small that pivoting comes first.
+    """Whether ψ is affine or amounts to a fixed obstacle and n is so small that pivoting comes first.
 
     >>> is_small(ICP([[2.0]], [1.0]))
     True
     """
-    return problem.n <= PIVOT_UP_TO and isinstance(problem.psi, Constant | Affine)
+    return problem.n <= PIVOT_UP_TO and Lemke().why_not(problem) is None
 
 
 def after_trial(
@@ -155,7 +159,7 @@ def _next(others: Iterator[Choice]) -> HandOver | None:
 
 def _worth(problem: ICP) -> float:
     """How many sweeps cost less than what comes after them."""
-    if _linearises_first(problem):
+    if _is_linearised(problem):
         return problem.n + _SWEEPS_BEFORE_JOSEPHY
     more = 0 if has_fixed_obstacle(problem) else _SWEEPS_OF_A_MOVING_PSI
     return more + min(_SWEEPS + _SMALL_SWEEPS / problem.n, _MOST_SWEEPS)
@@ -169,8 +173,6 @@ def without_trial(problem: ICP) -> Iterator[Choice]:
     """
     positive = bool((rows_of(problem).diagonal > 0).all())
     if isinstance(problem.psi, Intervention):
-        if problem.n <= _PIVOTED_JUMPS_UP_TO and Josephy().why_not(problem) is None:
-            yield Choice(Josephy(), f"with n = {problem.n} to pivot for the best jumps costs less than to factorise")
         large = problem.n >= (_JUMPS_FROM_ON_A_BAND if has_band(problem) else _JUMPS_FROM)
         if large:
             yield from _coarser_jumps(problem)
@@ -181,8 +183,8 @@ def without_trial(problem: ICP) -> Iterator[Choice]:
         if positive:
             yield Choice(MNMJ(), "Jacobi with Omega = D is monotone where A is a Z-matrix and psi isotone")
         return
-    if _linearises_first(problem):
-        yield Choice(Josephy(), f"with n = {problem.n} a few affine problems are pivoted at once")
+    if not isinstance(problem.psi, Elementwise) and _is_linearised(problem):
+        yield Choice(Josephy(), _LINEARISED.format(problem.n))
     if _pivots_first(problem):
         if positive:
             yield from _accelerated(problem)
@@ -202,10 +204,10 @@ def _pivots_first(problem: ICP) -> bool:
     return Lemke().why_not(problem) is None
 
 
-def _linearises_first(problem: ICP) -> bool:
-    """Whether n is small and ψ neither constant nor affine, but has a derivative."""
-    small = problem.n <= PIVOT_UP_TO and not is_small(problem)
-    return small and not isinstance(problem.psi, Intervention) and Josephy().why_not(problem) is None
+def _is_linearised(problem: ICP) -> bool:
+    """Whether n is so small, and ψ such, that a few affine problems are pivoted instead."""
+    most = _PIVOTED_JUMPS_UP_TO if isinstance(problem.psi, Intervention) else PIVOT_UP_TO
+    return problem.n <= most and not is_small(problem) and Josephy().why_not(problem) is None
 
 
 def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
