@@ -63,21 +63,18 @@ def with_fixed_obstacle(problem: ICP) -> ICP:
 
 def _roots(psi: Map, slope: Vector) -> Vector:
     """c with c_i = ψ_i(c_i), to rounding or until nothing moves; −inf where ψ_i is."""
-    c = np.zeros(slope.size)
+    from .kernels.roots import improve, settled  # loads numba
+
+    c, value, nothing = np.zeros(slope.size), psi.value(np.zeros(slope.size)), np.zeros(0)
     low, high = np.full(c.size, -np.inf), np.full(c.size, np.inf)
     for _ in range(_EVALUATIONS):
+        if settled(c, value, 2 * UNIT_ROUNDOFF):
+            break
+        own, following = _own_slopes(psi, c), np.empty(c.size)
+        if not improve(c, value, slope, nothing if own is None else own, low, high, following):
+            break
+        c = following
         value = psi.value(c)
-        r = np.where(np.isneginf(value), 0.0, c - value)
-        if (np.abs(r) <= 2 * UNIT_ROUNDOFF * np.abs(c)).all():
-            break
-        near, far = c - r / (1.0 + slope), c - r / (1.0 - slope)
-        low, high = np.maximum(low, np.minimum(near, far)), np.minimum(high, np.maximum(near, far))
-        own = _own_slopes(psi, c)
-        with np.errstate(divide="ignore", invalid="ignore"):  # a slope of 1 belies the Lipschitz constant
-            newton = np.nan if own is None else c - r / (1.0 - own)
-        before, c = c, np.where((low <= newton) & (newton <= high), newton, 0.5 * (low + high))
-        if np.array_equal(c, before):
-            break
     return np.where(np.isneginf(value), -np.inf, c)
 
 

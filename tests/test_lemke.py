@@ -164,14 +164,14 @@ def test_every_basis_is_lexicographically_positive():
         B = rng.integers(-1, 2, size=(n, n)).astype(float)
         state = begin(*scale(B @ B.T + B - B.T), -rng.integers(0, 2, size=n).astype(float), np.zeros(n, bool))
         D, labels = state[4], state[5]
-        ended, entering, _ = go_on(*state, -1, 0)
+        ended, entering, *_ = go_on(*state, -1, 0)
         while ended == UNFINISHED:
             basic, place = labels[:n], labels[2 * n + 1 : 4 * n + 2]
             inverse = [np.eye(n)[place[k]] if place[k] >= 0 else -D[:, -1 - place[k]] for k in range(n)]
             for row in np.column_stack([D[:, n + 1], *inverse]):
                 assert row[np.abs(row) > 1e-9][0] > 0
             assert D[basic == 2 * n, n + 1] > 1e-9
-            ended, entering, _ = go_on(*state, entering, 1)
+            ended, entering, *_ = go_on(*state, entering, 1)
             pivots += 1
     assert pivots > 400
 
@@ -280,6 +280,15 @@ def test_no_vector_that_is_none_and_no_moving_obstacle_proves_anything():
     moving = problem.with_psi(icp.Affine([[2.0]]))  # z >= 2z: negative z, where p = -z - 1 may be positive
     assert infeasible(moving, np.ones(1)).holds is None
     assert run(moving).z.tolist() == [-1.0]
+
+
+@pytest.mark.parametrize("n", [8, 16, 32, 64])
+def test_where_a_ray_begins_the_lcp_is_solved_up_to_t(n):
+    """A ring with condition 4e12: its smallest pivots count as zero, so that they end in a ray, with t about 0."""
+    problem = icp.scenes.hard_singular(n=n).problem
+    solution = run(problem)
+    assert solution.solved
+    assert solution.residual <= 1e-10 * problem.residual(np.zeros(n))
 
 
 def test_a_ray_that_proves_nothing_is_no_verdict():

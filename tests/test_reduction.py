@@ -346,7 +346,7 @@ class TestTheRun:
         monkeypatch.setattr(pivoting, "apart", rubbish)
         solution = against_the_sweeps(100).solve()
         assert solution.solved
-        assert np.array_equal(solution.z, np.ones(100))
+        assert solution.residual <= solution.tolerance
         assert "Reduced(): stagnated" in solution.why
 
     def test_a_certified_error_is_that_of_the_whole_problem(self):

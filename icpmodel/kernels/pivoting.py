@@ -184,7 +184,7 @@ refined = compiled(_refined)
 
 
 def _go_on(S, f, free, units, D, labels, work, entering, limit):
-    # a start (entering = -1), up to `limit` pivots: how they ended, what is to enter, and y, of a ray its direction
+    # a start (entering = -1), up to `limit` pivots: how they ended, what is to enter, y, and of a ray its direction
     n = S.shape[0]
     basic, nonbasic = labels[:n], labels[n : 2 * n + 1]
     place, ties = labels[2 * n + 1 : 4 * n + 2], labels[4 * n + 2 :]
@@ -194,21 +194,20 @@ def _go_on(S, f, free, units, D, labels, work, entering, limit):
         code = -1 - entering if entering < 0 else UNFINISHED
     if code == UNFINISHED:
         code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
-    y = np.zeros(n)
+    y, ray = np.zeros(n), np.zeros(n)
     if code == SOLVED:
         refined(S, f, D, basic, nonbasic, y, work)
     elif code != SINGULAR:
-        column = n + 1
-        if code == RAY:
-            column = -1 - place[entering]
-            if entering >= n:
-                y[entering - n] = 1.0
         for i in range(n):
             if n <= basic[i] < 2 * n:
-                y[basic[i] - n] = D[i, column]
+                y[basic[i] - n] = D[i, n + 1]
+                if code == RAY:
+                    ray[basic[i] - n] = D[i, -1 - place[entering]]
+        if code == RAY and entering >= n:
+            ray[entering - n] = 1.0
     for i in range(n):
-        y[i] = math.ldexp(y[i], units[i])
-    return code, entering, y
+        y[i], ray[i] = math.ldexp(y[i], units[i]), math.ldexp(ray[i], units[i])
+    return code, entering, y, ray
 
 
 go_on = compiled(_go_on)
@@ -298,7 +297,7 @@ def _apart(indptr, indices, data, q, c, slopes, rows, starts, wanted, z):
         if high - low > _TAME or not np.all(np.isfinite(f)):
             continue
         state = begin(np.ldexp(S, -high), np.full(b, -high), np.zeros(b, np.int64), f, free)
-        code, _, y = go_on(*state, -1, _PIVOTS * (b + 1))
+        code, _, y, _ = go_on(*state, -1, _PIVOTS * (b + 1))
         solved[k] = code == SOLVED
         z[block] += y
     return solved

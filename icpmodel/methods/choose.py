@@ -47,10 +47,12 @@ _JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
 _PIVOTED_JUMPS_UP_TO = 150
 #: up to this size it costs less to pivot than what else there is where sweeps are slow
 _PIVOT_BEFORE_NEWTON_UP_TO = 200
-#: up to this size pivots cost less than to find out that A is tridiagonal
-_PIVOT_BEFORE_TRIDIAGONAL_UP_TO = 32
+#: up to this size pivots cost less than to look whether A is tridiagonal or some sweeps do; beyond it, up to
+#: `PIVOT_UP_TO`, where A has at least this share of entries
+_TINY, _FULL = 56, 0.25
 #: so many sweeps cost less than to begin with another method: at least, at the most, and divided by n in between;
-#: where ψ moves so many more, as there the others cost more, but for Josephy's steps: there n and so many
+#: where ψ moves so many more, as there the others cost more; n before pivots up to n = 64, and so many more before
+#: Josephy's steps
 _SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS = 50, 250, 5000
 _SWEEPS_OF_A_MOVING_PSI, _SWEEPS_BEFORE_JOSEPHY = 100, 30
 _LINEARISED = "with n = {} a few affine problems are pivoted at once"
@@ -74,14 +76,14 @@ class Choice:
 def choose(problem: ICP) -> Iterator[Choice]:
     """The methods to try on `problem`, best first; each is made only when the one before it has failed.
 
-    Tridiagonal comes first wherever it applies, and for n ≤ 64 Lemke where ψ is affine or amounts to a fixed obstacle,
-    and Josephy where ψ is another elementwise map with a derivative. Else, for D > 0, a few plain sweeps of PSOR are
-    watched, and where they show that many more would be needed the next method takes over: Josephy for n ≤ 64 where ψ
-    has a derivative; Lemke for n ≤ 200 where ψ is affine or amounts to a fixed obstacle (up to n = 500 it follows on
-    Newton); Multilevel where A is large and most of its rows are hardly dominant; sweeps that are overrelaxed where the
-    Jacobi radius is below 1 and promises a gain, by PSOR where every ψ_i moves with its own z_i alone (up to n = 1500
-    accelerated, with a rough radius), else by MNMAOR; then Newton, and MNMGS. Newton comes before the sweeps where the
-    radius is not below 1.
+    Tridiagonal comes first wherever it applies, and for n ≤ 56, with a full A for n ≤ 64, Lemke where ψ is affine or
+    amounts to a fixed obstacle; for n ≤ 64 Josephy where ψ is another elementwise map with a derivative. Else, for
+    D > 0, a few plain sweeps of PSOR are watched, and where they show that many more would be needed the next method
+    takes over: Josephy for n ≤ 64 where ψ has a derivative; Lemke for n ≤ 200 where ψ is affine or amounts to a fixed
+    obstacle (up to n = 500 it follows on Newton); Multilevel where A is large and most of its rows are hardly dominant;
+    sweeps that are overrelaxed where the Jacobi radius is below 1 and promises a gain, by PSOR where every ψ_i moves
+    with its own z_i alone (beyond n = 64 and up to 1500 accelerated, with a rough radius), else by MNMAOR; then Newton,
+    and MNMGS. Newton comes before the sweeps where the radius is not below 1.
     Where ψ is an intervention operator Josephy comes first where n ≤ 150, then Newton and Multilevel, for large A the
     other way round.
     The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
@@ -101,25 +103,23 @@ def direct(problem: ICP) -> Iterator[Choice]:
     >>> [choice.method for choice in direct(ICP(np.ones((3, 3)), [-1.0, 1.0, 1.0]))]
     [Lemke()]
     """
-    small, tiny = is_small(problem), problem.n <= _PIVOT_BEFORE_TRIDIAGONAL_UP_TO
-    pivots = Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting is done at once")
-    if small and tiny:
-        yield pivots
+    if pivots_at_once(problem):
+        yield Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting is done at once")
     if Tridiagonal().why_not(problem) is None:
         yield Choice(Tridiagonal(), "A is tridiagonal: a pass over its rows solves the problem")
-    if small and not tiny:
-        yield pivots
     if isinstance(problem.psi, Elementwise | Intervention) and _is_linearised(problem):
         yield Choice(Josephy(), _LINEARISED.format(problem.n))
 
 
-def is_small(problem: ICP) -> bool:
-    """Whether ψ is affine or amounts to a fixed obstacle and n is so small that pivoting comes first.
+def pivots_at_once(problem: ICP) -> bool:
+    """Whether Lemke comes first: ψ is affine or amounts to a fixed obstacle, and n ≤ 56, or up to 64 if A is full.
 
-    >>> is_small(ICP([[2.0]], [1.0]))
+    >>> pivots_at_once(ICP([[2.0]], [1.0]))
     True
     """
-    return problem.n <= PIVOT_UP_TO and Lemke().why_not(problem) is None
+    n = problem.n
+    small = n <= _TINY or (n <= PIVOT_UP_TO and problem.nnz >= _FULL * n**2)
+    return small and Lemke().why_not(problem) is None
 
 
 def after_trial(
@@ -161,6 +161,8 @@ def _worth(problem: ICP) -> float:
     """How many sweeps cost less than what comes after them."""
     if _is_linearised(problem):
         return problem.n + _SWEEPS_BEFORE_JOSEPHY
+    if problem.n <= PIVOT_UP_TO and _pivots_first(problem):
+        return problem.n
     more = 0 if has_fixed_obstacle(problem) else _SWEEPS_OF_A_MOVING_PSI
     return more + min(_SWEEPS + _SMALL_SWEEPS / problem.n, _MOST_SWEEPS)
 
@@ -186,7 +188,7 @@ def without_trial(problem: ICP) -> Iterator[Choice]:
     if not isinstance(problem.psi, Elementwise) and _is_linearised(problem):
         yield Choice(Josephy(), _LINEARISED.format(problem.n))
     if _pivots_first(problem):
-        if positive:
+        if positive and problem.n > PIVOT_UP_TO:
             yield from _accelerated(problem)
         yield Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting costs least")
     if positive:
@@ -198,16 +200,15 @@ def without_trial(problem: ICP) -> Iterator[Choice]:
 
 
 def _pivots_first(problem: ICP) -> bool:
-    """Whether pivoting comes before Newton: `is_small` has had its turn already."""
-    if is_small(problem) or problem.n > _PIVOT_BEFORE_NEWTON_UP_TO:
-        return False
-    return Lemke().why_not(problem) is None
+    """Whether pivoting comes before Newton, but not at once."""
+    small = problem.n <= _PIVOT_BEFORE_NEWTON_UP_TO and not pivots_at_once(problem)
+    return small and Lemke().why_not(problem) is None
 
 
 def _is_linearised(problem: ICP) -> bool:
     """Whether n is so small, and ψ such, that a few affine problems are pivoted instead."""
     most = _PIVOTED_JUMPS_UP_TO if isinstance(problem.psi, Intervention) else PIVOT_UP_TO
-    return problem.n <= most and not is_small(problem) and Josephy().why_not(problem) is None
+    return problem.n <= most and Lemke().why_not(problem) is not None and Josephy().why_not(problem) is None
 
 
 def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:

@@ -60,7 +60,7 @@ class Josephy(Method):
             while best > 0.0:
                 G = _derivative(problem, z)
                 lcp = Linear(A, problem.q, problem.psi.value(z) - (G * z if G.ndim == 1 else G @ z), G)
-                ended, _, y = go_on(*lcp.start(), -1, PIVOTS * (n + 1))
+                ended, _, y, _ = go_on(*lcp.start(), -1, PIVOTS * (n + 1))
                 if ended != SOLVED:
                     break
                 step = lcp.z(y) - z

@@ -73,15 +73,14 @@ class Lemke(Method):
         state = lcp.start()
         ended, entering = UNFINISHED, -1
         while ended == UNFINISHED:
-            ended, entering, y = go_on(*state, entering, problem.n)
+            ended, entering, y, ray = go_on(*state, entering, problem.n)
             if ended == SINGULAR:
                 row = int(np.argmax(lcp.free))
                 raise SingularOperator("A is singular in the rows and columns without obstacle", row)
-            if ended != RAY:
-                z = lcp.z(y)
-                yield z, None
+            z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
+            yield z, None
         if ended == RAY:
-            answer = infeasible(problem, y)
+            answer = infeasible(problem, ray)
             if answer.holds:
                 raise Infeasible(answer)
         else:

@@ -39,7 +39,8 @@ from ..reduction import (
 )
 from ..steps import compiled_step, rows_of
 from . import HandOver, Method
-from .choose import Choice, after_trial, direct, is_small, without_trial
+from .choose import Choice, after_trial, direct, pivots_at_once, without_trial
+from .lemke import Lemke
 from .multilevel import Multilevel
 from .narrowing import Left, go_on, open_rows
 from .parts import Part, Path, advance, in_turn
@@ -191,16 +192,28 @@ def choices(problem: ICP) -> Iterator[Choice]:
     [Tridiagonal(), PSOR(), Reduced()]
     """
     yield from direct(problem)
-    found = _structure(problem, problem.n) if is_small(problem) else None
-    if found is not None and found.starts.size > 2:  # pivots on the whole failed: one block may have no solution
-        yield Choice(Reduced.on(found), repr(found), hurry=True)
+    if pivots_at_once(problem):
+        yield from _small_blocks(problem)
     yield from after_trial(problem, _where_slow(problem), narrow=partial(narrowed, problem))
+
+
+def _small_blocks(problem: ICP) -> Iterator[Choice]:
+    """Where pivots on the whole failed one block may have no solution."""
+    found = _structure(problem, problem.n)
+    if found is not None and found.starts.size > 2:
+        yield Choice(Reduced.on(found), repr(found), hurry=True)
 
 
 def _where_slow(problem: ICP) -> Iterator[Choice]:
     """The methods after the first sweeps: on blocks, with a look for rows at rest before `Multilevel`, on the whole."""
-    found = _structure(problem, _WORTH * problem.n) if problem.n > PIVOT_UP_TO else None
     usual = without_trial(problem)
+    if problem.n <= PIVOT_UP_TO:
+        for choice in usual:
+            yield choice
+            if isinstance(choice.method, Lemke):
+                yield from _small_blocks(problem)
+        return
+    found = _structure(problem, _WORTH * problem.n)
     first = next(usual, None)
     if found is None and first is not None and isinstance(first.method, Multilevel):
         found = _at_rest(problem)

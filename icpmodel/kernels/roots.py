@@ -1,0 +1,39 @@
+"""Many scalar equations c = psi(c) at once: `reduction.with_fixed_obstacle` says what for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from . import compiled
+
+
+def _settled(c, value, tolerance):
+    # whether |c - psi(c)| <= tolerance |c| in all rows that have an obstacle
+    i = 0
+    while i < c.size and (value[i] == -np.inf or abs(c[i] - value[i]) <= tolerance * abs(c[i])):
+        i += 1
+    return i == c.size
+
+
+settled = compiled(_settled)
+
+
+def _improve(c, value, slope, own, low, high, out):
+    # Newton's step for c - psi(c) = 0 where it stays in the bracket, low ... high, that |psi'| <= slope < 1 gives, else
+    # the middle of it; `own` is psi' or empty. Returns whether anything moved
+    moved = False
+    for i in range(c.size):
+        r = 0.0 if value[i] == -np.inf else c[i] - value[i]
+        near, far = c[i] - r / (1.0 + slope[i]), c[i] - r / (1.0 - slope[i])
+        low[i], high[i] = max(low[i], min(near, far)), min(high[i], max(near, far))
+        newton = c[i] - r / (1.0 - own[i]) if own.size else math.nan
+        out[i] = newton if low[i] <= newton <= high[i] else 0.5 * (low[i] + high[i])
+        if math.isnan(r):
+            out[i] = math.nan
+        moved = moved or out[i] != c[i]
+    return moved
+
+
+improve = compiled(_improve)
