@@ -23,8 +23,9 @@ from .theory.answers import Answer
 #: after so many steps without a better iterate, or twice the number of unknowns (a signal may have to cross them all)
 #: up to the second number, the run counts as stagnated …
 _PATIENCE, _LONGEST_PATIENCE = 1000, 50_000
-#: … and after so many without one that is better by a thousandth, it is asked whether rounding is the reason
-_PRECISION_CHECK = 50
+#: … and after so many without one that is better by a thousandth, it is asked whether rounding is the reason, which
+#: explains nothing where it leaves more than that share of the first residual: z has run away
+_PRECISION_CHECK, _LOW = 50, 0.1
 #: a residual this many times the first one is taken for divergence even before it overflows
 _BLOW_UP = 1e200
 
@@ -125,6 +126,7 @@ class Job:
             if np.isfinite(at_0):
                 self.restart = np.zeros(problem.n)
                 scale = at_0 or scale  # if 0 solves the problem, it says nothing of its scale
+        self.scale = scale if np.isfinite(scale) else np.inf
         self.goal = Goal(max(limits.atol, limits.rtol * scale) if np.isfinite(scale) else limits.atol)
         if limits.accuracy is not None:
             self.goal = AccuracyGoal(problem, limits.accuracy, start)
@@ -259,7 +261,7 @@ class Job:
 
     def _at_floor(self) -> bool:
         assert self.best is not None
-        return self.best.residual <= 2 * self._floor() < np.inf  # a floor that overflowed explains nothing
+        return self.best.residual <= 2 * self._floor() < _LOW * self.scale
 
     def _floor_note(self) -> str:
         return f"rounding leaves a residual of up to about {self._floor():.2g} at this z"

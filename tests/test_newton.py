@@ -527,3 +527,18 @@ def test_what_multigrid_cannot_do_is_factorised(monkeypatch):
         x = linear.solver_of(sp.csr_array(matrix))(f, 1e-12)
         assert np.linalg.norm(matrix @ x - f) <= 1e-9 * np.linalg.norm(f)
     assert linear._multigrid(sp.csr_array(abs(M)), "cg") is None
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_where_z_runs_away_rounding_is_not_the_reason(seed):
+    """Semidefinite, Ay = 0 for a y >= 0 with q'y < 0, all up to rounding: what there is of z grows without end."""
+    rng = np.random.default_rng(seed)
+    n = 40
+    y = rng.random(n) * (rng.random(n) < 0.5)
+    off_y = np.eye(n) - np.outer(y, y) / (y @ y)
+    B, S = off_y @ rng.normal(size=(n, n // 2)), rng.normal(size=(n, n))
+    q = rng.normal(size=n)
+    problem = icp.ICP(B @ B.T / n + off_y @ (S - S.T) @ off_y, q - y * (q @ y / (y @ y) + 0.1))
+    solution = problem.solve("newton", raise_on_failure=False)
+    assert solution.status is icp.Status.STAGNATED
+    assert "stand still" in solution.message

@@ -47,9 +47,11 @@ _JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
 _PIVOTED_JUMPS_UP_TO = 150
 #: up to this size it costs less to pivot than what else there is where sweeps are slow
 _PIVOT_BEFORE_NEWTON_UP_TO = 200
-#: up to this size pivots cost less than to look whether A is tridiagonal or some sweeps do; beyond it, up to
-#: `PIVOT_UP_TO`, where A has at least this share of entries
-_TINY, _FULL = 56, 0.25
+#: up to this size pivots cost less than to find out that A is tridiagonal
+_PIVOT_BEFORE_TRIDIAGONAL_UP_TO = 32
+#: up to this size they cost less than to try some sweeps; beyond it, up to `PIVOT_UP_TO`, where A has at least this
+#: share of entries
+_PIVOT_BEFORE_SWEEPS_UP_TO, _FULL = 56, 0.25
 #: so many sweeps cost less than to begin with another method: at least, at the most, and divided by n in between;
 #: where ψ moves so many more, as there the others cost more; n before pivots up to n = 64, and so many more before
 #: Josephy's steps
@@ -103,10 +105,14 @@ def direct(problem: ICP) -> Iterator[Choice]:
     >>> [choice.method for choice in direct(ICP(np.ones((3, 3)), [-1.0, 1.0, 1.0]))]
     [Lemke()]
     """
-    if pivots_at_once(problem):
-        yield Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting is done at once")
+    at_once, tiny = pivots_at_once(problem), problem.n <= _PIVOT_BEFORE_TRIDIAGONAL_UP_TO
+    pivots = Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting is done at once")
+    if at_once and tiny:
+        yield pivots
     if Tridiagonal().why_not(problem) is None:
         yield Choice(Tridiagonal(), "A is tridiagonal: a pass over its rows solves the problem")
+    if at_once and not tiny:
+        yield pivots
     if isinstance(problem.psi, Elementwise | Intervention) and _is_linearised(problem):
         yield Choice(Josephy(), _LINEARISED.format(problem.n))
 
@@ -118,7 +124,7 @@ def pivots_at_once(problem: ICP) -> bool:
     True
     """
     n = problem.n
-    small = n <= _TINY or (n <= PIVOT_UP_TO and problem.nnz >= _FULL * n**2)
+    small = n <= _PIVOT_BEFORE_SWEEPS_UP_TO or (n <= PIVOT_UP_TO and problem.nnz >= _FULL * n**2)
     return small and Lemke().why_not(problem) is None
 
 
