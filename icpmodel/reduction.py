@@ -35,8 +35,8 @@ def has_fixed_obstacle(problem: ICP) -> bool:
     (True, False)
     """
     G = problem.psi.lipschitz
-    if G is None:
-        return False
+    if problem.is_lcp or G is None:
+        return problem.is_lcp
     slope = G.diagonal()
     return bool(np.count_nonzero(G.data) == np.count_nonzero(slope) and (slope < 1).all())
 
@@ -248,7 +248,7 @@ def blocks(problem: ICP, core: Mask | None = None) -> Blocks | None:
     """
     from scipy.sparse.csgraph import connected_components
 
-    fixed = problem.is_lcp or has_fixed_obstacle(problem)
+    fixed = has_fixed_obstacle(problem)
     graph = problem.A if fixed else _dependencies(problem)
     if graph is None:
         return None
