@@ -325,6 +325,45 @@ def test_a_warm_start_survives_the_trial():
     assert warm.iterations < cold.iterations + 1
 
 
+def test_a_start_near_the_answer_is_asked_at_once_which_rows_it_proves():
+    """Only where it is better than 0 and psi is constant; and the sweeps are judged by Res(0) as from any start."""
+    problem = scenes.membrane(n=400, mu=1.0).problem
+    near, at_0 = problem.solve().z + 1e-4, problem.residual(np.zeros(400))
+    following, asked = icp.PSOR().step_of(problem)(near)[0], []
+
+    def narrow(*told):
+        asked.append(told)
+
+    def begin(problem, z, first=None):
+        asked.clear()
+        sweeps = icp.PSOR.on_trial(30.0, lambda: None, first, narrow)
+        list(itertools.islice(sweeps.iterates(problem, z), 2))
+        return len(asked)
+
+    assert begin(problem, near) == 1
+    z, then, *numbers = asked[0]
+    assert np.array_equal(z, near)
+    assert np.array_equal(then, following)
+    assert numbers == [pytest.approx(at_0), pytest.approx(problem.residual(near)), 30.0]
+    assert begin(problem, np.zeros(400)) == begin(problem, np.full(400, 1e6)) == begin(problem, near, at_0) == 0
+    moving = problem.with_psi(icp.Affine(0.1 * sp.eye_array(400)))
+    assert begin(moving, moving.solve().z + 1e-4) == 0
+
+
+def test_sweeps_from_a_start_near_the_answer_have_less_to_do():
+    """It takes some sixty sweeps from Res(0) to 1e-8 of it, and a third of them from a start with 1e-5 of it."""
+    problem = scenes.membrane(n=400, mu=0.1).problem
+    near = problem.solve().z
+    near = near + 1e-5 * problem.residual(np.zeros(400)) / problem.residual(near + 1.0)
+    cold, warm = (problem.solve("psor", z0=z, rtol=1e-8).iterations for z in (np.zeros(400), near))
+    over = methods.HandOver(icp.MNMJ(), "too slow")
+    assert 2 * warm < cold
+    named = [
+        problem.solve(icp.PSOR.on_trial(1.5 * warm, lambda: over), z0=z).method.name for z in (np.zeros(400), near)
+    ]
+    assert named == ["mnmj", "psor"]
+
+
 def test_newton_follows_on_sweeps_that_fail():
     chosen = [choice.method.name for choice in methods.choose.choose(scenes.hand_cyclic().problem)]
     assert chosen == ["lemke", "psor", "newton", "mnmgs", "mnmj", "mnmmod", "mnmmod", "mnmmod"]

@@ -518,6 +518,17 @@ class TestCertainRows:
         assert abs(plain_one.iterations - solution.iterations) <= plain_one.iterations
         assert np.abs(plain_one.z - solution.z).max() <= 1e-6
 
+    def test_from_a_start_near_the_answer_they_leave_before_the_second_sweep(self):
+        problem = self.pushed()
+        near, seen = problem.solve(), []
+        other = problem.with_q(problem.q + 1e-4 * np.random.default_rng(1).normal(size=problem.n))
+        warm = other.solve(z0=near, callback=lambda state: seen.append(state.z.copy()))
+        assert "are certain to touch the obstacle" in warm.why
+        assert warm.iterations < other.solve().iterations
+        assert np.abs(warm.z - other.solve("psor").z).max() <= 1e-6
+        certain = int(re.search(r"(\d+) are certain", warm.why).group(1))
+        assert np.count_nonzero((np.array(seen[1:]) == 0.25).all(axis=0)) >= certain
+
     def test_every_iterate_has_the_residual_of_the_whole_problem(self):
         problem, seen = self.pushed(), []
         problem.solve(callback=lambda state: seen.append((state.z.copy(), state.residual)))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..arrays import Vector, as_number
+from ..errors import MapError
 from ..problem import ICP
 from ..steps import Step, compiled_step, rows_of
 from . import FixedPoint, HandOver, positive_diagonal
@@ -52,9 +54,9 @@ class PSOR(FixedPoint):
         """Plain sweeps that hand over where the observed rate says that they need more than so many `sweeps`.
 
         Parameters: `then` is called at that point, and says to which method, or None: then they stay. `first` is the
-        residual by which the rate is judged, by default that of the start. Where they stay `narrow` is called with the
-        iterate, the next one, the first residual, the last one and the number of sweeps that are still needed; it may
-        say what goes on with fewer rows.
+        residual by which the rate is judged, by default that of 0. Where they stay, and at once where ψ is constant and
+        the start is better than 0, `narrow` is called with the iterate, the next one, the first residual, the last one
+        and the number of sweeps that are still needed, as far as is known; it may say what goes on with fewer rows.
 
         >>> problem = ICP([[2, -1, 0], [-1, 2, -1], [0, -1, 2]], [-1, -1, -1])
         >>> problem.solve(PSOR.on_trial(5, lambda: HandOver(PSOR(omega=1.2), "too slow"))).method
@@ -80,23 +82,40 @@ class PSOR(FixedPoint):
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. On trial it raises HandOver where the sweeps are slow."""
         residuals: list[float] = []
-        look = _LOOK if self.trial else 0
+        look, first = _LOOK if self.trial else 0, 0.0
         step = self.step_of(problem)
         while True:
             following, residual = step(z)
             yield z, residual
             if look:
                 assert residual is not None
+                if not residuals:
+                    first = self._first(problem, z, following, residual)
                 residuals.append(residual)
                 if len(residuals) > look:
-                    look = 2 * look if self._stays(residuals, z, following) else 0
+                    look = 2 * look if self._stays(first, residuals, z, following) else 0
             z = following
 
-    def _stays(self, residuals: list[float], z: Vector, following: Vector) -> bool:
+    def _first(self, problem: ICP, z: Vector, following: Vector, residual: float) -> float:
+        """The residual that the sweeps are judged by. Raises HandOver where a start near the answer proves enough."""
+        assert self.trial is not None
+        sweeps, _, known, narrow = self.trial
+        if known or not z.any():
+            return known or residual
+        at_0 = np.nan
+        with suppress(MapError):
+            at_0 = problem.residual(np.zeros(problem.n))
+        if not residual < at_0 < np.inf:
+            return residual
+        if narrow and problem.is_lcp and (over := narrow(z, following, at_0, residual, sweeps)):
+            raise over
+        return float(at_0)
+
+    def _stays(self, first: float, residuals: list[float], z: Vector, following: Vector) -> bool:
         """Whether to look again. Raises HandOver where the second half of the `residuals` shows slow sweeps."""
         assert self.trial is not None
-        sweeps, then, known, narrow = self.trial
-        first, half, last = known or residuals[0], residuals[len(residuals) // 2], residuals[-1]
+        sweeps, then, _, narrow = self.trial
+        half, last = residuals[len(residuals) // 2], residuals[-1]
         if last <= _SHARE * first:
             return False
         with np.errstate(all="ignore"):
