@@ -346,7 +346,7 @@ def test_a_start_near_the_answer_is_asked_at_once_which_rows_it_proves():
     assert np.array_equal(then, following)
     assert numbers == [pytest.approx(at_0), pytest.approx(problem.residual(near)), 30.0]
     assert begin(problem, np.zeros(400)) == begin(problem, np.full(400, 1e6)) == begin(problem, near, at_0) == 0
-    moving = problem.with_psi(icp.Affine(0.1 * sp.eye_array(400)))
+    moving = problem.with_psi(icp.Affine(0.1 * sp.eye_array(400), problem.psi.c))
     assert begin(moving, moving.solve().z + 1e-4) == 0
 
 
