@@ -379,13 +379,18 @@ def test_a_derivative_that_fails_does_not_end_the_automatic_choice():
 
 
 def test_small_problems_are_pivoted_first_larger_ones_after_sweeps_and_still_larger_ones_after_newton():
+    for psi in (0.0, icp.Affine(0.1 * sp.eye_array(32)), icp.Elementwise(np.sin, lipschitz=0.9)):
+        assert first_choice(icp.ICP(ring(32), -np.ones(32), psi))[0] is Lemke
     full = icp.ICP(ring(64) + 0.001, -np.ones(64))
-    for n, psi in ((56, 0.0), (56, icp.Affine(0.1 * sp.eye_array(56))), (56, icp.Elementwise(np.sin, lipschitz=0.9))):
-        assert first_choice(icp.ICP(ring(n), -np.ones(n), psi))[0] is Lemke
-    assert first_choice(full)[0] is Lemke
-    for n in (57, 64):
-        assert first_choice(icp.ICP(ring(n), -np.ones(n)))[0] is icp.PSOR
-        assert after_trial(icp.ICP(ring(n), -np.ones(n)))[0] is Lemke
+    for problem in (full, scenes.membrane(n=36).problem, scenes.bai_symmetric(n=64, mu=0.0).problem):
+        assert first_choice(problem)[0] is Lemke
+    for problem in (
+        icp.ICP(ring(33), -np.ones(33)),
+        scenes.membrane(n=64, mu=4.0).problem,
+        scenes.hard_singular(n=36).problem,
+    ):
+        assert first_choice(problem)[0] is icp.PSOR
+        assert after_trial(problem)[0] is Lemke
     assert first_choice(icp.ICP(ring(64), -np.ones(64), icp.Elementwise(np.sin, np.cos)))[0] is icp.Josephy
     coupled = icp.ICP(ring(64), -np.ones(64), icp.Function(np.sin, lambda z: np.diag(np.cos(z))))
     assert first_choice(coupled)[0] is icp.PSOR

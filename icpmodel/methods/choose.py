@@ -47,11 +47,9 @@ _JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
 _PIVOTED_JUMPS_UP_TO = 150
 #: up to this size it costs less to pivot than what else there is where sweeps are slow
 _PIVOT_BEFORE_NEWTON_UP_TO = 200
-#: up to this size pivots cost less than to find out that A is tridiagonal
-_PIVOT_BEFORE_TRIDIAGONAL_UP_TO = 32
-#: up to this size they cost less than to try some sweeps; beyond it, up to `PIVOT_UP_TO`, where A has at least this
-#: share of entries
-_PIVOT_BEFORE_SWEEPS_UP_TO, _FULL = 56, 0.25
+#: up to this size pivots cost less than to look at A; beyond it, up to `PIVOT_UP_TO`, less than to try some sweeps
+#: where A has at least this share of entries, or more than the second share of rows, not all, are hardly dominant
+_PIVOT_BEFORE_A_LOOK_UP_TO, _FULL, _MANY = 32, 0.25, 0.4
 #: so many sweeps cost less than to begin with another method: at least, at the most, and divided by n in between;
 #: where ψ moves so many more, as there the others cost more; n before pivots up to n = 64, and so many more before
 #: Josephy's steps
@@ -78,14 +76,15 @@ class Choice:
 def choose(problem: ICP) -> Iterator[Choice]:
     """The methods to try on `problem`, best first; each is made only when the one before it has failed.
 
-    Tridiagonal comes first wherever it applies, and for n ≤ 56, with a full A for n ≤ 64, Lemke where ψ is affine or
-    amounts to a fixed obstacle; for n ≤ 64 Josephy where ψ is another elementwise map with a derivative. Else, for
-    D > 0, a few plain sweeps of PSOR are watched, and where they show that many more would be needed the next method
-    takes over: Josephy for n ≤ 64 where ψ has a derivative; Lemke for n ≤ 200 where ψ is affine or amounts to a fixed
-    obstacle (up to n = 500 it follows on Newton); Multilevel where A is large and most of its rows are hardly dominant;
-    sweeps that are overrelaxed where the Jacobi radius is below 1 and promises a gain, by PSOR where every ψ_i moves
-    with its own z_i alone (beyond n = 64 and up to 1500 accelerated, with a rough radius), else by MNMAOR; then Newton,
-    and MNMGS. Newton comes before the sweeps where the radius is not below 1.
+    Tridiagonal comes first wherever it applies; Lemke, where ψ is affine or amounts to a fixed obstacle, for n ≤ 32,
+    and for n ≤ 64 where A is full or many of its rows are hardly dominant; and for n ≤ 64 Josephy where ψ is another
+    elementwise map with a derivative. Else, for D > 0, a few plain sweeps of PSOR are watched, and where they show
+    that many more would be needed the next method takes over: Josephy for n ≤ 64 where ψ has a derivative; Lemke for n
+    ≤ 200 where ψ is affine or amounts to a fixed obstacle (up to n = 500 it follows on Newton); Multilevel where A is
+    large and most of its rows are hardly dominant; sweeps that are overrelaxed where the Jacobi radius is below 1 and
+    promises a gain, by PSOR where every ψ_i moves with its own z_i alone (beyond n = 64 and up to 1500 accelerated,
+    with a rough radius), else by MNMAOR; then Newton, and MNMGS. Newton comes before the sweeps where the radius is
+    not below 1.
     Where ψ is an intervention operator Josephy comes first where n ≤ 150, then Newton and Multilevel, for large A the
     other way round.
     The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
@@ -105,7 +104,7 @@ def direct(problem: ICP) -> Iterator[Choice]:
     >>> [choice.method for choice in direct(ICP(np.ones((3, 3)), [-1.0, 1.0, 1.0]))]
     [Lemke()]
     """
-    at_once, tiny = pivots_at_once(problem), problem.n <= _PIVOT_BEFORE_TRIDIAGONAL_UP_TO
+    at_once, tiny = pivots_at_once(problem), problem.n <= _PIVOT_BEFORE_A_LOOK_UP_TO
     pivots = Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting is done at once")
     if at_once and tiny:
         yield pivots
@@ -118,14 +117,24 @@ def direct(problem: ICP) -> Iterator[Choice]:
 
 
 def pivots_at_once(problem: ICP) -> bool:
-    """Whether Lemke comes first: ψ is affine or amounts to a fixed obstacle, and n ≤ 56, or up to 64 if A is full.
+    """Whether Lemke comes before any sweeps: ψ is affine or amounts to a fixed obstacle, and n ≤ 32, or n ≤ 64 and A is
+    full or its rows are such that sweeps would be slow. Where no row at all is dominant A is nearly singular, which is
+    worse for pivots than for sweeps.
 
     >>> pivots_at_once(ICP([[2.0]], [1.0]))
     True
     """
-    n = problem.n
-    small = n <= _PIVOT_BEFORE_SWEEPS_UP_TO or (n <= PIVOT_UP_TO and problem.nnz >= _FULL * n**2)
-    return small and Lemke().why_not(problem) is None
+    if problem.n > PIVOT_UP_TO or Lemke().why_not(problem) is not None:
+        return False
+    if problem.n <= _PIVOT_BEFORE_A_LOOK_UP_TO or problem.nnz >= _FULL * problem.n**2:
+        return True
+    return _MANY < _hardly_dominant(problem) < 1.0
+
+
+def _hardly_dominant(problem: ICP) -> float:
+    """The share of the rows that are hardly dominant."""
+    rows = rows_of(problem)
+    return float(np.mean(rows.rest > _HARDLY * rows.diagonal))
 
 
 def after_trial(
@@ -251,11 +260,10 @@ def _accelerated(problem: ICP) -> Iterator[Choice]:
 
 def _multilevel(problem: ICP) -> Iterator[Choice]:
     """Multilevel where sweeps would be slow: information that crosses rows which are hardly dominant does not fade."""
-    rows = rows_of(problem)
     least = _MULTILEVEL_FROM_ON_A_BAND if has_band(problem) else _MULTILEVEL_FROM
     if problem.n < least:
         return
-    share = float(np.mean(rows.rest > _HARDLY * rows.diagonal))
+    share = _hardly_dominant(problem)
     if share > 0.5:  # what flows through A in one direction only does not slow sweeps down
         sums = couplings_of(problem) @ np.ones(problem.n)
         share = float(np.mean(sums > _HARDLY)) if sums.mean() <= _FAR else 0.0
