@@ -285,6 +285,16 @@ def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
 
 
+def bandwidths(matrix: sp.csr_array) -> tuple[int, int]:
+    """How far the entries of a CSR matrix reach below its diagonal, and above it.
+
+    >>> bandwidths(sp.csr_array(np.array([[1.0, 0.0, 2.0], [3.0, 4.0, 0.0], [0.0, 0.0, 5.0]])))
+    (1, 2)
+    """
+    below = row_of(matrix) - matrix.indices
+    return int(below.max(initial=0)), int(-below.min(initial=0))
+
+
 def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     n = matrix.shape[0]
     if np.count_nonzero(matrix.diagonal()) == n:  # the rule, and several times cheaper than to look for zeros

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arrays import Vector, row_of
+from .arrays import Vector, bandwidths
 from .maps import Affine, Constant, Elementwise, is_compiled, raising_map_error
 from .problem import ICP
 from .threads import in_parts, one_behind_the_other, threads_for
@@ -103,7 +103,7 @@ def compiled_step(
             step, partial(_in_turn, partial(getattr(SWEEPS, f"some_{name}"), *before, inside, *after))
         )
     if isinstance(psi, Affine):  # the second sweep asks for what psi takes from the first as well
-        reach, nnz = max(reach, int((psi.G.indices - row_of(psi.G)).max(initial=0))), nnz + psi.G.nnz
+        reach, nnz = max(reach, bandwidths(psi.G)[1]), nnz + psi.G.nnz
     if inside is None or reach * (nnz / problem.n + 4) > _NEAR:
         return step
     two = partial(getattr(SWEEPS, f"two_{name}"), *before, inside, after[0], reach)

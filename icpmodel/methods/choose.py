@@ -104,13 +104,13 @@ def direct(problem: ICP) -> Iterator[Choice]:
     >>> [choice.method for choice in direct(ICP(np.ones((3, 3)), [-1.0, 1.0, 1.0]))]
     [Lemke()]
     """
-    at_once, tiny = pivots_at_once(problem), problem.n <= _PIVOT_BEFORE_A_LOOK_UP_TO
+    tiny = problem.n <= _PIVOT_BEFORE_A_LOOK_UP_TO
     pivots = Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting is done at once")
-    if at_once and tiny:
+    if tiny and pivots_at_once(problem):
         yield pivots
     if Tridiagonal().why_not(problem) is None:
         yield Choice(Tridiagonal(), "A is tridiagonal: a pass over its rows solves the problem")
-    if at_once and not tiny:
+    if not tiny and pivots_at_once(problem):
         yield pivots
     if isinstance(problem.psi, Elementwise | Intervention) and _is_linearised(problem):
         yield Choice(Josephy(), _LINEARISED.format(problem.n))

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import Vector, row_of
+from ..arrays import Vector, bandwidths, row_of
 from ..operators import factorise, quiet, ruge_stuben
 from ..problem import ICP
 from ..steps import rows_of
@@ -131,7 +131,7 @@ def solver_of(M: sp.csr_array) -> Solver:
 
     @cache
     def direct() -> Solver:
-        if sum(_widths(M)) < _WIDEST_BAND:
+        if sum(bandwidths(M)) < _WIDEST_BAND:
             return _banded(scaled)
         return _dense(scaled) if M.nnz > _DENSE * n**2 else _bordered(scaled) or _sparse(scaled)
 
@@ -163,16 +163,10 @@ def has_band(problem: ICP) -> bool:
     return rows.below + rows.above < _WIDEST_BAND
 
 
-def _widths(M: sp.csr_array) -> tuple[int, int]:
-    """How far the entries reach below and above the diagonal."""
-    reach = row_of(M) - M.indices
-    return int(reach.max(initial=0)), int(-reach.min(initial=0))
-
-
 def _banded(M: sp.csr_array) -> Solver:
     from scipy.linalg import LinAlgError, solve_banded
 
-    rows, (lower, upper) = row_of(M), _widths(M)
+    rows, (lower, upper) = row_of(M), bandwidths(M)
     band = np.zeros((lower + upper + 1, M.shape[0]))
     np.add.at(band, (upper + rows - M.indices, M.indices), M.data)
 
@@ -229,7 +223,7 @@ def _sparse(M: sp.csr_array) -> Solver:
 
 def _multigrid(M: sp.csr_array, accelerate: str) -> Solver | None:
     """Krylov steps with algebraic multigrid, None where M is too small, or nothing for it."""
-    if M.shape[0] < _MULTIGRID_FROM or sum(_widths(M)) < _WIDEST_BAND:
+    if M.shape[0] < _MULTIGRID_FROM or sum(bandwidths(M)) < _WIDEST_BAND:
         return None
     if not (M.diagonal() > 0).all() or (M.data[row_of(M) != M.indices] > 0).any():
         return None

@@ -39,8 +39,8 @@ class PSOR(FixedPoint):
     name: ClassVar[str] = "psor"
     to_try: ClassVar[str] = "a smaller omega"
     omega: float = 1.0
-    #: on trial: how many more sweeps are worth it, and what comes where they are not; the first residual, if another
-    #: one than that of the start; and what to ask where they stay
+    #: see `on_trial`: how many more sweeps are worth it, what comes where they are not, the first residual if it is
+    #: another one than that of 0, and what to ask where they stay
     trial: ClassVar[tuple[float, Callable[[], HandOver | None], float | None, Narrow | None] | None] = None
 
     @classmethod
