@@ -116,7 +116,7 @@ class AOROperator(Operator):
         A, rows = problem.A, rows_of(problem)
         matrix = (A.indptr, A.indices, A.data, rows.diag if self.A is A else self.diag, problem.q)
         parameters = (omega, self.inverse, self.tau)
-        return compiled_step(problem, "aor", matrix, (parameters, True), reach=rows.above)
+        return compiled_step(problem, "in_order", matrix, (parameters, True), reach=rows.above)
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 import icpmodel
+from icpmodel import kernels
+from icpmodel.kernels import sweeps
 
 HOUSE = Path(icpmodel.__file__).parent
 ROOMS = [
@@ -135,6 +138,16 @@ def test_without_a_writable_cache_everything_still_runs():
     environment = {**os.environ, "NUMBA_CACHE_DIR": "/dev/null/nowhere"}
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
     assert run.stdout == "solved\n", run.stderr
+
+
+def test_what_is_compiled_is_found_again_by_the_next_process():
+    """numba takes what a closure closes over for a part of its name, and that is another one in every process."""
+    rooms = [
+        importlib.import_module(f"icpmodel.kernels.{info.name}") for info in pkgutil.iter_modules(kernels.__path__)
+    ]
+    kept = [value for room in [*rooms, sweeps.SWEEPS] for value in vars(room).values() if isinstance(value, Dispatcher)]
+    assert len(kept) > 40
+    assert [code for code in kept if code.py_func.__closure__] == []
 
 
 def modules():

@@ -1,5 +1,6 @@
 """Splittings and operators: one equation behind all members."""
 
+from contextlib import suppress
 from itertools import islice
 
 import numba
@@ -10,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.methods import named
+from icpmodel.methods import HandOver, named
 from icpmodel.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal
+from icpmodel.reduction import with_fixed_obstacle
 from icpmodel.splittings import AOR, Given, Whole
 from icpmodel.steps import rows_of
 from icpmodel.threads import one_behind_the_other
@@ -277,6 +279,60 @@ def test_sweeps_made_at_once_are_the_sweeps(monkeypatch, method, few, moves):
             assert came == pytest.approx(z, rel=1e-13, abs=1e-13)
             assert residual == pytest.approx(problem.residual(z), rel=1e-12)
             z, _ = next(islice(named(method).iterates(problem, came), 1, None))
+
+
+@pytest.mark.parametrize("kind", ["constant", "affine", "elementwise compiled", "fixed obstacle"])
+@given(st.integers(0, 10**6), st.floats(0.02, 0.9))
+@settings(max_examples=25, deadline=None)
+def test_sweeps_that_a_compiled_call_watches_are_the_sweeps_and_are_judged_alike(kind, seed, share):
+    """On trial an iterate of a small problem is one of plain PSOR, and they give way where sweeps one by one would."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 30))
+    A = -sp.random_array((n, n), density=0.3, rng=rng).toarray()
+    np.fill_diagonal(A, 0.0)
+    np.fill_diagonal(A, np.abs(A).sum(axis=1) / share + 0.1)
+    c = rng.normal(size=n)
+    psi = {
+        "constant": c,
+        "affine": icp.Affine(0.1 * sp.random_array((n, n), density=0.2, rng=rng), c),
+        "elementwise compiled": icp.Elementwise(sine, c=c),
+        "fixed obstacle": icp.Elementwise(lambda t: 0.3 * np.sin(t) + c, lipschitz=0.3),
+    }[kind]
+    problem = icp.ICP(A, rng.normal(size=n), psi)
+    z = rng.normal(size=n) * rng.integers(0, 2)
+    plain = problem if kind != "fixed obstacle" else with_fixed_obstacle(problem)
+    sweeps, most = [z for z, _ in islice(named("psor").iterates(plain, z), 1500)], float(rng.integers(2, 40))
+
+    def on_trial(problem, pivot_up_to):
+        path = []
+        with pytest.MonkeyPatch.context() as monkeypatch:
+            monkeypatch.setattr("icpmodel.methods.psor.PIVOT_UP_TO", pivot_up_to)
+            with suppress(HandOver):
+                trial = icp.PSOR.on_trial(most, lambda: HandOver(icp.MNMJ(), "slow")).iterates(problem, z)
+                path.extend(islice(trial, 1500 if pivot_up_to == 0 else 3))
+                return path, True
+        return path, False
+
+    path, stays = on_trial(problem, 64)
+    if plain is problem:  # else a few more sweeps are wanted, for the residual of psi
+        assert stays is on_trial(problem, 0)[1]
+    for came, residual in path:
+        assert any((came == one).all() for one in sweeps)
+        assert residual is None or residual == pytest.approx(problem.residual(came), rel=1e-9, abs=1e-13)
+    if stays:
+        assert problem.residual(path[1][0]) <= 1.01e-8 * max(problem.residual(z), problem.residual(np.zeros(n)))
+
+
+def test_a_small_problem_is_solved_in_one_compiled_call_unless_psi_is_called_from_python():
+    """n = 64 in one iterate, by sweeps or pivots; an rtol beyond that of the trial takes some more."""
+    for name in ("bai-symmetric", "bai-nonsymmetric", "manufactured-affine", "manufactured-elementwise", "membrane"):
+        problem = icp.scenes.scene(name, 64).problem
+        solution = problem.solve()
+        assert solution.iterations == 1, name
+        assert problem.solve(rtol=1e-13).iterations <= 4
+        assert problem.solve(z0=solution).iterations == 0
+    called = problem.with_psi(lambda z: 0.1 * np.cos(z[::-1]))
+    assert called.solve().iterations > 1
 
 
 @pytest.mark.parametrize("method", ["mnmgs", "psor"])

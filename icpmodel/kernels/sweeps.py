@@ -9,7 +9,10 @@ indices. ψ enters as `psi`, resolved when the loop is compiled: a vector ψ(z),
 
 from __future__ import annotations
 
+import math
+
 import numba
+import numpy as np
 from numba import types
 from numba.extending import overload
 
@@ -39,9 +42,13 @@ def _psi_entry(psi, i, z):
     return lambda psi, i, z: psi[1](z[i]) + psi[0][i]
 
 
-# A row: entries first ... last are those that the sweep has passed, k0 ... k1 those to come, d is the diagonal one.
+# A row of a sweep: it sets out_i and returns the square of the natural residual. Entries first ... last are those that
+# the sweep has passed, k0 ... k1 those to come, d is the diagonal one. The sums over old and new entries are kept
+# apart, so that only one multiply-add stands between one row and the next.
+_inlined = numba.njit(fastmath={"contract"}, error_model="numpy", nogil=True, inline="always")
 
 
+@_inlined
 def _row_aor(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out):
     # row i of X = diag(1/inverse) + tau * (strict lower triangle of A), and out = z - 2 X^-1 F(z):
     # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j))
@@ -65,6 +72,7 @@ def _row_aor(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out):
     return natural * natural
 
 
+@_inlined
 def _row_projected(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out):
     # projected SOR: out_i = max(psi_i(z), z_i - omega/a_ii (sum_{j before i} a_ij out_j + sum_{others} a_ij z_j + q_i))
     old, new = 0.0, 0.0
@@ -87,57 +95,90 @@ def _row_projected(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out
     return natural * natural
 
 
-def _in_order(row):
-    # one sweep, z -> out. In `row` the sums over old and new entries are kept apart, so that only one multiply-add
-    # stands between one row and the next
-    row = numba.njit(row, fastmath={"contract"}, error_model="numpy", nogil=True, inline="always")
-
-    def sweep(indptr, indices, data, diag, q, psi, par, forward, z, out):
-        squares = 0.0
-        n = z.size
-        for step in range(n):
-            i = _at(step if forward else n - 1 - step)
-            d, start, end = _at(diag[i]), _at(indptr[i]), _at(indptr[i + _at(1)])
-            first, last, k0, k1 = start, d, d + _at(1), end
-            if not forward:
-                first, last, k0, k1 = d + _at(1), end, start, d
-            squares += row(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out)
-        return squares
-
-    return sweep
+# `par` tells which sweep it is: (Ω, the inverse diagonal of X, tau), or (ω,) for the projected one. numba drops the
+# other branch when it compiles. (What a function of the row makes would be compiled anew by every process: numba takes
+# what it closes over for a part of its name, and that is never the same.)
 
 
-def _some_in_order(row):
+def _in_order(indptr, indices, data, diag, q, psi, par, forward, z, out):
+    # one sweep, z -> out
+    squares = 0.0
+    n = z.size
+    for step in range(n):
+        i = _at(step if forward else n - 1 - step)
+        d, start, end = _at(diag[i]), _at(indptr[i]), _at(indptr[i + _at(1)])
+        first, last, k0, k1 = start, d, d + _at(1), end
+        if not forward:
+            first, last, k0, k1 = d + _at(1), end, start, d
+        if len(par) == 3:
+            squares += _row_aor(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out)
+        else:
+            squares += _row_projected(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out)
+    return squares
+
+
+_sweep = numba.njit(_in_order, fastmath={"contract"}, error_model="numpy", nogil=True)
+
+
+def _some_in_order(indptr, indices, data, diag, q, psi, par, forward, Z, squares):
     # sweeps one after the other, Z[0] -> Z[1] -> ..., for problems so small that to call one costs more than to make it
-    sweep = numba.njit(_in_order(row), fastmath={"contract"}, error_model="numpy", nogil=True)
-
-    def sweeps(indptr, indices, data, diag, q, psi, par, forward, Z, squares):
-        for k in range(squares.size):
-            squares[k] = sweep(indptr, indices, data, diag, q, psi, par, forward, Z[k], Z[k + 1])
-
-    return sweeps
+    for k in range(squares.size):
+        squares[k] = _sweep(indptr, indices, data, diag, q, psi, par, forward, Z[k], Z[k + 1])
 
 
-def _two_in_order(row):
+def _still_needed(half, last, goal, steps):
+    # how many more sweeps it takes from the residual `last` to `goal` at the rate of the `steps` since `half`
+    speed = math.log(half / last) / steps
+    return math.log(last / goal) / speed if speed > 0.0 else np.inf
+
+
+still_needed = compiled(_still_needed)
+
+
+def _watched_in_order(indptr, indices, data, diag, q, psi, par, forward, first, share, look, most, z, out):
+    # sweeps from z until one of them begins with at most `share` of the `first` residual (0: that of z), or a look at
+    # their rate says that more than `most` would follow: Res² of `out`, where the last one began, and whether they are
+    # quick
+    old, new = z.copy(), np.empty(z.size)
+    squares = _sweep(indptr, indices, data, diag, q, psi, par, forward, old, new)
+    goal = share * share * (first * first if 0.0 < first * first < np.inf else squares)
+    half, count, quick = squares, 0, True
+    while quick:
+        old, new = new, old
+        squares = _sweep(indptr, indices, data, diag, q, psi, par, forward, old, new)
+        count += 1
+        if squares <= goal:
+            break
+        if count == (look + 1) // 2:
+            half = squares
+        if count == look:
+            quick = still_needed(half, squares, goal, look - (look + 1) // 2) <= most
+            look, half = 2 * look, squares
+    out[:] = old
+    return squares, quick
+
+
+def _two_in_order(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low, high):
     # rows low <= i < high of the sweep z -> one, and rows low - lag <= i < high - lag of the next one, one -> two: no
     # row of A reaches further above its diagonal than `lag`, and a row's entries come from memory once for both. The
     # two sweeps do not wait for each other.
-    row = numba.njit(row, fastmath={"contract"}, error_model="numpy", nogil=True, inline="always")
-
-    def sweeps(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low, high):
-        squares, more = 0.0, 0.0
-        n, lag = _at(z.size), _at(lag)
-        for i in range(_at(low), _at(high)):
-            if i < n:
-                d, start, end = _at(diag[i]), _at(indptr[i]), _at(indptr[i + _at(1)])
-                squares += row(i, d, start, d, d + _at(1), end, indices, data, q, psi, par, z, one)
-            if i >= lag:
-                j = i - lag
-                d, start, end = _at(diag[j]), _at(indptr[j]), _at(indptr[j + _at(1)])
-                more += row(j, d, start, d, d + _at(1), end, indices, data, q, psi, par, one, two)
-        return squares, more
-
-    return sweeps
+    squares, more = 0.0, 0.0
+    n, lag = _at(z.size), _at(lag)
+    for i in range(_at(low), _at(high)):
+        if i < n:
+            d, start, end = _at(diag[i]), _at(indptr[i]), _at(indptr[i + _at(1)])
+            if len(par) == 3:
+                squares += _row_aor(i, d, start, d, d + _at(1), end, indices, data, q, psi, par, z, one)
+            else:
+                squares += _row_projected(i, d, start, d, d + _at(1), end, indices, data, q, psi, par, z, one)
+        if i >= lag:
+            j = i - lag
+            d, start, end = _at(diag[j]), _at(indptr[j]), _at(indptr[j + _at(1)])
+            if len(par) == 3:
+                more += _row_aor(j, d, start, d, d + _at(1), end, indices, data, q, psi, par, one, two)
+            else:
+                more += _row_projected(j, d, start, d, d + _at(1), end, indices, data, q, psi, par, one, two)
+    return squares, more
 
 
 def _sweep_diagonal(indptr, indices, data, q, psi, omega, inverse, z, out):
@@ -195,15 +236,14 @@ def _substitute(start, stop, indices, data, tau, inverse, forward, f, out):
 
 
 class Sweeps:
-    """The sweeps, compiled alike: `aor` and `projected`, some of either in turn or two in one pass; the others."""
+    """The sweeps, compiled alike: in the order of the rows, some in turn, two in one pass, or as many as it takes; the
+    others."""
 
     def __init__(self, *, cache: bool) -> None:
-        self.aor = compiled(_in_order(_row_aor), cache=cache)
-        self.some_aor = compiled(_some_in_order(_row_aor), cache=cache)
-        self.two_aor = compiled(_two_in_order(_row_aor), cache=cache)
-        self.projected = compiled(_in_order(_row_projected), cache=cache)
-        self.some_projected = compiled(_some_in_order(_row_projected), cache=cache)
-        self.two_projected = compiled(_two_in_order(_row_projected), cache=cache)
+        self.in_order = compiled(_in_order, cache=cache)
+        self.some_in_order = compiled(_some_in_order, cache=cache)
+        self.two_in_order = compiled(_two_in_order, cache=cache)
+        self.watched_in_order = compiled(_watched_in_order, cache=cache)
         self.diagonal = compiled(_sweep_diagonal, cache=cache)
         self.triangular = compiled(_sweep_triangular, cache=cache)
 

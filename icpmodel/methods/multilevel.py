@@ -211,7 +211,7 @@ def _sweep(problem: ICP, level: Level) -> Step:
     downwards = rows.upper <= _FLOW * rows.lower
     matrix = (A.indptr, A.indices, A.data, rows.diag, problem.q)
     reach = rows.above if downwards else None
-    return compiled_step(problem, "projected", matrix, ((1.0,), downwards), reach=reach)
+    return compiled_step(problem, "in_order", matrix, ((1.0,), downwards), reach=reach)
 
 
 class _NewtonStep:

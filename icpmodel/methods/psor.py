@@ -12,7 +12,8 @@ import numpy as np
 from ..arrays import Vector, as_number
 from ..errors import MapError
 from ..problem import ICP
-from ..steps import Step, compiled_step, rows_of
+from ..reduction import PIVOT_UP_TO, has_fixed_obstacle, with_fixed_obstacle
+from ..steps import Step, compiled_step, rows_of, watched_sweeps
 from . import FixedPoint, HandOver, positive_diagonal
 
 #: sweeps on trial are looked at after so many, and whenever their number has doubled
@@ -58,6 +59,9 @@ class PSOR(FixedPoint):
         the start is better than 0, `narrow` is called with the iterate, the next one, the first residual, the last one
         and the number of sweeps that are still needed, as far as is known; it may say what goes on with fewer rows.
 
+        For n ≤ 64, unless ψ has to be called from Python in every sweep, one iterate is as many sweeps as it takes, in
+        one compiled call, and there are no rows that would be worth to leave out.
+
         >>> problem = ICP([[2, -1, 0], [-1, 2, -1], [0, -1, 2]], [-1, -1, -1])
         >>> problem.solve(PSOR.on_trial(5, lambda: HandOver(PSOR(omega=1.2), "too slow"))).method
         PSOR(omega=1.2)
@@ -75,12 +79,16 @@ class PSOR(FixedPoint):
 
     def step_of(self, problem: ICP) -> Step:
         """See `FixedPoint.step_of`."""
-        A, rows = problem.A, rows_of(problem)
-        matrix: tuple[Any, ...] = (A.indptr, A.indices, A.data, rows.diag, problem.q)
-        return compiled_step(problem, "projected", matrix, ((self.omega,), True), reach=rows.above)
+        return compiled_step(problem, "in_order", *self._arguments(problem), reach=rows_of(problem).above)
+
+    def _arguments(self, problem: ICP) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        A = problem.A
+        return (A.indptr, A.indices, A.data, rows_of(problem).diag, problem.q), ((self.omega,), True)
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. On trial it raises HandOver where the sweeps are slow."""
+        if self.trial and problem.n <= PIVOT_UP_TO:
+            yield from self._in_one_call(problem, z)
         residuals: list[float] = []
         look, first = _LOOK if self.trial else 0, 0.0
         step = self.step_of(problem)
@@ -96,33 +104,60 @@ class PSOR(FixedPoint):
                     look = 2 * look if self._stays(first, residuals, z, following) else 0
             z = following
 
+    def _in_one_call(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+        """As many sweeps as it takes at once, where that can be."""
+        assert self.trial is not None
+        sweeps, then, known, _ = self.trial
+        fixed = problem
+        with suppress(MapError):
+            fixed = with_fixed_obstacle(problem) if has_fixed_obstacle(problem) else problem
+        run = watched_sweeps(fixed, "in_order", *self._arguments(fixed))
+        if run is None:
+            return
+        own = fixed is problem
+        first = known or (max(_at_0(problem), problem.residual(z)) if z.any() or not own else 0.0)
+        share, watched = _SHARE if own else _SHARE / 2, True  # r is up to 1 + Lipschitz < 2 times what z − c is
+        yield z, None
+        while True:
+            z, residual, quick = run(z, first, share, _LOOK, sweeps)
+            yield z, residual if own else None
+            if watched and not quick and (over := then()):
+                raise over
+            first, watched = 0.0, False
+
     def _first(self, problem: ICP, z: Vector, following: Vector, residual: float) -> float:
         """The residual that the sweeps are judged by. Raises HandOver where a start near the answer proves enough."""
         assert self.trial is not None
         sweeps, _, known, narrow = self.trial
         if known or not z.any():
             return known or residual
-        at_0 = np.nan
-        with suppress(MapError):
-            at_0 = problem.residual(np.zeros(problem.n))
-        if not residual < at_0 < np.inf:
+        at_0 = _at_0(problem)
+        if not residual < at_0:
             return residual
         if narrow and problem.is_lcp and (over := narrow(z, following, at_0, residual, sweeps)):
             raise over
-        return float(at_0)
+        return at_0
 
     def _stays(self, first: float, residuals: list[float], z: Vector, following: Vector) -> bool:
         """Whether to look again. Raises HandOver where the second half of the `residuals` shows slow sweeps."""
         assert self.trial is not None
+        from ..kernels.sweeps import still_needed
+
         sweeps, then, _, narrow = self.trial
         half, last = residuals[len(residuals) // 2], residuals[-1]
         if last <= _SHARE * first:
             return False
-        with np.errstate(all="ignore"):
-            speed = np.log(np.float64(half) / last) / (len(residuals) - 1 - len(residuals) // 2)
-            needed = np.log(np.float64(last) / (_SHARE * first)) / speed
-        quick = speed > 0 and needed <= sweeps
+        needed = still_needed(half, last, _SHARE * first, len(residuals) - 1 - len(residuals) // 2)
+        quick = needed <= sweeps
         over = then() if not quick else narrow and narrow(z, following, first, last, needed)
         if over:
             raise over
         return bool(quick)
+
+
+def _at_0(problem: ICP) -> float:
+    """Res(0), or 0 where it is not finite."""
+    at_0 = np.inf
+    with suppress(MapError):
+        at_0 = problem.residual(np.zeros(problem.n))
+    return float(at_0) if at_0 < np.inf else 0.0

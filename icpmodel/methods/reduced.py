@@ -254,7 +254,7 @@ def _at_rest(problem: ICP) -> Blocks | None:
         if not np.mean(p <= 0) + _balance(problem, none, p) / problem.n <= _PROMISING:
             return None
         matrix = (A.indptr, A.indices, A.data, rows_of(problem).diag, problem.q)
-        sweep = compiled_step(problem, "projected", matrix, ((1.0,), True))
+        sweep = compiled_step(problem, "in_order", matrix, ((1.0,), True))
         for _ in range(_SWEEPS):
             z, _ = sweep(z)
         p = problem.p(z)
