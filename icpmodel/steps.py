@@ -72,7 +72,7 @@ def compiled_step(
 
     ψ = constant, affine and compiled elementwise maps are evaluated inside the sweep; any other is called once for it.
     A sweep that goes forward may make some more in the same call, for a large A in the same pass over it: they are the
-    next answers, as long as the step is asked for its own last one. `reach` is how far A reaches above its diagonal,
+    next answers, if the step is asked for its own last one. `reach` is how far A reaches above its diagonal,
     None where the sweep cannot do that.
 
     >>> problem = ICP([[2.0]], [-2.0])
@@ -157,41 +157,47 @@ def _with_psi_within(problem: ICP, name: str, before: tuple[Any, ...]) -> Callab
     return lambda after, z, out: kernel(*after, z, out)
 
 
-def _looking_ahead(single: Step, several: Callable[[Vector], list[tuple[Vector, float]]]) -> Step:
-    """`several` sweeps at once, handed out one by one; once a z comes that is not the last answer, `single` ones."""
+def _looking_ahead(single: Step, several: Callable[[Vector, int], list[tuple[Vector, float]]]) -> Step:
+    """`several` sweeps at once, handed out one by one as long as the z that comes is the last answer.
+
+    With another z a new run of sweeps begins, which is thought to be as long as the last one.
+    """
     last: Vector | None = None
-    ahead: Iterator[tuple[Vector, float]] = iter(())
-    alone = False
+    ahead: Iterator[tuple[Vector, float | None]] = iter(())
+    run, used = _SOME, 0
 
     def step(z: Vector) -> tuple[Vector, float | None]:
-        nonlocal last, ahead, alone
+        nonlocal last, ahead, run, used
+        if z is not last:
+            run, used, ahead = used or run, 0, iter(())
         following = next(ahead, None)
-        alone = alone or (following is not None and z is not last)
-        if alone:
-            return single(z)
         if following is None:
-            ahead = iter(several(z))
+            count = min(run - used, _SOME) if used < run else _SOME
+            ahead = iter(several(z, count) if count > 1 else [single(z)])
             following = next(ahead)
+        used += 1
         last = following[0]
         return following
 
     return step
 
 
-def _in_turn(some: Callable[..., None], z: Vector) -> list[tuple[Vector, float]]:
-    """(z⁺, Res(z)) of some sweeps in one call."""
-    Z, squares = np.empty((_SOME + 1, z.size)), np.empty(_SOME)
+def _in_turn(some: Callable[..., None], z: Vector, count: int) -> list[tuple[Vector, float]]:
+    """(z⁺, Res(z)) of so many sweeps in one call."""
+    Z, squares = np.empty((count + 1, z.size)), np.empty(count)
     Z[0] = z
     some(Z, squares)
     return list(zip(Z[1:], np.sqrt(squares).tolist(), strict=True))
 
 
-def _passes(two: Callable[..., tuple[float, float]], reach: int, nnz: int, z: Vector) -> list[tuple[Vector, float]]:
-    """(z⁺, Res(z)) of two sweeps in one pass over A, or of four where a second thread follows the first one.
+def _passes(
+    two: Callable[..., tuple[float, float]], reach: int, nnz: int, z: Vector, count: int
+) -> list[tuple[Vector, float]]:
+    """(z⁺, Res(z)) of two sweeps in one pass over A, or of four, if wanted, where a second thread follows the first.
 
     Every number is the same as that of one sweep after the other.
     """
-    sweeps = 4 if threads_for(nnz) > 1 else 2
+    sweeps = 4 if count >= 4 and threads_for(nnz) > 1 else 2
     iterates, squares = [z, *(np.empty(z.size) for _ in range(sweeps))], np.zeros(sweeps)
 
     def part(first: int, low: int, high: int) -> None:

@@ -171,21 +171,23 @@ def test_tuning_compares_the_best_of_a_grid_with_what_needs_no_theta():
     rows = {row[0]: row for row in table.rows}
     assert list(rows) == ["ball", "bearing", "hand-cyclic"]
     for name in ("ball", "bearing"):
-        _, n, _, best, tuned, auto, accelerated, *seconds = rows[name]
+        _, n, _, theta, best, by_hand, tuned, auto, accelerated, *seconds = rows[name]
         scene = icp.scenes.scene(name, n)
         assert scene.problem.n == n
         assert best.startswith("omega=")
-        assert accelerated <= tuned
+        assert accelerated <= tuned <= by_hand
+        theta1, theta2 = map(float, theta.split(", "))
+        assert scene.problem.solve("mnmaor", theta1=theta1, theta2=theta2, z0=scene.z0).iterations == by_hand
         solution = scene.problem.solve(icp.Accelerated(of=icp.MNMAOR(theta1="auto")), z0=scene.z0)
         assert solution.iterations == accelerated
         assert min(seconds) > 0
         assert auto == scene.problem.solve("mnmaor", theta1="auto", z0=scene.z0).iterations
-    share = 2 - float(rows["ball"][3].removeprefix("omega="))
+    share = 2 - float(rows["ball"][4].removeprefix("omega="))
     ball = icp.scenes.scene("ball", 400).problem
     theta1 = 1 / (2 / (2 - share) - share)
     again = ball.solve("mnmaor", theta1=theta1, theta2=2 * theta1, phi2=share * ball.A.diagonal())
-    assert again.iterations == rows["ball"][4]
-    assert rows["hand-cyclic"][3:6] == ("-", None, None)  # which no theta solves
+    assert again.iterations == rows["ball"][6]
+    assert rows["hand-cyclic"][3:8] == ("-", "-", None, None, None)  # which no theta solves
     with pytest.raises(icp.InputError, match="repeats is 0"):
         tuned_and_automatic(repeats=0)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,18 +29,18 @@ def tuned_and_automatic(
     methods: Sequence[str] = ("mnmaor", "mnmsor", "mnmmod"),
     on: Sequence[str] = (),
 ) -> Table:
-    """Steps and time of the best θ of a grid, of theta1="auto", and of its acceleration, on the scenes.
+    """Steps and time of a hand-tuned θ, of the best θ and Ω of a search, of theta1="auto" and of its acceleration.
 
-    The grids: `mnmaor` 10 × 6 pairs θ₁, θ₂ with Ω = D, and θ₁ = 1/(2/ω − s), θ₂ = 2θ₁, Ω = sD, s = 2 − ω for
-    0.8 ≤ ω < 2 in steps of 0.02; `mnmsor` 0.5 ≤ θ₁ ≤ 3 in steps of 0.1 with Ω = D; `mnmmod` θ₁ = 2^(k/2), |k| ≤ 20.
-    Nothing is charged for the search, all set-up (estimates, factorisations) to "auto". Runs end at
-    Res ≤ 1e-8·Res(0); those that have not after 20 000 steps are shown as "-". The three are timed in turn.
+    Tuned by hand, with Ω as it is: `mnmaor` 10 × 6 pairs θ₁, θ₂, `mnmsor` 0.5 ≤ θ₁ ≤ 3 in steps of 0.1, `mnmmod` θ₁ =
+    2^(k/2), |k| ≤ 20. The search adds, for `mnmaor`, θ₁ = 1/(2/ω − s), θ₂ = 2θ₁, Ω = sD, s = 2 − ω for 0.8 ≤ ω < 2 in
+    steps of 0.02. Nothing is charged for either, all set-up (estimates, factorisations) to "auto". Runs end at
+    Res ≤ 1e-8·Res(0); those that have not after 20 000 steps are shown as "-". All are timed in turn.
     Parameters: `n` wanted unknowns of the scenes with a grid in the plane, 4√n of those on a line; `repeats` ≥ 1;
     `methods` by name; `on`, the names of the scenes, by default all. Returns a `Table` (milliseconds).
 
     >>> table = tuned_and_automatic(n=16, repeats=1, methods=("mnmmod",), on=("ball",))
-    >>> table.heads[3:8]
-    ('best theta', 'tuned', 'auto', 'accelerated', 'tuned, ms')
+    >>> table.heads[3:10]
+    ('theta', 'and Omega', 'by hand', 'search', 'auto', 'accelerated', 'by hand, ms')
     """
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     scenes, methods = as_list(on, "on") or names(), as_list(methods, "methods")
@@ -49,11 +49,13 @@ def tuned_and_automatic(
         for name in methods:
             automatic = named(name, theta1="auto")
             if automatic.why_not(one.problem) is None and one.why_no_solution is None:
-                label, tuned = _best(one, name)
-                steps, seconds = _timed(one, (tuned, automatic, Accelerated(of=automatic)), repeats)
-                rows.append((one.name, one.problem.n, name, label, *steps, *seconds))
-    kinds = ("tuned", "auto", "accelerated")
-    heads = ("scene", "n", "method", "best theta", *kinds, *(f"{kind}, ms" for kind in kinds))
+                by_hand = _best(one, _thetas(name))
+                best = _best(one, _omegas(one.problem, name), by_hand)
+                four = (by_hand.method, best.method, automatic, Accelerated(of=automatic))
+                steps, seconds = _timed(one, four, repeats)
+                rows.append((one.name, one.problem.n, name, by_hand.label, best.label, *steps, *seconds))
+    kinds = ("by hand", "search", "auto", "accelerated")
+    heads = ("scene", "n", "method", "theta", "and Omega", *kinds, *(f"{kind}, ms" for kind in kinds))
     return Table(f"Steps and time with the best theta of a grid and without one ({machine()})", heads, tuple(rows))
 
 
@@ -65,33 +67,41 @@ def _sized(name: str, n: int) -> Scene:
     return scene(name, max(16, round(4 * np.sqrt(n))) if flat else n)
 
 
-def _grid(problem: ICP, name: str) -> Iterator[tuple[str, Method]]:
+class _Tuned(NamedTuple):
+    label: str = "-"
+    method: Method | None = None
+    steps: int = _MOST + 1
+
+
+def _thetas(name: str) -> Iterator[tuple[str, Method]]:
     if name == "mnmmod":
         for k in range(-20, 21):
-            yield f"theta1={2 ** (k / 2):.4g}", MNMMOD(theta1=2 ** (k / 2))
+            yield f"{2 ** (k / 2):.4g}", MNMMOD(theta1=2 ** (k / 2))
     elif name == "mnmsor":
         for theta1 in np.arange(5, 31) / 10:
-            yield f"theta1={theta1:.4g}", MNMSOR(theta1=float(theta1))
+            yield f"{theta1:.4g}", MNMSOR(theta1=float(theta1))
     else:
         for theta1, times in product(
             (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 3.0, 5.0, 8.0), (0.0, 0.5, 1.0, 1.5, 2.0, 2.5)
         ):
-            method = MNMAOR(theta1=theta1, theta2=times * theta1)
-            yield f"theta1={theta1:g}, theta2={times * theta1:g}", method
-        for omega in np.arange(40, 100) / 50:
-            yield f"omega={omega:.4g}", overrelaxed(problem, float(omega))
+            yield f"{theta1:g}, {times * theta1:g}", MNMAOR(theta1=theta1, theta2=times * theta1)
 
 
-def _best(one: Scene, name: str) -> tuple[str, Method | None]:
-    """The θ of the grid that needs the fewest steps, the first of several; it gives up on the others in time."""
-    fewest, best, label = _MOST + 1, None, "-"
-    for words, method in _grid(one.problem, name):
-        steps = _steps(one, method, fewest - 1)
+def _omegas(problem: ICP, name: str) -> Iterator[tuple[str, Method]]:
+    for omega in np.arange(40, 100) / 50 if name == "mnmaor" else ():
+        yield f"omega={omega:.4g}", overrelaxed(problem, float(omega))
+
+
+def _best(one: Scene, grid: Iterator[tuple[str, Method]], best: _Tuned | None = None) -> _Tuned:
+    """What needs the fewest steps, the first of several, `best` or of the grid; it gives up on the others in time."""
+    best = best or _Tuned()
+    for label, method in grid:
+        steps = _steps(one, method, best.steps - 1)
         if steps is not None:
-            fewest, best, label = steps, method, words
-        if fewest == 0:
+            best = _Tuned(label, method, steps)
+        if best.steps == 0:
             break
-    return label, best
+    return best
 
 
 def _steps(one: Scene, method: Method, most: int = _MOST) -> int | None:

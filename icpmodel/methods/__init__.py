@@ -19,7 +19,7 @@ import numpy as np
 from ..arrays import Vector, described
 from ..errors import InputError
 from ..problem import ICP
-from ..steps import Step
+from ..steps import Step, rows_of
 from ..theory.answers import Answer
 
 _REGISTRY: dict[str, type[Method]] = {}
@@ -165,7 +165,7 @@ def positive_diagonal(problem: ICP, use: str) -> str | None:
     >>> positive_diagonal(ICP([[0.0]], [1.0]), "it divides by the diagonal of A")
     'it divides by the diagonal of A, but A[0, 0] = 0'
     """
-    diagonal = problem.A.diagonal()
+    diagonal = rows_of(problem).diagonal
     if (diagonal > 0).all():
         return None
     i = int(np.argmax(diagonal <= 0))

@@ -11,6 +11,7 @@ import numpy as np
 from ..arrays import Vector, as_number, described
 from ..errors import InputError, MapError
 from ..problem import ICP
+from ..steps import rows_of
 from . import SAFE_HINT, FixedPoint, Method, named, names
 from .modulus import MNMAOR
 from .parameters import AUTO
@@ -36,8 +37,9 @@ class Accelerated(Method):
 
     ΔG and ΔF the differences of the last `window` + 1 values of g and f, D the diagonal of A, so that symmetric changes
     of units leave γ as it is; the other steps are plain ones. The combination costs about as much as a sweep, hence not
-    every step is one. Where g is linear and `every` is 1 this is GMRES, restarted gradually; where g is affine and n is
-    at most 2, the third step of the default is exact.
+    every step is one; with more than two plain ones in between, sweeps that diverge would get too far. Where g is
+    linear and `every` is 1 this is GMRES, restarted gradually; where g is affine and n is at most 2, the third step of
+    the default is exact.
 
     **Safeguard.** An iterate so made is kept only if its residual, which the next sweep yields for free, is at most ten
     times the least one so far; else the plain step is taken and the history forgotten. Where a hundred steps
@@ -64,7 +66,7 @@ class Accelerated(Method):
     memoryless: ClassVar[bool] = False
     to_try: ClassVar[str] = "another method to accelerate (of), another window or every"
     of: Any = _DEFAULT
-    window: int = 5
+    window: int = 7
     every: int = 3
 
     def __post_init__(self) -> None:
@@ -128,7 +130,7 @@ class _History:
     """The last `window` + 1 values of f(z) = g(z) − z and of g(z), the rows of F and G."""
 
     def __init__(self, problem: ICP, window: int) -> None:
-        weight = np.abs(problem.A.diagonal())
+        weight = np.abs(rows_of(problem).diagonal)
         # rows without a diagonal entry count as if theirs were the largest
         self.weight = np.where(weight > 0, weight / (weight.max() or 1.0), 1.0)
         rows = min(window, problem.n) + 1

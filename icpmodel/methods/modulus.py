@@ -40,6 +40,7 @@ from .parameters import (
     AdaptedOmega,
     a_number,
     after_jacobi,
+    as_diagonal,
     is_auto,
     jacobi_step,
     leave_out,
@@ -98,7 +99,7 @@ class ModulusMember(FixedPoint):
         if is_auto(self.theta1):
             return after_jacobi(problem, self.phi, lambda: self.settled(problem).step_of(problem))
         omega = self.omega_of(problem)
-        shift = as_vector(self.phi, problem.n, "phi") + omega
+        shift = as_diagonal(self.phi, problem.n, "phi") + omega
         return self.splitting_of().operator(problem.A, shift).step(problem, omega)
 
 
@@ -121,7 +122,7 @@ class _FreeOmega(ModulusMember):
         """φ₂/φ₁, or D where φ₂ is not given: see `ModulusMember.omega_of`."""
         if self.phi2 is None:
             return rows_of(problem).diagonal
-        return as_vector(self.phi2, problem.n, "phi2") / as_vector(self.phi1, problem.n, "phi1")
+        return as_diagonal(self.phi2, problem.n, "phi2") / as_diagonal(self.phi1, problem.n, "phi1")
 
     def why_not(self, problem: ICP) -> str | None:
         """See `Method.why_not`: the default Ω = D must be positive."""
@@ -384,7 +385,7 @@ class NMMS(ModulusMember):
 
     def omega_of(self, problem: ICP) -> Vector:
         """See `ModulusMember.omega_of`."""
-        return problem.A.diagonal() if self.omega is None else as_vector(self.omega, problem.n, "omega")
+        return rows_of(problem).diagonal if self.omega is None else as_diagonal(self.omega, problem.n, "omega")
 
     def why_not(self, problem: ICP) -> str | None:
         """See `Method.why_not`: the default Ω = D must be positive."""
@@ -415,8 +416,7 @@ class ProjectionFixedPoint(ModulusMember):
 
     def omega_of(self, problem: ICP) -> Vector:
         """Ω = D/ω: see `ModulusMember.omega_of`."""
-        diagonal: Vector = problem.A.diagonal() / self.omega
-        return diagonal
+        return rows_of(problem).diagonal / self.omega
 
     def why_not(self, problem: ICP) -> str | None:
         """See `Method.why_not`."""
@@ -431,6 +431,8 @@ def check_diagonal(method: Method, name: str, *, positive: bool = True) -> None:
     icpmodel.errors.InputError: phi2 has the entry -1; positive numbers were expected
     """
     given = getattr(method, name)
+    if isinstance(given, float) and (0.0 < given < np.inf or (not positive and -np.inf < given < np.inf)):
+        return
     value = as_vector(given, None if np.ndim(given) else 1, name)
     if positive and not (value > 0).all():
         raise InputError(f"{name} has the entry {value.min():g}; positive numbers were expected")

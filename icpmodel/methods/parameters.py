@@ -88,6 +88,19 @@ def leave_out(method: Any, *names: str) -> None:
             raise InputError(f"{option.name} is given, but theta1={AUTO!r} decides {', '.join(names)} as well")
 
 
+def as_diagonal(value: float | Vector, n: int, name: str) -> Vector:
+    """The diagonal of a matrix that a method has checked already, a number or a vector, with shape (n,).
+
+    Raises InputError for a vector of another length.
+
+    >>> as_diagonal(2.0, 3, "phi")
+    array([2., 2., 2.])
+    """
+    if isinstance(value, float):
+        return np.full(n, value)
+    return value if value.size == n else as_vector(value, n, name)
+
+
 def sor(problem: ICP, omega: float) -> tuple[float, Vector]:
     """θ₁ = 1/(2/ω − s) and the diagonal of Ω = sD, s = 2 − ω, shape (n,): then D/θ₁ + Ω = 2D/ω.
 
@@ -97,7 +110,7 @@ def sor(problem: ICP, omega: float) -> tuple[float, Vector]:
     (1.0, array([2.]))
     """
     share = 2.0 - omega
-    return 1.0 / (2.0 / omega - share), share * problem.A.diagonal()
+    return 1.0 / (2.0 / omega - share), share * rows_of(problem).diagonal
 
 
 def best_omega(radius: float) -> float:
@@ -180,7 +193,7 @@ def jacobi_step(problem: ICP, phi: Any = 0.0) -> Step:
     if isinstance(problem.psi, Affine):
         slope = problem.psi.G.diagonal()
         omega = diagonal / (1.0 - np.where(slope < 1.0, slope, 0.0))
-    shift = as_vector(phi, problem.n, "phi") + diagonal
+    shift = as_diagonal(phi, problem.n, "phi") + diagonal
     return DiagonalOperator(inverse_diagonal(diagonal, shift)).step(problem, omega)
 
 
