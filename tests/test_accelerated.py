@@ -9,7 +9,7 @@ from conformance import FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
 
 import icpmodel as icp
 from icpmodel import methods, scenes
-from icpmodel.methods import FixedPoint, accelerated
+from icpmodel.methods import FixedPoint, accelerated, parameters
 
 SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
 ACCELERABLE = [name for name, method in METHODS.items() if isinstance(method, FixedPoint)]
@@ -195,10 +195,10 @@ def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one(monkeypatch)
 
 
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("of", [*ACCELERABLE, "auto"])
+@pytest.mark.parametrize("of", [*ACCELERABLE, "auto", "default"])
 def test_it_solves_every_scene_that_its_method_solves(of, scene):
-    method = icp.MNMAOR(theta1="auto") if of == "auto" else METHODS[of]
-    like = "mnmaor" if of == "auto" else of
+    method = {"auto": icp.MNMAOR(theta1="auto"), "default": None, **METHODS}[of]
+    like = of if of in METHODS else "mnmaor"
     if (like, scene) in MUST_FAIL or SCENES[scene].why_no_solution:
         return
     scene_ = SCENES[scene]
@@ -265,6 +265,22 @@ def test_it_takes_what_its_method_takes():
     solution = scenes.hand_lcp().problem.solve("accelerated", of="mnmgs", every=1)
     assert solution.solved
     assert repr(solution.method) == "Accelerated(of=MNMGS(), every=1)"
+
+
+def test_the_default_keeps_rows_at_a_fixed_obstacle_and_begins_with_jacobi():
+    """Diagonal problems take one step; a moving obstacle gets MNMAOR, and a diagonal of A that is not positive none."""
+    diagonal = icp.ICP(np.diag([2.0, 4.0]), [-2.0, 4.0])
+    assert diagonal.solve("accelerated").iterations == 1
+    problem, zero = scenes.membrane(n=100).problem, np.zeros(100)
+    first, second = path(icp.Accelerated(), problem, zero, 2)[1:]
+    assert (first == path(icp.MNMAOR(theta1="auto"), problem, zero, 2)[1]).all()
+    relaxed = icp.PSOR(omega=parameters.relaxation(problem))
+    assert (second == path(relaxed, problem, first, 2)[1]).all()
+    moving = scenes.scene("manufactured-affine", 100).problem
+    same = icp.Accelerated(of=icp.MNMAOR(theta1="auto"))
+    for one, other in zip(path(icp.Accelerated(), moving, zero, 9), path(same, moving, zero, 9), strict=True):
+        assert (one == other).all()
+    assert icp.Accelerated().why_not(icp.ICP([[0.0]], [1.0])) == icp.MNMGS().why_not(icp.ICP([[0.0]], [1.0]))
 
 
 def test_a_step_of_length_zero_is_not_divided_by():

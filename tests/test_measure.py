@@ -171,11 +171,12 @@ def test_tuning_compares_the_best_of_a_grid_with_what_needs_no_theta():
     rows = {row[0]: row for row in table.rows}
     assert list(rows) == ["ball", "bearing", "hand-cyclic"]
     for name in ("ball", "bearing"):
-        _, n, _, theta, best, by_hand, tuned, auto, accelerated, *seconds = rows[name]
+        _, n, _, theta, best, by_hand, tuned, auto, accelerated, default, *seconds = rows[name]
         scene = icp.scenes.scene(name, n)
         assert scene.problem.n == n
         assert best.startswith("omega=")
-        assert accelerated <= tuned <= by_hand
+        assert default <= accelerated <= tuned <= by_hand
+        assert scene.problem.solve("accelerated", z0=scene.z0).iterations == default
         theta1, theta2 = map(float, theta.split(", "))
         assert scene.problem.solve("mnmaor", theta1=theta1, theta2=theta2, z0=scene.z0).iterations == by_hand
         solution = scene.problem.solve(icp.Accelerated(of=icp.MNMAOR(theta1="auto")), z0=scene.z0)

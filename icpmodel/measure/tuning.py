@@ -29,7 +29,8 @@ def tuned_and_automatic(
     methods: Sequence[str] = ("mnmaor", "mnmsor", "mnmmod"),
     on: Sequence[str] = (),
 ) -> Table:
-    """Steps and time of a hand-tuned θ, of the best θ and Ω of a search, of theta1="auto" and of its acceleration.
+    """Steps and time of a hand-tuned θ, of the best θ and Ω of a search, and of what needs no θ: theta1="auto", its
+    acceleration, and `Accelerated` as it is.
 
     Tuned by hand, with Ω as it is: `mnmaor` 10 × 6 pairs θ₁, θ₂, `mnmsor` 0.5 ≤ θ₁ ≤ 3 in steps of 0.1, `mnmmod` θ₁ =
     2^(k/2), |k| ≤ 20. The search adds, for `mnmaor`, θ₁ = 1/(2/ω − s), θ₂ = 2θ₁, Ω = sD, s = 2 − ω for 0.8 ≤ ω < 2 in
@@ -40,7 +41,7 @@ def tuned_and_automatic(
 
     >>> table = tuned_and_automatic(n=16, repeats=1, methods=("mnmmod",), on=("ball",))
     >>> table.heads[3:10]
-    ('theta', 'and Omega', 'by hand', 'search', 'auto', 'accelerated', 'by hand, ms')
+    ('theta', 'and Omega', 'by hand', 'search', 'auto', 'auto, acc.', 'accelerated')
     """
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     scenes, methods = as_list(on, "on") or names(), as_list(methods, "methods")
@@ -51,10 +52,10 @@ def tuned_and_automatic(
             if automatic.why_not(one.problem) is None and one.why_no_solution is None:
                 by_hand = _best(one, _thetas(name))
                 best = _best(one, _omegas(one.problem, name), by_hand)
-                four = (by_hand.method, best.method, automatic, Accelerated(of=automatic))
-                steps, seconds = _timed(one, four, repeats)
+                untuned = (automatic, Accelerated(of=automatic), Accelerated())
+                steps, seconds = _timed(one, (by_hand.method, best.method, *untuned), repeats)
                 rows.append((one.name, one.problem.n, name, by_hand.label, best.label, *steps, *seconds))
-    kinds = ("by hand", "search", "auto", "accelerated")
+    kinds = ("by hand", "search", "auto", "auto, acc.", "accelerated")
     heads = ("scene", "n", "method", "theta", "and Omega", *kinds, *(f"{kind}, ms" for kind in kinds))
     return Table(f"Steps and time with the best theta of a grid and without one ({machine()})", heads, tuple(rows))
 

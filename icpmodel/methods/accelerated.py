@@ -11,10 +11,12 @@ import numpy as np
 from ..arrays import Vector, as_number, described
 from ..errors import InputError, MapError
 from ..problem import ICP
-from ..steps import rows_of
+from ..reduction import has_fixed_obstacle
+from ..steps import Step, rows_of
 from . import SAFE_HINT, FixedPoint, Method, named, names
 from .modulus import MNMAOR
-from .parameters import AUTO
+from .parameters import AUTO, after_jacobi, relaxation
+from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
 _GROWTH = 10.0
@@ -24,7 +26,6 @@ _FAR = 1e100
 _ACCELERATED, _PLAIN = 100, 25
 #: directions of the history that are less independent than this say nothing but rounding errors
 _INDEPENDENT = 1e-10
-_DEFAULT = MNMAOR(theta1=AUTO)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -49,8 +50,10 @@ class Accelerated(Method):
     often enough there are K plain ones.
 
     Parameters: `of`, the name of a method (taken with its defaults) or a Method object whose iterates are those of one
-    map: any member of the modulus family, `psor`, or a `FixedPoint` of your own; by default MNMAOR(theta1="auto"),
-    whose numbers stay here as `settled(problem)` gives them. `window` ≥ 1, the number of differences; `every` ≥ 1.
+    map: any member of the modulus family, `psor`, or a `FixedPoint` of your own; one with theta1="auto" is taken with
+    the numbers of `settled(problem)`. By default it is MNMAOR(theta1="auto"), but where every ψ_i moves with its own
+    z_i alone, and by less, PSOR, which keeps rows at the obstacle there, with the ω of `parameters.relaxation`, after
+    one step of Jacobi's. `window` ≥ 1, the number of differences; `every` ≥ 1.
     Raises InputError for anything else.
     Reference: Anderson, J. ACM 12 (1965); Walker and Ni, SIAM J. Numer. Anal. 49 (2011); Pratapa, Suryanarayana and
     Pask, J. Comput. Phys. 306 (2016), for the steps between.
@@ -65,13 +68,15 @@ class Accelerated(Method):
     name: ClassVar[str] = "accelerated"
     memoryless: ClassVar[bool] = False
     to_try: ClassVar[str] = "another method to accelerate (of), another window or every"
-    of: Any = _DEFAULT
+    of: Any = None
     window: int = 7
     every: int = 3
 
     def __post_init__(self) -> None:
         as_number(self.window, "window", least=1, whole=True)
         as_number(self.every, "every", least=1, whole=True)
+        if self.of is None:
+            return
         method = named(self.of) if isinstance(self.of, str) else self.of
         if not isinstance(method, Method):
             raise InputError(f"of is {described(method)}; a Method object or one of {', '.join(names())} was expected")
@@ -81,11 +86,11 @@ class Accelerated(Method):
 
     def why_not(self, problem: ICP) -> str | None:
         """See `Method.why_not`: what the method `of` says."""
-        return self.of.why_not(problem)
+        return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. Rejected iterates are yielded as well, so that every sweep counts."""
-        step, history = self.of.step_of(problem), _History(problem, self.window)
+        step, history = self.of.step_of(problem) if self.of else _sweeps(problem), _History(problem, self.window)
         phase, sweeps, plain, least = _Phases(), 0, None, np.inf
         while True:
             try:
@@ -109,6 +114,13 @@ class Accelerated(Method):
                 if sweeps % self.every == 0 and (combined := history.combined()) is not None:
                     following, plain = combined, image
             z = following
+
+
+def _sweeps(problem: ICP) -> Step:
+    """The default of `Accelerated`."""
+    if has_fixed_obstacle(problem):
+        return after_jacobi(problem, 0.0, lambda: PSOR(omega=relaxation(problem)).step_of(problem))
+    return MNMAOR(theta1=AUTO).step_of(problem)
 
 
 class _Phases:
