@@ -52,7 +52,7 @@ def at_most(x: float, digits: int = 3, below: float = math.inf) -> str:
         return f"{x:g}"
     exact = Context(prec=digits, rounding=ROUND_CEILING).create_decimal(Decimal(float(x)))
     text = f"{float(exact):.{digits}g}"
-    if Decimal(text) < exact:  # the float next to it is too small: near underflow, or with all its digits
+    if Decimal(text) != exact:  # the float next to it says something else: near underflow, or with all its digits
         text = str(exact).lower()
     return at_most(x, digits + 1, below) if float(text) >= below > x else text
 
