@@ -15,7 +15,7 @@ from .methods import Method, named
 from .methods.choose import Choice
 from .methods.reduced import choices
 from .problem import ICP, as_icp
-from .solution import Solution
+from .solution import Solution, Status
 
 #: the default relative tolerance
 RTOL = 1e-8
@@ -58,7 +58,9 @@ def solve(
     problem reduced before where that pays (see `icpmodel.methods.reduced`), while a named one gets the whole problem;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
     by default 1e-8 and 0; `accuracy` > 0 in the units of z, instead of the two;
-    `max_iter` iterations in all; `time_limit` in seconds, set-up included, looked at between iterations;
+    `max_iter` iterations in all, a sweep or a Newton step each (small problems are solved by all sweeps or pivots in
+    one); `time_limit` in seconds, looked at between iterations, set-up included, and at the first call of a process
+    half a second for loading compiled code, or some seconds for compiling it;
     `callback` gets a `Progress` per tested iterate and stops the run by returning True;
     `history` keeps the residuals in `Solution.history`; `progress` shows a bar where standard error is a terminal;
     `raise_on_failure`.
@@ -89,7 +91,7 @@ def solve(
     job = Job(problem, start, limits, callback, history, progress)
     solution = job.first_success(_choices(problem, method, options), tolerate_singular=method is None)
     if raise_on_failure and not solution.solved:
-        raise NotSolved(solution)
+        raise NotSolved(solution) from (job.fault if solution.status is Status.MAP_FAILED else None)
     return solution
 
 

@@ -131,11 +131,11 @@ class Job:
         if limits.accuracy is not None:
             self.goal = AccuracyGoal(problem, limits.accuracy, start)
         self.best: _Best | None = None
-        self.current = start
-        self.iteration = 0
+        self.current, self.iteration = start, 0
         self.tried: list[tuple[Choice, str]] = []
         self.successor: Choice | None = None
         self.infeasible: Answer | None = None
+        self.fault: MapError | None = None
         self.records: list[tuple[int, float, float]] = []
 
     def first_success(self, choices: Iterator[Choice], *, tolerate_singular: bool) -> Solution:
@@ -189,6 +189,7 @@ class Job:
         except MapError as error:
             if self.best is None:
                 raise
+            self.fault = error
             return Status.MAP_FAILED, str(error)
         except HandOver as over:
             self.successor = Choice(over.method, over.why, choice.hurry, over.afresh)
@@ -304,7 +305,6 @@ class Job:
         if self.history:
             columns = np.array(self.records, dtype=np.float64).reshape(-1, 3)
             past = History(columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2])
-        seconds = time.perf_counter() - self.clock
         z = best.z.copy()
         z.flags.writeable = False
         return Solution(
@@ -319,7 +319,7 @@ class Job:
             tolerance=self.goal.tolerance,
             accuracy=self.limits.accuracy,
             iterations=self.iteration,
-            seconds=seconds,
+            seconds=time.perf_counter() - self.clock,
             history=past,
             infeasible=self.infeasible if status is Status.INFEASIBLE else None,
         )

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .arrays import Vector, row_of
+from .errors import MapError
 from .intervention import Intervention
 from .maps import Affine, Constant, Elementwise, Map
 from .problem import ICP, SMALLEST, UNIT_ROUNDOFF
@@ -75,7 +76,11 @@ def _roots(psi: Map, slope: Vector) -> Vector:
             break
         c = following
         value = psi.value(c)
-    return np.where(np.isneginf(value), -np.inf, c)
+    c = np.where(np.isneginf(value), -np.inf, c)
+    if np.isnan(c).any() or np.isposinf(c).any():
+        i = int(np.argmin(c < np.inf))
+        raise MapError(f"psi_{i} leads to {c[i]} where z_{i} = psi_{i}(z_{i}) is sought; a finite number was expected")
+    return c
 
 
 def _own_slopes(psi: Map, z: Vector) -> Vector | None:

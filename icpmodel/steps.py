@@ -71,63 +71,64 @@ def compiled_step(
     """One compiled sweep as a step: `before` and `after` are the kernel's arguments around ψ.
 
     ψ = constant, affine and compiled elementwise maps are evaluated inside the sweep; any other is called once for it.
-    A sweep that goes forward may make some more in the same call, for a large A in the same pass over it: they are the
-    next answers, if the step is asked for its own last one. `reach` is how far A reaches above its diagonal,
-    None where the sweep cannot do that.
+    A sweep "in_order" that goes forward may make some more in the same call, for a large A in the same pass over it:
+    they are the next answers, if the step is asked for its own last one. `reach` is how far A reaches above its
+    diagonal, None where the sweep cannot do that.
 
     >>> problem = ICP([[2.0]], [-2.0])
     >>> matrix = (problem.A.indptr, problem.A.indices, problem.A.data, problem.q)
     >>> compiled_step(problem, "diagonal", matrix, (np.array([2.0]), np.array([0.25])))(np.array([3.0]))
     (array([1.]), 3.0)
     """
-    from .kernels.sweeps import SWEEPS
+    from .kernels.sweeps import SWEEPS, USER_SWEEPS
 
     psi, inside = problem.psi, _inside(problem)
-    within = _with_psi_within(problem, name, before)
+    if isinstance(psi, Elementwise) and is_compiled(psi.f):
+        return _step_with(getattr(USER_SWEEPS, name), psi, before, after)
+    sweep = getattr(SWEEPS, name)
 
     def step(z: Vector) -> tuple[Vector, float]:
         out = np.empty(z.size)
-        if within is None:
-            squares = getattr(SWEEPS, name)(*before, psi.value(z), *after, z, out)
-        else:
-            squares = within(after, z, out)
+        squares = sweep(*before, psi.value(z) if inside is None else inside, *after, z, out)
         return out, float(np.sqrt(squares))
 
     nnz = problem.A.nnz
     if reach is None or inside is None:
         return step
     if nnz <= _FEW:
-        return _looking_ahead(
-            step, partial(_in_turn, partial(getattr(SWEEPS, f"some_{name}"), *before, inside, *after))
-        )
+        return _looking_ahead(step, partial(_in_turn, partial(SWEEPS.some_in_order, *before, inside, *after)))
     if isinstance(psi, Affine):  # the second sweep asks for what psi takes from the first as well
         reach, nnz = max(reach, bandwidths(psi.G)[1]), nnz + psi.G.nnz
     if reach * (nnz / problem.n + 4) > _NEAR:
         return step
-    two = partial(getattr(SWEEPS, f"two_{name}"), *before, inside, after[0], reach)
+    two = partial(SWEEPS.two_in_order, *before, inside, after[0], reach)
     return _looking_ahead(step, partial(_passes, two, reach, nnz))
 
 
-def watched_sweeps(problem: ICP, name: str, before: tuple[Any, ...], after: tuple[Any, ...]) -> Watched | None:
+def watched_sweeps(problem: ICP, before: tuple[Any, ...], after: tuple[Any, ...]) -> Watched | None:
     """Sweeps that one compiled call makes and watches: (z, first, share, look, most) ↦ (z⁺, Res(z⁺), whether quick).
 
     They end with the first z⁺ of at most `share` times the residual `first` (0: that of z), or where a look finds that
     more than `most` would follow, and then they are not quick. They are looked at after `look` sweeps, and whenever
-    their number has doubled. None where ψ has to be called from Python. `before` and `after` as in `compiled_step`.
+    their number has doubled. None where ψ is a function: the call would have to be compiled for each. `before` and
+    `after` as in `compiled_step`.
 
     >>> problem = ICP([[4.0, -1.0], [-2.0, 4.0]], [-3.0, -2.0])
     >>> matrix = (problem.A.indptr, problem.A.indices, problem.A.data, rows_of(problem).diag, problem.q)
-    >>> z, residual, quick = watched_sweeps(problem, "in_order", matrix, ((1.0,), True))(np.zeros(2), 0, 1e-8, 10, 20)
+    >>> z, residual, quick = watched_sweeps(problem, matrix, ((1.0,), True))(np.zeros(2), 0, 1e-8, 10, 20)
     >>> z.round(6), residual < 1e-7, quick
     (array([1., 1.]), True, True)
     """
-    within = _with_psi_within(problem, f"watched_{name}", before)
-    if within is None:
+    from .kernels.sweeps import SWEEPS
+
+    inside = _inside(problem)
+    if inside is None:
         return None
 
     def run(z: Vector, first: float, share: float, look: int, most: float) -> tuple[Vector, float, bool]:
         out = np.empty(z.size)
-        squares, quick = within((*after, float(first), float(share), look, float(most)), z, out)
+        numbers = (float(first), float(share), look, float(most))
+        squares, quick = SWEEPS.watched_in_order(*before, inside, *after, *numbers, z, out)
         return out, float(np.sqrt(squares)), quick
 
     return run
@@ -141,20 +142,18 @@ def _inside(problem: ICP) -> Any:
     return (psi.c, psi.G.indptr, psi.G.indices, psi.G.data) if isinstance(psi, Affine) else None
 
 
-def _with_psi_within(problem: ICP, name: str, before: tuple[Any, ...]) -> Callable[..., Any] | None:
-    """(after, z, out) ↦ what the sweep returns that evaluates ψ itself; None where it cannot."""
-    from .kernels.sweeps import SWEEPS, USER_SWEEPS
+def _step_with(kernel: Any, psi: Elementwise, before: tuple[Any, ...], after: tuple[Any, ...]) -> Step:
+    """`compiled_step` where the sweep calls the user's compiled function, which may raise."""
+    from .kernels.user import sweep_with
 
-    psi, inside = problem.psi, _inside(problem)
-    if isinstance(psi, Elementwise) and is_compiled(psi.f):
-        from .kernels.user import sweep_with
+    sweep = sweep_with(kernel, psi.f)
 
-        sweep = sweep_with(getattr(USER_SWEEPS, name), psi.f)
-        return lambda after, z, out: raising_map_error(lambda: sweep(before, psi.c, after, z, out), "psi.f")
-    if inside is None:
-        return None
-    kernel = partial(getattr(SWEEPS, name), *before, inside)
-    return lambda after, z, out: kernel(*after, z, out)
+    def step(z: Vector) -> tuple[Vector, float]:
+        out = np.empty(z.size)
+        squares = raising_map_error(lambda: sweep(before, psi.c, after, z, out), "psi.f")
+        return out, float(np.sqrt(squares))
+
+    return step
 
 
 def _looking_ahead(single: Step, several: Callable[[Vector, int], list[tuple[Vector, float]]]) -> Step:

@@ -601,3 +601,13 @@ def test_a_psi_that_changes_its_mind_at_the_same_z_is_found_out():
     solution, calls = run(np.inf)
     assert solution.solved
     assert "different values at the same z" in run(calls)[0].message
+
+
+def test_what_psi_raised_during_the_run_is_the_cause_of_not_solved():
+    def psi(z):
+        return 0.1 * z if (z <= 0.01).all() else 1 / 0 * z
+
+    with pytest.raises(icp.NotSolved, match="ZeroDivisionError") as failed:
+        icp.ICP(4 * np.eye(3) - np.eye(3, k=1), -np.ones(3), psi).solve()
+    assert isinstance(failed.value.__cause__, icp.MapError)
+    assert isinstance(failed.value.__cause__.__cause__, ZeroDivisionError)

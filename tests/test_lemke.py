@@ -6,11 +6,13 @@ from itertools import product
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel import methods
 from icpmodel.methods.lemke import Lemke
-from icpmodel.theory.certificates.infeasible import infeasible
+from icpmodel.theory.certificates.infeasible import infeasible, multipliers
 
 
 def run(problem, **options):
@@ -353,3 +355,44 @@ def test_a_long_path_is_looked_at_between_rounds_of_n_pivots():
 def test_solve_falls_back_on_pivots_where_newton_stands_still():
     names = [c.method.name for c in methods.choose.choose(icp.ICP(np.eye(100), -np.ones(100)))]
     assert "lemke" in names
+
+
+@pytest.mark.parametrize("n", [28, 40, 64, 150])
+def test_entries_that_fade_with_the_distance_are_no_reason_for_other_units(n):
+    """A(I − G)⁻¹ of an affine ψ: in units in which its entries are alike, q would grow as they fade."""
+    G = np.diag(np.full(n - 1, 0.3), -1)
+    easy = icp.ICP(4 * np.eye(n), np.where(np.arange(n) % 2, 1.0, -1.0), icp.Affine(G, np.full(n, -1.0)))
+    rng = np.random.default_rng(n)
+    A = sp.diags_array([-np.ones(n - 1), 2.0 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1])
+    both = sp.diags_array([0.3 * np.ones(n - 1), 0.2 * np.ones(n - 1)], offsets=[-1, 1])
+    for problem in (easy, icp.ICP(A, rng.normal(size=n), icp.Affine(both, rng.normal(size=n)))):
+        assert problem.solve("lemke").solved
+        assert problem.solve("josephy").solved
+
+
+def test_a_linear_program_proves_what_the_ray_does_not():
+    solution = icp.ICP([[-2, 1], [1, -2]], [1, -2]).solve(raise_on_failure=False)
+    assert solution.status is icp.Status.INFEASIBLE
+    y = np.array([float(x) for x in solution.infeasible.witness])
+    assert (y >= 0).all()
+    assert (np.array([[-2, 1], [1, -2]]).T @ y <= 0).all()
+    assert y @ [1, -2] < 0
+
+
+@given(st.integers(0, 10**6), st.integers(2, 40), st.booleans())
+@settings(max_examples=40, deadline=None)
+def test_infeasible_problems_are_proved_to_be_so_and_feasible_ones_never(seed, n, whole):
+    """One y with Aᵀy ≤ 0 and qᵀy < 0, or one z with z ≥ 0 and Az + q ≥ 0, is built in."""
+    rng = np.random.default_rng(seed)
+    A = rng.integers(-4, 5, (n, n)).astype(float) if whole else rng.normal(size=(n, n))
+    y, q = rng.integers(0, 3, n).astype(float), rng.integers(-3, 4, n).astype(float)
+    y[0] = 1.0
+    bad, worse = A.copy(), q.copy()
+    bad[0] -= np.maximum(A.T @ y, 0.0) + 1e-3
+    worse[0] -= max(q @ y, 0.0) + 1.0
+    assert icp.ICP(bad, worse).solve("lemke", raise_on_failure=False).status is icp.Status.INFEASIBLE
+    z = rng.random(n)
+    feasible = icp.ICP(A, rng.random(n) - A @ z)
+    assert feasible.solve("lemke", raise_on_failure=False).status is not icp.Status.INFEASIBLE
+    y = multipliers(feasible)
+    assert y is None or not infeasible(feasible, y).holds

@@ -542,3 +542,8 @@ def test_where_z_runs_away_rounding_is_not_the_reason(seed):
     solution = problem.solve("newton", raise_on_failure=False)
     assert solution.status is icp.Status.STAGNATED
     assert "stand still" in solution.message
+
+
+def test_squares_beyond_the_floats_stop_no_line_search():
+    problem = icp.ICP([[1e-300, -1, 0], [0, 1, -1], [-1, 0, 1]], [-1, -1, -1])
+    assert problem.solve("newton", raise_on_failure=False).status in icp.Status

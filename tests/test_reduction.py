@@ -15,7 +15,7 @@ from icpmodel.methods import reduced as module
 from icpmodel.methods.choose import Choice, choose, without_trial
 from icpmodel.methods.multilevel import Multilevel
 from icpmodel.methods.reduced import Reduced, choices
-from icpmodel.reduction import blocks, certain_rows, restricted, without
+from icpmodel.reduction import blocks, certain_rows, restricted, with_fixed_obstacle, without
 from icpmodel.scenes.grid import five_point
 from icpmodel.theory.certificates.active_set import active_set
 from icpmodel.theory.certificates.infeasible import Known, infeasible
@@ -737,3 +737,12 @@ def test_a_small_block_without_a_solution_behind_a_large_one():
     solution = icp.ICP(A, q).solve(Reduced(), raise_on_failure=False)
     assert solution.status is icp.Status.INFEASIBLE
     assert "70 unknowns are proved" in solution.infeasible.reason
+
+
+def test_a_psi_that_is_nan_on_the_way_to_its_obstacle_fails_as_a_map_does():
+    psi = icp.Elementwise(lambda t: np.where(np.abs(t) < 1e-9, 1e-9, np.nan), lipschitz=0.9)
+    A = 4 * np.eye(40) - np.eye(40, k=7) - np.eye(40, k=13)
+    with pytest.raises(icp.MapError, match="leads to nan where z_0 = psi_0"):
+        with_fixed_obstacle(icp.ICP(A, np.ones(40), psi))
+    solution = icp.ICP(A, np.ones(40), psi).solve(raise_on_failure=False)
+    assert solution.status in (icp.Status.SOLVED, icp.Status.MAP_FAILED)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.methods import HandOver, named
+from icpmodel.methods.parameters import jacobi_step
 from icpmodel.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal
 from icpmodel.reduction import with_fixed_obstacle
 from icpmodel.splittings import AOR, Given, Whole
@@ -295,12 +296,12 @@ def test_sweeps_that_a_compiled_call_watches_are_the_sweeps_and_are_judged_alike
     psi = {
         "constant": c,
         "affine": icp.Affine(0.1 * sp.random_array((n, n), density=0.2, rng=rng), c),
-        "elementwise compiled": icp.Elementwise(sine, c=c),
+        "elementwise compiled": icp.Elementwise(sine, lipschitz=0.3, c=c),
         "fixed obstacle": icp.Elementwise(lambda t: 0.3 * np.sin(t) + c, lipschitz=0.3),
     }[kind]
     problem = icp.ICP(A, rng.normal(size=n), psi)
     z = rng.normal(size=n) * rng.integers(0, 2)
-    plain = problem if kind != "fixed obstacle" else with_fixed_obstacle(problem)
+    plain = problem if kind == "affine" else with_fixed_obstacle(problem)
     sweeps, most = [z for z, _ in islice(named("psor").iterates(plain, z), 1500)], float(rng.integers(2, 40))
 
     def on_trial(problem, pivot_up_to):
@@ -321,6 +322,23 @@ def test_sweeps_that_a_compiled_call_watches_are_the_sweeps_and_are_judged_alike
         assert residual is None or residual == pytest.approx(problem.residual(came), rel=1e-9, abs=1e-13)
     if stays:
         assert problem.residual(path[1][0]) <= 1.01e-8 * max(problem.residual(z), problem.residual(np.zeros(n)))
+
+
+def test_watched_sweeps_that_go_nowhere_come_back():
+    A = np.kron(np.eye(12), [[1.0, 2, 0], [0, 1, 2], [2, 0, 1]])
+    problem = icp.ICP(A, -np.ones(36) + 0.1 * np.arange(36) % 3)
+    solution = problem.solve(icp.PSOR.on_trial(np.inf, lambda: None), max_iter=50, raise_on_failure=False)
+    assert not solution.solved
+    for q in ([1e200, -1e200], [1e-300, -1e-300], [5e-324, -1.0]):
+        assert icp.ICP(4 * np.eye(2), q).solve(icp.PSOR.on_trial(9, lambda: None)).solved
+
+
+def test_the_numbers_of_a_method_stay_what_was_checked():
+    method = icp.NMMS(omega=np.array([1.0, 2.0]))
+    with pytest.raises(ValueError, match="read-only"):
+        method.omega_of(icp.ICP(np.eye(2), [1.0, 1.0]))[0] = -5.0
+    problem = icp.ICP([[2.0]], [-2.0])
+    assert jacobi_step(problem, 2)(np.zeros(1))[0] == jacobi_step(problem, np.array([2.0]))(np.zeros(1))[0]
 
 
 def test_a_small_problem_is_solved_in_one_compiled_call_unless_psi_is_called_from_python():

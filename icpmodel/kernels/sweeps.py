@@ -127,7 +127,8 @@ def _some_in_order(indptr, indices, data, diag, q, psi, par, forward, Z, squares
 
 
 def _still_needed(half, last, goal, steps):
-    # how many more sweeps it takes from the residual `last` to `goal` at the rate of the `steps` since `half`
+    # how many more sweeps it takes from the residual `last` to `goal` at the rate of the `steps` since `half`; the same
+    # number for three squares
     speed = math.log(half / last) / steps
     return math.log(last / goal) / speed if speed > 0.0 else np.inf
 
@@ -152,7 +153,8 @@ def _watched_in_order(indptr, indices, data, diag, q, psi, par, forward, first, 
         if count == (look + 1) // 2:
             half = squares
         if count == look:
-            quick = still_needed(half, squares, goal, look - (look + 1) // 2) <= most
+            needed = still_needed(half, squares, goal, look - (look + 1) // 2)
+            quick = needed <= most and needed < np.inf
             look, half = 2 * look, squares
     out[:] = old
     return squares, quick

@@ -8,25 +8,28 @@ import numpy as np
 
 from . import compiled
 
-#: entries within 2^±so many of each other need no balancing; passes of balancing
-_TAME, _PASSES = 20, 60
+#: entries within 2^±so many of each other need no balancing; passes of balancing; the exponent of 0
+_TAME, _PASSES, _NONE = 20, 60, -5000
 
 
 def _balance(M):
     # exponents (r, c) such that the 2^(r_i + c_j) m_ij are near 1: geometric means of rows and columns in turn, where
-    # entries differ much; else all are divided by the largest
+    # the largest entries of rows or columns differ much; else all are divided by the largest of all. (Entries that are
+    # small in their row and in their column are no reason: those of an inverse fade with the distance, and units in
+    # which they do not would make q grow as fast.)
     n = M.shape[0]
     r, c = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    low, high = 5000, -5000
     size = np.zeros((n, n), np.int64)
+    rows, columns = np.full(n, _NONE), np.full(n, _NONE)
     for i in range(n):
         for j in range(n):
             if M[i, j] != 0.0:
                 size[i, j] = math.frexp(M[i, j])[1]
-                low, high = min(low, size[i, j]), max(high, size[i, j])
+                rows[i], columns[j] = max(rows[i], size[i, j]), max(columns[j], size[i, j])
+    high = rows.max()
+    low = min(np.where(rows > _NONE, rows, high).min(), np.where(columns > _NONE, columns, high).min())
     if high - low <= 2 * _TAME:
-        for i in range(n):
-            r[i] = -high if high > -5000 else 0
+        r[:] = -high if high > _NONE else 0
         return r, c
     for _ in range(_PASSES):
         moved = 0

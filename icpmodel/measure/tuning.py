@@ -97,11 +97,11 @@ def _best(one: Scene, grid: Iterator[tuple[str, Method]], best: _Tuned | None = 
     """What needs the fewest steps, the first of several, `best` or of the grid; it gives up on the others in time."""
     best = best or _Tuned()
     for label, method in grid:
+        if best.steps == 0:
+            break
         steps = _steps(one, method, best.steps - 1)
         if steps is not None:
             best = _Tuned(label, method, steps)
-        if best.steps == 0:
-            break
     return best
 
 

@@ -115,7 +115,8 @@ class FixedPoint(Method):
 
     @abstractmethod
     def step_of(self, problem: ICP) -> Step:
-        """z ↦ (g(z), Res(z)); the result is a fresh array. Raises SingularOperator.
+        """z ↦ (g(z), Res(z)); the result is a fresh array, which nobody may change: a step knows its last answer when
+        it is asked for the next one. Raises SingularOperator.
 
         >>> named("mnmgs").step_of(ICP([[2.0]], [-2.0]))(np.array([3.0]))
         (array([1.]), 3.0)

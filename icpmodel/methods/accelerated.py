@@ -39,8 +39,8 @@ class Accelerated(Method):
     ΔG and ΔF the differences of the last `window` + 1 values of g and f, D the diagonal of A, so that symmetric changes
     of units leave γ as it is; the other steps are plain ones. The combination costs about as much as a sweep, hence not
     every step is one; with more than two plain ones in between, sweeps that diverge would get too far. Where g is
-    linear and `every` is 1 this is GMRES, restarted gradually; where g is affine and n is at most 2, the third step of
-    the default is exact.
+    linear and `every` is 1 this is GMRES, restarted gradually; where g is affine, n at most 2 and `every` 3, the third
+    step is exact.
 
     **Safeguard.** An iterate so made is kept only if its residual, which the next sweep yields for free, is at most ten
     times the least one so far; else the plain step is taken and the history forgotten. Where a hundred steps

@@ -16,7 +16,7 @@ from ..maps import Affine
 from ..problem import ICP
 from ..reduction import has_fixed_obstacle, with_fixed_obstacle
 from ..theory.certificates.equations import solve_on
-from ..theory.certificates.infeasible import infeasible
+from ..theory.certificates.infeasible import infeasible, multipliers
 from . import Infeasible, Method
 
 Matrix = NDArray[np.float64]
@@ -36,7 +36,8 @@ class Lemke(Method):
     first. Ties in the ratio test are broken lexicographically, so that, but for rounding, no basis comes back; the last
     one is refined. The start has no influence. It finds a solution where A is a P-matrix, and one, if there is any,
     where A is positive semidefinite (copositive-plus). Else it may end in a ray, which is tried as a proof that p ≥ 0
-    and r ≥ 0 contradict each other: then it raises `Infeasible`, and if it is none, it stands still.
+    and r ≥ 0 contradict each other, as is the y of a linear program: then it raises `Infeasible`, and if neither is
+    one, it stands still.
     References: Lemke, Management Science 11 (1965); Cottle, Pang and Stone, The Linear Complementarity Problem (1992),
     sections 4.4 and 4.9.
 
@@ -81,6 +82,8 @@ class Lemke(Method):
             yield z, None
         if ended == RAY:
             answer = infeasible(problem, ray)
+            if not answer.holds and (y := multipliers(problem)) is not None:
+                answer = infeasible(problem, y)
             if answer.holds:
                 raise Infeasible(answer)
         else:

@@ -436,4 +436,5 @@ def check_diagonal(method: Method, name: str, *, positive: bool = True) -> None:
     value = as_vector(given, None if np.ndim(given) else 1, name)
     if positive and not (value > 0).all():
         raise InputError(f"{name} has the entry {value.min():g}; positive numbers were expected")
+    value.flags.writeable = False
     object.__setattr__(method, name, value if np.ndim(given) else float(value[0]))

@@ -256,12 +256,14 @@ class _Path:
             yield step
         gradient = V.T @ phi
         steepest = gradient / norm(gradient)
-        yield -steepest * (phi @ (V @ steepest)) / norm(V @ steepest) ** 2
+        size = norm(V @ steepest)
+        yield -steepest * (phi @ (V @ steepest)) / size / size  # the square may not be a float
 
     def _along(self, best: _Point, step: Vector, slope: float) -> _Point | None:
         for k in range(_HALVINGS):
             t = 0.5**k
             new = self._point(best.z + t * step)
-            if new is not None and (new.theta / best.theta) ** 2 <= 1.0 + 2.0 * _SLOPE * t * slope:
+            growth = np.inf if new is None else new.theta / best.theta
+            if new is not None and growth * growth <= 1.0 + 2.0 * _SLOPE * t * slope:  # growth**2 raises if it is inf
                 return new
         return None

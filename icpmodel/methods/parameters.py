@@ -96,9 +96,9 @@ def as_diagonal(value: float | Vector, n: int, name: str) -> Vector:
     >>> as_diagonal(2.0, 3, "phi")
     array([2., 2., 2.])
     """
-    if isinstance(value, float):
-        return np.full(n, value)
-    return value if value.size == n else as_vector(value, n, name)
+    if isinstance(value, np.ndarray) and value.shape == (n,):
+        return value
+    return as_vector(value, n, name) if np.ndim(value) else np.full(n, float(value))
 
 
 def sor(problem: ICP, omega: float) -> tuple[float, Vector]:

@@ -59,8 +59,8 @@ class PSOR(FixedPoint):
         the start is better than 0, `narrow` is called with the iterate, the next one, the first residual, the last one
         and the number of sweeps that are still needed, as far as is known; it may say what goes on with fewer rows.
 
-        For n ≤ 64, unless ψ has to be called from Python in every sweep, one iterate is as many sweeps as it takes, in
-        one compiled call, and there are no rows that would be worth to leave out.
+        For n ≤ 64 and a ψ that is constant or affine, or amounts to a fixed obstacle, one iterate is as many sweeps as
+        it takes, in one compiled call, and there are no rows that would be worth to leave out.
 
         >>> problem = ICP([[2, -1, 0], [-1, 2, -1], [0, -1, 2]], [-1, -1, -1])
         >>> problem.solve(PSOR.on_trial(5, lambda: HandOver(PSOR(omega=1.2), "too slow"))).method
@@ -111,7 +111,7 @@ class PSOR(FixedPoint):
         fixed = problem
         with suppress(MapError):
             fixed = with_fixed_obstacle(problem) if has_fixed_obstacle(problem) else problem
-        run = watched_sweeps(fixed, "in_order", *self._arguments(fixed))
+        run = watched_sweeps(fixed, *self._arguments(fixed))
         if run is None:
             return
         own = fixed is problem

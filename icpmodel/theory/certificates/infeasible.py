@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...arrays import Vector
 from ...maps import Constant
@@ -19,6 +20,8 @@ _RATIONAL = 30
 _ZERO = 1e-9
 #: denominators that are tried first: the rays of problems in small whole numbers have them
 _DENOMINATOR = 1000
+#: for a linear program
+_SECONDS = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +41,17 @@ def infeasible(problem: ICP, y: Vector, known: Known | None = None) -> Answer:
     """Whether `y`, or an exact y next to it, proves that no z has p ≥ 0 and r ≥ 0, for constant ψ = c.
 
     With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
-    obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Mostly Aᵀy is 0
-    in many rows, which floats seldom hold: tried are the simple fractions next to `y`, and where up to 30 of its
-    entries are not 0 the exact solution of these equations. All is checked in rational arithmetic, so that yes is
-    proved for the A, q and c that the floats are.
+    obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Often Aᵀy is 0
+    in many rows, which floats seldom hold: tried are the simple fractions next to `y`, `y` itself, and where up to 30
+    of its entries are not 0 the exact solution of these equations. All is checked in rational arithmetic, so that yes
+    is proved for the A, q and c that the floats are.
 
     Where it is `known` of some unknowns in which interval every solution has them, (Aᵀy)_j z_j is at most its largest
     value there, whatever the sign of (Aᵀy)_j. That no z solves the problem is then proved, though one may have p ≥ 0
     and r ≥ 0.
 
-    Parameters: `y` shape (n,), such as the direction of a ray in which Lemke's method ends; its scale says nothing.
+    Parameters: `y` shape (n,), such as the direction of a ray in which Lemke's method ends, or what `multipliers`
+    finds; its scale says nothing.
     Returns True with the witness y, shape (n,), floats or fractions, and `number` = (q + Ac)ᵀy; else None.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
 
@@ -64,6 +68,9 @@ def infeasible(problem: ICP, y: Vector, known: Known | None = None) -> Answer:
     simple = {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
     number = _contradiction(problem, free, simple, known)
     found = simple
+    if number is None:
+        found = {int(i): Fraction(float(y[i])) for i in support}
+        number = _contradiction(problem, free, found, known)
     if number is None and support.size <= _RATIONAL:
         found = _exact(problem, support, y, known)
         number = _contradiction(problem, free, found, known)
@@ -89,6 +96,39 @@ def infeasible(problem: ICP, y: Vector, known: Known | None = None) -> Answer:
         exact.as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x)), known) is not None),
         exact.nearest(number),
     )
+
+
+def multipliers(problem: ICP) -> Vector | None:
+    """A candidate y for `infeasible`: (q + Ac)ᵀy < 0, Aᵀy ≤ 0 and 0 ≤ y ≤ 1 in floats, for constant ψ = c.
+
+    In rows without an obstacle −1 ≤ y ≤ 1 and (Aᵀy)_i = 0. Where there is one that has all this with room for rounding,
+    one with the most room. By linear programming (HiGHS). Returns shape (n,), or None where there is no such y, as
+    where some z has p ≥ 0 and r ≥ 0, or none is found within a second.
+
+    >>> multipliers(ICP([[-2, 1], [1, -2]], [1, -2]))
+    array([1., 1.])
+    >>> multipliers(ICP([[2, 1], [1, 2]], [1, -2])) is None
+    True
+    """
+    if not isinstance(problem.psi, Constant):
+        return None
+    from scipy.optimize import linprog
+
+    free, A, n = np.isneginf(problem.psi.c), problem.A.tocsc(), problem.n
+    load = problem.p(np.where(free, 0.0, problem.psi.c))
+    size, sums = np.abs(load).sum(), abs(A).sum(axis=0)
+    # the last unknown is the room, in shares of what the rows could be
+    room = np.append(np.zeros(n), -10.0 * size)
+    found = linprog(
+        np.append(load, 0.0) + room,
+        A_ub=sp.vstack([sp.hstack([A[:, ~free].T, sums[~free, None]]), np.append(load, size)[None]]),
+        b_ub=np.zeros(n - free.sum() + 1),
+        A_eq=sp.hstack([A[:, free].T, np.zeros((free.sum(), 1))]),
+        b_eq=np.zeros(free.sum()),
+        bounds=np.column_stack([np.append(np.where(free, -1.0, 0.0), 0.0), np.ones(n + 1)]),
+        options={"time_limit": _SECONDS},
+    )
+    return np.asarray(found.x[:-1]) if found.status == 0 and load @ found.x[:-1] < 0 else None
 
 
 def _contradiction(problem: ICP, free: np.ndarray, y: dict[int, Fraction], known: Known | None) -> Fraction | None:
