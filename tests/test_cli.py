@@ -66,7 +66,8 @@ def test_not_solved_is_exit_code_1_with_advice_on_the_card(capsys):
 def test_problem_and_solution_travel_through_files(capsys, tmp_path):
     folder, answer = str(tmp_path / "problem"), str(tmp_path / "answer.npz")
     assert call(capsys, "solve", "manufactured-affine", "--n", "25", "--save-problem", folder)[0] == 0
-    code, out, _ = call(capsys, "solve", folder, "-o", answer)
+    code, out, err = call(capsys, "solve", folder, "-o", answer)
+    assert f"wrote {answer}" in err
     assert code == 0
     expected = icp.scenes.manufactured_affine(n=25)
     assert icp.load_solution(answer)["z"] == pytest.approx(expected.z_exact, abs=1e-5)
@@ -240,6 +241,7 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["solve", "membrane", "--set", "nu=1"], "membrane has no parameter 'nu'"),
         (["solve", "membrane", "--rtol", "-1"], "rtol is -1.0"),
         (["solve", "membrane", "-o", "answer.txt"], "ends in .npz"),
+        (["report", "membrane", "-o", "page.pdf"], "ends in .html"),
         (["solve", "membrane", "-o", "no/such/answer.npz"], "the folder no/such does not exist"),
         (["crosscheck", "membrane", "--csv", "no/such.csv"], "the folder no does not exist"),
         (["crosscheck", "membrane", "--csv", "."], "is a folder"),

@@ -101,7 +101,7 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
     from ..measure import html_report
 
-    must_be_writable(output)
+    must_be_writable(output, ".html")
     problem, scene = named_problem(arguments)
     method = named_method(arguments)
     with status_line(True) as say:

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from ..errors import FileError
+from ..errors import FileError, InputError
 
 
 def show_json(told: dict[str, Any]) -> None:
@@ -55,8 +55,10 @@ def exit_code(success: bool, complaint: str) -> int:
     return 0 if success else 1
 
 
-def must_be_writable(path: str | None) -> None:
-    """Raise FileError now for a path that could not be written later, when the work is done.
+def must_be_writable(path: str | None, suffix: str = "") -> None:
+    """Raise FileError or InputError now for a path that could not be written later, when the work is done.
+
+    Parameters: `path`, or None for none; the `suffix` that it must have.
 
     >>> must_be_writable("no/such/folder/report.csv")
     Traceback (most recent call last):
@@ -68,6 +70,8 @@ def must_be_writable(path: str | None) -> None:
         raise FileError(f"{path}: is a folder; a file name was expected")
     if not Path(path).parent.is_dir():
         raise FileError(f"{path}: the folder {Path(path).parent} does not exist")
+    if not path.lower().endswith(suffix):
+        raise InputError(f"--output is {path!r}; a name that ends in {suffix} was expected")
 
 
 def _finite(value: Any) -> Any:

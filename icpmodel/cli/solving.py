@@ -40,12 +40,11 @@ _OPTIONS = (
 @click.option("--save-problem", "folder", type=click.Path(), help="Write the problem to this folder or .npz file.")
 def solve(output: str | None, polish: bool, folder: str | None, as_json: bool, **arguments: Any) -> int:
     """Solve the problem SOURCE and say how wrong the answer can be."""
-    must_be_writable(output)
-    if output is not None and not output.lower().endswith(".npz"):
-        raise InputError(f"--output is {output!r}; a name that ends in .npz was expected")
+    must_be_writable(output, ".npz")
     problem, scene = named_problem(arguments)
     if folder is not None:
         save_problem(problem, folder)
+        click.echo(f"wrote {folder}", err=True)
     solution = _solved(problem, scene, arguments)
     if polish:
         solution = solution.polish()
@@ -58,6 +57,7 @@ def solve(output: str | None, polish: bool, folder: str | None, as_json: bool, *
             click.echo(f"{'reference':<9} {name}: off by {error:.3g}")
     if output is not None:
         save_solution(solution, output)
+        click.echo(f"wrote {output}", err=True)
     return exit_code(solution.solved, _unsolved(solution))
 
 
