@@ -53,10 +53,10 @@ def _leaving(D, e, free, basic, place, ties):
             ties[count] = i
             count += 1
             least = min(least, max(D[i, n + 1], 0.0) / -D[i, e])
-    kept = 0
+    kept, most = 0, least + _TIE * (1.0 + least)
     for at in range(count):
         i = ties[at]
-        if max(D[i, n + 1], 0.0) / -D[i, e] <= least + _TIE * (1.0 + least):
+        if max(D[i, n + 1], 0.0) <= most * -D[i, e]:
             if basic[i] == 2 * n:
                 return i
             ties[kept] = i
@@ -206,7 +206,9 @@ def _go_on(S, f, free, units, D, labels, work, entering, limit):
         if code == RAY and entering >= n:
             ray[entering - n] = 1.0
     for i in range(n):
-        y[i], ray[i] = math.ldexp(y[i], units[i]), math.ldexp(ray[i], units[i])
+        y[i] = math.ldexp(y[i], units[i])
+        if code == RAY:
+            ray[i] = math.ldexp(ray[i], units[i])
     return code, entering, y, ray
 
 
@@ -244,11 +246,17 @@ def _many(S, r, c, M, Q, C, limit, Z):
     n = S.shape[0]
     f, units = np.empty(n), np.empty(n, np.int64)
     D, labels, work = np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
+    free, base = np.empty(n, np.bool_), np.empty(n)
     for k in range(Q.shape[0]):
-        free = C[k] == -np.inf
-        base = np.where(free, 0.0, C[k])
-        right(Q[k] + M @ base, r, c, f, units)
-        Z[k] = base + go_on(S, f, free, units, D, labels, work, -1, limit)[2]
+        moved = False
+        for i in range(n):
+            free[i] = C[k, i] == -np.inf
+            base[i] = 0.0 if free[i] else C[k, i]
+            moved = moved or base[i] != 0.0
+        right(Q[k] + M @ base if moved else Q[k], r, c, f, units)
+        y = go_on(S, f, free, units, D, labels, work, -1, limit)[2]
+        for i in range(n):
+            Z[k, i] = base[i] + y[i]
 
 
 many = compiled(_many)
