@@ -206,9 +206,7 @@ def _go_on(S, f, free, units, D, labels, work, entering, limit):
         if code == RAY and entering >= n:
             ray[entering - n] = 1.0
     for i in range(n):
-        y[i] = math.ldexp(y[i], units[i])
-        if code == RAY:
-            ray[i] = math.ldexp(ray[i], units[i])
+        y[i], ray[i] = math.ldexp(y[i], units[i]), math.ldexp(ray[i], units[i])
     return code, entering, y, ray
 
 
@@ -246,17 +244,11 @@ def _many(S, r, c, M, Q, C, limit, Z):
     n = S.shape[0]
     f, units = np.empty(n), np.empty(n, np.int64)
     D, labels, work = np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
-    free, base = np.empty(n, np.bool_), np.empty(n)
     for k in range(Q.shape[0]):
-        moved = False
-        for i in range(n):
-            free[i] = C[k, i] == -np.inf
-            base[i] = 0.0 if free[i] else C[k, i]
-            moved = moved or base[i] != 0.0
-        right(Q[k] + M @ base if moved else Q[k], r, c, f, units)
-        y = go_on(S, f, free, units, D, labels, work, -1, limit)[2]
-        for i in range(n):
-            Z[k, i] = base[i] + y[i]
+        free = C[k] == -np.inf
+        base = np.where(free, 0.0, C[k])
+        right(Q[k] + M @ base if base.any() else Q[k], r, c, f, units)
+        Z[k] = base + go_on(S, f, free, units, D, labels, work, -1, limit)[2]
 
 
 many = compiled(_many)
