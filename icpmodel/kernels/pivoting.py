@@ -44,8 +44,7 @@ exchange = compiled(_exchange)
 def _leaving(D, e, free, basic, place, ties):
     # the row whose variable reaches 0 first as that of column e grows, or -1; ties are broken by the inverse of the
     # basis, in the columns of w: the lexicographically least ratio is unique. y of a row without obstacle never leaves
-    n, count = D.shape[0], 0
-    largest, least = 0.0, np.inf
+    n, count, largest, least = D.shape[0], 0, 0.0, np.inf
     for i in range(n):
         largest = max(largest, abs(D[i, e]))
     for i in range(n):
@@ -97,8 +96,7 @@ def _eliminate_free(D, free, basic, nonbasic, place):
     # rows without obstacle: w_i = 0 leaves for good and y_i, of either sign, enters; the largest pivot each time
     n, first = D.shape[0], 0.0
     while True:
-        row, column, largest = -1, -1, 0.0
-        left = False
+        row, column, largest, left = -1, -1, 0.0, False
         for i in range(n):
             if free[i] and place[i] >= 0:
                 left = True
@@ -244,9 +242,11 @@ def _many(S, r, c, M, Q, C, limit, Z):
     n = S.shape[0]
     f, units = np.empty(n), np.empty(n, np.int64)
     D, labels, work = np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
+    free, base = np.empty(n, np.bool_), np.empty(n)
     for k in range(Q.shape[0]):
-        free = C[k] == -np.inf
-        base = np.where(free, 0.0, C[k])
+        for i in range(n):
+            free[i] = C[k, i] == -np.inf
+            base[i] = 0.0 if free[i] else C[k, i]
         right(Q[k] + M @ base if base.any() else Q[k], r, c, f, units)
         Z[k] = base + go_on(S, f, free, units, D, labels, work, -1, limit)[2]
 
