@@ -77,7 +77,7 @@ def _roots(psi: Map, slope: Vector) -> Vector:
         c = following
         value = psi.value(c)
     c = np.where(np.isneginf(value), -np.inf, c)
-    if np.isnan(c).any() or np.isposinf(c).any():
+    if not (c < np.inf).all():  # nor NaN
         i = int(np.argmin(c < np.inf))
         raise MapError(f"psi_{i} leads to {c[i]} where z_{i} = psi_{i}(z_{i}) is sought; a finite number was expected")
     return c

@@ -546,4 +546,6 @@ def test_where_z_runs_away_rounding_is_not_the_reason(seed):
 
 def test_squares_beyond_the_floats_stop_no_line_search():
     problem = icp.ICP([[1e-300, -1, 0], [0, 1, -1], [-1, 0, 1]], [-1, -1, -1])
-    assert problem.solve("newton", raise_on_failure=False).status in icp.Status
+    solution = problem.solve("newton", raise_on_failure=False)
+    assert solution.status in icp.Status
+    assert solution.residual <= problem.residual(np.zeros(3))

@@ -110,7 +110,8 @@ class PSOR(FixedPoint):
         sweeps, then, known, _ = self.trial
         fixed = problem
         with suppress(MapError):
-            fixed = with_fixed_obstacle(problem) if has_fixed_obstacle(problem) else problem
+            if has_fixed_obstacle(problem):
+                fixed = with_fixed_obstacle(problem)
         run = watched_sweeps(fixed, *self._arguments(fixed))
         if run is None:
             return

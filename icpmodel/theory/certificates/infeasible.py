@@ -117,10 +117,8 @@ def multipliers(problem: ICP) -> Vector | None:
     free, A, n = np.isneginf(problem.psi.c), problem.A.tocsc(), problem.n
     load = problem.p(np.where(free, 0.0, problem.psi.c))
     size, sums = np.abs(load).sum(), abs(A).sum(axis=0)
-    # the last unknown is the room, in shares of what the rows could be
-    room = np.append(np.zeros(n), -10.0 * size)
     found = linprog(
-        np.append(load, 0.0) + room,
+        np.append(load, -10.0 * size),  # the last unknown is the room, in shares of what the rows could be
         A_ub=sp.vstack([sp.hstack([A[:, ~free].T, sums[~free, None]]), np.append(load, size)[None]]),
         b_ub=np.zeros(n - free.sum() + 1),
         A_eq=sp.hstack([A[:, free].T, np.zeros((free.sum(), 1))]),
