@@ -40,7 +40,7 @@ print(f"{'n':>5} {'solver':>9} {'says':>8} {'load':>8} {'residual / Res(0)':>18}
 for n in sizes:
     scene = icp.scenes.bearing(n=n)
     solution = scene.problem.solve(rtol=1e-10)
-    start = scene.problem.residual(np.zeros(n))
+    start = scene.problem.residual_at_0()
     answers = {name: as_it_comes(scene.problem, name) for name in SOLVERS}
     said_optimal += sum(says == "optimal" for _, says in answers.values())
     for name, (z, says) in {**answers, "icpmodel": (solution.z, solution.status.value)}.items():

@@ -114,15 +114,15 @@ class Job:
         self.clock = time.perf_counter()
         self.problem, self.start, self.limits, self.callback = problem, start, limits, callback
         self.history, self.progress = history, progress
-        self.at_start = scale = problem.residual(start)
+        self.at_start = scale = problem.residual(start) if (moved := start.any()) else problem.residual_at_0()
         if not np.isfinite(scale) and (fault := _fault_of_psi(problem, start)):
             raise MapError(f"{fault} at the start z0; a finite number or -inf was expected")
         # a start that leads one method astray is not given to the next, unless psi has no value at 0
         self.restart = start
-        if start.any():
+        if moved:
             at_0 = np.nan
             with contextlib.suppress(MapError):
-                at_0 = problem.residual(np.zeros(problem.n))
+                at_0 = problem.residual_at_0()
             if np.isfinite(at_0):
                 self.restart = np.zeros(problem.n)
                 scale = at_0 or scale  # if 0 solves the problem, it says nothing of its scale

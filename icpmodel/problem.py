@@ -239,12 +239,27 @@ class ICP:
         z = self.vector(z)
         with np.errstate(over="ignore", invalid="ignore"):
             psi = self.psi.value(z)
-            if not np.count_nonzero(z):
-                return norm(np.minimum(self.q, -psi))
-            large = self._matrix.small is None and threads_for(self.A.nnz) > 1
-            if large and 1e-280 < (squares := self._squares(z, psi)) < 1e280:
+            if self._is_large() and 1e-280 < (squares := self._squares(z, psi)) < 1e280:
                 return math.sqrt(squares)
             return norm(np.minimum(self.product(z) + self.q, z - psi))
+
+    def residual_at_0(self) -> float:
+        """Res(0) = ‖min(−ψ(0), q)‖₂, by which residuals are judged, without a product with A.
+
+        >>> ICP([[3.0]], [-6.0]).residual_at_0()
+        6.0
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            psi = self.psi.value(np.zeros(self.n))
+            if self._is_large():
+                from .kernels.rows import natural_at_0  # loads numba
+
+                if 1e-280 < (squares := float(natural_at_0(self.q, np.ascontiguousarray(psi)))) < 1e280:
+                    return math.sqrt(squares)
+            return norm(np.minimum(self.q, -psi))
+
+    def _is_large(self) -> bool:
+        return self._matrix.small is None and threads_for(self.A.nnz) > 1
 
     def _squares(self, z: Vector, psi: Vector) -> float:
         """Res(z)², without care for overflow, in one pass over A on all cores."""

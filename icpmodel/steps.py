@@ -66,14 +66,19 @@ def rows_of(problem: ICP) -> Rows:
 
 
 def compiled_step(
-    problem: ICP, name: str, before: tuple[Any, ...], after: tuple[Any, ...], reach: int | None = None
+    problem: ICP,
+    name: str,
+    before: tuple[Any, ...],
+    after: tuple[Any, ...],
+    reach: int | None = None,
+    wanted: Callable[[], float] | None = None,
 ) -> Step:
     """One compiled sweep as a step: `before` and `after` are the kernel's arguments around ψ.
 
     ψ = constant, affine and compiled elementwise maps are evaluated inside the sweep; any other is called once for it.
     A sweep "in_order" that goes forward may make some more in the same call, for a large A in the same pass over it:
     they are the next answers, if the step is asked for its own last one. `reach` is how far A reaches above its
-    diagonal, None where the sweep cannot do that.
+    diagonal, None where the sweep cannot do that; `wanted` says how many sweeps are thought to be asked for still.
 
     >>> problem = ICP([[2.0]], [-2.0])
     >>> matrix = (problem.A.indptr, problem.A.indices, problem.A.data, problem.q)
@@ -96,13 +101,13 @@ def compiled_step(
     if reach is None or inside is None:
         return step
     if nnz <= _FEW:
-        return _looking_ahead(step, partial(_in_turn, partial(SWEEPS.some_in_order, *before, inside, *after)))
+        return _looking_ahead(step, partial(_in_turn, partial(SWEEPS.some_in_order, *before, inside, *after)), wanted)
     if isinstance(psi, Affine):  # the second sweep asks for what psi takes from the first as well
         reach, nnz = max(reach, bandwidths(psi.G)[1]), nnz + psi.G.nnz
     if reach * (nnz / problem.n + 4) > _NEAR:
         return step
-    two = partial(SWEEPS.two_in_order, *before, inside, after[0], reach)
-    return _looking_ahead(step, partial(_passes, two, reach, nnz))
+    two = partial(SWEEPS.two_in_order, *before, inside, after[0])
+    return _looking_ahead(step, partial(_passes, two, reach, nnz), wanted)
 
 
 def watched_sweeps(problem: ICP, before: tuple[Any, ...], after: tuple[Any, ...]) -> Watched | None:
@@ -156,10 +161,13 @@ def _step_with(kernel: Any, psi: Elementwise, before: tuple[Any, ...], after: tu
     return step
 
 
-def _looking_ahead(single: Step, several: Callable[[Vector, int], list[tuple[Vector, float]]]) -> Step:
+def _looking_ahead(
+    single: Step, several: Callable[[Vector, int], list[tuple[Vector, float]]], wanted: Callable[[], float] | None
+) -> Step:
     """`several` sweeps at once, handed out one by one as long as the z that comes is the last answer.
 
-    With another z a new run of sweeps begins, which is thought to be as long as the last one.
+    With another z a new run of sweeps begins, which is thought to be as long as the last one, where nobody says how
+    many are `wanted`.
     """
     last: Vector | None = None
     ahead: Iterator[tuple[Vector, float | None]] = iter(())
@@ -171,7 +179,8 @@ def _looking_ahead(single: Step, several: Callable[[Vector, int], list[tuple[Vec
             run, used, ahead = used or run, 0, iter(())
         following = next(ahead, None)
         if following is None:
-            count = min(run - used, _SOME) if used < run else _SOME
+            left = wanted() if wanted else run - used if used < run else np.inf
+            count = int(min(left, _SOME))
             ahead = iter(several(z, count) if count > 1 else [single(z)])
             following = next(ahead)
         used += 1
@@ -192,19 +201,23 @@ def _in_turn(some: Callable[..., None], z: Vector, count: int) -> list[tuple[Vec
 def _passes(
     two: Callable[..., tuple[float, float]], reach: int, nnz: int, z: Vector, count: int
 ) -> list[tuple[Vector, float]]:
-    """(z⁺, Res(z)) of two sweeps in one pass over A, or of four, if wanted, where a second thread follows the first.
+    """(z⁺, Res(z)) of two sweeps in one pass over A, or of four, for `count` > 2, where a second thread follows.
 
     Every number is the same as that of one sweep after the other.
     """
-    sweeps = 4 if count >= 4 and threads_for(nnz) > 1 else 2
-    iterates, squares = [z, *(np.empty(z.size) for _ in range(sweeps))], np.zeros(sweeps)
+    threads = min(threads_for(nnz), 2)
+    sweeps = 4 if count > 2 and threads > 1 else 2
+    each = sweeps // threads
+    iterates, squares = [z, *(np.empty(z.size) for _ in range(sweeps))], np.zeros((threads, 2))
+    # the second of two sweeps is `reach` rows behind the first; n rows behind it is never made
+    lag, rows = (reach, z.size + reach) if each == 2 else (z.size, z.size)
 
-    def part(first: int, low: int, high: int) -> None:
-        squares[first : first + 2] += two(*iterates[first : first + 3], low, high)
+    def part(thread: int, low: int, high: int) -> None:
+        start = thread * each
+        squares[thread] += two(lag, iterates[start], iterates[start + 1], iterates[start + each], low, high)
 
-    # the second sweep of a pass is `reach` rows behind the first
-    if sweeps == 2:
-        part(0, 0, z.size + reach)
+    if threads == 1:
+        part(0, 0, rows)
     else:
-        one_behind_the_other(z.size + reach, nnz, partial(part, 0), partial(part, 2), 2 * reach)
-    return list(zip(iterates[1:], np.sqrt(squares).tolist(), strict=True))
+        one_behind_the_other(rows, nnz, partial(part, 0), partial(part, 1), each * reach)
+    return list(zip(iterates[1:], np.sqrt(squares[:, :each]).ravel().tolist(), strict=True))

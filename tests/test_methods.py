@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from conformance import FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
 
 import icpmodel as icp
-from icpmodel import methods, scenes
+from icpmodel import methods, scenes, steps
 from icpmodel.methods.lemke import Lemke
 
 SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
@@ -316,6 +316,28 @@ def test_a_trial_hands_over_by_the_observed_rate_alone():
     rising = icp.ICP([[1.0, -2.0], [-2.0, 1.0]], [-1.0, -1.0])
     with pytest.raises(methods.HandOver):
         list(itertools.islice(icp.PSOR.on_trial(1e9, lambda: over).iterates(rising, np.zeros(2)), 20))
+
+
+@pytest.mark.parametrize("n", [400, 70**2])
+def test_no_sweep_on_trial_is_made_to_judge_what_promises_to_be_the_last_iterate(monkeypatch, n):
+    """By the rate of the last sweeps: as many are made as there are iterates, and more of them are the same ones."""
+    problem, made = scenes.membrane(n=n, mu=4.0).problem, []
+    several = steps._in_turn if n == 400 else steps._passes
+
+    def counted(*arguments):
+        answers = several(*arguments)
+        made.append(len(answers))
+        return answers
+
+    monkeypatch.setattr(steps, several.__name__, counted)
+    sweeps = icp.PSOR.on_trial(100.0, lambda: None)
+    solution = problem.solve(sweeps)
+    assert sum(made) <= solution.iterations + 1
+    path = list(itertools.islice(sweeps.iterates(problem, np.zeros(problem.n)), solution.iterations + 9))
+    assert [k for k, (_, hint) in enumerate(path) if hint is None] == [solution.iterations]
+    for (z, hint), (plain, residual) in zip(path, icp.PSOR().iterates(problem, np.zeros(problem.n)), strict=False):
+        assert np.array_equal(z, plain)
+        assert hint in (None, residual)
 
 
 def test_a_warm_start_survives_the_trial():

@@ -224,6 +224,8 @@ def test_large_problems_have_the_residual_of_small_ones(monkeypatch, scale):
     assert problem.residual(z) == pytest.approx(expected, rel=1e-12, abs=0)
     assert problem.p(z) == pytest.approx(A @ z + q, rel=1e-12, abs=1e-13 * scale)
     assert np.isnan(problem.residual(np.append(z[1:], np.nan)))
+    assert problem.residual_at_0() == pytest.approx(problem.residual(np.zeros(90)), rel=1e-12, abs=0)
+    assert np.isnan(problem.with_psi(lambda z: z + np.append(np.nan, z[1:])).residual_at_0())
     c[7] = -np.inf
     free = icp.ICP(A, q, c)
     assert free.residual(z) == pytest.approx(np.hypot.reduce(np.minimum(A @ z + q, z - c)), rel=1e-12, abs=0)

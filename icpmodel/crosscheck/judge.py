@@ -124,7 +124,7 @@ class Checked:
         y = z / unit
         rtol = OURS
         if isinstance(solution, Solution) and solution.solved and solution.problem is problem:
-            start = problem.residual(np.zeros(problem.n))
+            start = problem.residual_at_0()
             if start > 0:
                 rtol = min(max(OURS, solution.tolerance / start), LOOSEST)
         # the units of A and z may make Res blind to p or to r: in handy units it must be small as well, if less so
@@ -195,7 +195,7 @@ def solves(problem: ICP, y: Vector, rtol: float) -> bool:
     (True, False)
     """
     try:
-        start = problem.residual(np.zeros(problem.n))
+        start = problem.residual_at_0()
     except MapError:
         start = 1.0
     if not (np.isfinite(start) and start > 0):

@@ -62,6 +62,19 @@ def _natural(indptr, indices, data, q, psi, z, low, high):
 natural = compiled(_natural)
 
 
+def _natural_at_0(q, psi):
+    # the same for z = 0, where A does not matter, over all rows
+    squares = 0.0
+    for i in range(_at(q.size)):
+        p, r = q[i], -psi[i]
+        least = r if r <= p or r != r else p
+        squares += least * least
+    return squares
+
+
+natural_at_0 = compiled(_natural_at_0, reassociate=True)
+
+
 def _couple(indptr, indices, data, weight):
     # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: what row j is asked for
     # is at or behind what it was asked for last, so that `at` only ever moves on

@@ -111,7 +111,7 @@ class Case:
         >>> Case("", ICP([[2.0]], [-3.0])).scale
         3.0
         """
-        scale = self.problem.residual(np.zeros(self.problem.n))
+        scale = self.problem.residual_at_0()
         if not 0 < scale < np.inf:
             raise InputError(f"{self.scene}: Res(0) = {scale:g}, there is nothing to measure")
         return scale

@@ -99,7 +99,7 @@ def _run(problem: ICP, z: Vector, first: float) -> Iterator[tuple[Vector, float 
     """The run on the finest level, as long as it leads on; `first` is the residual of the start `z`."""
     hierarchy = Hierarchy(problem)
     simple = with_fixed_obstacle(problem) if has_fixed_obstacle(problem) else problem
-    at_0 = problem.residual(np.zeros(problem.n))
+    at_0 = problem.residual_at_0()
     start = z if first <= _NEAR * at_0 else _start(hierarchy, simple)
     if isinstance(problem.psi, Intervention):
         # it never ends
@@ -130,7 +130,7 @@ def _start(hierarchy: Hierarchy, problem: ICP) -> Vector:
     share, looks = (_COARSE_JUMPS, _POLICIES) if jumps else (_COARSE, _LOOKS)
     z = np.zeros(problems[-1].n)
     for top in range(len(problems) - 1, 0, -1):
-        enough = share * problems[top].residual(np.zeros(z.size))
+        enough = share * problems[top].residual_at_0()
         path = Newton().iterates(problems[top], z) if jumps else _path(hierarchy, problems[top], z, top)
         for near, residual in islice(path, looks):
             answer = near

@@ -144,7 +144,7 @@ def in_turn(problem: ICP, found: Blocks, z: Vector) -> Path:
     >>> [z.tolist() for (z, _), _ in zip(in_turn(problem, found, np.zeros(2)), range(3))]
     [[0.0, 0.0], [1.0, 0.0], [1.0, 4.0]]
     """
-    at_0 = problem.residual(np.zeros(problem.n))
+    at_0 = problem.residual_at_0()
     scale = max((x for x in (at_0, problem.residual(z)) if x < np.inf), default=0.0)
     last, every, spent = len(found.stages) - 1, len(found.stages) // _TOGETHER + 1, False
     yield (shown := z), None

@@ -20,6 +20,8 @@ from . import FixedPoint, HandOver, positive_diagonal
 _LOOK = 10
 #: whether they are quick is judged by how many more bring the residual to this share of the first one
 _SHARE = 1e-8
+#: how many sweeps it takes from here to there is told from the rate of the last ones
+_RATE = 2
 
 
 #: see `PSOR.on_trial`
@@ -77,9 +79,9 @@ class PSOR(FixedPoint):
         """See `Method.why_not`."""
         return positive_diagonal(problem, "projected SOR divides by the diagonal of A")
 
-    def step_of(self, problem: ICP) -> Step:
-        """See `FixedPoint.step_of`."""
-        return compiled_step(problem, "in_order", *self._arguments(problem), reach=rows_of(problem).above)
+    def step_of(self, problem: ICP, wanted: Callable[[], float] | None = None) -> Step:
+        """See `FixedPoint.step_of`; `wanted` as in `compiled_step`."""
+        return compiled_step(problem, "in_order", *self._arguments(problem), rows_of(problem).above, wanted)
 
     def _arguments(self, problem: ICP) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
         A = problem.A
@@ -87,14 +89,28 @@ class PSOR(FixedPoint):
 
     def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. On trial it raises HandOver where the sweeps are slow."""
-        if self.trial and problem.n <= PIVOT_UP_TO:
+        if not self.trial:
+            yield from super().iterates(problem, z)
+        if problem.n <= PIVOT_UP_TO:
             yield from self._in_one_call(problem, z)
+        from ..kernels.sweeps import still_needed  # loads numba
+
         residuals: list[float] = []
-        look, first = _LOOK if self.trial else 0, 0.0
-        step = self.step_of(problem)
+        look, first = _LOOK, 0.0
+
+        def to_come() -> float:
+            if len(residuals) <= _RATE or not look or residuals[-1] <= _SHARE * first:
+                return np.inf
+            return float(still_needed(residuals[-1 - _RATE], residuals[-1], _SHARE * first, _RATE))
+
+        step = self.step_of(problem, lambda: max(float(np.ceil(to_come())) - 1.0, 1.0))
         while True:
+            # what promises to be the last iterate is judged before another sweep is made, which would tell its residual
+            if promising := to_come() <= 1.0:
+                yield z, None
             following, residual = step(z)
-            yield z, residual
+            if not promising:
+                yield z, residual
             if look:
                 assert residual is not None
                 if not residuals:
@@ -160,5 +176,5 @@ def _at_0(problem: ICP) -> float:
     """Res(0), or 0 where it is not finite."""
     at_0 = np.inf
     with suppress(MapError):
-        at_0 = problem.residual(np.zeros(problem.n))
+        at_0 = problem.residual_at_0()
     return float(at_0) if at_0 < np.inf else 0.0
