@@ -7,7 +7,7 @@ takes its rows from `low` to `high`, counted from the side where it begins.
 
 from __future__ import annotations
 
-from . import compiled
+from . import compiled, one
 from . import position as _at
 
 
@@ -17,8 +17,10 @@ def _sweep_down(indptr, indices, data, diag, inverse, free, f, x, low, high):
         total = 0.0
         if free[i]:
             total = f[i]
-            for k in range(_at(indptr[i]), _at(diag[i])):
+            k, stop = _at(indptr[i]), _at(diag[i])
+            while k < stop:
                 total -= data[k] * x[_at(indices[k])]
+                k += one()
         x[i] = total * inverse[i]
 
 
@@ -27,10 +29,14 @@ def _restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x,
     for i in range(_at(low), _at(high)):
         if free[i]:
             left = 0.0
-            for k in range(_at(diag[i]) + _at(1), _at(indptr[i + _at(1)])):
+            k, stop = _at(diag[i]) + _at(1), _at(indptr[i + _at(1)])
+            while k < stop:
                 left -= data[k] * x[_at(indices[k])]
-            for k in range(_at(p_indptr[i]), _at(p_indptr[i + _at(1)])):
+                k += one()
+            k, stop = _at(p_indptr[i]), _at(p_indptr[i + _at(1)])
+            while k < stop:
                 coarse[_at(p_indices[k])] += p_data[k] * left
+                k += one()
 
 
 def _interpolate(free, p_indptr, p_indices, p_data, coarse, x, low, high):
@@ -39,8 +45,10 @@ def _interpolate(free, p_indptr, p_indices, p_data, coarse, x, low, high):
     for i in range(_at(n - high), _at(n - low)):
         if free[i]:
             total = x[i]
-            for k in range(_at(p_indptr[i]), _at(p_indptr[i + _at(1)])):
+            k, stop = _at(p_indptr[i]), _at(p_indptr[i + _at(1)])
+            while k < stop:
                 total += p_data[k] * coarse[_at(p_indices[k])]
+                k += one()
             x[i] = total
 
 
@@ -51,8 +59,10 @@ def _sweep_up(indptr, indices, data, inverse, free, f, x, low, high):
         i = _at(n - 1 - step)
         if free[i]:
             left = f[i]
-            for k in range(_at(indptr[i]), _at(indptr[i + _at(1)])):
+            k, stop = _at(indptr[i]), _at(indptr[i + _at(1)])
+            while k < stop:
                 left -= data[k] * x[_at(indices[k])]
+                k += one()
             x[i] += left * inverse[i]
 
 

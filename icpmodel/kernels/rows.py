@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import compiled
+from . import compiled, one
 from . import position as _at
 
 
@@ -19,10 +19,12 @@ def _look(indptr, indices, data, low, high, diag, diagonal, rest):
         below = max(below, i - indices[start])
         above = max(above, indices[end - _at(1)] - i)
         total, first, left = 0.0, 0.0, 0
-        for k in range(start, end):
+        k = start
+        while k < end:
             total += abs(data[k])
             first += abs(data[k]) * (indices[k] < i)  # no branch
             left += indices[k] < i
+            k += one()
         own = data[start + _at(left)]
         diag[i], diagonal[i], rest[i] = start + _at(left), own, total - abs(own)
         lower += first
@@ -38,8 +40,10 @@ def _product(indptr, indices, data, z, low, high, out):
     # rows low <= i < high of Az
     for i in range(_at(low), _at(high)):
         total = 0.0
-        for k in range(_at(indptr[i]), _at(indptr[i + _at(1)])):
+        k, stop = _at(indptr[i]), _at(indptr[i + _at(1)])
+        while k < stop:
             total += data[k] * z[_at(indices[k])]
+            k += one()
         out[i] = total
 
 
@@ -51,8 +55,10 @@ def _natural(indptr, indices, data, q, psi, z, low, high):
     squares = 0.0
     for i in range(_at(low), _at(high)):
         p = q[i]
-        for k in range(_at(indptr[i]), _at(indptr[i + _at(1)])):
+        k, stop = _at(indptr[i]), _at(indptr[i + _at(1)])
+        while k < stop:
             p += data[k] * z[_at(indices[k])]
+            k += one()
         r = z[i] - psi[i]
         least = r if r <= p or r != r else p
         squares += least * least
@@ -81,7 +87,8 @@ def _couple(indptr, indices, data, weight):
     n = indptr.size - 1
     at, out = indptr[:-1].copy(), np.zeros(data.size)
     for i in range(n):
-        for k in range(_at(indptr[i]), _at(indptr[i + 1])):
+        k, stop = _at(indptr[i]), _at(indptr[i + 1])
+        while k < stop:
             j = _at(indices[k])
             end, here = indptr[j + _at(1)], at[j]
             while here < end and indices[_at(here)] < i:
@@ -90,6 +97,7 @@ def _couple(indptr, indices, data, weight):
             if j != _at(i) and here < end and indices[_at(here)] == i:
                 size = weight[i] * weight[j]
                 out[k] = np.sqrt(abs(data[k]) * size) * np.sqrt(abs(data[_at(here)]) * size)
+            k += one()
     return out
 
 

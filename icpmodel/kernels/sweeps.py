@@ -16,7 +16,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from . import compiled
+from . import compiled, one
 from . import position as _at
 
 
@@ -34,8 +34,10 @@ def _psi_entry(psi, i, z):
         def affine(psi, i, z):
             c, indptr, indices, data = psi
             value = c[i]
-            for k in range(_at(indptr[i]), _at(indptr[i + _at(1)])):
+            k, stop = _at(indptr[i]), _at(indptr[i + _at(1)])
+            while k < stop:
                 value += data[k] * z[_at(indices[k])]
+                k += one()
             return value
 
         return affine
@@ -54,14 +56,18 @@ def _row_aor(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out):
     # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j))
     omega, inverse, tau = par
     old, new = 0.0, 0.0
-    for k in range(first, last):
+    k = first
+    while k < last:
         a, j = data[k], _at(indices[k])
         old += a * z[j]
         new += a * out[j]
+        k += one()
     zi = z[i]
     rest = q[i] + data[d] * zi
-    for k in range(k0, k1):
+    k = k0
+    while k < k1:
         rest += data[k] * z[_at(indices[k])]
+        k += one()
     p = rest + old
     r = zi - psi_entry(psi, i, z)
     natural = p if p < r else r
@@ -76,14 +82,18 @@ def _row_aor(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out):
 def _row_projected(i, d, first, last, k0, k1, indices, data, q, psi, par, z, out):
     # projected SOR: out_i = max(psi_i(z), z_i - omega/a_ii (sum_{j before i} a_ij out_j + sum_{others} a_ij z_j + q_i))
     old, new = 0.0, 0.0
-    for k in range(first, last):
+    k = first
+    while k < last:
         a, j = data[k], _at(indices[k])
         old += a * z[j]
         new += a * out[j]
+        k += one()
     zi, own = z[i], data[d]
     rest = q[i] + own * zi
-    for k in range(k0, k1):
+    k = k0
+    while k < k1:
         rest += data[k] * z[_at(indices[k])]
+        k += one()
     p = rest + old
     obstacle = psi_entry(psi, i, z)
     r = zi - obstacle
@@ -190,8 +200,10 @@ def _sweep_diagonal(indptr, indices, data, q, psi, omega, inverse, z, out):
     for i in range(_at(z.size)):
         end = _at(indptr[i + _at(1)])
         p = q[i]
-        for k in range(start, end):
+        k = start
+        while k < end:
             p += data[k] * z[_at(indices[k])]
+            k += one()
         start = end
         zi = z[i]
         r = zi - psi_entry(psi, i, z)
@@ -210,12 +222,16 @@ def _sweep_triangular(indptr, indices, data, q, psi, omega, start, stop, x_indic
     for step in range(n):
         i = _at(step if forward else n - 1 - step)
         p = q[i]
-        for k in range(_at(indptr[i]), _at(indptr[i + _at(1)])):
+        k, end = _at(indptr[i]), _at(indptr[i + _at(1)])
+        while k < end:
             p += data[k] * z[_at(indices[k])]
+            k += one()
         total = 0.0
-        for k in range(_at(start[i]), _at(stop[i])):
+        k, end = _at(start[i]), _at(stop[i])
+        while k < end:
             j = _at(x_indices[k])
             total += x_data[k] * (out[j] - z[j])
+            k += one()
         zi = z[i]
         r = zi - psi_entry(psi, i, z)
         natural = p if p < r else r
@@ -232,8 +248,10 @@ def _substitute(start, stop, indices, data, tau, inverse, forward, f, out):
     for step in range(n):
         i = _at(step if forward else n - 1 - step)
         total = 0.0
-        for k in range(_at(start[i]), _at(stop[i])):
+        k, end = _at(start[i]), _at(stop[i])
+        while k < end:
             total += data[k] * out[_at(indices[k])]
+            k += one()
         out[i] = inverse[i] * (f[i] - tau * total)
 
 
