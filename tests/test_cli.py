@@ -404,6 +404,6 @@ def test_every_measurement_is_a_command(capsys):
     names += " small sweep tuning"
     listed = call(capsys, "measure", "--help")[1]
     assert [line.split()[0] for line in listed.split("Commands:")[1].splitlines() if line.strip()] == names.split()
-    code, out, _ = call(capsys, "measure", "memory", "membrane", "--n", "6400", "--csv")
+    code, out, _ = call(capsys, "measure", "memory", "membrane", "--n", "400", "--csv")
     assert code == 0
-    assert out.splitlines()[1].startswith("membrane,6400,multilevel,")
+    assert out.splitlines()[1].startswith("membrane,400,accelerated,")

@@ -221,7 +221,7 @@ def test_history_holds_every_tested_iterate():
 
 
 def test_history_of_the_automatic_choice_spans_all_methods():
-    solution = icp.scenes.membrane(n=80**2).problem.solve(history=True)
+    solution = icp.scenes.membrane(n=130**2).problem.solve(history=True)
     assert "also tried: PSOR(): handed over" in solution.why
     assert (np.diff(solution.history.iteration) >= 0).all()
     assert solution.history.iteration[-1] == solution.iterations

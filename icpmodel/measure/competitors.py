@@ -343,7 +343,7 @@ def competitors() -> list[Competitor]:
 
 
 def _omega(problem: ICP) -> float:
-    return 0.98 * best_omega(jacobi_radius(problem.A))
+    return best_omega(jacobi_radius(problem.A))
 
 
 def _superlu(A: Any, b: Vector) -> Vector:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import count
+from itertools import chain, count
 
 import numpy as np
 
@@ -27,8 +28,12 @@ from .parameters import best_omega, couplings_of, relaxation, scale_of, sor
 from .psor import PSOR, Narrow
 from .tridiagonal import Tridiagonal
 
-#: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems
-_WORTH_RELAXING = 1.05
+#: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems; what of it is taken where
+#: psi moves
+_WORTH_RELAXING, _CAUTION = 1.05, 0.98
+#: up to this size, if so many relaxed sweeps promise to do, they cost less than coarser levels; they stay where, once
+#: they should be done, at most so many times as many are to come
+_RELAXED_UP_TO, _MOST, _UNDERESTIMATED = 20_000, 220, 1.5
 #: up to this size combining sweeps costs less than to find out how far they should be relaxed
 _ACCELERATED_UP_TO = 1500
 #: where psi moves acceleration gains from this size on, and where more plain sweeps than that are needed
@@ -56,6 +61,7 @@ _PIVOT_BEFORE_A_LOOK_UP_TO, _FULL, _MANY = 32, 0.25, 0.4
 _SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS = 50, 250, 5000
 _SWEEPS_OF_A_MOVING_PSI, _SWEEPS_BEFORE_JOSEPHY = 100, 30
 _LINEARISED = "with n = {} a few affine problems are pivoted at once"
+_RELAXED = "relaxed for the estimated Jacobi radius {:.4f}"
 
 
 @dataclass(frozen=True)
@@ -81,8 +87,8 @@ def choose(problem: ICP) -> Iterator[Choice]:
     elementwise map with a derivative. Else, for D > 0, a few plain sweeps of PSOR are watched, and where they show
     that many more would be needed the next method takes over: Josephy for n ≤ 64 where ψ has a derivative; Lemke for n
     ≤ 200 where ψ is affine or amounts to a fixed obstacle (up to n = 500 it follows on Newton); Multilevel where A is
-    large and most of its rows are hardly dominant; sweeps that are overrelaxed where the Jacobi radius is below 1 and
-    promises a gain, by PSOR where every ψ_i moves with its own z_i alone (beyond n = 64 and up to 1500 accelerated,
+    large and most of its rows are hardly dominant, for an LCP with n ≤ 20 000 after overrelaxed sweeps where some two
+    hundred of them promise to do; sweeps that are overrelaxed where the Jacobi radius is below 1 and promises a gain, by PSOR where every ψ_i moves with its own z_i alone (beyond n = 64 and up to 1500 accelerated,
     with a rough radius), else by MNMAOR; then Newton, and MNMGS. Newton comes before the sweeps where the radius is
     not below 1.
     Where ψ is an intervention operator Josephy comes first where n ≤ 150, then Newton and Multilevel, for large A the
@@ -163,12 +169,12 @@ def after_trial(
     yield from others
 
 
-def _next(others: Iterator[Choice]) -> HandOver | None:
+def _next(others: Iterator[Choice], slow: str = "plain") -> HandOver | None:
     """To the next choice, which goes on from the best iterate unless it begins on coarser levels."""
     choice = next(others, None)
     if choice is None:
         return None
-    why = f"{choice.why} (plain sweeps were slow)"
+    why = f"{choice.why} ({slow} sweeps were slow)"
     return HandOver(choice.method, why, afresh=not isinstance(choice.method, PSOR | MNMAOR | Josephy | Accelerated))
 
 
@@ -228,25 +234,48 @@ def _is_linearised(problem: ICP) -> bool:
 
 def _sweeps_and_newton(problem: ICP) -> Iterator[Choice]:
     """What there is for D > 0 where plain sweeps are slow."""
-    yield from _multilevel(problem)
-    rows = rows_of(problem)
+    yield from _relaxed_first(problem, _multilevel(problem))
     if not _pivots_first(problem):
         yield from _accelerated(problem)
-    # from the row sums alone where they already show that relaxation gains nothing
-    with np.errstate(over="ignore"):
-        radius = float((rows.rest / rows.diagonal).max())
-    if radius > SMALL_RADIUS:
-        radius = problem.remembered("jacobi radius", lambda: radius_of(couplings_of(problem)))
+    radius = _radius(problem)
+    # on rows that do not touch the obstacle a smaller one is the best, which an estimate from below allows for
     omega = best_omega(radius)
     slow = radius >= 1.0
     if slow:
         yield from _newton(problem, f"sweeps need a Jacobi radius below 1, the estimate is {radius:.4g}")
     if omega >= _WORTH_RELAXING:
-        relaxed = PSOR(omega=0.98 * omega) if has_fixed_obstacle(problem) else overrelaxed(problem, 0.98 * omega)
-        yield Choice(relaxed, f"relaxed for the estimated Jacobi radius {radius:.4f}", hurry=True)
+        relaxed = PSOR(omega=omega) if has_fixed_obstacle(problem) else overrelaxed(problem, _CAUTION * omega)
+        yield Choice(relaxed, _RELAXED.format(radius), hurry=True)
     if not slow:
         yield from _newton(problem, "Newton's method does not depend on a splitting")
     yield Choice(MNMGS(), "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope", hurry=True)
+
+
+def _radius(problem: ICP) -> float:
+    """The Jacobi radius, from the row sums alone where they already show that relaxation gains nothing."""
+    rows = rows_of(problem)
+    with np.errstate(over="ignore"):
+        bound = float((rows.rest / rows.diagonal).max())
+    if bound <= SMALL_RADIUS:
+        return bound
+    estimate: float = problem.remembered("jacobi radius", lambda: radius_of(couplings_of(problem)))
+    return estimate
+
+
+def _relaxed_first(problem: ICP, others: Iterator[Choice]) -> Iterator[Choice]:
+    """Relaxed sweeps where they promise to be quicker than the `others`, to which they hand over where they are not."""
+    first = next(others, None)
+    if first is None:
+        return
+    others = chain([first], others)
+    if problem.is_lcp and _ACCELERATED_UP_TO < problem.n <= _RELAXED_UP_TO and 0.0 < (radius := _radius(problem)) < 1.0:
+        omega = best_omega(radius)
+        sweeps = math.log(1e-8) / math.log(omega - 1.0)  # the rate of the best ω is ω − 1
+        if sweeps <= _MOST:
+            most, look = _UNDERESTIMATED * sweeps, math.ceil(sweeps)
+            relaxed = PSOR.on_trial(most, lambda: _next(others, "relaxed"), omega=omega, look=look)
+            yield Choice(relaxed, _RELAXED.format(radius), hurry=True)
+    yield from others
 
 
 def _accelerated(problem: ICP) -> Iterator[Choice]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ..reduction import PIVOT_UP_TO, has_fixed_obstacle, with_fixed_obstacle
 from ..steps import Step, compiled_step, rows_of, watched_sweeps
 from . import FixedPoint, HandOver, positive_diagonal
 
-#: sweeps on trial are looked at after so many, and whenever their number has doubled
+#: plain sweeps on trial are looked at after so many, and whenever their number has doubled
 _LOOK = 10
 #: whether they are quick is judged by how many more bring the residual to this share of the first one
 _SHARE = 1e-8
@@ -26,6 +26,16 @@ _RATE = 2
 
 #: see `PSOR.on_trial`
 Narrow = Callable[[Vector, Vector, float, float, float], HandOver | None]
+
+
+class _Trial(NamedTuple):
+    """What `PSOR.on_trial` is told."""
+
+    sweeps: float
+    then: Callable[[], HandOver | None]
+    first: float | None
+    narrow: Narrow | None
+    look: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -42,9 +52,8 @@ class PSOR(FixedPoint):
     name: ClassVar[str] = "psor"
     to_try: ClassVar[str] = "a smaller omega"
     omega: float = 1.0
-    #: see `on_trial`: how many more sweeps are worth it, what comes where they are not, the first residual if it is
-    #: another one than that of 0, and what to ask where they stay
-    trial: ClassVar[tuple[float, Callable[[], HandOver | None], float | None, Narrow | None] | None] = None
+    #: see `on_trial`
+    trial: ClassVar[_Trial | None] = None
 
     @classmethod
     def on_trial(
@@ -53,13 +62,18 @@ class PSOR(FixedPoint):
         then: Callable[[], HandOver | None],
         first: float | None = None,
         narrow: Narrow | None = None,
+        *,
+        omega: float = 1.0,
+        look: int = _LOOK,
     ) -> PSOR:
-        """Plain sweeps that hand over where the observed rate says that they need more than so many `sweeps`.
+        """Sweeps that hand over where the observed rate says that they need more than so many `sweeps`.
 
         Parameters: `then` is called at that point, and says to which method, or None: then they stay. `first` is the
         residual by which the rate is judged, by default that of 0. Where they stay, and at once where ψ is constant and
         the start is better than 0, `narrow` is called with the iterate, the next one, the first residual, the last one
         and the number of sweeps that are still needed, as far as is known; it may say what goes on with fewer rows.
+        With another `omega` the first rates tell nothing: they are looked at after `look` sweeps, and whenever their
+        number has doubled.
 
         For n ≤ 64 and a ψ that is constant or affine, or amounts to a fixed obstacle, one iterate is as many sweeps as
         it takes, in one compiled call, and there are no rows that would be worth to leave out.
@@ -68,8 +82,8 @@ class PSOR(FixedPoint):
         >>> problem.solve(PSOR.on_trial(5, lambda: HandOver(PSOR(omega=1.2), "too slow"))).method
         PSOR(omega=1.2)
         """
-        new = cls()
-        object.__setattr__(new, "trial", (sweeps, then, first, narrow))
+        new = cls(omega=omega)
+        object.__setattr__(new, "trial", _Trial(sweeps, then, first, narrow, look))
         return new
 
     def __post_init__(self) -> None:
@@ -96,7 +110,7 @@ class PSOR(FixedPoint):
         from ..kernels.sweeps import still_needed  # loads numba
 
         residuals: list[float] = []
-        look, first = _LOOK, 0.0
+        look, first = self.trial.look if self.trial else 0, 0.0
 
         def to_come() -> float:
             if len(residuals) <= _RATE or not look or residuals[-1] <= _SHARE * first:
@@ -123,7 +137,7 @@ class PSOR(FixedPoint):
     def _in_one_call(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """As many sweeps as it takes at once, where that can be."""
         assert self.trial is not None
-        sweeps, then, known, _ = self.trial
+        sweeps, then, known, _, look = self.trial
         fixed = problem
         with suppress(MapError):
             if has_fixed_obstacle(problem):
@@ -136,7 +150,7 @@ class PSOR(FixedPoint):
         share, watched = _SHARE if own else _SHARE / 2, True  # r is up to 1 + Lipschitz < 2 times what z − c is
         yield z, None
         while True:
-            z, residual, quick = run(z, first, share, _LOOK, sweeps)
+            z, residual, quick = run(z, first, share, look, sweeps)
             yield z, residual if own else None
             if watched and not quick and (over := then()):
                 raise over
@@ -145,7 +159,7 @@ class PSOR(FixedPoint):
     def _first(self, problem: ICP, z: Vector, following: Vector, residual: float) -> float:
         """The residual that the sweeps are judged by. Raises HandOver where a start near the answer proves enough."""
         assert self.trial is not None
-        sweeps, _, known, narrow = self.trial
+        sweeps, _, known, narrow, _ = self.trial
         if known or not z.any():
             return known or residual
         at_0 = _at_0(problem)
@@ -160,7 +174,7 @@ class PSOR(FixedPoint):
         assert self.trial is not None
         from ..kernels.sweeps import still_needed
 
-        sweeps, then, _, narrow = self.trial
+        sweeps, then, _, narrow, _ = self.trial
         half, last = residuals[len(residuals) // 2], residuals[-1]
         if last <= _SHARE * first:
             return False
