@@ -29,7 +29,7 @@ SMALLEST = 2.0**-1074
 #: a dense A of so many rows stays dense until its sparse form is asked for
 _SMALL = 64
 #: what is remembered of A alone
-_OF_A = ("absolute", "jacobi radius", "rows")
+_OF_A = ("absolute", "hardly dominant", "jacobi radius", "rows")
 
 
 class _Matrix:

@@ -38,8 +38,13 @@ def has_fixed_obstacle(problem: ICP) -> bool:
     G = problem.psi.lipschitz
     if problem.is_lcp or G is None:
         return problem.is_lcp
-    slope = G.diagonal()
-    return bool(np.count_nonzero(G.data) == np.count_nonzero(slope) and (slope < 1).all())
+
+    def look() -> bool:
+        slope = G.diagonal()
+        return bool(np.count_nonzero(G.data) == np.count_nonzero(slope) and (slope < 1).all())
+
+    found: bool = problem.remembered("fixed obstacle", look)
+    return found
 
 
 def with_fixed_obstacle(problem: ICP) -> ICP:

@@ -140,7 +140,10 @@ def pivots_at_once(problem: ICP) -> bool:
 def _hardly_dominant(problem: ICP) -> float:
     """The share of the rows that are hardly dominant."""
     rows = rows_of(problem)
-    return float(np.mean(rows.rest > _HARDLY * rows.diagonal))
+    share: float = problem.remembered(
+        "hardly dominant", lambda: np.count_nonzero(rows.rest > _HARDLY * rows.diagonal) / problem.n
+    )
+    return share
 
 
 def after_trial(

@@ -146,7 +146,10 @@ class PSOR(FixedPoint):
         if run is None:
             return
         own = fixed is problem
-        first = known or (max(_at_0(problem), problem.residual(z)) if z.any() or not own else 0.0)
+        first, moved = known, z.any()
+        if not first:
+            first = _at_0(problem) if moved or not own else 0.0
+            first = max(first, problem.residual(z)) if moved else first
         share, watched = _SHARE if own else _SHARE / 2, True  # r is up to 1 + Lipschitz < 2 times what z − c is
         yield z, None
         while True:
