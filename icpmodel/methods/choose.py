@@ -84,13 +84,13 @@ def choose(problem: ICP) -> Iterator[Choice]:
 
     Tridiagonal comes first wherever it applies; Lemke, where ψ is affine or amounts to a fixed obstacle, for n ≤ 32,
     and for n ≤ 64 where A is full or many of its rows are hardly dominant; and for n ≤ 64 Josephy where ψ is another
-    elementwise map with a derivative. Else, for D > 0, a few plain sweeps of PSOR are watched, and where they show
-    that many more would be needed the next method takes over: Josephy for n ≤ 64 where ψ has a derivative; Lemke for n
-    ≤ 200 where ψ is affine or amounts to a fixed obstacle (up to n = 500 it follows on Newton); Multilevel where A is
-    large and most of its rows are hardly dominant, for an LCP with n ≤ 20 000 after overrelaxed sweeps where some two
-    hundred of them promise to do; sweeps that are overrelaxed where the Jacobi radius is below 1 and promises a gain, by PSOR where every ψ_i moves with its own z_i alone (beyond n = 64 and up to 1500 accelerated,
-    with a rough radius), else by MNMAOR; then Newton, and MNMGS. Newton comes before the sweeps where the radius is
-    not below 1.
+    elementwise map with a derivative. Else, for D > 0, a few plain sweeps of PSOR are watched, and where they show that
+    many more would be needed the next method takes over: Josephy for n ≤ 64 where ψ has a derivative; Lemke for n ≤ 200
+    where ψ is affine or amounts to a fixed obstacle (up to n = 500 it follows on Newton); Multilevel where A is large
+    and most of its rows are hardly dominant, for an LCP with n ≤ 20 000 after overrelaxed sweeps where some two hundred
+    of them promise to do; sweeps that are overrelaxed where the Jacobi radius is below 1 and promises a gain, by PSOR
+    where every ψ_i moves with its own z_i alone (beyond n = 64 and up to 1500 accelerated, with a rough radius), else
+    by MNMAOR; then Newton, and MNMGS. Newton comes before the sweeps where the radius is not below 1.
     Where ψ is an intervention operator Josephy comes first where n ≤ 150, then Newton and Multilevel, for large A the
     other way round.
     The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
