@@ -262,6 +262,10 @@ def blocks(problem: ICP, core: Mask | None = None) -> Blocks | None:
     graph = problem.A if fixed else _dependencies(problem)
     if graph is None:
         return None
+    from .kernels.parts import linked  # loads numba
+
+    if problem.n > PIVOT_UP_TO and linked(graph.indptr, graph.indices):
+        return None
     count, part = connected_components(graph, connection="strong")
     if count == 1 and problem.n > PIVOT_UP_TO:
         return None

@@ -353,6 +353,18 @@ def test_no_sweep_on_trial_is_made_to_judge_what_promises_to_be_the_last_iterate
         assert hint is None or hint == pytest.approx(residual, rel=1e-6)
 
 
+def test_sweeps_that_are_far_too_slow_are_given_up_before_the_first_look(monkeypatch):
+    """Contraction by .98 in a sweep: some 900 are needed, more than four times 200 and less than four times 300."""
+    monkeypatch.setattr("icpmodel.methods.psor.PIVOT_UP_TO", 0)
+    problem = icp.ICP([[1.0, -0.99], [-0.99, 1.0]], [-1.0, -1.0])
+    for worth, made in ((200.0, 6), (300.0, 11)):
+        sweeps = icp.PSOR.on_trial(worth, lambda: methods.HandOver(icp.MNMJ(), "slow")).iterates(problem, np.zeros(2))
+        for _ in range(made):
+            next(sweeps)
+        with pytest.raises(methods.HandOver):
+            next(sweeps)
+
+
 def test_a_warm_start_survives_the_trial():
     problem = scenes.membrane(n=80**2).problem
     cold = problem.solve()

@@ -4,8 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import compiled
+from . import compiled, one
 from . import position as _at
+
+
+def _linked(indptr, indices):
+    # whether every row but the first has an entry before its diagonal with one opposite to it: then each hangs on one
+    # of a smaller number and that one on it, and all are one strong component
+    for i in range(1, indptr.size - 1):
+        found, k, stop = False, _at(indptr[i]), _at(indptr[i + 1])
+        while k < stop and indices[k] < i and not found:
+            j = _at(indices[k])
+            e, end = _at(indptr[j]), _at(indptr[j + _at(1)])
+            while e < end and indices[e] < i:
+                e += one()
+            found = bool(e < end and indices[e] == i)
+            k += one()
+        if not found:
+            return False
+    return True
+
+
+linked = compiled(_linked)
 
 
 def _stages(indptr, indices, part, rows, starts, core):

@@ -82,21 +82,23 @@ natural_at_0 = compiled(_natural_at_0, reassociate=True)
 
 
 def _couple(indptr, indices, data, weight):
-    # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: what row j is asked for
-    # is at or behind what it was asked for last, so that `at` only ever moves on
+    # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: what row j > i is asked
+    # for is at or behind what it was asked for last, so that `at` only ever moves on
     n = indptr.size - 1
     at, out = indptr[:-1].copy(), np.zeros(data.size)
     for i in range(n):
         k, stop = _at(indptr[i]), _at(indptr[i + 1])
         while k < stop:
             j = _at(indices[k])
-            end, here = indptr[j + _at(1)], at[j]
-            while here < end and indices[_at(here)] < i:
-                here += 1
-            at[j] = here
-            if j != _at(i) and here < end and indices[_at(here)] == i:
-                size = weight[i] * weight[j]
-                out[k] = np.sqrt(abs(data[k]) * size) * np.sqrt(abs(data[_at(here)]) * size)
+            if j > _at(i):
+                end, here = indptr[j + _at(1)], at[j]
+                while here < end and indices[_at(here)] < i:
+                    here += 1
+                at[j] = here
+                if here < end and indices[_at(here)] == i:
+                    size = weight[i] * weight[j]
+                    out[k] = np.sqrt(abs(data[k]) * size) * np.sqrt(abs(data[_at(here)]) * size)
+                    out[_at(here)] = out[k]
             k += one()
     return out
 

@@ -22,6 +22,9 @@ _LOOK = 10
 _SHARE = 1e-8
 #: how many sweeps it takes from here to there is told from the rate of the last ones
 _RATE = 2
+#: plain sweeps are looked at once before, after so many, for a rate by which so many times as many would be needed as
+#: are worth it: rates seldom become better
+_EARLY, _FAR = 5, 4.0
 
 
 #: see `PSOR.on_trial`
@@ -110,7 +113,7 @@ class PSOR(FixedPoint):
         from ..kernels.sweeps import still_needed  # loads numba
 
         residuals: list[float] = []
-        look, first = self.trial.look if self.trial else 0, 0.0
+        look, far, first = (self.trial.look, _FAR * self.trial.sweeps, 0.0) if self.trial else (0, 0.0, 0.0)
 
         def to_come() -> float:
             if len(residuals) <= _RATE or not look or residuals[-1] <= _SHARE * first:
@@ -130,7 +133,8 @@ class PSOR(FixedPoint):
                 if not residuals:
                     first = self._first(problem, z, following, residual)
                 residuals.append(residual)
-                if len(residuals) > look:
+                early = len(residuals) == _EARLY + 1 and look == _LOOK and far < to_come() < np.inf
+                if early or len(residuals) > look:
                     look = 2 * look if self._stays(first, residuals, z, following) else 0
             z = following
 

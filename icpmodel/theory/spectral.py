@@ -61,24 +61,27 @@ def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> flo
     0.9
     """
     n = S.shape[0]
-    bound = float((S @ np.ones(n)).max())
+    sums = S @ np.ones(n)
+    bound = float(sums.max())
     if not SMALL_RADIUS < bound < np.inf:
         return bound if bound <= SMALL_RADIUS else np.inf
-    before, v, radius = np.zeros(n), np.full(n, 1.0 / np.sqrt(n)), 0.0
+    before, v, radius = np.zeros(n), np.full(n, 1.0 / np.sqrt(n)), float(sums.mean())  # vᵀSv
     own: list[float] = []
-    next_to: list[float] = [0.0]
+    next_to: list[float] = []
+    w = sums / np.sqrt(n)
     last = min(steps, n)
     for step in range(1, last + 1):
-        w = S @ v - next_to[-1] * before
         own.append(inner(v, w))
         w -= own[-1] * v
-        next_to.append(norm(w))
-        invariant = next_to[-1] <= 1e-12 * bound
+        size = norm(w)
+        invariant = size <= 1e-12 * bound
         if invariant or step == last or step % _LOOK == 0:
-            known, radius = radius, _largest(own, next_to[1:-1])
+            known, radius = radius, _largest(own, next_to)
             if invariant or radius - known <= share * abs(1.0 - radius):
                 break
-        before, v = v, w / next_to[-1]
+        next_to.append(size)
+        before, v = v, w / size
+        w = S @ v - size * before
     return radius
 
 
