@@ -112,7 +112,7 @@ def test_small_problems_whose_sweeps_are_slow_get_it_from_the_best_iterate():
     solution = icp.ICP(A, -np.ones(20), psi).solve(history=True)
     assert isinstance(solution.method, Josephy)
     assert "plain sweeps were slow" in solution.why
-    assert solution.history.residual[solution.history.iteration > 5].max() < 0.99 * solution.history.residual[0]
+    assert solution.history.residual[solution.history.iteration > 3].max() < 0.99 * solution.history.residual[0]
 
 
 def test_a_compiled_psi_gives_what_the_same_function_in_python_gives():

@@ -35,7 +35,7 @@ _WORTH_RELAXING, _CAUTION = 1.05, 0.98
 #: they should be done, at most so many times as many are to come
 _RELAXED_UP_TO, _MOST, _UNDERESTIMATED = 20_000, 220, 1.5
 #: up to this size combining sweeps costs less than to find out how far they should be relaxed
-_ACCELERATED_UP_TO = 1500
+_ACCELERATED_UP_TO = 1200
 #: where psi moves acceleration gains from this size on, and where more plain sweeps than that are needed
 _ACCELERATED_FROM, _PLAIN = 500, 25
 #: beyond this size forty sweeps do not tell how slow the others will be
@@ -89,7 +89,7 @@ def choose(problem: ICP) -> Iterator[Choice]:
     where ψ is affine or amounts to a fixed obstacle (up to n = 500 it follows on Newton); Multilevel where A is large
     and most of its rows are hardly dominant, for an LCP with n ≤ 20 000 after overrelaxed sweeps where some two hundred
     of them promise to do; sweeps that are overrelaxed where the Jacobi radius is below 1 and promises a gain, by PSOR
-    where every ψ_i moves with its own z_i alone (beyond n = 64 and up to 1500 accelerated, with a rough radius), else
+    where every ψ_i moves with its own z_i alone (beyond n = 64 and up to 1200 accelerated, with a rough radius), else
     by MNMAOR; then Newton, and MNMGS. Newton comes before the sweeps where the radius is not below 1.
     Where ψ is an intervention operator Josephy comes first where n ≤ 150, then Newton and Multilevel, for large A the
     other way round.

@@ -24,7 +24,7 @@ _SHARE = 1e-8
 _RATE = 2
 #: plain sweeps are looked at once before, after so many, for a rate by which so many times as many would be needed as
 #: are worth it: rates seldom become better
-_EARLY, _FAR = 5, 4.0
+_EARLY, _FAR = 3, 4.0
 
 
 #: see `PSOR.on_trial`
