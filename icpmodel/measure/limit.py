@@ -34,11 +34,12 @@ def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int
 
     On the membrane with μ = 0 and its variants: ψ elementwise, ½ sin(z) + c, and affine, a quarter of each of two
     neighbours; A nonsymmetric (skew ½); A strongly dominant (μ = 4); and the ball. The two are timed in turn; the ratio
-    is the median of the ratios pair by pair.
+    is the median of the ratios pair by pair. The last column has the time of `solve()` in products A @ z, each time the
+    median of five: it says how the work grows, where the time of a product grows faster than n beyond the cache.
     Parameters: `sizes` in unknowns (the nearest squares), `repeats` ≥ 3. Returns a `Table` (seconds).
 
     >>> solve_cost([400], repeats=3).heads
-    ('problem', 'n', 'method', 'solve, s', 'linear solve, s', 'ratio', 'lowest', 'highest')
+    ('problem', 'n', 'method', 'solve, s', 'linear solve, s', 'ratio', 'lowest', 'highest', 'solve / (A @ z)')
     """
     repeats = as_repeats(repeats)
     for _, problem in _problems(900):
@@ -46,19 +47,29 @@ def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int
     rows = []
     for n in sizes:
         for name, problem in _problems(n):
-            b, pairs, method = np.ones(problem.n), [], ""
+            b, times, method = np.ones(problem.n), [], ""
             for _ in range(1 + repeats):
-                fresh = ICP(problem.A, problem.q, problem.psi)
+                fresh, product = ICP(problem.A, problem.q, problem.psi), _product(problem.A, b)
                 begin = time.perf_counter()
                 method = fresh.solve().method.name
                 between = time.perf_counter()
                 linear_solve(problem.A, b)
-                pairs.append((between - begin, time.perf_counter() - between))
-            ours, limit = np.array(pairs[1:]).T  # in the first pair the one that goes first pays for the pages
+                times.append((between - begin, time.perf_counter() - between, product))
+            ours, limit, products = np.array(times[1:]).T  # at first the one that goes first pays for the pages
             medians = (float(np.median(x)) for x in (ours, limit))
-            rows.append((name, problem.n, method, *medians, *spread(ours / limit)))
-    heads = ("problem", "n", "method", "solve, s", "linear solve, s", "ratio", "lowest", "highest")
+            grown = float(np.median(ours / products))
+            rows.append((name, problem.n, method, *medians, *spread(ours / limit), grown))
+    heads = ("problem", "n", "method", "solve, s", "linear solve, s", "ratio", "lowest", "highest", "solve / (A @ z)")
     return Table(f"solve() against one linear solve ({machine()})", heads, tuple(rows))
+
+
+def _product(A: sp.csr_array, z: Vector) -> float:
+    """Seconds of one A @ z."""
+    marks = [time.perf_counter()]
+    for _ in range(5):
+        A @ z
+        marks.append(time.perf_counter())
+    return float(np.median(np.diff(marks)))
 
 
 def _problems(n: int) -> Iterator[tuple[str, ICP]]:
