@@ -179,8 +179,8 @@ def _looking_ahead(
             run, used, ahead = used or run, 0, iter(())
         following = next(ahead, None)
         if following is None:
-            left = wanted() if wanted else run - used if used < run else np.inf
-            count = int(min(left, _SOME))
+            left = wanted() if wanted else run - used if used < run else _SOME
+            count = max(int(min(left, _SOME)), 1)
             ahead = iter(several(z, count) if count > 1 else [single(z)])
             following = next(ahead)
         used += 1

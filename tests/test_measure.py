@@ -117,8 +117,8 @@ def test_solve_is_compared_with_a_linear_solve_on_every_variant():
         "skew = 0.5",
         "mu = 4",
     ]
-    for *_, ours, limit, ratio, lowest, highest in table.rows:
-        assert min(ours, limit) > 0
+    for *_, ours, limit, ratio, lowest, highest, products in table.rows:
+        assert min(ours, limit, products) > 0
         assert lowest <= ratio <= highest
     with pytest.raises(icp.InputError, match="repeats is 2"):
         solve_cost([400], repeats=2)

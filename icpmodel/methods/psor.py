@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -110,30 +111,35 @@ class PSOR(FixedPoint):
             yield from super().iterates(problem, z)
         if problem.n <= PIVOT_UP_TO:
             yield from self._in_one_call(problem, z)
-        from ..kernels.sweeps import still_needed  # loads numba
-
         residuals: list[float] = []
         look, far, first = (self.trial.look, _FAR * self.trial.sweeps, 0.0) if self.trial else (0, 0.0, 0.0)
 
         def to_come() -> float:
-            if len(residuals) <= _RATE or not look or residuals[-1] <= _SHARE * first:
-                return np.inf
-            return float(still_needed(residuals[-1 - _RATE], residuals[-1], _SHARE * first, _RATE))
+            goal = _SHARE * first
+            if len(residuals) <= _RATE or not look or not 0.0 < goal < residuals[-1] < residuals[-1 - _RATE]:
+                return math.inf
+            return _RATE * math.log(residuals[-1] / goal) / math.log(residuals[-1 - _RATE] / residuals[-1])
 
-        step = self.step_of(problem, lambda: max(float(np.ceil(to_come())) - 1.0, 1.0))
+        step = self.step_of(problem, to_come)
+        promising = False
         while True:
             # what promises to be the last iterate is judged before another sweep is made, which would tell its residual
-            if promising := to_come() <= 1.0:
+            if promising:
                 yield z, None
             following, residual = step(z)
             if not promising:
                 yield z, residual
+            promising = False
             if look:
                 assert residual is not None
                 if not residuals:
                     first = self._first(problem, z, following, residual)
                 residuals.append(residual)
-                early = len(residuals) == _EARLY + 1 and look == _LOOK and far < to_come() < np.inf
+                # whether one more sweep brings what is still missing
+                missing = residual / (_SHARE * first) if first else 0.0
+                if len(residuals) > _RATE and 1.0 < missing < math.inf:
+                    promising = missing**_RATE <= residuals[-1 - _RATE] / residual
+                early = len(residuals) == _EARLY + 1 and look == _LOOK and far < to_come() < math.inf
                 if early or len(residuals) > look:
                     look = 2 * look if self._stays(first, residuals, z, following) else 0
             z = following
