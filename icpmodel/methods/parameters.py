@@ -35,9 +35,9 @@ _SETTLE, _AGREE = 12, 0.05
 _CAUTION = 0.98
 #: … and it is taken where it comes nearer to 2 by this share
 _WORTH = 0.05
-#: so many power steps tell a radius for which sweeps are to be relaxed from one for which they are not; and by how much
-#: they are where nobody looks
-_POWER_STEPS, _UNWATCHED = 3, 1.4
+#: so many Lanczos steps tell a radius for which sweeps are to be relaxed from one for which they are not; and by how
+#: much they are where nobody looks
+_ROUGH_STEPS, _UNWATCHED = 3, 1.4
 #: a sum of a dominant row, rounding included
 _DOMINANT = 1.0 + 1e-12
 #: below this ω there is nothing to adapt, and no rate leads beyond this one
@@ -136,7 +136,7 @@ def radius(problem: ICP) -> float:
     """A rough estimate of the Jacobi radius: the mean of the row sums Σ_{j≠i}|a_ij|/a_ii where none is above 1.
 
     Where D⁻¹A is a symmetric M-matrix that mean is a Rayleigh quotient, and it costs no product with A. Where some row
-    is not dominant, a few power steps on `couplings`, for which units make no difference.
+    is not dominant, a few Lanczos steps on `couplings`, for which units make no difference.
 
     >>> round(radius(ICP([[2.0, -1.2], [-1.2, 2.0]], [-1.0, 1.0])), 12)
     0.6
@@ -147,7 +147,7 @@ def radius(problem: ICP) -> float:
         if sums.max() <= _DOMINANT:
             return min(float(sums.mean()), 1.0)
         S = couplings_of(problem)
-        found: float = problem.remembered("rough jacobi radius", lambda: radius_of(S, _POWER_STEPS))
+        found: float = problem.remembered("rough jacobi radius", lambda: radius_of(S, _ROUGH_STEPS))
     return found
 
 

@@ -24,7 +24,7 @@ _SHARE = 1e-8
 #: how many sweeps it takes from here to there is told from the rate of the last ones
 _RATE = 2
 #: plain sweeps are looked at once before, after so many, for a rate by which so many times as many would be needed as
-#: are worth it: rates seldom become better
+#: the first look lets pass and are worth it then: rates seldom become better
 _EARLY, _FAR = 3, 4.0
 
 
@@ -111,35 +111,29 @@ class PSOR(FixedPoint):
             yield from super().iterates(problem, z)
         if problem.n <= PIVOT_UP_TO:
             yield from self._in_one_call(problem, z)
+        from ..kernels.sweeps import still_needed  # loads numba
+
         residuals: list[float] = []
-        look, far, first = (self.trial.look, _FAR * self.trial.sweeps, 0.0) if self.trial else (0, 0.0, 0.0)
-
-        def to_come() -> float:
-            goal = _SHARE * first
-            if len(residuals) <= _RATE or not look or not 0.0 < goal < residuals[-1] < residuals[-1 - _RATE]:
-                return math.inf
-            return _RATE * math.log(residuals[-1] / goal) / math.log(residuals[-1 - _RATE] / residuals[-1])
-
-        step = self.step_of(problem, to_come)
-        promising = False
+        look, sweeps, first = (self.trial.look, self.trial.sweeps, 0.0) if self.trial else (0, 0.0, 0.0)
+        to_come = math.inf  # after the sweep that told the last residual
+        step = self.step_of(problem, lambda: to_come)
         while True:
             # what promises to be the last iterate is judged before another sweep is made, which would tell its residual
+            promising = to_come <= 1.0
             if promising:
                 yield z, None
             following, residual = step(z)
             if not promising:
                 yield z, residual
-            promising = False
+            to_come = math.inf
             if look:
                 assert residual is not None
                 if not residuals:
                     first = self._first(problem, z, following, residual)
                 residuals.append(residual)
-                # whether one more sweep brings what is still missing
-                missing = residual / (_SHARE * first) if first else 0.0
-                if len(residuals) > _RATE and 1.0 < missing < math.inf:
-                    promising = missing**_RATE <= residuals[-1 - _RATE] / residual
-                early = len(residuals) == _EARLY + 1 and look == _LOOK and far < to_come() < math.inf
+                if len(residuals) > _RATE and residual > _SHARE * first:
+                    to_come = still_needed(residuals[-1 - _RATE], residual, _SHARE * first, _RATE)
+                early = len(residuals) == _EARLY + 1 and look == _LOOK and _FAR * (look + sweeps) < to_come < math.inf
                 if early or len(residuals) > look:
                     look = 2 * look if self._stays(first, residuals, z, following) else 0
             z = following
