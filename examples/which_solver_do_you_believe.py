@@ -16,7 +16,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.measure.peers import Clarabel
+from icpmodel.solvers.peers import Clarabel
 
 SOLVERS = ("OSQP", "SCS", "CLARABEL")
 

@@ -13,11 +13,7 @@ Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check or measurement;
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from .many import Solutions
-    from .solution import Solution
+from typing import Any
 
 
 class IcpError(Exception):
@@ -99,7 +95,7 @@ class NotSolved(IcpError):
 
     solution: Any
 
-    def __init__(self, solution: Solution | Solutions) -> None:
+    def __init__(self, solution: Any) -> None:
         super().__init__(solution.message)
         self.solution = solution
 

@@ -46,12 +46,7 @@ for _command in (solve, crosscheck, explain, race, stability, report, scenes, me
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The entry point: every error is one line on standard error.
-
-    >>> main(["scenes", "--help"])
-    Traceback (most recent call last):
-    SystemExit: 0
-    """
+    """The entry point: every error is one line on standard error."""
     try:
         typed = shlex.join(["icpmodel", *(sys.argv[1:] if arguments is None else arguments)])
         code = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, Interrupted
-from ..progress import status_line
+from ..solve.progress import status_line
 from .output import complain, exit_code, must_be_writable, typed
 from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, named_method, named_problem, options
 
 if TYPE_CHECKING:
-    from ..measure import Race, StabilityMap
+    from ..study import Race, StabilityMap
 
 
 @click.command(epilog=SOURCE_HELP)
@@ -34,7 +34,7 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
     on a built-in problem, and coupling (mu x norm of G), transport (skewness x mu), condition (condition number x
     units) and units (units x norm of G), which vary the problem.
     """
-    from ..measure import stability as mapped
+    from ..study import stability as mapped
 
     must_be_writable(output)
     problem = None
@@ -62,7 +62,7 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
 @click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
 def race(methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, as_csv: bool, **arguments: Any) -> int:
     """Time against error on SOURCE: own methods and independent solvers at every tolerance, in turn."""
-    from ..measure import race as run
+    from ..study import race as run
 
     must_be_writable(output)
     problem, scene = named_problem(arguments)
@@ -99,7 +99,7 @@ def _shown(measure: Callable[[], Race | StabilityMap], output: str | None, as_cs
 @click.option("--time-limit", type=float, default=60.0, show_default=True, help="Seconds per independent solver.")
 def report(output: str, time_limit: float, **arguments: Any) -> int:
     """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
-    from ..measure import html_report
+    from ..study import html_report
 
     must_be_writable(output, ".html")
     problem, scene = named_problem(arguments)

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from ..progress import status_line
+from ..solve.progress import status_line
 from .output import show_json
 from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, named_method, named_problem, options
 

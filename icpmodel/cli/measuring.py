@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import FileError, Interrupted
-from ..progress import status_line
+from ..solve.progress import status_line
 from .output import complain, must_be_writable, typed
 from .source import options
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ..measure import Table
+    from ..present.table import Table
 
 
 _AS_CSV = click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")
@@ -41,7 +41,7 @@ def measure() -> None:
 @_AS_CSV
 def sweep(n: int, repeats: int, as_csv: bool) -> int:
     """One sweep with its residual against one SciPy A @ z, timed in turn."""
-    from ..measure import sweep_cost
+    from ..benchmarks import sweep_cost
 
     return _show(sweep_cost(n, repeats), as_csv)
 
@@ -59,7 +59,7 @@ def sweep(n: int, repeats: int, as_csv: bool) -> int:
 @_AS_CSV
 def counts(sides: tuple[int, ...], as_csv: bool) -> int:
     """Sweeps to Res <= 1e-5 on Bai's LCP, against the grid side m."""
-    from ..measure import sweep_counts
+    from ..benchmarks import sweep_counts
 
     return _show(sweep_counts(sides), as_csv)
 
@@ -71,7 +71,7 @@ def counts(sides: tuple[int, ...], as_csv: bool) -> int:
 @_AS_CSV
 def order(scene: str, sizes: tuple[int, ...], method: str | None, as_csv: bool) -> int:
     """The error of SCENE against its closed form on finer and finer grids."""
-    from ..measure import grid_order
+    from ..benchmarks import grid_order
 
     return _show(grid_order(scene, sizes, method), as_csv)
 
@@ -82,7 +82,7 @@ def order(scene: str, sizes: tuple[int, ...], method: str | None, as_csv: bool) 
 @_AS_CSV
 def bounds(n: int, trials: int, as_csv: bool) -> int:
     """Error bound over true error on every scene with an exact answer."""
-    from ..measure import bound_ratios
+    from ..benchmarks import bound_ratios
 
     return _show(bound_ratios(n, trials), as_csv)
 
@@ -93,7 +93,7 @@ def bounds(n: int, trials: int, as_csv: bool) -> int:
 @_AS_CSV
 def certificate(n: int, repeats: int, as_csv: bool) -> int:
     """A certificate from scratch against one linear solve, timed in turn."""
-    from ..measure import certificate_cost
+    from ..benchmarks import certificate_cost
 
     return _show(certificate_cost(n, repeats), as_csv)
 
@@ -104,7 +104,7 @@ def certificate(n: int, repeats: int, as_csv: bool) -> int:
 @_AS_CSV
 def limit(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
     """solve() against its limit, one linear solve with the same matrix, timed in turn."""
-    from ..measure import solve_cost
+    from ..benchmarks import solve_cost
 
     return _show(solve_cost(sizes, repeats), as_csv)
 
@@ -116,7 +116,7 @@ def limit(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
 @_AS_CSV
 def honesty(scenes: tuple[str, ...], seeds: int, n: int, as_csv: bool) -> int:
     """How runs end, and what of it is false: all methods on SCENES, default all, from random starts."""
-    from ..measure import false_success
+    from ..benchmarks import false_success
 
     return _show(false_success(seeds, n, scenes, progress=True), as_csv)
 
@@ -128,7 +128,7 @@ def honesty(scenes: tuple[str, ...], seeds: int, n: int, as_csv: bool) -> int:
 @_AS_CSV
 def modelling(cvxpy_n: int, pyomo_n: int, repeats: int, as_csv: bool) -> int:
     """Reading CVXPY and Pyomo models against what these take to write them, timed in turn."""
-    from ..measure import reading_cost
+    from ..benchmarks import reading_cost
 
     return _show(reading_cost(cvxpy_n, pyomo_n, repeats), as_csv)
 
@@ -139,7 +139,7 @@ def modelling(cvxpy_n: int, pyomo_n: int, repeats: int, as_csv: bool) -> int:
 @_AS_CSV
 def dominant(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
     """solve() where A is strongly dominant (mu = 4), against sweeps times one SciPy A @ z, timed in turn."""
-    from ..measure import dominant_cost
+    from ..benchmarks import dominant_cost
 
     return _show(dominant_cost(sizes, repeats), as_csv)
 
@@ -150,7 +150,7 @@ def dominant(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
 @_AS_CSV
 def impulse(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
     """solve() on the dividend scene against one sparse factorisation of its A, timed in turn."""
-    from ..measure import impulse_cost
+    from ..benchmarks import impulse_cost
 
     return _show(impulse_cost(sizes, repeats), as_csv)
 
@@ -162,7 +162,7 @@ def impulse(sizes: tuple[int, ...], repeats: int, as_csv: bool) -> int:
 @_AS_CSV
 def small(n: int, k: int, repeats: int, as_csv: bool) -> int:
     """Small LCPs against OSQP, one at a time and many with one A, timed in turn."""
-    from ..measure import small_cost
+    from ..benchmarks import small_cost
 
     return _show(small_cost(n, k, repeats), as_csv)
 
@@ -189,11 +189,12 @@ def benchmark(output: str | None, as_csv: bool, **arguments: Any) -> int:
 
     All to the same residual, on the scenes that are named, or on all. Minutes for each scene with n = 100000.
     """
-    from ..measure import Table, faster_peers
-    from ..measure import benchmark as compare
-    from ..measure.charts import scaling
-    from ..measure.figures import save
-    from ..measure.profile_chart import profile_figure
+    from ..benchmarks import benchmark as compare
+    from ..benchmarks import faster_peers
+    from ..present.table import Table
+    from ..study.charts.figures import save
+    from ..study.charts.profile_chart import profile_figure
+    from ..study.charts.table_charts import scaling
 
     table, code = _measured(compare, arguments, output, as_csv)
     if output is not None:
@@ -212,9 +213,9 @@ def benchmark(output: str | None, as_csv: bool, **arguments: Any) -> int:
 @_comparison(5, (100, 1_000, 10_000, 100_000))
 def dispatch(output: str | None, as_csv: bool, **arguments: Any) -> int:
     """solve() against the quickest single own method, on the scenes that are named, or on all."""
-    from ..measure import dispatch as compare
-    from ..measure.charts import choice
-    from ..measure.figures import save
+    from ..benchmarks import dispatch as compare
+    from ..study.charts.figures import save
+    from ..study.charts.table_charts import choice
 
     table, code = _measured(compare, arguments, output, as_csv)
     if output is not None:
@@ -250,7 +251,7 @@ def _measured(
 @_AS_CSV
 def tuning(scenes: tuple[str, ...], n: int, repeats: int, methods: tuple[str, ...], as_csv: bool) -> int:
     """The best theta of a grid against theta1=auto and its acceleration, on SCENES, by default on all."""
-    from ..measure import tuned_and_automatic
+    from ..benchmarks import tuned_and_automatic
 
     return _show(tuned_and_automatic(n, repeats, methods, scenes), as_csv)
 
@@ -265,9 +266,9 @@ def memory(
     scenes: tuple[str, ...], sizes: tuple[int, ...], method: str | None, output: str | None, as_csv: bool
 ) -> int:
     """The most memory that solve() holds on SCENES, default the membrane, against the bytes of A."""
-    from ..measure import memory as measured
-    from ..measure.charts import memory_figure
-    from ..measure.figures import save
+    from ..benchmarks import memory as measured
+    from ..study.charts.figures import save
+    from ..study.charts.table_charts import memory_figure
 
     must_be_writable(output)
     table = measured(scenes or ("membrane",), sizes, method)

@@ -13,43 +13,22 @@ from ..errors import FileError, InputError
 
 
 def show_json(told: dict[str, Any]) -> None:
-    """Print plain data as JSON; NaN and infinities, which JSON does not have, as null.
-
-    >>> show_json({"x": [1.0, float("nan")]})
-    {
-      "x": [
-        1.0,
-        null
-      ]
-    }
-    """
+    """Print plain data as JSON; NaN and infinities, which JSON does not have, as null."""
     click.echo(json.dumps(_finite(told), indent=2, allow_nan=False))
 
 
 def complain(message: str) -> None:
-    """One line on standard error.
-
-    >>> complain("no such thing")
-    """
+    """One line on standard error."""
     click.echo("icpmodel: " + " ".join(message.split()), err=True)
 
 
 def typed() -> str:
-    """The command line that is at work, to be noted beside what it makes.
-
-    >>> with click.Context(click.Command("race"), obj="icpmodel race membrane"):
-    ...     typed()
-    'icpmodel race membrane'
-    """
+    """The command line that is at work, to be noted beside what it makes."""
     return str(click.get_current_context().find_root().obj)
 
 
 def exit_code(success: bool, complaint: str) -> int:
-    """0 for success, else 1 and the complaint.
-
-    >>> exit_code(True, "")
-    0
-    """
+    """0 for success, else 1 and the complaint."""
     if not success:
         complain(complaint)
     return 0 if success else 1
@@ -59,10 +38,6 @@ def must_be_writable(path: str | None, suffix: str = "") -> None:
     """Raise FileError or InputError now for a path that could not be written later, when the work is done.
 
     Parameters: `path`, or None for none; the `suffix` that it must have.
-
-    >>> must_be_writable("no/such/folder/report.csv")
-    Traceback (most recent call last):
-    icpmodel.errors.FileError: no/such/folder/report.csv: the folder no/such/folder does not exist
     """
     if path is None:
         return

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError, Interrupted
-from ..files import load_solution, save_problem, save_solution
-from ..problem import ICP
-from ..progress import status_line
-from ..solution import Solution
+from ..icp import ICP
+from ..modelling.files import load_solution, save_problem, save_solution
+from ..solve.progress import status_line
+from ..solve.solution import Solution
 from .output import exit_code, must_be_writable, show_json
 from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, named_method, named_problem, options, pairs
 
 if TYPE_CHECKING:
-    from ..crosscheck import Report
+    from ..crosscheck.report import Report
     from ..scenes import Scene
 
 _OPTIONS = (
@@ -70,7 +70,7 @@ def crosscheck(
     solvers: tuple[str, ...], solver_time_limit: float, csv_path: str | None, as_json: bool, **arguments: Any
 ) -> int:
     """Solve the problem SOURCE, then have independent solvers check the answer."""
-    from ..crosscheck import chosen_solvers
+    from ..solvers.contract import chosen_solvers
 
     must_be_writable(csv_path)
     chosen_solvers(solvers)
@@ -106,7 +106,7 @@ def _unsolved(solution: Solution) -> str:
 
 def _report(problem: ICP, solution: Any, solvers: tuple[str, ...], time_limit: float) -> tuple[Report, bool]:
     """The report, and whether Ctrl-C cut it short."""
-    from ..crosscheck import crosscheck as check
+    from ..crosscheck.check import crosscheck as check
 
     try:
         return check(problem, solution, solvers or None, time_limit=time_limit, progress=True), False
@@ -138,7 +138,7 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
 def _at_their_size(scene: Scene, report: Report, arguments: dict[str, Any]) -> list[tuple[ICP, tuple[str, ...]]]:
     """For the solvers that a scene is too large for: the scene at the largest size they take, and their names."""
     from .. import scenes as gallery
-    from ..crosscheck import independent_solvers
+    from ..solvers.contract import independent_solvers
 
     known = independent_solvers()
     by_size: dict[int, list[str]] = {}

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import InputError
-from ..files import load_problem
-from ..methods import Method, named, names
-from ..problem import ICP
+from ..icp import ICP
+from ..methods.contract import Method, named, names
+from ..modelling.files import load_problem
 
 if TYPE_CHECKING:
     from ..scenes import Scene
@@ -35,11 +35,7 @@ METHOD_OPTIONS = (
 
 
 def options(*decorators: Callable[..., Any]) -> Callable[..., Any]:
-    """All of these click options and arguments at once, in this order.
-
-    >>> options(*SOURCE_OPTIONS)(lambda **arguments: 0)(source="membrane")
-    0
-    """
+    """All of these click options and arguments at once, in this order."""
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         for one in reversed(decorators):
@@ -50,11 +46,7 @@ def options(*decorators: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
-    """The problem that the arguments name, and its scene if it is one. Raises InputError, FileError.
-
-    >>> named_problem({"source": "hand-lcp", "n": None, "parameters": (), "q_file": None})[0]
-    ICP(n=2, nnz=4, psi=Constant(0))
-    """
+    """The problem that the arguments name, and its scene if it is one. Raises InputError, FileError."""
     from .. import scenes as gallery
 
     source, n, q_file = arguments["source"], arguments["n"], arguments["q_file"]
@@ -77,11 +69,7 @@ def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
 
 
 def named_method(arguments: dict[str, Any]) -> Method | None:
-    """The method that the arguments name, or None. Raises InputError.
-
-    >>> named_method({"method": "mnmsor", "options": ("theta1=1.2",)})
-    MNMSOR(theta1=1.2)
-    """
+    """The method that the arguments name, or None. Raises InputError."""
     given = pairs(arguments["options"])
     if arguments["method"] is not None:
         return named(arguments["method"], **given)
@@ -91,11 +79,7 @@ def named_method(arguments: dict[str, Any]) -> Method | None:
 
 
 def pairs(texts: tuple[str, ...]) -> dict[str, Any]:
-    """name=value with the value as a number or truth value where it is one. Raises InputError.
-
-    >>> pairs(("n=3", "mu=.5", "name=x"))
-    {'n': 3, 'mu': 0.5, 'name': 'x'}
-    """
+    """name=value with the value as a number or truth value where it is one. Raises InputError."""
     found: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Vector
 from ..errors import MapError
-from ..problem import ICP
-from ..solution import Solution
+from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
+from ..solve.solution import Solution
+from ..solvers.formulations import Target, in_handy_units, targets
 from ..theory.certificates.bounds import error_bound
-from .formulations import Target, in_handy_units, targets
 
 if TYPE_CHECKING:
-    from . import Answer
+    from ..solvers.contract import Answer
 
 #: how small Res(z)/Res(0) must be for an answer under test, and for a foreign one, to count as a solution
 OURS, THEIRS = 1e-8, 1e-7
@@ -71,9 +71,6 @@ _MEANINGS = {
 class Row:
     """One line of a report. `residual` = Res(z) of the foreign z on the problem it solved; `difference` = max|z_foreign
     − z|; both in the user's units, None where there is none. `claim` is the foreign status; `note` says why.
-
-    >>> Row.skipped("osqp", "osqp is not installed").verdict
-    <Verdict.SKIPPED: 'skipped'>
     """
 
     solver: str
@@ -87,11 +84,7 @@ class Row:
 
     @classmethod
     def skipped(cls, solver: str, reason: str) -> Row:
-        """The row of a solver that cannot take the problem.
-
-        >>> Row.skipped("osqp", "osqp is not installed").note
-        'osqp is not installed'
-        """
+        """The row of a solver that cannot take the problem."""
         return cls(solver, "", Verdict.SKIPPED, None, None, None, "", reason)
 
 
@@ -99,12 +92,9 @@ class Row:
 class Checked:
     """An answer under test. `problem` and `z` as the user has them; `y` = z/`unit` the same in the handy units of
     `targets`; `holds` whether z is a solution; `tolerance` how far another answer may lie apart, in the units of z.
-
-    >>> Checked.of(ICP([[2.0]], [-1.0]), [0.5]).holds, Checked.of(ICP([[2.0]], [-1.0]), [np.nan]).holds
-    (True, False)
     """
 
-    problem: ICP
+    problem: ProblemData
     z: Vector
     unit: float
     y: Vector
@@ -113,12 +103,8 @@ class Checked:
     tolerance: float
 
     @classmethod
-    def of(cls, problem: ICP, solution: Any, atol: float | None = None) -> Checked:
-        """Judge `solution`, a `Solution` or a vector of shape (n,); `atol` ≥ 0 replaces the default tolerance.
-
-        >>> Checked.of(ICP([[2.0]], [-1.0]), [0.5], atol=0.1).tolerance
-        0.1
-        """
+    def of(cls, problem: ProblemData, solution: Any, atol: float | None = None) -> Checked:
+        """Judge `solution`, a `Solution` or a vector of shape (n,); `atol` ≥ 0 replaces the default tolerance."""
         z = problem.vector(solution, "solution")
         handy, unit = in_handy_units(problem)
         y = z / unit
@@ -135,13 +121,7 @@ class Checked:
         return cls(problem, z, unit, y, targets(handy, y), holds, tolerance)
 
     def judge(self, solver: str, form: str, target: Target, answer: Answer, seconds: float) -> Row:
-        """The row of a foreign `answer`, which was to solve `target` in `form`; its claim is not believed.
-
-        >>> from icpmodel.crosscheck import Answer
-        >>> checked = Checked.of(ICP([[2.0]], [-1.0]), [0.5])
-        >>> checked.judge("liar", "gap", checked.targets[0], Answer([0.6], "optimal", True), 0.0).verdict
-        <Verdict.LOOSE: 'loose'>
-        """
+        """The row of a foreign `answer`, which was to solve `target` in `form`; its claim is not believed."""
         formulation = ("frozen " if target.frozen else "") + _FORMS.get(form, form)
 
         def row(verdict: Verdict, note: str, residual: float | None = None, difference: float | None = None) -> Row:
@@ -186,13 +166,10 @@ class Checked:
 _FORMS = {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}
 
 
-def solves(problem: ICP, y: Vector, rtol: float) -> bool:
+def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
     """Whether Res(y) ≤ max(rtol·Res(0), 4‖rounding of F(y)‖₂); false for NaN and infinities.
 
     Parameters: `y` shape (n,). Where Res(0) is zero or unknown 1 takes its place, which suits a problem in handy units.
-
-    >>> solves(ICP([[2.0]], [-1.0]), np.array([0.5]), 1e-8), solves(ICP([[2.0]], [-1.0]), np.array([0.6]), 1e-8)
-    (True, False)
     """
     try:
         start = problem.residual_at_0()
@@ -206,11 +183,7 @@ def solves(problem: ICP, y: Vector, rtol: float) -> bool:
 
 
 def finite(value: float) -> float | None:
-    """`value`, or None where it is NaN or infinite: a number that is not known.
-
-    >>> finite(float("nan")) is None
-    True
-    """
+    """`value`, or None where it is NaN or infinite: a number that is not known."""
     return float(value) if np.isfinite(value) else None
 
 

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-from ..solution import Solution, certify
-from ..theory.rounding import at_most
+from ..numerics.rounding import at_most
+from ..solve.solution import Solution, certify
 from .judge import Checked, Row, Verdict, finite
 
 
@@ -23,7 +23,7 @@ class Report:
     `rows`; `problem` and `answer` as texts; `residual` = Res(z) of the answer under test and `holds`, whether it is a
     solution; `error_bound` with |z − z*| ≤ it, or None and the `reason`; `tolerance` of the differences.
 
-    >>> from icpmodel.crosscheck import crosscheck
+    >>> from icpmodel.crosscheck.check import crosscheck
     >>> from icpmodel import ICP
     >>> report = crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"])
     >>> report.agrees, report.rows[0].verdict.value

@@ -6,16 +6,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..arrays import Vector
-from ..intervention import Intervention
-from ..maps import Constant
-from ..methods import Method
+from ..algebra.splittings import Given, Whole
+from ..methods.contract import Method
 from ..methods.modulus import MNMAOR, MNMGS, MNMJ, MNMMOD, MNMOD, MNMSOR, ModulusMember
 from ..methods.newton import Newton
-from ..problem import ICP
-from ..splittings import Given, Whole
+from ..numerics.arrays import Vector
+from ..numerics.rounding import at_most
+from ..problem.affine import Constant
+from ..problem.data import ProblemData
+from ..problem.intervention import Intervention
 from ..theory.matrices.classes import MatrixClasses
-from ..theory.rounding import at_most
 
 #: beyond this size only the members that need no factorisation are looked at
 _FACTORISE_UP_TO = 20_000
@@ -36,12 +36,8 @@ _THETA = {
 }
 
 
-def members(problem: ICP) -> dict[str, Method]:
-    """Title → the members to look at; few where A is large.
-
-    >>> list(members(ICP(np.eye(2), [1.0, 1.0])))[:2]
-    ['MNMJ(), Omega = D', 'MNMGS(), Omega = D']
-    """
+def members(problem: ProblemData) -> dict[str, Method]:
+    """Title → the members to look at; few where A is large."""
     diagonal: Vector = problem.A.diagonal()
     members: dict[str, Method] = {
         "MNMJ(), Omega = D": MNMJ(),
@@ -63,12 +59,8 @@ def members(problem: ICP) -> dict[str, Method]:
     return members
 
 
-def about_psi(problem: ICP) -> str:
-    """What is known of ψ, in one sentence.
-
-    >>> about_psi(ICP([[2.0]], [1.0], -np.inf))
-    'constant: G = 0, a linear complementarity problem; 1 row without obstacle'
-    """
+def about_psi(problem: ProblemData) -> str:
+    """What is known of ψ, in one sentence."""
     psi, G = problem.psi, problem.psi.lipschitz
     if isinstance(psi, Constant):
         free = int(np.isneginf(psi.c).sum())
@@ -87,11 +79,7 @@ def about_psi(problem: ICP) -> str:
 
 
 def factorises(method: Method) -> bool:
-    """Whether a step of `method` solves with a factorisation of X = M₁ + φ + Ω instead of sweeping over A.
-
-    >>> factorises(MNMOD()), factorises(MNMGS())
-    (True, False)
-    """
+    """Whether a step of `method` solves with a factorisation of X = M₁ + φ + Ω instead of sweeping over A."""
     if not isinstance(method, ModulusMember):
         return False
     splitting = method.splitting_of()
@@ -101,20 +89,12 @@ def factorises(method: Method) -> bool:
 
 
 def tie(one: float, other: float) -> bool:
-    """Whether two factors per step differ by rounding only.
-
-    >>> tie(1.9e-14, 1.8e-14), tie(0.5, 0.4)
-    (True, False)
-    """
+    """Whether two factors per step differ by rounding only."""
     return abs(one - other) <= _TIE * max(one, other) or max(one, other) < _NOTHING
 
 
 def recommendation(title: str, method: Method, factor: float, steps: int | None) -> Iterator[str]:
-    """Why the method called `title`, with the proved `factor` per step and bound on the `steps`, is the one to take.
-
-    >>> next(recommendation("MNMGS(), Omega = D", MNMGS(), 0.25, 10)).split("; ")
-    ['take MNMGS(), Omega = D: each step leaves at most 0.25 of the error, so that 10 will do', 'one sweep over A each']
-    """
+    """Why the method called `title`, with the proved `factor` per step and bound on the `steps`, is the one to take."""
     solve = "one solve with X = M1 + phi + Omega each, which is factorised once"
     cost = solve if factorises(method) else "one sweep over A each"
     enough = "" if steps is None else f", so that {steps} will do"
@@ -122,11 +102,7 @@ def recommendation(title: str, method: Method, factor: float, steps: int | None)
 
 
 def shown(factor: float) -> str:
-    """A proved factor per step as text, rounded upwards, but below 1.
-
-    >>> shown(0.4215351654)
-    '0.421536'
-    """
+    """A proved factor per step as text, rounded upwards, but below 1."""
     return at_most(factor, 6, below=1.0)
 
 
@@ -162,13 +138,8 @@ def _compared(factors: dict[str, float | None], titles: dict[str, str]) -> tuple
     return best, ", ".join([f"{first} with {best}" if len(best) < 6 else first, *others])
 
 
-def what_to_do(problem: ICP, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
-    """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with.
-
-    >>> problem = ICP([[0.0]], [1.0])
-    >>> list(what_to_do(problem, MatrixClasses(problem.A)))[0].split(";")[0]
-    'nothing above proves that a method converges'
-    """
+def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
+    """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with."""
     yield "nothing above proves that a method converges; solve() tries several and calls nothing solved that is not"
     if problem.psi.lipschitz is None and not isinstance(problem.psi, Intervention):
         yield "give psi's Lipschitz matrix (lipschitz=...): without it no theorem can be applied"

@@ -8,14 +8,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import Vector, as_number, described
+from ..algebra.relaxation import AUTO, after_jacobi, relaxation
+from ..algebra.sweeps import Step
 from ..errors import InputError, MapError
-from ..problem import ICP
-from ..reduction import has_fixed_obstacle
-from ..steps import Step, rows_of
-from . import SAFE_HINT, FixedPoint, Method, named, names
+from ..numerics.arrays import Vector, as_number, described
+from ..problem.data import ProblemData
+from .contract import SAFE_HINT, FixedPoint, Method, named, names
 from .modulus import MNMAOR
-from .parameters import AUTO, after_jacobi, relaxation
 from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
@@ -84,11 +83,11 @@ class Accelerated(Method):
             raise InputError(f"{method.name} cannot be accelerated: its iterates are not those of one map z -> g(z)")
         object.__setattr__(self, "of", method)
 
-    def why_not(self, problem: ICP) -> str | None:
+    def why_not(self, problem: ProblemData) -> str | None:
         """See `Method.why_not`: what the method `of` says."""
         return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. Rejected iterates are yielded as well, so that every sweep counts."""
         step, history = self.of.step_of(problem) if self.of else _sweeps(problem), _History(problem, self.window)
         phase, sweeps, plain, least = _Phases(), 0, None, np.inf
@@ -116,9 +115,9 @@ class Accelerated(Method):
             z = following
 
 
-def _sweeps(problem: ICP) -> Step:
+def _sweeps(problem: ProblemData) -> Step:
     """The default of `Accelerated`."""
-    if has_fixed_obstacle(problem):
+    if problem.facts.has_fixed_obstacle:
         return after_jacobi(problem, 0.0, lambda: PSOR(omega=relaxation(problem)).step_of(problem))
     return MNMAOR(theta1=AUTO).step_of(problem)
 
@@ -141,8 +140,8 @@ class _Phases:
 class _History:
     """The last `window` + 1 values of f(z) = g(z) − z and of g(z), the rows of F and G."""
 
-    def __init__(self, problem: ICP, window: int) -> None:
-        weight = np.abs(rows_of(problem).diagonal)
+    def __init__(self, problem: ProblemData, window: int) -> None:
+        weight = np.abs(problem.matrix.rows.diagonal)
         # rows without a diagonal entry count as if theirs were the largest
         self.weight = np.where(weight > 0, weight / (weight.max() or 1.0), 1.0)
         rows = min(window, problem.n) + 1
@@ -161,7 +160,7 @@ class _History:
 
     def combined(self) -> Vector | None:
         """g(z) − ΔGγ, z the newest; None where the history has nothing to say."""
-        from ..kernels.anderson import combine
+        from ..numerics.kernels.anderson import combine
 
         out = np.empty(self.weight.size)
         if self.known > 1 and combine(self.F, self.G, self.known, self.newest, self.weight, _INDEPENDENT, out):
@@ -169,7 +168,7 @@ class _History:
         return None
 
 
-def _residual(problem: ICP, z: Vector, hint: float | None) -> float:
+def _residual(problem: ProblemData, z: Vector, hint: float | None) -> float:
     """The residual of z: the hint of the sweep, unless its squares may have over- or underflown."""
     low, high = SAFE_HINT
     return hint if hint is not None and (low < hint < high or np.isnan(hint)) else problem.residual(z)

@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import Vector
 from ..errors import MapError, SingularOperator
-from ..maps import Elementwise
-from ..problem import ICP
-from . import Method
+from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
+from ..problem.elementwise import Elementwise
+from .contract import Method
 from .lemke import PIVOTS, UP_TO, Linear
 from .newton import Newton, derivative
 
@@ -39,7 +39,7 @@ class Josephy(Method):
     name: ClassVar[str] = "josephy"
     memoryless: ClassVar[bool] = False
 
-    def why_not(self, problem: ICP) -> str | None:
+    def why_not(self, problem: ProblemData) -> str | None:
         """See `Method.why_not`: ψ must have a derivative, and n be small.
 
         >>> Josephy().why_not(ICP([[2.0]], [1.0], np.sin))
@@ -49,9 +49,9 @@ class Josephy(Method):
             return f"pivoting works on all n x n entries: n = {problem.n} is more than {UP_TO}"
         return Newton().why_not(problem)
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. It never raises SingularOperator: it stands still instead."""
-        from ..kernels.pivoting import SOLVED, go_on  # loads numba
+        from ..numerics.kernels.pivoting import SOLVED, go_on  # loads numba
 
         A, n = problem.dense(), problem.n
         best = problem.residual(z)
@@ -74,7 +74,7 @@ class Josephy(Method):
             yield z, None
 
 
-def _shortened(problem: ICP, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:
+def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:
     """z + t·step and its residual for the first t of 1, 1/2, 1/4, … that reduces `residual` enough, None for none."""
     for k in range(_HALVINGS + 1):
         following = z + 0.5**k * step
@@ -84,7 +84,7 @@ def _shortened(problem: ICP, z: Vector, step: Vector, residual: float) -> tuple[
     return None
 
 
-def _derivative(problem: ICP, z: Vector) -> Any:
+def _derivative(problem: ProblemData, z: Vector) -> Any:
     """ψ′(z), dense, or its diagonal alone where ψ_i moves with z_i alone. Raises MapError where it is not finite."""
     psi = problem.psi
     if not isinstance(psi, Elementwise):

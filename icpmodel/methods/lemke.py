@@ -10,14 +10,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Vector
+from ..algebra.equations import solve_on
+from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import SingularOperator
-from ..maps import Affine
-from ..problem import ICP
-from ..reduction import has_fixed_obstacle, with_fixed_obstacle
-from ..theory.certificates.equations import solve_on
+from ..numerics.arrays import Vector
+from ..problem.affine import Affine
+from ..problem.data import ProblemData
 from ..theory.certificates.infeasible import infeasible, multipliers
-from . import Infeasible, Method
+from .contract import Infeasible, Method
 
 Matrix = NDArray[np.float64]
 
@@ -48,22 +48,22 @@ class Lemke(Method):
     name: ClassVar[str] = "lemke"
     memoryless: ClassVar[bool] = False
 
-    def why_not(self, problem: ICP) -> str | None:
+    def why_not(self, problem: ProblemData) -> str | None:
         """See `Method.why_not`: ψ must be affine, or every ψ_i move with z_i alone, by less than it; and n small.
 
         >>> Lemke().why_not(ICP([[2.0]], [1.0], np.sin))
         'pivoting needs a psi that is constant or affine, or moves with z_i alone and by less, not Function(sin)'
         """
-        if not (isinstance(problem.psi, Affine) or has_fixed_obstacle(problem)):
+        if not (isinstance(problem.psi, Affine) or problem.facts.has_fixed_obstacle):
             wanted = "constant or affine, or moves with z_i alone and by less"
             return f"pivoting needs a psi that is {wanted}, not {problem.psi!r}"
         if problem.n > UP_TO:
             return f"pivoting works on all n x n entries: n = {problem.n} is more than {UP_TO}"
         return None
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. Raises SingularOperator where I − G is, or A in the rows without obstacle."""
-        from ..kernels.pivoting import RAY, SINGULAR, UNFINISHED, go_on  # loads numba
+        from ..numerics.kernels.pivoting import RAY, SINGULAR, UNFINISHED, go_on  # loads numba
 
         yield z, None
         psi = problem.psi
@@ -98,10 +98,6 @@ class Linear:
 
     Parameters: `A` dense, shape (n, n); `q` and `c` shape (n,); `G` dense, shape (n, n), or its diagonal, shape (n,),
     if it is one, or None for 0. Raises SingularOperator where I − G is singular.
-
-    >>> lcp = Linear(np.array([[2.0]]), np.array([-3.0]), np.array([1.0]), np.array([0.5]))
-    >>> lcp.M, lcp.q, lcp.z(np.array([1.0]))
-    (array([[4.]]), array([1.]), array([4.]))
     """
 
     def __init__(self, A: Matrix, q: Vector, c: Vector, G: Matrix | Vector | None = None) -> None:
@@ -115,8 +111,8 @@ class Linear:
 
     def start(self) -> Any:
         """The first dictionary, as `kernels.pivoting.go_on` takes it."""
-        from ..kernels.pivoting import begin  # loads numba
-        from ..kernels.units import scale
+        from ..numerics.kernels.pivoting import begin  # loads numba
+        from ..numerics.kernels.units import scale
 
         return begin(*scale(self.M), self.q, self.free)
 

@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import Vector, as_number, as_vector
-from ..intervention import Intervention
-from ..problem import ICP
-from ..splittings import as_splitting
-from . import Method, positive_diagonal
+from ..algebra.splittings import as_splitting
+from ..numerics.arrays import Vector, as_number, as_vector
+from ..problem.data import ProblemData
+from ..problem.intervention import Intervention
+from .contract import Method, positive_diagonal
 from .modulus import check_diagonal
 
 
@@ -48,15 +48,14 @@ class MMS(Method):
             check_diagonal(self, "omega")
         as_number(self.inner, "inner", least=1, whole=True)
 
-    def why_not(self, problem: ICP) -> str | None:
+    def why_not(self, problem: ProblemData) -> str | None:
         """See `Method.why_not`: Ω must be positive, and x has no value where ψ_i = −∞."""
         obstacle = getattr(problem.psi, "c", None)
         if isinstance(problem.psi, Intervention) or (obstacle is not None and np.isneginf(obstacle).any()):
             return "MMS writes z - psi(z) = (|x| + x)/gamma, but a row may have no obstacle (psi = -inf)"
         return positive_diagonal(problem, "Omega = D/2 must be positive") if self.omega is None else None
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`."""
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         A, q = problem.A, problem.q
         omega = A.diagonal() / 2 if self.omega is None else as_vector(self.omega, problem.n, "omega")
         operator = self.splitting.operator(A, omega)

@@ -29,13 +29,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arrays import Vector, as_number, as_vector
-from ..errors import InputError
-from ..problem import ICP
-from ..splittings import AOR, Splitting, Whole, as_splitting
-from ..steps import Step, rows_of
-from . import FixedPoint, Method, positive_diagonal
-from .parameters import (
+from ..algebra.relaxation import (
     RELAXED,
     AdaptedOmega,
     a_number,
@@ -48,14 +42,16 @@ from .parameters import (
     scale_of,
     sor,
 )
+from ..algebra.splittings import AOR, Splitting, Whole, as_splitting
+from ..algebra.sweeps import Step
+from ..errors import InputError
+from ..numerics.arrays import Vector, as_number, as_vector
+from ..problem.data import ProblemData
+from .contract import FixedPoint, Method, positive_diagonal
 
 
 class ModulusMember(FixedPoint):
-    """A member of the modulus family: a choice of M₁, φ and Ω, and nothing else.
-
-    >>> MNMGS().splitting_of()
-    AOR(theta1=1.0, theta2=1.0)
-    """
+    """A member of the modulus family: a choice of M₁, φ and Ω, and nothing else."""
 
     #: members without these options have φ = 0 and numbers for all else
     phi: Any = 0.0
@@ -63,38 +59,22 @@ class ModulusMember(FixedPoint):
 
     @abstractmethod
     def splitting_of(self) -> Splitting:
-        """The choice of M₁.
-
-        >>> MNMOD().splitting_of()
-        Whole()
-        """
+        """The choice of M₁."""
 
     @abstractmethod
-    def omega_of(self, problem: ICP) -> Vector:
-        """The diagonal of Ω = φ₁⁻¹φ₂, shape (n,).
+    def omega_of(self, problem: ProblemData) -> Vector:
+        """The diagonal of Ω = φ₁⁻¹φ₂, shape (n,)."""
 
-        >>> MNMMOD(theta1=3.0).omega_of(ICP([[2.0]], [1.0]))
-        array([3.])
-        """
-
-    def settled(self, problem: ICP) -> ModulusMember:
-        """This member with fixed numbers in place of theta1="auto", as acceleration needs them; itself if it has some.
-
-        >>> MNMMOD(theta1="auto").settled(ICP([[4.0, 0.0], [0.0, 1.0]], [1.0, 1.0]))
-        MNMMOD(theta1=2)
-        """
+    def settled(self, problem: ProblemData) -> ModulusMember:
+        """This member with fixed numbers in place of theta1="auto", as acceleration needs them; itself if it has some."""
         return self
 
     @property
     def memoryless(self) -> bool:  # type: ignore[override]
-        """Whether all steps are alike, which they are not with theta1="auto": see `Method.memoryless`.
-
-        >>> MNMGS().memoryless, MNMAOR(theta1="auto").memoryless
-        (True, False)
-        """
+        """Whether all steps are alike, which they are not with theta1="auto": see `Method.memoryless`."""
         return not is_auto(self.theta1)
 
-    def step_of(self, problem: ICP) -> Step:
+    def step_of(self, problem: ProblemData) -> Step:
         """See `FixedPoint.step_of`; with theta1="auto" the first step is `parameters.jacobi_step`."""
         if is_auto(self.theta1):
             return after_jacobi(problem, self.phi, lambda: self.settled(problem).step_of(problem))
@@ -118,13 +98,13 @@ class _FreeOmega(ModulusMember):
         if self.phi2 is not None:
             check_diagonal(self, "phi2")
 
-    def omega_of(self, problem: ICP) -> Vector:
+    def omega_of(self, problem: ProblemData) -> Vector:
         """φ₂/φ₁, or D where φ₂ is not given: see `ModulusMember.omega_of`."""
         if self.phi2 is None:
-            return rows_of(problem).diagonal
+            return problem.matrix.rows.diagonal
         return as_diagonal(self.phi2, problem.n, "phi2") / as_diagonal(self.phi1, problem.n, "phi1")
 
-    def why_not(self, problem: ICP) -> str | None:
+    def why_not(self, problem: ProblemData) -> str | None:
         """See `Method.why_not`: the default Ω = D must be positive."""
         return positive_diagonal(problem, "Omega = D must be positive") if self.phi2 is None else None
 
@@ -150,7 +130,6 @@ class Modulus(_FreeOmega):
         object.__setattr__(self, "splitting", as_splitting(self.splitting))
 
     def splitting_of(self) -> Splitting:
-        """See `ModulusMember.splitting_of`."""
         splitting: Splitting = self.splitting
         return splitting
 
@@ -173,10 +152,9 @@ class MNMOD(ModulusMember):
         check_diagonal(self, "phi", positive=False)
 
     def splitting_of(self) -> Splitting:
-        """See `ModulusMember.splitting_of`."""
         return Whole()
 
-    def omega_of(self, problem: ICP) -> Vector:
+    def omega_of(self, problem: ProblemData) -> Vector:
         """Ω = I: see `ModulusMember.omega_of`."""
         return np.ones(problem.n)
 
@@ -201,11 +179,10 @@ class MNMMOD(MNMOD):
         super().__post_init__()
         is_auto(self.theta1)
 
-    def settled(self, problem: ICP) -> MNMMOD:
-        """See `ModulusMember.settled`."""
+    def settled(self, problem: ProblemData) -> MNMMOD:
         return MNMMOD(phi=self.phi, theta1=scale_of(problem)) if is_auto(self.theta1) else self
 
-    def omega_of(self, problem: ICP) -> Vector:
+    def omega_of(self, problem: ProblemData) -> Vector:
         """Ω = θ₁I: see `ModulusMember.omega_of`."""
         return np.full(problem.n, a_number(self.theta1))
 
@@ -217,23 +194,17 @@ class _Relaxing(_FreeOmega):
     theta1: Any = 1.0
 
     @abstractmethod
-    def _adapted(self, problem: ICP) -> AdaptedOmega: ...
+    def _adapted(self, problem: ProblemData) -> AdaptedOmega: ...
 
     @abstractmethod
-    def _relaxed(self, problem: ICP, omega: float) -> MNMAOR | MNMSOR: ...
+    def _relaxed(self, problem: ProblemData, omega: float) -> MNMAOR | MNMSOR: ...
 
     @property
     def used(self) -> MNMAOR | MNMSOR | None:
-        """With theta1="auto", the numbers that the latest run of this object came to; None before there is one.
-
-        >>> solution = ICP([[2, -1], [-1, 2]], [-1, 3]).solve("mnmaor", theta1="auto")
-        >>> solution.method, solution.method.used
-        (MNMAOR(theta1='auto'), MNMAOR(phi2=<2 values>, theta1=1.0663, theta2=2.1326))
-        """
+        """With theta1="auto", the numbers that the latest run of this object came to; None before there is one."""
         return self.__dict__.get("_used")
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`."""
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         if not is_auto(self.theta1):
             yield from super().iterates(problem, z)
             return
@@ -273,20 +244,19 @@ class MNMAOR(_Relaxing):
         else:
             AOR(self.theta1, self.theta2)
 
-    def settled(self, problem: ICP) -> MNMAOR:
+    def settled(self, problem: ProblemData) -> MNMAOR:
         """See `ModulusMember.settled`; ω is `parameters.relaxation`: acceleration needs no more."""
         return self._relaxed(problem, relaxation(problem)) if is_auto(self.theta1) else self
 
-    def _adapted(self, problem: ICP) -> AdaptedOmega:
+    def _adapted(self, problem: ProblemData) -> AdaptedOmega:
         omega = relaxation(problem)
         return AdaptedOmega(omega, most=omega) if 1.0 < omega < RELAXED else AdaptedOmega(1.0)
 
-    def _relaxed(self, problem: ICP, omega: float) -> MNMAOR:
+    def _relaxed(self, problem: ProblemData, omega: float) -> MNMAOR:
         theta1, phi2 = sor(problem, omega)
         return MNMAOR(phi=self.phi, phi2=phi2, theta1=theta1, theta2=2.0 * theta1)
 
     def splitting_of(self) -> Splitting:
-        """See `ModulusMember.splitting_of`."""
         return AOR(a_number(self.theta1), self.theta2)
 
 
@@ -309,20 +279,19 @@ class MNMSOR(_Relaxing):
         if is_auto(self.theta1):
             leave_out(self, "phi1", "phi2")
 
-    def settled(self, problem: ICP) -> MNMSOR:
+    def settled(self, problem: ProblemData) -> MNMSOR:
         """See `ModulusMember.settled`; θ₁ = 1 and Ω = D, which is proved, and the best start for acceleration."""
         return MNMSOR(phi=self.phi) if is_auto(self.theta1) else self
 
-    def _adapted(self, problem: ICP) -> AdaptedOmega:
+    def _adapted(self, problem: ProblemData) -> AdaptedOmega:
         omega = relaxation(problem)
         return AdaptedOmega(omega, most=omega)
 
-    def _relaxed(self, problem: ICP, omega: float) -> MNMSOR:
+    def _relaxed(self, problem: ProblemData, omega: float) -> MNMSOR:
         theta1, phi2 = sor(problem, omega)
         return MNMSOR(phi=self.phi, phi2=phi2, theta1=theta1)
 
     def splitting_of(self) -> Splitting:
-        """See `ModulusMember.splitting_of`."""
         theta1 = a_number(self.theta1)
         return AOR(theta1, theta1)
 
@@ -338,7 +307,6 @@ class MNMGS(_FreeOmega):
     name: ClassVar[str] = "mnmgs"
 
     def splitting_of(self) -> Splitting:
-        """See `ModulusMember.splitting_of`."""
         return AOR(1.0, 1.0)
 
 
@@ -353,7 +321,6 @@ class MNMJ(_FreeOmega):
     name: ClassVar[str] = "mnmj"
 
     def splitting_of(self) -> Splitting:
-        """See `ModulusMember.splitting_of`."""
         return AOR(1.0, 0.0)
 
 
@@ -379,15 +346,13 @@ class NMMS(ModulusMember):
             check_diagonal(self, "omega")
 
     def splitting_of(self) -> Splitting:
-        """See `ModulusMember.splitting_of`."""
         splitting: Splitting = self.splitting
         return splitting
 
-    def omega_of(self, problem: ICP) -> Vector:
-        """See `ModulusMember.omega_of`."""
-        return rows_of(problem).diagonal if self.omega is None else as_diagonal(self.omega, problem.n, "omega")
+    def omega_of(self, problem: ProblemData) -> Vector:
+        return problem.matrix.rows.diagonal if self.omega is None else as_diagonal(self.omega, problem.n, "omega")
 
-    def why_not(self, problem: ICP) -> str | None:
+    def why_not(self, problem: ProblemData) -> str | None:
         """See `Method.why_not`: the default Ω = D must be positive."""
         return positive_diagonal(problem, "Omega = D must be positive") if self.omega is None else None
 
@@ -411,25 +376,18 @@ class ProjectionFixedPoint(ModulusMember):
         as_number(self.omega, "omega", above=0)
 
     def splitting_of(self) -> Splitting:
-        """See `ModulusMember.splitting_of`."""
         return AOR(self.omega, 0.0)
 
-    def omega_of(self, problem: ICP) -> Vector:
+    def omega_of(self, problem: ProblemData) -> Vector:
         """Ω = D/ω: see `ModulusMember.omega_of`."""
-        return rows_of(problem).diagonal / self.omega
+        return problem.matrix.rows.diagonal / self.omega
 
-    def why_not(self, problem: ICP) -> str | None:
-        """See `Method.why_not`."""
+    def why_not(self, problem: ProblemData) -> str | None:
         return positive_diagonal(problem, "the fixed point divides by the diagonal of A")
 
 
 def check_diagonal(method: Method, name: str, *, positive: bool = True) -> None:
-    """Check one diagonal (a number or vector) of a frozen method and keep it as a float or a float64 vector.
-
-    >>> MNMGS(phi2=-1.0)
-    Traceback (most recent call last):
-    icpmodel.errors.InputError: phi2 has the entry -1; positive numbers were expected
-    """
+    """Check one diagonal (a number or vector) of a frozen method and keep it as a float or a float64 vector."""
     given = getattr(method, name)
     if isinstance(given, float) and (0.0 < given < np.inf or (not positive and -np.inf < given < np.inf)):
         return

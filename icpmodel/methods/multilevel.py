@@ -24,15 +24,16 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import Vector, inner, norm
-from ..intervention import Intervention
-from ..maps import Affine, Constant, Map
-from ..problem import ICP
-from ..reduction import has_fixed_obstacle, with_fixed_obstacle
-from ..steps import Step, compiled_step
-from . import HandOver, Method, positive_diagonal
-from .hierarchy import Hierarchy, Level, Mask, NoHierarchy
-from .linear import is_factorised
+from ..algebra.equations import is_factorised
+from ..algebra.hierarchy import Hierarchy, Level, Mask, NoHierarchy
+from ..algebra.subproblems import with_fixed_obstacle
+from ..algebra.sweeps import Step, compiled_step
+from ..numerics.arrays import Vector, inner, norm
+from ..problem.affine import Affine, Constant
+from ..problem.data import ProblemData
+from ..problem.intervention import Intervention
+from ..problem.map import Map
+from .contract import HandOver, Method, positive_diagonal
 from .newton import Newton, derivative
 
 #: sweeps where the active set has moved
@@ -70,16 +71,16 @@ class Multilevel(Method):
     name: ClassVar[str] = "multilevel"
     memoryless: ClassVar[bool] = False
 
-    def why_not(self, problem: ICP) -> str | None:
+    def why_not(self, problem: ProblemData) -> str | None:
         """See `Method.why_not`: D must be positive, and ψ have a derivative or move with z_i alone, by less than it.
 
         >>> Multilevel().why_not(ICP([[-2.0]], [1.0]))
         'its smoother divides by the diagonal of A, but A[0, 0] = -2'
         """
         found = positive_diagonal(problem, "its smoother divides by the diagonal of A")
-        return found or (None if has_fixed_obstacle(problem) else Newton().why_not(problem))
+        return found or (None if problem.facts.has_fixed_obstacle else Newton().why_not(problem))
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. It raises HandOver, never SingularOperator."""
         first = problem.residual(z)
         yield z, first
@@ -95,10 +96,10 @@ class Multilevel(Method):
             yield last, None
 
 
-def _run(problem: ICP, z: Vector, first: float) -> Iterator[tuple[Vector, float | None]]:
+def _run(problem: ProblemData, z: Vector, first: float) -> Iterator[tuple[Vector, float | None]]:
     """The run on the finest level, as long as it leads on; `first` is the residual of the start `z`."""
     hierarchy = Hierarchy(problem)
-    simple = with_fixed_obstacle(problem) if has_fixed_obstacle(problem) else problem
+    simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
     at_0 = problem.residual_at_0()
     start = z if first <= _NEAR * at_0 else _start(hierarchy, simple)
     if isinstance(problem.psi, Intervention):
@@ -119,7 +120,7 @@ def _run(problem: ICP, z: Vector, first: float) -> Iterator[tuple[Vector, float 
             return
 
 
-def _start(hierarchy: Hierarchy, problem: ICP) -> Vector:
+def _start(hierarchy: Hierarchy, problem: ProblemData) -> Vector:
     """z from the coarser levels, each of which begins with the answer of the one below it."""
     problems, shifts = [problem], []
     for level, coarser in pairwise(hierarchy.levels):
@@ -140,7 +141,7 @@ def _start(hierarchy: Hierarchy, problem: ICP) -> Vector:
     return z
 
 
-def _coarse(problem: ICP, level: Level, coarser: Level) -> tuple[ICP, Vector]:
+def _coarse(problem: ProblemData, level: Level, coarser: Level) -> tuple[ProblemData, Vector]:
     """The problem on the level below `level`, and the shift s: Pz + s is what its answer z is worth on `level`.
 
     Points that are not kept solve their own equation: s = −q/D there, so that rows without a coarse neighbour and those
@@ -168,21 +169,18 @@ class _Carried(Map):
         self.psi, self.P, self.shift, self.kept = psi, P, shift, kept
 
     def bind(self, n: int) -> _Carried:
-        """See `Map.bind`."""
         return self
 
     def value(self, z: Vector) -> Vector:
-        """See `Map.value`."""
         return self.psi.value(self.P @ z + self.shift)[self.kept]
 
     def jacobian(self, z: Vector) -> sp.csr_array:
-        """See `Map.jacobian`."""
         J = self.psi.jacobian(self.P @ z + self.shift)
         assert J is not None
         return sp.csr_array(J[self.kept] @ self.P)
 
 
-def _path(hierarchy: Hierarchy, problem: ICP, z: Vector, top: int) -> Iterator[tuple[Vector, float]]:
+def _path(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int) -> Iterator[tuple[Vector, float]]:
     """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each look."""
     level, moves = hierarchy.levels[top], not isinstance(problem.psi, Constant)
     omega, sweep = level.diagonal, _sweep(problem, level)
@@ -205,7 +203,7 @@ def _path(hierarchy: Hierarchy, problem: ICP, z: Vector, top: int) -> Iterator[t
         z = newton.further(z)
 
 
-def _sweep(problem: ICP, level: Level) -> Step:
+def _sweep(problem: ProblemData, level: Level) -> Step:
     """Projected Gauss–Seidel, from the last row to the first where what flows through A flows that way."""
     A, rows = level.A, level.rows
     downwards = rows.upper <= _FLOW * rows.lower
@@ -218,7 +216,7 @@ class _NewtonStep:
     """One linear system: (I − ψ′)z = … in the active rows, Az + q = 0 in the others. It may be gone on with."""
 
     def __init__(
-        self, hierarchy: Hierarchy, problem: ICP, top: int, active: Mask, z: Vector, p: Vector, r: Vector
+        self, hierarchy: Hierarchy, problem: ProblemData, top: int, active: Mask, z: Vector, p: Vector, r: Vector
     ) -> None:
         self.hierarchy, self.problem, self.top, self.active = hierarchy, problem, top, active
         hierarchy.restrict(~active, top)

@@ -25,13 +25,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import Vector, norm
+from ..algebra.equations import Stepper, step_of
 from ..errors import MapError
-from ..maps import Elementwise, Function
-from ..problem import ICP
-from ..theory.certificates.equations import weights
-from . import Method
-from .linear import Stepper, solver_of, step_of
+from ..numerics.arrays import Vector, norm
+from ..numerics.linear import solver_of
+from ..problem.data import ProblemData
+from ..problem.elementwise import Elementwise
+from ..problem.function import Function
+from .contract import Method
 
 Mask = NDArray[np.bool_]
 
@@ -68,7 +69,7 @@ class Newton(Method):
     name: ClassVar[str] = "newton"
     memoryless: ClassVar[bool] = False
 
-    def why_not(self, problem: ICP) -> str | None:
+    def why_not(self, problem: ProblemData) -> str | None:
         """See `Method.why_not`: ψ must have a derivative.
 
         >>> Newton().why_not(ICP([[2.0]], [1.0], np.sin))
@@ -81,7 +82,7 @@ class Newton(Method):
             return "psi has no derivative: give `jacobian` to Function"
         return None
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. It never raises SingularOperator: it stands still instead."""
         path = _Path(problem, z)
         while True:
@@ -89,12 +90,8 @@ class Newton(Method):
             path.advance()
 
 
-def derivative(problem: ICP, z: Vector) -> sp.csr_array:
-    """ψ′(z), CSR, shape (n, n), where `Newton.why_not` is None. Raises MapError where it is not finite.
-
-    >>> derivative(ICP([[2.0]], [1.0]), np.zeros(1)).nnz
-    0
-    """
+def derivative(problem: ProblemData, z: Vector) -> sp.csr_array:
+    """ψ′(z), CSR, shape (n, n), where `Newton.why_not` is None. Raises MapError where it is not finite."""
     J = problem.psi.jacobian(z)
     assert J is not None
     if not np.isfinite(J.data).all():
@@ -105,7 +102,7 @@ def derivative(problem: ICP, z: Vector) -> sp.csr_array:
 class _Point:
     """z with all that is evaluated there: p, r, the scaled a = p/Ω, φ, θ = ‖φ‖, the residual, and when asked for ψ′."""
 
-    def __init__(self, problem: ICP, omega: Vector, z: Vector) -> None:
+    def __init__(self, problem: ProblemData, omega: Vector, z: Vector) -> None:
         self.problem, self.z, self.p, self.r = problem, z, problem.p(z), problem.r(z)
         self.residual = norm(np.minimum(self.p, self.r))
         self.a = self.p / omega
@@ -135,8 +132,8 @@ class _Point:
 class _Path:
     """The run: where it is, its best point, and what credit is left to the plain steps."""
 
-    def __init__(self, problem: ICP, z: Vector) -> None:
-        self.problem, self.omega = problem, weights(problem)
+    def __init__(self, problem: ProblemData, z: Vector) -> None:
+        self.problem, self.omega = problem, problem.matrix.weights
         with np.errstate(all="ignore"):
             self.here = self.best = _Point(problem, self.omega, z)
         self.first = self.mark = self.here.theta
@@ -211,7 +208,7 @@ class _Path:
         shrinks = bool(dropped.any()) and not (active & ~taken).any()
         self.shrunk = self.shrunk + 1 if shrinks else 0
         if self.shrunk > 2:
-            A, layers = self.problem.absolute_A(), dropped.astype(np.float64)
+            A, layers = self.problem.matrix.absolute, dropped.astype(np.float64)
             for _ in range(2 ** (self.shrunk - 3)):
                 layers = (A @ layers + layers > 0).astype(np.float64)
                 if layers[active].all():

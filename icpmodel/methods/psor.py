@@ -10,12 +10,12 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..arrays import Vector, as_number
+from ..algebra.subproblems import PIVOT_UP_TO, with_fixed_obstacle
+from ..algebra.sweeps import Step, compiled_step, watched_sweeps
 from ..errors import MapError
-from ..problem import ICP
-from ..reduction import PIVOT_UP_TO, has_fixed_obstacle, with_fixed_obstacle
-from ..steps import Step, compiled_step, rows_of, watched_sweeps
-from . import FixedPoint, HandOver, positive_diagonal
+from ..numerics.arrays import Vector, as_number
+from ..problem.data import ProblemData
+from .contract import FixedPoint, HandOver, positive_diagonal
 
 #: plain sweeps on trial are looked at after so many, and whenever their number has doubled
 _LOOK = 10
@@ -93,25 +93,24 @@ class PSOR(FixedPoint):
     def __post_init__(self) -> None:
         as_number(self.omega, "omega", above=0, below=2)
 
-    def why_not(self, problem: ICP) -> str | None:
-        """See `Method.why_not`."""
+    def why_not(self, problem: ProblemData) -> str | None:
         return positive_diagonal(problem, "projected SOR divides by the diagonal of A")
 
-    def step_of(self, problem: ICP, wanted: Callable[[], float] | None = None) -> Step:
+    def step_of(self, problem: ProblemData, wanted: Callable[[], float] | None = None) -> Step:
         """See `FixedPoint.step_of`; `wanted` as in `compiled_step`."""
-        return compiled_step(problem, "in_order", *self._arguments(problem), rows_of(problem).above, wanted)
+        return compiled_step(problem, "in_order", *self._arguments(problem), problem.matrix.rows.above, wanted)
 
-    def _arguments(self, problem: ICP) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    def _arguments(self, problem: ProblemData) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
         A = problem.A
-        return (A.indptr, A.indices, A.data, rows_of(problem).diag, problem.q), ((self.omega,), True)
+        return (A.indptr, A.indices, A.data, problem.matrix.rows.diag, problem.q), ((self.omega,), True)
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. On trial it raises HandOver where the sweeps are slow."""
         if not self.trial:
             yield from super().iterates(problem, z)
         if problem.n <= PIVOT_UP_TO:
             yield from self._in_one_call(problem, z)
-        from ..kernels.sweeps import still_needed  # loads numba
+        from ..numerics.kernels.sweeps import still_needed  # loads numba
 
         residuals: list[float] = []
         look, sweeps, first = (self.trial.look, self.trial.sweeps, 0.0) if self.trial else (0, 0.0, 0.0)
@@ -138,13 +137,13 @@ class PSOR(FixedPoint):
                     look = 2 * look if self._stays(first, residuals, z, following) else 0
             z = following
 
-    def _in_one_call(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+    def _in_one_call(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """As many sweeps as it takes at once, where that can be."""
         assert self.trial is not None
         sweeps, then, known, _, look = self.trial
         fixed = problem
         with suppress(MapError):
-            if has_fixed_obstacle(problem):
+            if problem.facts.has_fixed_obstacle:
                 fixed = with_fixed_obstacle(problem)
         run = watched_sweeps(fixed, *self._arguments(fixed))
         if run is None:
@@ -163,7 +162,7 @@ class PSOR(FixedPoint):
                 raise over
             first, watched = 0.0, False
 
-    def _first(self, problem: ICP, z: Vector, following: Vector, residual: float) -> float:
+    def _first(self, problem: ProblemData, z: Vector, following: Vector, residual: float) -> float:
         """The residual that the sweeps are judged by. Raises HandOver where a start near the answer proves enough."""
         assert self.trial is not None
         sweeps, _, known, narrow, _ = self.trial
@@ -179,7 +178,7 @@ class PSOR(FixedPoint):
     def _stays(self, first: float, residuals: list[float], z: Vector, following: Vector) -> bool:
         """Whether to look again. Raises HandOver where the second half of the `residuals` shows slow sweeps."""
         assert self.trial is not None
-        from ..kernels.sweeps import still_needed
+        from ..numerics.kernels.sweeps import still_needed
 
         sweeps, then, _, narrow, _ = self.trial
         half, last = residuals[len(residuals) // 2], residuals[-1]
@@ -193,7 +192,7 @@ class PSOR(FixedPoint):
         return bool(quick)
 
 
-def _at_0(problem: ICP) -> float:
+def _at_0(problem: ProblemData) -> float:
     """Res(0), or 0 where it is not finite."""
     at_0 = np.inf
     with suppress(MapError):

@@ -8,11 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..arrays import Vector
-from ..problem import ICP
-from ..reduction import has_fixed_obstacle, with_fixed_obstacle
-from ..steps import rows_of
-from . import Method, positive_diagonal
+from ..algebra.subproblems import with_fixed_obstacle
+from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
+from .contract import Method, positive_diagonal
 
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
 _ROUNDS, _STEPS = 5, 10
@@ -39,7 +38,7 @@ class Tridiagonal(Method):
     name: ClassVar[str] = "tridiagonal"
     memoryless: ClassVar[bool] = False
 
-    def why_not(self, problem: ICP) -> str | None:
+    def why_not(self, problem: ProblemData) -> str | None:
         """See `Method.why_not`: A must be tridiagonal, D > 0, and every ψ_i move with z_i alone, by less than it.
 
         >>> Tridiagonal().why_not(ICP(np.ones((3, 3)), np.zeros(3)))
@@ -47,17 +46,17 @@ class Tridiagonal(Method):
         """
         if problem.nnz > 3 * problem.n - 2:
             return f"A is not tridiagonal: it has {problem.nnz} entries"
-        rows = rows_of(problem)
+        rows = problem.matrix.rows
         if max(rows.below, rows.above) > 1:
             reach = f"reach {rows.below} rows below the diagonal and {rows.above} above"
             return f"A is not tridiagonal: its entries {reach}"
-        if not has_fixed_obstacle(problem):
+        if not problem.facts.has_fixed_obstacle:
             return f"it needs a psi_i that moves with z_i alone, by less than it, which is not known of {problem.psi!r}"
         return positive_diagonal(problem, "it divides by the diagonal of A")
 
-    def iterates(self, problem: ICP, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. It never raises SingularOperator: it stands still instead."""
-        from ..kernels.tridiagonal import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
+        from ..numerics.kernels.tridiagonal import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
 
         yield z, None
         A, q, c = problem.A, problem.q, with_fixed_obstacle(problem).psi.value(z)

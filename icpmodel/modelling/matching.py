@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import row_of
+from ..numerics.arrays import row_of
 
 Columns = NDArray[np.intp]
 
@@ -18,9 +18,6 @@ def looks_like_r(R: sp.csr_array) -> int:
     0 neither.
 
     Parameters: `R` CSR, shape (m, n), without stored zeros.
-
-    >>> looks_like_r(sp.csr_array([[2.0, 0.0]])), looks_like_r(sp.csr_array([[1.0, -0.5]]))
-    (2, 1)
     """
     if _is_alone(R) and np.bincount(R.indices, minlength=1).max() == 1:
         return 2
@@ -34,11 +31,6 @@ def own_entries(R: sp.csr_array) -> Columns | None:
 
     An entry that is 1 is taken before others, as z − ψ(z) is mostly written so, then the largest. Where rows compete,
     the choice for all of them together is the one that costs least: 1 for a 1, else 2 + log(the row's largest / entry).
-
-    >>> own_entries(sp.csr_array([[0.5, 1.0], [1.0, 3.0]])).tolist()
-    [1, 0]
-    >>> own_entries(sp.csr_array([[-1.0]])) is None
-    True
     """
     n = R.shape[0]
     if _is_alone(R):
@@ -59,11 +51,7 @@ def own_entries(R: sp.csr_array) -> Columns | None:
 
 
 def left_over(R: sp.csr_array) -> tuple[int, int]:
-    """A row and a column that are left over where `own_entries` is None: of as many rows as possible with one each.
-
-    >>> left_over(sp.csr_array([[1.0, 0.0], [1.0, 0.0]]))
-    (1, 1)
-    """
+    """A row and a column that are left over where `own_entries` is None: of as many rows as possible with one each."""
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
     positive = sp.csr_array(R > 0)

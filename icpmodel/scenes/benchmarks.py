@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector, as_number
-from ..maps import Affine, Elementwise
-from ..problem import ICP
+from ..icp import ICP
+from ..numerics.arrays import Vector, as_number
+from ..problem.affine import Affine
+from ..problem.elementwise import Elementwise
 from .chosen import complementary
 from .grid import adjacency, five_point, side, square_points
 from .registry import Scene, register
@@ -23,9 +24,6 @@ def bai_symmetric(n: int = 900, mu: float = 4.0) -> Scene:
     Parameters: `n` ≈ m²; `mu` ≥ 0, where μ = 0 is the hard case. No units.
     Raises InputError for bad parameters.
     Reference: Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680.
-
-    >>> bai_symmetric(n=4).problem.q
-    array([ -5., -13.,  -5., -13.])
     """
     return _bai(n, mu, 0.0)
 
@@ -38,9 +36,6 @@ def bai_nonsymmetric(n: int = 900, mu: float = 4.0) -> Scene:
     `z0` = (1, 0, 1, 0, …). Parameters: `n` ≈ m²; `mu` ≥ 0. No units.
     Raises InputError for bad parameters.
     Reference: Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680.
-
-    >>> bai_nonsymmetric(n=4).problem.A.toarray()[1].tolist()
-    [-1.5, 8.0, 0.0, -0.5]
     """
     return _bai(n, mu, 0.5)
 
@@ -55,10 +50,6 @@ def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
     Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0. No units.
     Raises InputError for bad parameters.
     Reference: the construction of icpmodel's own tests; A from Bai (2010), doi:10.1002/nla.680.
-
-    >>> chosen = manufactured_affine(n=100)
-    >>> chosen.problem.residual(chosen.z_exact) < 1e-13
-    True
     """
     m, mu = side(n), as_number(mu, "mu", least=0)
     z, p, r = complementary(m * m, seed)
@@ -79,10 +70,6 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0) -> Sc
     Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0. No units.
     Raises InputError for bad parameters.
     Reference: the construction of icpmodel's own tests; A from Bai (2010), doi:10.1002/nla.680.
-
-    >>> chosen = manufactured_elementwise(n=100)
-    >>> chosen.problem.residual(chosen.z_exact) < 1e-13
-    True
     """
     m, mu = side(n), as_number(mu, "mu", least=0)
     z, p, r = complementary(m * m, seed)

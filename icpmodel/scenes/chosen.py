@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector, as_number
+from ..numerics.arrays import Vector, as_number
 
 
 def complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Vector, Vector, Vector]:
@@ -14,10 +14,6 @@ def complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Vector, V
 
     Parameters: `n` the number of rows; `seed` an integer ≥ 0; `degenerate` the share of all rows with p* = r* = 0, the
     entries of the others lie in [.5, 1.5]. Returns z, p, r, shape (n,). Raises InputError for a bad seed.
-
-    >>> z, p, r = complementary(4, seed=0)
-    >>> int((p > 0).sum()), int((r > 0).sum()), float(p @ r)
-    (2, 2, 0.0)
     """
     random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
     z, size = random.uniform(-1.0, 1.0, n), random.uniform(0.5, 1.5, n)

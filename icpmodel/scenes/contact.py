@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Vector, as_number
-from ..problem import ICP
+from ..icp import ICP
+from ..numerics.arrays import Vector, as_number
 from .grid import five_point, side, square_points
 from .registry import Quantity, Scene, at_least, register
 
@@ -26,9 +26,6 @@ def membrane(n: int = 900, mu: float = 0.0, skew: float = 0.0) -> Scene:
     Units: lengths in sides of the square; p is h² times the force per area that the obstacle exerts.
     Returns a scene without reference. Raises InputError for bad parameters.
     Reference: Rodrigues, Obstacle Problems in Mathematical Physics (1987).
-
-    >>> membrane(n=100).problem
-    ICP(n=100, nnz=460, psi=Constant(-0.838843 ... 0.483471))
     """
     m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
     points = square_points(0.0, 1.0, m)
@@ -57,9 +54,6 @@ def ball(n: int = 900) -> Scene:
     with a factor that depends on where the circle cuts the cells: measured at most .4h² and .06h².
     Raises InputError for n < 16.
     Reference: Bueler, PETSc for Partial Differential Equations (2020), chapter 12, doi:10.1137/1.9781611976311.
-
-    >>> ball(n=100).h
-    0.36363636363636365
     """
     m = side(at_least(n, 16))
     h = 2 * HALF / (m + 1)

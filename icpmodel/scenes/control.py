@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector
-from ..intervention import Intervention
-from ..problem import ICP
+from ..icp import ICP
+from ..numerics.arrays import Vector
+from ..problem.intervention import Intervention
 from .grid import level_crossing, tridiagonal
 from .registry import Quantity, Scene, at_least, register
 
@@ -39,9 +39,6 @@ def dividend(n: int = 241) -> Scene:
     Raises InputError for n < 31.
     Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984); Jeanblanc-Picqué and
     Shiryaev, Russ. Math. Surv. 50 (1995).
-
-    >>> dividend(n=240).problem.n
-    241
     """
     k = round((at_least(n, 31) - 1) / 30)
     h = COST / k

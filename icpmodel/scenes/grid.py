@@ -7,15 +7,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import Vector
+from ..numerics.arrays import Vector
 
 
 def side(n: int) -> int:
-    """m = round(√n), the side of the m × m grid whose number of points is nearest to `n`.
-
-    >>> side(1000)
-    32
-    """
+    """m = round(√n), the side of the m × m grid whose number of points is nearest to `n`."""
     return round(n**0.5)
 
 
@@ -24,12 +20,6 @@ def five_point(m: int, mu: float = 0.0, skew: float = 0.0) -> sp.csr_array:
 
     Tridiag(−(1+s)I, S, −(1−s)I) + μI with S = tridiag(−(1+s), 4, −(1−s)) and s = `skew`. Unknown i·m + j stands at
     (x, y) = ((j + 1)h, (i + 1)h). s = 0 is h²(−Δ); s ≠ 0 adds a flow of velocity (b, b), s = bh/2.
-
-    >>> five_point(2, skew=0.5).toarray()
-    array([[ 4. , -0.5, -0.5,  0. ],
-           [-1.5,  4. ,  0. , -0.5],
-           [-1.5,  0. ,  4. , -0.5],
-           [ 0. , -1.5, -1.5,  4. ]])
     """
     line = neighbours(m, -(1.0 + skew), -(1.0 - skew))
     eye = sp.eye_array(m)
@@ -37,32 +27,18 @@ def five_point(m: int, mu: float = 0.0, skew: float = 0.0) -> sp.csr_array:
 
 
 def adjacency(m: int) -> sp.csr_array:
-    """The adjacency matrix of the m × m grid: 1 for each pair of neighbouring points.
-
-    >>> adjacency(2).sum(axis=1)
-    array([2., 2., 2., 2.])
-    """
+    """The adjacency matrix of the m × m grid: 1 for each pair of neighbouring points."""
     line, eye = neighbours(m, 1.0, 1.0), sp.eye_array(m)
     return sp.csr_array(sp.kron(eye, line) + sp.kron(line, eye))
 
 
 def neighbours(m: int, left: float, right: float) -> Any:
-    """tridiag(`left`, 0, `right`), shape (m, m), CSR.
-
-    >>> neighbours(2, 3.0, 5.0).toarray()
-    array([[0., 5.],
-           [3., 0.]])
-    """
+    """tridiag(`left`, 0, `right`), shape (m, m), CSR."""
     return tridiagonal(np.full(m - 1, left), np.zeros(m), np.full(m - 1, right))
 
 
 def tridiagonal(left: Vector, middle: Vector, right: Vector) -> Any:
-    """The CSR matrix with these three diagonals; `middle` has shape (n,), the others (n − 1,). Zeros are not stored.
-
-    >>> tridiagonal(np.array([3.0]), np.array([1.0, 2.0]), np.array([5.0])).toarray()
-    array([[1., 5.],
-           [3., 2.]])
-    """
+    """The CSR matrix with these three diagonals; `middle` has shape (n,), the others (n − 1,). Zeros are not stored."""
     bands: Any = [left, middle, right]
     matrix = sp.csr_array(sp.diags_array(bands, offsets=(-1, 0, 1)))
     matrix.eliminate_zeros()
@@ -70,22 +46,14 @@ def tridiagonal(left: Vector, middle: Vector, right: Vector) -> Any:
 
 
 def square_points(low: float, high: float, m: int) -> Vector:
-    """Coordinates of the m × m interior points of [low, high]², shape (m², 2), in the order of `five_point`.
-
-    >>> square_points(0.0, 1.0, 1)
-    array([[0.5, 0.5]])
-    """
+    """Coordinates of the m × m interior points of [low, high]², shape (m², 2), in the order of `five_point`."""
     line = np.linspace(low, high, m + 2)[1:-1]
     x, y = np.meshgrid(line, line)
     return np.column_stack([x.ravel(), y.ravel()])
 
 
 def level_crossing(x: Vector, y: Vector, level: float) -> float:
-    """The x at which the parabola x(y) through three points reaches `level`; NaN unless y is strictly monotone.
-
-    >>> round(level_crossing(np.array([0.0, 1.0, 2.0]), np.array([0.0, 2.0, 4.0]), 5.0), 12)
-    2.5
-    """
+    """The x at which the parabola x(y) through three points reaches `level`; NaN unless y is strictly monotone."""
     steps = np.diff(y)
     if x.size != 3 or not ((steps > 0).all() or (steps < 0).all()):
         return float("nan")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Vector
-from ..problem import ICP
+from ..icp import ICP
+from ..numerics.arrays import Vector
 from .grid import tridiagonal
 from .registry import Quantity, Scene, at_least, register
 
@@ -27,9 +27,6 @@ def bearing(n: int = 300) -> Scene:
     .08h² and .015h².
     Raises InputError for n < 10.
     Reference: Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
-
-    >>> bearing(n=99).problem.is_lcp
-    True
     """
     at_least(n, 10)
     h = 2.0 * np.pi / (n + 1)

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Vector
 from ..errors import InputError
-from ..problem import ICP
+from ..icp import ICP
+from ..numerics.arrays import Vector
 
 
 @dataclass(frozen=True)
@@ -129,36 +129,21 @@ def register(build: Builder) -> Builder:
 
 
 def at_least(n: int, least: int) -> int:
-    """`n`, or InputError where the scene needs more unknowns.
-
-    >>> at_least(2, 3)
-    Traceback (most recent call last):
-    icpmodel.errors.InputError: n is 2; this scene needs at least 3 unknowns
-    """
+    """`n`, or InputError where the scene needs more unknowns."""
     if n < least:
         raise InputError(f"n is {n}; this scene needs at least {least} unknowns")
     return n
 
 
 def at_most(n: int, most: int) -> int:
-    """`n`, or InputError where the scene, whose matrix is dense, takes fewer unknowns.
-
-    >>> at_most(5, 3)
-    Traceback (most recent call last):
-    icpmodel.errors.InputError: n is 5; this scene, whose matrix is dense, takes at most 3 unknowns
-    """
+    """`n`, or InputError where the scene, whose matrix is dense, takes fewer unknowns."""
     if n > most:
         raise InputError(f"n is {n}; this scene, whose matrix is dense, takes at most {most} unknowns")
     return n
 
 
 def size(n: Any) -> int:
-    """The wanted number of unknowns as an int ≥ 1. Raises InputError.
-
-    >>> size(2.5)
-    Traceback (most recent call last):
-    icpmodel.errors.InputError: n is 2.5; the wanted number of unknowns, an integer >= 1, was expected
-    """
+    """The wanted number of unknowns as an int ≥ 1. Raises InputError."""
     try:
         whole = operator.index(n)
     except TypeError:

@@ -13,7 +13,9 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.crosscheck import Report, Row, Verdict, crosscheck
+from icpmodel.crosscheck.check import crosscheck
+from icpmodel.crosscheck.judge import Row, Verdict
+from icpmodel.crosscheck.report import Report
 from icpmodel.scenes import scene
 
 QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs")
@@ -278,8 +280,8 @@ def test_a_real_ipopt_agrees() -> None:
 
 def test_the_bounds_of_the_big_m_form_come_from_the_certificate_at_zero() -> None:
     """p ≤ |q| + |A|δ and r ≤ δ + |G|δ + |c| with |z*| ≤ δ, and they hold for the solution."""
-    from icpmodel.crosscheck.formulations import Target
-    from icpmodel.crosscheck.pyomo import _model
+    from icpmodel.solvers.formulations import Target
+    from icpmodel.solvers.pyomo import _model
 
     scene = icp.scenes.manufactured_affine(n=25)
     target = Target(scene.problem)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.crosscheck import Answer
-from icpmodel.crosscheck.formulations import Target, in_handy_units
 from icpmodel.crosscheck.judge import Checked, Verdict, _sum_of_bounds, solves
+from icpmodel.solvers.contract import Answer
+from icpmodel.solvers.formulations import Target, in_handy_units
 
 
 def test_units_that_blind_the_residual_do_not_hold() -> None:
@@ -65,7 +65,7 @@ def test_an_infeasible_first_try_is_repeated_more_loosely(monkeypatch: pytest.Mo
     from pyomo.contrib.appsi.base import TerminationCondition
     from pyomo.contrib.appsi.solvers import Highs
 
-    from icpmodel.crosscheck.pyomo import PyomoHighs
+    from icpmodel.solvers.pyomo import PyomoHighs
 
     real, tried = Highs.solve, []
 

@@ -14,8 +14,11 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.crosscheck import Answer, IndependentSolver, Report, Row, Target, Verdict, crosscheck, independent_solvers
-from icpmodel.crosscheck.formulations import in_handy_units
+from icpmodel.crosscheck.check import crosscheck
+from icpmodel.crosscheck.judge import Row, Verdict
+from icpmodel.crosscheck.report import Report
+from icpmodel.solvers.contract import Answer, IndependentSolver, independent_solvers
+from icpmodel.solvers.formulations import Target, in_handy_units
 
 QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs")
 FOUND = {"osqp": "osqp", "cvxpy-clarabel": "clarabel", "cvxpy-osqp": "osqp", "cvxpy-highs": "highspy"}
@@ -241,7 +244,7 @@ def test_a_spent_time_limit_is_failed_not_agreement() -> None:
 
 def test_importing_the_room_loads_no_foreign_package() -> None:
     code = (
-        "import sys; from icpmodel.crosscheck import independent_solvers; independent_solvers();"
+        "import sys; from icpmodel.solvers.contract import independent_solvers; independent_solvers();"
         "print([m for m in ('osqp', 'cvxpy', 'pyomo', 'highspy', 'clarabel') if m in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -8,9 +8,9 @@ from cvxpy.reductions.dcp2cone.cone_matrix_stuffing import ConeMatrixStuffing
 from cvxpy_programs import PROGRAMS
 
 import icpmodel as icp
-from icpmodel.modelling import quadratic
-from icpmodel.modelling.proximal import Point
-from icpmodel.modelling.quadratic import Complementary, Program, solve_program
+from icpmodel.modelling.cvxpy import quadratic
+from icpmodel.modelling.cvxpy.proximal import Point
+from icpmodel.modelling.cvxpy.quadratic import Complementary, Program, solve_program
 
 TIGHT = {
     "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},

@@ -8,9 +8,9 @@ from pyomo.mpec import Complementarity, ComplementarityList, complements
 from pyomo_models import linear, random_problem, violation, written
 
 import icpmodel as icp
-from icpmodel.modelling.pyomo_nonlinear import NonlinearRows, flattened
-from icpmodel.modelling.pyomo_reader import read_pyomo
-from icpmodel.modelling.pyomo_rows import Rows
+from icpmodel.modelling.pyomo.nonlinear import NonlinearRows, flattened
+from icpmodel.modelling.pyomo.reader import read_pyomo
+from icpmodel.modelling.pyomo.rows import Rows
 
 KINDS = ("constant", "affine", "nonlinear")
 

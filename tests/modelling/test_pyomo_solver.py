@@ -16,9 +16,9 @@ from pyomo.mpec import Complementarity, complements
 from pyomo_models import random_problem, violation, written
 
 import icpmodel as icp
-import icpmodel.modelling.pyomo_solver
-from icpmodel.modelling.pyomo_reader import read_pyomo
-from icpmodel.solution import Status
+import icpmodel.modelling.pyomo.solver
+from icpmodel.modelling.pyomo.reader import read_pyomo
+from icpmodel.solve.solution import Status
 
 NEW = NewFactory("icpmodel")
 
@@ -84,7 +84,7 @@ def test_one_import_registers_the_solver_and_none_is_needed_on_pyomos_own_comman
     assert '"Termination condition": "optimal"' in (tmp_path / "results.json").read_text()
     script = (
         f"import sys; sys.path[:0] = {[str(house), str(tmp_path)]!r}\n"
-        "import icpmodel.modelling.pyomo_solver, pyomo.environ as pyo\n"
+        "import icpmodel.modelling.pyomo.solver, pyomo.environ as pyo\n"
         "from model import model\n"
         "pyo.SolverFactory('icpmodel').solve(model); print(model.x.value)"
     )
@@ -142,7 +142,7 @@ def test_what_is_proved_infeasible_is_said_to_be():
 
 
 def test_only_a_solved_run_is_optimal():
-    ends = icpmodel.modelling.pyomo_solver._ENDS
+    ends = icpmodel.modelling.pyomo.solver._ENDS
     assert set(ends) == set(Status)
     good = TerminationCondition.convergenceCriteriaSatisfied, SolutionStatus.optimal
     assert [status for status, end in ends.items() if end[0] is good[0] or end[1] is good[1]] == [Status.SOLVED]

@@ -8,10 +8,10 @@ import sys
 
 import numpy as np
 import pytest
+from icpmodel.icp import ICP
 
 import icpmodel.scenes as scenes
 from icpmodel.errors import InputError
-from icpmodel.problem import ICP
 from icpmodel.scenes.registry import BUILDERS, Quantity, Scene, register
 
 NAMES = scenes.names()
@@ -161,7 +161,7 @@ def test_each_scene_is_an_attribute_and_no_module_hides_one():
 
 def test_adding_a_field_is_adding_a_file(tmp_path):
     (tmp_path / "options.py").write_text(
-        "from icpmodel.problem import ICP\n"
+        "from icpmodel.icp import ICP\n"
         "from icpmodel.scenes.registry import Scene, register\n\n\n"
         "@register\n"
         "def put(n: int = 2) -> Scene:\n"

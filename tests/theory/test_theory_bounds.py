@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-import icpmodel.goal
+import icpmodel.solve.goal
+from icpmodel.algebra.equations import solve_on
 from icpmodel.theory import comparison_matrix
 from icpmodel.theory.certificates import h_plus
-from icpmodel.theory.certificates.equations import solve_on
 from icpmodel.theory.certificates.proof import norm_up
-from icpmodel.theory.scaling import layered, scaling_vectors
+from icpmodel.theory.comparison import layered, scaling_vectors
 
 #: how far z lies from z*, relative to its size: from next to nothing to far away
 DISTANCES = [0.0, 1e-16, 1e-15, 1e-12, 1e-8, 1e-4, 1.0, 1e3, 1e8]
@@ -241,7 +241,7 @@ class TestScalingVectors:
     @pytest.mark.parametrize("skew", [0.0, 0.5])
     def test_large_matrices_get_a_vector_without_a_factorisation(self, skew, monkeypatch):
         problem = icp.scenes.membrane(n=30_000, skew=skew).problem
-        monkeypatch.setattr("icpmodel.theory.scaling.factorise", None)
+        monkeypatch.setattr("icpmodel.theory.comparison.factorise", None)
         assert icp.error_bound(problem, np.zeros(problem.n), sharp=False).unique
 
     @settings(max_examples=100, deadline=None)
@@ -393,7 +393,7 @@ class TestPolish:
 
     def test_it_computes_no_bound_where_none_was_wanted(self, monkeypatch):
         rough = icp.ICP([[2, -1], [-1, 2]], [-1, 3]).solve("mnmgs", rtol=0.1).without_bound()
-        monkeypatch.setattr("icpmodel.solution.error_bound", None)
+        monkeypatch.setattr("icpmodel.solve.solution.error_bound", None)
         fine = rough.polish()
         assert fine.residual < rough.residual
         assert fine.certificate.bound.reason == "it was not computed"
@@ -486,7 +486,7 @@ class TestAccuracy:
 
     def test_it_looks_once_at_a_point_that_does_not_move(self, monkeypatch):
         looks, real = [], icp.goal.error_bound
-        monkeypatch.setattr("icpmodel.goal.error_bound", lambda *args: looks.append(1) or real(*args))
+        monkeypatch.setattr("icpmodel.solve.goal.error_bound", lambda *args: looks.append(1) or real(*args))
         problem = icp.ICP([[2, -1], [-1, 2]], [-1, 3])
         assert problem.solve(accuracy=1e-17, raise_on_failure=False).status is icp.Status.PRECISION_LIMIT
         assert len(looks) <= 20

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.errors import InputError
-from icpmodel.kernels.pivots import search_pivots
+from icpmodel.numerics.kernels.pivots import search_pivots
 from icpmodel.theory.matrices import p_matrix as pmatrix
 from icpmodel.theory.matrices.classes import MatrixClasses, classify
 from icpmodel.theory.matrices.p_matrix import p_matrix

@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.arrays import as_csr
+from icpmodel.numerics.arrays import as_csr
+from icpmodel.numerics.lanczos import couplings, jacobi_radius
 from icpmodel.theory import check, classify
 from icpmodel.theory.certificates import definite, h_plus
 from icpmodel.theory.matrices import definiteness, eigenvalue
-from icpmodel.theory.spectral import couplings, jacobi_radius
 
 
 def iterate(method, problem, z, steps):

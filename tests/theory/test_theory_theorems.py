@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
+from icpmodel.numerics import rational as exact
 from icpmodel.theory.convergence import structural
 from icpmodel.theory.convergence.absolute import Comparison, absolute_inverse
 from icpmodel.theory.convergence.conditions import theorem_43
@@ -15,7 +16,7 @@ from icpmodel.theory.convergence.contraction import MonotoneMap, radius
 from icpmodel.theory.convergence.parts import Parts
 from icpmodel.theory.convergence.rates import Rate, predicted_rate
 from icpmodel.theory.convergence.theorems import check, check_all, theorems
-from icpmodel.theory.matrices import eigenvalue, exact
+from icpmodel.theory.matrices import eigenvalue
 
 BY_NORM = ("4.3", "4.4", "4.2", "4.1", "sharper")
 

@@ -9,8 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import icpmodel as icp
+from icpmodel.numerics.rounding import at_least, at_most
 from icpmodel.theory import check, classify, error_bound, predicted_rate, theorems
-from icpmodel.theory.rounding import at_least, at_most
 
 P = icp.ICP([[2, -1], [-1, 2]], [1, -2])
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)

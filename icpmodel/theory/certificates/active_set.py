@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import described
 from ...errors import InputError
-from ...problem import ICP, UNIT_ROUNDOFF, as_icp
-from ..rounding import upper
+from ...numerics.arrays import described
+from ...numerics.rounding import UNIT_ROUNDOFF, upper
+from ...problem.data import ProblemData, as_problem
 from .bounds import ErrorBound
 
 
@@ -45,7 +45,7 @@ class ActiveSet:
         return f"{at} at the obstacle, {off} off it, {open_rows} undecided"
 
 
-def active_set(problem: ICP, z: Any, bound: ErrorBound) -> ActiveSet:
+def active_set(problem: ProblemData, z: Any, bound: ErrorBound) -> ActiveSet:
     """The active set of z* as far as `bound` proves it, the error bound of this very `z` on this very `problem`.
 
     Bounds on the rounding errors are included. Nothing is decided where there is no bound, nor where p* = r* = 0.
@@ -58,7 +58,7 @@ def active_set(problem: ICP, z: Any, bound: ErrorBound) -> ActiveSet:
     >>> active_set(problem, z, error_bound(problem, z)).inactive
     array([ True])
     """
-    z, nothing = as_icp(problem).vector(z), np.zeros(problem.n, dtype=bool)
+    z, nothing = as_problem(problem).vector(z), np.zeros(problem.n, dtype=bool)
     if not isinstance(bound, ErrorBound):
         raise InputError(f"bound is {described(bound)}; error_bound(problem, z), an ErrorBound, was expected")
     delta = bound.componentwise
@@ -70,6 +70,6 @@ def active_set(problem: ICP, z: Any, bound: ErrorBound) -> ActiveSet:
     for_p, for_r = problem.rounding(z)
     inflate = 1 + 8 * UNIT_ROUNDOFF
     with np.errstate(over="ignore", invalid="ignore"):
-        active = problem.p(z) > (for_p + upper(problem.absolute_A(), delta)) * inflate
+        active = problem.p(z) > (for_p + upper(problem.matrix.absolute, delta)) * inflate
         inactive = problem.r(z) > (for_r + delta + change) * inflate
     return ActiveSet(active & ~inactive, inactive & ~active)

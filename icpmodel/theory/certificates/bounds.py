@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector, as_truth, not_finite
 from ...errors import MapError
-from ...intervention import Intervention
-from ...maps import Affine, Constant, Map
-from ...problem import ICP, UNIT_ROUNDOFF, as_icp
-from ..rounding import at_most
+from ...numerics.arrays import Vector, as_truth, not_finite
+from ...numerics.rounding import UNIT_ROUNDOFF, at_most
+from ...problem.affine import Affine, Constant
+from ...problem.data import ProblemData, as_problem
+from ...problem.intervention import Intervention
+from ...problem.map import Map
 from . import definite, h_plus, representatives, supersolution
 from .proof import Proof, norm_up
 
@@ -91,16 +92,12 @@ class ErrorBound:
 
 
 def listed(reason: str) -> str:
-    """The reasons why nothing is proved, as `ErrorBound.reason` strings them together: one a line if there are several.
-
-    >>> listed("this; that").splitlines(), listed("this")
-    (['', '- this', '- that'], ' this')
-    """
+    """The reasons why nothing is proved, as `ErrorBound.reason` strings them together: one a line if there are several."""
     several = reason.split("; ")
     return f" {reason}" if len(several) == 1 else "".join(f"\n- {one}" for one in several)
 
 
-def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bool = False) -> ErrorBound:
+def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigorous: bool = False) -> ErrorBound:
     """A bound on |z − z*| from one evaluation of p and r, or the reason why there is none.
 
     Bounds on the rounding errors are included, so that the bound is a proof for constant and affine ψ and for
@@ -120,7 +117,7 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
     >>> 0.001 <= bound.value <= 0.001001, round(error_bound(problem, [1.0, 1.001], sharp=False).value, 9)
     (True, 0.002)
     """
-    z = as_icp(problem).vector(z)
+    z = as_problem(problem).vector(z)
     if sharp is not None:
         as_truth(sharp, "sharp")
     if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:
@@ -144,14 +141,10 @@ def error_bound(problem: ICP, z: Any, *, sharp: bool | None = None, rigorous: bo
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
 
 
-def bound_of_change(problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> float | None:
+def bound_of_change(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> float | None:
     """How far, at most, z is from z* in any entry if p and r are wrong at z by up to `for_p` and `for_r`.
 
     Parameters: `z`, `for_p` ≥ 0 and `for_r` ≥ 0, all of shape (n,). Returns None where nothing is proved.
-
-    >>> problem, nothing = ICP([[2.0]], [-2.0]), np.zeros(1)
-    >>> 0.05 <= bound_of_change(problem, np.ones(1), np.array([0.1]), nothing) <= 0.051
-    True
     """
     for prove, kind in _PROOFS:
         if isinstance(problem.psi, kind) and not isinstance(proof := prove(problem), str):
@@ -160,7 +153,7 @@ def bound_of_change(problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> fl
     return None
 
 
-def _sharpened(problem: ICP, z: Vector, proof: Proof, delta: Vector, euclidean: float) -> tuple[Vector, float]:
+def _sharpened(problem: ProblemData, z: Vector, proof: Proof, delta: Vector, euclidean: float) -> tuple[Vector, float]:
     """The best of δ(z) and |z − ẑ| + δ(ẑ) over the points ẑ of an active-set Newton iteration from z."""
     better = z
     for _ in range(_STEPS if np.isfinite(z).all() else 0):

@@ -27,15 +27,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector, row_of
-from ...maps import Affine, Constant
-from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ...numerics.arrays import Vector, row_of
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, at_most, upper
+from ...problem.affine import Affine, Constant
+from ...problem.data import ProblemData
 from ..matrices.eigenvalue import largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
-from ..rounding import at_least, at_most, upper
+from ..proofs import made_once
 from .proof import Proof, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
@@ -51,9 +53,6 @@ class DefiniteProof(Proof):
     """`smallest` ≤ λ and `gap` ≤ λ − κ of the problem scaled by 2^`exponent`, its Aᵀ, Bᵀ and Lᵀ as `A`, `B` and `L`.
 
     `H` differs from the symmetric part of AᵀB by at most `slack` in norm, and `solve` is about H⁻¹.
-
-    >>> prove(ICP([[1.0, 3.0], [-3.0, 1.0]], [0.0, 0.0])).sentence
-    'A is positive definite (the symmetric part, its diagonal scaled to 1, is >= 0.989)'
     """
 
     sentence: str
@@ -69,8 +68,7 @@ class DefiniteProof(Proof):
 
     wide = True  # δ knows the Euclidean norm of the error only
 
-    def bound(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
-        """See `Proof.bound`."""
+    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             p, for_p = np.ldexp(problem.p(z), self.exponent), np.ldexp(for_p, self.exponent)
             r, for_r = np.ldexp(problem.r(z), -self.exponent), np.ldexp(for_r, -self.exponent)
@@ -123,20 +121,22 @@ def _split(p: Vector, r: Vector, balance: np.ndarray) -> tuple[Vector, Vector]:
     return np.where(balance, p, np.minimum(p, 0.0)), np.where(balance, np.minimum(r, 0.0), r)
 
 
-def prove(problem: ICP) -> DefiniteProof | str:
+def prove(problem: ProblemData) -> DefiniteProof | str:
     """λ by factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds.
 
     Returns the proof, or the reason why there is none. It is made of A and ψ alone and remembered for all problems
     that share them.
-
-    >>> prove(ICP([[1.0, 3.0], [1.0, 1.0]], [0.0, 0.0]))
-    'A is not proved positive definite: its symmetric part has no eigenvalue bound above 0'
     """
-    found: DefiniteProof | str = problem.remembered("definite", lambda: _prove(problem))
+    found: DefiniteProof | str = _once(problem)
     return found
 
 
-def _prove(problem: ICP) -> DefiniteProof | str:
+@made_once
+def _once(problem: ProblemData) -> Any:
+    return _prove(problem)
+
+
+def _prove(problem: ProblemData) -> DefiniteProof | str:
     A, n = problem.A, problem.n
     diagonal = A.diagonal()
     if (diagonal <= 0).any():
@@ -180,7 +180,7 @@ def _prove(problem: ICP) -> DefiniteProof | str:
     return DefiniteProof(sentence, smallest, gap, exponent, *transposed, H, slack, lu.solve)
 
 
-def _slopes(problem: ICP) -> tuple[sp.csr_array, sp.csr_array]:
+def _slopes(problem: ProblemData) -> tuple[sp.csr_array, sp.csr_array]:
     """B and L with r(x) − r(y) = B(x − y) − g, |g| ≤ L|x − y|; L takes up the rounding of I − G."""
     psi, n = problem.psi, problem.n
     identity = sp.csr_array(sp.eye_array(n))

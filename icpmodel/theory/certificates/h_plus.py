@@ -16,16 +16,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector
-from ...operators import factorise
-from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
-from ..rounding import lower, upper
-from ..scaling import comparison_matrix, scaling_vectors
-from ..units import in_units, natural_units
+from ...numerics.arrays import Vector
+from ...numerics.equilibration import in_units, natural_units
+from ...numerics.factorisation import factorise
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
+from ...problem.data import ProblemData
+from ..comparison import comparison_matrix, scaling_vectors
+from ..proofs import made_once
 from .proof import Proof, norm_up
 
 #: beyond this size a factorisation for every choice of rows is too dear
@@ -35,19 +37,14 @@ _POLICY_STEPS = 30
 
 @dataclass(frozen=True, eq=False)
 class HPlusProof(Proof):
-    """`v` > 0 with `alpha` ≤ ⟨A⟩v, `beta` ≤ (I − G)v, both positive; all of shape (n,).
-
-    >>> prove(ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0])).v
-    array([1., 1.])
-    """
+    """`v` > 0 with `alpha` ≤ ⟨A⟩v, `beta` ≤ (I − G)v, both positive; all of shape (n,)."""
 
     sentence: str
     v: Vector
     alpha: Vector
     beta: Vector
 
-    def bound(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
-        """See `Proof.bound`."""
+    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore"):
             F = np.abs(np.minimum(problem.p(z) / self.alpha, problem.r(z) / self.beta))
             # two quotients may have underflowed
@@ -56,7 +53,7 @@ class HPlusProof(Proof):
         return delta, norm_up(delta)
 
 
-def prove(problem: ICP) -> HPlusProof | str:
+def prove(problem: ProblemData) -> HPlusProof | str:
     """Look for v: `scaling_vectors` in turn, then, where ψ needs another one, policy iteration; again in natural units.
 
     The best v solves v = max(D⁻¹|B|v, Gv) + 1, B the off-diagonal part of A: in each row one of two equations. A
@@ -64,15 +61,17 @@ def prove(problem: ICP) -> HPlusProof | str:
     grows from choice to choice (Howard's policy iteration). The signs of α and β are checked, rounding included.
     Returns the proof, or the reason why no v was found. It is made of A and ψ alone and remembered for all problems
     that share them.
-
-    >>> prove(ICP([[0.0]], [1.0]))
-    'A is not an H+-matrix: A[0, 0] = 0 is not positive'
     """
-    found: HPlusProof | str = problem.remembered("h plus", lambda: _prove(problem))
+    found: HPlusProof | str = _once(problem)
     return found
 
 
-def _prove(problem: ICP) -> HPlusProof | str:
+@made_once
+def _once(problem: ProblemData) -> Any:
+    return _prove(problem)
+
+
+def _prove(problem: ProblemData) -> HPlusProof | str:
     A, G = problem.A, problem.psi.lipschitz
     diagonal = A.diagonal()
     if (diagonal <= 0).any():

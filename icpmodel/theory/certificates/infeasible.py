@@ -8,11 +8,11 @@ from fractions import Fraction
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector
-from ...maps import Constant
-from ...problem import ICP
+from ...numerics import rational as exact
+from ...numerics.arrays import Vector
+from ...problem.affine import Constant
+from ...problem.data import ProblemData
 from ..answers import Answer
-from ..matrices import exact
 
 #: rows up to which a system is solved in rational arithmetic
 _RATIONAL = 30
@@ -26,18 +26,14 @@ _SECONDS = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """Every solution has `low` ≤ z ≤ `high`, shape (n,), infinite where nothing is known; `proof` says why.
-
-    >>> Known(np.zeros(1), np.ones(1), "it is so").proof
-    'it is so'
-    """
+    """Every solution has `low` ≤ z ≤ `high`, shape (n,), infinite where nothing is known; `proof` says why."""
 
     low: Vector
     high: Vector
     proof: str
 
 
-def infeasible(problem: ICP, y: Vector, known: Known | None = None) -> Answer:
+def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> Answer:
     """Whether `y`, or an exact y next to it, proves that no z has p ≥ 0 and r ≥ 0, for constant ψ = c.
 
     With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
@@ -54,9 +50,6 @@ def infeasible(problem: ICP, y: Vector, known: Known | None = None) -> Answer:
     finds; its scale says nothing.
     Returns True with the witness y, shape (n,), floats or fractions, and `number` = (q + Ac)ᵀy; else None.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
-
-    >>> print(infeasible(ICP([[1, -1], [-1, 1]], [-1, 0]), np.array([1.0, 1.0])))
-    yes: no z has Az + q >= 0 and z >= psi(z): y >= 0, A'y <= 0 and (q + Ac)'y = -1 for a y that is not 0 in rows 0, 1
     """
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
     if not isinstance(problem.psi, Constant) or not np.isfinite(y).all() or not y.any():
@@ -98,17 +91,12 @@ def infeasible(problem: ICP, y: Vector, known: Known | None = None) -> Answer:
     )
 
 
-def multipliers(problem: ICP) -> Vector | None:
+def multipliers(problem: ProblemData) -> Vector | None:
     """A candidate y for `infeasible`: (q + Ac)ᵀy < 0, Aᵀy ≤ 0 and 0 ≤ y ≤ 1 in floats, for constant ψ = c.
 
     In rows without an obstacle −1 ≤ y ≤ 1 and (Aᵀy)_i = 0. Where there is one that has all this with room for rounding,
     one with the most room. By linear programming (HiGHS). Returns shape (n,), or None where there is no such y, as
     where some z has p ≥ 0 and r ≥ 0, or none is found within a second.
-
-    >>> multipliers(ICP([[-2, 1], [1, -2]], [1, -2]))
-    array([1., 1.])
-    >>> multipliers(ICP([[2, 1], [1, 2]], [1, -2])) is None
-    True
     """
     if not isinstance(problem.psi, Constant):
         return None
@@ -129,7 +117,9 @@ def multipliers(problem: ICP) -> Vector | None:
     return np.asarray(found.x[:-1]) if found.status == 0 and load @ found.x[:-1] < 0 else None
 
 
-def _contradiction(problem: ICP, free: np.ndarray, y: dict[int, Fraction], known: Known | None) -> Fraction | None:
+def _contradiction(
+    problem: ProblemData, free: np.ndarray, y: dict[int, Fraction], known: Known | None
+) -> Fraction | None:
     """(q + Ac)ᵀy where it is negative and y has the right signs, in exact arithmetic; else None."""
     assert isinstance(problem.psi, Constant)
     A, c = problem.A, problem.psi.c
@@ -155,13 +145,13 @@ def _contradiction(problem: ICP, free: np.ndarray, y: dict[int, Fraction], known
     return total if total < 0 else None
 
 
-def _exact(problem: ICP, support: np.ndarray, y: Vector, known: Known | None) -> dict[int, Fraction]:
+def _exact(problem: ProblemData, support: np.ndarray, y: Vector, known: Known | None) -> dict[int, Fraction]:
     """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or must be; unknowns left open keep y_i.
 
     By Gauss and Jordan's elimination.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        tight = np.abs(problem.A.T @ y) <= _ZERO * (problem.absolute_A().T @ np.abs(y))
+        tight = np.abs(problem.A.T @ y) <= _ZERO * (problem.matrix.absolute.T @ np.abs(y))
     tight[support] = True
     if known is not None:
         tight &= ~np.isfinite(known.high)

@@ -23,12 +23,15 @@ Combin. Theory 8 (1970); Chen and Xiang, Math. Program. 106 (2006), for the norm
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ...arrays import Vector
-from ...maps import Affine, Constant
-from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
+from ...numerics.arrays import Vector
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ...problem.affine import Affine, Constant
+from ...problem.data import ProblemData
+from ..proofs import made_once
 from .proof import Proof, norm_up
 
 #: with so many unknowns there are 4096 representatives, inverted within a tenth of a second
@@ -39,11 +42,7 @@ _CHUNK = 512
 
 @dataclass(frozen=True, eq=False)
 class RepresentativesProof(Proof):
-    """K and H of the module's docstring, (n, n), for p, r and z in units of 2^−`row_p`, 2^−`row_r` and 2^`column`.
-
-    >>> prove(ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1])).sentence
-    'A is a P-matrix (all 8 choices of rows from A and I have determinants of one sign)'
-    """
+    """K and H of the module's docstring, (n, n), for p, r and z in units of 2^−`row_p`, 2^−`row_r` and 2^`column`."""
 
     sentence: str
     K: np.ndarray
@@ -52,8 +51,7 @@ class RepresentativesProof(Proof):
     row_r: np.ndarray
     column: np.ndarray
 
-    def bound(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
-        """See `Proof.bound`."""
+    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             p, error_p = np.ldexp(problem.p(z), self.row_p), np.ldexp(for_p, self.row_p) + 2 * SMALLEST
             r, error_r = np.ldexp(problem.r(z), self.row_r), np.ldexp(for_r, self.row_r) + 2 * SMALLEST
@@ -65,20 +63,22 @@ class RepresentativesProof(Proof):
         return delta, norm_up(delta)
 
 
-def prove(problem: ICP) -> RepresentativesProof | str:
+def prove(problem: ProblemData) -> RepresentativesProof | str:
     """All 2ⁿ representatives are inverted, n ≤ 12, and the inverses enclosed.
 
     Returns the proof, or the reason why there is none. It is made of A and ψ alone and remembered for all problems
     that share them.
-
-    >>> prove(ICP([[1.0, 2.0], [2.0, 1.0]], [0.0, 0.0]))
-    'A is not a P-matrix: two choices of rows from A and I that differ in row 0 have determinants of opposite signs'
     """
-    found: RepresentativesProof | str = problem.remembered("representatives", lambda: _prove(problem))
+    found: RepresentativesProof | str = _once(problem)
     return found
 
 
-def _prove(problem: ICP) -> RepresentativesProof | str:
+@made_once
+def _once(problem: ProblemData) -> Any:
+    return _prove(problem)
+
+
+def _prove(problem: ProblemData) -> RepresentativesProof | str:
     n, psi = problem.n, problem.psi
     free = np.isneginf(psi.c) if isinstance(psi, Affine | Constant) else np.zeros(n, dtype=bool)
     is_lcp = problem.is_lcp and not free.any()

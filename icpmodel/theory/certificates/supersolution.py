@@ -27,12 +27,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector, row_of
 from ...errors import MapError
-from ...intervention import Intervention
-from ...operators import factorise
-from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF
-from ..rounding import at_least, lower
+from ...numerics.arrays import Vector, row_of
+from ...numerics.factorisation import factorise
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, lower
+from ...problem.data import ProblemData
+from ...problem.intervention import Intervention
 from .proof import Proof, norm_up
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z, small ones
@@ -46,12 +46,7 @@ _STEPS = 100
 
 @dataclass(frozen=True, eq=False)
 class SupersolutionProof(Proof):
-    """`pairs` of a margin m > 0 and a supersolution s with min(p(s)/a, r(s)) ≥ m, s of shape (n,).
-
-    >>> jumps = sp.csr_array(([-1.0], ([1], [0])), shape=(2, 2))
-    >>> prove(ICP([[1.0, 0.0], [0.0, 1.0]], [-1.0, 1.0], Intervention(jumps))).sentence
-    'A is an M-matrix with A1 >= 0, psi a best jump, and a strict supersolution exists (margin 0.249)'
-    """
+    """`pairs` of a margin m > 0 and a supersolution s with min(p(s)/a, r(s)) ≥ m, s of shape (n,)."""
 
     sentence: str
     weight: Vector
@@ -59,7 +54,7 @@ class SupersolutionProof(Proof):
 
     wide = True  # F sees the curvature of an error, divided by h² on a grid, and the bound its largest entry only
 
-    def bound(self, problem: ICP, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
+    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         """The best of the pairs for every entry: see `Proof.bound`. Not finite where F(z) reaches every margin."""
         with np.errstate(over="ignore", invalid="ignore"):
             F = np.minimum(problem.p(z) / self.weight, problem.r(z))
@@ -74,34 +69,25 @@ class SupersolutionProof(Proof):
             delta = np.nextafter(delta, np.inf)
         return delta, norm_up(delta)
 
-    def nearer(self, problem: ICP, z: Vector) -> Vector | None:
+    def nearer(self, problem: ProblemData, z: Vector) -> Vector | None:
         """One step of policy iteration: see `Proof.nearer`."""
         with np.errstate(over="ignore", invalid="ignore"):
             return _policy_step(problem, self.weight, 0.0, z)
 
 
-def prove(problem: ICP) -> SupersolutionProof | str:
+def prove(problem: ProblemData) -> SupersolutionProof | str:
     """Policy iteration for a few margins m, each s checked with rounding included.
 
     Returns the proof, or the reason why there is none. It depends on q as well, so that it is remembered together
     with the q that it was made for.
-
-    >>> prove(ICP([[1.0]], [0.0]))
-    'psi is no best jump (an Intervention with best="max"), for which supersolutions are sought'
     """
-    remembered = problem._memory.get("supersolution")
-    found: SupersolutionProof | str
-    if remembered is None or remembered[0] is not problem.q:
-        try:
-            found = _prove(problem)
-        except MapError as error:  # ψ need not have a value where s is sought
-            found = f"no strict supersolution was found: {error}"
-        remembered = problem._memory["supersolution"] = (problem.q, found)
-    found = remembered[1]
-    return found
+    try:
+        return _prove(problem)
+    except MapError as error:  # ψ need not have a value where s is sought
+        return f"no strict supersolution was found: {error}"
 
 
-def _prove(problem: ICP) -> SupersolutionProof | str:
+def _prove(problem: ProblemData) -> SupersolutionProof | str:
     A, psi = problem.A, problem.psi
     if not isinstance(psi, Intervention) or psi.best != "max":
         return 'psi is no best jump (an Intervention with best="max"), for which supersolutions are sought'
@@ -153,7 +139,7 @@ def _no_z_matrix(A: sp.csr_array) -> str:
     return ""
 
 
-def _supersolution(problem: ICP, weight: Vector, m: float, s: Vector) -> Vector | None:
+def _supersolution(problem: ProblemData, weight: Vector, m: float, s: Vector) -> Vector | None:
     """s with min(p/a, r) = m by policy iteration from `s`, None where it breaks down or does not end."""
     for _ in range(_STEPS):
         new = _policy_step(problem, weight, m, s)
@@ -163,7 +149,7 @@ def _supersolution(problem: ICP, weight: Vector, m: float, s: Vector) -> Vector 
     return None
 
 
-def _policy_step(problem: ICP, weight: Vector, m: float, s: Vector) -> Vector | None:
+def _policy_step(problem: ProblemData, weight: Vector, m: float, s: Vector) -> Vector | None:
     """One step of policy iteration for min(p/a, r) = m: the rows with r < p/a jump where it is best at `s`."""
     assert isinstance(problem.psi, Intervention)
     psi, target = problem.psi.best_jump(s)
@@ -182,7 +168,7 @@ def _policy_step(problem: ICP, weight: Vector, m: float, s: Vector) -> Vector | 
     return new if np.isfinite(new).all() else None
 
 
-def _margin(problem: ICP, weight: Vector, s: Vector) -> float:
+def _margin(problem: ProblemData, weight: Vector, s: Vector) -> float:
     """A lower bound of min(p(s)/a, r(s))."""
     for_p, for_r = problem.rounding(s)
     p, r = problem.p(s), problem.r(s)

@@ -9,51 +9,36 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector, row_of
+from ...algebra.splittings import Given
 from ...errors import SingularOperator
-from ...operators import factorise
-from ...problem import SMALLEST, UNIT_ROUNDOFF
-from ...splittings import Given
-from ..scaling import comparison_matrix
+from ...numerics.arrays import Vector, row_of
+from ...numerics.factorisation import factorise
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ..comparison import comparison_matrix
 
 #: up to this n the inverse of an X that is no M-matrix is computed densely, and so is known from both sides
 DENSE = 300
 
 
 class AbsoluteInverse(ABC):
-    """|X⁻¹| of a matrix X. `exact` says whether `lower` and `upper` meet but for rounding.
-
-    >>> absolute_inverse(sp.csr_array([[2.0, 0.0], [-1.0, 2.0]])).exact
-    True
-    """
+    """|X⁻¹| of a matrix X. `exact` says whether `lower` and `upper` meet but for rounding."""
 
     exact: bool
 
     @abstractmethod
     def upper(self, w: Vector) -> Vector:
-        """y ≥ |X⁻¹|w for `w` > 0 of shape (n,), entry by entry; +inf where nothing is proved.
-
-        >>> bool(absolute_inverse(sp.csr_array([[-2.0]])).upper(np.ones(1))[0] >= 0.5)
-        True
-        """
+        """y ≥ |X⁻¹|w for `w` > 0 of shape (n,), entry by entry; +inf where nothing is proved."""
 
     @abstractmethod
     def lower(self, w: Vector) -> Vector:
         """0 ≤ y ≤ |X⁻¹|w for `w` ≥ 0 of shape (n,), entry by entry; zero where nothing is proved.
 
         What `upper` found before helps: it proves that X is an M-matrix.
-
-        >>> bool(0.499 < absolute_inverse(sp.csr_array([[-2.0]])).lower(np.ones(1))[0] <= 0.5)
-        True
         """
 
     @abstractmethod
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
-        """About (μI − |X⁻¹|F)⁻¹v for F ≥ 0 (CSR), without any proof; None where that is singular.
-
-        >>> absolute_inverse(sp.csr_array([[2.0]])).resolvent(1.0, sp.csr_array([[1.0]]), np.ones(1))
-        array([2.])
-        """
+        """About (μI − |X⁻¹|F)⁻¹v for F ≥ 0 (CSR), without any proof; None where that is singular."""
 
 
 def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> AbsoluteInverse:
@@ -64,10 +49,6 @@ def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Absol
     Parameters: `X` CSR, shape (n, n), every diagonal entry stored; `size` ≥ 0, CSR, such that X itself is known to a
     few units of roundoff of it, default |X|. Reference: Berman and Plemmons (1979), chapter 6; Neumaier, Interval
     Methods for Systems of Equations (1990), section 3.7.
-
-    >>> y = absolute_inverse(sp.csr_array([[2.0, 1.0], [-1.0, 2.0]])).upper(np.ones(2))
-    >>> y.round(9)
-    array([0.6, 0.6])
     """
     size = sp.csr_array(abs(X)) if size is None else size
     comparison = Comparison(X, size)
@@ -82,9 +63,6 @@ def slack(size: sp.csr_array, v: Vector) -> Vector:
     8k(u·`size`|v| + 2⁻¹⁰⁷⁴), k eight more than the entries of the longest row; the second term is for underflow and
     asks for |v| ≤ 1.
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
-
-    >>> bool(0 < slack(sp.csr_array([[1.0]]), np.ones(1))[0] < 1e-13)
-    True
     """
     k = int(np.diff(size.indptr).max()) + 8
     result: Vector = 8 * k * UNIT_ROUNDOFF * (size @ np.abs(v)) + 8 * k * SMALLEST
@@ -95,9 +73,6 @@ class Comparison(AbsoluteInverse):
     """|X⁻¹| ≤ ⟨X⟩⁻¹ by substitution or one factorisation; `exact` where X = ⟨X⟩.
 
     y ≥ ⟨X⟩⁻¹w is proved by ⟨X⟩y ≥ w > 0, y > 0, which also proves that ⟨X⟩ is an M-matrix.
-
-    >>> Comparison(sp.csr_array([[2.0, 1.0], [0.0, 2.0]]), sp.csr_array([[2.0, 1.0], [0.0, 2.0]])).exact
-    False
     """
 
     def __init__(self, X: sp.csr_array, size: sp.csr_array) -> None:
@@ -110,7 +85,6 @@ class Comparison(AbsoluteInverse):
             self._solve = Given(self._C).operator(self._C, np.zeros(X.shape[0])).solve
 
     def upper(self, w: Vector) -> Vector:
-        """See `AbsoluteInverse.upper`."""
         unknown = np.full(w.size, np.inf)
         if self._solve is None or not np.isfinite(w).all():
             return unknown
@@ -126,7 +100,6 @@ class Comparison(AbsoluteInverse):
         return unknown
 
     def lower(self, w: Vector) -> Vector:
-        """See `AbsoluteInverse.lower`."""
         if not self.exact or self._proof is None or not w.any():
             return np.zeros(w.size)
         # y with ⟨X⟩y ≤ w lies below ⟨X⟩⁻¹w whatever its signs; a little of the proof brings it below where w = 0
@@ -143,11 +116,7 @@ class Comparison(AbsoluteInverse):
 
 
 class Dense(AbsoluteInverse):
-    """`below` ≤ |X⁻¹| ≤ `above`, dense, shape (n, n).
-
-    >>> Dense(np.array([[0.4]]), np.array([[0.6]])).upper(np.ones(1)).round(9)
-    array([0.6])
-    """
+    """`below` ≤ |X⁻¹| ≤ `above`, dense, shape (n, n)."""
 
     exact = True
 
@@ -156,11 +125,7 @@ class Dense(AbsoluteInverse):
 
     @classmethod
     def of(cls, X: sp.csr_array, size: sp.csr_array) -> Dense | None:
-        """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned.
-
-        >>> Dense.of(sp.csr_array([[1.0, 1.0], [1.0, 1.0]]), sp.csr_array(np.ones((2, 2)))) is None
-        True
-        """
+        """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
         n, errstate = X.shape[0], np.errstate(all="ignore")
         with errstate:
             # rows and columns of size 1, by powers of two, so that units cost no accuracy
@@ -183,17 +148,14 @@ class Dense(AbsoluteInverse):
         return cls(below, above) if np.isfinite(above).all() else None
 
     def upper(self, w: Vector) -> Vector:
-        """See `AbsoluteInverse.upper`."""
         y: Vector = (self._above @ w) * (1 + 4 * (w.size + 8) * UNIT_ROUNDOFF) + (w.size + 2) * SMALLEST
         return y
 
     def lower(self, w: Vector) -> Vector:
-        """See `AbsoluteInverse.lower`."""
         y: Vector = (self._below @ w) * (1 - 4 * (w.size + 8) * UNIT_ROUNDOFF) - (w.size + 2) * SMALLEST
         return np.maximum(y, 0.0)
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
-        """See `AbsoluteInverse.resolvent`."""
         try:
             return np.linalg.solve(mu * np.eye(v.size) - self._above @ F, v)
         except np.linalg.LinAlgError:
@@ -201,11 +163,7 @@ class Dense(AbsoluteInverse):
 
 
 def is_diagonal(matrix: sp.csr_array) -> bool:
-    """Whether every nonzero entry of `matrix` (CSR) is on its diagonal.
-
-    >>> is_diagonal(sp.csr_array([[1.0, 0.0], [0.0, 2.0]]))
-    True
-    """
+    """Whether every nonzero entry of `matrix` (CSR) is on its diagonal."""
     return bool((matrix.data[matrix.indices != row_of(matrix)] == 0).all())
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector
+from ...numerics.arrays import Vector
 from .absolute import AbsoluteInverse, slack
 
 #: entries up to which a step costs a factorisation, and entries that all power steps together may read
@@ -23,12 +23,6 @@ class MonotoneMap:
 
     `inverse` is |X⁻¹|, `parts` are the F_k ≥ 0 (CSR, shape (n, n)), `size` a matrix ≥ F_k/2 of which the F_k are known
     to a few units of roundoff.
-
-    >>> from icpmodel.theory.convergence.absolute import absolute_inverse
-    >>> half = sp.csr_array([[1.0]])
-    >>> T = MonotoneMap(absolute_inverse(sp.csr_array([[2.0]])), (half,), half)
-    >>> bool(T.lower(np.ones(1))[0] <= 0.5 <= T.upper(np.ones(1))[0])
-    True
     """
 
     inverse: AbsoluteInverse
@@ -67,9 +61,6 @@ class Radius:
     """ρ(T) ≤ `upper` = max_i T(v)_i/v_i with `v` > 0, both proved; `at_least_one` whether ρ(T) ≥ 1 is proved.
 
     ρ(T) < 1 exactly if some v > 0 has T(v) < v. `v` is None and `upper` infinite where no bound was found.
-
-    >>> Radius(0.5, np.ones(1), False).holds
-    True
     """
 
     upper: float
@@ -91,12 +82,6 @@ def radius(T: MonotoneMap, starts: Iterable[Vector]) -> Radius:
     v ← (μI − T_v)⁻¹v, μ the quotient, which converges quadratically and keeps v > 0.
     Reference: Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1979), chapter 2; Noda, Numer.
     Math. 17 (1971); Nussbaum, Linear Algebra Appl. 75 (1986), for maps that are not linear.
-
-    >>> from icpmodel.theory.convergence.absolute import absolute_inverse
-    >>> F = sp.csr_array([[0.0, 0.5], [0.125, 0.0]])
-    >>> found = radius(MonotoneMap(absolute_inverse(sp.csr_array(np.eye(2))), (F,), F), [np.ones(2)])
-    >>> round(found.upper, 6), found.holds
-    (0.250001, True)
     """
     with np.errstate(all="ignore"):
         best = Radius(np.inf, None, False)
@@ -182,9 +167,6 @@ def balanced(size: sp.csr_array) -> Iterator[Vector]:
     """v = 1, and for n ≤ 500 the units of z in which rows and columns of D⁻¹·`size` have like norms.
 
     Reference: Osborne, J. ACM 7 (1960).
-
-    >>> len(list(balanced(sp.csr_array([[1.0, 1e9], [1e-9, 1.0]]))))
-    2
     """
     n = size.shape[0]
     yield np.ones(n)

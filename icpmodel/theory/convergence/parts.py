@@ -8,20 +8,14 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import Vector, as_csr, as_vector, described, diagonal_positions
+from ...algebra.splittings import Splitting
 from ...errors import InputError
-from ...problem import ICP, as_icp
-from ...splittings import Splitting
+from ...numerics.arrays import Vector, as_csr, as_vector, described, diagonal_positions
+from ...problem.data import ProblemData, as_problem
 
 
 class Member(Protocol):
-    """What the theorems need to know of a method: M₁, φ and Ω; every member of `methods.modulus` is one.
-
-    >>> from icpmodel import MNMGS
-    >>> member: Member = MNMGS(phi=0.5)
-    >>> member.splitting_of(), member.phi
-    (AOR(theta1=1.0, theta2=1.0), 0.5)
-    """
+    """What the theorems need to know of a method: M₁, φ and Ω; every member of `methods.modulus` is one."""
 
     @property
     def phi(self) -> Any:
@@ -30,7 +24,7 @@ class Member(Protocol):
     def splitting_of(self) -> Splitting:
         """The choice of M₁."""
 
-    def omega_of(self, problem: ICP) -> Vector:
+    def omega_of(self, problem: ProblemData) -> Vector:
         """The diagonal of Ω, shape (n,)."""
 
 
@@ -39,17 +33,10 @@ class Parts:
 
     What a theorem makes of them is at most twice `size` entry by entry, and so are the rounding errors of making it.
     Raises InputError where `problem` is no ICP, or `member` has no M₁ or Ω (a name, a class, Newton).
-
-    >>> from icpmodel import MNMGS
-    >>> parts = Parts(ICP([[4, -1], [-2, 4]], [0, 0]), MNMGS())
-    >>> parts.X.toarray(), parts.N.toarray()
-    (array([[ 8.,  0.],
-           [-2.,  8.]]), array([[0., 1.],
-           [0., 0.]]))
     """
 
-    def __init__(self, problem: ICP, member: Member) -> None:
-        as_icp(problem)
+    def __init__(self, problem: ProblemData, member: Member) -> None:
+        as_problem(problem)
         if isinstance(member, str | type):
             raise InputError(f"member is {described(member)}; a Method object was expected, such as MNMGS()")
         if not (hasattr(member, "splitting_of") and hasattr(member, "omega_of")):
@@ -68,12 +55,7 @@ class Parts:
 
     @property
     def G(self) -> sp.csr_array:
-        """The Lipschitz matrix of ψ, which must be known.
-
-        >>> from icpmodel import MNMGS
-        >>> Parts(ICP([[1.0]], [0.0]), MNMGS()).G.nnz
-        0
-        """
+        """The Lipschitz matrix of ψ, which must be known."""
         G = self.problem.psi.lipschitz
         assert G is not None
         return G
@@ -122,12 +104,7 @@ class Parts:
 
 
 def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
-    """|`matrix`| with a zero diagonal.
-
-    >>> off_diagonal(sp.csr_array([[1.0, -2.0], [3.0, 4.0]])).toarray()
-    array([[0., 2.],
-           [3., 0.]])
-    """
+    """|`matrix`| with a zero diagonal."""
     result = sp.csr_array(abs(matrix))
     return sp.csr_array(result - sp.diags_array(result.diagonal()))
 

@@ -10,13 +10,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...arrays import Vector, as_number, as_vector, described
 from ...errors import InputError
-from ...problem import ICP, SMALLEST, UNIT_ROUNDOFF, as_icp
+from ...numerics.arrays import Vector, as_number, as_vector, described
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most, upper
+from ...problem.data import ProblemData, as_problem
 from ..answers import Answer
 from ..certificates.bounds import error_bound
 from ..certificates.proof import norm_up
-from ..rounding import at_most, upper
 from . import conditions
 from .absolute import slack
 from .parts import Member, Parts
@@ -48,7 +48,7 @@ class Rate(ABC):
     def __repr__(self) -> str:
         return f"{type(self).__name__}(factor={self.factor:.6g}, n={self.v.size})"
 
-    def distance(self, problem: ICP, z0: Any) -> float:
+    def distance(self, problem: ProblemData, z0: Any) -> float:
         """A bound on the norm of z⁰ − z*, rounding included, infinite where none is known.
 
         It rests on one step of the method: ‖z¹ − z⁰‖/(1 − factor). Parameters: `problem` with the A and ψ of the rate;
@@ -59,7 +59,7 @@ class Rate(ABC):
         >>> round(predicted_rate(problem, MNMJ()).distance(problem, [0.0, 0.0]), 6)
         2.0
         """
-        z0, parts = as_icp(problem).vector(z0, "z0", finite=True), self._parts
+        z0, parts = as_problem(problem).vector(z0, "z0", finite=True), self._parts
         if problem.A is not parts.A or problem.psi is not parts.problem.psi:
             raise InputError("problem has another A or psi than the rate; make the rate of this problem")
         with np.errstate(all="ignore"):
@@ -72,7 +72,7 @@ class Rate(ABC):
         return bound if bound == bound else math.inf
 
     @abstractmethod
-    def _distance(self, problem: ICP, z0: Vector, F: Vector, for_F: Vector) -> float:
+    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
         """See `distance`; F = min(p, Ωr) at z⁰, known to `for_F`. NaN where nothing is known."""
 
     def error_after(self, k: int, distance: float) -> Vector:
@@ -87,7 +87,7 @@ class Rate(ABC):
             size = max(self.factor**k, SMALLEST) * distance * (1 + 16 * UNIT_ROUNDOFF)
             return np.nextafter(size * self.v, np.inf)
 
-    def steps(self, problem: ICP, z0: Any, accuracy: Any) -> int | None:
+    def steps(self, problem: ProblemData, z0: Any, accuracy: Any) -> int | None:
         """After so many steps |zᵏ − z*| ≤ `accuracy` in every entry, whatever z* is; None where no number is known.
 
         Parameters: `problem` and `z0` as in `distance`; `accuracy` a positive number or vector of shape (n,), in the
@@ -118,24 +118,14 @@ class Rate(ABC):
 
 
 class Contraction(Rate):
-    """The norm is max_i |z_i − z*_i|/v_i: theorem "sharper".
-
-    >>> from icpmodel import MNMJ
-    >>> isinstance(predicted_rate(ICP([[1.0]], [0.0]), MNMJ()), Contraction)
-    True
-    """
+    """The norm is max_i |z_i − z*_i|/v_i: theorem "sharper"."""
 
     norm = "max_i |z_i - z*_i|/v_i"
 
-    def steps(self, problem: ICP, z0: Any, accuracy: Any) -> int | None:
+    def steps(self, problem: ProblemData, z0: Any, accuracy: Any) -> int | None:
         """See `Rate.steps`: the smaller number of two norms, that of v and the maximum norm.
 
         The factor in the maximum norm may be larger, but nothing is lost between it and the entries of z.
-
-        >>> from icpmodel import MNMJ
-        >>> problem = ICP([[2, -1], [-1, 2]], [-2, -2])
-        >>> predicted_rate(problem, MNMJ()).steps(problem, [0.0, 0.0], 1e-3)
-        11
         """
         numbers = [Rate.steps(self, problem, z0, accuracy)]
         if self._in_maximum_norm is not None:
@@ -150,7 +140,7 @@ class Contraction(Rate):
             factor = float(conditions.sharper(self._parts).upper(ones).max())
         return Contraction(factor, ones, self.sentence, self._parts) if factor < 1 else None
 
-    def _distance(self, problem: ICP, z0: Vector, F: Vector, for_F: Vector) -> float:
+    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
         """With d about z⁰ − z¹ = 2X⁻¹F it is |z⁰ − z¹| ≤ |d| + |X⁻¹||Xd − 2F|."""
         parts = self._parts
         d = parts.splitting.operator(parts.A, parts.phi + parts.omega).solve(2.0 * F)
@@ -161,18 +151,11 @@ class Contraction(Rate):
 
 
 class PeacemanRachford(Rate):
-    """The norm is ‖Ω^(−½)(A + Ω)(z − z*)‖₂: theorem "definite", where v = Ω^(−½).
-
-    >>> from icpmodel import MNMOD
-    >>> problem = ICP([[1.0, 3.0], [-3.0, 1.0]], [-1.0, 2.0])
-    >>> rate = predicted_rate(problem, MNMOD())
-    >>> round(rate.factor, 6), rate.steps(problem, [0.0, 0.0], 1e-6)
-    (0.83205, 81)
-    """
+    """The norm is ‖Ω^(−½)(A + Ω)(z − z*)‖₂: theorem "definite", where v = Ω^(−½)."""
 
     norm = "|Omega^(-1/2)(A + Omega)(z - z*)|_2"
 
-    def _distance(self, problem: ICP, z0: Vector, F: Vector, for_F: Vector) -> float:
+    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
         """(A + Ω)(z⁰ − z¹) = 2F gives one bound, |A + Ω| times an error bound of z⁰ another."""
         by_step = norm_up(2 * (np.abs(F) + for_F) * self.v) / (1 - self.factor)
         found = error_bound(problem, z0, sharp=True)
@@ -183,7 +166,7 @@ class PeacemanRachford(Rate):
         return min(by_step, by_bound) * (1 + 16 * UNIT_ROUNDOFF)
 
 
-def predicted_rate(problem: ICP, member: Member, checks: dict[str, Check] | None = None) -> Rate | Answer:
+def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check] | None = None) -> Rate | Answer:
     """The contraction factor of `member` on `problem`, or an `Answer` (unknown or no) that says why there is none.
 
     It is that of the theorem "sharper", which holds with the same v wherever 4.1 to 4.4 do, with a factor that is no

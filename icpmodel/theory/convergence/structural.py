@@ -24,16 +24,16 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import row_of
-from ...intervention import Intervention
-from ...maps import Affine, Constant, Map
-from ...problem import SMALLEST, UNIT_ROUNDOFF
+from ...numerics.arrays import row_of
+from ...numerics.equilibration import in_units
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
+from ...problem.affine import Affine, Constant
+from ...problem.intervention import Intervention
+from ...problem.map import Map
 from ..answers import Answer
 from ..certificates.definite import LARGEST
 from ..matrices.classes import MatrixClasses
 from ..matrices.eigenvalue import is_dense, largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
-from ..rounding import at_most
-from ..units import in_units
 from .absolute import is_diagonal
 from .parts import Parts
 
@@ -55,12 +55,7 @@ DEFINITE = (
 
 
 def monotone(parts: Parts) -> Answer:
-    """Whether the step is isotone; X ≥ 2D and X ≥ 2Ω are read up to the rounding of φ and Ω.
-
-    >>> from icpmodel import ICP, MNMJ
-    >>> monotone(Parts(ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ(phi2=1.0))).reason
-    'M1 + phi + Omega is 3 in row 0, less than 4: for M1 = D, phi >= |D - Omega| is needed'
-    """
+    """Whether the step is isotone; X ≥ 2D and X ≥ 2Ω are read up to the rounding of φ and Ω."""
     A = parts.A
     off = A.data[A.indices != row_of(A)]
     if (off > 0).any():
@@ -87,11 +82,6 @@ def definite(parts: Parts) -> Answer:
 
     `number` is a proved σ for n ≤ 50 000, or None; then `witness` is v = Ω^(−½), for which
     |zᵏ − z*| ≤ σᵏ‖Ω^(−½)(A + Ω)(z⁰ − z*)‖₂ v.
-
-    >>> from icpmodel import ICP, MNMMOD
-    >>> found = definite(Parts(ICP([[2, -1], [-1, 2]], [0, 0]), MNMMOD(theta1=2.0)))
-    >>> found.holds, round(found.number, 6)
-    (True, 0.333333)
     """
     if not parts.problem.is_lcp:
         return Answer(False, "psi is not constant")

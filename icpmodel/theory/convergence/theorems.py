@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Vector, described
 from ...errors import InputError, SingularOperator
-from ...problem import ICP, UNIT_ROUNDOFF
+from ...numerics.arrays import Vector, described
+from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
+from ...problem.data import ProblemData
 from ..answers import Answer
 from ..certificates import h_plus
-from ..rounding import at_least, at_most
 from . import conditions, structural
 from .contraction import MonotoneMap, Radius, balanced, radius
 from .parts import Member, Parts
@@ -67,7 +67,7 @@ def theorems() -> dict[str, str]:
     return {name: theorem.sentence for name, theorem in _THEOREMS.items()}
 
 
-def check(theorem: str, problem: ICP, member: Member, as_printed: bool = False) -> Check:
+def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool = False) -> Check:
     """Whether `member` meets the hypotheses of `theorem` on `problem`, rounding included.
 
     Parameters: `theorem` one of `theorems()`; `member` a method of the modulus family, as an object; `as_printed` asks
@@ -82,7 +82,7 @@ def check(theorem: str, problem: ICP, member: Member, as_printed: bool = False) 
     return _check(theorem, Parts(problem, member), as_printed)
 
 
-def check_all(problem: ICP, member: Member) -> dict[str, Check]:
+def check_all(problem: ProblemData, member: Member) -> dict[str, Check]:
     """Every theorem, corrected: name → `Check`. What serves one is tried first on the next.
 
     >>> from icpmodel import MNMGS
@@ -114,13 +114,7 @@ def _check(name: str, parts: Parts, as_printed: bool) -> Check:
 
 
 def contraction(parts: Parts, T: MonotoneMap) -> Radius:
-    """ρ(T) from the vectors that served before, v = 1, the certificate's v and, for small n, balanced units.
-
-    >>> from icpmodel import MNMJ
-    >>> parts = Parts(ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ())
-    >>> contraction(parts, conditions.sharper(parts)).holds
-    True
-    """
+    """ρ(T) from the vectors that served before, v = 1, the certificate's v and, for small n, balanced units."""
 
     def starts() -> Iterator[Vector]:
         yield from reversed(parts.vectors)

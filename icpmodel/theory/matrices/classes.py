@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...arrays import as_csr, row_of
+from ...numerics.arrays import as_csr, row_of
 from ..answers import Answer
-from ..scaling import comparison_matrix
+from ..comparison import comparison_matrix
 from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs
 
 #: the classes in the order of the table, with their names

@@ -15,12 +15,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...arrays import Vector, as_csr, row_of
-from ...problem import SMALLEST, UNIT_ROUNDOFF
+from ...numerics import rational as exact
+from ...numerics.arrays import Vector, as_csr, row_of
+from ...numerics.equilibration import in_units
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
-from ..scaling import comparison_matrix
-from ..units import in_units
-from . import exact
+from ..comparison import comparison_matrix
 from .eigenvalue import above, falling, unit_exponents, within_reach
 from .h_matrix import by_row_sums, row_sum_signs
 
@@ -39,10 +39,6 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
     n = 30, what is left open is decided in rational arithmetic; an exactly singular matrix may stay open beyond.
     The witness of False is an x, shape (n,), with xᵀAx ≤ 0 (definite), xᵀAx < 0 (semidefinite), checked.
     Reference: `eigenvalue.above`.
-
-    >>> definite, semidefinite = definiteness(sp.csr_array([[1.0, -1.0], [-1.0, 1.0]]))
-    >>> definite.holds, semidefinite.holds
-    (False, True)
     """
     n, diagonal = A.shape[0], A.diagonal()
     definite = semidefinite = Answer(None, "")
@@ -77,11 +73,6 @@ def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
     True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, a negative number of
     the size of rounding errors. What is computed as BᵀB is such a matrix, and a convex QP solver takes it. None for all
     others.
-
-    >>> B = np.array([[0.1, 0.2, 0.3]])
-    >>> found = semidefinite_up_to_rounding(sp.csr_array(B.T @ B))
-    >>> found.holds, -1e-13 < found.number < 0
-    (True, True)
     """
     T, _, _ = _in_own_units(A)
     if (T.diagonal() >= 0).all() and within_reach(T):

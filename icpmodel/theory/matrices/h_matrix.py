@@ -24,13 +24,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...arrays import Vector, row_of
-from ...problem import SMALLEST, UNIT_ROUNDOFF
+from ...numerics import rational as exact
+from ...numerics.arrays import Vector, row_of
+from ...numerics.equilibration import in_units, natural_units
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
 from ..answers import Answer
-from ..rounding import lower, upper
-from ..scaling import comparison_matrix, scaling_vectors, solve_for_diagonal
-from ..units import in_units, natural_units
-from . import exact
+from ..comparison import comparison_matrix, scaling_vectors, solve_for_diagonal
 
 #: so many steps of the power method cost less than a linear solve
 _POWER_STEPS = 30
@@ -42,9 +41,6 @@ def irreducible_blocks(A: sp.csr_array) -> tuple[int, NDArray[np.int32]]:
     """How many irreducible diagonal blocks `A` has, and the block of each row, shape (n,).
 
     They are the strongly connected components of the graph with an edge (i, j) where a_ij ≠ 0.
-
-    >>> irreducible_blocks(sp.csr_array([[1.0, 2.0], [0.0, 3.0]]))[0]
-    2
     """
     from scipy.sparse.csgraph import connected_components
 
@@ -53,22 +49,14 @@ def irreducible_blocks(A: sp.csr_array) -> tuple[int, NDArray[np.int32]]:
 
 
 def without_zeros(A: sp.csr_array) -> sp.csr_array:
-    """A copy of `A` that stores no zeros; `A` and what shares its arrays stay as they are.
-
-    >>> without_zeros(sp.csr_array((np.array([0.0]), np.array([0]), np.array([0, 1])), shape=(1, 1))).nnz
-    0
-    """
+    """A copy of `A` that stores no zeros; `A` and what shares its arrays stay as they are."""
     copy = A.copy()
     copy.eliminate_zeros()
     return copy
 
 
 def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
-    """The sign of each row sum of `C` (CSR, shape (n, n), no row empty), without rounding: −1, 0 or 1, shape (n,).
-
-    >>> row_sum_signs(sp.csr_array([[0.5, -0.1], [0.1, -0.1]])).tolist()
-    [1, 0]
-    """
+    """The sign of each row sum of `C` (CSR, shape (n, n), no row empty), without rounding: −1, 0 or 1, shape (n,)."""
     data, rows, n = C.data, row_of(C), C.shape[0]
     # in units of each row's largest entry, whole multiples of 2^-40 add up without rounding
     shift = -np.frexp(np.maximum.reduceat(np.abs(data), C.indptr[:-1]))[1]
@@ -98,10 +86,6 @@ def by_row_sums(A: sp.csr_array) -> tuple[Answer, NDArray[np.bool_]]:
 
     Parameters: `A` CSR, shape (n, n), every diagonal entry stored. Returns the answer and the rows, as a mask of shape
     (n,), of the irreducible blocks that stay open. References: Taussky, Amer. Math. Monthly 56 (1949).
-
-    >>> answer, still_open = by_row_sums(sp.csr_array([[2.0, -2.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]]))
-    >>> answer.holds, bool(still_open.any())
-    (True, False)
     """
     n, diagonal, C = A.shape[0], A.diagonal(), comparison_matrix(A)
     if (diagonal == 0).any():
@@ -124,12 +108,7 @@ def by_row_sums(A: sp.csr_array) -> tuple[Answer, NDArray[np.bool_]]:
 
 
 def within_blocks(A: sp.csr_array, block: NDArray[np.int32]) -> sp.csr_array:
-    """`A` with zeros for the entries between the blocks whose labels, shape (n,), are `block`.
-
-    >>> within_blocks(sp.csr_array([[1.0, 2.0], [3.0, 4.0]]), np.array([0, 1])).toarray()
-    array([[1., 0.],
-           [0., 4.]])
-    """
+    """`A` with zeros for the entries between the blocks whose labels, shape (n,), are `block`."""
     data = np.where(block[row_of(A)] == block[A.indices], A.data, 0.0)
     return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
 
@@ -138,11 +117,6 @@ def h_matrix(A: sp.csr_array) -> Answer:
     """Whether `A` (CSR, shape (n, n), every diagonal entry stored) is an H-matrix.
 
     The witness of True, where there is one, is v > 0 with ⟨A⟩v > 0; that of False x ≥ 0, x ≠ 0, with ⟨A⟩x ≤ 0.
-
-    >>> h_matrix(sp.csr_array([[1.0, 3.0], [3.0, 1.0]])).witness
-    array([1., 1.])
-    >>> h_matrix(sp.csr_array([[1.0, 3.0], [0.0, 1.0]])).holds
-    True
     """
     answer, still_open = by_row_sums(A)
     if answer.holds is not None:
@@ -160,11 +134,7 @@ def h_matrix(A: sp.csr_array) -> Answer:
 
 
 def dominating_vector(A: sp.csr_array) -> Vector | None:
-    """v > 0 with ⟨A⟩v > 0, shape (n,), for an H-matrix `A` (CSR, diagonal stored); None where none was proved.
-
-    >>> dominating_vector(sp.csr_array([[2.0, -3.0], [-1.0, 2.0]])) is None
-    False
-    """
+    """v > 0 with ⟨A⟩v > 0, shape (n,), for an H-matrix `A` (CSR, diagonal stored); None where none was proved."""
     C = comparison_matrix(A)
     if (C.diagonal() > 0).all():
         for _, v in scaling_vectors(C):

@@ -22,11 +22,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...arrays import row_of
-from ...problem import SMALLEST, UNIT_ROUNDOFF
+from ...numerics import rational as exact
+from ...numerics.arrays import row_of
+from ...numerics.equilibration import in_units, natural_units
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
-from ..units import in_units, natural_units
-from . import exact
 from .h_matrix import by_row_sums, irreducible_blocks
 
 if TYPE_CHECKING:
@@ -60,12 +60,7 @@ def p_matrix(A: Any) -> Answer:
 
 
 def decide(known: MatrixClasses) -> Answer:
-    """`p_matrix` for a matrix of which `known` is what is, or will be, known.
-
-    >>> from icpmodel.theory.matrices.classes import classify
-    >>> decide(classify([[1.0, 2.0], [3.0, 1.0]])).holds
-    False
-    """
+    """`p_matrix` for a matrix of which `known` is what is, or will be, known."""
     A = known.A
     diagonal = A.diagonal()
     if (diagonal <= 0).any():
@@ -156,7 +151,7 @@ def _by_class(known: MatrixClasses) -> Answer:
 
 def _by_pivots(A: sp.csr_array) -> Answer:
     """The exact test, for n ≤ 60 or so; the time doubles with each row."""
-    from ...kernels.pivots import search_pivots
+    from ...numerics.kernels.pivots import search_pivots
 
     n = A.shape[0]
     r, c = natural_units(A)

@@ -1,0 +1,143 @@
+"""The equations that a choice of rows leaves: z = ψ(z) in the active ones, Az + q = 0 in the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..errors import SingularOperator
+from ..numerics.arrays import Vector, row_of
+from ..numerics.linear import FACTORISE_UP_TO, solver_of
+from ..problem.data import ProblemData
+from .operators import FactorisedOperator
+
+#: steps of iterative refinement, or of Newton's method with the first derivative kept
+_REFINEMENTS = 4
+
+
+def equations_on(problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array) -> sp.csr_array:
+    """The matrix with the rows of I − ψ′ where `active` and those of A elsewhere; CSR, shape (n, n).
+
+    Parameters: `active` a mask of shape (n,); `jacobian` = ψ′(z), CSR, shape (n, n).
+    """
+    keep, follow = (sp.diags_array(mask.astype(np.float64)) for mask in (~active, active))
+    return sp.csr_array(keep @ problem.A + follow @ (sp.eye_array(problem.n) - jacobian))
+
+
+def nearer_to_obstacle(problem: ProblemData, z: Vector) -> NDArray[np.bool_]:
+    """The rows with r_i < p_i/Ω_i, Ω = `weights`: there the modulus takes the side of the obstacle; a mask, shape (n,)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return problem.r(z) < problem.p(z) / problem.matrix.weights
+
+
+def solve_on(problem: ProblemData, z: Vector, active: NDArray[np.bool_]) -> Vector:
+    """The solution of z_i = ψ_i(z) in the `active` rows, (Az + q)_i = 0 in the others, near `z`.
+
+    One factorisation, of the other rows alone where ψ has no derivative, then refinement while the residual falls.
+    Parameters: `z` shape (n,), `active` a mask of shape (n,). Returns a vector of shape (n,). It is a candidate, no
+    more: `error_bound` says what it is worth. Raises SingularOperator where the equations are singular, MapError where
+    ψ or its Jacobian fails.
+    """
+    jacobian = problem.psi.jacobian(z)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _refined(problem, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
+
+
+def _refined(problem: ProblemData, z: Vector, active: NDArray[np.bool_], jacobian: sp.csr_array | None) -> Vector:
+    free = np.flatnonzero(~active)
+    try:
+        if jacobian is not None:
+            operator = FactorisedOperator(equations_on(problem, active, jacobian))
+        elif free.size:
+            operator = FactorisedOperator(sp.csr_array(problem.A[free][:, free]))
+    except SingularOperator as error:
+        row = int(error.row if jacobian is not None else free[error.row])
+        told = "the equations that the active set leaves are singular to working precision: row"
+        raise SingularOperator(f"{told} {row} depends on the others", row) from None
+    best, smallest = z, np.inf
+    for _ in range(_REFINEMENTS):
+        if jacobian is not None:
+            z = z - operator.solve(np.where(active, problem.r(z), problem.p(z)))
+        else:
+            z = np.where(active, problem.psi.value(z), z)
+            if free.size:
+                z[free] -= operator.solve(problem.p(z)[free])
+        equations = np.abs(np.where(active, problem.r(z), problem.p(z)))
+        size = float(equations.max())
+        if not size < smallest:
+            break
+        best, smallest = z, size
+        if size == 0.0:
+            break
+    return best
+
+
+#: (p, r, relative tolerance) ↦ the step of Newton's method, or None where there is none
+Stepper = Callable[[Vector, Vector, float], Vector | None]
+
+
+def step_of(problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array) -> Stepper:
+    """The solver of (I − ψ′)d = −r in the `active` rows, I, and Ad = −p in the others, F, for many p and r.
+
+    Where the chains of ψ′ through the active rows end, as those of jumps do, the active unknowns are eliminated,
+    d_I = Td_F + s, and A_FF + A_FI T is left: with few rows at the border of I, little more than A_FF.
+    Parameters: `active` a mask of shape (n,); `jacobian` = ψ′(z), CSR, shape (n, n). Returns the solver.
+    """
+    rows, free = np.flatnonzero(active), np.flatnonzero(~active)
+    found = _chains(jacobian, rows, free)
+    if found is None:
+        solve_all = solver_of(equations_on(problem, active, jacobian))
+        return lambda p, r, tolerance: solve_all(-np.where(active, r, p), tolerance)
+    slope, links, T = found
+    A_F = problem.A[free]
+    M = sp.csr_array(A_F[:, free])
+    solve = solver_of(sp.csr_array(M + A_F[:, rows] @ T) if T.nnz else M)
+
+    def step(p: Vector, r: Vector, tolerance: float) -> Vector | None:
+        s = -r[rows] / slope
+        for link in links:
+            s = s + link @ s
+        d = np.zeros(p.size)
+        d[rows] = s
+        part = solve(-(p[free] + A_F @ d), tolerance)
+        if part is None or not np.isfinite(s).all():
+            return None
+        d[free] = part
+        d[rows] += T @ part
+        return d
+
+    return step
+
+
+def _chains(
+    J: sp.csr_array, rows: NDArray[np.intp], free: NDArray[np.intp]
+) -> tuple[Vector, list[sp.csr_array], sp.csr_array] | None:
+    """(1 − own slope, N, N², N⁴, …, and T) with (I − N)⁻¹ = … (I + N²)(I + N); None where N has no power that is 0."""
+    if not J.nnz:
+        return np.ones(rows.size), [], sp.csr_array((rows.size, free.size))
+    own = J.diagonal()[rows]
+    slope, J_I = 1.0 - own, J[rows]
+    if not slope.all():
+        return None
+    if own.any():
+        J_I = sp.diags_array(1.0 / slope) @ J_I
+    T, N = sp.csr_array(J_I[:, free]), sp.csr_array(J_I[:, rows])
+    if own.any():
+        N.data[row_of(N) == N.indices] = 0.0
+        N.eliminate_zeros()
+    links: list[sp.csr_array] = []
+    most = N.nnz
+    while N.nnz:
+        if N.nnz > most or 2 ** len(links) > rows.size:
+            return None
+        links.append(N)
+        T, N = sp.csr_array(T + N @ T), sp.csr_array(N @ N)
+    return slope, links, T
+
+
+def is_factorised(problem: ProblemData) -> bool:
+    """Whether systems with A may be left to a direct solver: beyond a size only those of bands are."""
+    return problem.n <= FACTORISE_UP_TO or problem.matrix.is_band

@@ -1,0 +1,106 @@
+"""Algebraic multigrid for a matrix of which some rows and columns are left out: PyAMG's levels, truncated by masks."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..numerics.arrays import Vector
+from ..numerics.multigrid import ruge_stuben
+from ..numerics.threads import one_behind_the_other
+from ..problem.data import ProblemData
+
+Mask = NDArray[np.bool_]
+
+#: a level of at most so many rows is solved by a dense inverse, and where coarsening stalls one of so many
+_COARSEST, _STALLED = 64, 512
+#: a level that has so many times the entries of A, or more, costs more than it helps
+_FILL = 4
+
+
+class NoHierarchy(Exception):
+    """The diagonal of A or of a coarser level is not positive, coarsening stalls, or the coarser levels fill in."""
+
+
+class Level:
+    """A of one level, that of `problem`, CSR, shape (m, m), with its diagonal; and which rows are `free`.
+
+    Where there is a coarser level, `P`, CSR, shape (m, m_coarse), interpolates from it, and `kept`, shape (m_coarse,),
+    are the points that are on it as well: P leaves their values alone.
+    """
+
+    def __init__(self, problem: ProblemData) -> None:
+        self.problem, self.A, self.rows = problem, problem.A, problem.matrix.rows
+        self.diag, self.diagonal = self.rows.diag, self.rows.diagonal
+        if not (self.diagonal > 0).all():
+            raise NoHierarchy
+        self.inverse = 1.0 / self.diagonal
+        self.free: Mask = np.ones(problem.n, dtype=np.bool_)
+        self.P: Any = None
+        self.kept: Any = None
+
+
+class Hierarchy:
+    """The levels of A, and a V-cycle for A_FF x = f_F where F, the free rows, changes often and A does not.
+
+    On every level the points whose own row is not free keep the value 0. That is how the interpolation is truncated
+    without another Galerkin product; what it leaves out is next to the border of F.
+    Parameters: the `problem` whose A it is. Raises NoHierarchy where the diagonal of A or of a coarser level is not
+    positive, where more than 512 rows are left that cannot be made fewer, and at the first level with four times the
+    entries of A: matrices that multigrid is not made for would take all time and memory.
+    Reference: Ruge and Stüben, Algebraic multigrid (1987); Kornhuber, Numer. Math. 69 (1994), for the truncation.
+    """
+
+    def __init__(self, problem: ProblemData) -> None:
+        self.levels = [Level(problem)]
+        while self.levels[-1].A.shape[0] > _COARSEST and self._coarsen():
+            if self.levels[-1].A.nnz > _FILL * problem.A.nnz:
+                raise NoHierarchy
+        if self.levels[-1].A.shape[0] > _STALLED:
+            raise NoHierarchy
+        self._dense = self.levels[-1].A.toarray()
+        self.restrict(self.levels[0].free)
+
+    def _coarsen(self) -> bool:
+        """One more level; False where there is none."""
+        last = self.levels[-1]
+        # direct interpolation costs least and is made for M-matrices
+        made = ruge_stuben(last.A, interpolation="direct", max_coarse=_COARSEST, max_levels=2, keep=True).levels
+        if len(made) == 1:
+            return False
+        last.P, last.kept = sp.csr_array(made[0].P), np.flatnonzero(made[0].splitting)
+        self.levels.append(Level(ProblemData(sp.csr_array(made[1].A), np.zeros(made[1].A.shape[0]))))
+        return True
+
+    def restrict(self, free: Mask, top: int = 0) -> None:
+        """Let only the rows where `free`, shape (m,), of level `top` take part in the cycles that follow."""
+        for level in self.levels[top:]:
+            level.free = free
+            free = free if level.P is None else free[level.kept]
+        self._rows = np.flatnonzero(free)
+        self._inverse = np.linalg.pinv(self._dense[np.ix_(self._rows, self._rows)])
+
+    def cycle(self, f: Vector, top: int = 0) -> Vector:
+        """About the x with (Ax)_i = f_i in the free rows and x_i = 0 in the others, by one V(1, 1)-cycle.
+
+        Parameters: `f` of shape (m,), m the rows of level `top`. Returns a new array of that shape.
+        """
+        from ..numerics.kernels.multigrid import interpolate, restrict, sweep_down, sweep_up
+
+        level, x = self.levels[top], np.zeros(f.size)
+        if level.P is None:
+            x[self._rows] = self._inverse @ f[self._rows]
+            return x
+        A, P, n, free, inverse = level.A, level.P, f.size, level.free, level.inverse
+        matrix, transfer, coarse = (A.indptr, A.indices, A.data), (P.indptr, P.indices, P.data), np.zeros(P.shape[1])
+        down = partial(sweep_down, *matrix, level.diag, inverse, free, f, x)
+        rest = partial(restrict, *matrix, level.diag, free, *transfer, x, coarse)
+        one_behind_the_other(n, A.nnz, down, rest, level.rows.above)
+        coarse = self.cycle(coarse, top + 1)
+        correct = partial(interpolate, free, *transfer, coarse, x)
+        one_behind_the_other(n, A.nnz, correct, partial(sweep_up, *matrix, inverse, free, f, x), level.rows.below)
+        return x

@@ -1,0 +1,178 @@
+"""The operators X⁻¹, X = M₁ + φ + Ω, and the step of the modulus family that each makes possible.
+
+By |x − y| = x + y − 2 min(x, y) every method of the family is the one step
+
+    z⁺ = z − 2 X⁻¹ F_Ω(z),        F_Ω(z) = min(Az + q, Ω(z − ψ(z))),
+
+so a method is nothing but a choice of X and Ω. `Operator.step` is that line; the triangular and diagonal operators fuse
+it into one compiled pass over A.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import SingularOperator
+from ..numerics.arrays import Vector, diagonal_positions, norm
+from ..numerics.factorisation import factorise
+from ..numerics.rounding import UNIT_ROUNDOFF
+from ..problem.data import ProblemData
+from .sweeps import Step, compiled_step
+
+
+class Operator(ABC):
+    """X⁻¹ of a splitting."""
+
+    @abstractmethod
+    def solve(self, f: Vector) -> Vector:
+        """X⁻¹f, shape (n,)."""
+
+    def step(self, problem: ProblemData, omega: Vector) -> Step:
+        """The modulus step z ↦ (z − 2 X⁻¹ F_Ω(z), Res(z)) on `problem` with Ω = diag(`omega`)."""
+
+        def step(z: Vector) -> tuple[Vector, float]:
+            p, r = problem.A @ z + problem.q, z - problem.psi.value(z)
+            residual = norm(np.minimum(p, r))
+            return z - 2.0 * self.solve(np.minimum(p, omega * r)), residual
+
+        return step
+
+
+@dataclass(frozen=True)
+class DiagonalOperator(Operator):
+    """X = diag(1/`inverse`), `inverse` of shape (n,)."""
+
+    inverse: Vector
+
+    def solve(self, f: Vector) -> Vector:
+        return self.inverse * f
+
+    def step(self, problem: ProblemData, omega: Vector) -> Step:
+        A = problem.A
+        return compiled_step(problem, "diagonal", (A.indptr, A.indices, A.data, problem.q), (omega, self.inverse))
+
+
+@dataclass(frozen=True)
+class AOROperator(Operator):
+    """X = diag(1/`inverse`) + `tau` times the strict lower triangle of `A`."""
+
+    inverse: Vector
+    A: sp.csr_array
+    tau: float
+
+    @cached_property
+    def diag(self) -> Any:
+        """Where in `A.data` each row's diagonal entry stands, shape (n,)."""
+        return diagonal_positions(self.A)
+
+    def solve(self, f: Vector) -> Vector:
+        from ..numerics.kernels.sweeps import substitute
+
+        A, out = self.A, np.empty(f.size)
+        substitute(A.indptr, self.diag, A.indices, A.data, self.tau, self.inverse, True, f, out)
+        return out
+
+    def step(self, problem: ProblemData, omega: Vector) -> Step:
+        A, rows = problem.A, problem.matrix.rows
+        matrix = (A.indptr, A.indices, A.data, rows.diag if self.A is A else self.diag, problem.q)
+        parameters = (omega, self.inverse, self.tau)
+        return compiled_step(problem, "in_order", matrix, (parameters, True), reach=rows.above)
+
+
+@dataclass(frozen=True)
+class TriangularOperator(Operator):
+    """X = diag(1/`inverse`) + the strict lower (or upper) triangle of `M1`, whose diagonal stands at `diag`."""
+
+    inverse: Vector
+    M1: sp.csr_array
+    diag: Any
+    lower: bool
+
+    @property
+    def _rows(self) -> tuple[Any, Any]:
+        """Where each row's strictly triangular entries begin and end."""
+        return (self.M1.indptr[:-1], self.diag) if self.lower else (self.diag + 1, self.M1.indptr[1:])
+
+    def solve(self, f: Vector) -> Vector:
+        from ..numerics.kernels.sweeps import substitute
+
+        out = np.empty(f.size)
+        substitute(*self._rows, self.M1.indices, self.M1.data, 1.0, self.inverse, self.lower, f, out)
+        return out
+
+    def step(self, problem: ProblemData, omega: Vector) -> Step:
+        A, M1 = problem.A, self.M1
+        X = (*self._rows, M1.indices, M1.data, self.inverse, self.lower)
+        return compiled_step(problem, "triangular", (A.indptr, A.indices, A.data, problem.q), (omega, *X))
+
+
+class FactorisedOperator(Operator):
+    """X⁻¹ by a sparse LU factorisation of the CSR matrix `X`, made once.
+
+    Raises SingularOperator where X is singular to working precision.
+    """
+
+    def __init__(self, X: sp.csr_array) -> None:
+        X = sp.csr_array(X)
+        size = _row_maxima(X)
+        if not size.all():
+            row = int(np.argmin(size))
+            raise SingularOperator(f"X = M1 + phi + Omega is singular: row {row} is zero", row)
+        # rows and columns are brought to the size 1, so that units do not look like singularity
+        self._row_scale = 1.0 / np.maximum(size, np.finfo(np.float64).tiny)
+        scaled = sp.csr_array(sp.diags_array(self._row_scale) @ X)
+        size = _row_maxima(sp.csr_array(scaled.T))
+        self._column_scale = 1.0 / np.where(size > np.finfo(np.float64).tiny, size, 1.0)
+        scaled = sp.csr_array(scaled @ sp.diags_array(self._column_scale))
+        self._lu = factorise(scaled)
+        if self._lu is not None:
+            pivots = np.abs(self._lu.U.diagonal())
+            if pivots.min() > 16 * UNIT_ROUNDOFF * pivots.max():
+                return
+        row = _dependent_row(scaled)
+        raise SingularOperator(
+            f"X = M1 + phi + Omega is singular to working precision: row {row} is a linear combination of the others; "
+            "change phi or phi2",
+            row,
+        )
+
+    def solve(self, f: Vector) -> Vector:
+        solution: Vector = self._column_scale * self._lu.solve(self._row_scale * f)
+        return solution
+
+
+def inverse_diagonal(diagonal: Vector, shift: Vector) -> Vector:
+    """1/(`diagonal` + `shift`), both of shape (n,). Raises SingularOperator where the sum cancels."""
+    total = diagonal + shift
+    if diagonal.min() > 0.0 and shift.min() >= 0.0:  # nothing cancels
+        return np.divide(1.0, total, out=total)
+    bad = np.abs(total) <= 4 * UNIT_ROUNDOFF * (np.abs(diagonal) + np.abs(shift))
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise SingularOperator(
+            f"X = M1 + phi + Omega is singular: its diagonal entry in row {row} is {total[row]:g} "
+            f"({diagonal[row]:g} from M1, {shift[row]:g} from phi + Omega); change phi or phi2",
+            row,
+        )
+    inverse: Vector = 1.0 / total
+    return inverse
+
+
+def _row_maxima(X: sp.csr_array) -> Vector:
+    return np.asarray(abs(X).max(axis=1).toarray(), dtype=np.float64).reshape(-1)
+
+
+def _dependent_row(X: sp.csr_array) -> int:
+    """The largest entry of a left null vector of X, by two steps of inverse iteration on a slightly shifted X."""
+    lu = factorise(sp.csr_array(X + 1e-10 * sp.eye_array(X.shape[0])))
+    if lu is None:
+        return 0
+    # a start without symmetries, which could be orthogonal to the null vector
+    y = lu.solve(lu.solve(np.random.default_rng(0).random(X.shape[0]), trans="T"), trans="T")
+    return int(np.argmax(np.abs(y)))

@@ -1,0 +1,208 @@
+"""θ₁, θ₂ and Ω where they are left to the package: from the theory, and adapted while a run goes on.
+
+On rows with p < Ωr a step with X = 2(D/ω − L) and Ω = (2 − ω)D is successive overrelaxation (SOR), whose best ω follows
+from the spectral radius μ of the Jacobi matrix of those rows: ω = 2/(1 + √(1 − μ²)). Where A is consistently ordered,
+SOR with an ω below the best one shrinks the error by λ a step, and λ tells μ: (λ + ω − 1)² = ω²μ²λ. So a run that is
+watched needs no estimate of μ beforehand, and one that is accelerated hardly depends on ω.
+Reference: Young, Iterative Solution of Large Linear Systems (1971), chapters 6 and 7; Hageman and Young, Applied
+Iterative Methods (1981), chapter 9.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from itertools import repeat
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..numerics.arrays import Vector, as_number, as_vector
+from ..numerics.factorisation import factorise
+from ..problem.affine import Affine
+from ..problem.data import ProblemData
+from .operators import DiagonalOperator, inverse_diagonal
+from .sweeps import Step
+
+#: what theta1 may be instead of a number
+AUTO = "auto"
+#: an ω between two looks at the rate stays this many steps, until two factors agree to so much of their gap to 1
+_SETTLE, _AGREE = 12, 0.05
+#: from the rate follows an ω that is multiplied by this, as too large a one costs more than too small a one …
+_CAUTION = 0.98
+#: … and it is taken where it comes nearer to 2 by this share
+_WORTH = 0.05
+#: so many Lanczos steps tell a radius for which sweeps are to be relaxed from one for which they are not; and by how
+#: much they are where nobody looks
+_ROUGH_STEPS, _UNWATCHED = 3, 1.4
+#: a sum of a dominant row, rounding included
+_DOMINANT = 1.0 + 1e-12
+#: below this ω there is nothing to adapt, and no rate leads beyond this one
+RELAXED, _MOST = 1.2, 1.995
+#: the least patience in steps, what multiplies the steps that halve the error at the observed rate and at the one for
+#: which ω is best, and the growth that is a reason to step back at once
+_PATIENCE, _HALVES, _GROWN = 100, 3.0, 1e3
+
+
+def is_auto(theta1: Any) -> bool:
+    """Whether θ₁ is "auto"; otherwise it is checked to be a positive number. Raises InputError."""
+    if isinstance(theta1, str) and theta1 == AUTO:
+        return True
+    try:
+        as_number(theta1, "theta1", above=0)
+    except InputError as error:
+        raise InputError(f"{error}, or {AUTO!r}") from None
+    return False
+
+
+def a_number(theta1: Any) -> float:
+    """θ₁ where only a number will do. Raises InputError."""
+    if is_auto(theta1):
+        raise InputError(f"theta1 is {AUTO!r}; settled(problem) is the member with numbers, which was expected")
+    return float(theta1)
+
+
+def leave_out(method: Any, *names: str) -> None:
+    """Raise InputError where one of the options `names`, which θ₁ = "auto" decides, differs from its default."""
+    for option in fields(method):
+        value = getattr(method, option.name)
+        if option.name in names and value is not option.default and (np.ndim(value) or value != option.default):
+            raise InputError(f"{option.name} is given, but theta1={AUTO!r} decides {', '.join(names)} as well")
+
+
+def as_diagonal(value: float | Vector, n: int, name: str) -> Vector:
+    """The diagonal of a matrix that a method has checked already, a number or a vector, with shape (n,).
+
+    Raises InputError for a vector of another length.
+    """
+    if isinstance(value, np.ndarray) and value.shape == (n,):
+        return value
+    return as_vector(value, n, name) if np.ndim(value) else np.full(n, float(value))
+
+
+def sor(problem: ProblemData, omega: float) -> tuple[float, Vector]:
+    """θ₁ = 1/(2/ω − s) and the diagonal of Ω = sD, s = 2 − ω, shape (n,): then D/θ₁ + Ω = 2D/ω.
+
+    The small Ω keeps overrelaxed rows near the contact set from flipping sides. Parameters: `omega` in (0, 2).
+    """
+    share = 2.0 - omega
+    return 1.0 / (2.0 / omega - share), share * problem.matrix.rows.diagonal
+
+
+def best_omega(radius: float) -> float:
+    """The ω of the least SOR rate, 2/(1 + √(1 − ρ²)), for the Jacobi radius ρ, which counts as at most 1 − 1e-6."""
+    return 2.0 / (1.0 + math.sqrt(1.0 - min(radius, 1.0 - 1e-6) ** 2))
+
+
+def relaxation(problem: ProblemData) -> float:
+    """A cautious ω, at most 1.4, for runs that do not adapt it: 2/(1 + √(1 − ρ²)), ρ = `radius(problem)`; 1 if ρ ≥ 1.
+
+    On the rows that do not touch the obstacle a smaller ω is the best than for all of A, acceleration hardly needs
+    more, and with θ₂ = θ₁ the factor √2 − 1 … 1 of the fastest errors outweighs beyond 1.4 what the slow ones gain.
+    """
+    rho = problem.matrix.rough_jacobi_radius
+    return min(best_omega(rho), _UNWATCHED) if rho < 1.0 else 1.0
+
+
+def scale_of(problem: ProblemData) -> float:
+    """√(‖A‖_∞/‖A⁻¹1‖_∞), for an M-matrix the geometric mean of its largest and its smallest scale; one factorisation.
+
+    It is ‖A‖_∞ where A is singular, and 1 where that is no positive number either.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = float(problem.matrix.absolute.sum(axis=1).max())
+        lu = factorise(problem.A)
+        inverse = np.inf if lu is None else float(np.abs(lu.solve(np.ones(problem.n))).max())
+        scale = math.sqrt(size) / math.sqrt(inverse) if 0 < inverse < np.inf else size
+    return scale if 0 < scale < np.inf else 1.0
+
+
+def jacobi_step(problem: ProblemData, phi: Any = 0.0) -> Step:
+    """Jacobi's step with Ω = D/(1 − g_ii), which solves every row on its own where ψ is affine with g_ii < 1.
+
+    With it theta1="auto" begins: it may be all there is to do, as on many small problems.
+    Parameters: `phi` a number or a vector of shape (n,). Where ψ is not affine or g_ii ≥ 1, Ω_ii = a_ii > 0.
+    """
+    diagonal = omega = problem.matrix.rows.diagonal
+    if isinstance(problem.psi, Affine):
+        slope = problem.psi.G.diagonal()
+        omega = diagonal / (1.0 - np.where(slope < 1.0, slope, 0.0))
+    shift = as_diagonal(phi, problem.n, "phi") + diagonal
+    return DiagonalOperator(inverse_diagonal(diagonal, shift)).step(problem, omega)
+
+
+def after_jacobi(problem: ProblemData, phi: Any, then: Callable[[], Step]) -> Step:
+    """`jacobi_step`, and from the second call on the step that `then` makes.
+
+    Where a diagonal entry is not positive there is the latter alone.
+    """
+
+    if not (problem.matrix.rows.diagonal > 0).all():
+        return then()
+
+    def steps() -> Iterator[Step]:
+        yield jacobi_step(problem, phi)
+        yield from repeat(then())
+
+    following = steps()
+    return lambda z: next(following)(z)
+
+
+class AdaptedOmega:
+    """An ω that follows the rate: from `value` up to `most`, and back where the residual grows or hardly falls.
+
+    Every step back halves ω − 1, takes all of it where ω ≤ 1.2, and is final. Where ω = 1 does no better, the run is
+    `plain` from then on, with MNMGS; so hardly a problem is lost that MNMGS solves, and that is every one with an
+    H₊-matrix and a ψ of small slope. The patience is several times the number of steps that should halve the error, by
+    the observed rate or by the one for which ω is best.
+    """
+
+    def __init__(self, value: float, most: float = _MOST) -> None:
+        self.value, self.most, self.plain = value, most, False
+        self._last = self._factor = math.nan
+        self._steps = self._since = 0
+        self._least = self._mark = math.inf
+
+    def changes(self, residual: float | None) -> bool:
+        """Whether the `residual` of the next iterate is a reason to change ω, or to be `plain` from now on."""
+        assert residual is not None
+        factor = residual / self._last if self._last > 0 else math.nan
+        before, self._factor, self._last = self._factor, factor, residual
+        self._least = min(self._least, residual)
+        self._steps += 1
+        self._since += 1
+        if residual <= self._mark / 2:
+            self._mark, self._since = residual, 0
+        if self.plain:
+            return False
+        if self._since > self._patience(factor) or not residual <= _GROWN * self._least:
+            self.plain = self.value == 1.0
+            self.most = 1.0 + 0.5 * (self.value - 1.0) if self.value > RELAXED else 1.0
+            self._change(self.most)
+            return True
+        if self.value < self.most and self._steps >= _SETTLE and abs(factor - before) < _AGREE * (1.0 - factor):
+            omega = min(_CAUTION * self._best(factor), self.most)
+            if omega > self.value + _WORTH * (2.0 - self.value):
+                self._change(omega)
+                return True
+        return False
+
+    def _patience(self, factor: float) -> float:
+        # where omega is best, 1 - rho is about (2 - omega)^2 / 8 for the Jacobi radius rho, and Gauss-Seidel sweeps
+        # halve the error in ln(2) / (1 - rho^2)
+        slow = 4.0 / (2.0 - self.value) ** 2
+        return _PATIENCE + _HALVES * math.log(2.0) * (max(slow, 1.0 / (1.0 - factor)) if factor < 1.0 else slow)
+
+    def _best(self, factor: float) -> float:
+        """The ω for which this factor, seen at the present ω, gives the least rate; 0 where it tells nothing."""
+        if not 0 < factor < 1:
+            return 0.0
+        mu = (factor + self.value - 1.0) / (self.value * math.sqrt(factor))
+        return 2.0 / (1.0 + math.sqrt(1.0 - mu**2)) if mu < 1 else 0.0
+
+    def _change(self, omega: float) -> None:
+        self.value, self._steps, self._since = omega, 0, 0
+        self._factor = math.nan
+        self._mark = self._last

@@ -1,0 +1,217 @@
+"""Model no more than the scene needs: problems that are smaller or simpler, and have the same solutions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..numerics.arrays import Vector, row_of
+from ..problem.affine import Affine
+from ..problem.data import ProblemData
+from ..problem.intervention import Intervention
+
+#: a block of at most so many rows is pivoted
+PIVOT_UP_TO = 64
+#: so many parts that do not interact get a method each
+_PARTS = 32
+#: up to so many stages are solved in turn; above `_PARTS`, where their blocks are large
+_STAGES = 1000
+
+Rows = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
+    """The LCP with the same solutions, where `has_fixed_obstacle`.
+
+    r_i(z) = z_i − ψ_i(z_i) then grows with z_i, so that r_i ≥ 0 says z_i ≥ c_i with r_i(c_i) = 0: a fixed obstacle. The
+    n equations are solved at once by Newton's method, kept in the bracket that the Lipschitz constant ℓ_i < 1 gives,
+    −r/(1 − ℓ) ≤ c − z ≤ −r/(1 + ℓ) for r > 0, and by halving it where ψ has no derivative.
+
+    Returns the problem itself where ψ is constant. Raises MapError where ψ fails.
+    """
+    return problem if problem.psi.is_constant else problem.with_psi(problem.facts.obstacle)
+
+
+def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
+    """The ICP in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,).
+
+    ψ must be constant, affine, or a best jump that neither leaves nor enters those rows.
+    """
+    from ..numerics.kernels.parts import cut  # loads numba
+
+    A, psi = problem.A, problem.psi
+    starts, columns, values, q = cut(A.indptr, A.indices, A.data, problem.q, rows, z)
+    return ProblemData.of_checked(
+        sp.csr_array((values, columns, starts), shape=(rows.size, rows.size)), q, psi.restricted(rows, z)
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Blocks:
+    """The `open` rows of `problem` in blocks that hang on earlier ones only: the strong components of A and ψ.
+
+    Block k is `rows[starts[k] : starts[k + 1]]`. The blocks in `before` are so small that they are solved one after the
+    other, those in `after` as well, once the rest is known. The rest comes in `stages`, each of which hangs on earlier
+    ones only and has the rows of its parts, which do not interact (all in one where they are many); the small blocks
+    `between` two stages, a mask for each stage, come after it. Rows that are not open rest on the fixed obstacle, see
+    `without`; `opened` is how often some of them had to be opened, `radius` the estimated Jacobi radius of what was
+    open before, `certain` whether it is proved that they rest there.
+    """
+
+    problem: ProblemData
+    open: Mask
+    rows: Rows
+    starts: Rows
+    before: Mask
+    after: Mask
+    stages: tuple[tuple[Rows, ...], ...]
+    between: tuple[Mask, ...] = ()
+    opened: int = 0
+    radius: float | None = None
+    certain: bool = False
+
+    def __repr__(self) -> str:
+        n, sizes, small = self.problem.n, np.diff(self.starts), self.before | self.after
+        for blocks_between in self.between:
+            small = small | blocks_between
+        rest, one_by_one = n - np.count_nonzero(self.open), int(small[sizes == 1].sum())
+        pivoted, blocks = int(sizes[small].sum()) - one_by_one, int(small.sum()) - one_by_one
+        told = {
+            f"{rest} {'are certain to touch' if self.certain else 'rest on'} the obstacle": rest,
+            f"others had to be opened ({self.opened} x)": self.opened,
+            f"{one_by_one} follow one by one": one_by_one,
+            f"{pivoted} in {blocks} small blocks are pivoted": pivoted,
+            f"{len(self.parts)} parts do not interact": len(self.parts) > len(self.stages) == 1,
+            f"{len(self.parts)} parts in {len(self.stages)} stages follow one another": len(self.stages) > 1,
+        }
+        return f"n = {n} -> {self.core} rows still open: {', '.join(text for text, holds in told.items() if holds)}"
+
+    @property
+    def parts(self) -> tuple[Rows, ...]:
+        """The rows of the parts of all stages."""
+        return tuple(part for stage in self.stages for part in stage)
+
+    @property
+    def core(self) -> int:
+        """How many rows are left once blocks and rows at the obstacle are gone."""
+        return sum(part.size for part in self.parts)
+
+    def with_core(self, unsolved: Mask) -> Blocks | None:
+        """The blocks once the `unsolved` ones, which `forward` cannot do, belong to the core as well."""
+        core = np.zeros(self.problem.n, dtype=bool)
+        core[self.rows[np.repeat(unsolved, np.diff(self.starts))]] = True
+        core[np.concatenate([*self.parts, self.rows[:0]])] = True
+        return blocks(self.problem, core)
+
+    def forward(self, z: Vector, wanted: Mask) -> tuple[Vector, Mask]:
+        """`z` with the `wanted` blocks solved in turn, and which of them are solved, as far as the kernel knows.
+
+        Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4, for the blocks.
+        """
+        if not wanted.any():
+            return z, wanted
+        from ..numerics.kernels.pivoting import apart  # loads numba
+
+        A, psi, z = self.problem.A, self.problem.psi, z.copy()
+        c = getattr(psi, "c", np.full(z.size, -np.inf))  # rows of a best jump are never in a block
+        G = psi.G if isinstance(psi, Affine) else sp.csr_array(A.shape)
+        slopes = (G.indptr, G.indices, G.data)
+        return z, apart(A.indptr, A.indices, A.data, self.problem.q, c, slopes, self.rows, self.starts, wanted, z)
+
+
+def without(problem: ProblemData, open_rows: Mask) -> Blocks:
+    """The `open_rows` of `problem`, a mask of shape (n,), as one part, where the others rest on a fixed obstacle."""
+    nothing, rows = np.zeros(0, dtype=bool), np.flatnonzero(open_rows)
+    return Blocks(problem, open_rows, rows[:0], np.zeros(1, dtype=np.intp), nothing, nothing, ((rows,),))
+
+
+def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
+    """The blocks of `problem`, None where all rows are one, or where it is not known on which unknowns ψ depends.
+
+    Parameters: rows that are to be in the `core`, a mask of shape (n,), or None.
+    Reference: Tarjan, SIAM J. Comput. 1 (1972), for strong components.
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    fixed = problem.facts.has_fixed_obstacle
+    graph = problem.A if fixed else _dependencies(problem)
+    if graph is None:
+        return None
+    from ..numerics.kernels.parts import linked  # loads numba
+
+    if problem.n > PIVOT_UP_TO and linked(graph.indptr, graph.indices):
+        return None
+    count, part = connected_components(graph, connection="strong")
+    if count == 1 and problem.n > PIVOT_UP_TO:
+        return None
+    # SciPy numbers the components so that each hangs on those before it only
+    simple = with_fixed_obstacle(problem) if fixed else problem
+    sizes = np.bincount(part, minlength=count)
+    heavy = sizes > PIVOT_UP_TO
+    heavy[part[_unsuitable(simple, part, sizes)]] = True
+    if core is not None:
+        heavy[part[core]] = True
+    return _arranged(simple, graph, part, np.concatenate([[0], np.cumsum(sizes)]), heavy)
+
+
+def _dependencies(problem: ProblemData) -> sp.csr_array | None:
+    """Where row i depends on unknown j, be it through A or ψ; None where that is not known, or not of use."""
+    psi = problem.psi
+    if not isinstance(psi, Affine | Intervention) or psi.lipschitz is None:
+        return None
+    return sp.csr_array(problem.matrix.absolute + psi.lipschitz)
+
+
+def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
+    """The rows that `Blocks.forward` does not solve: those alone without one answer, and moving ψ inside a block."""
+    psi, alone = problem.psi, sizes[part] == 1
+    wrong: Mask = alone & ~(problem.A.diagonal() > 0)
+    if isinstance(psi, Affine):
+        i, j = row_of(psi.G), psi.G.indices
+        wrong |= alone & ~(psi.G.diagonal() < 1)
+        wrong[i[~alone[i] & (part[i] == part[j])]] = True
+    elif isinstance(psi, Intervention):
+        assert psi.jumps is not None
+        wrong |= np.diff(psi.jumps.indptr) > 0
+        wrong[psi.jumps.indices] = True
+    return wrong
+
+
+def _arranged(simple: ProblemData, graph: sp.csr_array, part: Any, starts: Rows, heavy: Mask) -> Blocks:
+    """The blocks by what they need of the `heavy` ones."""
+    from scipy.sparse.csgraph import connected_components
+
+    rows, everything = np.argsort(part, kind="stable"), np.ones(simple.n, dtype=bool)
+    if not heavy.any():
+        return Blocks(simple, everything, rows, starts, ~heavy, heavy, ())
+    from ..numerics.kernels.parts import stages  # loads numba
+
+    depth, needed = stages(graph.indptr, graph.indices, part, rows, starts, heavy)
+    last, inner, before = int(depth.max()), (depth > 0) & needed, depth == 0
+    many = last > _STAGES or PIVOT_UP_TO * max(last - _PARTS, 0) > np.count_nonzero(heavy[part])
+    # where rows are dominant nothing grows along the chain, and one method for all costs less; and jumps must not leave
+    # their part
+    dominant = (simple.matrix.absolute @ np.ones(simple.n) <= 2.0 * simple.A.diagonal()).all()
+    if many or dominant or isinstance(simple.psi, Intervention):
+        depth, last, heavy = inner.astype(np.int64), 1, inner
+    of = np.where(heavy, depth, 0)[part]
+    i, j = row_of(graph), graph.indices
+    inside = (of[i] == of[j]) & (of[i] > 0)
+    links = sp.csr_array((np.ones(np.count_nonzero(inside)), (i[inside], j[inside])), shape=graph.shape)
+    label = connected_components(links, connection="weak")[1]
+    order = np.lexsort((np.arange(simple.n), label, of))
+    order = order[of[order] > 0]
+    found = tuple(_parts(stage, label) for stage in np.split(order, np.flatnonzero(np.diff(of[order])) + 1))
+    between = tuple(inner & ~heavy & (depth == stage) for stage in range(1, last)) if last > 1 else ()
+    return Blocks(simple, everything, rows, starts, before, ~before & ~needed, found, between)
+
+
+def _parts(rows: Rows, label: Any) -> tuple[Rows, ...]:
+    """The `rows` of one stage, sorted by the `label` of their part; in one where there are many."""
+    parts = np.split(rows, np.flatnonzero(np.diff(label[rows])) + 1)
+    return tuple(parts) if len(parts) <= _PARTS else (np.sort(rows),)

@@ -1,0 +1,96 @@
+"""How sharp the error bounds are, and what a certificate costs."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..icp import ICP
+from ..numerics.multigrid import linear_solve
+from ..present.table import Table
+from ..scenes import names, scene
+from ..study.timing import as_repeats, machine, spread
+from ..theory import error_bound
+
+#: how far z is from z*, in units of the largest entry of z*
+_DISTANCES = (1e-10, 1e-6, 1e-2, 1.0)
+
+
+def bound_ratios(n: int = 900, trials: int = 10) -> Table:
+    """Error bound over true error, max-norm, on every scene with an exact z*.
+
+    z is z* plus uniform noise of the sizes 1e-10, 1e-6, 1e-2 and 1 times max|z*|, `trials` of each, and the answers of
+    `solve` with rtol = 1e-2, 1e-4, …, 1e-10 as far as they are not exact to rounding themselves. "plain" is the bound
+    of z itself, "sharp" the one that looks for a better point.
+    Parameters: `n` wanted unknowns of the scenes that have a size; `trials` ≥ 1. Returns a `Table`.
+
+    >>> bound_ratios(n=16, trials=1).heads
+    ('scene', 'n', 'z', 'plain, median', 'sharp, median', 'lowest', 'highest sharp')
+    """
+    if trials < 1:
+        raise InputError(f"trials is {trials}; at least 1 was expected")
+    random = np.random.default_rng(0)
+    rows: list[tuple[Any, ...]] = []
+    for name in names():
+        one = scene(name)
+        if one.z_exact is not None and one.z_exact.size > 3:
+            one = scene(name, n)
+        if one.z_exact is None:
+            continue
+        problem, exact = one.problem, one.z_exact
+        size = float(np.abs(exact).max())
+        noisy = [exact + d * size * random.uniform(-1, 1, exact.size) for d in _DISTANCES for _ in range(trials)]
+        solved = [problem.solve(rtol=10.0**-k, raise_on_failure=False).z for k in (2, 4, 6, 8, 10)]
+        solved = [z for z in solved if np.abs(z - exact).max() > 1e-12 * size]
+        for kind, points in (("noise", noisy), ("solve", solved)):
+            if points:
+                rows.append((name, problem.n, kind, *_ratios(problem, exact, points)))
+    heads = ("scene", "n", "z", "plain, median", "sharp, median", "lowest", "highest sharp")
+    title = 'Error bound / true error where z* is known (no row "solve": all answers were exact to rounding)'
+    return Table(title, heads, tuple(rows))
+
+
+def _ratios(problem: ICP, exact: np.ndarray, points: list[np.ndarray]) -> tuple[float | None, ...]:
+    plain: list[float] = []
+    sharp: list[float] = []
+    for z in points:
+        error = float(np.abs(z - exact).max())
+        for ratios, flag in ((plain, False), (sharp, True)):
+            bound = error_bound(problem, z, sharp=flag).value
+            if bound is None:
+                return None, None, None, None
+            ratios.append(bound / error)
+    return float(np.median(plain)), float(np.median(sharp)), min(plain + sharp), max(sharp)
+
+
+def certificate_cost(n: int = 1_000_000, repeats: int = 5) -> Table:
+    """Time of a certificate from scratch against one linear solve with A, on the membrane, timed in turn.
+
+    The certificate is `error_bound(problem, z, sharp=False)` of a problem of which nothing is known yet; the linear
+    solve is PyAMG's Ruge–Stüben hierarchy with conjugate gradients to 1e-8, set-up included.
+    Parameters: `n` unknowns (the nearest square), `repeats` ≥ 3. Returns a `Table` (seconds).
+
+    >>> certificate_cost(n=400, repeats=3).heads
+    ('n', 'certificate, s', 'linear solve, s', 'ratio', 'lowest', 'highest', 'proof')
+    """
+    repeats = as_repeats(repeats)
+    problem = scene("membrane", n).problem
+    z = np.zeros(problem.n)
+    proof = error_bound(problem, z, sharp=False).proof  # compiles
+    certificates, solves = [], []
+    for _ in range(repeats):
+        fresh = ICP(problem.A, problem.q, problem.psi)
+        begin = time.perf_counter()
+        error_bound(fresh, z, sharp=False)
+        between = time.perf_counter()
+        linear_solve(problem.A, np.ones(problem.n))
+        certificates.append(between - begin)
+        solves.append(time.perf_counter() - between)
+    ratios = np.array(certificates) / np.array(solves)
+    row = (problem.n, float(np.median(certificates)), float(np.median(solves)), *spread(ratios))
+    heads = ("n", "certificate, s", "linear solve, s", "ratio", "lowest", "highest", "proof")
+    title = f"A certificate against one linear solve ({machine()})"
+    return Table(title, heads, ((*row, proof),))

@@ -1,0 +1,103 @@
+"""Second opinions: independent solvers solve the same problem from scratch, and one judge compares."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import time
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from ..errors import Interrupted
+from ..numerics.arrays import as_number
+from ..problem.data import ProblemData, as_problem
+from ..solve.driver import solve
+from ..solve.progress import status_line
+from ..solve.solution import Solution
+from ..solvers.contract import Answer, IndependentSolver, chosen_solvers
+from .judge import Checked, Row
+from .report import Report
+
+
+def crosscheck(
+    problem: ProblemData,
+    solution: Any = None,
+    solvers: Iterable[str | IndependentSolver] | None = None,
+    *,
+    atol: float | None = None,
+    time_limit: float = 60.0,
+    progress: bool = False,
+) -> Report:
+    """Have independent solvers solve `problem`, and compare each with the answer under test.
+
+    Parameters: `solution` a `Solution`, a vector z of shape (n,), or None, which solves first; `solvers` names (see
+    `independent_solvers`) or own `IndependentSolver` objects, None for all; `atol` how far two answers may lie apart in
+    an entry, in the units of z, default 1e-6 max|z|; `time_limit` seconds for each problem that a
+    solver is given; `progress` says on a
+    terminal which solver is at work.
+    Returns a `Report`; `report.agrees` is True only where at least one solver really agreed and none disagreed.
+    Raises InputError for a z of the wrong shape, an unknown solver or a bad number, and Interrupted, which carries
+    the report so far, after Ctrl-C.
+
+    >>> report = crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5, 0.0], ["osqp", "cvxpy-clarabel"])
+    >>> [row.verdict.value for row in report.rows], report.agrees
+    (['agrees', 'agrees'], True)
+    >>> crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5001, 0.0], ["osqp"]).rows[0].verdict
+    <Verdict.DISAGREES: 'disagrees'>
+    """
+    as_problem(problem)
+    chosen = chosen_solvers(solvers)
+    if atol is not None:
+        as_number(atol, "atol", least=0)
+    as_number(time_limit, "time_limit", above=0)
+    if solution is None:
+        solution = solve(problem, raise_on_failure=False)
+    # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
+    with np.errstate(over="ignore", invalid="ignore"):
+        checked = Checked.of(problem, solution, atol)
+        rows: list[Row] = []
+        known = solution if isinstance(solution, Solution) else None
+        with status_line(progress) as say:
+            for k, solver in enumerate(chosen):
+                say(f"asking {solver.name} ({k + 1} of {len(chosen)})")
+                try:
+                    rows += _ask(solver, checked, time_limit)
+                except KeyboardInterrupt:
+                    rows += [Row.skipped(other.name, "interrupted") for other in chosen[k:]]
+                    raise Interrupted(Report.of(checked, rows, known)) from None
+        return Report.of(checked, rows, known)
+
+
+def _ask(solver: IndependentSolver, checked: Checked, time_limit: float) -> list[Row]:
+    """One row for each target that `solver` can take; where it can take none, one for each reason."""
+    reasons = [solver.why_not(target) for target in checked.targets]
+    rows = []
+    for target, reason in zip(checked.targets, reasons, strict=True):
+        if reason is None:
+            form = solver.form(target)
+            start = time.perf_counter()
+            try:
+                # foreign chatter (OSQP prints about polishing whatever one asks) must not reach the user's output
+                with contextlib.redirect_stdout(io.StringIO()), _quiet_logs():
+                    answer = solver.solve(target, time_limit=time_limit)
+            except Exception as error:  # whatever a foreign package may raise; KeyboardInterrupt is none of these
+                answer = Answer(None, f"{type(error).__name__}: {error}", False)
+            rows.append(checked.judge(solver.name, form, target, answer, time.perf_counter() - start))
+    if not rows:
+        nothing = ["psi(z) is not finite at the answer, so that its obstacle cannot be frozen"]
+        rows = [Row.skipped(solver.name, reason) for reason in dict.fromkeys(reasons or nothing) if reason]
+    return rows
+
+
+@contextlib.contextmanager
+def _quiet_logs() -> Iterator[None]:
+    """Pyomo logs what goes wrong in a solver; the report says it."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)

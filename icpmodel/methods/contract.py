@@ -1,0 +1,152 @@
+"""Methods: one file per method or family. This file is the contract.
+
+A method is mathematics only: it yields iterates and knows no clock, no tolerance and no printing. To add one, add a
+file to this folder with a `Method` subclass that has a `name`; it is then found by `solve("name")`, by the command
+line and by the conformance tests.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..algebra.sweeps import Step
+from ..errors import InputError
+from ..numerics.arrays import Vector, described
+from ..problem.data import ProblemData
+from ..theory.answers import Answer
+
+_REGISTRY: dict[str, type[Method]] = {}
+
+#: outside this range the squares that a sweep sums for its hint over- or underflow; `ICP.residual` does not
+SAFE_HINT = (1e-140, 1e140)
+
+
+class HandOver(Exception):
+    """Raised by a method whose iterates lead no further: `method` is to go on from the best one, and `why` says why.
+
+    With `afresh` it begins where this one began.
+    """
+
+    def __init__(self, method: Method, why: str, *, afresh: bool = False) -> None:
+        super().__init__(why)
+        self.method, self.why, self.afresh = method, why, afresh
+
+
+class Infeasible(Exception):
+    """Raised by a method that has proved that there is no solution: `answer` has the reason and the witness."""
+
+    def __init__(self, answer: Answer) -> None:
+        super().__init__(answer.reason)
+        self.answer = answer
+
+
+class Method(ABC):
+    """An iterative method for ICP. Subclasses are frozen keyword-only dataclasses that check their options.
+
+    >>> named("mnmsor", theta1=1.2)
+    MNMSOR(theta1=1.2)
+    """
+
+    #: the name that `solve` and the command line take
+    name: ClassVar[str] = ""
+    #: whether zᵏ alone decides zᵏ⁺¹, so that an iterate that comes back proves a cycle
+    memoryless: ClassVar[bool] = True
+    #: which of its options are worth another try where it stagnates, cycles or diverges, for the advice to the user
+    to_try: ClassVar[str] = ""
+
+    def __init_subclass__(cls) -> None:
+        if cls.name:
+            _REGISTRY[cls.name] = cls
+
+    def why_not(self, problem: ProblemData) -> str | None:
+        """One sentence on why this method cannot take `problem`, or None.
+
+        >>> named("psor").why_not(ICP([[0.0]], [1.0]))
+        'projected SOR divides by the diagonal of A, but A[0, 0] = 0'
+        """
+        return None
+
+    @abstractmethod
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+        """Yield (zᵏ, Res(zᵏ)) for k = 0, 1, 2, … without end, z⁰ = `z`.
+
+        Each zᵏ is a fresh array of shape (n,) that the method will not change afterwards; the same array again says
+        that nothing new will come. The residual is None where it does not fall out of the step for free; it is a hint,
+        never the verdict.
+        Raises SingularOperator at the first step where the method's operator cannot be inverted, HandOver where
+        another method is to go on, and Infeasible where it is proved that there is no solution.
+
+        >>> path = named("mnmgs").iterates(ICP([[2.0]], [-2.0]), np.array([3.0]))
+        >>> next(path), next(path)
+        ((array([3.]), 3.0), (array([1.]), 0.0))
+        """
+
+    def __repr__(self) -> str:
+        given = []
+        for option in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, option.name)
+            if isinstance(value, np.ndarray):
+                given.append(f"{option.name}=<{value.size} values>")
+            elif value is not option.default and not (np.isscalar(value) and value == option.default):
+                given.append(f"{option.name}={value:.6g}" if isinstance(value, float) else f"{option.name}={value!r}")
+        return f"{type(self).__name__}({', '.join(given)})"
+
+
+class FixedPoint(Method):
+    """A method whose iterates are those of one map: zᵏ⁺¹ = g(zᵏ). Such a method can be accelerated."""
+
+    @abstractmethod
+    def step_of(self, problem: ProblemData) -> Step:
+        """z ↦ (g(z), Res(z)); the result is a fresh array, which nobody may change: a step knows its last answer when
+        it is asked for the next one. Raises SingularOperator.
+        """
+
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+        step = self.step_of(problem)
+        while True:
+            following, residual = step(z)
+            yield z, residual
+            z = following
+
+
+def names() -> list[str]:
+    """The names of all methods, sorted.
+
+    >>> "mnmgs" in names()
+    True
+    """
+    return sorted(_REGISTRY)
+
+
+def named(name: str, /, **options: Any) -> Method:
+    """The method called `name` with these options.
+
+    Raises InputError for an unknown name or option, and lists the known ones.
+
+    >>> named("mnmgs", theta1=2)
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: mnmgs has no option theta1; it takes phi, phi1, phi2
+    """
+    if not isinstance(name, str) or name.lower() not in _REGISTRY:
+        raise InputError(f"method is {described(name)}; one of {', '.join(names())} or a Method object was expected")
+    cls = _REGISTRY[name.lower()]
+    known = [option.name for option in fields(cls)]  # type: ignore[arg-type]
+    for option in options:
+        if option not in known:
+            takes = f"it takes {', '.join(known)}" if known else "it takes none"
+            raise InputError(f"{cls.name} has no option {option}; {takes}")
+    return cls(**options)
+
+
+def positive_diagonal(problem: ProblemData, use: str) -> str | None:
+    """The sentence for a method that needs a positive diagonal of A, None where it is positive."""
+    diagonal = problem.matrix.rows.diagonal
+    if (diagonal > 0).all():
+        return None
+    i = int(np.argmax(diagonal <= 0))
+    return f"{use}, but A[{i}, {i}] = {diagonal[i]:g}"

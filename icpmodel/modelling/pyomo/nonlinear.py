@@ -1,0 +1,252 @@
+"""Nonlinear Pyomo expressions, and their derivatives by Pyomo, evaluated with NumPy for many rows at once.
+
+The rows of an indexed model have few shapes: sin(x[1]) and sin(x[2]) differ in their variable only. Each shape is
+differentiated once, by Pyomo's reverse symbolic mode, on placeholders for its variables and constants, and becomes a
+list of NumPy calls, each of them on all rows of that shape.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cache, reduce
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...errors import InputError
+from ...numerics.arrays import Vector
+
+#: the functions of one argument that Pyomo can differentiate, by its name for them
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    name: getattr(np, numpys)
+    for name, numpys in {
+        **{name: name for name in ("exp", "log", "log10", "sqrt", "sin", "cos", "tan")},
+        "asin": "arcsin",
+        "acos": "arccos",
+        "atan": "arctan",
+    }.items()
+}
+#: the operations, on arrays and on expressions
+_WORDS: dict[str, Callable[..., Any]] = {
+    "sum": lambda *terms: reduce(operator.add, terms),
+    "product": operator.mul,
+    "quotient": operator.truediv,
+    "power": operator.pow,
+    "minus": operator.neg,
+    "abs": abs,
+}
+#: a shape, with the variables and constants of one row in order of appearance
+Flat = tuple[tuple[Any, ...], list[Any], list[float]]
+
+
+@dataclass
+class _Shape:
+    """The rows that differ in their variables and constants only."""
+
+    tokens: tuple[Any, ...]
+    rows: list[int] = field(default_factory=list)
+    variables: list[list[int]] = field(default_factory=list)
+    constants: list[list[float]] = field(default_factory=list)
+
+
+class NonlinearRows:
+    """N(x), one nonlinear Pyomo expression per row: value, sparse Jacobian, and the expressions for other variables.
+
+    Parameters: `flat` the `flattened` expression of each row that has one; `columns` the column of each variable by its
+    id; `shape` of the Jacobian.
+    Reference: Griewank and Walther, Evaluating Derivatives (2008), chapter 3; pyomo.core.expr.calculus.
+    """
+
+    def __init__(self, flat: dict[int, Flat], columns: dict[int, int], shape: tuple[int, int]) -> None:
+        self.shape = shape
+        shapes: dict[tuple[Any, ...], _Shape] = {}
+        for row, (tokens, variables, constants) in flat.items():
+            one = shapes.setdefault(tokens, _Shape(tokens))
+            one.rows.append(row)
+            one.variables.append([columns[id(variable)] for variable in variables])
+            one.constants.append(constants)
+        self._shapes = list(shapes.values())
+        self._compiled = [_Compiled(one) for one in self._shapes]
+
+    def value(self, x: Vector) -> Vector:
+        """N(x), 0 in rows without an expression, for `x` of shape (columns,)."""
+        result = np.zeros(self.shape[0])
+        for one in self._compiled:
+            result[one.rows] = one.value(x)
+        return result
+
+    def jacobian(self, x: Vector) -> sp.csr_array:
+        """N′(x), CSR."""
+        rows, columns, data = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
+        for one in self._compiled:
+            for k, derivative in enumerate(one.derivatives(x)):
+                rows.append(one.rows)
+                columns.append(one.variables[k])
+                data.append(np.broadcast_to(derivative, one.rows.shape))
+        place = (np.concatenate(rows), np.concatenate(columns))
+        return sp.csr_array(sp.coo_array((np.concatenate(data), place), shape=self.shape))
+
+    def expressions(self, x: Sequence[Any]) -> dict[int, Any]:
+        """The rows as Pyomo expressions of `x`, Pyomo variables or expressions by column."""
+        return {
+            row: _rebuilt(shape.tokens, [x[j] for j in variables], constants)
+            for shape in self._shapes
+            for row, variables, constants in zip(shape.rows, shape.variables, shape.constants, strict=True)
+        }
+
+
+def flattened(expression: Any, owner: Any) -> Flat:
+    """The shape of a Pyomo expression, in Polish notation, with its variables and constants in order of appearance.
+
+    Parameters: `owner` the component whose expression it is, for messages. In the shape a variable is its number in the
+    order of appearance, a constant None, an operation its name with the number of its arguments; numbers in exponents
+    belong to the shape.
+    Raises InputError where Pyomo cannot differentiate an operation.
+    """
+    from pyomo.common.numeric_types import native_numeric_types
+
+    tokens: list[Any] = []
+    variables: list[Any] = []
+    place: dict[int, int] = {}
+    constants: list[float] = []
+    stack = [expression]
+    while stack:
+        node = stack.pop()
+        if node.__class__ in native_numeric_types:
+            tokens.append(None)
+            constants.append(float(node))
+        elif node.is_expression_type():
+            word, arguments = _operation(node, owner)
+            tokens.append((word, len(arguments)))
+            stack.extend(reversed(arguments))
+        else:  # fixed variables and parameters have become numbers
+            if id(node) not in place:
+                place[id(node)] = len(variables)
+                variables.append(node)
+            tokens.append(place[id(node)])
+    return tuple(tokens), variables, constants
+
+
+def _operation(node: Any, owner: Any) -> tuple[str, tuple[Any, ...]]:
+    """What an expression node does, as a word, and to what. An exponent that is a number is part of the word."""
+    word, arguments = _word(node.__class__), tuple(node.args)
+    if word == "function":
+        word = node.getname()
+    elif word == "power" and not hasattr(arguments[1], "is_expression_type"):
+        return f"power {float(arguments[1])!r}", arguments[:1]
+    if word not in _FUNCTIONS and word not in _WORDS:
+        raise InputError(f"{owner} has the operation {node.getname()}, which Pyomo cannot differentiate: {node}")
+    return word, arguments
+
+
+@cache
+def _word(kind: type) -> str:
+    """What the nodes of a class do."""
+    from pyomo.core.expr import numeric_expr
+
+    for one, word in (
+        ("Sum", "sum"),
+        ("Product", "product"),
+        ("Division", "quotient"),
+        ("Negation", "minus"),
+        ("Pow", "power"),
+        ("UnaryFunction", "function"),
+    ):
+        if issubclass(kind, getattr(numeric_expr, f"{one}Expression")):
+            return word
+    return "unknown"
+
+
+def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Sequence[Any]) -> Any:
+    """The Pyomo expression of this shape with these variables and constants."""
+    import pyomo.environ as pyo
+
+    left = list(constants)
+    done: list[Any] = []
+    for token in reversed(tokens):
+        if token is None:
+            done.append(left.pop())
+        elif isinstance(token, int):
+            done.append(variables[token])
+        else:
+            word, count = token
+            arguments = [done.pop() for _ in range(count)]
+            if word.startswith("power "):
+                done.append(arguments[0] ** float(word.split()[1]))
+            else:
+                done.append((_WORDS.get(word) or getattr(pyo, word))(*arguments))
+    return done.pop()
+
+
+class _Compiled:
+    """A shape as NumPy calls: its value and its derivatives, for all its rows at once."""
+
+    def __init__(self, shape: _Shape) -> None:
+        import pyomo.environ as pyo
+        from pyomo.core.expr.calculus.derivatives import Modes, differentiate
+
+        self.rows = np.array(shape.rows)
+        self.variables = np.array(shape.variables, dtype=np.int64).reshape(self.rows.size, -1).T
+        self.constants = np.array(shape.constants, dtype=np.float64).reshape(self.rows.size, -1).T
+        stand_in = pyo.ConcreteModel()
+        stand_in.x, stand_in.c = pyo.Var(range(len(self.variables))), pyo.Var(range(len(self.constants)))
+        x, c = list(stand_in.x.values()), list(stand_in.c.values())
+        template = _rebuilt(shape.tokens, x, c)
+        #: position of every known quantity in the list that a run fills: first x and c, then one per step
+        self._place = {id(leaf): k for k, leaf in enumerate([*x, *c])}
+        self._steps: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
+        self._value = self._compile(template)
+        self._value_steps = len(self._steps)
+        gradient = differentiate(template, wrt_list=x, mode=Modes.reverse_symbolic)
+        self._gradient = [self._compile(derivative) for derivative in gradient]
+        self._kept = (stand_in, template, gradient)  # ids are those of living objects
+
+    def _compile(self, root: Any) -> Any:
+        """Append the steps that `root` needs; where its value will stand, or a number."""
+        from pyomo.common.numeric_types import native_numeric_types
+
+        stack = [root]
+        while stack:
+            node = stack[-1]
+            if node.__class__ in native_numeric_types or id(node) in self._place:
+                stack.pop()
+                continue
+            word, arguments = _operation(node, "the derivative")
+            missing = [a for a in arguments if a.__class__ not in native_numeric_types and id(a) not in self._place]
+            if missing:
+                stack.extend(missing)
+                continue
+            stack.pop()
+            places = tuple(float(a) if a.__class__ in native_numeric_types else self._place[id(a)] for a in arguments)
+            self._place[id(node)] = self._offset() + len(self._steps)
+            self._steps.append((_ufunc(word), places))
+        return float(root) if root.__class__ in native_numeric_types else self._place[id(root)]
+
+    def _offset(self) -> int:
+        return len(self.variables) + len(self.constants)
+
+    def _run(self, x: Vector, steps: int) -> list[Any]:
+        known: list[Any] = [*x[self.variables], *self.constants]
+        with np.errstate(all="ignore"):  # the judge sees what is not finite
+            for function, places in self._steps[:steps]:
+                known.append(function(*[known[k] if isinstance(k, int) else k for k in places]))
+        return known
+
+    def value(self, x: Vector) -> Any:
+        known = self._run(x, self._value_steps)
+        return known[self._value] if isinstance(self._value, int) else self._value
+
+    def derivatives(self, x: Vector) -> list[Any]:
+        known = self._run(x, len(self._steps))
+        return [known[k] if isinstance(k, int) else k for k in self._gradient]
+
+
+def _ufunc(word: str) -> Callable[..., Any]:
+    """The operation called `word` on arrays."""
+    if word.startswith("power "):
+        exponent = float(word.split()[1])
+        return lambda x: x**exponent
+    return _WORDS.get(word) or _FUNCTIONS[word]

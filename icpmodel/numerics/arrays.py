@@ -1,0 +1,253 @@
+"""What users hand in becomes float64 vectors and CSR matrices here, or an error that says why not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..errors import InputError
+
+Vector = NDArray[np.float64]
+
+#: so many entries have positions that fit into 32 bits
+_SHORT = np.iinfo(np.int32).max
+#: inner products of so many entries BLAS makes with one thread
+_FEW = 10_000
+
+
+def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
+    """A float64 copy of `value` with shape (n,); numbers are broadcast where n is given.
+
+    Parameters: `value` number or array-like of shape (n,), (n, 1) or (1, n); `n` expected length, or None for any;
+    `name` the argument's name for messages; `infinite` the one infinite value that is allowed (-inf for an absent
+    obstacle), or None.
+    Returns the vector. Raises InputError where the shape, the type or an entry is wrong.
+    """
+    if sp.issparse(value):
+        value = value.toarray()
+    array = _real(as_array(value, name), name)
+    if array.ndim == 2 and 1 in array.shape:
+        array = array.reshape(-1)
+    if array.ndim == 0 and n is not None:
+        array = np.full(n, array)
+    if array.ndim != 1 or (n is not None and array.size != n):
+        wanted = "a vector" if n is None else f"shape ({n},)"
+        raise InputError(f"{name} has shape {array.shape}; {wanted} was expected")
+    if array.size == 0:
+        raise InputError(f"{name} is empty; at least one entry was expected")
+    vector = np.array(array, dtype=np.float64)
+    if np.isfinite(vector).all():
+        return vector
+    bad = ~np.isfinite(vector)
+    if infinite is not None:
+        bad &= vector != infinite
+    if bad.any():
+        i = int(np.argmax(bad))
+        wanted = "a finite number" if infinite is None else f"a finite number or {infinite}"
+        raise InputError(f"{name}[{i}] is {vector[i]}; {wanted} was expected")
+    return vector
+
+
+def as_array(value: Any, name: str) -> np.ndarray:
+    """`value` as a NumPy array of any shape. Raises InputError where it is a text, None or any other object."""
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # rows of different lengths
+        raise InputError(f"{name} cannot be read as an array of numbers: {error}") from error
+    if array.ndim == 0 and array.dtype.kind not in "biufc":
+        raise InputError(f"{name} is {described(value)}; real numbers were expected")
+    return array
+
+
+def described(value: Any) -> str:
+    """What a message calls `value`, which is not what was expected: None, texts and numbers as they are, else the type."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    plain = value is None or isinstance(value, str | int | float | np.number)
+    return repr(value) if plain else f"a {type(value).__name__}"
+
+
+def not_finite(vector: Vector, name: str) -> str:
+    """Which entry of `vector`, shape (n,), is NaN or infinite; empty where none is."""
+    bad = ~np.isfinite(vector)
+    return f"{name}[{np.argmax(bad)}] is {vector[np.argmax(bad)]}" if bad.any() else ""
+
+
+def as_truth(value: Any, name: str) -> bool:
+    """`value`, which must be True or False: the text "no" is neither. Raises InputError."""
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{name} is {described(value)}; True or False was expected")
+    return bool(value)
+
+
+def as_list(value: Any, name: str) -> list[Any]:
+    """`value`, of which the items are meant: a text, whose items are letters, is no list. Raises InputError."""
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise InputError(f"{name} is {described(value)}; a list was expected")
+    return list(value)
+
+
+def as_number(
+    value: Any,
+    name: str,
+    *,
+    above: float = -np.inf,
+    least: float = -np.inf,
+    most: float = np.inf,
+    below: float = np.inf,
+    whole: bool = False,
+) -> float:
+    """`value` as a finite float (an int if `whole`) with `above` < value < `below` and `least` ≤ value ≤ `most`.
+
+    Numbers of Python and NumPy are taken, truth values and texts are not. Raises InputError.
+    """
+    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    right = isinstance(value, kinds) and not isinstance(value, bool)
+    if not (right and math.isfinite(value) and above < value < below and least <= value <= most):
+        bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
+        wanted = " and ".join(f"{sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))
+        kind = "whole" if whole else "finite"
+        raise InputError(f"{name} is {value!r}; a {kind} number {wanted}".rstrip() + " was expected")
+    return int(value) if whole else float(value)
+
+
+def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool = False) -> sp.csr_array:
+    """A private float64 CSR copy of the square matrix `value`: sorted, duplicates summed, indices as small as they fit.
+
+    Parameters: `value` dense array-like or any SciPy sparse matrix of shape (n, n); `name` for messages; `n` expected
+    size or None; `keep_diagonal` stores every diagonal entry, a zero one explicitly, as the sweeps need it.
+    Returns the matrix, its arrays read-only. Raises InputError where shape, type or an entry is wrong.
+    """
+    if not sp.issparse(value):
+        return freeze(_compressed(as_square(value, name, n), keep_diagonal))
+    _check_square(value.shape, name, n)
+    matrix = sp.csr_array(_real(value, name), dtype=np.float64, copy=True)
+    matrix.sum_duplicates()
+    if not np.isfinite(matrix.data).all():
+        k = int(np.argmin(np.isfinite(matrix.data)))
+        i = int(np.searchsorted(matrix.indptr, k, side="right")) - 1
+        raise _not_finite_entry(name, i, matrix.indices[k], matrix.data[k])
+    if keep_diagonal:
+        matrix = _with_stored_diagonal(matrix)
+    if matrix.nnz < _SHORT:
+        matrix.indices = matrix.indices.astype(np.int32, copy=False)
+        matrix.indptr = matrix.indptr.astype(np.int32, copy=False)
+    return freeze(matrix)
+
+
+def as_square(value: Any, name: str, n: int | None = None) -> NDArray[np.float64]:
+    """A float64 copy of the dense square matrix `value`, read-only; see `as_csr`."""
+    array = as_array(value, name)
+    if array.ndim == 0:
+        array = array.reshape(1, 1)
+    _check_square(array.shape, name, n)
+    square = np.array(_real(array, name), dtype=np.float64, order="C")
+    finite = np.isfinite(square)
+    if not finite.all():
+        i, j = divmod(int(np.argmin(finite)), square.shape[0])
+        raise _not_finite_entry(name, i, j, square[i, j])
+    square.flags.writeable = False
+    return square
+
+
+def _check_square(shape: tuple[int, ...], name: str, n: int | None) -> None:
+    if len(shape) != 2 or shape[0] != shape[1]:
+        raise InputError(f"{name} has shape {shape}; a square matrix was expected")
+    if n is not None and shape[0] != n:
+        raise InputError(f"{name} has shape {shape}; shape ({n}, {n}) was expected")
+    if shape[0] == 0:
+        raise InputError(f"{name} is empty; at least one row was expected")
+
+
+def _not_finite_entry(name: str, i: int, j: int, entry: float) -> InputError:
+    return InputError(f"{name}[{i}, {j}] is {entry}; a finite number was expected")
+
+
+def _compressed(array: NDArray[np.float64], keep_diagonal: bool) -> sp.csr_array:
+    """The entries of a dense square `array` that are not 0, and its diagonal where that is asked for, in CSR."""
+    stored = array != 0
+    if keep_diagonal:
+        np.fill_diagonal(stored, True)
+    # what SciPy would choose after looking at them all
+    index = np.int32 if array.size < _SHORT else np.int64
+    indptr = np.zeros(array.shape[0] + 1, dtype=index)
+    stored.sum(axis=1, dtype=index).cumsum(out=indptr[1:])
+    indices = stored.nonzero()[1].astype(index)
+    matrix = sp.csr_array((array[stored], indices, indptr), shape=array.shape)
+    matrix.has_canonical_format = True
+    return matrix
+
+
+def inner(x: Vector, y: Vector) -> float:
+    """xᵀy, both of shape (n,)."""
+    # from some size on BLAS wakes threads, which then spin for a while on the core that a sweep could have
+    return float(x @ y if x.size <= _FEW else np.einsum("i,i", x, y))
+
+
+def norm(x: Vector) -> float:
+    """‖x‖₂, safe against over- and underflow of the squares; infinite or NaN where an entry is."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = inner(x, x)
+    if 1e-280 < squares < 1e280:
+        return math.sqrt(squares)
+    largest = float(np.abs(x).max())
+    if largest == 0.0 or not math.isfinite(largest):
+        return largest
+    x = x / largest
+    return largest * math.sqrt(x @ x)
+
+
+def freeze(matrix: sp.csr_array) -> sp.csr_array:
+    """Make the three arrays of a CSR matrix read-only, and return it."""
+    for array in (matrix.data, matrix.indices, matrix.indptr):
+        array.flags.writeable = False
+    return matrix
+
+
+def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.int64]:
+    """Where in `matrix.data` each row's diagonal entry stands, shape (n,); every one must be stored."""
+    rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    positions: NDArray[np.int64] = np.flatnonzero(matrix.indices == rows)
+    return positions.astype(matrix.indptr.dtype)
+
+
+def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
+    """The row of each stored entry of a CSR matrix, shape (nnz,)."""
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+def bandwidths(matrix: sp.csr_array) -> tuple[int, int]:
+    """How far the entries of a CSR matrix reach below its diagonal, and above it."""
+    below = row_of(matrix) - matrix.indices
+    return int(below.max(initial=0)), int(-below.min(initial=0))
+
+
+def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
+    n = matrix.shape[0]
+    if np.count_nonzero(matrix.diagonal()) == n:  # the rule, and several times cheaper than to look for zeros
+        return matrix
+    stored = np.zeros(n, dtype=bool)
+    stored[matrix.indices[matrix.indices == row_of(matrix)]] = True
+    if stored.all():
+        return matrix
+    missing = np.flatnonzero(~stored)
+    rows = np.concatenate([row_of(matrix), missing])
+    columns = np.concatenate([matrix.indices, missing])
+    data = np.concatenate([matrix.data, np.zeros(missing.size)])
+    full = sp.csr_array(sp.coo_array((data, (rows, columns)), shape=matrix.shape))
+    full.sort_indices()
+    return full
+
+
+def _real(value: Any, name: str) -> Any:
+    """`value` unchanged if its entries are real numbers."""
+    if value.dtype.kind == "c":
+        raise InputError(f"{name} is complex ({value.dtype}); real numbers were expected: ICP is stated over the reals")
+    if value.dtype.kind not in "biuf":
+        raise InputError(f"{name} has dtype {value.dtype}; real numbers were expected")
+    return value

@@ -1,0 +1,48 @@
+"""Compiled loops. Importing this room loads numba, so the rest of the package imports it inside functions.
+
+Positions are unsigned (`position`): a signed one makes numba look for a negative index at every access, which costs a
+third of a sweep. Of the fast-math flags "contract" is set, which lets a·b + c be fused, and "reassoc" where only inner
+products are summed; both leave NaN and infinities alone.
+
+Loops over the entries of a row go on by `one()`: rows have few entries, and where LLVM can count them it makes eight
+copies of such a loop, which cost up to a third of a sweep to choose from.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.extending import intrinsic
+
+#: a position in an array
+position = np.uint64
+
+
+def _one(typing_context: Any) -> Any:
+    # the position 1, of which LLVM does not know that it is 1: it comes out of a piece of assembler, an empty one
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        word = ir.IntType(64)
+        return builder.asm(ir.FunctionType(word, [word]), "", "=r,0", [ir.Constant(word, 1)], side_effect=False)
+
+    return numba.uint64(), generate
+
+
+one: Any = intrinsic(_one)
+
+
+def compiled(function: Any, *, cache: bool = True, reassociate: bool = False) -> Any:
+    """`function` compiled by numba; with `cache` the code is kept on disk between runs.
+
+    With `reassociate` sums may be added up in another order, which lets inner products run in vector instructions.
+    """
+    flags = {"contract", "reassoc"} if reassociate else {"contract"}
+    code = numba.njit(function, fastmath=flags, error_model="numpy", nogil=True)
+    if cache:
+        # without a writable folder for its cache numba raises; then every process compiles anew
+        with contextlib.suppress(RuntimeError):
+            code.enable_caching()
+    return code

@@ -1,0 +1,63 @@
+"""Rounding in a proved direction: matrix–vector products, and numbers in sentences that say "<=" or ">="."""
+
+from __future__ import annotations
+
+import math
+from decimal import ROUND_CEILING, Context, Decimal
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from .arrays import Vector
+
+#: unit roundoff of float64
+UNIT_ROUNDOFF = 2.0**-53
+#: the smallest positive float64, the most that underflow can cost one operation
+SMALLEST = 2.0**-1074
+
+
+def gamma(k: Any) -> Any:
+    """γ_k = ku/(1 − ku), u = 2⁻⁵³: what k operations in a row may lose, relatively."""
+    return k * UNIT_ROUNDOFF / (1 - k * UNIT_ROUNDOFF)
+
+
+def lower(matrix: sp.csr_array, v: Vector) -> Vector:
+    """A lower bound of `matrix` @ `v`, entry by entry, shape (n,), whatever the order of summation.
+
+    The computed product minus γ_k|matrix||v| and k times the smallest float, k two more than the entries of the row;
+    NaN or −inf where it overflows.
+    Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
+    """
+    k = np.diff(matrix.indptr) + 2
+    with np.errstate(over="ignore", invalid="ignore"):
+        result: Vector = matrix @ v - 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) - k * SMALLEST
+    return result
+
+
+def upper(matrix: sp.csr_array, v: Vector) -> Vector:
+    """An upper bound of `matrix` @ `v`, entry by entry, shape (n,): the mirror image of `lower`."""
+    k = np.diff(matrix.indptr) + 2
+    with np.errstate(over="ignore", invalid="ignore"):
+        result: Vector = matrix @ v + 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) + k * SMALLEST
+    return result
+
+
+def at_most(x: float, digits: int = 3, below: float = math.inf) -> str:
+    """`x` as text that is never below it, for sentences that say "at most": `digits` digits, rounded upwards.
+
+    More digits where those would reach `below`, which `x` does not.
+    """
+    if not math.isfinite(x):
+        return f"{x:g}"
+    exact = Context(prec=digits, rounding=ROUND_CEILING).create_decimal(Decimal(float(x)))
+    text = f"{float(exact):.{digits}g}"
+    if Decimal(text) != exact:  # the float next to it says something else: near underflow, or with all its digits
+        text = str(exact).lower()
+    return at_most(x, digits + 1, below) if float(text) >= below > x else text
+
+
+def at_least(x: float, digits: int = 3) -> str:
+    """`x` as text that is never above it: the mirror image of `at_most`."""
+    text = at_most(-x, digits)
+    return text[1:] if text.startswith("-") else text if float(text) == 0 else f"-{text}"

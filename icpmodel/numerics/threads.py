@@ -1,0 +1,70 @@
+"""Compiled loops over rows on several cores. They let go of the interpreter's lock, so that threads will do."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from queue import SimpleQueue
+from typing import Any
+
+#: loops over so many entries are worth threads
+_THREADS_FROM = 1_000_000
+#: so many rows a thread goes ahead of the one that follows it
+_CHUNK = 50_000
+#: what makes rows low <= i < high
+OfRows = Callable[[int, int], Any]
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def in_parts(size: int, parts: int, work: OfRows) -> list[Any]:
+    """`work(low, high)` on `parts` pieces of range(`size`) at once: the first here, each other in a thread of its own.
+
+    Returns what it returned, in order.
+    """
+    cuts = [size * i // parts for i in range(parts + 1)]
+    if parts == 1:
+        return [work(0, size)]
+    with ThreadPoolExecutor(parts - 1) as others:
+        later = others.map(work, cuts[1:], cuts[2:])  # begins at once
+        return [work(0, cuts[1]), *later]
+
+
+def threads_for(nnz: int) -> int:
+    """How many threads a loop over `nnz` entries is worth."""
+    return cores() if nnz >= _THREADS_FROM else 1
+
+
+def one_behind_the_other(size: int, nnz: int, first: OfRows, second: OfRows, lag: int) -> None:
+    """`first(low, high)` over range(`size`), then `second`, which asks for nothing that is `lag` or more ahead of it.
+
+    Where A has many entries, `nnz`, and there are two cores, the second follows in a thread of its own behind what the
+    first has done.
+    """
+    if threads_for(nnz) == 1 or lag > _CHUNK:
+        first(0, size)
+        second(0, size)
+        return
+    reached: SimpleQueue[int | None] = SimpleQueue()
+
+    def follow() -> None:
+        done = 0
+        while done < size and (end := reached.get()) is not None:
+            ready = size if end == size else max(end - lag, 0)
+            second(done, ready)
+            done = ready
+
+    with ThreadPoolExecutor(1) as behind:
+        following, low = behind.submit(follow), 0
+        try:
+            for high in [*range(_CHUNK, size, _CHUNK), size]:
+                first(low, high)
+                reached.put(high)
+                low = high
+        finally:
+            reached.put(None)  # so that it does not wait for ever where `first` was interrupted
+        following.result()

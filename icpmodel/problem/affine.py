@@ -1,0 +1,136 @@
+"""Obstacles that do not move, ψ = c, and those that move linearly, ψ = Gz + c."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..numerics.arrays import Vector, as_csr, as_vector, freeze
+from .map import Map
+
+
+class Constant(Map):
+    """ψ(z) = c: an obstacle that does not move.
+
+    Parameters: `c` a number or a vector of shape (n,), in the units of z; −inf means no obstacle in that row.
+
+    >>> Constant([0, 1]).bind(2).value(np.array([5.0, 5.0]))
+    array([0., 1.])
+    """
+
+    is_constant = True
+
+    def __init__(self, c: Any) -> None:
+        self.c = as_vector(c, None if np.ndim(c) else 1, "psi", infinite=-np.inf)
+        self._is_number = np.ndim(c) == 0
+
+    def bind(self, n: int) -> Constant:
+        bound = object.__new__(Constant)
+        bound.c = np.full(n, self.c[0]) if self._is_number else as_vector(self.c, n, "psi", infinite=-np.inf)
+        bound._is_number = False
+        bound.c.flags.writeable = False
+        bound.lipschitz = zero(n)
+        bound.linear = zero(n), bound.c
+        return bound
+
+    def value(self, z: Vector) -> Vector:
+        return self.c
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        return zero(z.size)
+
+    def isotone(self) -> bool:
+        return True
+
+    def kernel_data(self) -> Any:
+        return self.c
+
+    def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
+        return Constant(self.c[rows]).bind(rows.size)
+
+    def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
+        return Constant(self.c[kept]).bind(kept.size)
+
+    def in_units(self, unit: float) -> Map:
+        return Constant(self.c / unit).bind(self.c.size)
+
+    def perturbed(self, n: int, moved: Callable[[Any], Any]) -> Map:
+        return Constant(moved(self.c)).bind(self.c.size)
+
+    def describe(self) -> str:
+        free = int(np.isneginf(self.c).sum())
+        rows = f"; {free} row{'s' if free > 1 else ''} without obstacle" if free else ""
+        return f"constant: G = 0, a linear complementarity problem{rows}"
+
+    def __repr__(self) -> str:
+        low, high = self.c.min(), self.c.max()
+        return f"Constant({low:g})" if low == high else f"Constant({low:g} ... {high:g})"
+
+
+class Affine(Map):
+    """ψ(z) = Gz + c. Its Lipschitz matrix is |G|.
+
+    Parameters: `G` dense or sparse, shape (n, n); `c` a number or a vector of shape (n,), −inf for no obstacle.
+
+    >>> Affine([[0, 1], [0, 0]], [1, 2]).bind(2).value(np.array([3.0, 4.0]))
+    array([5., 2.])
+    """
+
+    def __init__(self, G: Any, c: Any = 0.0) -> None:
+        self.G = as_csr(G, "psi.G")
+        n = self.G.shape[0]
+        self.c = as_vector(c, n, "psi.c", infinite=-np.inf)
+        self.c.flags.writeable = False
+        self.lipschitz = self.links = freeze(abs(self.G))
+        self.linear = self.G, self.c
+
+    def bind(self, n: int) -> Affine:
+        if self.G.shape[0] != n:
+            raise InputError(f"psi.G has shape {self.G.shape}; shape ({n}, {n}) was expected")
+        return self
+
+    def value(self, z: Vector) -> Vector:
+        return self.G @ z + self.c
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        return self.G
+
+    def slopes(self, z: Vector) -> Vector:
+        return self.G.diagonal()
+
+    def isotone(self) -> bool:
+        return bool((self.G.data >= 0).all())
+
+    def kernel_data(self) -> Any:
+        return self.c, self.G.indptr, self.G.indices, self.G.data
+
+    def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
+        G, others = self.G[rows], z.copy()
+        others[rows] = 0.0
+        return Affine(G[:, rows], G @ others + self.c[rows])
+
+    def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
+        return Affine(self.G[kept] @ P, self.value(shift)[kept])
+
+    def in_units(self, unit: float) -> Map:
+        return Affine(self.G, self.c / unit)
+
+    def perturbed(self, n: int, moved: Callable[[Any], Any]) -> Map:
+        G = self.G.copy()
+        G.data = moved(G.data)
+        return Affine(G, moved(self.c))
+
+    def __repr__(self) -> str:
+        return f"Affine(G with {self.G.nnz} entries)"
+
+
+@lru_cache(maxsize=2)
+def zero(n: int) -> sp.csr_array:
+    """The n × n matrix without entries, which maps of one length share."""
+    return freeze(sp.csr_array((n, n)))

@@ -1,0 +1,292 @@
+"""The data of an implicit complementarity problem: A, q and ψ, checked once and then never changed."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any, Self
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..numerics.arrays import Vector, as_array, as_vector, described, norm, not_finite
+from ..numerics.rounding import SMALLEST, gamma
+from ..numerics.threads import in_parts, threads_for
+from .affine import Constant
+from .facts import Facts
+from .function import Function
+from .map import Map
+from .matrix import Matrix
+
+#: squares whose sum is outside this range may have over- or underflowed
+_SAFE = (1e-280, 1e280)
+
+
+class ProblemData:
+    """A, q and ψ, and what follows from them at a z: p = Az + q, r = z − ψ(z), Res(z), and their rounding errors.
+
+    `icpmodel.ICP` is this with the verbs that users call. `matrix` is A with the facts about it, `facts` those about A
+    and ψ; problems that share A, or A and ψ, share these.
+    Parameters: see `icpmodel.ICP`.
+    """
+
+    __slots__ = ("__weakref__", "facts", "matrix", "n", "psi", "q")
+
+    matrix: Matrix
+    q: Vector
+    psi: Map
+    n: int
+    facts: Facts
+
+    def __init__(self, A: Any, q: Any, psi: Any = 0.0) -> None:
+        matrix = Matrix(A)
+        n = matrix.n
+        self._set(matrix, as_vector(q, n if np.ndim(q) else None, "q"), as_map(psi, n), None)
+
+    def _set(self, matrix: Matrix, q: Vector, psi: Map, facts: Facts | None) -> None:
+        q.flags.writeable = False
+        for name, value in (("matrix", matrix), ("q", q), ("psi", psi), ("n", q.size)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "facts", Facts(matrix, psi) if facts is None else facts)
+
+    @classmethod
+    def of_checked(cls, A: sp.csr_array, q: Vector, psi: Any) -> Self:
+        """The problem of an `A` that is known to be as the constructor would leave it, and is not copied."""
+        new = object.__new__(cls)
+        new._set(Matrix.of_checked(A), q, as_map(psi, q.size), None)
+        return new
+
+    def _with(self, q: Vector, psi: Map, facts: Facts | None) -> Self:
+        new = object.__new__(type(self))
+        new._set(self.matrix, q, psi, facts)
+        return new
+
+    @property
+    def A(self) -> sp.csr_array:
+        """A, CSR, shape (n, n), read-only; a small dense one is compressed when it is first asked for.
+
+        >>> ICP([[2.0]], [1.0]).A.nnz
+        1
+        """
+        return self.matrix.sparse
+
+    def dense(self) -> NDArray[np.float64]:
+        """A as a dense array, shape (n, n), read-only where it was handed in as one and n is small.
+
+        >>> ICP([[2.0]], [1.0]).dense()
+        array([[2.]])
+        """
+        return self.A.toarray() if self.matrix.dense is None else self.matrix.dense
+
+    @property
+    def nnz(self) -> int:
+        """How many entries of A are stored, or not 0 where A is small and dense.
+
+        >>> ICP(np.eye(3), np.ones(3)).nnz
+        3
+        """
+        return self.matrix.nnz
+
+    def product(self, z: Vector) -> Vector:
+        """Az, shape (n,), for z of that shape.
+
+        >>> ICP([[2.0]], [1.0]).product(np.array([3.0]))
+        array([6.])
+        """
+        return self.matrix.product(z)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"an ICP never changes; make a new one with with_q or with_psi instead of setting {name}")
+
+    def __delattr__(self, name: str) -> None:
+        self.__setattr__(name, None)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.A, self.q, self.psi)
+
+    def with_q(self, q: Any) -> Self:
+        """The problem with another `q`, shape (n,); A, ψ and what is known of them are shared.
+
+        >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
+        array([2.])
+        """
+        return self._with(as_vector(q, self.n if np.ndim(q) else None, "q"), self.psi, self.facts)
+
+    def with_psi(self, psi: Any) -> Self:
+        """The problem with another `psi` (anything that `ICP` takes); A and q are shared.
+
+        >>> ICP([[2.0]], [1.0]).with_psi(-3).solve().z
+        array([-0.5])
+        """
+        return self._with(self.q, as_map(psi, self.n), None)
+
+    def frozen(self, z: Any) -> Self:
+        """The ICP with its obstacle held at c = ψ(z): an LCP in y = z − c. z solves the one iff it solves the other.
+
+        Parameters: `z` shape (n,). Returns the problem with constant ψ.
+
+        >>> ICP([[2.0]], [1.0], psi=lambda z: 0.5 * z - 1).frozen([-2.0])
+        ICP(n=1, nnz=1, psi=Constant(-2))
+        """
+        return self.with_psi(self.psi.value(self.vector(z)))
+
+    def vector(self, z: Any, name: str = "z", *, finite: bool = False) -> Vector:
+        """`z` as a float64 vector of shape (n,), of a `Solution` its z; NaN and infinities pass unless `finite`.
+
+        Every method and function that takes a z takes it through here. Raises InputError for anything else.
+
+        >>> ICP([[2.0]], [1.0]).vector([1, 2])
+        Traceback (most recent call last):
+        icpmodel.errors.InputError: z has shape (2,); shape (1,) was expected
+        """
+        array = as_array(getattr(z, "z", z), name)
+        if not finite and array.dtype == np.float64 and array.shape == (self.n,):
+            return array
+        if array.shape != (self.n,):
+            raise InputError(f"{name} has shape {array.shape}; shape ({self.n},) was expected")
+        if array.dtype.kind not in "biuf":
+            raise InputError(f"{name} has dtype {array.dtype}; real numbers were expected")
+        vector: Vector = np.asarray(array, dtype=np.float64)
+        if finite and (fault := not_finite(vector, name)):
+            raise InputError(f"{fault}; a finite number was expected")
+        return vector
+
+    def p(self, z: Any) -> Vector:
+        """p(z) = Az + q, shape (n,).
+
+        >>> ICP([[2.0]], [1.0]).p([3.0])
+        array([7.])
+        """
+        return self.product(self.vector(z)) + self.q
+
+    def r(self, z: Any) -> Vector:
+        """r(z) = z − ψ(z), shape (n,); +inf where there is no obstacle.
+
+        >>> ICP([[2.0]], [1.0], psi=-1).r([3.0])
+        array([4.])
+        """
+        z = self.vector(z)
+        return z - self.psi.value(z)
+
+    def natural_map(self, z: Any, omega: Any = 1.0) -> Vector:
+        """F_Ω(z) = min(Az + q, Ω(z − ψ(z))), shape (n,): zero exactly at the solutions, for every Ω > 0.
+
+        Parameters: `z` shape (n,); `omega` the diagonal of Ω, a positive number or vector of shape (n,).
+        Raises InputError where it is not positive.
+
+        >>> ICP([[2.0]], [-1.0]).natural_map([3.0], omega=0.5)
+        array([1.5])
+        """
+        if not np.all(np.asarray(omega) > 0):
+            raise InputError(f"omega has the entry {np.min(omega)}; positive numbers were expected")
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.minimum(self.p(z), omega * self.r(z))
+
+    def residual(self, z: Any) -> float:
+        """Res(z) = ‖min(r(z), p(z))‖₂, the natural residual; safe against overflow, NaN where z or ψ(z) is.
+
+        >>> ICP([[3.0]], [-6.0]).residual([1.0])
+        3.0
+        """
+        z = self.vector(z)
+        with np.errstate(over="ignore", invalid="ignore"):
+            psi = self.psi.value(z)
+            if self._is_large() and _SAFE[0] < (squares := self._squares(z, psi)) < _SAFE[1]:
+                return math.sqrt(squares)
+            return norm(np.minimum(self.product(z) + self.q, z - psi))
+
+    def residual_at_0(self) -> float:
+        """Res(0) = ‖min(−ψ(0), q)‖₂, by which residuals are judged, without a product with A.
+
+        >>> ICP([[3.0]], [-6.0]).residual_at_0()
+        6.0
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            psi = self.psi.value(np.zeros(self.n))
+            if self._is_large():
+                from ..numerics.kernels.rows import natural_at_0  # loads numba
+
+                squares = float(natural_at_0(self.q, np.ascontiguousarray(psi)))
+                if _SAFE[0] < squares < _SAFE[1]:
+                    return math.sqrt(squares)
+            return norm(np.minimum(self.q, -psi))
+
+    def _is_large(self) -> bool:
+        return self.matrix.dense is None and threads_for(self.A.nnz) > 1
+
+    def _squares(self, z: Vector, psi: Vector) -> float:
+        """Res(z)², without care for overflow, in one pass over A on all cores."""
+        from ..numerics.kernels.rows import natural  # loads numba
+
+        A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
+        given = (A.indptr, A.indices, A.data, self.q, psi, z)
+        return float(sum(in_parts(self.n, threads_for(A.nnz), lambda low, high: natural(*given, low, high))))
+
+    def rounding(self, z: Any) -> tuple[Vector, Vector]:
+        """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).
+
+        γ_k(|A||z| + |q|) for p and γ_k(|z| + G|z| + |ψ(z)|) for r, 0 where r is infinite, with
+        γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the entries of the row, and k·2⁻¹⁰⁷⁴ for underflow. ψ itself is
+        taken as exact to a few u, which holds for constant and affine maps.
+        Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
+
+        >>> for_p, for_r = ICP([[3.0]], [-6.0]).rounding([2.0])
+        >>> bool(0 < for_p[0] < 1e-14), bool(0 < for_r[0] < 1e-14)
+        (True, True)
+        """
+        z = self.vector(z)
+        with np.errstate(over="ignore", invalid="ignore"):
+            psi = self.psi.value(z)
+            free = np.isneginf(psi)
+            terms = np.diff(self.A.indptr) + 2
+            for_p = gamma(terms) * (self.matrix.absolute @ np.abs(z) + np.abs(self.q)) + terms * SMALLEST
+            size = np.abs(z) + np.where(free, 0.0, np.abs(psi))
+            entries: Any = 3
+            if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
+                size = size + self.psi.lipschitz @ np.abs(z)
+                entries = np.diff(self.psi.lipschitz.indptr) + 3
+            return for_p, np.where(free, 0.0, gamma(entries) * size + entries * SMALLEST)
+
+    @property
+    def is_lcp(self) -> bool:
+        """Whether ψ is constant, so that y = z − c solves an ordinary LCP.
+
+        >>> ICP([[2.0]], [1.0], psi=3).is_lcp
+        True
+        """
+        return self.psi.is_constant
+
+    def __repr__(self) -> str:
+        return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={self.psi!r})"
+
+
+def as_problem(problem: Any) -> ProblemData:
+    """`problem`, which must be an ICP. Raises InputError."""
+    if not isinstance(problem, ProblemData):
+        raise InputError(f"problem is {described(problem)}; an ICP was expected")
+    return problem
+
+
+def as_map(psi: Any, n: int) -> Map:
+    """Whatever a user may give as ψ, as a `Map` for vectors of length `n`.
+
+    Parameters: `psi` a `Map`, a number, a vector of shape (n,), or a callable z ↦ ψ(z).
+    Raises InputError where it is none of these.
+    """
+    if type(psi) is float and psi == 0.0:
+        return _at_zero(n)
+    if isinstance(psi, Map):
+        return psi.bind(n)
+    if callable(psi):
+        return Function(psi).bind(n)
+    if isinstance(psi, str) or psi is None:
+        raise InputError(f"psi is {psi!r}; a number, a vector, a callable or one of icpmodel's maps was expected")
+    return Constant(psi).bind(n)
+
+
+@lru_cache(maxsize=1)
+def _at_zero(n: int) -> Map:
+    """ψ = 0, which LCPs of one size share: a map never changes."""
+    return Constant(0.0).bind(n)

@@ -1,0 +1,86 @@
+"""Obstacles each of which moves with its own unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..numerics.arrays import Vector, as_vector
+from .map import Map
+from .user_code import as_function, call_user, diagonal_lipschitz, is_compiled
+
+
+class Elementwise(Map):
+    """ψ_i(z) = f(z_i) + c_i: every row's obstacle moves with its own unknown.
+
+    Parameters: `f` a function of an array of shape (n,), applied entry by entry (NumPy style), or a scalar function
+    compiled with `numba.njit`, which then runs inside the compiled sweeps; `derivative` of f, in the same style;
+    `lipschitz` a number or vector ℓ ≥ 0 with |f(s) − f(t)| ≤ ℓ_i|s − t|; `c` a number or vector of shape (n,).
+    The Lipschitz matrix is diag(ℓ).
+
+    >>> psi = Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), lipschitz=0.3, c=1.0).bind(2)
+    >>> psi.value(np.zeros(2))
+    array([1., 1.])
+    >>> psi.jacobian(np.zeros(2)).diagonal()
+    array([0.3, 0.3])
+    """
+
+    at_users_word = True
+
+    def __init__(
+        self,
+        f: Callable[[Any], Any],
+        derivative: Callable[[Any], Any] | None = None,
+        lipschitz: Any = None,
+        c: Any = 0.0,
+    ) -> None:
+        self.f = as_function(f, "psi.f")
+        self.derivative = None if derivative is None else as_function(derivative, "psi.derivative")
+        self.given_lipschitz = lipschitz
+        self.c = c
+        if is_compiled(f) is not is_compiled(derivative) and derivative is not None:
+            raise InputError("psi.f and psi.derivative: both or neither must be compiled with numba.njit")
+
+    def bind(self, n: int) -> Elementwise:
+        c = as_vector(self.c, n, "psi.c", infinite=-np.inf)
+        c.flags.writeable = False
+        bound = Elementwise(self.f, self.derivative, self.given_lipschitz, c)
+        if self.given_lipschitz is not None:
+            bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n)
+        return bound
+
+    def value(self, z: Vector) -> Vector:
+        return self._entrywise(self.f, z, "psi.f") + self.c
+
+    def jacobian(self, z: Vector) -> sp.csr_array | None:
+        slopes = self.slopes(z)
+        return None if slopes is None else sp.diags_array(slopes).tocsr()
+
+    def slopes(self, z: Vector) -> Vector | None:
+        return None if self.derivative is None else self._entrywise(self.derivative, z, "psi.derivative")
+
+    def no_derivative(self) -> str | None:
+        return "psi has no derivative: give `derivative` to Elementwise" if self.derivative is None else None
+
+    def kernel_data(self) -> Any:
+        return (self.c, self.f) if is_compiled(self.f) else None
+
+    def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
+        given = self.given_lipschitz
+        lipschitz = given if given is None or np.ndim(given) == 0 else np.asarray(given)[rows]
+        return Elementwise(self.f, self.derivative, lipschitz, self.c[rows]).bind(rows.size)
+
+    def _entrywise(self, f: Callable[[Any], Any], z: Vector, name: str) -> Vector:
+        if is_compiled(f):
+            from ..numerics.kernels.user import entrywise  # loads numba
+
+            return call_user(lambda: entrywise(f)(z), z.shape, name)
+        return call_user(lambda: f(z.copy()), z.shape, name)
+
+    def __repr__(self) -> str:
+        return f"Elementwise({getattr(self.f, '__name__', 'f')})"

@@ -1,0 +1,67 @@
+"""What can be found out about A and ψ together, each fact once, whatever was asked before."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from ..errors import MapError
+from ..numerics.arrays import Vector
+from ..numerics.rounding import UNIT_ROUNDOFF
+from .map import Map
+from .matrix import Matrix
+
+#: evaluations of ψ at the most; with a derivative five are the rule
+_EVALUATIONS = 100
+
+
+class Facts:
+    """The facts about A and ψ, shared by the problems that share the two; those about A alone are in `matrix`."""
+
+    def __init__(self, matrix: Matrix, psi: Map) -> None:
+        self.matrix, self.psi = matrix, psi
+
+    @cached_property
+    def has_fixed_obstacle(self) -> bool:
+        """Whether every ψ_i is known to move with its own z_i alone, and by less than it: `obstacle` exists."""
+        G = self.psi.lipschitz
+        if self.psi.is_constant or G is None:
+            return self.psi.is_constant
+        slope = G.diagonal()
+        return bool(np.count_nonzero(G.data) == np.count_nonzero(slope) and (slope < 1).all())
+
+    @cached_property
+    def obstacle(self) -> Vector:
+        """c such that the LCP with the obstacle c has the same solutions, where `has_fixed_obstacle`.
+
+        r_i(z) = z_i − ψ_i(z_i) then grows with z_i, so that r_i ≥ 0 says z_i ≥ c_i with r_i(c_i) = 0. The n equations
+        are solved at once by Newton's method, kept in the bracket that the Lipschitz constant ℓ_i < 1 gives,
+        −r/(1 − ℓ) ≤ c − z ≤ −r/(1 + ℓ) for r > 0, and by halving it where ψ has no derivative, to rounding or until
+        nothing moves; −inf where ψ_i is. Raises MapError where ψ fails.
+        """
+        psi, n = self.psi, self.matrix.n
+        if psi.is_constant:
+            return psi.value(np.zeros(n))
+        from ..numerics.kernels.roots import improve, settled  # loads numba
+
+        assert psi.lipschitz is not None, "ask has_fixed_obstacle first"
+        slope = psi.lipschitz.diagonal()
+        c, value, nothing = np.zeros(n), psi.value(np.zeros(n)), np.zeros(0)
+        low, high = np.full(n, -np.inf), np.full(n, np.inf)
+        for _ in range(_EVALUATIONS):
+            if settled(c, value, 2 * UNIT_ROUNDOFF):
+                break
+            own, following = psi.slopes(c), np.empty(n)
+            if not improve(c, value, slope, nothing if own is None else own, low, high, following):
+                break
+            c = following
+            value = psi.value(c)
+        c = np.where(np.isneginf(value), -np.inf, c)
+        if not (c < np.inf).all():  # nor NaN
+            i = int(np.argmin(c < np.inf))
+            raise MapError(
+                f"psi_{i} leads to {c[i]} where z_{i} = psi_{i}(z_{i}) is sought; a finite number was expected"
+            )
+        c.flags.writeable = False
+        return c

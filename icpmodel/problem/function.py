@@ -1,0 +1,71 @@
+"""ψ as a Python function of the whole vector."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import InputError, MapError
+from ..numerics.arrays import Vector, as_csr
+from .map import Map
+from .user_code import as_function, call_user, diagonal_lipschitz, raising_map_error
+
+
+class Function(Map):
+    """ψ given by a Python function of the whole vector.
+
+    Parameters: `fun` maps shape (n,) to shape (n,); `jacobian`, if known, maps z to an element of the generalised
+    Jacobian, shape (n, n), dense or sparse; `lipschitz`, if known, the matrix G ≥ 0, shape (n, n), or a number or
+    vector that stands for diag(ℓ) and thus says that ψ_i depends on z_i only.
+
+    >>> psi = Function(lambda z: 0.5 * z[::-1], lipschitz=[[0, 0.5], [0.5, 0]]).bind(2)
+    >>> psi.value(np.array([2.0, 4.0]))
+    array([2., 1.])
+    """
+
+    at_users_word = True
+
+    def __init__(
+        self,
+        fun: Callable[[Vector], Any],
+        jacobian: Callable[[Vector], Any] | None = None,
+        lipschitz: Any = None,
+    ) -> None:
+        self.fun = as_function(fun, "psi")
+        self.derivative = None if jacobian is None else as_function(jacobian, "psi.jacobian")
+        self.given_lipschitz = lipschitz
+
+    def bind(self, n: int) -> Function:
+        bound = Function(self.fun, self.derivative, self.given_lipschitz)
+        if self.given_lipschitz is None:
+            return bound
+        if sp.issparse(self.given_lipschitz) or np.ndim(self.given_lipschitz) == 2:
+            G = as_csr(self.given_lipschitz, "psi.lipschitz", n)
+            if (G.data < 0).any():
+                raise InputError(f"psi.lipschitz has the entry {G.data.min()}; entries >= 0 were expected")
+            bound.lipschitz = G
+        else:
+            bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n)
+        return bound
+
+    def value(self, z: Vector) -> Vector:
+        return call_user(lambda: self.fun(z.copy()), z.shape, "psi")
+
+    def jacobian(self, z: Vector) -> sp.csr_array | None:
+        if self.derivative is None:
+            return None
+        derivative = self.derivative
+        matrix = raising_map_error(lambda: derivative(z.copy()), "psi.jacobian")
+        try:
+            return as_csr(matrix, "psi.jacobian(z)", z.size)
+        except InputError as error:
+            raise MapError(str(error)) from None
+
+    def no_derivative(self) -> str | None:
+        return "psi has no derivative: give `jacobian` to Function" if self.derivative is None else None
+
+    def __repr__(self) -> str:
+        return f"Function({getattr(self.fun, '__name__', 'psi')})"

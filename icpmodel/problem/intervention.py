@@ -1,0 +1,140 @@
+"""The intervention operator of impulse control, the map ψ that looks for the best jump."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..errors import InputError, MapError
+from ..numerics.arrays import Vector, as_csr, freeze, row_of
+from .map import Map
+from .user_code import call_user, raising_map_error
+
+
+class Intervention(Map):
+    """The intervention operator of impulse control: ψ_i(z) = max (or min) over the jumps i → j of z_j + k_ij.
+
+    Parameters: `jumps` a SciPy sparse matrix of shape (n, n) whose *stored* entries are the possible jumps and whose
+    values are the gains k_ij (a stored 0 is a free jump), or a function z ↦ (value, target), both of shape (n,), with
+    target_i the best j and −1 where row i has no jump; `best` is "max" or "min".
+    A row without a jump has no obstacle: ψ_i = −inf. For a matrix, G has a 1 wherever a jump is possible.
+    Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984).
+
+    >>> jumps = sp.csr_array((np.array([-1.0, -3.0]), (np.array([1, 1]), np.array([0, 2]))), shape=(3, 3))
+    >>> psi = Intervention(jumps).bind(3)
+    >>> psi.value(np.array([5.0, 0.0, 6.0]))
+    array([-inf,   4., -inf])
+    >>> psi.jacobian(np.array([5.0, 0.0, 6.0])).toarray()[1]
+    array([1., 0., 0.])
+    """
+
+    takes_best = True
+
+    def __init__(self, jumps: Any, best: str = "max") -> None:
+        if best not in ("max", "min"):
+            raise InputError(f'best is {best!r}; "max" or "min" was expected')
+        self.best = best
+        self.fun = jumps if callable(jumps) else None
+        self.jumps = None if callable(jumps) else _checked(jumps)
+        self.at_users_word = self.jumps is None
+        if self.jumps is not None:
+            ones = np.ones(self.jumps.nnz)
+            self.lipschitz = self.links = freeze(
+                sp.csr_array((ones, self.jumps.indices, self.jumps.indptr), shape=self.jumps.shape)
+            )
+
+    def bind(self, n: int) -> Intervention:
+        if self.jumps is not None and self.jumps.shape[0] != n:
+            raise InputError(f"jumps has shape {self.jumps.shape}; shape ({n}, {n}) was expected")
+        return self
+
+    def value(self, z: Vector) -> Vector:
+        return self.best_jump(z)[0]
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        target = self.best_jump(z)[1]
+        rows = np.flatnonzero(target >= 0)
+        return sp.csr_array((np.ones(rows.size), (rows, target[rows])), shape=(z.size, z.size))
+
+    def change(self, delta: Vector) -> Vector:
+        if self.jumps is None:
+            return np.full(delta.size, delta.max())
+        largest, rows = np.zeros(delta.size), np.flatnonzero(np.diff(self.jumps.indptr))
+        if rows.size:
+            largest[rows] = np.maximum.reduceat(delta[self.jumps.indices], self.jumps.indptr[rows])
+        return largest
+
+    def isotone(self) -> bool:
+        return True
+
+    def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
+        if self.jumps is None or self._leave(rows):
+            return super().restricted(rows, z)
+        return Intervention(self.jumps[rows][:, rows], self.best)
+
+    def _leave(self, rows: NDArray[np.intp]) -> bool:
+        """Whether a jump from one of the `rows` leads to another one."""
+        assert self.jumps is not None
+        out = np.ones(self.jumps.shape[0], dtype=bool)
+        out[rows] = False
+        return bool(out[self.jumps[rows].indices].any())
+
+    def describe(self) -> str:
+        return f"{self!r}: isotone; where jumps form a cycle rho(G) >= 1, and no proof by contraction can exist"
+
+    def best_jump(self, z: Vector) -> tuple[Vector, np.ndarray]:
+        """(ψ(z), target): the value and the best jump's column, −1 where there is none; both of shape (n,).
+
+        >>> Intervention(sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))).best_jump(np.array([0.0, 2.0]))
+        (array([  3., -inf]), array([ 1, -1]))
+        """
+        if self.fun is not None:
+            return self._call_best_jump(z)
+        assert self.jumps is not None
+        n, indptr = z.size, self.jumps.indptr
+        gains = z[self.jumps.indices] + self.jumps.data
+        rows = np.flatnonzero(np.diff(indptr))
+        value, target = np.full(n, -np.inf), np.full(n, -1)
+        if rows.size:
+            reduce = np.maximum if self.best == "max" else np.minimum
+            value[rows] = reduce.reduceat(gains, indptr[rows])
+            entry_row = row_of(self.jumps)
+            hits = np.flatnonzero(gains == value[entry_row])
+            # reversed, so that among equal jumps the first one is written last
+            target[entry_row[hits[::-1]]] = self.jumps.indices[hits[::-1]]
+        return value, target
+
+    def _call_best_jump(self, z: Vector) -> tuple[Vector, np.ndarray]:
+        fun = self.fun
+        assert fun is not None
+        pair = raising_map_error(lambda: fun(z.copy()), "psi")
+        if not isinstance(pair, tuple) or len(pair) != 2:
+            raise MapError(f"psi(z) returned a {type(pair).__name__}; a tuple (value, target) was expected")
+        target = np.asarray(pair[1])
+        if target.shape != z.shape or target.dtype.kind not in "iu":
+            raise MapError(
+                f"psi(z): target has shape {target.shape} and dtype {target.dtype}; "
+                f"integers of shape {z.shape} were expected"
+            )
+        if ((target < -1) | (target >= z.size)).any():
+            raise MapError(f"psi(z): target has an entry outside -1 ... {z.size - 1}")
+        return call_user(lambda: pair[0], z.shape, "psi"), target
+
+    def __repr__(self) -> str:
+        source = "a function" if self.jumps is None else f"{self.jumps.nnz} jumps"
+        return f"Intervention({source}, {self.best})"
+
+
+def _checked(jumps: Any) -> sp.csr_array:
+    if not sp.issparse(jumps):
+        raise InputError(
+            f"jumps is a {type(jumps).__name__}; a SciPy sparse matrix (its stored entries are the possible jumps) or "
+            "a function z -> (value, target) was expected"
+        )
+    matrix = as_csr(jumps, "jumps")
+    if matrix.nnz < jumps.nnz:  # as_csr adds up what is stored twice, which has no meaning here
+        raise InputError("jumps stores the same jump twice; each i -> j once, with its best gain, was expected")
+    return matrix

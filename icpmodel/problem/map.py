@@ -1,0 +1,223 @@
+"""The contract of the obstacle map ψ, and what every map can do without being asked for its kind.
+
+ψ may be −∞ in a row: that row has no obstacle, and p_i = 0 must hold there. A new kind of ψ is one file with a subclass
+of `Map` that has `bind`, `value` and `jacobian`; all else has a generic default, which it may replace by a quicker one.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..numerics.arrays import Vector
+from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+
+
+class Map(ABC):
+    """ψ: Rⁿ → (R ∪ {−∞})ⁿ.
+
+    `value(z)` is ψ(z); `jacobian(z)` an element of the generalised Jacobian, or None where it is not known;
+    `lipschitz` a matrix G ≥ 0 with |ψ(x) − ψ(y)| ≤ G|x − y| componentwise, or None where none is known.
+    Maps are made without a length; `ICP` binds them to its own. They never change.
+
+    >>> icp.Affine([[0, 0.5], [0.5, 0]], 1).bind(2).value(np.array([2.0, 4.0]))
+    array([3., 2.])
+    """
+
+    #: the CSR matrix G, or None
+    lipschitz: sp.csr_array | None = None
+    #: (G, c) where ψ(z) = Gz + c is known, shapes (n, n) and (n,); else None
+    linear: tuple[sp.csr_array, Vector] | None = None
+    #: a CSR matrix with an entry wherever ψ_i may depend on z_j, or None where that is not known
+    links: sp.csr_array | None = None
+    #: whether ψ does not depend on z
+    is_constant: ClassVar[bool] = False
+    #: whether ψ's values come from a user's code, so that nothing is known of their rounding errors
+    at_users_word: bool = False
+    #: whether ψ_i is the best of several values, among which policy iteration chooses
+    takes_best: ClassVar[bool] = False
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in self.__dict__:
+            raise AttributeError(f"a map never changes; make a new one instead of setting {name}")
+        super().__setattr__(name, value)
+
+    @abstractmethod
+    def bind(self, n: int) -> Map:
+        """The same map for vectors of length `n`: numbers broadcast, shapes checked.
+
+        Raises InputError where the map's own data has another length.
+
+        >>> icp.Constant(1).bind(2).c
+        array([1., 1.])
+        """
+
+    @abstractmethod
+    def value(self, z: Vector) -> Vector:
+        """ψ(z), shape (n,), for `z` of shape (n,). Raises MapError where a user's function fails.
+
+        >>> icp.Constant(1).bind(2).value(np.zeros(2))
+        array([1., 1.])
+        """
+
+    @abstractmethod
+    def jacobian(self, z: Vector) -> sp.csr_array | None:
+        """An element of the generalised Jacobian of ψ at `z` (n × n, CSR), or None where it is not known.
+
+        >>> icp.Constant(1).bind(2).jacobian(np.zeros(2)).nnz
+        0
+        """
+
+    def no_derivative(self) -> str | None:
+        """Why `jacobian` is not known, in one sentence with what to do, or None where it is.
+
+        >>> icp.Function(np.sin).bind(1).no_derivative()
+        'psi has no derivative: give `jacobian` to Function'
+        """
+        return None
+
+    def slopes(self, z: Vector) -> Vector | None:
+        """∂ψ_i/∂z_i, shape (n,), or None where it is not known: what `jacobian` has on its diagonal.
+
+        >>> icp.Affine([[0.5]]).bind(1).slopes(np.zeros(1))
+        array([0.5])
+        """
+        J = self.jacobian(z)
+        return None if J is None else J.diagonal()
+
+    def change(self, delta: Vector) -> Vector | None:
+        """A bound on |ψ(x) − ψ(y)| for all x, y with |x − y| ≤ `delta`, shape (n,); None where none is known.
+
+        Gδ, rounded up.
+
+        >>> bool(icp.Affine([[0.5]]).bind(1).change(np.array([2.0]))[0] >= 1.0)
+        True
+        """
+        G = self.lipschitz
+        if G is None:
+            return None
+        k = np.diff(G.indptr) + 2
+        with np.errstate(over="ignore"):
+            result: Vector = (G @ delta) * (1 + 2 * k * UNIT_ROUNDOFF) + k * SMALLEST
+        return result
+
+    def isotone(self) -> bool | None:
+        """Whether x ≤ y gives ψ(x) ≤ ψ(y), None where that is not known.
+
+        >>> icp.Affine([[-0.5]]).bind(1).isotone()
+        False
+        """
+        return None
+
+    def kernel_data(self) -> Any:
+        """ψ as compiled loops take it: c, (c, indptr, indices, data) of Gz + c, (c, f) for f(z_i) + c_i with f compiled
+        by numba; None where it has to be called.
+
+        >>> icp.Constant(1).bind(2).kernel_data()
+        array([1., 1.])
+        """
+        return None
+
+    def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
+        """ψ in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,).
+
+        >>> icp.Affine([[0, 0.5], [0.5, 0]]).bind(2).restricted(np.array([0]), np.array([0.0, 4.0])).value(np.zeros(1))
+        array([2.])
+        """
+        others = z.copy()
+        others[rows] = 0.0
+        into = sp.csr_array((np.ones(rows.size), (rows, np.arange(rows.size))), shape=(z.size, rows.size))
+        return Substituted(self, into, others, rows)
+
+    def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
+        """y ↦ ψ(Py + s) at the points that are `kept`: ψ on a coarser level.
+
+        Parameters: `P` CSR, shape (n, m); `shift` = s, shape (n,); `kept`, shape (m,), the points of that level.
+
+        >>> icp.Constant([1, 2]).bind(2).coarsened(sp.csr_array([[1.0], [0.5]]), np.zeros(2), np.array([1])).c
+        array([2.])
+        """
+        return Substituted(self, P, shift, kept)
+
+    def in_units(self, unit: float) -> Map:
+        """y ↦ ψ(uy)/u, u = `unit` > 0: ψ where z is measured in another unit.
+
+        >>> icp.Constant(3).bind(1).in_units(2.0).c
+        array([1.5])
+        """
+        return Substituted(self, unit, None, None, 1.0 / unit)
+
+    def perturbed(self, n: int, moved: Callable[[Any], Any]) -> Map:
+        """ψ for vectors of length `n` with its data changed by `moved`, array ↦ array; its values where no data is known.
+
+        >>> icp.Constant(3).bind(1).perturbed(1, lambda x: 2 * x).c
+        array([6.])
+        """
+        return Substituted(self, 1.0, None, None, moved(np.ones(n)))
+
+    def describe(self) -> str:
+        """What is known of ψ, in one sentence.
+
+        >>> icp.Affine([[0.5]]).bind(1).describe()
+        'Affine(G with 1 entries): Lipschitz matrix G with 1 entries, largest row sum 0.5; each row depends on its own unknown only'
+        """
+        G = self.lipschitz
+        if G is None:
+            return f"{self!r}: no Lipschitz matrix is known"
+        slope = float(np.asarray(G.sum(axis=1)).max())
+        own = "; each row depends on its own unknown only" if G.nnz == np.count_nonzero(G.diagonal()) else ""
+        word = " (at the user's word)" if self.at_users_word else ""
+        return f"{self!r}: Lipschitz matrix G with {G.nnz} entries, largest row sum {slope:.6g}{word}{own}"
+
+
+class Substituted(Map):
+    """y ↦ t·ψ(Py + s) at some rows: ψ restricted, carried to a coarser level, or in other units.
+
+    Parameters: `psi` for vectors of length n; `P` CSR, shape (n, m), or a number; `shift` = s, shape (n,), or None for
+    0; `rows` the rows that are kept, None for all; `factor` = t, a number or a vector.
+    """
+
+    def __init__(
+        self, psi: Map, P: Any, shift: Vector | None, rows: NDArray[np.intp] | None, factor: Any = 1.0
+    ) -> None:
+        self.psi, self.P, self.shift, self.rows, self.factor = psi, P, shift, rows, factor
+        self.at_users_word = psi.at_users_word
+
+    def bind(self, n: int) -> Substituted:
+        return self
+
+    def _inner(self, y: Vector) -> Vector:
+        z: Vector = self.P * y if np.isscalar(self.P) else self.P @ y
+        return z if self.shift is None else z + self.shift
+
+    def value(self, z: Vector) -> Vector:
+        value = self.psi.value(self._inner(z))
+        result: Vector = self.factor * (value if self.rows is None else value[self.rows])
+        return result
+
+    def jacobian(self, z: Vector) -> sp.csr_array | None:
+        J = self.psi.jacobian(self._inner(z))
+        return None if J is None else self._chained(J, self.P)
+
+    def no_derivative(self) -> str | None:
+        return self.psi.no_derivative()
+
+    @cached_property
+    def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
+        G = self.psi.lipschitz
+        return None if G is None else self._chained(G, abs(self.P))
+
+    def _chained(self, matrix: sp.csr_array, P: Any) -> sp.csr_array:
+        if self.rows is not None:
+            matrix = matrix[self.rows]
+        matrix = matrix * P if np.isscalar(P) else matrix @ P
+        return sp.csr_array(matrix * self.factor if np.isscalar(self.factor) else sp.diags_array(self.factor) @ matrix)
+
+    def __repr__(self) -> str:
+        return f"Substituted({self.psi!r})"

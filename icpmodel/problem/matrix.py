@@ -1,0 +1,160 @@
+"""The matrix A of a problem, and what can be found out about A alone, each fact once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..numerics.arrays import Vector, as_csr, as_square, freeze
+from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
+from ..numerics.threads import in_parts, threads_for
+
+#: a dense A of so many rows stays dense until its sparse form is asked for
+_SMALL = 64
+#: more diagonals than this are no band
+_WIDEST_BAND = 16
+#: a row is hardly dominant where its couplings, as Gauss–Seidel feels them, sum up to more than this
+HARDLY = 0.97
+#: a sum of a dominant row, rounding included
+_DOMINANT = 1.0 + 1e-12
+#: so many Lanczos steps tell a radius for which sweeps are to be relaxed from one for which they are not
+_ROUGH_STEPS = 3
+
+
+class Rows(NamedTuple):
+    """What the sweeps and the choice of a method ask of the rows of A.
+
+    `diag` where in A.data each diagonal entry stands; `diagonal`; `rest` = Σ_{j≠i}|a_ij|, all of shape (n,); how far
+    the entries reach `below` the diagonal and `above` it, and the sums `lower` and `upper` of all |a_ij| there.
+    """
+
+    diag: Any
+    diagonal: Vector
+    rest: Vector
+    below: int
+    above: int
+    lower: float
+    upper: float
+
+
+class Matrix:
+    """A as float64, every diagonal entry stored, and the facts about it.
+
+    `dense` is there where A was handed in as a dense array with few rows; then `sparse` is made when it is asked for.
+    Raises InputError where `A` is no square matrix of finite numbers.
+    """
+
+    def __init__(self, A: Any) -> None:
+        square = None if sp.issparse(A) else as_square(A, "A")
+        self.dense = square if square is not None and len(square) <= _SMALL else None
+        if self.dense is None:
+            self.sparse = as_csr(A if square is None else square, "A", keep_diagonal=True)
+        self.n: int = (self.sparse if self.dense is None else self.dense).shape[0]
+
+    @classmethod
+    def of_checked(cls, A: sp.csr_array) -> Matrix:
+        """The matrix of an `A` that is known to be as the constructor would leave it, and is not copied."""
+        new = object.__new__(cls)
+        new.dense, new.sparse, new.n = None, freeze(A), A.shape[0]
+        return new
+
+    @cached_property
+    def sparse(self) -> sp.csr_array:
+        """A, CSR, read-only."""
+        return as_csr(self.dense, "A", keep_diagonal=True)
+
+    @property
+    def nnz(self) -> int:
+        """How many entries of A are stored, or not 0 where A is small and dense."""
+        return self.sparse.nnz if self.dense is None else int(np.count_nonzero(self.dense))
+
+    def product(self, z: Vector) -> Vector:
+        """Az, on all cores where A is large."""
+        if self.dense is not None:
+            image: Vector = self.dense @ z
+            return image
+        A, threads = self.sparse, threads_for(self.sparse.nnz)
+        if threads == 1:
+            return np.asarray(A @ z)
+        from ..numerics.kernels.rows import product  # loads numba
+
+        image, z = np.empty(self.n), np.ascontiguousarray(z)
+        in_parts(self.n, threads, lambda low, high: product(A.indptr, A.indices, A.data, z, low, high, image))
+        return image
+
+    @cached_property
+    def absolute(self) -> sp.csr_array:
+        """|A|, entry by entry; it shares the index arrays of A."""
+        A = self.sparse
+        return sp.csr_array((np.abs(A.data), A.indices, A.indptr), shape=A.shape)
+
+    @cached_property
+    def rows(self) -> Rows:
+        """The rows, looked at in one pass."""
+        from ..numerics.kernels.rows import look  # loads numba
+
+        A, n = self.sparse, self.n
+        arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n)
+        matrix = (A.indptr, A.indices, A.data)
+        reach = in_parts(n, threads_for(A.nnz), lambda low, high: look(*matrix, low, high, *arrays))
+        for array in arrays:
+            array.flags.writeable = False
+        below, above, lower, upper = zip(*reach, strict=True)
+        return Rows(*arrays, max(below), max(above), sum(lower), sum(upper))
+
+    @cached_property
+    def has_positive_diagonal(self) -> bool:
+        """Whether D > 0."""
+        return bool((self.rows.diagonal > 0).all())
+
+    @cached_property
+    def is_band(self) -> bool:
+        """Whether few diagonals next to the main one hold all entries."""
+        return self.rows.below + self.rows.above < _WIDEST_BAND
+
+    @cached_property
+    def hardly_dominant(self) -> float:
+        """The share of the rows with Σ_{j≠i}|a_ij| > .97a_ii."""
+        return float(np.count_nonzero(self.rows.rest > HARDLY * self.rows.diagonal) / self.n)
+
+    @cached_property
+    def couplings(self) -> sp.csr_array:
+        """√|a_ij a_ji|/√|a_ii a_jj| off the diagonal: see `numerics.lanczos.couplings`."""
+        return couplings(self.sparse)
+
+    @cached_property
+    def jacobi_radius(self) -> float:
+        """An estimate of the spectral radius of I − D⁻¹A, D > 0: of the row sums where they show it to be small."""
+        with np.errstate(over="ignore"):
+            bound = float((self.rows.rest / self.rows.diagonal).max())
+        return bound if bound <= SMALL_RADIUS else radius_of(self.couplings)
+
+    @cached_property
+    def rough_jacobi_radius(self) -> float:
+        """The mean of the row sums Σ_{j≠i}|a_ij|/|a_ii| where none is above 1.
+
+        Where D⁻¹A is a symmetric M-matrix that mean is a Rayleigh quotient, and it costs no product with A. Where some
+        row is not dominant, a few Lanczos steps on `couplings`, for which units make no difference.
+        """
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            sums = self.rows.rest / np.abs(self.rows.diagonal)
+            if sums.max() <= _DOMINANT:
+                return min(float(sums.mean()), 1.0)
+            return radius_of(self.couplings, _ROUGH_STEPS)
+
+    @cached_property
+    def weights(self) -> Vector:
+        """Ω with p/Ω in the units of z: |a_ii|, the largest |a_ij| of the row where that is 0, 1 in a zero row."""
+        diagonal: Vector = np.abs(self.sparse.diagonal())
+        if diagonal.all():
+            return diagonal
+        largest = np.asarray(self.absolute.max(axis=1).toarray()).reshape(-1)
+        return np.where(diagonal > 0, diagonal, np.where(largest > 0, largest, 1.0))
+
+
+#: which entries of a vector are meant
+Indices = NDArray[np.intp]

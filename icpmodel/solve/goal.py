@@ -1,0 +1,78 @@
+"""When a run has what it was asked for: a small residual, or a certified error below a bound."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import MapError, NotApplicable
+from ..numerics.arrays import Vector
+from ..numerics.rounding import at_most
+from ..problem.data import ProblemData
+from ..theory.certificates.bounds import error_bound
+
+
+@dataclass
+class Goal:
+    """Res(z) ≤ `tolerance`."""
+
+    tolerance: float
+
+    def reached(self, z: Vector, residual: float) -> bool:
+        """Whether `z`, shape (n,), with Res(z) = `residual` is what was asked for; NaN is not."""
+        return residual <= self.tolerance
+
+    def judge(self, z: Vector, residual: float) -> bool:
+        """The last word on `z`: `reached`, but for looks that were left out to save time."""
+        return self.reached(z, residual)
+
+    def wanted(self, z: Vector) -> str:
+        """What was asked for, in words, for the message of a run that did not get there with `z`."""
+        return f"stop at {self.tolerance:.3g}"
+
+
+class AccuracyGoal(Goal):
+    """A certified bound on max|z − z*| that is at most `accuracy`.
+
+    The bound costs more than a residual and falls about as fast, so it is looked at only where the residual is at most
+    `tolerance`, which every look sets anew. Raises NotApplicable where nothing bounds the error of `problem`.
+    """
+
+    def __init__(self, problem: ProblemData, accuracy: float, start: Vector) -> None:
+        super().__init__(np.inf)
+        self.problem, self.accuracy = problem, accuracy
+        bound = error_bound(problem, start)
+        self.looked_at, self.bound = start, bound.value
+        if not bound.unique:
+            raise NotApplicable(
+                f"accuracy: nothing bounds the error of this problem: {bound.reason}; give rtol instead"
+            )
+
+    def reached(self, z: Vector, residual: float) -> bool:
+        if not residual <= self.tolerance:
+            return False
+        if self.judge(z, residual):
+            return True
+        share = 0.0 if self.bound is None else self.accuracy / self.bound
+        self.tolerance = residual * min(max(share, 0.1), 0.5)
+        return False
+
+    def judge(self, z: Vector, residual: float) -> bool:
+        bound = self._look(z)
+        return bound is not None and bound <= self.accuracy
+
+    def wanted(self, z: Vector) -> str:
+        bound = self._look(z)
+        known = "nothing is certain of its error" if bound is None else f"its error is at most {at_most(bound)}"
+        return f"{known}; {self.accuracy:.3g} was wanted"
+
+    def _look(self, z: Vector) -> float | None:
+        """The bound on the error of `z`, None where there is none; at a point that does not move one look will do."""
+        if not np.array_equal(z, self.looked_at):
+            self.bound = None
+            with contextlib.suppress(MapError):
+                self.bound = error_bound(self.problem, z).value
+            self.looked_at = z
+        return self.bound

@@ -1,0 +1,278 @@
+"""Thousands of problems at once: right-hand sides, obstacles or parameter values, in compiled code where it can be."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..algebra.subproblems import PIVOT_UP_TO, with_fixed_obstacle
+from ..errors import InputError, MapError, NotSolved
+from ..methods.lemke import PIVOTS, Linear
+from ..methods.tridiagonal import Tridiagonal
+from ..numerics.arrays import Vector, norm
+from ..numerics.threads import cores, in_parts
+from ..problem.affine import Affine
+from ..problem.data import ProblemData
+from ..problem.map import Map
+from .driver import RTOL
+from .run import Limits
+from .solution import Status
+
+Matrix = NDArray[np.float64]
+
+#: Newton's steps that a row may take where A is tridiagonal, before `solve` has a try at it
+_STEPS = 50
+#: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
+_ROWS_A_THREAD, _UNKNOWNS_A_THREAD = 200, 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions:
+    """The answers of `solve_many`, one row per problem.
+
+    `Z` shape (k, n), read-only; `statuses` k members of `Status`; `residuals` = Res(z) of the returned rows, recomputed
+    from (A, q, ψ, z), and the `tolerances` they were held against, shape (k,) each; `seconds` of the whole;
+    `messages` what went wrong, by row.
+
+    >>> solve_many([[2.0]], [[-2.0], [3.0]]).Z
+    array([[1.],
+           [0.]])
+    """
+
+    Z: Matrix
+    statuses: tuple[Status, ...]
+    residuals: Vector
+    tolerances: Vector
+    seconds: float
+    messages: dict[int, str] = field(repr=False)
+
+    @property
+    def failed(self) -> list[int]:
+        """The rows whose status is not SOLVED.
+
+        >>> solve_many([[-1.0]], [[1.0], [-1.0]], raise_on_failure=False).failed
+        [1]
+        """
+        return sorted(self.messages)
+
+    @property
+    def message(self) -> str:
+        """What went wrong, in one sentence.
+
+        >>> solve_many([[2.0]], [[-2.0], [3.0]]).message
+        'all 2 rows are solved'
+        """
+        if not self.messages:
+            return f"all {len(self.Z)} rows are solved"
+        first = self.failed[0]
+        return f"{len(self.messages)} of {len(self.Z)} rows failed, first row {first}: {self.messages[first]}"
+
+    def __repr__(self) -> str:
+        return f"Solutions(k={self.Z.shape[0]}, n={self.Z.shape[1]}, {self.message}, seconds={self.seconds:.3g})"
+
+
+def solve_many(
+    A: Any,
+    Q: Any,
+    psi: Any = 0.0,
+    *,
+    Z0: Any = None,
+    rtol: float = RTOL,
+    atol: float = 0.0,
+    raise_on_failure: bool = True,
+) -> Solutions:
+    """Solve k problems, row i of `Q` with A and ψ, or with the i-th of those that are lists, as `solve` would each.
+
+    Where they share A, and ψ is affine or amounts to fixed obstacles, problems with n ≤ 64 are pivoted (see `Lemke`),
+    and those with a tridiagonal A go the way of `Tridiagonal`: all of them in a few compiled calls on all cores. What
+    these leave open, and all other problems, `solve` gets one by one: what is known of a shared A is kept from row to
+    row, and the start is the row of `Z0`, or the answer of the row before. Ctrl-C leaves the rows that are solved.
+
+    Parameters: `A` as for `ICP`, or a list of k of them; `Q` shape (k, n), or (n,) where A or psi are k; `psi` as for
+    `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `Z0` starts of shape (k, n) or (n,), or
+    earlier `Solutions`; `rtol` and `atol`: row i is solved where Res(z) ≤ max(atol, rtol·Res(0)).
+    Returns `Solutions`. Raises InputError for wrong shapes, NotSolved, which carries them, where a row is not solved
+    unless `raise_on_failure` is False, and what else `solve` raises.
+    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
+
+    >>> solve_many([[2, -1], [-1, 2]], [[-1, 3], [3, -1], [-1, -1]]).Z
+    array([[0.5, 0. ],
+           [0. , 0.5],
+           [1. , 1. ]])
+    >>> solve_many([[[2.0]], [[4.0]]], [-2.0]).Z.ravel()
+    array([1. , 0.5])
+    """
+    clock = time.perf_counter()
+    Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=None)
+    job = _Job(A, _rows(Q, "Q", np.inf), psi, Z0, rtol, atol)
+    job.at_once()
+    for row in np.flatnonzero(~job.solved):
+        job.solve(int(row))
+    solutions = job.solutions(clock)
+    if raise_on_failure and solutions.messages:
+        raise NotSolved(solutions)
+    return solutions
+
+
+def _rows(value: Any, name: str, infinite: float) -> Matrix:
+    """`value` as a float64 matrix, one row per problem, checked; +inf as `infinite` stands for none."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} cannot be read as rows of real numbers") from None
+    if array.ndim not in (1, 2) or array.size == 0:
+        raise InputError(f"{name} has shape {array.shape}; one row per problem was expected")
+    array = np.atleast_2d(array)
+    right = np.isfinite(array) | (np.isneginf(array) & (infinite < 0))
+    if not right.all():
+        i, j = np.argwhere(~right)[0]
+        raise InputError(f"{name}[{i}, {j}] is {array[i, j]}; a finite number was expected")
+    return array
+
+
+def _each(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
+    """The items of a list of which each is a value of its own; None for a single value."""
+    listed = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    return list(value) if listed and len(value) and is_one(value[0]) else None
+
+
+def _common(**several: Any) -> int:
+    """How many problems there are, by the lists that are not None. Raises InputError where they differ."""
+    counts = {name: len(values) for name, values in several.items() if values is not None}
+    k = max(counts.values())
+    if not set(counts.values()) <= {1, k}:
+        found = ", ".join(f"{count} of {name}" for name, count in counts.items())
+        raise InputError(f"there are {found}; as many of each were expected, or one for all")
+    return k
+
+
+class _Job:
+    """The rows of one `solve_many` and what is found for them."""
+
+    def __init__(self, A: Any, Q: Matrix, psi: Any, Z0: Any, rtol: float, atol: float) -> None:
+        self.psi, self.rtol, self.atol = psi, rtol, atol
+        self.matrices = _each(A, lambda one: sp.issparse(one) or np.ndim(one) == 2)
+        self.maps = _each(psi, lambda one: isinstance(one, Map) or callable(one))
+        self.obstacles: Matrix | None = None
+        if self.maps is None and np.ndim(psi) == 2 and not sp.issparse(psi):
+            self.obstacles = _rows(psi, "psi", -np.inf)
+            self.maps = list(self.obstacles)
+        self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", np.inf)
+        k = _common(A=self.matrices, Q=Q, psi=self.maps, Z0=self.starts)
+        self.problem = ProblemData(A if self.matrices is None else self.matrices[0], Q[0], self._psi(0))
+        if self.starts is not None:
+            self.problem.vector(self.starts[0], "Z0")  # has the right length
+        shape = k, self.problem.n
+        self.Q, self.Z = np.broadcast_to(Q, shape), np.zeros(shape)
+        self.residuals, self.tolerances = np.full(k, np.inf), np.zeros(k)
+        self.solved = np.zeros(k, dtype=bool)
+        self.failures: dict[int, tuple[Status, str]] = {}
+
+    def _psi(self, row: int) -> Any:
+        """ψ of one row."""
+        return self.psi if self.maps is None else self.maps[row if len(self.maps) > 1 else 0]
+
+    def at_once(self) -> None:
+        """All rows in compiled code, where there is some for them; a row is solved where its residual says so."""
+        problem = self.problem
+        affine = isinstance(problem.psi, Affine)
+        shared = self.matrices is None and (self.maps is None or self.obstacles is not None)
+        if not shared or not (affine or problem.facts.has_fixed_obstacle):
+            return
+        small = problem.n <= PIVOT_UP_TO
+        if not small and (affine or Tridiagonal().why_not(problem) is not None):
+            return
+        with np.errstate(over="ignore", invalid="ignore"), suppress(MapError):
+            c: Any = self.obstacles
+            if isinstance(problem.psi, Affine):
+                c = problem.psi.c
+            elif c is None:
+                c = with_fixed_obstacle(problem).psi.value(self.Q[0])
+            C = np.broadcast_to(c, self.Q.shape)
+            if small:
+                self._pivot(C)
+            else:
+                self._solve_tridiagonal(C)
+        self.solved = self.residuals <= self.tolerances
+
+    def _values(self, Z: Matrix, C: Matrix) -> Matrix:
+        """ψ(z), row by row."""
+        psi = self.problem.psi
+        if self.problem.is_lcp:
+            return C
+        return (psi.G @ Z.T).T + psi.c if isinstance(psi, Affine) else np.array([psi.value(z) for z in Z])
+
+    def _pivot(self, C: Matrix) -> None:
+        """The rows by Lemke's method."""
+        from ..numerics.kernels.judging import judge  # loads numba
+        from ..numerics.kernels.pivoting import many
+        from ..numerics.kernels.units import scale
+
+        problem, Q, A, limit = self.problem, self.Q, self.problem.dense(), PIVOTS * (self.problem.n + 1)
+        lcp = Linear(A, Q[0], C[0], problem.psi.G.toarray() if isinstance(problem.psi, Affine) else None)
+        scaled, X, at_0, zero = scale(lcp.M), np.empty(Q.shape), np.empty(len(Q)), np.broadcast_to(0.0, Q.shape)
+        parts = min(cores(), -(-len(Q) // _ROWS_A_THREAD))
+        in_parts(len(Q), parts, lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high]))
+        self.Z = np.ascontiguousarray(lcp.back(X))
+        there, here = (np.broadcast_to(self._values(Z, C), Q.shape) for Z in (zero[:1], self.Z))
+
+        def look(low: int, high: int) -> None:
+            judge(A, Q[low:high], here[low:high], self.Z[low:high], self.residuals[low:high])
+            judge(A, Q[low:high], there[low:high], zero[low:high], at_0[low:high])
+
+        in_parts(len(Q), parts, look)
+        self.tolerances = np.maximum(self.atol, self.rtol * at_0)
+
+    def _solve_tridiagonal(self, C: Matrix) -> None:
+        """The rows by the direct method for tridiagonal A."""
+        from ..numerics.kernels.tridiagonal import bands, many  # loads numba
+
+        A, Q, Z, k = self.problem.A, self.Q, self.Z, len(C)
+        matrix = bands(A.indptr, A.indices, A.data)
+        in_parts(
+            k,
+            min(cores(), k, -(-Z.size // _UNKNOWNS_A_THREAD)),
+            lambda low, high: many(*matrix, Q[low:high], C[low:high], _STEPS, Z[low:high]),
+        )
+        here, there = self._values(Z, C), np.broadcast_to(self._values(np.zeros((1, self.problem.n)), C), C.shape)
+        for row, (z, q) in enumerate(zip(Z, Q, strict=True)):
+            self.residuals[row] = norm(np.minimum(self.problem.product(z) + q, z - here[row]))
+            self.tolerances[row] = max(self.atol, self.rtol * norm(np.minimum(q, -there[row])))
+
+    def solve(self, row: int) -> None:
+        """One row by `ICP.solve`; none where an earlier one was interrupted."""
+        if any(status is Status.INTERRUPTED for status, _ in self.failures.values()):
+            self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
+            return
+        start = self.Z[row - 1] if row and self.solved[row - 1] else None
+        if self.starts is not None:
+            start = self.starts[row if len(self.starts) > 1 else 0]
+        solution = self._problem(row).solve(z0=start, rtol=self.rtol, atol=self.atol, raise_on_failure=False)
+        self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
+        self.solved[row] = solution.solved
+        if not solution.solved:
+            self.failures[row] = solution.status, solution.message
+
+    def _problem(self, row: int) -> ProblemData:
+        """The problem of one row, which shares with the others what they have in common."""
+        if self.matrices is not None and len(self.matrices) > 1:
+            return ProblemData(self.matrices[row], self.Q[row], self._psi(row))
+        problem = self.problem.with_q(self.Q[row])
+        return problem if self.maps is None else problem.with_psi(self._psi(row))
+
+    def solutions(self, clock: float) -> Solutions:
+        """What was found, `clock` being the time of the start."""
+        self.Z.flags.writeable = False
+        statuses = [Status.SOLVED] * len(self.Z)
+        for row, (status, _) in self.failures.items():
+            statuses[row] = status
+        messages = {row: message for row, (_, message) in self.failures.items()}
+        seconds = time.perf_counter() - clock
+        return Solutions(self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages)

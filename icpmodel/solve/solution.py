@@ -1,0 +1,400 @@
+"""What comes back from a solve: `Status` says why the loop stopped, `Certificate` what is known of z."""
+
+from __future__ import annotations
+
+import html
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from enum import Enum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..algebra.equations import nearer_to_obstacle, solve_on
+from ..errors import IcpError, MapError
+from ..numerics.arrays import Vector, as_truth
+from ..problem.data import ProblemData, as_problem
+from ..theory.answers import Answer
+from ..theory.certificates.active_set import ActiveSet, active_set
+from ..theory.certificates.bounds import ErrorBound, error_bound
+
+if TYPE_CHECKING:
+    from ..methods.contract import Method
+
+
+class Status(Enum):
+    """Why a run stopped. Only SOLVED is success; every other member carries advice.
+
+    >>> Status.CYCLED.advice
+    'try another method or another start z0'
+    """
+
+    SOLVED = "solved"
+    PRECISION_LIMIT = "precision limit"
+    STAGNATED = "stagnated"
+    CYCLED = "cycled"
+    DIVERGED = "diverged"
+    INFEASIBLE = "infeasible"
+    ITERATION_LIMIT = "iteration limit"
+    TIME_LIMIT = "time limit"
+    INTERRUPTED = "interrupted"
+    STOPPED = "stopped by callback"
+    MAP_FAILED = "psi failed"
+
+    @property
+    def advice(self) -> str:
+        """What to try next, in one sentence; empty for SOLVED.
+
+        >>> Status.SOLVED.advice
+        ''
+        """
+        return self.advice_with("")
+
+    def advice_with(self, to_try: str) -> str:
+        """`advice` for a method that knows what else to try, see `Method.to_try`.
+
+        >>> Status.CYCLED.advice_with("a smaller omega")
+        'try a smaller omega, another method or another start z0'
+        """
+        return _ADVICE[self.name].format(f"{to_try}, " if to_try else "")
+
+
+_ADVICE = {
+    "SOLVED": "",
+    "PRECISION_LIMIT": "rounding forbids a smaller residual: accept this z, or scale the problem; see its error bound",
+    "STAGNATED": "try {}another method or another start z0; unless certified, there may be no solution",
+    "CYCLED": "try {}another method or another start z0",
+    "DIVERGED": "try {}another method or another start z0; A may be far from an H+-matrix",
+    "INFEASIBLE": "this is proved: mend A, q or psi; `infeasible.witness` says which rows contradict each other",
+    "ITERATION_LIMIT": "raise max_iter, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
+    "TIME_LIMIT": "raise time_limit, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
+    "INTERRUPTED": "pass this solution as z0 to go on",
+    "STOPPED": "the callback returned True; pass this solution as z0 to go on",
+    "MAP_FAILED": "mend psi, or start nearer to the solution; this is the best iterate before it failed",
+}
+
+#: a residual or a bound counts as better than another one if it is at most this share of it
+_BETTER = 0.99
+#: columns of the card
+_WIDTH = 116
+#: the reason of a certificate without a bound that nobody asked for
+_NOT_COMPUTED = "it was not computed"
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is true of z, recomputed from (A, q, ψ, z) by `certify` and by nothing else.
+
+    `residual` = ‖min(r, p)‖₂; `residual_max` the max-norm of the same vector; `residual_scaled` the max-norm of
+    min(r, D⁻¹p) with D = |diag(A)|, in the units of z, or None where the diagonal has a zero; `violation_p` and
+    `violation_r` the largest negative parts of p and r; `bound` the `ErrorBound`.
+
+    >>> certify(ICP([[2.0]], [-2.0]), [1.0]).residual
+    0.0
+    """
+
+    residual: float
+    residual_max: float
+    residual_scaled: float | None
+    violation_p: float
+    violation_r: float
+    bound: ErrorBound
+
+    @property
+    def error_bound(self) -> float | None:
+        """max_i |z_i − z*_i| is at most this; None where there is no certificate (`bound.reason` says why).
+
+        >>> certify(ICP([[0.0]], [1.0]), [0.0]).error_bound is None
+        True
+        """
+        return self.bound.value
+
+    @property
+    def unique(self) -> bool:
+        """Whether the solution is proved to exist and to be the only one.
+
+        >>> certify(ICP([[2.0]], [-2.0]), [1.0]).unique
+        True
+        """
+        return self.bound.unique
+
+    def __str__(self) -> str:
+        rows = {
+            "residual": f"{self.residual:.3g}, largest entry {self.residual_max:.3g}",
+            "p >= 0": f"violated by {self.violation_p:.3g}",
+            "r >= 0": f"violated by {self.violation_r:.3g}",
+            "error": str(self.bound),
+        }
+        return _card(rows)
+
+    def __repr__(self) -> str:
+        return f"Certificate(residual={self.residual:.6g}, error_bound={self.error_bound}, unique={self.unique})"
+
+
+def certify(
+    problem: ProblemData, z: Any, *, bound: bool = True, sharp: bool | None = None, rigorous: bool = False
+) -> Certificate:
+    """The one judge of an answer, ours or a foreign solver's.
+
+    Parameters: `z` shape (n,), or a `Solution`; `bound` whether to look for an error bound as well, which may cost one
+    linear solve, and `sharp` and `rigorous` how: see `icpmodel.error_bound`.
+    Returns a `Certificate`. Raises InputError for what is no ICP or no such z, MapError where ψ fails.
+
+    >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
+    0.0
+    """
+    z, bound = as_problem(problem).vector(z), as_truth(bound, "bound")
+    diagonal = np.abs(problem.A.diagonal())
+    with np.errstate(over="ignore", invalid="ignore"):
+        p, r = problem.p(z), problem.r(z)
+        scaled = None if (diagonal == 0).any() else float(np.abs(np.minimum(r, p / diagonal)).max())
+    return Certificate(
+        residual=problem.residual(z),
+        residual_max=float(np.abs(np.minimum(r, p)).max()),
+        residual_scaled=scaled,
+        violation_p=float(np.maximum(-p, 0.0).max()),
+        violation_r=float(np.maximum(-r, 0.0).max()),
+        bound=(error_bound(problem, z, sharp=sharp, rigorous=rigorous) if bound else ErrorBound.none(_NOT_COMPUTED)),
+    )
+
+
+@dataclass(frozen=True)
+class History:
+    """The path of a run: iterate number, Res(z) and seconds since the start, one entry per tested iterate.
+
+    >>> ICP([[2.0]], [-2.0]).solve("mnmgs", history=True).history.iteration
+    array([0, 1])
+    """
+
+    iteration: np.ndarray
+    residual: np.ndarray
+    seconds: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """An answer: the returned z, why the loop stopped, and, computed when first asked for, what is certain of z.
+
+    `problem`; `z` shape (n,); `status`; `message` with advice; `method`, the method that found z, and `why` it was
+    picked; `last_method`, whose end the `status` is: another one where several were tried and the last was not the
+    best; `residual` = Res(z), judged on the returned z, and the `tolerance` it was held against; `iterations` in all;
+    `seconds` of the run, set-up included; `accuracy`, the certified error that was asked for, or None; `history` or
+    None; `infeasible`, the proof with its witness where the status is INFEASIBLE, else None.
+
+    >>> solution = ICP([[2.0]], [-2.0]).solve("mnmgs")
+    >>> solution.status, solution.iterations
+    (<Status.SOLVED: 'solved'>, 1)
+    """
+
+    problem: ProblemData
+    z: Vector
+    status: Status
+    message: str
+    method: Method
+    last_method: Method
+    why: str
+    residual: float
+    tolerance: float
+    iterations: int
+    seconds: float
+    accuracy: float | None = None
+    history: History | None = field(default=None, repr=False)
+    infeasible: Answer | None = field(default=None, repr=False)
+
+    @property
+    def solved(self) -> bool:
+        """Whether the status is SOLVED: Res(z) ≤ `tolerance` or, if asked for, a certified error ≤ `accuracy`.
+
+        >>> ICP([[2.0]], [-2.0]).solve().solved
+        True
+        """
+        return self.status is Status.SOLVED
+
+    @cached_property
+    def p(self) -> Vector:
+        """p = Az + q, shape (n,).
+
+        >>> ICP([[2.0]], [-2.0]).solve().p
+        array([0.])
+        """
+        return self.problem.p(self.z)
+
+    @cached_property
+    def r(self) -> Vector:
+        """r = z − ψ(z), shape (n,).
+
+        >>> ICP([[2.0]], [-2.0]).solve().r
+        array([1.])
+        """
+        return self.problem.r(self.z)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Everything that is certain of z; may cost one linear solve, once per A and ψ.
+
+        >>> ICP([[2.0]], [-2.0]).solve().certificate.unique
+        True
+        """
+        return certify(self.problem, self.z)
+
+    @cached_property
+    def active_set(self) -> ActiveSet:
+        """Which rows are proved to touch the obstacle, and which not.
+
+        >>> ICP([[2.0]], [-2.0]).solve().active_set.inactive
+        array([ True])
+        """
+        return active_set(self.problem, self.z, self.certificate.bound)
+
+    def polish(self) -> Solution:
+        """The answer to rounding accuracy: the solution of the equations that the active set leaves, one linear solve.
+
+        Rows that are undecided take the side to which z is nearer, so where all are decided the result is z* up to
+        rounding; else it is a candidate like any other. Returns the new solution if its residual or its error bound is
+        the smaller one by a hundredth or more (where p is large in its units, rounding alone makes a residual), else
+        this one. Its status is SOLVED where it reaches what was asked for, else it is unchanged. Where the equations
+        cannot be solved, because they are singular or ψ or its derivative fails, this answer with `why` saying so.
+
+        >>> rough = ICP([[2, -1], [-1, 2]], [-1, 3]).solve("mnmgs", rtol=0.1)
+        >>> rough.polish().z
+        array([0.5, 0. ])
+        """
+        problem, known = self.problem, self.active_set
+        active = known.active | (known.undecided & nearer_to_obstacle(problem, self.z))
+        try:
+            z = solve_on(problem, self.z, active)
+            residual = problem.residual(z)
+        except IcpError as error:
+            return self._with(why=self._and_why(f"not polished: {error}"))
+        if not (residual < _BETTER * self.residual or self._closer(z)):
+            return self
+        z.flags.writeable = False
+        left = int(known.undecided.sum())
+        guessed = f", {left} rows of which are not proved" if left else ""
+        told = f"polished by one linear solve on the active set{guessed}"
+        better = replace(self, z=z, residual=residual, why=self._and_why(told))
+        if self.certificate.bound.reason == _NOT_COMPUTED:
+            better = better.without_bound()
+        found = better.error_bound if self.accuracy else None
+        reached = residual <= self.tolerance if not self.accuracy else found is not None and found <= self.accuracy
+        if reached:
+            return better._with(status=Status.SOLVED, message="solved")
+        told = f"{self.message}; polished to a residual of {residual:.3g}"
+        return self if self.solved else better._with(message=told)
+
+    def _closer(self, z: Vector) -> bool:
+        """Whether `z` has an error bound that is smaller enough than that of this answer."""
+        known = self.error_bound
+        if known is None:
+            return False
+        found = error_bound(self.problem, z).value
+        return found is not None and found < _BETTER * known
+
+    def _and_why(self, told: str) -> str:
+        return f"{self.why}; {told}" if self.why else told
+
+    def _with(self, **changed: Any) -> Solution:
+        """The same z with what is known of it, but for the words on it."""
+        copy = replace(self, **changed)
+        if "certificate" in self.__dict__:
+            copy.__dict__["certificate"] = self.certificate
+        return copy
+
+    def without_bound(self) -> Solution:
+        """The same answer, its certificate without an error bound: for problems so large that one solve is too dear.
+
+        >>> ICP([[2.0]], [-2.0]).solve().without_bound().certificate.bound.reason
+        'it was not computed'
+        """
+        copy = replace(self)
+        copy.__dict__["certificate"] = certify(self.problem, self.z, bound=False)
+        return copy
+
+    @property
+    def error_bound(self) -> float | None:
+        """max_i |z_i − z*_i| is at most this, in the units of z; None where there is no certificate.
+
+        >>> ICP([[2.0]], [-2.0]).solve().error_bound < 1e-14
+        True
+        """
+        return self.certificate.error_bound
+
+    def summary(self) -> Mapping[str, str]:
+        """The card that `print` shows, as names and texts.
+
+        >>> ICP([[2.0]], [-2.0]).solve("mnmgs").summary()["status"]
+        'solved after 1 iteration'
+        """
+        plural = "" if self.iterations == 1 else "s"
+        try:
+            bound, rows_known = self.certificate.bound, str(self.active_set)
+        except MapError as error:
+            bound, rows_known = ErrorBound.none(str(error).replace("; ", ", ")), ""
+        last, found = "", ""
+        if self.last_method is not self.method:
+            last, found = f"; the last method was {self.last_method!r}", ", which found this z"
+        rows = {
+            "problem": f"{self.problem!r}",
+            "status": f"{self.status.value} after {self.iterations} iteration{plural}{last}",
+            "method": f"{self.method!r}{found}" + (f"\n{self.why}" if self.why else ""),
+            "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" (stop at {self.tolerance:.3g})"),
+            "error": bound.in_words(self.accuracy),
+        }
+        if bound.value is not None:
+            rows["rows"] = rows_known
+        if not self.solved:
+            rows["message"] = self.message
+        rows["seconds"] = f"{self.seconds:.3g}"
+        return rows
+
+    def about(self) -> dict[str, Any]:
+        """What is known of this answer as plain data for JSON: status, method, residuals, error bound; no arrays.
+
+        >>> ICP([[2.0]], [-1.0]).solve().about()["status"]
+        'solved'
+        """
+        certificate, known = self.certificate, self.active_set
+        numbers = {field.name: getattr(certificate, field.name) for field in fields(certificate)}
+        bound = numbers.pop("bound")
+        told = {
+            "problem": repr(self.problem),
+            "n": self.problem.n,
+            "status": self.status.value,
+            "message": self.message,
+            "method": repr(self.method),
+            "last_method": repr(self.last_method),
+            "why": self.why,
+            "iterations": self.iterations,
+            "seconds": self.seconds,
+            "tolerance": None if self.accuracy else self.tolerance,
+            "accuracy": self.accuracy,
+            **numbers,
+            "error_bound": bound.value,
+            "error_bound_euclidean": bound.euclidean,
+            "error_bound_proof": bound.proof or None,
+            "no_error_bound_because": bound.reason or None,
+            "unique": bound.unique or None,
+            "rows_active": int(known.active.sum()),
+            "rows_inactive": int(known.inactive.sum()),
+            "rows_undecided": int(known.undecided.sum()),
+        }
+        # JSON has no NaN and no infinity
+        return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
+
+    def __str__(self) -> str:
+        return _card(self.summary())
+
+    def _repr_html_(self) -> str:
+        lines = {name: html.escape(text).replace("\n", "<br>") for name, text in self.summary().items()}
+        cells = (f"<tr><th style='text-align:left'>{name}</th><td>{text}</td></tr>" for name, text in lines.items())
+        return f"<table>{''.join(cells)}</table>"
+
+
+def _card(rows: Mapping[str, str]) -> str:
+    lines = []
+    for name, text in rows.items():
+        parts = [part for line in text.splitlines() for part in textwrap.wrap(line, _WIDTH - 10)]
+        lines += [f"{head:<9} {part}" for head, part in zip([name, *[""] * len(parts)], parts, strict=False)]
+    return "\n".join(lines)

@@ -1,0 +1,21 @@
+"""Studies: races, stability maps, sensitivity, and the report."""
+
+from .charts.solution_chart import solution_figure
+from .html_report import html_report
+from .planes import Axis, Plane
+from .racing import Race, race
+from .sensitivity import Sensitivity, sensitivity
+from .stability_map import StabilityMap, stability
+
+__all__ = [
+    "Axis",
+    "Plane",
+    "Race",
+    "Sensitivity",
+    "StabilityMap",
+    "html_report",
+    "race",
+    "sensitivity",
+    "solution_figure",
+    "stability",
+]

@@ -1,0 +1,257 @@
+"""Where a method converges, how fast, how it fails elsewhere, and what the theorems say of it, over two parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import IcpError, InputError, Interrupted, MapError
+from ..icp import ICP
+from ..methods.contract import Method
+from ..methods.modulus import ModulusMember
+from ..numerics.arrays import Vector, as_number, described
+from ..present.table import Table
+from ..problem.data import as_problem
+from ..solve.progress import status_line
+from ..solve.run import Limits
+from ..solve.solution import Solution, Status
+from ..theory import check, check_all, theorems
+from .planes import PLANES, Plane
+
+#: how a run can end, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
+ENDS = (
+    "solved",
+    "slow",
+    "precision limit",
+    "psi failed",
+    "stagnated",
+    "cycled",
+    "diverged",
+    "overflowed",
+    "refused",
+    "not run",
+)
+#: the theorems that prove convergence from every start; "monotone" needs a special one
+GLOBAL = tuple(name for name in theorems() if name != "monotone")
+#: those that the paper prints otherwise
+PRINTED = ("4.2", "4.3", "4.4")
+#: a proof is contradicted by these; "slow" and "precision limit" are what a factor near 1 and rounding do to it
+_AGAINST = ("stagnated", "cycled", "diverged", "overflowed")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StabilityMap:
+    """What happened at every point of a plane of two parameters.
+
+    `plane`, with its axes `plane.x` and `plane.y`; `ends` one of `ENDS` per point, shape (len(y), len(x)); `steps` the
+    steps that a solved point took, 0 elsewhere; `proved` theorem → mask of the points where it proves convergence;
+    `printed` the same of the statements as the paper prints them; `max_iter` and `rtol` of the runs. Of the runs from
+    several starts the worst counts. `command` is what makes it again.
+
+    >>> found = stability("coupling", points=3, n=9)
+    >>> found.ends.shape, found.contradictions
+    ((3, 3), 0)
+    """
+
+    plane: Plane
+    ends: NDArray[np.str_]
+    steps: NDArray[np.int64]
+    proved: dict[str, NDArray[np.bool_]]
+    printed: dict[str, NDArray[np.bool_]]
+    max_iter: int
+    rtol: float
+    command: str = ""
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """The points where a run cycled, stagnated, diverged or overflowed.
+
+        >>> stability("coupling", points=2, n=9).failed.shape
+        (2, 2)
+        """
+        return np.isin(self.ends, _AGAINST)
+
+    @property
+    def contradictions(self) -> int:
+        """At how many points a theorem proves convergence and a run failed: must be 0.
+
+        >>> stability("coupling", points=2, n=9).contradictions
+        0
+        """
+        return int((self.any_proved & self.failed).sum())
+
+    @property
+    def printed_contradictions(self) -> int:
+        """The same for the theorems as printed.
+
+        >>> stability("units", points=5, n=9).printed_contradictions > 0
+        True
+        """
+        return int((self.any_printed & self.failed).sum())
+
+    @property
+    def any_proved(self) -> NDArray[np.bool_]:
+        """The points where some theorem proves convergence from every start, in exact arithmetic.
+
+        >>> bool(stability("coupling", points=2, n=9).any_proved[0, 0])
+        True
+        """
+        return np.any([*self.proved.values()], axis=0)
+
+    @property
+    def any_printed(self) -> NDArray[np.bool_]:
+        """The points where the paper, as printed, says so.
+
+        >>> stability("coupling", points=2, n=9).any_printed.shape
+        (2, 2)
+        """
+        return np.any([*self.printed.values()], axis=0)
+
+    def table(self) -> Table:
+        """One row per point: the two parameters, how it ended, steps, and which theorems prove it.
+
+        >>> stability("coupling", points=2, n=9).table().heads
+        ('mu', 'norm of G', 'end', 'steps', 'proved by', 'proved as printed')
+        """
+        rows = []
+        for j, y in enumerate(self.plane.y.values):
+            for i, x in enumerate(self.plane.x.values):
+                by = " ".join(name for name, mask in self.proved.items() if mask[j, i])
+                printed = " ".join(name for name, mask in self.printed.items() if mask[j, i])
+                rows.append((x, y, str(self.ends[j, i]), int(self.steps[j, i]) or None, by, printed))
+        heads = (self.plane.x.name, self.plane.y.name, "end", "steps", "proved by", "proved as printed")
+        return Table(self.plane.title, heads, tuple(rows))
+
+    def summary(self) -> Table:
+        """How many points ended how, and of these how many are proved.
+
+        >>> print(stability("coupling", points=2, n=9).summary().heads)
+        ('end', 'points', 'proved', 'proved as printed')
+        """
+        rows = []
+        for end in ENDS:
+            here = self.ends == end
+            if here.any():
+                proved, printed = (int((here & mask).sum()) for mask in (self.any_proved, self.any_printed))
+                rows.append((end, int(here.sum()), proved, printed))
+        return Table(self.plane.title, ("end", "points", "proved", "proved as printed"), tuple(rows))
+
+    def plot(self, path: Any) -> list[Path]:
+        """Write the map as a figure, PNG and SVG, and its points as CSV; see `figures.save`. Returns the paths.
+
+        >>> stability("coupling", points=2, n=9).plot("no-such-folder/map.png")
+        Traceback (most recent call last):
+        icpmodel.errors.FileError: no-such-folder/map.png: the folder no-such-folder does not exist
+        """
+        from .charts.figures import save
+        from .charts.map_chart import map_figure
+
+        return save(map_figure(self), path, self.table(), self.command)
+
+    def __str__(self) -> str:
+        printed = f"as printed: {self.printed_contradictions}"
+        return f"{self.summary()}\nproved, and yet failed: {self.contradictions}; {printed}"
+
+
+def stability(
+    plane: str | Plane = "relaxation",
+    problem: ICP | None = None,
+    *,
+    method: str | None = None,
+    points: int = 25,
+    n: int = 49,
+    starts: int = 3,
+    max_iter: int = 2000,
+    rtol: float = 1e-8,
+    progress: bool = False,
+    command: str = "",
+) -> StabilityMap:
+    """Solve at every point of a plane of two parameters, and ask every theorem there.
+
+    Parameters: `plane` one of `planes.PLANES` or a `Plane` of your own; `problem` for the planes whose parameters are
+    the method's ("relaxation", "shift"), by default manufactured-affine; `method` a name, for the others; `points` per
+    axis; `n` wanted unknowns of the built-in problems; `starts` ≥ 1: 0 and random vectors, of which the worst run
+    counts; `max_iter` and `rtol` of each run; `progress` shows a line where standard error is a terminal;
+    `command` is noted beside the data.
+    Returns a `StabilityMap`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the map as far as it got.
+
+    >>> print(stability("relaxation", points=2, n=9).plane.x.name)
+    theta1
+    """
+    if isinstance(plane, str):
+        if plane not in PLANES:
+            raise InputError(f"plane is {plane!r}; one of {', '.join(PLANES)} was expected")
+        points = int(as_number(points, "points", least=2, whole=True))
+        n = int(as_number(n, "n", least=1, whole=True))
+        problem = None if problem is None else as_problem(problem)
+        plane = PLANES[plane](points=points, n=n, problem=problem, method=method)
+    elif not isinstance(plane, Plane):
+        raise InputError(f"plane is {described(plane)}; one of {', '.join(PLANES)} or a Plane was expected")
+    elif problem is not None or method is not None:
+        raise InputError("a Plane has its own problems and methods: leave problem and method out")
+    limits = Limits(rtol=rtol, atol=0.0, max_iter=max_iter, time_limit=None)
+    starts = int(as_number(starts, "starts", least=1, whole=True))
+    shape = (len(plane.y.values), len(plane.x.values))
+    ends, steps = np.full(shape, "not run", dtype=f"<U{max(map(len, ENDS))}"), np.zeros(shape, dtype=np.int64)
+    proved = {name: np.zeros(shape, dtype=bool) for name in GLOBAL}
+    printed = {name: np.zeros(shape, dtype=bool) for name in PRINTED}
+    found = StabilityMap(
+        plane=plane,
+        ends=ends,
+        steps=steps,
+        proved=proved,
+        printed=printed,
+        max_iter=limits.max_iter,
+        rtol=limits.rtol,
+        command=command,
+    )
+    try:
+        _fill(found, starts, progress)
+    except KeyboardInterrupt:
+        raise Interrupted(found) from None
+    return found
+
+
+def _fill(found: StabilityMap, starts: int, progress: bool) -> None:
+    plane, shape = found.plane, found.ends.shape
+    with status_line(progress) as say:
+        for j, i in np.ndindex(*shape):
+            say(f"point {j * shape[1] + i + 1} of {shape[0] * shape[1]}")
+            one, member = plane.at(float(plane.x.values[i]), float(plane.y.values[j]))
+            runs = [_run(one, member, k, found.max_iter, found.rtol) for k in range(starts)]
+            worst = max((end for end, _ in runs), key=ENDS.index)
+            if isinstance(member, ModulusMember) and member.why_not(one) is None:
+                checks = check_all(one, member)
+                for name, mask in found.proved.items():
+                    mask[j, i] = bool(checks[name].holds)
+                for name, mask in found.printed.items():
+                    mask[j, i] = bool(check(name, one, member, as_printed=True).holds)
+            found.steps[j, i] = max(steps for _, steps in runs) if worst == "solved" else 0
+            found.ends[j, i] = worst
+
+
+def _run(problem: ICP, method: Method, k: int, max_iter: int, rtol: float) -> tuple[str, int]:
+    """How the run from the k-th start ended, and after how many steps."""
+    z0: Vector = np.zeros(problem.n)
+    if k:
+        z0 = 10.0 * np.random.default_rng(k).standard_normal(problem.n)
+    try:
+        solution = problem.solve(method, z0=z0, max_iter=max_iter, rtol=rtol, history=True, raise_on_failure=False)
+    except MapError:
+        return Status.MAP_FAILED.value, 0  # at the start
+    except IcpError:
+        return "refused", 0
+    return _end(solution), solution.iterations
+
+
+def _end(solution: Solution) -> str:
+    if solution.status is Status.ITERATION_LIMIT:
+        return "slow"
+    if solution.status is Status.DIVERGED:
+        assert solution.history is not None
+        return "diverged" if np.isfinite(solution.history.residual[-1]) else "overflowed"
+    return solution.status.value

@@ -1,0 +1,203 @@
+"""The tables behind the README: their shape, and what does not depend on the machine."""
+
+import warnings
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel.benchmarks import (
+    bound_ratios,
+    certificate_cost,
+    dominant_cost,
+    false_success,
+    grid_order,
+    impulse_cost,
+    linear_solve,
+    reading_cost,
+    small_cost,
+    solve_cost,
+    sweep_cost,
+    sweep_counts,
+    tuned_and_automatic,
+)
+
+
+def test_sweep_cost_compares_in_pairs():
+    table = sweep_cost(n=400, repeats=3, methods=("mnmgs",))
+    name, n, product, sweep, ratio, lowest, highest = table.rows[0]
+    assert (name, n) == ("mnmgs", 400)
+    assert 0 < lowest <= ratio <= highest
+    assert product > 0
+    assert sweep > 0
+
+
+def test_sweep_counts_show_a_failed_run_as_such():
+    row = sweep_counts(sides=(10,), methods=("mnmgs",)).rows[0]
+    solution = icp.scenes.bai_symmetric(n=100, mu=0)
+    expected = solution.problem.solve("mnmgs", z0=solution.z0, atol=1e-5, rtol=0).iterations
+    assert row == ("bai-symmetric", 0, "mnmgs", expected)
+
+
+def test_the_dividend_scene_converges_with_second_order():
+    """Free boundary, target and V(1) against the closed form at three grids."""
+    rows = grid_order("dividend", (61, 241, 961)).rows
+    for quantity in ("V(1)", "x*", "target"):
+        h, error = np.array([row[2:4] for row in rows if row[0] == quantity]).T
+        assert np.polyfit(np.log(h), np.log(error), 1)[0] == pytest.approx(2.0, abs=0.15)
+        assert error[-1] < 1e-5
+
+
+def test_a_table_aligns_and_exports():
+    table = sweep_counts(sides=(10,), methods=("mms",))
+    lines = str(table).splitlines()
+    assert len({len(line) for line in lines[1:]}) == 1
+    assert table.to_csv().splitlines()[1] == "bai-symmetric,0,mms,142"
+
+
+def test_the_bounds_are_never_below_the_error_and_sharp_ones_near_it():
+    """On every scene with an exact answer: median ≤ 10, never < 1."""
+    table = bound_ratios(n=100, trials=3)
+    rows = table.rows
+    assert 'no row "solve": all answers were exact' in str(table)
+    assert {row[0] for row in rows} == {n for n in icp.scenes.names() if icp.scenes.scene(n).z_exact is not None}
+    for name, _, _, plain, sharp, lowest, highest in rows:
+        if plain is None:
+            assert name in ("hard-empty-row", "hard-overflow", "hard-semidefinite")
+            continue
+        assert 1 <= lowest <= sharp <= plain, name
+        assert sharp <= 10 or name in ("hard-scaled", "hard-singular")
+        assert sharp <= highest
+
+
+def test_nothing_is_called_solved_that_is_not():
+    """Every method from random starts on what is hard and on one tame scene; the sums are those of the rows."""
+    hard = [name for name in icp.scenes.names() if name.startswith("hard")]
+    table = false_success(seeds=2, n=36, scenes=[*hard, "hand-cyclic"])
+    columns = dict(zip(table.heads, zip(*table.rows, strict=True), strict=True))
+    assert not any(columns["false solved"] + columns["false bound"])
+    for name, counts in columns.items():
+        if name != "scene":
+            assert sum(counts[:-1]) == counts[-1], name
+    ends = [counts for name, counts in columns.items() if name not in ("scene", "runs", "false solved", "false bound")]
+    assert tuple(map(sum, zip(*ends, strict=True))) == columns["runs"]
+    assert columns["infeasible"][table.heads.index("scene") + hard.index("hard-infeasible")] > 0
+
+
+def test_a_false_success_is_counted(monkeypatch):
+    """The count does not rest on the package's own judge: one that takes anything for solved is found out."""
+    monkeypatch.setattr(icp.ICP, "residual", lambda self, z: 0.0)
+    (row, _) = false_success(seeds=1, scenes=["hand-lcp"]).rows
+    assert row[-2] > 0
+
+
+def test_a_certificate_is_compared_with_a_linear_solve():
+    n, certificate, solve, ratio, lowest, highest, proof = certificate_cost(n=2500, repeats=3).rows[0]
+    assert n == 2500
+    assert min(certificate, solve) > 0
+    assert lowest <= ratio <= highest
+    assert proof.startswith("A is an H+-matrix")
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.5])
+def test_the_linear_solve_reaches_its_tolerance(skew):
+    A = icp.scenes.membrane(n=50**2, skew=skew).problem.A
+    b = np.ones(A.shape[0])
+    assert np.linalg.norm(A @ linear_solve(A, b) - b) <= 2e-8 * np.linalg.norm(b)
+
+
+def test_solve_is_compared_with_a_linear_solve_on_every_variant():
+    table = solve_cost([400], repeats=3)
+    assert [row[0] for row in table.rows] == [
+        "membrane",
+        "ball",
+        "elementwise psi",
+        "affine psi",
+        "skew = 0.5",
+        "mu = 4",
+    ]
+    for *_, ours, limit, ratio, lowest, highest, products in table.rows:
+        assert min(ours, limit, products) > 0
+        assert lowest <= ratio <= highest
+    with pytest.raises(icp.InputError, match="repeats is 2"):
+        solve_cost([400], repeats=2)
+
+
+@pytest.mark.parametrize("table", [dominant_cost, impulse_cost], ids=lambda f: f.__name__)
+def test_the_costs_of_whole_solves_are_compared_in_pairs(table):
+    """One row per size; the count, the method and, for impulse control, the error are those of `solve()`."""
+    made = table([100, 400], repeats=3)
+    assert [row[0] for row in made.rows] == ([100, 400] if table is dominant_cost else [91, 391])
+    for row in made.rows:
+        name = "membrane" if table is dominant_cost else "dividend"
+        built = icp.scenes.scene(name, row[0], **({"mu": 4.0} if table is dominant_cost else {}))
+        solution = built.problem.solve()
+        assert row[1:3] == (solution.method.name, solution.iterations)
+        if table is impulse_cost:
+            assert row[3] == pytest.approx(built.errors(solution.z)["V(1)"])
+        assert 0 < row[-2] <= row[-3] <= row[-1]
+    with pytest.raises(icp.InputError, match="repeats is 2; a whole number >= 3"):
+        table([100], repeats=2)
+
+
+def test_small_problems_are_compared_with_osqp_at_residuals_that_are_shown():
+    rows = small_cost(n=8, k=5, repeats=3).rows
+    assert [row[0] for row in rows] == ["one", "one, arrays ready"] * 3 + ["5 with one A"] * 3
+    for row in rows:
+        assert row[-2] < 1e-12
+        assert row[-1] < (1e-6 if "1e-8" in row[2] else 1e-1)
+        assert min(row[3:6]) > 0
+    with pytest.raises(icp.InputError, match="repeats is 2; a whole number >= 3"):
+        small_cost(repeats=2)
+    with pytest.raises(icp.InputError, match="n is -1"):
+        small_cost(n=-1)
+
+
+def test_a_linear_solve_that_breaks_down_warns_of_nothing():
+    """PyAMG switches its own warnings on while it runs; the user has the residual."""
+    with warnings.catch_warnings(record=True) as seen:
+        linear_solve(sp.csr_array([[-1.0]]), np.ones(1))
+    assert not seen
+
+
+def test_osqp_does_not_print_into_the_table(capsys):
+    small_cost(n=1, k=1, repeats=3)
+    assert capsys.readouterr().out == ""
+
+
+def test_tuning_compares_the_best_of_a_grid_with_what_needs_no_theta():
+    table = tuned_and_automatic(n=400, repeats=1, methods=("mnmaor",), on=("ball", "bearing", "hand-cyclic"))
+    rows = {row[0]: row for row in table.rows}
+    assert list(rows) == ["ball", "bearing", "hand-cyclic"]
+    for name in ("ball", "bearing"):
+        _, n, _, theta, best, by_hand, tuned, auto, accelerated, default, *seconds = rows[name]
+        scene = icp.scenes.scene(name, n)
+        assert scene.problem.n == n
+        assert best.startswith("omega=")
+        assert default <= accelerated <= tuned <= by_hand
+        assert scene.problem.solve("accelerated", z0=scene.z0).iterations == default
+        theta1, theta2 = map(float, theta.split(", "))
+        assert scene.problem.solve("mnmaor", theta1=theta1, theta2=theta2, z0=scene.z0).iterations == by_hand
+        solution = scene.problem.solve(icp.Accelerated(of=icp.MNMAOR(theta1="auto")), z0=scene.z0)
+        assert solution.iterations == accelerated
+        assert min(seconds) > 0
+        assert auto == scene.problem.solve("mnmaor", theta1="auto", z0=scene.z0).iterations
+    share = 2 - float(rows["ball"][4].removeprefix("omega="))
+    ball = icp.scenes.scene("ball", 400).problem
+    theta1 = 1 / (2 / (2 - share) - share)
+    again = ball.solve("mnmaor", theta1=theta1, theta2=2 * theta1, phi2=share * ball.A.diagonal())
+    assert again.iterations == rows["ball"][6]
+    assert rows["hand-cyclic"][3:8] == ("-", "-", None, None, None)  # which no theta solves
+    with pytest.raises(icp.InputError, match="repeats is 0"):
+        tuned_and_automatic(repeats=0)
+
+
+def test_reading_a_model_is_compared_with_its_languages_writer():
+    rows = reading_cost(cvxpy_n=400, pyomo_n=100, repeats=3).rows
+    assert [(row[0], row[2]) for row in rows] == [("CVXPY", 400), *[("Pyomo", 100)] * 3]
+    for _, _, _, read, write, ratio, lowest, highest in rows:
+        assert min(read, write) > 0
+        assert lowest <= ratio <= highest
+    with pytest.raises(icp.InputError, match="repeats is 2"):
+        reading_cost(repeats=2)

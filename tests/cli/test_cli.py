@@ -1,0 +1,409 @@
+"""The command line: text and JSON, exit codes, and errors in one line on standard error."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.io import mmwrite
+
+import icpmodel as icp
+from icpmodel.cli import main
+
+
+@pytest.fixture(autouse=True)
+def ctrl_c_raises():
+    """Python's own handler: a shell may start the tests with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def call(capsys, *arguments):
+    with pytest.raises(SystemExit) as stop:
+        main(list(arguments))
+    out, err = capsys.readouterr()
+    return stop.value.code, out, err
+
+
+def test_solve_prints_a_card_and_the_distance_to_the_reference(capsys):
+    code, out, err = call(capsys, "solve", "coulomb")
+    assert code == 0
+    assert "solved after" in out
+    assert "reference z: off by" in out
+    assert err == ""
+
+
+def test_solve_with_a_method_and_its_options(capsys):
+    code, out, _ = call(capsys, "solve", "membrane", "--n", "100", "--method", "mnmsor", "--option", "theta1=1.1")
+    assert code == 0
+    assert "MNMSOR(theta1=1.1)" in out
+
+
+def test_solve_as_json_is_json(capsys):
+    code, out, _ = call(capsys, "solve", "hand-lcp", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert told["status"] == "solved"
+    assert told["distance_to_reference"]["z"] < 1e-6
+    assert told["unique"] is True
+
+
+def test_not_solved_is_exit_code_1_with_advice_on_the_card(capsys):
+    code, out, err = call(capsys, "solve", "membrane", "--method", "mnmj", "--max-iter", "3")
+    assert code == 1
+    assert " ".join(out.split()).count("Advice: raise max_iter, ask for less (rtol, accuracy), or pass") == 1
+    assert err == "icpmodel: not solved: iteration limit\n"  # the card has the message, in lines that can be read
+    assert max(map(len, out.splitlines())) <= 116
+
+
+def test_problem_and_solution_travel_through_files(capsys, tmp_path):
+    folder, answer = str(tmp_path / "problem"), str(tmp_path / "answer.npz")
+    assert call(capsys, "solve", "manufactured-affine", "--n", "25", "--save-problem", folder)[0] == 0
+    code, out, err = call(capsys, "solve", folder, "-o", answer)
+    assert f"wrote {answer}" in err
+    assert code == 0
+    expected = icp.scenes.manufactured_affine(n=25)
+    assert icp.load_solution(answer)["z"] == pytest.approx(expected.z_exact, abs=1e-5)
+    code, out, _ = call(capsys, "crosscheck", folder, "--solver", "osqp")
+    assert code == 0
+    assert "agrees" in out
+
+
+def test_matrix_market_files_are_an_lcp(capsys, tmp_path):
+    mmwrite(tmp_path / "A.mtx", np.array([[2.0, -1.0], [-1.0, 2.0]]))
+    mmwrite(tmp_path / "q.mtx", np.array([[-1.0], [3.0]]))
+    code, out, _ = call(capsys, "solve", str(tmp_path / "A.mtx"), "--q", str(tmp_path / "q.mtx"), "--json")
+    assert code == 0
+    assert json.loads(out)["n"] == 2
+
+
+def test_crosscheck_reports_and_exits_0_only_when_confirmed(capsys, tmp_path):
+    csv = tmp_path / "report.csv"
+    code, out, _ = call(capsys, "crosscheck", "hand-lcp", "--solver", "osqp", "--csv", str(csv))
+    assert code == 0
+    assert "agrees" in out
+    assert csv.read_text().startswith("solver,")
+    code, out, err = call(capsys, "crosscheck", "membrane", "--solver", "pyomo-highs")
+    assert code == 1  # skipped for its size, and so nobody agrees
+    assert "not confirmed" in err
+
+
+def test_crosscheck_as_json(capsys):
+    code, out, _ = call(capsys, "crosscheck", "hand-negative", "--solver", "osqp", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert told["solution"]["status"] == "solved"
+    assert told["report"]["agrees"] is True
+
+
+def test_a_run_goes_on_from_a_saved_answer(capsys, tmp_path):
+    first = str(tmp_path / "first.npz")
+    arguments = ["solve", "bai-symmetric", "--set", "mu=0", "--method", "mnmgs", "--json"]
+    assert call(capsys, *arguments, "--max-iter", "500", "-o", first)[0] == 1
+    cold = json.loads(call(capsys, *arguments)[1])["iterations"]
+    code, out, _ = call(capsys, *arguments, "--z0", first)
+    assert code == 0
+    assert json.loads(out)["iterations"] == cold - 500
+
+
+def test_the_error_bound_can_be_left_out(capsys):
+    code, out, _ = call(capsys, "solve", "membrane", "--no-bound")
+    assert code == 0
+    assert "it was not computed" in out
+
+
+def test_an_interrupted_crosscheck_shows_what_was_done(capsys, monkeypatch):
+    from icpmodel.solvers.pyomo import PyomoHighs
+
+    def press(self, target, *, time_limit):
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(1)
+
+    monkeypatch.setattr(PyomoHighs, "solve", press)
+    code, out, _ = call(capsys, "crosscheck", "hand-lcp")
+    assert code == 0  # four solvers had agreed before
+    assert out.count("agrees") == 4
+    assert out.count("interrupted") == 2
+    with pytest.raises(icp.Interrupted) as stopped:
+        icp.scenes.hand_lcp().problem.crosscheck(solvers=["pyomo-highs", "osqp"])
+    assert not stopped.value.report.agrees
+
+
+def test_crosscheck_of_an_unsolved_problem_asks_nobody(capsys):
+    code, out, err = call(capsys, "crosscheck", "membrane", "--max-iter", "2")
+    assert code == 1
+    assert "agrees" not in out
+    assert "iteration limit" in err
+
+
+def test_a_disagreement_at_the_smaller_size_counts(capsys, monkeypatch):
+    from icpmodel.cli import solving
+    from icpmodel.crosscheck.judge import Verdict
+
+    real = solving._report
+
+    def lying(problem, solution, asked, limit):
+        report, cut = real(problem, solution, asked, limit)
+        rows = tuple(replace(row, verdict=Verdict.DISAGREES) for row in report.rows)
+        return (replace(report, rows=rows) if solution is None else report), cut
+
+    arguments = ["crosscheck", "bearing", "--n", "300", "--solver", "osqp", "--solver", "pyomo-highs"]
+    assert call(capsys, *arguments)[0] == 0
+    monkeypatch.setattr(solving, "_report", lying)
+    assert call(capsys, *arguments)[0] == 1
+
+
+def test_the_smaller_size_is_the_largest_that_the_solver_takes():
+    from icpmodel.cli.solving import _at_their_size
+    from icpmodel.crosscheck.judge import Row
+
+    skipped = SimpleNamespace(rows=[Row.skipped("pyomo-highs", "too large")])
+    found = _at_their_size(icp.scenes.bearing(n=300), skipped, {"parameters": ()})
+    assert [(problem.n, asked) for problem, asked in found] == [(250, ("pyomo-highs",))]
+
+
+def test_a_whole_number_stays_whole():
+    from icpmodel.cli.source import pairs
+
+    assert isinstance(pairs(("seed=3",))["seed"], int)
+
+
+def test_limits_and_the_start_of_a_scene_reach_the_solver(capsys):
+    told = json.loads(call(capsys, "solve", "bai-symmetric", "--set", "mu=0", "--time-limit", "0", "--json")[1])
+    assert told["status"] == "time limit"
+    assert told["iterations"] == 0
+    bai = icp.scenes.bai_symmetric()
+    expected = bai.problem.solve("mnmgs", z0=bai.z0, rtol=0.1).iterations
+    told = json.loads(call(capsys, "solve", "bai-symmetric", "--method", "mnmgs", "--rtol", "0.1", "--json")[1])
+    assert told["iterations"] == expected
+    assert expected != bai.problem.solve("mnmgs", rtol=0.1).iterations
+    told = json.loads(call(capsys, "solve", "bai-symmetric", "--method", "mnmgs", "--atol", "1e9", "--json")[1])
+    assert told["iterations"] == 0
+
+
+def test_a_solver_that_passes_only_at_a_smaller_size_is_asked_there(capsys):
+    code, out, _ = call(capsys, "crosscheck", "membrane", "--n", "400", "--solver", "pyomo-highs", "--solver", "osqp")
+    assert code == 0
+    assert "skipped" in out
+    assert "the same scene at n = 225" in out
+    assert out.count("agrees") >= 2
+
+
+def test_scenes_are_listed_and_described(capsys):
+    code, out, _ = call(capsys, "scenes")
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()] == icp.scenes.names()
+    code, out, _ = call(capsys, "scenes", "membrane")
+    assert "parameters: --n 900 --set mu=0.0 --set skew=0.0" in out
+    assert "none: The square has no closed form" in out
+    assert "no solution: r < 0 below 3/4" in call(capsys, "scenes", "hard-jump")[1]
+    for name in icp.scenes.names():
+        assert json.loads(call(capsys, "scenes", name, "--json")[1])["name"] == name
+
+
+def test_a_parameter_of_a_scene_can_be_set(capsys):
+    code, out, _ = call(capsys, "solve", "bai-symmetric", "--n", "100", "--set", "mu=0", "--json")
+    assert code == 0
+    assert json.loads(out)["iterations"] > 20
+
+
+def test_a_size_the_scene_cannot_have_is_noted(capsys):
+    code, _, err = call(capsys, "solve", "membrane", "--n", "90")
+    assert code == 0
+    assert err == "note: membrane has no size 90; the nearest is 81\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["solve", "nowhere"], "nowhere is neither a file or folder nor a scene"),
+        (["solve"], "Missing argument 'SOURCE'"),
+        (["solv"], "No such command 'solv'"),
+        (["solve", "membrane", "--n", "x"], "'x' is not a valid integer"),
+        (["solve", "membrane", "--n", "-4"], "n is -4"),
+        (["solve", "membrane", "--method", "nwton"], "method is 'nwton'"),
+        (["solve", "membrane", "--method", "mnmgs", "--option", "theta1=2"], "mnmgs has no option theta1"),
+        (["solve", "membrane", "--method", "mnmgs", "--option", "phi"], "'phi' is not of the form NAME=VALUE"),
+        (["solve", "membrane", "--option", "phi=1"], "name one with --method"),
+        (["solve", "membrane", "--method", "mnmgs", "--option", "phi2=1,2"], "phi2 is '1,2'; real numbers"),
+        (["solve", "membrane", "--method", "mnmgs", "--option", "phi=1", "--option", "phi=2"], "phi is given twice"),
+        (["solve", "membrane", "--accuracy", "1e-6", "--no-bound"], "--no-bound leaves it out; drop one"),
+        (["crosscheck", "membrane", "--accuracy", "1e-6", "--no-bound"], "--no-bound leaves it out; drop one"),
+        (["solve", "membrane", "--method", "mnmgs", "--option", "name=3"], "mnmgs has no option name"),
+        (["solve", "hand-lcp", "--save-problem", ""], "the path is empty"),
+        (["solve", "membrane", "--set", "nu=1"], "membrane has no parameter 'nu'"),
+        (["solve", "membrane", "--rtol", "-1"], "rtol is -1.0"),
+        (["solve", "membrane", "-o", "answer.txt"], "ends in .npz"),
+        (["report", "membrane", "-o", "page.pdf"], "ends in .html"),
+        (["solve", "membrane", "-o", "no/such/answer.npz"], "the folder no/such does not exist"),
+        (["crosscheck", "membrane", "--csv", "no/such.csv"], "the folder no does not exist"),
+        (["crosscheck", "membrane", "--csv", "."], "is a folder"),
+        (["solve", "dividend", "--set", "n=61"], "set by --n"),
+        (["solve", "membrane", "--q", "q.mtx"], "has its own q"),
+        (["solve", "membrane", "--n", "1000000000000"], "up to n = 100000000"),
+        (["solve", ""], "SOURCE is neither a file"),
+        (["solve", "membrane", "--z0", "nowhere.npz"], "nowhere.npz: no such file"),
+        (["solve", __file__], "needs its q as well"),
+        (["solve", __file__, "--n", "3"], "--n and --set belong to scenes"),
+        (["crosscheck", "hand-lcp", "--solver", "gurobi"], "'gurobi'"),
+        (["scenes", "moon"], "there is no scene 'moon'"),
+        (["measure", "order", "manufactured-affine", "--n", "4", "--n", "9"], "has no grid"),
+        (["measure", "order", "dividend", "--n", "61", "--n", "61"], "at least two different ones"),
+        (["solve", "membrane", "--set", "name=3"], "membrane has no parameter 'name'"),
+        (["measure", "sweep", "--repeats", "1"], "repeats is 1"),
+    ],
+)
+def test_errors_are_one_line_on_standard_error(capsys, arguments, words):
+    code, out, err = call(capsys, *arguments)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("icpmodel: ")
+    assert err.count("\n") == 1
+    assert words in err
+
+
+@pytest.mark.parametrize("arguments", [[], ["solve"], ["crosscheck"], ["scenes"], ["measure"], ["measure", "sweep"]])
+def test_help_explains_every_command(capsys, arguments):
+    code, out, _ = call(capsys, *arguments, "--help")
+    assert code == 0
+    assert "Usage: icpmodel" in out
+
+
+def test_measure_prints_tables_and_csv(capsys):
+    assert "m = 10" in call(capsys, "measure", "counts", "--m", "10")[1]
+    code, out, _ = call(capsys, "measure", "sweep", "--n", "400", "--repeats", "3", "--csv")
+    assert code == 0
+    assert out.splitlines()[0].startswith("method,n,")
+    assert len(out.splitlines()) == 4
+    assert "V(1)" in call(capsys, "measure", "order", "dividend", "--n", "61", "--n", "121")[1]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a process")
+def test_ctrl_c_shows_the_best_iterate_and_no_traceback(tmp_path):
+    code = "from icpmodel.cli import main; main()"
+    arguments = ["solve", "bai-symmetric", "--n", "250000", "--set", "mu=0", "--method", "mnmj", "--rtol", "1e-15"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(6)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode in (1, 130)
+    assert "Traceback" not in err
+    assert err.count("\n") == 1
+    assert "interrupted" in err
+    if process.returncode == 1:
+        assert "residual" in out
+
+
+def test_explain_prints_a_page_and_json(capsys):
+    code, out, err = call(capsys, "explain", "hand-cyclic")
+    assert (code, err) == (0, "")
+    assert "P-matrix                      yes" in out
+    code, out, _ = call(capsys, "explain", "membrane", "--n", "25", "--method", "mnmgs", "--accuracy", "1e-3", "--json")
+    told = json.loads(out)
+    assert (code, told["accuracy"], told["unique"]) == (0, 1e-3, True)
+    assert [method["method"] for method in told["methods"]] == ["MNMGS()"]
+    assert told["methods"][0]["theorems"]["sharper"]["holds"] is True
+
+
+def test_solve_to_an_accuracy_and_polish(capsys):
+    code, out, _ = call(capsys, "solve", "membrane", "--n", "100", "--accuracy", "1e-3", "--json")
+    assert code == 0
+    assert json.loads(out)["error_bound"] <= 1e-3
+    assert json.loads(out)["tolerance"] is None  # no residual was asked for
+    code, out, _ = call(capsys, "solve", "membrane", "--n", "100", "--rtol", "1e-3", "--polish", "--json")
+    assert code == 0
+    assert json.loads(out)["error_bound"] <= 1e-11
+    code, _, err = call(capsys, "solve", "membrane", "--accuracy", "1e-3", "--rtol", "1e-3")
+    assert code == 2
+    assert "give accuracy alone" in err
+
+
+def test_measure_modelling(capsys):
+    code, out, _ = call(capsys, "measure", "modelling", "--cvxpy-n", "16", "--pyomo-n", "9", "--csv")
+    assert code == 0
+    assert [line.split(",")[:3] for line in out.splitlines()[1:]] == [
+        ["CVXPY", "fixed obstacle", "16"],
+        ["Pyomo", "fixed obstacle", "9"],
+        ["Pyomo", "affine psi", "9"],
+        ["Pyomo", "nonlinear psi", "9"],
+    ]
+
+
+def test_measure_dominant_impulse_and_small(capsys):
+    for command, options in (
+        ("dominant", ["--n", "100"]),
+        ("impulse", ["--n", "61"]),
+        ("small", ["--n", "8", "--k", "2"]),
+    ):
+        code, out, _ = call(capsys, "measure", command, *options, "--repeats", "3", "--csv")
+        assert code == 0
+        assert len(out.splitlines()) == (10 if command == "small" else 2)
+
+
+def test_measure_bounds_certificate_and_limit(capsys):
+    code, out, _ = call(capsys, "measure", "bounds", "--n", "16", "--trials", "1", "--csv")
+    assert code == 0
+    assert out.startswith("scene,n,z,")
+    for command in ("certificate", "limit"):
+        code, out, _ = call(capsys, "measure", command, "--n", "400", "--repeats", "3")
+        assert code == 0
+        assert "linear solve" in out
+
+
+def test_stability_prints_counts_and_writes_figure_and_data(capsys, tmp_path):
+    target = tmp_path / "map.png"
+    code, out, err = call(capsys, "stability", "units", "--points", "3", "--n", "9", "-o", str(target))
+    assert code == 0
+    assert "proved, and yet failed: 0; as printed: " in out
+    assert [line.split(".")[-1] for line in err.splitlines()] == ["png", "svg", "csv"]
+    assert target.with_suffix(".csv").read_text().startswith("# icpmodel")
+    code, out, err = call(capsys, "stability", "relaxation", "hand-lcp", "--points", "2", "--csv")
+    assert code == 0
+    assert len(out.splitlines()) == 5
+    assert "MNMAOR on" in call(capsys, "stability", "--points", "2", "--n", "9")[1]
+    assert call(capsys, "stability", "units", "--set", "mu=1")[0] == 2
+    assert call(capsys, "stability", "no-plane")[0] == 2
+    assert call(capsys, "stability", "units", "-o", "no/such/folder/x.png")[0] == 2
+
+
+def test_a_report_is_written_and_its_exit_code_is_that_of_the_solve(capsys, tmp_path):
+    page = tmp_path / "page.html"
+    code, out, err = call(capsys, "report", "hand-lcp", "-o", str(page), "--time-limit", "5")
+    assert (code, out) == (0, "")
+    assert f"wrote {page}" in err
+    assert "hand-lcp: By hand" in page.read_text()
+    assert call(capsys, "report", "hard-jump", "-o", str(page), "--time-limit", "5")[0] == 1
+    assert "cycled" in page.read_text()
+    assert call(capsys, "report", "hand-lcp", "-o", "no/such/folder.html")[0] == 2
+
+
+def test_a_race_is_printed_and_written(capsys, tmp_path):
+    target = tmp_path / "race.png"
+    asked = ("--method", "mnmgs", "--solver", "osqp", "--repeats", "1", "-o", str(target))
+    code, out, _ = call(capsys, "race", "hand-lcp", *asked)
+    assert code == 0
+    assert "max |z - z*|" in out
+    assert "mnmgs" in out
+    assert target.exists()
+    assert target.with_suffix(".csv").read_text().startswith("# icpmodel")
+    assert call(capsys, "race", "hand-lcp", "--solver", "nonsense")[0] == 2
+
+
+def test_every_measurement_is_a_command(capsys):
+    """What the README tells to type is there: each has a help page with a sentence of its own."""
+    names = "benchmark bounds certificate counts dispatch dominant honesty impulse limit memory modelling order"
+    names += " small sweep tuning"
+    listed = call(capsys, "measure", "--help")[1]
+    assert [line.split()[0] for line in listed.split("Commands:")[1].splitlines() if line.strip()] == names.split()
+    code, out, _ = call(capsys, "measure", "memory", "membrane", "--n", "400", "--csv")
+    assert code == 0
+    assert out.splitlines()[1].startswith("membrane,400,accelerated,")

@@ -1,0 +1,401 @@
+"""The page of `explain()`: right on every scene, and never more than a run keeps."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel import scenes
+from icpmodel.explain.advice import what_to_do
+
+SIZES = {name: {"dividend": 31}.get(name, 49) for name in scenes.names() if "n" in scenes.parameters(name)}
+
+
+def built(name):
+    return scenes.scene(name, SIZES.get(name)).problem
+
+
+@pytest.fixture(scope="module", params=scenes.names())
+def page(request):
+    return built(request.param).explain()
+
+
+def test_every_section_of_every_scene_says_something(page):
+    sections = page.sections()
+    assert list(sections) == ["problem", "matrix A", "map psi", "solution", "methods", "advice"]
+    assert all(sections.values())
+    shown = " ".join(str(page).split())  # long sentences are broken into lines
+    for title, text in sections.items():
+        assert f"{title} {' '.join(text.split())}" in shown
+    assert max(map(len, str(page).splitlines())) <= 116
+    assert not re.search(r"\bnan\b", str(page))
+
+
+def test_the_page_is_plain_data_for_json(page):
+    told = json.loads(json.dumps(page.about()))
+    assert told["n"] == page.problem.n
+    assert len(told["methods"]) == len(page.forecasts)
+    assert "<pre>" in page._repr_html_()
+
+
+#: the theorems speak of exact arithmetic; with entries of 1e±150, or a rate of 1 − 1e-12, there is none
+BEYOND_ROUNDING = ("hard-overflow", "hard-scaled", "hard-singular")
+
+
+def test_no_method_is_slower_than_the_page_says(page, request):
+    """Law of the predicted rate: after `steps` steps from 0 the error is at most the accuracy."""
+    if request.node.callspec.params["page"] in BEYOND_ROUNDING:
+        return
+    problem, checked = page.problem, 0
+    exact = None
+    for forecast in page.forecasts:
+        if forecast.steps is None or forecast.steps > 3000:
+            continue
+        if exact is None:
+            exact = problem.solve(rtol=1e-13, raise_on_failure=False).polish()
+        path = forecast.method.iterates(problem, np.zeros(problem.n))
+        for _ in range(forecast.steps + 1):
+            z, _hint = next(path)
+        assert np.abs(z - exact.z).max() <= page.accuracy + exact.error_bound
+        checked += 1
+    assert checked or page.recommended is None or page.recommended.steps > 3000
+
+
+def test_what_is_proved_converges_from_far_away(page, request):
+    """A method that the page calls proved is solved from any start."""
+    if request.node.callspec.params["page"] in BEYOND_ROUNDING:
+        return
+    problem, random = page.problem, np.random.default_rng(0)
+    for forecast in page.forecasts:
+        if forecast.proved_by:
+            start = 100.0 * random.normal(size=problem.n)
+            run = problem.solve(forecast.method, z0=start, rtol=1e-4, max_iter=200_000, raise_on_failure=False)
+            assert run.solved, (forecast.title, run.message)
+
+
+@pytest.mark.parametrize(
+    ("name", "facts"),
+    [
+        ("hand-cyclic", {"p": True, "h_plus": False, "definite": False, "z": False}),
+        ("membrane", {"m": True, "symmetric": True, "definite": True, "dominant": False, "reducible": False}),
+        ("bai-nonsymmetric", {"m": True, "symmetric": False, "dominant": True, "p": True}),
+        ("hand-free", {"triangular": True, "reducible": True}),
+        ("bearing", {"banded": True, "m": True}),
+        ("dividend", {"m": True, "banded": True, "symmetric": False}),
+    ],
+)
+def test_the_classes_are_the_known_ones(name, facts):
+    classes = built(name).explain().classes
+    assert {key: getattr(classes, key).holds for key in facts} == facts
+
+
+def test_the_choice_of_solve_is_named_with_its_reason():
+    problem = scenes.membrane(n=100).problem
+    page, solution = problem.explain(), problem.solve()
+    assert repr(page.picked) == repr(solution.method)
+    assert page.why == solution.why
+    assert f"solve() begins with {solution.method!r}" in str(page)
+
+
+def test_the_recommended_method_is_proved_to_need_the_fewest_steps():
+    page = scenes.bai_symmetric(n=100).problem.explain()
+    assert page.recommended.steps == min(forecast.steps for forecast in page.forecasts if forecast.steps is not None)
+    assert f"take {page.recommended.title}: each step leaves at most" in page.sections()["advice"]
+
+
+def test_fewer_steps_go_before_a_smaller_factor():
+    """The factor holds in a norm of its own, and the start may be far away in it."""
+    page = scenes.bai_symmetric(n=100).problem.explain()
+    best, *_, other = sorted((f for f in page.forecasts if f.steps is not None), key=lambda f: f.steps)
+    late = replace(best, steps=10 * other.steps)
+    assert best.factor < other.factor
+    assert replace(page, forecasts=(late, other)).recommended is other
+
+
+def test_the_parameters_are_chosen_by_their_proved_factors():
+    page = scenes.bai_symmetric(n=100).problem.explain()
+    factors = {forecast.title: forecast.factor for forecast in page.forecasts}
+    assert factors["MNMGS(), Omega = D"] < min(factors["MNMGS(), Omega = 0.9 D"], factors["MNMGS(), Omega = 1.5 D"])
+    advice = page.sections()["advice"]
+    assert f"Omega = D: the proved factor of mnmgs is {factors['MNMGS(), Omega = D']:.6g} with D, 0.9 D gives" in advice
+    assert "theta1=1, theta2=2 (mnmaor): with Omega = D" in advice
+
+
+def test_nothing_is_compared_where_only_one_member_was_looked_at():
+    assert "Omega = D:" not in icp.ICP([[2.0]], [-1.0]).explain("mnmgs").sections()["advice"].replace("take MNM", "")
+
+
+def test_where_splittings_differ_only_the_right_one_is_proved():
+    page = scenes.hand_splittings().problem.explain()
+    assert [forecast.title for forecast in page.forecasts if forecast.factor] == ["MNMJ(), Omega = D"]
+
+
+def test_a_strict_supersolution_makes_the_monotone_theorem_global():
+    page = built("dividend").explain()
+    assert "strict supersolution" in page.bound.proof
+    assert page.forecasts[0].proved_by == ["monotone"]
+
+
+def test_one_method_can_be_asked_for():
+    problem = scenes.membrane(n=25).problem
+    for page in (problem.explain("mnmsor", theta1=0.9), problem.explain(icp.MNMSOR(theta1=0.9))):
+        assert [forecast.title for forecast in page.forecasts] == ["MNMSOR(theta1=0.9)"]
+    with pytest.raises(icp.InputError, match="modulus family only"):
+        problem.explain("psor")
+    with pytest.raises(icp.InputError, match="accuracy is 0"):
+        problem.explain(accuracy=0)
+
+
+@pytest.mark.parametrize(
+    ("problem", "words"),
+    [
+        (icp.ICP([[2.0]], [-1.0], np.sin), "give psi's Lipschitz matrix"),
+        (icp.ICP([[2.0]], [-1.0], icp.Affine([[3.0]])), "psi moves too much"),
+        (
+            icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0], icp.Affine([[0, 3.0], [1.0, 0]])),
+            "with the obstacle frozen",
+        ),
+        (icp.ICP([[-1.0]], [-1.0]), "no P-matrix: there may be no solution, or many"),
+        (scenes.hand_cyclic().problem, "sweeps may cycle: try newton"),
+        (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, 1.0]), "A is positive semidefinite: where p >= 0, r >= 0"),
+        (icp.ICP([[0.0, -1.0], [1.0, 0.0]], [1.0, 1.0]), "A is positive semidefinite: where p >= 0, r >= 0"),
+    ],
+)
+def test_where_nothing_is_proved_there_is_advice(problem, words):
+    page = problem.explain()
+    assert page.recommended is None
+    assert words in page.sections()["advice"]
+
+
+@pytest.mark.parametrize("size", [1e-310, 8e307])
+def test_data_at_the_edge_of_the_floats_has_a_page(size):
+    G = icp.Affine([[0.0, size / 2, size / 2, size / 2], *np.zeros((3, 4))])
+    for psi in (0.0, G):
+        page = icp.ICP(np.diag([size, 1.0, 1.0, 1.0]), np.ones(4), psi).explain()
+        assert all(page.sections().values())
+
+
+@pytest.mark.parametrize("accuracy", [0.0, -1.0, np.nan, np.inf, "x", None, True, [1.0, 2.0]])
+def test_the_accuracy_is_a_positive_number(accuracy):
+    with pytest.raises(icp.InputError, match="accuracy is"):
+        icp.ICP([[2.0]], [-1.0]).explain(accuracy=accuracy)
+
+
+@pytest.mark.parametrize("method", [None, icp.MNMSOR()])
+def test_options_without_a_named_method_are_refused(method):
+    with pytest.raises(icp.InputError, match="theta1: the options of a method"):
+        icp.ICP([[2.0]], [-1.0]).explain(method, theta1=0.9)
+
+
+def test_no_method_stands_twice_on_the_page(page):
+    told = [(type(f.method), *map(str, vars(f.method).values())) for f in page.forecasts]
+    assert len(set(told)) == len(told)
+
+
+def test_what_to_do_is_told_only_where_nothing_is_proved(page):
+    proved = any(forecast.proved_by for forecast in page.forecasts)
+    assert ("nothing above proves" in page.sections()["advice"]) != proved
+
+
+def test_what_is_said_of_psi():
+    for psi, words in (
+        (icp.Affine([[0.0, -0.5], [0.0, 0.0]]), r"1 entries, largest row sum 0\.5$"),
+        (icp.Affine([[0.5, 0.0], [0.0, 0.3]]), r"largest row sum 0\.5; each row depends on its own unknown only"),
+        (icp.Elementwise(np.sin, np.cos, lipschitz=1.0), r"largest row sum 1 \(at the user's word\); each row"),
+        ([-np.inf, 0.0], "; 1 row without obstacle$"),
+        (-np.inf, "; 2 rows without obstacle$"),
+        (0.0, "problem$"),
+    ):
+        assert re.search(words, icp.ICP(2 * np.eye(2), [1.0, 1.0], psi).explain().sections()["map psi"])
+
+
+def test_without_a_factor_the_theorem_is_named():
+    advice = built("dividend").explain().sections()["advice"]
+    assert "MNMJ(), Omega = D converges from every start (theorem monotone, with a strict supersolution)" in advice
+
+
+def test_a_large_problem_is_spared_the_factorisations():
+    page = scenes.membrane(n=150**2).problem.explain()
+    assert not any(isinstance(forecast.method, icp.MNMMOD | icp.MNMOD) for forecast in page.forecasts)
+
+
+def test_a_method_that_cannot_start_is_not_taken_for_all():
+    text = str(icp.ICP([[0.0]], [1.0]).explain("mnmj"))
+    assert "that was looked at can start" in text
+    assert "solve() begins with Lemke" in text
+
+
+def jumping(A, *jumps):
+    rows, columns = zip(*jumps, strict=True)
+    cost = (np.full(len(jumps), -1.0), (np.array(rows), np.array(columns)))
+    return icp.ICP(A, [-1.0, 1.0], icp.Intervention(sp.csr_array(cost, shape=(2, 2))))
+
+
+def test_jumps_that_form_no_cycle_may_have_a_contraction_proof():
+    page = jumping(np.eye(2), (0, 1)).explain()
+    assert page.bound.proof == "A is an H+-matrix (v from A and G)"
+    assert "where jumps form a cycle rho(G) >= 1" in page.sections()["map psi"]
+
+
+def test_monotone_convergence_is_advised_only_where_its_theorem_holds():
+    cycle = ((0, 1), (1, 0))
+    for coupling, words in ((-1.0, "converges monotonically"), (1.0, "A is no Z-matrix")):
+        page = jumping([[1.0, coupling], [coupling, 1.0]], *cycle).explain()
+        assert words in page.sections()["advice"]
+        assert page.forecasts[0].checks["monotone"].holds == (coupling < 0)
+
+
+def test_isotone_is_said_in_words_where_it_stands():
+    assert "(isotone): the step keeps the order" in scenes.bai_symmetric(n=4).problem.explain().sections()["methods"]
+    assert "isotone" not in icp.ICP([[1.0, 0.5], [0.5, 1.0]], [1.0, 1.0]).explain().sections()["methods"]
+
+
+def test_the_theorems_are_checked_once(monkeypatch):
+    """The predicted rate takes what the page has checked."""
+    monkeypatch.setattr("icpmodel.theory.convergence.rates.check_all", None)
+    assert icp.ICP([[2, -1], [-1, 2]], [-1, 3]).explain().recommended.factor < 0.5
+
+
+def test_what_is_said_to_be_at_most_is_rounded_upwards(page):
+    """The factor on the page is never below the proved one, and never 1."""
+    for forecast in page.forecasts:
+        if forecast.factor is not None:
+            row = next(line for line in page.sections()["methods"].splitlines() if line.startswith(forecast.title))
+            assert 1 > float(row.split()[-2]) >= forecast.factor
+    best = page.recommended
+    if best is not None:
+        told = re.search("at most (.*) of the error", page.sections()["advice"]).group(1)
+        assert 1 > float(told) >= best.factor
+
+
+def test_a_choice_that_no_theorem_covers_is_not_blamed_on_the_problem():
+    page = scenes.membrane(n=25).problem.explain("mnmsor", theta1=1.2)
+    advice = page.sections()["advice"]
+    assert "no theorem covers MNMSOR(theta1=1.2)" in advice
+    assert "MNMJ(), Omega = D is proved here (theorem 4.1 to 4.4, sharper)" in advice
+    assert "psi moves too much" not in advice
+    assert "cycle" not in advice
+    assert "left to itself, solve() begins with" in advice
+
+
+def test_the_reason_of_every_theorem_is_told_for_the_method_asked_for():
+    problem = scenes.membrane(n=25).problem
+    methods = problem.explain("mnmsor", theta1=1.2).sections()["methods"]
+    assert [line.split()[1] for line in methods.splitlines() if line.startswith("theorem ")] == list(
+        icp.theory.theorems()
+    )
+    assert "theorem definite  no: M1 is not A" in methods
+    assert "theorem definite" not in problem.explain().sections()["methods"]
+
+
+def test_where_no_member_is_proved_the_method_asked_for_gets_the_same_advice():
+    page = scenes.hand_cyclic().problem.explain("mnmgs")
+    assert page.instead is None
+    assert "sweeps may cycle" in page.sections()["advice"]
+
+
+@pytest.mark.parametrize(
+    ("splitting", "cost"),
+    [
+        ("whole", "one solve with X"),
+        ("jacobi", "one sweep"),
+        ([[2.0, 0.0], [-1.0, 2.0]], "one sweep"),
+        ([[2.0, -0.5], [-1.0, 2.0]], "one solve with X"),
+    ],
+)
+def test_the_cost_of_a_step_is_that_of_its_splitting(splitting, cost):
+    advice = icp.ICP([[2, -1], [-1, 2]], [1, -2]).explain("modulus", splitting=splitting).sections()["advice"]
+    assert f"; {cost}" in advice
+
+
+def test_the_table_keeps_its_columns(page):
+    """Every row of the table, its head included, is a line: a title that is too long stands on one of its own."""
+    lines = page.sections()["methods"].splitlines()
+    rows, cells = lines[: len(page.forecasts) + 1], ["proved by theorem", *_theorem_cells(page)]
+    assert max(map(len, rows)) <= 114
+    assert len({row.index(cell) for row, cell in zip(rows, cells, strict=True)}) == 1
+
+
+def _theorem_cells(page):
+    for forecast in page.forecasts:
+        yield ", ".join(forecast.proved_by).replace("4.1, 4.2, 4.3, 4.4", "4.1 to 4.4") or "none"
+
+
+def test_a_long_title_does_not_break_the_table():
+    long = icp.MNMAOR(phi=np.zeros(2), phi1=np.ones(2), phi2=[2.0, 2.0], theta1=1.0123456, theta2=1.0123456)
+    lines = icp.ICP([[2, -1], [-1, 2]], [1, -2]).explain(long).sections()["methods"].splitlines()
+    assert lines[1] == repr(long)
+    assert lines[0].index("proved") == lines[2].index("4.1")
+
+
+def test_rounding_noise_decides_nothing():
+    """On the coulomb scene several factors are zero but for rounding: the simplest method is taken."""
+    page = scenes.coulomb().problem.explain()
+    factors = {forecast.title: forecast.factor for forecast in page.forecasts}
+    assert factors["MNMAOR(theta2=2), Omega = D"] < factors["MNMJ(), Omega = D"] < 1e-12
+    assert page.recommended.title == "MNMJ(), Omega = D"
+    assert "theta1=1, theta2=0 (mnmj): with Omega = D" in page.sections()["advice"]
+
+
+def test_an_accuracy_below_rounding_is_remarked():
+    problem = icp.ICP([[2, -1], [-1, 2]], [-2, -2])
+    assert "the accuracy 1e-30 may be out of reach" in problem.explain(accuracy=1e-30).sections()["advice"]
+    assert "out of reach" not in problem.explain().sections()["advice"]
+    assert "out of reach" not in icp.ICP([[2.0]], [1e-40]).explain(accuracy=1e-30).sections()["advice"]
+
+
+def test_the_theorems_stand_in_the_order_of_their_names(page):
+    for forecast in page.forecasts:
+        assert list(forecast.checks) == list(icp.theory.theorems())
+        assert forecast.proved_by == [name for name in icp.theory.theorems() if name in forecast.proved_by]
+
+
+def test_the_table_says_what_its_columns_mean():
+    methods = scenes.bai_symmetric(n=4).problem.explain(accuracy=1e-3).sections()["methods"]
+    assert "icpmodel.theory.theorems()" in methods
+    assert "from z = 0 until no entry of z is off by more than 0.001" in methods
+    assert "in a norm that goes with the method" in methods
+
+
+def test_theory_forecasts_members_of_the_family_only_and_the_advice_names_what_solve_begins_with():
+    page = scenes.membrane(n=100).problem.explain()
+    assert not [forecast.title for forecast in page.forecasts if "first choice of solve()" in forecast.title]
+    assert "solve() begins with PSOR(): plain sweeps are watched" in page.sections()["advice"]
+
+
+def test_what_is_proved_and_what_is_measured_are_told_apart():
+    words = "this goes by what was measured to be quick, not by what is proved"
+    page = scenes.bai_symmetric(n=4).problem.explain()
+    assert (type(page.recommended.method) is not type(page.picked)) == (words in page.sections()["advice"])
+    assert words in scenes.membrane(n=100).problem.explain().sections()["advice"]
+
+
+def test_the_reasons_why_nothing_is_proved_stand_one_a_line_and_to_the_point():
+    solution = icp.ICP([[1.0, 3.0], [3.0, 1.0]], [1.0, 1.0]).explain().sections()["solution"].splitlines()
+    assert len(solution) == 4
+    assert [line[:2] for line in solution[1:]] == ["- "] * 3
+    assert "jump" not in "".join(solution)
+
+
+def test_a_page_and_its_lines_have_short_names():
+    page = scenes.bai_symmetric(n=4).problem.explain()
+    assert len(repr(page)) < 200
+    assert len(repr(page.forecasts[0])) < 200
+
+
+def test_a_psi_that_does_not_move_is_not_said_to_move_too_much():
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0])
+    assert not any("moves too much" in line for line in what_to_do(problem, icp.theory.classify(problem.A)))
+
+
+def test_a_class_for_a_method_and_an_array_for_a_problem_are_named():
+    from icpmodel.explain.page import explain
+
+    with pytest.raises(icp.InputError, match=r"method is the class MNMGS; an object such as MNMGS\(\) was expected"):
+        icp.ICP([[2.0]], [-1.0]).explain(icp.MNMGS)
+    with pytest.raises(icp.InputError, match="problem is"):
+        explain(np.eye(2))

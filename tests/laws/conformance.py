@@ -1,0 +1,177 @@
+"""The conformance data: every method on every scene, and what must fail, with the reason.
+
+To check a method of your own, add it to METHODS.
+"""
+
+import icpmodel as icp
+from icpmodel import scenes
+from icpmodel.methods.lemke import Lemke
+from icpmodel.solve.reduced import Reduced
+
+#: a method that is a special case of another by default is given options of its own
+METHODS = {
+    "accelerated": icp.Accelerated(of="mnmgs"),
+    "josephy": icp.Josephy(),
+    "lemke": Lemke(),
+    "mms": icp.MMS(),
+    "mnmaor": icp.MNMAOR(theta1=1.1, theta2=0.8, phi=0.1),
+    "mnmgs": icp.MNMGS(),
+    "mnmj": icp.MNMJ(),
+    "mnmmod": icp.MNMMOD(theta1=2.0),
+    "mnmod": icp.MNMOD(),
+    "mnmsor": icp.MNMSOR(theta1=0.9),
+    "modulus": icp.Modulus(splitting="whole", phi=0.5, phi1=2.0, phi2=3.0),
+    "multilevel": icp.Multilevel(),
+    "newton": icp.Newton(),
+    "nmms": icp.NMMS(splitting="jacobi"),
+    "projection-fixed-point": icp.ProjectionFixedPoint(omega=0.9),
+    "psor": icp.PSOR(omega=1.1),
+    "reduced": Reduced(),
+    "tridiagonal": icp.Tridiagonal(),
+}
+
+#: wanted sizes of the scenes that have one
+SIZES = {
+    name: {"bearing": 40, "dividend": 31}.get(name, 100) for name in scenes.names() if "n" in scenes.parameters(name)
+}
+
+_CYCLIC = "P but not H+: overrelaxed or not, the sweeps turn in a circle (theory of the 3 x 3 cyclic P-matrix)"
+_COUPLED = "rho(D^-1|B| + G) = 1.8: splittings that add both couplings fail, those that take their maximum do not"
+
+_BY_DIAGONAL = (
+    "accelerated",
+    "mms",
+    "mnmaor",
+    "mnmgs",
+    "mnmj",
+    "mnmsor",
+    "multilevel",
+    "nmms",
+    "projection-fixed-point",
+    "psor",
+)
+
+#: (method, scene) → the reason why it must fail; an unexpected success fails the test. On a scene without a solution
+#: every method must, and need not be listed here
+MUST_FAIL = {
+    **dict.fromkeys(
+        [
+            (m, "hand-cyclic")
+            for m in ("mms", "mnmaor", "mnmgs", "mnmj", "mnmsor", "nmms", "projection-fixed-point", "psor")
+        ],
+        _CYCLIC,
+    ),
+    **dict.fromkeys(
+        [(m, "hand-splittings") for m in ("mnmaor", "mnmgs", "mnmmod", "mnmod", "mnmsor", "modulus")], _COUPLED
+    ),
+    **dict.fromkeys(
+        [
+            ("reduced", scene)
+            for scene in (
+                "bai-nonsymmetric",
+                "bai-symmetric",
+                "ball",
+                "dividend",
+                "hand-affine",
+                "hand-splittings",
+                "hard-degenerate",
+                "hard-domain",
+                "hard-jump",
+                "hard-scaled",
+                "hard-semidefinite",
+                "hard-singular",
+                "hard-skew",
+                "hard-steep",
+                "manufactured-affine",
+                "manufactured-elementwise",
+                "membrane",
+            )
+        ],
+        "why_not: every row hangs on every other, or it is not known on which",
+    ),
+    **dict.fromkeys(
+        [
+            ("tridiagonal", scene)
+            for scene in (
+                "bai-nonsymmetric",
+                "bai-symmetric",
+                "ball",
+                "hand-cyclic",
+                "hard-degenerate",
+                "hard-semidefinite",
+                "hard-singular",
+                "manufactured-affine",
+                "manufactured-elementwise",
+                "membrane",
+            )
+        ],
+        "why_not: A is not tridiagonal",
+    ),
+    **dict.fromkeys(
+        [
+            ("tridiagonal", scene)
+            for scene in (
+                "coulomb",
+                "dividend",
+                "hand-affine",
+                "hand-splittings",
+                "hard-domain",
+                "hard-jump",
+                "hard-steep",
+            )
+        ],
+        "why_not: an obstacle moves with other unknowns, or faster than its own, or it is not known how",
+    ),
+    ("lemke", "dividend"): "why_not: psi is neither constant nor affine",
+    ("mms", "dividend"): "why_not: a row without obstacle",
+    ("mms", "hand-free"): "why_not: a row without obstacle",
+    **dict.fromkeys(
+        [(m, s) for m in _BY_DIAGONAL for s in ("hard-empty-row", "hard-infeasible", "hard-semidefinite")],
+        "why_not: the diagonal has a zero",
+    ),
+    **dict.fromkeys(
+        [(m, "hard-semidefinite") for m in ("mnmmod", "mnmod", "modulus")],
+        "A is only semidefinite, and X = A + Omega turns without shrinking",
+    ),
+    **dict.fromkeys(
+        [(m, "hard-skew") for m in _BY_DIAGONAL if m != "multilevel"],  # which hands over to newton
+        "far from H+: rho(D^-1|B|) = 20, and nothing but the diagonal is kept",
+    ),
+    **dict.fromkeys(
+        [("lemke", s) for s in ("hard-domain", "hard-jump")], "why_not: psi is neither constant nor affine"
+    ),
+    **dict.fromkeys(
+        [("tridiagonal", s) for s in ("hard-empty-row", "hard-infeasible")], "why_not: the diagonal has a zero"
+    ),
+    **dict.fromkeys([(m, "hard-jump") for m in ("josephy", "multilevel", "newton")], "why_not: psi has no derivative"),
+    **dict.fromkeys(
+        [(m, "hard-overflow") for m in ("accelerated", "mms", "mnmaor", "mnmgs", "mnmod", "mnmsor")],
+        "intermediate sums overflow",
+    ),
+    **dict.fromkeys(
+        [("josephy", "hard-scaled"), ("josephy", "hard-singular"), ("lemke", "hard-scaled")],
+        "no tolerance for a zero pivot is right for entries from 1e-150 to 1e150, or for a condition number of 4e12",
+    ),
+    **dict.fromkeys(
+        [(m, "hard-scaled") for m in ("mnmmod", "mnmod", "modulus")], "A + Omega is singular to working precision"
+    ),
+}
+
+#: scene → how a method may end there without solving it; on scenes that are not listed, however it likes
+HONEST = {
+    "hard-domain": {"psi failed", "stagnated"},
+    "hard-infeasible": {"infeasible", "stagnated", "diverged"},
+    "hard-jump": {"cycled", "stagnated"},
+    "hard-overflow": {"diverged", "stagnated", "cycled"},
+    "hard-scaled": {"stagnated", "not applicable"},
+    "hard-semidefinite": {"stagnated", "cycled", "iteration limit"},
+    "hard-singular": {"stagnated"},
+    "hard-skew": {"diverged", "cycled", "stagnated"},
+}
+
+#: scenes on which a small residual leaves z far from the solution, and the reason; the error bound says so
+FAR_THOUGH_SOLVED = {
+    "hard-overflow": "the largest entry is 7.5e307, and the tolerance is relative",
+    "hard-scaled": "rows with small entries do not show in the residual",
+    "hard-singular": "the condition number is 4e12",
+}

@@ -1,0 +1,131 @@
+"""Every example runs as written, in an empty folder, and says what it should."""
+
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+#: a phrase, or several, of each example's output that only a right answer produces
+SAYS = {
+    "first_problem.py": "The answer is confirmed",
+    "paper_under_the_microscope.py": "4.4 (2)      FALSE AS PRINTED",
+    "membrane.py": "median force per area there: 16\n",
+    "dividends.py": "2.14369",
+    "market_equilibrium.py": "1.0    2.7938    3.3663    3.0683      2.7281",
+    "american_option.py": "the put is worth 6.09; a binomial tree gives 6.09",
+    "friction_block.py": "0.3    16.75 deg   16.70 deg       0.4856 m/s",
+    "journal_bearing.py": "0.5            0.7458      219.2 deg    1.0759",
+    "nash_cournot.py": ("3   20.0      30.0   18.333       18.333              0.000", "price 38.333, sold 61.667"),
+    "bimatrix_game.py": (
+        "Lemke's pivoting: stagnated",
+        "certified to be the only solution: False",
+        "opera with probability 0.75 and 0.25",
+        "3 equilibria were found",
+    ),
+    "three_front_ends.py": ("CVXPY and NumPy: the same z to 1e-9", "Pyomo and NumPy: the same z to 1e-9"),
+    "which_solver_do_you_believe.py": (
+        "2999      OSQP  optimal   0.0",  # and not 1.0759
+        "2999  icpmodel   solved   1.0759",
+        "0 of 1 independent checks agree; 1 disagrees. The answer is not confirmed.",
+        ". The answer is confirmed.",
+    ),
+    "when_methods_fail.py": "Lemke() infeasible: no z has Az + q >= 0 and z >= psi(z)",
+}
+
+WITHOUT_FIGURE = {"first_problem.py", "paper_under_the_microscope.py", "when_methods_fail.py"}
+
+
+def test_every_example_is_run():
+    assert sorted(path.name for path in EXAMPLES.glob("*.py")) == sorted(SAYS)
+
+
+@pytest.mark.parametrize("name", SAYS)
+def test_an_example_runs_as_written(name, tmp_path):
+    run = subprocess.run([sys.executable, str(EXAMPLES / name)], cwd=tmp_path, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert run.stderr == ""
+    for phrase in [SAYS[name]] if isinstance(SAYS[name], str) else SAYS[name]:
+        assert phrase in run.stdout
+    stem = name.removesuffix(".py")
+    figures = set() if name in WITHOUT_FIGURE else {f"{stem}.png", f"{stem}.svg"}
+    if name == "which_solver_do_you_believe.py":
+        figures |= {"which_solver_race.png", "which_solver_race.svg", "which_solver_race.csv"}
+    assert {path.name for path in tmp_path.iterdir()} == figures
+
+
+PAPER = EXAMPLES / "paper_under_the_microscope.py"
+
+
+def read_paper(*words):
+    return subprocess.run([sys.executable, str(PAPER), *words], capture_output=True, text=True)
+
+
+def test_the_paper_is_judged_by_numbers_that_are_computed():
+    """Every verdict is shown by every line, and the counterexamples have the numbers of the theory."""
+    text = read_paper().stdout
+    assert "NO  " not in text
+    assert "NOT SHOWN" not in text
+    assert text.count("FALSE AS PRINTED") == 2 * 7  # beside the numbers and in the table
+    for number in (
+        "the limit is 0.250000\n",
+        "with only the + restored 0.500000\n",
+        "the limit is [0.75 0.5 ]\n",
+        "rho(L) is at most 0.283196, below 1\n",
+        "|e0| = [0. 2.], |e1| = [1.    0.125]",
+        "is at most 0.500001, below 1 (but the theorem as printed is false)\n",
+        "[ 56. -10.  56.]\n",
+        "multiplies the error by -3\n",
+        "the spectral radius 1.1514\n",
+        "the condition as printed: 0.01 > 0; corrected: -0.07 < 0\n",
+        "multiplies the error by -1.375\n",
+        "multiplies the error by -1.85714\n",
+    ):
+        assert number in text, number
+
+
+def test_words_choose_the_statements():
+    """What begins with a word is read, in the order of the paper; an unknown word is answered with what there is."""
+    lines = read_paper("4.3", "2.1").stdout.splitlines()
+    names = [line[1 : line.index("]")] for line in lines if line.startswith("[")]
+    assert names == ["2.1", "4.3 ()", "4.3 phi", "4.3 theta2"]
+    unknown = read_paper("5")
+    assert unknown.returncode == 1
+    assert "nothing begins with 5; there are: 2 M, 2.1" in unknown.stderr
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "name"),
+    [
+        ("phi1 * phi if corrected", "phi if corrected", "4.4 (1)"),
+        ("- phi2 * G", "+ phi2 * G", "4.4 (1)"),
+        ("min(phi2, phi1 * A) - phi1", "min(phi2, phi1 * A) + phi1", "4.4 (2)"),
+        ("phi=-1.5", "phi=1.5", "4.3 phi"),
+        ("theta2=-4.0", "theta2=4.0", "4.3 theta2"),
+        ("icp.Affine([[-5.0]], 6.0)", "icp.Affine([[-0.5]], 1.5)", "4.3 ()"),
+        ("np.array([1.0, 3.0])", "np.array([3.0, 1.0])", "4.1 proof"),
+        ("- P1 @ q + P2", "- P1 @ q - P2", "3 method"),
+        ("z4 - 2 * np", "z4 + 2 * np", "3 method"),
+        ("two * z4 + one", "two * z4 - one", "3.1"),
+        ("[[1e-6]], [-1e-6]", "[[2.0]], [-2.0]", "3 Res"),
+        ("q + psi) - q + psi", "q + theta * psi) - q + theta * psi", "3 MNMMOD"),
+        ("- np.tril(A, -1), np.triu", "+ np.tril(A, -1), -np.triu", "3 L, U"),
+        ("x + y == np.abs(x - y)", "x - y == np.abs(x - y)", "2.1"),
+        ("a * U4) / a", "a * U4 + phi4) / a", "3 members"),
+        ("two / one), z4)", "two * one), z4)", "3 Remark"),
+    ],
+)
+def test_a_wrong_number_or_sign_is_marked(right, wrong, name, tmp_path, monkeypatch, capsys):
+    """The example with one thing changed ends with status 1, and says which statement is no longer shown."""
+    source = PAPER.read_text(encoding="utf-8")
+    assert source.count(right) >= 1
+    changed = tmp_path / "changed.py"
+    changed.write_text(source.replace(right, wrong), encoding="utf-8")
+    monkeypatch.setattr(sys, "argv", [str(changed), name])
+    with pytest.raises(SystemExit) as end:
+        runpy.run_path(str(changed), run_name="__main__")
+    assert end.value.code == 1
+    assert "NOT SHOWN" in capsys.readouterr().out

@@ -1,0 +1,398 @@
+"""Lemke's method: right where it ends in a basis, and no proof of infeasibility that is not one."""
+
+from fractions import Fraction
+from itertools import product
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel import methods
+from icpmodel.methods.lemke import Lemke
+from icpmodel.theory.certificates.infeasible import infeasible, multipliers
+
+
+def run(problem, **options):
+    return problem.solve(Lemke(), raise_on_failure=False, **options)
+
+
+def solutions_by_enumeration(A, q):
+    """All z = 0 or (Az + q)_i = 0, row by row, that are solutions of the LCP."""
+    n = len(q)
+    for pattern in product((False, True), repeat=n):
+        F, z = np.flatnonzero(pattern), np.zeros(n)
+        if F.size:
+            if abs(np.linalg.det(A[np.ix_(F, F)])) < 1e-12:
+                continue
+            z[F] = np.linalg.solve(A[np.ix_(F, F)], -q[F])
+        if (z >= -1e-10).all() and (A @ z + q >= -1e-10).all():
+            yield z
+
+
+def p_matrix(rng, n):
+    """Aᵀ + A definite or a product LDU of triangular P-matrices with small couplings: P, mostly not H₊."""
+    B = rng.normal(size=(n, n))
+    return B @ B.T + rng.normal() * 3 * (B - B.T) + 0.1 * np.eye(n)
+
+
+def proves_in_fractions(A, q, c, y):
+    """y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0, without rounding."""
+    A, q, c, y = (np.vectorize(Fraction, otypes=[object])(np.asarray(x)) for x in (A, q, c, y))
+    return bool((y >= 0).all() and (A.T @ y <= 0).all() and (q + A @ c) @ y < 0)
+
+
+def test_it_finds_the_one_solution_that_enumeration_finds_for_p_matrices():
+    rng = np.random.default_rng(0)
+    for _ in range(150):
+        n = int(rng.integers(1, 8))
+        A, q = p_matrix(rng, n), rng.normal(size=n)
+        (expected,) = solutions_by_enumeration(A, q)
+        solution = run(icp.ICP(A, q))
+        assert solution.solved
+        assert solution.z == pytest.approx(expected, abs=1e-9 * max(1, np.abs(expected).max()))
+
+
+def test_random_p_matrices_up_to_60_are_solved_to_rounding():
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        n = int(rng.integers(1, 61))
+        z = np.maximum(rng.normal(size=n), 0)
+        A = p_matrix(rng, n)
+        problem = icp.ICP(A, np.where(z > 0, 0.0, rng.exponential(size=n)) - A @ z)
+        solution = run(problem, rtol=1e-12)
+        assert solution.solved
+        assert solution.z == pytest.approx(z, abs=1e-8)
+
+
+def test_obstacles_affine_obstacles_and_rows_without_one():
+    rng = np.random.default_rng(2)
+    for trial in range(120):
+        n = int(rng.integers(1, 10))
+        A, q, c = p_matrix(rng, n), rng.normal(size=n), rng.normal(size=n)
+        if trial % 3:
+            c[rng.random(n) < 0.4] = -np.inf
+        psi = icp.Affine(rng.uniform(-0.3, 0.3, (n, n)) / n, c) if trial % 2 else c
+        solution = run(icp.ICP(A, q, psi))
+        if trial % 2 and not solution.solved:
+            assert solution.status is icp.Status.STAGNATED  # A(I - G)^-1 need not be P
+            continue
+        assert solution.solved
+        assert solution.iterations <= 2
+    assert run(icp.ICP([[0.0, 1.0], [1.0, 0.0]], [1.0, 2.0], -np.inf)).z.tolist() == [-2.0, -1.0]
+
+
+def test_an_affine_obstacle_that_does_not_commute_with_a():
+    rng = np.random.default_rng(11)
+    for _ in range(30):
+        n = int(rng.integers(2, 9))
+        A = np.diag(rng.uniform(4, 8, n)) + rng.uniform(-2, 2, (n, n)) / n
+        G = rng.uniform(-0.9, 0.9, (n, n)) / n
+        touching, z = rng.random(n) < 0.5, rng.normal(size=n)
+        c = z - G @ z - np.where(touching, 0.0, rng.exponential(size=n))
+        if rng.random() < 0.5:
+            c[~touching & (rng.random(n) < 0.5)] = -np.inf
+        solution = run(icp.ICP(A, np.where(touching, rng.exponential(size=n), 0.0) - A @ z, icp.Affine(G, c)))
+        assert solution.solved
+        assert solution.z == pytest.approx(z, abs=1e-10)
+
+
+def test_what_no_elimination_can_start_on_is_refused():
+    with pytest.raises(icp.SingularOperator, match="rows and columns without obstacle"):
+        icp.ICP([[0.0, 1.0], [1.0, 1.0]], [1.0, 1.0], [-np.inf, 0.0]).solve("lemke")
+    with pytest.raises(icp.SingularOperator, match="I - G is singular"):
+        icp.ICP([[1.0]], [1.0], icp.Affine([[1.0]], 1.0)).solve("lemke")
+    with pytest.raises(icp.NotApplicable, match="n = 501 is more than 500"):
+        icp.ICP(sp.eye_array(501), np.ones(501)).solve("lemke")
+
+
+@pytest.mark.parametrize("n", [31, 101])
+def test_large_cyclic_p_matrices(n):
+    """Every ratio is a tie at first: without the lexicographic rule the pivots do not end."""
+    A = np.eye(n) + 2 * np.eye(n, k=1)
+    A[-1, 0] = 2
+    assert run(icp.ICP(A, -np.ones(n))).z == pytest.approx(np.full(n, 1 / 3))
+
+
+def test_semidefinite_problems_with_many_solutions():
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        n = int(rng.integers(2, 20))
+        B = rng.integers(-2, 3, size=(n, max(1, n // 2))).astype(float)
+        K = rng.integers(-2, 3, size=(n, n)).astype(float)
+        A, z, p = B @ B.T + K - K.T, rng.integers(0, 3, size=n).astype(float), rng.integers(0, 3, size=n)
+        problem = icp.ICP(A, np.where(z > 0, 0.0, p) - A @ z)
+        assert run(problem).solved
+
+
+#: zero right-hand sides and equal ratios throughout
+DEGENERATE = [
+    ([[1.0, 2.0, 0.0], [0.0, 1.0, 2.0], [2.0, 0.0, 1.0]], [-1.0, -1.0, -1.0]),
+    (np.ones((4, 4)) + np.eye(4), [-1.0, -1.0, -1.0, -1.0]),
+    (np.diag(np.ones(6)) - np.diag(np.ones(5), 1) + np.diag(np.ones(5), -1), [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    (np.zeros((3, 3)), [0.0, 0.0, 0.0]),
+]
+
+
+@pytest.mark.parametrize(("A", "q"), DEGENERATE)
+def test_degenerate_problems_end(A, q):
+    assert run(icp.ICP(A, q)).solved
+
+
+def linear_programme(cost, K, k):
+    """min cost·x, Kx ≥ k, x ≥ 0 as an LCP in (x, multipliers)."""
+    m, n = K.shape
+    return icp.ICP(np.block([[np.zeros((n, n)), -K.T], [K, np.zeros((m, m))]]), np.concatenate([cost, -k]))
+
+
+def test_the_linear_programme_on_which_the_simplex_method_cycles():
+    """Beale's: at the start every row of K is tight."""
+    K = -np.array([[0.25, -60, -1 / 25, 9], [0.5, -90, -1 / 50, 3], [0.0, 0.0, 1.0, 0.0]])
+    problem = linear_programme(np.array([-0.75, 150.0, -0.02, 6.0]), K, np.array([0.0, 0.0, -1.0]))
+    assert run(problem).z[:4] == pytest.approx([0.04, 0.0, 1.0, 0.0])
+
+
+def test_every_basis_is_lexicographically_positive():
+    """The rows of (b, inverse of the basis) are, after each pivot: so none comes back. And t > 0 to the end."""
+    from icpmodel.numerics.kernels.pivoting import UNFINISHED, begin, go_on
+    from icpmodel.numerics.kernels.units import scale
+
+    rng = np.random.default_rng(10)
+    pivots = 0
+    for _ in range(200):
+        n = int(rng.integers(2, 7))
+        B = rng.integers(-1, 2, size=(n, n)).astype(float)
+        state = begin(*scale(B @ B.T + B - B.T), -rng.integers(0, 2, size=n).astype(float), np.zeros(n, bool))
+        D, labels = state[4], state[5]
+        ended, entering, *_ = go_on(*state, -1, 0)
+        while ended == UNFINISHED:
+            basic, place = labels[:n], labels[2 * n + 1 : 4 * n + 2]
+            inverse = [np.eye(n)[place[k]] if place[k] >= 0 else -D[:, -1 - place[k]] for k in range(n)]
+            for row in np.column_stack([D[:, n + 1], *inverse]):
+                assert row[np.abs(row) > 1e-9][0] > 0
+            assert D[basic == 2 * n, n + 1] > 1e-9
+            ended, entering, *_ = go_on(*state, entering, 1)
+            pivots += 1
+    assert pivots > 400
+
+
+def test_many_degenerate_problems_in_zeros_and_ones_end_and_never_go_round():
+    rng = np.random.default_rng(4)
+    for _ in range(300):
+        n = int(rng.integers(2, 9))
+        K = rng.integers(-1, 2, size=(n, n)).astype(float)
+        problem = icp.ICP(K - K.T + np.diag(rng.integers(0, 2, n)), -rng.integers(0, 2, n))
+        solution = run(problem)
+        assert solution.status in (icp.Status.SOLVED, icp.Status.INFEASIBLE)
+        assert solution.iterations <= 3
+
+
+def test_an_infeasible_semidefinite_problem_is_proved_to_be_one_in_fractions():
+    rng = np.random.default_rng(5)
+    proved = 0
+    for _ in range(80):
+        n = int(rng.integers(2, 25))
+        B = rng.integers(-2, 3, size=(n, max(1, n // 3))).astype(float)
+        A, q, c = B @ B.T, rng.normal(size=n), rng.normal(size=n)
+        solution = icp.ICP(A, q, c).solve(raise_on_failure=False)
+        assert solution.status in (icp.Status.SOLVED, icp.Status.INFEASIBLE)
+        if solution.status is icp.Status.INFEASIBLE:
+            proved += 1
+            assert proves_in_fractions(A, q, c, solution.infeasible.witness)
+            assert solution.infeasible.reason in solution.message
+    assert proved >= 20
+
+
+def test_an_infeasible_linear_programme_in_any_floats_is_proved_to_be_one():
+    rng = np.random.default_rng(6)
+    proved = 0
+    for _ in range(40):
+        m, n = (int(k) for k in rng.integers(1, 8, 2))
+        problem = linear_programme(rng.exponential(size=n), rng.normal(size=(m, n)), rng.exponential(size=m))
+        solution = run(problem)
+        assert solution.status in (icp.Status.SOLVED, icp.Status.INFEASIBLE)
+        if solution.infeasible is not None:
+            proved += 1
+            A = problem.A.toarray()
+            assert proves_in_fractions(A, problem.q, np.zeros(m + n), solution.infeasible.witness)
+    assert proved >= 10
+
+
+def test_where_there_are_rows_without_obstacle_the_proof_counts_p_as_zero_there():
+    problem = icp.ICP([[1.0, 1.0], [-1.0, -1.0]], [0.0, -1.0], [-np.inf, 0.0])
+    solution = run(problem)
+    assert solution.status is icp.Status.INFEASIBLE
+    assert "y >= 0 where there is an obstacle" in solution.message
+    # p_1 = z_1 - 1 = 0 and p_2 = -z_1 >= 0
+    y = infeasible(icp.ICP([[1.0, 0.0], [-1.0, 0.0]], [-1.0, 0.0], [-np.inf, 0.0]), np.array([1.0, 1.0]))
+    assert y.holds
+    # the same y without the second row's sign: z_1 = 1 and p_2 = z_1 are no contradiction
+    assert (
+        infeasible(icp.ICP([[1.0, 0.0], [1.0, 0.0]], [-1.0, 0.0], [-np.inf, 0.0]), np.array([1.0, -1.0])).holds is None
+    )
+
+
+def test_nothing_feasible_is_ever_called_infeasible():
+    """For any y whatever, those of true rays of neighbouring problems among them."""
+    rng = np.random.default_rng(7)
+    for trial in range(300):
+        n = int(rng.integers(1, 7))
+        B = rng.integers(-2, 3, size=(n, max(1, n // 2))).astype(float)
+        A = B @ B.T if trial % 2 else rng.integers(-3, 4, size=(n, n)).astype(float)
+        z, p = rng.integers(0, 3, size=n), rng.integers(0, 2, size=n)
+        problem = icp.ICP(A, p - A @ z)  # z is feasible
+        kernel = np.linalg.svd(A)[0][:, -1]
+        for y in (rng.exponential(size=n), np.abs(kernel), rng.integers(0, 3, size=n).astype(float), np.eye(n)[0]):
+            assert infeasible(problem, y).holds is None
+        assert run(problem).status is not icp.Status.INFEASIBLE
+
+
+def test_by_a_hair_is_not_infeasible():
+    """A = [[1, -1], [-1, 1 + ε]] has a solution for every q, if far away; with ε = 0 the sign of q₁ + q₂ decides."""
+    eps = 2.0**-52
+    far = icp.ICP([[1.0, -1.0], [-1.0, 1.0 + eps]], [-1.0, 0.0])
+    assert run(far).status is not icp.Status.INFEASIBLE
+    assert infeasible(far, np.ones(2)).holds is None
+    for q2, proof, status in (
+        (1.0, None, "SOLVED"),
+        (1.0 + 2 * eps, None, "SOLVED"),
+        (1.0 - eps, True, "PRECISION_LIMIT"),
+        (1.0 - 1e-6, True, "INFEASIBLE"),
+    ):
+        problem = icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [-1.0, q2])
+        assert infeasible(problem, np.ones(2)).holds is proof
+        assert run(problem, rtol=0.0).status.name == status
+
+
+def test_the_obstacle_counts():
+    """p = 1/2 − z: no z ≥ 1 will do, but any in [0, 1/2]."""
+    problem = icp.ICP([[-1.0]], [0.5], 1.0)
+    assert infeasible(problem, np.ones(1)).holds
+    assert infeasible(problem, np.ones(1)).number == -0.5
+    assert infeasible(problem.with_psi(0.0), np.ones(1)).holds is None
+
+
+def test_no_vector_that_is_none_and_no_moving_obstacle_proves_anything():
+    problem = icp.ICP([[-1.0]], [-1.0])
+    assert infeasible(problem, np.ones(1)).holds
+    for y in (np.zeros(1), np.array([np.nan]), np.array([-1.0])):
+        assert infeasible(problem, y).holds is None
+    moving = problem.with_psi(icp.Affine([[2.0]]))  # z >= 2z: negative z, where p = -z - 1 may be positive
+    assert infeasible(moving, np.ones(1)).holds is None
+    assert run(moving).z.tolist() == [-1.0]
+
+
+@pytest.mark.parametrize("n", [8, 16, 32, 64])
+def test_where_a_ray_begins_the_lcp_is_solved_up_to_t(n):
+    """A ring with condition 4e12: its smallest pivots count as zero, so that they end in a ray, with t about 0."""
+    problem = icp.scenes.hard_singular(n=n).problem
+    solution = run(problem)
+    assert solution.solved
+    assert solution.residual <= 1e-10 * problem.residual(np.zeros(n))
+
+
+def test_a_ray_that_proves_nothing_is_no_verdict():
+    """A = [[0, 1], [0, 0]]: p = (z_2 - 1, 1) can be met, but the pivots may end in a ray."""
+    rng = np.random.default_rng(8)
+    seen = set()
+    for _ in range(200):
+        A, q = rng.integers(-2, 3, size=(3, 3)), rng.integers(-2, 2, size=3)
+        solution = run(icp.ICP(A, q))
+        seen.add(solution.status.name)
+        assert solution.status.name in ("SOLVED", "STAGNATED", "INFEASIBLE")
+        if solution.infeasible is not None:
+            assert proves_in_fractions(A, q, np.zeros(3), solution.infeasible.witness)
+            assert list(solutions_by_enumeration(A.astype(float), q.astype(float))) == []
+    assert seen == {"SOLVED", "STAGNATED", "INFEASIBLE"}
+
+
+@pytest.mark.parametrize("size", [1e-100, 1e100])
+def test_units_of_rows_and_columns_change_nothing(size):
+    rng = np.random.default_rng(9)
+    for n in (1, 5, 20):
+        A, q = p_matrix(rng, n), rng.normal(size=n)
+        z = run(icp.ICP(A, q)).z
+        for R, C in (
+            (np.full(n, size), np.ones(n)),
+            (np.ones(n), np.full(n, size)),
+            (size ** rng.uniform(0, 1, n), np.ones(n)),
+            (np.ones(n), size ** rng.uniform(0, 1, n)),
+        ):
+            scaled = run(icp.ICP(R[:, None] * A * C, R * q), rtol=0.0)
+            assert scaled.z * C == pytest.approx(z, rel=1e-6, abs=1e-9 * np.abs(z).max())
+    infeasible_one = run(icp.ICP(size * np.array([[1.0, -1.0], [-1.0, 1.0]]), [-1 / size, 0.0]), rtol=0.0)
+    assert infeasible_one.status is icp.Status.INFEASIBLE
+
+
+def test_the_answer_is_as_accurate_as_its_basis_allows():
+    """Nearly skew matrices: the pivots lose digits, and one step of refinement brings them back."""
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        K = rng.normal(size=(6, 6))
+        A, z = K - K.T + 1e-8 * np.eye(6), rng.exponential(size=6)
+        problem = icp.ICP(A, -A @ z)
+        path = Lemke().iterates(problem, np.zeros(6))
+        for _ in range(8):
+            z = next(path)[0]
+            if problem.residual(z) <= 1e-6:
+                break
+        assert (np.abs(problem.p(z)) <= 1e-15 * (np.abs(A) @ np.abs(z) + np.abs(problem.q))).all()
+
+
+def test_a_long_path_is_looked_at_between_rounds_of_n_pivots():
+    """Murty's matrix: unit lower triangular with 2s, q = -2^(n-1) ..., 2^n - 1 pivots of the plain method."""
+    n = 12
+    A = np.eye(n) + 2 * np.tril(np.ones((n, n)), -1)
+    q = -(2.0 ** np.arange(n + 1)[::-1][:n])
+    solution = run(icp.ICP(A, q))
+    assert solution.solved
+    path = Lemke().iterates(icp.ICP(A, q), np.zeros(n))
+    assert len({next(path)[0].tobytes() for _ in range(30)}) > 1
+
+
+def test_solve_falls_back_on_pivots_where_newton_stands_still():
+    names = [c.method.name for c in methods.choose.choose(icp.ICP(np.eye(100), -np.ones(100)))]
+    assert "lemke" in names
+
+
+@pytest.mark.parametrize("n", [28, 40, 64, 150])
+def test_entries_that_fade_with_the_distance_are_no_reason_for_other_units(n):
+    """A(I − G)⁻¹ of an affine ψ: in units in which its entries are alike, q would grow as they fade."""
+    G = np.diag(np.full(n - 1, 0.3), -1)
+    easy = icp.ICP(4 * np.eye(n), np.where(np.arange(n) % 2, 1.0, -1.0), icp.Affine(G, np.full(n, -1.0)))
+    rng = np.random.default_rng(n)
+    A = sp.diags_array([-np.ones(n - 1), 2.0 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1])
+    both = sp.diags_array([0.3 * np.ones(n - 1), 0.2 * np.ones(n - 1)], offsets=[-1, 1])
+    for problem in (easy, icp.ICP(A, rng.normal(size=n), icp.Affine(both, rng.normal(size=n)))):
+        assert problem.solve("lemke").solved
+        assert problem.solve("josephy").solved
+
+
+def test_a_linear_program_proves_what_the_ray_does_not():
+    solution = icp.ICP([[-2, 1], [1, -2]], [1, -2]).solve(raise_on_failure=False)
+    assert solution.status is icp.Status.INFEASIBLE
+    y = np.array([float(x) for x in solution.infeasible.witness])
+    assert (y >= 0).all()
+    assert (np.array([[-2, 1], [1, -2]]).T @ y <= 0).all()
+    assert y @ [1, -2] < 0
+
+
+@given(st.integers(0, 10**6), st.integers(2, 40), st.booleans())
+@settings(max_examples=40, deadline=None)
+def test_infeasible_problems_are_proved_to_be_so_and_feasible_ones_never(seed, n, whole):
+    """One y with Aᵀy ≤ 0 and qᵀy < 0, or one z with z ≥ 0 and Az + q ≥ 0, is built in."""
+    rng = np.random.default_rng(seed)
+    A = rng.integers(-4, 5, (n, n)).astype(float) if whole else rng.normal(size=(n, n))
+    y, q = rng.integers(0, 3, n).astype(float), rng.integers(-3, 4, n).astype(float)
+    y[0] = 1.0
+    bad, worse = A.copy(), q.copy()
+    bad[0] -= np.maximum(A.T @ y, 0.0) + 1e-3
+    worse[0] -= max(q @ y, 0.0) + 1.0
+    assert icp.ICP(bad, worse).solve("lemke", raise_on_failure=False).status is icp.Status.INFEASIBLE
+    z = rng.random(n)
+    feasible = icp.ICP(A, rng.random(n) - A @ z)
+    assert feasible.solve("lemke", raise_on_failure=False).status is not icp.Status.INFEASIBLE
+    y = multipliers(feasible)
+    assert y is None or not infeasible(feasible, y).holds

@@ -1,0 +1,454 @@
+"""Every method on every scene, and the baselines against independent reference counts."""
+
+import itertools
+from contextlib import suppress
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from conformance import FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
+
+import icpmodel as icp
+from icpmodel import methods, scenes
+from icpmodel.algebra import sweeps as steps
+from icpmodel.methods.lemke import Lemke
+
+SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
+
+
+def test_every_registered_method_is_in_the_conformance_table():
+    assert sorted(METHODS) == methods.names()
+    assert all(type(method) is type(methods.named(name)) for name, method in METHODS.items())
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_on_every_scene(method, scene):
+    """Solved, certified by the judge and at its reference; or it must fail, and ends as is honest for the scene."""
+    scene_, method_ = SCENES[scene], METHODS[method]
+    reason = MUST_FAIL.get((method, scene), scene_.why_no_solution)
+    if reason is not None and reason.startswith("why_not"):
+        assert method_.why_not(scene_.problem) is not None
+        with pytest.raises(icp.NotApplicable):
+            scene_.problem.solve(method_)
+        return
+    try:
+        solution = scene_.problem.solve(method_, raise_on_failure=False, max_iter=20_000)
+    except icp.NotApplicable:
+        assert "not applicable" in HONEST[scene]
+        assert reason is not None
+        return
+    assert solution.solved is (reason is None), solution.message
+    assert solution.residual == scene_.problem.residual(solution.z)
+    if reason is not None:
+        assert solution.residual > solution.tolerance
+        assert solution.status.advice
+        assert solution.status.value in HONEST.get(scene, {solution.status.value})
+        return
+    assert solution.residual <= solution.tolerance
+    if scene_.z_exact is not None:
+        error = np.abs(solution.z - scene_.z_exact).max()
+        assert error <= 1e-5 or scene in FAR_THOUGH_SOLVED
+        if solution.error_bound is not None:
+            assert error <= solution.error_bound
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_automatic_choice_solves_every_scene_that_has_a_solution_and_says_why(scene):
+    scene_ = SCENES[scene]
+    solution = scene_.problem.solve(z0=scene_.z0, raise_on_failure=False)
+    assert solution.solved is (scene_.why_no_solution is None), solution.message
+    assert solution.why
+    if not solution.solved:
+        assert solution.status.value in HONEST[scene]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_iterates_start_at_z0_and_are_never_changed_afterwards(method):
+    problem = SCENES["hand-affine"].problem
+    path = METHODS[method].iterates(problem, np.array([3.0, -2.0]))
+    kept = [next(path) for _ in range(5)]
+    copies = [z.copy() for z, _ in kept]
+    with suppress(methods.HandOver):  # to a method whose iterates are its own
+        for _ in range(5):
+            next(path)
+    assert kept[0][0].tolist() == [3.0, -2.0]
+    assert all(np.array_equal(z, copy) for (z, _), copy in zip(kept, copies, strict=True))
+    for z, hint in kept:
+        assert hint is None or hint == pytest.approx(problem.residual(z), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("scene", "mu", "counts"),
+    [
+        ("bai-symmetric", 0, [142, 493, 1037]),
+        ("bai-symmetric", 4, [36, 39, 40]),
+        ("bai-nonsymmetric", 0, [45, 67, 89]),
+    ],
+)
+def test_mms_needs_the_sweeps_of_the_independent_reference(scene, mu, counts):
+    """Gauss–Seidel splitting, γ = 2, Ω = D/2, z⁰ = (1, 0, 1, 0, …), Res ≤ 1e-5, m = 10, 20, 30."""
+    found = []
+    for m in (10, 20, 30):
+        bai = scenes.scene(scene, m * m, mu=mu)
+        found.append(bai.problem.solve(icp.MMS(), z0=bai.z0, atol=1e-5, rtol=0).iterations)
+    assert found == counts
+
+
+def test_gauss_seidel_sweeps_grow_with_n_for_mu_0_and_not_for_mu_4():
+    def sweeps(mu, m):
+        bai = scenes.bai_symmetric(n=m * m, mu=mu)
+        return bai.problem.solve("mnmgs", z0=bai.z0, atol=1e-5, rtol=0).iterations
+
+    assert sweeps(4, 60) <= sweeps(4, 15) + 3
+    assert sweeps(0, 60) >= 2.5 * sweeps(0, 30) >= 5 * sweeps(0, 15)
+
+
+def test_psor_is_cryer_s_recursion():
+    A = np.array([[4.0, -1.0, 0.5], [-2.0, 5.0, -1.0], [0.3, -1.0, 3.0]])
+    problem = icp.ICP(A, [-3.0, 2.0, 1.0], [0.1, -0.2, 0.3])
+    z = np.array([1.0, -2.0, 0.5])
+    path = icp.PSOR(omega=1.3).iterates(problem, z)
+    next(path)
+    expected = z.copy()
+    for i in range(3):
+        expected[i] = max(problem.psi.c[i], expected[i] - 1.3 / A[i, i] * (A[i] @ expected + problem.q[i]))
+    assert next(path)[0] == pytest.approx(expected, rel=1e-13)
+
+
+def test_mms_is_the_recursion_of_hong_and_li():
+    """(Ω + M)x⁺ = Nx + (Ω − A)|x| − γ(Aψ(z) + q), ψ renewed every `inner` steps; γ has no influence on z."""
+    A = np.array([[4.0, -1.0], [-2.0, 4.0]])
+    problem = icp.ICP(A, [-3.0, 2.0], icp.Affine([[0.0, 0.3], [0.2, 0.0]], 0.1))
+    gamma, Omega, z = 1.5, np.diag([3.0, 2.0]), np.array([0.5, -1.0])
+    path = icp.MMS(omega=np.diag(Omega), inner=2).iterates(problem, z)
+    next(path)
+    M, psi = np.tril(A), problem.psi.value(z)
+    x = gamma / 2 * (z - psi)
+    for k in range(6):
+        if k and k % 2 == 0:
+            psi = problem.psi.value(z)
+        right = (M - A) @ x + (Omega - A) @ np.abs(x) - gamma * (A @ psi + problem.q)
+        x = np.linalg.solve(Omega + M, right)
+        z = psi + (np.abs(x) + x) / gamma
+        assert next(path)[0] == pytest.approx(z, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "words"),
+    [
+        ("mnmxx", {}, "method is 'mnmxx'; one of accelerated, josephy, lemke, mms"),
+        (3, {}, "method is 3"),
+        ("mnmgs", {"theta1": 1.0}, "mnmgs has no option theta1; it takes phi, phi1, phi2"),
+        ("psor", {"omega": 2.0}, "omega is 2.0; a finite number > 0 and < 2 was expected"),
+        ("mms", {"inner": 0}, "inner is 0; a whole number >= 1"),
+        ("mms", {"inner": True}, "inner is True"),
+        ("mnmmod", {"theta1": [1.0, 2.0]}, "theta1 is .1.0, 2.0.; a finite number > 0"),
+        ("mnmsor", {"theta1": -1.0}, "theta1 is -1.0"),
+        ("mnmgs", {"maxiter": 3}, "mnmgs has no option maxiter; .* solve itself takes z0"),
+        ("mms", {"omega": -1.0}, "omega has the entry -1"),
+        (None, {"theta1": 1.0}, "solve has no option theta1; it takes z0, rtol"),
+        (icp.MNMGS(), {"phi": 1.0}, "go into its constructor"),
+    ],
+)
+def test_a_wrong_method_or_option_is_named(method, options, words):
+    with pytest.raises(icp.InputError, match=words):
+        icp.ICP([[2.0]], [1.0]).solve(method, **options)
+
+
+@pytest.mark.parametrize("name", methods.names())
+def test_every_option_changes_the_iterates(name):
+    """Law 8: an option that changes nothing is a bug."""
+    from dataclasses import fields
+
+    other = {"phi": 0.7, "phi1": 2.0, "phi2": 5.0, "theta1": 1.4, "theta2": 0.3, "omega": 0.8, "inner": 1}
+    other |= {"of": "mnmj", "window": 1, "every": 1}
+    A = np.array([[4.0, -1.0, 0.0], [-2.0, 4.0, -1.0], [0.0, -1.0, 3.0]])
+    problem = icp.ICP(A, [-3.0, 2.0, -1.0], icp.Affine(0.2 * np.ones((3, 3)), [0.3, -0.1, 0.2]))
+    z = np.array([1.0, -2.0, 0.5])
+
+    def after(method, steps=4):
+        path = method.iterates(problem, z)
+        return [next(path)[0] for _ in range(steps + 1)][-1]
+
+    plain = methods.named(name)
+    for option in fields(plain):
+        # phi1 acts through phi2/phi1, and the window where it is full
+        base = {"phi1": {"phi2": 2.0}, "window": {"every": 1}}.get(option.name, {})
+        value = "jacobi" if option.name == "splitting" else other[option.name]
+        changed = methods.named(name, **base, **{option.name: value})
+        assert not np.allclose(after(changed), after(methods.named(name, **base)), rtol=1e-10), option.name
+
+
+@pytest.mark.parametrize("name", ["phi1", "phi2"])
+def test_a_diagonal_of_zero_is_refused(name):
+    with pytest.raises(icp.InputError, match="positive"):
+        icp.MNMGS(**{name: 0.0})
+
+
+def test_theta1_comes_from_both_norms():
+    problem = icp.ICP([[0.0, 100.0], [-100.0, 1.0]], [-1.0, 1.0])
+    inverse = np.abs(np.linalg.solve(problem.A.toarray(), np.ones(2))).max()
+    method = next(choice.method for choice in methods.choose.choose(problem) if choice.method.name == "mnmmod")
+    assert method.theta1 == pytest.approx(np.sqrt(101.0 / inverse))
+
+
+def ring(n):
+    """The identity, with one entry far off the diagonal."""
+    A = np.eye(n)
+    A[0, -1] = -0.5
+    return A
+
+
+def first_choice(problem, skip=()):
+    """The method and the reason of the first choice that is none of those to `skip`."""
+    choice = next(c for c in methods.choose.choose(problem) if type(c.method) not in skip)
+    return type(choice.method), choice.why
+
+
+def after_trial(problem):
+    """What comes where the first plain sweeps are slow."""
+    choice = next(methods.choose.without_trial(problem))
+    return type(choice.method), choice.why
+
+
+def test_newton_is_chosen_first_where_sweeps_are_slow_and_its_steps_are_cheap():
+    rng = np.random.default_rng(0)
+    B = rng.normal(size=(80, 80))
+    for problem, words in [
+        (scenes.dividend(n=61).problem, "policy iteration"),
+        (icp.ICP(B.T @ B + np.eye(80), rng.normal(size=80), icp.Elementwise(np.sin, np.cos)), "Jacobi radius below 1"),
+        (icp.ICP([[0.0, 1.0], [-1.0, 0.0]], [-1.0, 1.0], icp.Elementwise(np.sin, np.cos)), "no positive diagonal"),
+    ]:
+        method, why = first_choice(problem, skip=[icp.Josephy, icp.PSOR])
+        assert method is icp.Newton
+        assert words in why
+
+
+def test_for_impulse_control_the_coarser_levels_come_first_where_the_problem_is_large_and_second_else():
+    for n, first, second in ((481, icp.Newton, icp.Multilevel), (511, icp.Multilevel, icp.Newton)):
+        choices = [type(choice.method) for choice in methods.choose.choose(scenes.dividend(n=n).problem)]
+        assert choices[:2] == [first, second]
+
+
+def test_multilevel_is_chosen_first_where_most_rows_of_a_large_matrix_are_hardly_dominant():
+    for problem in (
+        scenes.membrane(n=130**2).problem,
+        scenes.bearing(n=400).problem,
+        scenes.membrane(n=80**2).problem.with_psi(icp.Elementwise(np.sin, lipschitz=0.9)),
+    ):
+        assert first_choice(problem, skip=[icp.Tridiagonal])[0] is icp.PSOR
+        method, why = after_trial(problem)
+        assert method is icp.Multilevel
+        assert "of the rows are hardly dominant" in why
+
+
+def test_multilevel_is_left_out_where_it_cannot_do_or_sweeps_are_quick():
+    large = scenes.membrane(n=80**2).problem
+    for problem in (
+        large.with_psi(np.sin),  # no derivative, and not known to move row by row
+        scenes.membrane(n=80**2, mu=4.0).problem,
+        icp.ICP(sp.block_diag([scenes.membrane(n=80**2, mu=4.0).problem.A, large.A[:320, :320]]), np.ones(80**2 + 320)),
+        scenes.membrane(n=60**2).problem,
+        scenes.membrane(n=80**2, skew=0.5).problem,  # what flows through it does so in one direction
+        scenes.hard_skew(n=80**2).problem,  # far from every matrix that multigrid is made for
+    ):
+        assert after_trial(problem)[0] is not icp.Multilevel
+
+
+def test_plain_sweeps_come_first_for_every_positive_diagonal_unless_psi_jumps_or_pivots_are_quicker():
+    moving = icp.Elementwise(np.sin, np.cos)
+    for problem in (
+        scenes.bai_symmetric(n=100).problem,
+        scenes.membrane(n=2500).problem,
+        icp.ICP([[1.0, -2.0], [-2.0, 3.0]], [-1.0, 1.0], np.sin),
+    ):
+        assert first_choice(problem)[0] is icp.PSOR
+    assert first_choice(icp.ICP([[1.0, 2.0], [2.0, -3.0]], [-1.0, 1.0], moving))[0] is icp.Josephy
+    assert first_choice(scenes.dividend(n=61).problem)[0] is icp.Josephy
+    assert first_choice(scenes.dividend(n=211).problem)[0] is icp.Newton
+
+
+def test_where_plain_sweeps_are_slow_relaxed_ones_follow_psor_where_no_psi_depends_on_another_unknown():
+    large = scenes.membrane(n=2500).problem
+    neighbour = icp.Affine(sp.diags_array(np.full(large.n - 1, 0.1), offsets=1), 0.0)
+    for psi, expected in [
+        (large.psi, icp.PSOR),
+        (icp.Affine(0.1 * sp.eye_array(large.n)), icp.PSOR),
+        (icp.Elementwise(np.sin, np.cos, lipschitz=0.9), icp.PSOR),
+        (neighbour, icp.MNMAOR),
+    ]:
+        method, why = after_trial(large.with_psi(psi))
+        assert method is expected
+        assert "relaxed for the estimated Jacobi radius 0.99" in why
+
+
+def test_sweeps_stay_where_they_are_quick_and_say_why_they_give_way():
+    quick = scenes.membrane(n=80**2, mu=4.0).problem.solve()
+    assert quick.method.name == "psor"
+    assert quick.why == "plain sweeps are watched: they stay as long as they are quick"
+    slow = scenes.membrane(n=130**2).problem.solve()
+    assert slow.method.name == "multilevel"
+    assert "hardly dominant: sweeps would be slow (plain sweeps were slow)" in slow.why
+    assert "PSOR(): handed over" in slow.why
+    # most rows are hardly dominant, but few of them are in balance
+    scattered = scenes.manufactured_elementwise(n=80**2, mu=0.0).problem
+    assert scattered.solve().method.name == "psor"
+    # relaxed ones take over from the best iterate, the coarser levels from the start
+    relaxed = scenes.membrane(n=80**2, skew=0.5).problem.solve(history=True)
+    assert relaxed.method.omega > 1.2
+    by_step = dict(zip(relaxed.history.iteration, relaxed.history.residual, strict=True))
+    assert by_step[10] < 0.9 * by_step[0]
+    seen = []
+    scenes.membrane(n=130**2).problem.solve(callback=lambda state: seen.append(state.residual))
+    assert seen.count(seen[0]) == 2
+
+
+def test_relaxed_sweeps_that_break_their_promise_give_way_to_coarser_levels(monkeypatch):
+    """n = 80² takes some 170 of them with a fair estimate of the Jacobi radius, and with one of 0.95 a thousand."""
+    problem = scenes.membrane(n=80**2).problem
+    fair = problem.solve()
+    assert fair.why.endswith("relaxed for the estimated Jacobi radius 0.9987 (plain sweeps were slow)")
+    assert fair.iterations < 250
+    monkeypatch.setattr("icpmodel.solve.choice.radius_of", lambda S: 0.95)
+    low = icp.ICP(problem.A, problem.q, problem.psi).solve()
+    assert low.method.name == "multilevel"
+    assert "(relaxed sweeps were slow)" in low.why
+    assert low.iterations < 100
+
+
+def test_a_trial_hands_over_by_the_observed_rate_alone():
+    """Contraction by 1/2 in a sweep: 8 digits need 27 sweeps, of which 17 are left after the first 10."""
+    a = np.sqrt(0.5)
+    problem = icp.ICP([[1.0, -a], [-a, 1.0]], [-1.0, -1.0])
+    over = methods.HandOver(icp.MNMJ(), "slow")
+    assert problem.solve(icp.PSOR.on_trial(19, lambda: over)).method.name == "psor"
+    assert problem.solve(icp.PSOR.on_trial(15, lambda: over)).method.name == "mnmj"
+    # where nothing else is left they go on
+    assert problem.solve(icp.PSOR.on_trial(15, lambda: None)).method.name == "psor"
+    # and sweeps that diverge are not quick
+    rising = icp.ICP([[1.0, -2.0], [-2.0, 1.0]], [-1.0, -1.0])
+    with pytest.raises(methods.HandOver):
+        list(itertools.islice(icp.PSOR.on_trial(1e9, lambda: over).iterates(rising, np.zeros(2)), 20))
+
+
+@pytest.mark.parametrize("n", [400, 70**2])
+def test_no_sweep_on_trial_is_made_to_judge_what_promises_to_be_the_last_iterate(monkeypatch, n):
+    """By the rate of the last sweeps: as many are made as there are iterates, and more of them are the same ones."""
+    problem, made = scenes.membrane(n=n, mu=4.0).problem, []
+    several = steps._in_turn if n == 400 else steps._passes
+
+    def counted(*arguments):
+        answers = several(*arguments)
+        made.append(len(answers))
+        return answers
+
+    monkeypatch.setattr(steps, several.__name__, counted)
+    sweeps = icp.PSOR.on_trial(100.0, lambda: None)
+    solution = problem.solve(sweeps)
+    assert sum(made) <= solution.iterations + 1
+    path = list(itertools.islice(sweeps.iterates(problem, np.zeros(problem.n)), solution.iterations + 9))
+    assert [k for k, (_, hint) in enumerate(path) if hint is None] == [solution.iterations]
+    for (z, hint), (plain, residual) in zip(path, icp.PSOR().iterates(problem, np.zeros(problem.n)), strict=False):
+        assert z == pytest.approx(plain, rel=1e-12, abs=1e-12)
+        assert hint is None or hint == pytest.approx(residual, rel=1e-6)
+
+
+def test_sweeps_that_are_far_too_slow_are_given_up_before_the_first_look(monkeypatch):
+    """Contraction by .98 in a sweep: some 900 are needed, more than four times 200 and less than four times 300."""
+    monkeypatch.setattr("icpmodel.methods.psor.PIVOT_UP_TO", 0)
+    problem = icp.ICP([[1.0, -0.99], [-0.99, 1.0]], [-1.0, -1.0])
+    for worth, made in ((200.0, 4), (300.0, 11)):
+        sweeps = icp.PSOR.on_trial(worth, lambda: methods.HandOver(icp.MNMJ(), "slow")).iterates(problem, np.zeros(2))
+        for _ in range(made):
+            next(sweeps)
+        with pytest.raises(methods.HandOver):
+            next(sweeps)
+
+
+def test_a_warm_start_survives_the_trial():
+    problem = scenes.membrane(n=80**2).problem
+    cold = problem.solve()
+    warm = problem.with_q(problem.q * 1.0001).solve(z0=cold.z)
+    assert warm.iterations < cold.iterations + 1
+
+
+def test_a_start_near_the_answer_is_asked_at_once_which_rows_it_proves():
+    """Only where it is better than 0 and psi is constant; and the sweeps are judged by Res(0) as from any start."""
+    problem = scenes.membrane(n=400, mu=1.0).problem
+    near, at_0 = problem.solve().z + 1e-4, problem.residual(np.zeros(400))
+    following, asked = icp.PSOR().step_of(problem)(near)[0], []
+
+    def narrow(*told):
+        asked.append(told)
+
+    def begin(problem, z, first=None):
+        asked.clear()
+        sweeps = icp.PSOR.on_trial(30.0, lambda: None, first, narrow)
+        list(itertools.islice(sweeps.iterates(problem, z), 2))
+        return len(asked)
+
+    assert begin(problem, near) == 1
+    z, then, *numbers = asked[0]
+    assert np.array_equal(z, near)
+    assert np.array_equal(then, following)
+    assert numbers == [pytest.approx(at_0), pytest.approx(problem.residual(near)), 30.0]
+    assert begin(problem, np.zeros(400)) == begin(problem, np.full(400, 1e6)) == begin(problem, near, at_0) == 0
+    moving = problem.with_psi(icp.Affine(0.1 * sp.eye_array(400), problem.psi.c))
+    assert begin(moving, moving.solve().z + 1e-4) == 0
+
+
+def test_sweeps_from_a_start_near_the_answer_have_less_to_do():
+    """It takes some sixty sweeps from Res(0) to 1e-8 of it, and a third of them from a start with 1e-5 of it."""
+    problem = scenes.membrane(n=400, mu=0.1).problem
+    near = problem.solve().z
+    near = near + 1e-5 * problem.residual(np.zeros(400)) / problem.residual(near + 1.0)
+    cold, warm = (problem.solve("psor", z0=z, rtol=1e-8).iterations for z in (np.zeros(400), near))
+    over = methods.HandOver(icp.MNMJ(), "too slow")
+    assert 2 * warm < cold
+    named = [
+        problem.solve(icp.PSOR.on_trial(1.5 * warm, lambda: over), z0=z).method.name for z in (np.zeros(400), near)
+    ]
+    assert named == ["mnmj", "psor"]
+
+
+def test_newton_follows_on_sweeps_that_fail():
+    chosen = [choice.method.name for choice in methods.choose.choose(scenes.hand_cyclic().problem)]
+    assert chosen == ["lemke", "psor", "newton", "mnmgs", "mnmj", "mnmmod", "mnmmod", "mnmmod"]
+
+
+def test_a_derivative_that_fails_does_not_end_the_automatic_choice():
+    """sqrt has none at the start, where Newton stops; MNMMOD needs none."""
+    psi = icp.Elementwise(lambda z: 0.1 * np.sqrt(np.abs(z)), lambda z: np.full(z.shape, np.nan))
+    problem = icp.ICP([[0.0, 1.0], [-1.0, 2.0]], [-1.0, 1.0], psi)
+    solution = problem.solve()
+    assert isinstance(solution.method, icp.MNMMOD)
+    assert "Newton(): psi failed" in solution.why
+
+
+def test_small_problems_are_pivoted_first_larger_ones_after_sweeps_and_still_larger_ones_after_newton():
+    for psi in (0.0, icp.Affine(0.1 * sp.eye_array(32)), icp.Elementwise(np.sin, lipschitz=0.9)):
+        assert first_choice(icp.ICP(ring(32), -np.ones(32), psi))[0] is Lemke
+    full = icp.ICP(ring(64) + 0.001, -np.ones(64))
+    for problem in (full, scenes.membrane(n=36).problem, scenes.bai_symmetric(n=64, mu=0.0).problem):
+        assert first_choice(problem)[0] is Lemke
+    for problem in (
+        icp.ICP(ring(33), -np.ones(33)),
+        scenes.membrane(n=64, mu=4.0).problem,
+        scenes.hard_singular(n=36).problem,
+    ):
+        assert first_choice(problem)[0] is icp.PSOR
+        assert after_trial(problem)[0] is Lemke
+    assert first_choice(icp.ICP(ring(64), -np.ones(64), icp.Elementwise(np.sin, np.cos)))[0] is icp.Josephy
+    coupled = icp.ICP(ring(64), -np.ones(64), icp.Function(np.sin, lambda z: np.diag(np.cos(z))))
+    assert first_choice(coupled)[0] is icp.PSOR
+    assert after_trial(coupled)[0] is icp.Josephy
+    assert after_trial(icp.ICP(ring(65), -np.ones(65), icp.Elementwise(np.sin, np.cos)))[0] is not icp.Josephy
+    assert first_choice(icp.ICP(ring(65), -np.ones(65)))[0] is icp.PSOR
+    for psi in (0.0, icp.Elementwise(np.sin, lipschitz=0.9)):
+        assert after_trial(icp.ICP(ring(200), -np.ones(200), psi))[0] is Lemke
+    names = [choice.method.name for choice in methods.choose.choose(icp.ICP(np.eye(201), -np.ones(201)))]
+    assert names.index("lemke") == names.index("newton") + 1
+    for n in (64, 65, 200, 201):
+        assert [c.method.name for c in methods.choose.choose(icp.ICP(np.eye(n), -np.ones(n)))].count("lemke") == 1
+    assert "lemke" not in [choice.method.name for choice in methods.choose.choose(icp.ICP(sp.eye(501), -np.ones(501)))]

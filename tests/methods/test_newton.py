@@ -1,0 +1,552 @@
+"""Newton's method on the modulus equation: it ends after a few steps, and never goes round."""
+
+import itertools
+import signal
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel import Status, scenes
+from icpmodel.methods import newton
+from icpmodel.numerics import linear
+
+
+def newton_path(problem, z):
+    """The iterates until the method stands still, at most 1000."""
+    path, before = icp.Newton().iterates(problem, np.asarray(z, dtype=float)), None
+    for z, _ in itertools.islice(path, 1000):
+        if z is before:
+            return
+        yield z
+        before = z
+
+
+def cyclic(n, alpha):
+    """I + α times the cyclic shift: a P-matrix for odd n."""
+    return np.eye(n) + alpha * np.roll(np.eye(n), -1, axis=1)
+
+
+def random_p_matrix(rng, n):
+    subsets = [list(s) for k in range(1, n + 1) for s in itertools.combinations(range(n), k)]
+    while True:
+        A = rng.normal(size=(n, n)) + rng.uniform(0, 1.5) * np.eye(n)
+        if all(np.linalg.det(A[np.ix_(s, s)]) > 1e-3 for s in subsets):
+            return A
+
+
+# --- its linear systems
+
+
+def derivatives(rng, n):
+    """Derivatives of ψ of every kind: jumps in chains and in circles, slopes of one's own, and full ones."""
+    jumps = np.zeros((n, n))
+    jumps[np.arange(1, n), rng.integers(0, np.arange(1, n))] = 1.0
+    circle = np.roll(np.eye(n), 1, axis=1)
+    own = np.diag(rng.uniform(-2.0, 0.9, n))
+    unit = np.eye(n) + 0.5 * circle  # I − ψ′ has no diagonal
+    return {
+        "none": 0 * own,
+        "unit slope": unit,
+        "jumps": jumps,
+        "circle": 0.9 * circle,
+        "own": own,
+        "own and jumps": own + 0.3 * jumps,
+        "full": rng.normal(size=(n, n)) / n,
+    }
+
+
+@pytest.mark.parametrize("kind", derivatives(np.random.default_rng(0), 3))
+@pytest.mark.parametrize("n", [1, 2, 9, 80])
+def test_a_step_solves_its_equations_whatever_psi_and_the_active_set_are(kind, n):
+    """(I − ψ′)d = −r in the active rows and Ad = −p in the others, though the active unknowns are eliminated."""
+    rng = np.random.default_rng(n)
+    for share in (0.0, 0.3, 0.9, 1.0):
+        J = derivatives(rng, n)[kind]
+        problem = icp.ICP(n * np.eye(n) + rng.normal(size=(n, n)), np.zeros(n))
+        active = rng.random(n) < share
+        p, r = rng.normal(size=(2, n))
+        d = linear.step_of(problem, active, sp.csr_array(J))(p, r, 1e-12)
+        assert np.where(active, d - J @ d, problem.A @ d) == pytest.approx(-np.where(active, r, p), abs=1e-9)
+
+
+def test_jumps_in_a_circle_have_no_step():
+    problem = icp.ICP(np.eye(3), np.zeros(3))
+    step = linear.step_of(problem, np.ones(3, dtype=bool), sp.csr_array(np.roll(np.eye(3), 1, axis=1)))
+    assert step(np.ones(3), np.array([1.0, 2.0, 3.0]), 1e-8) is None
+
+
+def test_a_bordered_band_that_is_solved_badly_is_solved_once_more(monkeypatch):
+    n, banded = 500, linear._banded
+    M = sp.lil_array(sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(n, n)))
+    M[100, 400] = 1.0
+    M = sp.csr_array(M)
+
+    def poor(band):
+        solve = banded(band)
+        return lambda f, tolerance: solve(f, tolerance) * (1.0 + 1e-9)
+
+    monkeypatch.setattr(linear, "_banded", poor)
+    assert M @ linear.solver_of(M)(np.ones(n), 1e-12) == pytest.approx(np.ones(n), rel=1e-12)
+
+
+@pytest.mark.parametrize("band", [0.0, 1e-14, 1.0])
+@pytest.mark.parametrize("rows", [1, 3, 16, 17])
+def test_a_band_with_a_few_full_rows_is_solved(rows, band, monkeypatch):
+    """Up to 16 of them by Woodbury's formula, unless the band alone is singular or nearly; else as a sparse matrix."""
+    n, rng = 3000, np.random.default_rng(rows)
+    M = sp.lil_array(sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(n, n)))
+    for i in 100 + 150 * np.arange(rows):
+        M[i, [i - 1, i, i + 1]] = band, -2.5 * band, band
+        M[i, i + (n // 10 if band == 1.0 else 10)] = 1.5
+    M = sp.csr_array(M)
+    M.eliminate_zeros()
+    f = rng.normal(size=n)
+    if band == 1.0 and rows <= 16:
+        monkeypatch.delattr(linear, "_sparse")
+    x = linear.solver_of(M)(f, 1e-12)
+    assert M @ x == pytest.approx(f, abs=1e-10)
+
+
+# --- it solves
+
+
+def test_one_step_from_the_right_active_set_is_the_solution():
+    """A linear system on the rows where z is free: finite termination, to rounding."""
+    scene = scenes.scene("bai-symmetric", 400)
+    near = scene.z_exact + 1e-3
+    steps = list(newton_path(scene.problem, near))
+    assert np.abs(steps[1] - scene.z_exact).max() <= 1e-13
+
+
+def test_where_psi_is_affine_the_right_active_set_gives_the_solution_at_once():
+    """Rows at the obstacle with a slope of their own (A), or coupled (B), and free rows."""
+    q = np.array([1.0, -4.0, 5.0])
+    A = np.array([[2.0, -1.0, 0.0], [-1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
+    for G in (np.diag([0.5, 0.5, 0.25]), np.array([[0.5, 0.2, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.25]])):
+        problem = icp.ICP(A, q, icp.Affine(G, [0.3, -3.0, 0.1]))
+        steps = list(newton_path(problem, np.array([0.5, 2.0, 0.5])))
+        active = problem.r(steps[1]) < problem.p(steps[1])
+        assert active.any()
+        assert not active.all()
+        assert problem.residual(steps[1]) <= 1e-14
+
+
+def test_the_steps_do_not_depend_on_the_units_of_the_rows():
+    rng = np.random.default_rng(12)
+    for _ in range(5):
+        A, q, z = h_plus(rng, 8), rng.normal(size=8), 10 * rng.normal(size=8)
+        d = 2.0 ** rng.integers(-60, 60, 8)
+        paths = [list(newton_path(icp.ICP(s[:, None] * A, s * q), z)) for s in (np.ones(8), d)]
+        for one, other in zip(*paths, strict=False):
+            assert other == pytest.approx(one, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("start", list(itertools.product([0.0, 1.0], repeat=3)))
+def test_the_cyclic_p_matrix_is_solved_from_every_corner_where_plain_newton_goes_round(start):
+    """theory.md: period 3 at residual √10 from (1, 0, 0)."""
+    solution = scenes.hand_cyclic().problem.solve("newton", z0=start, rtol=1e-12)
+    assert solution.z == pytest.approx(np.full(3, 1 / 3), rel=1e-10)
+
+
+@pytest.mark.parametrize(("n", "alpha"), [(3, 2.0), (3, 1.1), (3, 1e3), (5, 2.0), (7, 1.5), (9, 1.1)])
+def test_cyclic_p_matrices_are_solved_from_random_starts(n, alpha):
+    rng = np.random.default_rng(n)
+    problem = icp.ICP(cyclic(n, alpha), -np.ones(n))
+    for _ in range(20):
+        z0 = rng.choice([rng.normal(size=n) * 10.0 ** rng.integers(-3, 4), (rng.random(n) > 0.5).astype(float)])
+        solution = problem.solve("newton", z0=z0)
+        assert solution.z == pytest.approx(np.full(n, 1 / (1 + alpha)), rel=1e-5)
+
+
+def test_plain_steps_alone_would_go_round_on_the_cyclic_p_matrix(monkeypatch):
+    """So that the tests above test something."""
+    monkeypatch.setattr(newton._Path, "_descent", lambda self: None)
+    solution = scenes.hand_cyclic().problem.solve("newton", z0=[1.0, 0.0, 0.0], raise_on_failure=False)
+    assert solution.status is Status.STAGNATED
+
+
+def test_random_p_matrices_are_solved_from_random_starts():
+    rng = np.random.default_rng(1)
+    for n in (1, 2, 3, 4, 5):
+        for _ in range(30):
+            problem = icp.ICP(random_p_matrix(rng, n), rng.normal(size=n))
+            solution = problem.solve("newton", z0=rng.normal(size=n) * 10.0 ** rng.integers(-2, 3))
+            assert solution.iterations <= 50
+
+
+def h_plus(rng, n):
+    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.4)
+    np.fill_diagonal(A, 0.0)
+    A[np.diag_indices(n)] = np.abs(A).sum(axis=1) * 1.1 + 0.2
+    return A
+
+
+@pytest.mark.parametrize("kind", ["affine", "elementwise", "function", "intervention", "partly free"])
+def test_h_plus_matrices_with_every_kind_of_psi_agree_with_the_certified_answer(kind):
+    rng = np.random.default_rng(2)
+    for _ in range(15):
+        n = int(rng.integers(2, 15))
+        A, c, q = h_plus(rng, n), rng.normal(size=n), 3 * rng.normal(size=n)
+        G = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.3)
+        G *= 0.8 / max(np.abs(G).sum(axis=1).max(), 0.8)
+        psi = {
+            "affine": icp.Affine(G, c),
+            "elementwise": icp.Elementwise(lambda z: 0.7 * np.sin(2 * z) / 2, lambda z: 0.7 * np.cos(2 * z), 0.7, c),
+            "function": icp.Function(lambda z, G=G, c=c: G @ np.sin(z) + c, lambda z, G=G: G * np.cos(z), np.abs(G)),
+            "partly free": icp.Affine(G, np.where(rng.random(n) < 0.3, -np.inf, c)),
+            "intervention": icp.Intervention(sp.csr_array(np.triu(-0.1 - rng.random((n, n)), 1))),
+        }[kind]
+        if kind == "intervention":
+            A = np.abs(np.diag(np.diagonal(A))) - np.abs(A - np.diag(np.diagonal(A)))
+        problem = icp.ICP(A, q, psi)
+        found = problem.solve("newton", z0=rng.normal(size=n))
+        other = problem.solve("mnmj", rtol=1e-10)
+        allowed = 1e-6 if other.error_bound is None else other.error_bound + found.error_bound
+        assert np.abs(found.z - other.z).max() <= allowed
+
+
+@pytest.mark.parametrize("name", ["dividend", "bearing", "ball", "membrane"])
+def test_it_agrees_with_the_sweeps_on_the_scenes(name):
+    problem = scenes.scene(name, 200).problem
+    sweeps = problem.solve("mnmmod" if name == "dividend" else "mnmgs", rtol=1e-11, max_iter=1_000_000)
+    assert problem.solve("newton").z == pytest.approx(sweeps.z, abs=1e-6 * np.abs(sweeps.z).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "n", "steps"), [("membrane", 10_000, 30), ("bearing", 10_000, 100), ("dividend", 3_000, 60)]
+)
+def test_few_steps_are_needed_at_fine_grids(name, n, steps):
+    """Layer by layer the bearing would need a thousand."""
+    assert scenes.scene(name, n).problem.solve("newton").iterations <= steps
+
+
+def test_large_systems_are_solved_by_multigrid(monkeypatch):
+    def never(M):
+        raise AssertionError("factorised")
+
+    monkeypatch.setattr(linear, "_MULTIGRID_FROM", 500)
+    monkeypatch.setattr(linear, "_sparse", never)
+    for name in ("bai-symmetric", "bai-nonsymmetric"):
+        scene = scenes.scene(name, 2500)
+        rows = 10.0 ** np.arange(2500.0).clip(0, 12)  # the second problem's rows have units of their own
+        for scale in (1.0, rows):
+            A = sp.csr_array(sp.diags_array(np.ones(2500) * scale) @ scene.problem.A)
+            solution = icp.ICP(A, scale * scene.problem.q).solve("newton", rtol=1e-10)
+            assert solution.residual <= solution.tolerance
+
+
+# --- it ends, and says how
+
+
+def test_no_end_is_declared_at_an_active_set_that_stays_while_z_is_no_solution():
+    """ψ moves smoothly with z, so that the second step has the same active set as the first, and is still needed."""
+    psi = icp.Elementwise(lambda z: 0.5 * np.cos(z), lambda z: -0.5 * np.sin(z), 0.5)
+    problem = icp.ICP([[1.0]], [5.0], psi)
+    steps = list(newton_path(problem, [1.0]))
+    assert len(steps) > 3
+    assert steps[-1][0] == pytest.approx(0.5 * np.cos(steps[-1][0]), abs=1e-15)
+
+
+def test_at_a_fine_grid_rounding_moves_the_active_set_and_the_residual_ends_the_run():
+    problem = scenes.membrane(n=40_000).problem
+    solution = problem.solve("newton", rtol=0.0, atol=0.0, raise_on_failure=False)
+    assert solution.status is Status.PRECISION_LIMIT
+    assert solution.residual <= np.linalg.norm(np.maximum(*problem.rounding(solution.z)))
+    assert solution.iterations <= 100
+
+
+def test_rows_that_touch_without_force_do_not_keep_it_going():
+    rng = np.random.default_rng(3)
+    for n in (2, 10, 50):
+        B = rng.normal(size=(n, n)) / np.sqrt(n)
+        A, z = B.T @ B + 0.1 * np.eye(n), rng.random(n) * (rng.random(n) > 0.5)
+        p = rng.random(n) * (z == 0) * (rng.random(n) > 0.5)
+        assert icp.ICP(A, p - A @ z).solve("newton", z0=rng.normal(size=n)).z == pytest.approx(z, abs=1e-7)
+
+
+@pytest.mark.parametrize("A", [np.zeros((3, 3)), -np.eye(3), -np.ones((3, 3)), np.ones((3, 3)) - 3 * np.eye(3)])
+def test_without_a_solution_it_stands_still_and_says_so(A):
+    solution = icp.ICP(A, [-1.0, -1.0, -1.0]).solve("newton", raise_on_failure=False)
+    assert solution.status is Status.STAGNATED
+    assert "stand still" in solution.message
+    assert solution.residual >= 0.1
+    assert solution.iterations <= 500
+
+
+def test_any_matrix_gives_a_solution_or_an_honest_failure():
+    rng = np.random.default_rng(4)
+    for _ in range(40):
+        n = int(rng.integers(1, 7))
+        A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.7)
+        problem = icp.ICP(A, rng.normal(size=n), rng.normal(size=n))
+        solution = problem.solve("newton", raise_on_failure=False)
+        assert solution.solved is bool(problem.residual(solution.z) <= solution.tolerance)
+        assert solution.status in (Status.SOLVED, Status.STAGNATED, Status.PRECISION_LIMIT)
+
+
+def test_theta_has_new_marks_or_the_run_ends():
+    """The law of the module's docstring, counted from outside on matrices of every kind."""
+    rng = np.random.default_rng(5)
+    for _ in range(15):
+        n = int(rng.integers(2, 8))
+        problem = icp.ICP(rng.normal(size=(n, n)) + np.eye(n), rng.normal(size=n))
+        omega, best, mark, waited = newton.problem.matrix.weights, np.inf, np.inf, 0
+        for z in newton_path(problem, rng.normal(size=n)):
+            theta = newton._Point(problem, omega, z).theta
+            best = min(best, theta)
+            waited += 1
+            if best <= 0.9 * mark:
+                mark, waited = best, 0
+            assert waited <= 2**n + 100
+
+
+# --- the merit function
+
+
+def points(rng, n=6):
+    problem = icp.ICP(h_plus(rng, n), rng.normal(size=n), icp.Affine(0.1 * rng.normal(size=(n, n)), rng.normal(size=n)))
+    return problem, newton._Point(problem, newton.problem.matrix.weights, rng.normal(size=n))
+
+
+def test_phi_is_fischer_and_burmeister_s_function_of_p_and_r():
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        problem, point = points(rng)
+        a, b = point.p / problem.A.diagonal(), point.r
+        assert point.phi == pytest.approx(a + b - np.hypot(a, b), abs=1e-13)
+
+
+def test_phi_is_within_constant_factors_of_the_scaled_residual():
+    """(2 − √2)|min(a, b)| ≤ |φ(a, b)| ≤ (2 + √2)|min(a, b)|: Tseng 1996."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        problem, point = points(rng)
+        least = np.abs(np.minimum(point.p / problem.A.diagonal(), point.r))
+        assert (np.abs(point.phi) >= (2 - np.sqrt(2)) * least - 1e-13).all()
+        assert (np.abs(point.phi) <= (2 + np.sqrt(2)) * least + 1e-13).all()
+
+
+def test_phi_keeps_its_digits_where_one_side_is_tiny():
+    problem = icp.ICP([[1.0]], [1e10])
+    point = newton._Point(problem, np.ones(1), np.array([1e-10]))
+    assert point.phi[0] == pytest.approx(1e-10, rel=1e-12)
+
+
+def test_phi_of_a_row_without_obstacle_is_its_equation():
+    problem = icp.ICP([[2.0]], [-6.0], -np.inf)
+    assert newton._Point(problem, np.array([2.0]), np.array([5.0])).phi.tolist() == [2.0]
+
+
+def test_slopes_are_the_derivatives_of_phi():
+    rng, h = np.random.default_rng(8), 1e-6
+    for _ in range(10):
+        problem, point = points(rng)
+        omega, direction = newton.problem.matrix.weights, rng.normal(size=problem.n)
+        in_a, in_b = point.slopes()
+        moved = in_a * (problem.A @ direction) / omega + in_b * (direction - problem.psi.G @ direction)
+        there, back = (newton._Point(problem, omega, point.z + s * h * direction).phi for s in (1, -1))
+        assert moved == pytest.approx((there - back) / (2 * h), abs=1e-6)
+
+
+def test_where_both_sides_are_zero_the_slopes_are_an_element_of_the_generalised_derivative():
+    problem = icp.ICP([[1.0]], [0.0])
+    in_a, in_b = newton._Point(problem, np.ones(1), np.zeros(1)).slopes()
+    assert (1 - in_a) ** 2 + (1 - in_b) ** 2 == pytest.approx(1.0)
+
+
+def test_a_descent_reduces_theta():
+    rng = np.random.default_rng(9)
+    for _ in range(20):
+        problem, point = points(rng)
+        path = newton._Path(problem, point.z)
+        assert path._descent().theta < point.theta
+
+
+def test_a_direction_that_leads_up_is_not_taken(monkeypatch):
+    problem, point = points(np.random.default_rng(9))
+    path = newton._Path(problem, point.z)
+    monkeypatch.setattr(path, "_directions", lambda V, phi, shift: iter([V.T @ phi]))
+    monkeypatch.setattr(path, "_along", lambda *_: point)
+    assert path._descent() is None
+
+
+# --- whatever the data
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-150, 1e150, 1e300])
+def test_tiny_and_huge_problems(scale):
+    A, q = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([-1.0, 0.25])
+    assert icp.ICP(A, scale * q).solve("newton").z / scale == pytest.approx([7 / 12, 1 / 6])
+    assert icp.ICP(scale * A, scale * q).solve("newton").z == pytest.approx([7 / 12, 1 / 6])
+
+
+@pytest.mark.parametrize("scale", [1e-100, 1e100])
+def test_rows_and_columns_in_units_of_their_own(scale):
+    """The iterates are the same in every unit; only what counts as solved is not."""
+    rng = np.random.default_rng(10)
+    for _ in range(10):
+        B, q = rng.normal(size=(8, 8)), rng.normal(size=8)
+        A, d = B @ B.T / 8 + np.eye(8), np.where(rng.random(8) < 0.5, scale, 1.0)
+        z = icp.ICP(A, q).solve("newton").z
+        path = []
+        options = {"rtol": 0.0, "atol": 0.0, "raise_on_failure": False}
+        icp.ICP(d[:, None] * A, d * q).solve(
+            "newton", callback=lambda state, path=path: path.append(state.z), **options
+        )
+        # the residual of the large rows is rounding, so that the best iterate need not be the last one
+        assert path[-1] == pytest.approx(z, abs=1e-9)
+        assert d * icp.ICP(A * d, q).solve("newton").z == pytest.approx(z, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("A", "q", "psi", "z"),
+    [
+        ([[2.0]], [-1.0], 0.0, [0.5]),
+        ([[0.0]], [1.0], 3.0, [3.0]),
+        ([[2.0]], [-1.0], -np.inf, [0.5]),
+        ([[2.0, -1.0], [-1.0, 2.0]], [1.0, 2.0], [-np.inf, 0.0], [-0.5, 0.0]),
+        ([[2.0, -1.0], [0.0, 0.0]], [-1.0, 1.0], 0.0, [0.5, 0.0]),  # a zero row
+        ([[0.0, 1.0], [-1.0, 0.0]], [-1.0, 2.0], 0.0, [2.0, 1.0]),  # a zero diagonal
+    ],
+)
+def test_small_and_singular_cases_by_hand(A, q, psi, z):
+    assert icp.ICP(A, q, psi).solve("newton").z == pytest.approx(z, abs=1e-12)
+
+
+def test_a_psi_that_cannot_be_followed_is_refused():
+    for psi, words in [(np.sin, "`jacobian` to Function"), (icp.Elementwise(np.sin), "`derivative` to Elementwise")]:
+        with pytest.raises(icp.NotApplicable, match=words):
+            icp.ICP([[2.0]], [1.0], psi).solve("newton")
+
+
+@pytest.mark.parametrize(
+    ("fails", "words"),
+    [
+        ("value raises", "sensor lost"),
+        ("value is NaN", "psi(z)[0] is NaN"),
+        ("slope raises", "sensor lost"),
+        ("slope is NaN", "psi.jacobian(z)[0, 0] is nan"),
+        ("slope has a wrong shape", "psi.jacobian(z) has shape (3, 3)"),
+    ],
+)
+def test_a_psi_that_fails_late_leaves_the_best_iterate_and_is_named(fails, words):
+    """ψ fails at all but the first two points that it is asked for, its slope at all but the first."""
+    points = []
+
+    def psi(z):
+        if len(points) < 2 and not any(np.array_equal(z, seen) for seen in points):
+            points.append(z)
+        late = not any(np.array_equal(z, seen) for seen in points)
+        if late and fails == "value raises":
+            raise RuntimeError("sensor lost")
+        return np.full(2, np.nan) if late and fails == "value is NaN" else 0.5 * np.sin(3 * z) + 0.3
+
+    def slope(z):
+        late = not np.array_equal(z, points[0])
+        if late and fails == "slope raises":
+            raise RuntimeError("sensor lost")
+        if late and fails == "slope has a wrong shape":
+            return np.ones((3, 3))
+        return np.diag(np.where(late and fails == "slope is NaN", np.nan, 1.5 * np.cos(3 * z)))
+
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -0.5], icp.Function(psi, slope))
+    solution = problem.solve("newton", raise_on_failure=False)
+    assert solution.status is Status.MAP_FAILED
+    assert words in solution.message
+    assert solution.residual == problem.residual(solution.z) <= problem.residual(np.zeros(2))
+
+
+def test_a_slope_that_is_not_finite_is_named():
+    psi = icp.Elementwise(np.sqrt, lambda z: np.where(z > 0, 0.5, np.inf))
+    solution = icp.ICP([[2.0]], [-1.0], psi).solve("newton", raise_on_failure=False)
+    assert solution.status is Status.MAP_FAILED
+    assert "psi's derivative is not finite" in solution.message
+
+
+def test_ctrl_c_and_the_time_limit_return_the_best_iterate():
+    problem = scenes.bearing(n=10_000).problem
+    limited = problem.solve("newton", time_limit=1e-9, raise_on_failure=False)
+    assert limited.status is Status.TIME_LIMIT
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        stopped = problem.solve(
+            "newton",
+            callback=lambda state: state.iteration == 5 and signal.raise_signal(signal.SIGINT),
+            raise_on_failure=False,
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert stopped.status is Status.INTERRUPTED
+    assert stopped.residual <= problem.residual(np.zeros(problem.n))
+
+
+# --- the linear systems
+
+
+@pytest.mark.parametrize("kind", ["band", "dense", "sparse", "multigrid", "multigrid, rows in units"])
+def test_every_solver_solves(kind, monkeypatch):
+    rng, n = np.random.default_rng(11), 900
+    f = rng.normal(size=n)
+    M = {
+        "band": sp.diags_array([-1.0, -2.0, 4.0, -0.5], offsets=[-5, -1, 0, 2], shape=(n, n)),
+        "dense": rng.normal(size=(n, n)),
+        "sparse": scenes.bai_nonsymmetric(n=n).problem.A,
+        "multigrid": scenes.membrane(n=n).problem.A,
+        "multigrid, rows in units": scenes.bai_nonsymmetric(n=n).problem.A,
+    }[kind]
+    if kind == "multigrid, rows in units":
+        units = 10.0 ** rng.integers(-9, 9, n)
+        M, f = sp.diags_array(units) @ M, units * f
+    else:
+        units = np.ones(n)
+    if kind.startswith("multigrid"):
+        monkeypatch.setattr(linear, "_MULTIGRID_FROM", n)
+    M = sp.csr_array(M)
+
+    def is_solution(x):
+        return bool(np.linalg.norm((M @ x - f) / units) <= 1e-9 * np.linalg.norm(f / units))
+
+    solve = linear.solver_of(M)
+    assert is_solution(solve(f, 1e-10))
+    assert is_solution(solve(f, 1e-2)) is not kind.startswith("multigrid")  # only there the tolerance saves work
+
+
+@pytest.mark.parametrize("M", [np.ones((2, 2)), np.zeros((1, 1)), np.ones((40, 40)), np.diag([1.0, 0.0] * 20)])
+def test_a_singular_system_has_no_solution(M):
+    assert linear.solver_of(sp.csr_array(M))(np.arange(1.0, M.shape[0] + 1), 1e-8) is None
+
+
+def test_what_multigrid_cannot_do_is_factorised(monkeypatch):
+    """Its answer is checked, and positive entries off the diagonal are not given to it."""
+    monkeypatch.setattr(linear, "_MULTIGRID_FROM", 100)
+    monkeypatch.setattr(linear, "_KRYLOV_STEPS", 1)
+    M = scenes.membrane(n=900).problem.A
+    f = np.sin(np.arange(900.0))
+    for matrix in (M, abs(M)):
+        x = linear.solver_of(sp.csr_array(matrix))(f, 1e-12)
+        assert np.linalg.norm(matrix @ x - f) <= 1e-9 * np.linalg.norm(f)
+    assert linear._multigrid(sp.csr_array(abs(M)), "cg") is None
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_where_z_runs_away_rounding_is_not_the_reason(seed):
+    """Semidefinite, Ay = 0 for a y >= 0 with q'y < 0, all up to rounding: what there is of z grows without end."""
+    rng = np.random.default_rng(seed)
+    n = 40
+    y = rng.random(n) * (rng.random(n) < 0.5)
+    off_y = np.eye(n) - np.outer(y, y) / (y @ y)
+    B, S = off_y @ rng.normal(size=(n, n // 2)), rng.normal(size=(n, n))
+    q = rng.normal(size=n)
+    problem = icp.ICP(B @ B.T / n + off_y @ (S - S.T) @ off_y, q - y * (q @ y / (y @ y) + 0.1))
+    solution = problem.solve("newton", raise_on_failure=False)
+    assert solution.status is icp.Status.STAGNATED
+    assert "stand still" in solution.message
+
+
+def test_squares_beyond_the_floats_stop_no_line_search():
+    problem = icp.ICP([[1e-300, -1, 0], [0, 1, -1], [-1, 0, 1]], [-1, -1, -1])
+    solution = problem.solve("newton", raise_on_failure=False)
+    assert solution.status in icp.Status
+    assert solution.residual <= problem.residual(np.zeros(3))

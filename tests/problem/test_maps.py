@@ -1,0 +1,199 @@
+"""ψ: value, Jacobian and Lipschitz matrix of every map, and what happens when a user's function misbehaves."""
+
+import numba
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from icpmodel.problem.data import as_map
+
+import icpmodel as icp
+
+N = 5
+
+
+@numba.njit
+def kinked(t):
+    return 0.4 * t if t > 0 else 0.1 * t
+
+
+@numba.njit
+def kinked_slope(t):
+    return 0.4 if t > 0 else 0.1
+
+
+def sparse_jumps(seed, n=N):
+    rng = np.random.default_rng(seed)
+    mask = rng.random((n, n)) < 0.4
+    rows, columns = np.nonzero(mask)
+    gains = np.where(rng.random(rows.size) < 0.3, 0.0, -rng.random(rows.size))
+    return sp.csr_array(sp.coo_array((gains, (rows, columns)), shape=(n, n)))
+
+
+def all_maps(seed):
+    rng = np.random.default_rng(seed)
+    G = rng.normal(size=(N, N)) * 0.3
+    shift = 0.5 * np.roll(np.eye(N), 1, 0)
+    return {
+        "number": as_map(0.7, N),
+        "vector": as_map(rng.normal(size=N), N),
+        "affine": icp.Affine(G, 1.0).bind(N),
+        "elementwise": icp.Elementwise(np.tanh, lambda z: 1 - np.tanh(z) ** 2, 1.0, c=rng.normal(size=N)).bind(N),
+        "compiled": icp.Elementwise(kinked, kinked_slope, 0.4).bind(N),
+        "function": icp.Function(lambda z: shift @ z, lambda z: shift, shift).bind(N),
+        "max": icp.Intervention(sparse_jumps(seed)).bind(N),
+        "min": icp.Intervention(sparse_jumps(seed), best="min").bind(N),
+    }
+
+
+@pytest.mark.parametrize("name", list(all_maps(0)))
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_the_jacobian_is_the_derivative_where_the_map_is_smooth(name, seed):
+    psi = all_maps(seed)[name]
+    rng = np.random.default_rng(seed)
+    z, direction, t = rng.normal(size=N), rng.normal(size=N), 1e-7
+    before, after = psi.value(z), psi.value(z + t * direction)
+    finite = np.isfinite(before)
+    assert np.array_equal(finite, np.isfinite(after))
+    moved = psi.jacobian(z) @ direction
+    assert (after[finite] - before[finite]) / t == pytest.approx(moved[finite], abs=1e-5)
+
+
+@pytest.mark.parametrize("name", list(all_maps(0)))
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_the_lipschitz_matrix_bounds_every_difference(name, seed):
+    psi = all_maps(seed)[name]
+    rng = np.random.default_rng(seed)
+    x, y = rng.normal(size=N) * 3, rng.normal(size=N) * 3
+    finite = np.isfinite(psi.value(x))
+    difference = np.abs(psi.value(x)[finite] - psi.value(y)[finite])
+    assert (difference <= (psi.lipschitz @ np.abs(x - y))[finite] + 1e-12).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), best=st.sampled_from(["max", "min"]))
+def test_an_intervention_takes_the_best_jump(seed, best):
+    jumps = sparse_jumps(seed)
+    psi = icp.Intervention(jumps, best=best)
+    z = np.random.default_rng(seed + 1).normal(size=N)
+    value, target = psi.best_jump(z)
+    for i in range(N):
+        stored = range(jumps.indptr[i], jumps.indptr[i + 1])
+        gains = {int(jumps.indices[k]): z[jumps.indices[k]] + jumps.data[k] for k in stored}
+        if not gains:
+            assert value[i] == -np.inf
+            assert target[i] == -1
+        else:
+            assert value[i] == (max if best == "max" else min)(gains.values())
+            assert gains[target[i]] == value[i]
+
+
+def test_an_intervention_given_as_a_function_is_the_same_map():
+    jumps = sparse_jumps(4)
+    matrix = icp.Intervention(jumps)
+    function = icp.Intervention(matrix.best_jump)
+    z = np.arange(N, dtype=float)
+    assert np.array_equal(matrix.value(z), function.value(z))
+    assert np.array_equal(matrix.jacobian(z).toarray(), function.jacobian(z).toarray())
+    assert function.lipschitz is None
+
+
+def test_a_stored_zero_is_a_free_jump():
+    jumps = sp.csr_array((np.array([0.0]), (np.array([0]), np.array([1]))), shape=(2, 2))
+    assert icp.Intervention(jumps).value(np.array([0.0, 5.0])).tolist() == [5.0, -np.inf]
+
+
+def test_without_derivative_the_jacobian_is_not_invented():
+    assert icp.Elementwise(np.tanh).bind(2).jacobian(np.zeros(2)) is None
+    assert icp.Function(np.tanh).bind(2).jacobian(np.zeros(2)) is None
+    assert icp.Function(np.tanh).bind(2).lipschitz is None
+
+
+def raising(z):
+    raise RuntimeError("no value here")
+
+
+@pytest.mark.parametrize(
+    ("psi", "words"),
+    [
+        (raising, "psi.z. raised RuntimeError: no value here"),
+        (lambda z: z[:1], r"psi\(z\) has shape \(1,\); shape \(2,\)"),
+        (lambda z: z + 1j, "psi.z. has dtype complex"),
+        (lambda z: None, r"psi\(z\) is None; real numbers were expected"),
+        (lambda z: "zz", r"psi\(z\) is 'zz'; real numbers were expected"),
+        (lambda z: [z[0], [1.0, 2.0]], r"psi\(z\) cannot be read as an array of numbers"),
+        (icp.Elementwise(raising), "psi.f.z. raised RuntimeError"),
+        (icp.Elementwise(lambda z: z.sum()), r"psi.f\(z\) has shape \(\)"),
+        (icp.Intervention(lambda z: z), "a tuple .value, target. was expected"),
+        (icp.Intervention(lambda z: (z, z)), "target has shape .* float64"),
+        (icp.Intervention(lambda z: (z, np.array([0, 2]))), "outside -1 ... 1"),
+    ],
+)
+def test_a_map_that_misbehaves_says_how(psi, words):
+    problem = icp.ICP(np.eye(2), np.ones(2), psi)
+    with pytest.raises(icp.MapError, match=words):
+        problem.r(np.zeros(2))
+    with pytest.raises(icp.MapError, match=words):
+        problem.solve("mnmgs")
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: icp.Affine(np.ones((2, 3))), r"psi.G has shape \(2, 3\)"),
+        (lambda: icp.Affine(np.eye(2), [1.0]), "psi.c has shape"),
+        (lambda: icp.Elementwise(3.0), "psi.f is a float; a function"),
+        (lambda: icp.Elementwise(kinked, np.sin), "both or neither"),
+        (lambda: icp.Elementwise(np.sin, lipschitz=-1).bind(2), "psi.lipschitz has the entry -1"),
+        (lambda: icp.Function(np.sin, lipschitz=[[1.0]]).bind(2), r"psi.lipschitz has shape \(1, 1\)"),
+        (lambda: icp.Function(np.sin, lipschitz=-np.eye(2)).bind(2), "psi.lipschitz has the entry -1"),
+        (lambda: icp.Intervention(np.eye(2)), "a SciPy sparse matrix"),
+        (lambda: icp.Intervention(sp.eye_array(2), best="most"), '"max" or "min"'),
+        (
+            lambda: icp.Intervention(sp.coo_array(([1.0, 2.0], ([0, 0], [1, 1])), shape=(2, 2))),
+            "the same jump twice",
+        ),
+        (lambda: icp.Intervention(sp.eye_array(3)).bind(2), r"jumps has shape \(3, 3\)"),
+    ],
+)
+def test_wrong_data_of_a_map_is_named(make, words):
+    with pytest.raises(icp.InputError, match=words):
+        make()
+
+
+def test_a_user_s_function_cannot_spoil_the_iterate():
+    def spoil(z):
+        z[:] = np.nan
+        return np.zeros_like(z)
+
+    assert icp.ICP([[2.0]], [-2.0], spoil).solve("mnmgs").z == pytest.approx([1.0])
+
+
+def test_a_map_never_changes():
+    psi = icp.Affine(np.eye(2), 1.0)
+    problem = icp.ICP(np.eye(2), np.ones(2), psi)
+    for owner in (psi, problem.psi, icp.Constant(1.0), icp.Intervention(sparse_jumps(0))):
+        name = next(iter(vars(owner)))
+        with pytest.raises(AttributeError, match="never changes"):
+            setattr(owner, name, None)
+
+
+def test_of_equal_jumps_the_first_is_taken():
+    jumps = sp.csr_array(np.array([[1.0, 1.0], [0.0, 1.0]]))
+    assert icp.Intervention(jumps).best_jump(np.zeros(2))[1].tolist() == [0, 1]
+
+
+def test_a_psi_that_reuses_its_buffer_does_no_harm():
+    buffer = np.zeros(2)
+
+    def psi(z):
+        buffer[:] = 0.5 * z
+        return buffer
+
+    bound = icp.ICP(np.eye(2), [1.0, 1.0], psi=psi).psi
+    first = bound.value(np.ones(2))
+    bound.value(np.zeros(2))
+    assert first.tolist() == [0.5, 0.5]

@@ -1,0 +1,247 @@
+"""solve_many is solve, row by row."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel.solve import many
+from icpmodel.solve.many import solve_many
+
+
+def spd(rng, n):
+    B = rng.normal(size=(n, n))
+    return B @ B.T / n + np.eye(n)
+
+
+def same_as_row_by_row(A, Q, psi, obstacles=False, **options):
+    found = solve_many(A, Q, psi, **options)
+    for i, z in enumerate(found.Z):
+        q = Q[i] if np.ndim(Q) == 2 else Q
+        problem = icp.ICP(A, q, psi[i] if obstacles else psi)
+        alone = problem.solve(**options)
+        assert z == pytest.approx(alone.z, abs=1e-6)
+        assert found.residuals[i] == pytest.approx(problem.residual(z), rel=1e-6, abs=1e-13)
+        assert found.residuals[i] <= found.tolerances[i]
+        assert found.tolerances[i] == pytest.approx(alone.tolerance, rel=1e-12)
+    assert found.failed == []
+    assert set(found.statuses) == {icp.Status.SOLVED}
+    return found
+
+
+@pytest.mark.parametrize("n", [1, 3, 16, 64])
+def test_small_lcps_with_fixed_obstacles(n):
+    rng = np.random.default_rng(n)
+    same_as_row_by_row(spd(rng, n), rng.normal(size=(30, n)), 0.0)
+    same_as_row_by_row(spd(rng, n), rng.normal(size=(30, n)), rng.normal(size=n))
+
+
+def test_obstacles_of_each_row_and_rows_without_one():
+    rng = np.random.default_rng(0)
+    C = rng.normal(size=(40, 6))
+    C[rng.random(C.shape) < 0.3] = -np.inf
+    A = spd(rng, 6)
+    same_as_row_by_row(A, rng.normal(size=(40, 6)), C, obstacles=True)
+    same_as_row_by_row(A, rng.normal(size=6), C, obstacles=True)
+    assert np.array_equal(solve_many(A, np.ones((3, 6)), C[:1]).Z, solve_many(A, np.ones((3, 6)), C[[0, 0, 0]]).Z)
+
+
+def test_what_is_not_pivoted_is_solved_one_by_one():
+    rng = np.random.default_rng(1)
+    large = icp.scenes.membrane(n=100).problem
+    Q = large.q + 0.01 * rng.normal(size=(4, 100))
+    same_as_row_by_row(large.A, Q, large.psi.c)
+    same_as_row_by_row(large.A, Q, np.array([large.psi.c - 0.1 * k for k in range(4)]), obstacles=True)
+    same_as_row_by_row(spd(rng, 5), rng.normal(size=(5, 5)), icp.Affine(0.1 * np.eye(5), -0.1))
+    same_as_row_by_row(spd(rng, 5), rng.normal(size=(5, 5)), lambda z: 0.1 * np.sin(z))
+
+
+def test_small_lcps_need_no_other_method(monkeypatch):
+    monkeypatch.setattr(many._Job, "solve", None)
+    rng = np.random.default_rng(5)
+    K, C = rng.normal(size=(6, 6)), rng.normal(size=(500, 6))
+    C[rng.random(C.shape) < 0.3] = -np.inf
+    assert solve_many(spd(rng, 6) + K - K.T, rng.normal(size=(500, 6)), C).failed == []
+
+
+def test_threads_give_the_rows_in_their_order():
+    rng = np.random.default_rng(2)
+    A, Q = spd(rng, 4), rng.normal(size=(3 * many._ROWS_A_THREAD + 7, 4))
+    whole = solve_many(A, Q)
+    assert np.array_equal(whole.Z, np.vstack([solve_many(A, part).Z for part in np.array_split(Q, 5)]))
+
+
+def test_the_rows_that_fail_are_named_and_the_others_are_solved():
+    A, Q = [[1.0, -1.0], [-1.0, 1.0]], [[1.0, 1.0], [-1.0, 0.0], [-1.0, 2.0], [-2.0, 1.0]]
+    found = solve_many(A, Q, raise_on_failure=False)
+    assert found.failed == [1, 3]
+    assert [status.name for status in found.statuses] == ["SOLVED", "INFEASIBLE", "SOLVED", "INFEASIBLE"]
+    assert found.message.startswith("2 of 4 rows failed, first row 1: Lemke() infeasible")
+    assert "2 of 4 rows failed" in repr(found)
+    with pytest.raises(icp.NotSolved, match="2 of 4 rows failed") as caught:
+        solve_many(A, Q)
+    assert np.array_equal(caught.value.solution.Z, found.Z)
+
+
+def test_what_the_pivots_get_wrong_is_not_called_solved(monkeypatch):
+    """The residual decides: with a kernel that returns rubbish every row goes to solve()."""
+    from icpmodel.numerics.kernels import pivoting
+
+    def rubbish(S, r, c, M, Q, C, limit, Z):
+        Z[:] = np.nan
+        Z[0] = 7.0
+
+    rng = np.random.default_rng(3)
+    A, Q = spd(rng, 5), rng.normal(size=(4, 5))
+    expected = solve_many(A, Q).Z
+    monkeypatch.setattr(pivoting, "many", rubbish)
+    assert np.allclose(solve_many(A, Q).Z, expected, rtol=1e-6)
+
+
+def test_overflow_is_safe_in_the_residuals():
+    rng = np.random.default_rng(4)
+    for size in (1e-200, 1e200):
+        A, Q = spd(rng, 4), size * rng.normal(size=(5, 4))
+        found = solve_many(A, Q)
+        assert found.failed == []
+        assert np.allclose(solve_many(A, Q / size).Z, found.Z / size, rtol=1e-9)
+
+
+def test_rows_whose_problem_is_solved_by_0_and_problems_in_units_of_their_own():
+    assert solve_many([[2.0]], [[0.0], [3.0]]).residuals.tolist() == [0.0, 0.0]
+    assert solve_many(sp.eye_array(3), np.ones((2, 3)), -1.0).failed == []
+
+
+@pytest.mark.parametrize(
+    ("Q", "psi", "words"),
+    [
+        ([[1.0, 2.0]], 0.0, "q has shape|Q has shape"),
+        ([[[1.0]]], 0.0, "Q has shape .1, 1, 1."),
+        (np.zeros((0, 1)), 0.0, "Q has shape .0, 1."),
+        ([[1.0], [np.nan]], 0.0, r"Q\[1, 0\] is nan"),
+        ([[1.0], [-np.inf]], 0.0, r"Q\[1, 0\] is -inf"),
+        ([["a"]], 0.0, "Q cannot be read"),
+        ([[1.0], [2.0]], np.zeros((3, 1)), "there are 2 of Q, 3 of psi; as many of each were expected"),
+        ([[1.0]], [[np.inf]], r"psi\[0, 0\] is inf"),
+    ],
+)
+def test_wrong_input_is_named(Q, psi, words):
+    with pytest.raises(icp.InputError, match=words):
+        solve_many([[2.0]], Q, psi)
+
+
+@pytest.mark.parametrize(
+    ("A", "psi", "Z0", "words"),
+    [
+        ([np.eye(2)] * 3, 0.0, None, "there are 3 of A, 2 of Q"),
+        (np.eye(2), [np.sin] * 3, None, "2 of Q, 3 of psi"),
+        (np.eye(2), 0.0, np.zeros((3, 2)), "2 of Q, 3 of Z0"),
+        (np.eye(2), 0.0, np.zeros((2, 3)), "Z0 has shape .3,.; shape .2,. was expected"),
+        (np.eye(2), 0.0, [[np.nan, 0.0]], r"Z0\[0, 0\] is nan"),
+        (np.eye(2), np.zeros((2, 3)), None, "psi has shape .3,.; shape .2,. was expected"),
+    ],
+)
+def test_lists_that_do_not_fit_each_other_are_named(A, psi, Z0, words):
+    with pytest.raises(icp.InputError, match=words):
+        solve_many(A, np.ones((2, 2)), psi, Z0=Z0)
+
+
+def test_obstacles_that_move_are_pivoted_too_where_they_are_affine_or_amount_to_fixed_ones(monkeypatch):
+    rng = np.random.default_rng(6)
+    c = np.where(rng.random(6) < 0.3, -np.inf, rng.normal(size=6))
+    maps = [
+        icp.Affine(0.1 * rng.normal(size=(6, 6)), c),
+        icp.Affine(np.diag(rng.uniform(-0.9, 0.9, 6)), c),
+        icp.Elementwise(lambda z: 0.8 * np.sin(z), lambda z: 0.8 * np.cos(z), lipschitz=0.8, c=c),
+    ]
+    A, Q = spd(rng, 6), rng.normal(size=(25, 6))
+    for psi in maps:
+        same_as_row_by_row(A, Q, psi)
+    monkeypatch.setattr(many._Job, "solve", None)
+    for psi in maps:
+        assert solve_many(A, Q, psi).failed == []
+
+
+def test_tridiagonal_problems_of_any_size_are_solved_in_compiled_code_on_all_cores(monkeypatch):
+    rng = np.random.default_rng(7)
+    bearing = icp.scenes.bearing(n=300).problem
+    Q = bearing.q * rng.uniform(0.5, 2.0, (150, 1)) + 1e-6 * rng.normal(size=(150, 300))
+    C = 0.1 * rng.normal(size=(150, 300))
+    expected = same_as_row_by_row(bearing.A, Q, C, obstacles=True)
+    assert expected.Z.size > 2 * many._UNKNOWNS_A_THREAD
+    same_as_row_by_row(
+        bearing.A, Q[:5], icp.Elementwise(np.tanh, lambda z: 1 - np.tanh(z) ** 2, lipschitz=0.999, c=-0.1)
+    )
+    monkeypatch.setattr(many._Job, "solve", None)
+    assert np.array_equal(solve_many(bearing.A, Q, C).Z, expected.Z)
+
+
+def test_parameter_values_a_list_of_matrices_or_of_maps():
+    rng = np.random.default_rng(8)
+    q = rng.normal(size=5)
+    matrices = [spd(rng, 5) for _ in range(4)]
+    maps = [icp.Elementwise(lambda z, t=t: t * np.sin(z), lipschitz=t) for t in (0.0, 0.1, 0.5, 0.9)]
+    for A, psi in ((matrices, 0.0), (matrices, maps), (matrices[0], maps), (np.array(matrices), maps[2])):
+        found = solve_many(A, q, psi)
+        assert found.failed == []
+        for row in range(4):
+            own = icp.ICP(A[row] if np.ndim(A) == 3 else A, q, psi[row] if isinstance(psi, list) else psi)
+            assert found.Z[row] == pytest.approx(own.solve().z, abs=1e-6)
+            assert found.residuals[row] == pytest.approx(own.residual(found.Z[row]), rel=1e-6, abs=1e-13)
+    sparse = [sp.csr_array(A) for A in matrices]
+    assert np.array_equal(solve_many(sparse, np.tile(q, (4, 1))).Z, solve_many(matrices, q).Z)
+
+
+def test_starts_are_used_row_by_row_and_else_the_answer_of_the_row_before(monkeypatch):
+    problem = icp.scenes.membrane(n=400).problem
+    Q = problem.q * np.array([[1.0], [1.1], [1.2]])
+    seen = []
+    solve = icp.ICP.solve
+
+    def spy(self, *, z0, **options):
+        seen.append(z0)
+        return solve(self, z0=z0, **options)
+
+    monkeypatch.setattr(icp.ICP, "solve", spy)
+    first = solve_many(problem.A, Q, problem.psi.c)
+    assert seen[0] is None
+    assert np.array_equal(seen[1], first.Z[0])
+    assert np.array_equal(seen[2], first.Z[1])
+    seen.clear()
+    assert np.array_equal(solve_many(problem.A, Q, problem.psi.c, Z0=first).Z, first.Z)
+    assert all(np.array_equal(z0, z) for z0, z in zip(seen, first.Z, strict=True))
+    seen.clear()
+    solve_many(problem.A, Q, problem.psi.c, Z0=first.Z[1])
+    assert all(np.array_equal(z0, first.Z[1]) for z0 in seen)
+
+
+def test_ctrl_c_leaves_the_rows_that_are_solved_and_begins_no_others():
+    rng = np.random.default_rng(9)
+    Q, calls = rng.normal(size=(5, 4)), []
+
+    def psi(z):
+        calls.append(1)
+        if len(calls) == 60:
+            raise KeyboardInterrupt
+        return 0.1 * np.sin(z)
+
+    found = solve_many(spd(rng, 4), Q, psi, raise_on_failure=False)
+    names = [status.name for status in found.statuses]
+    at = names.index("INTERRUPTED")
+    assert 0 < at < 4
+    assert set(names[:at]) == {"SOLVED"}
+    assert set(names[at:]) == {"INTERRUPTED"}
+    assert "an earlier row was interrupted" in found.messages[4]
+
+
+def test_wrong_tolerances_are_named():
+    with pytest.raises(icp.InputError, match="rtol is 2"):
+        solve_many([[2.0]], [[1.0]], rtol=2.0)
+
+
+def test_with_psi_keeps_what_is_known_of_a_and_forgets_the_proofs():
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0])
+    problem.solve("mnmgs").error_bound  # noqa: B018
+    other = problem.with_psi(1.0)
+    assert set(other._memory) <= {"absolute", "jacobi radius", "rows"}
+    assert other.matrix.absolute is problem.matrix.absolute

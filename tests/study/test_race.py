@@ -1,0 +1,223 @@
+"""Races: one measure of error for all, claims that are wrong are marked, what was measured is never lost."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import icpmodel as icp
+from icpmodel.benchmarks import memory
+from icpmodel.present.table import Table
+from icpmodel.solvers.contract import Answer
+from icpmodel.solvers.peers import Timed
+from icpmodel.study import racing
+from icpmodel.study.charts.profile_chart import profile_figure, profiles
+from icpmodel.study.charts.race_chart import race_figure
+from icpmodel.study.competitors import Competitor
+
+BAI = icp.scenes.bai_symmetric(n=100)
+TOLERANCES = (1e-2, 1e-6, 1e-10)
+
+
+@pytest.fixture(scope="module")
+def bai():
+    return icp.race(BAI.problem, ["mnmgs"], ["osqp"], z_exact=BAI.z_exact, tolerances=TOLERANCES, repeats=2)
+
+
+def test_every_competitor_runs_at_every_tolerance_that_it_has_not_yet_reached_in_every_round(bai):
+    for name in ("solve()", "mnmgs", "osqp"):
+        residuals = {one.tolerance: one.residual for one in bai.entries if one.name == name}
+        reached = 1.0
+        for tolerance in TOLERANCES:
+            assert (tolerance in residuals) is (tolerance < reached), name
+            reached = residuals.get(tolerance, reached)
+    for one in bai.entries:
+        assert len(one.seconds) == 2
+        assert 0 < one.build < min(one.seconds)
+        assert one.build + (one.setup or 0.0) < max(one.seconds)
+    assert bai.limit > 0
+
+
+def test_the_error_is_that_of_the_z_that_solve_returns(bai):
+    for entry in (one for one in bai.entries if one.name == "mnmgs"):
+        tolerance = entry.tolerance
+        z = BAI.problem.solve("mnmgs", rtol=tolerance).z
+        assert entry.error == np.abs(z - BAI.z_exact).max()
+        assert entry.residual == BAI.problem.residual(z) / BAI.problem.residual(np.zeros(100))
+        assert entry.residual <= tolerance
+    assert bai.measure == "max |z - z*|"
+
+
+def test_without_a_known_answer_the_measure_is_a_bound_that_holds():
+    found = icp.race(BAI.problem, ["mnmgs"], [], tolerances=TOLERANCES, repeats=1)
+    assert found.measure == "certified bound on max |z - z*|"
+    for entry in found.entries:
+        if entry.name == "mnmgs":
+            z = BAI.problem.solve("mnmgs", rtol=entry.tolerance).z
+            true = np.abs(z - BAI.z_exact).max()
+            assert true <= entry.error <= true + 1e-10
+
+
+def test_without_a_certificate_the_measure_is_the_residual():
+    found = icp.race(icp.ICP([[2.0]], [-3.0], np.sin), ["mnmgs"], [], tolerances=[1e-4], repeats=1)
+    assert found.measure == "Res(z) / Res(0)"
+    assert all(entry.error == entry.residual <= 1e-4 for entry in found.entries)
+
+
+def test_a_path_ends_where_its_run_ended_and_never_goes_back_in_time(bai):
+    seconds, errors = bai.traces["mnmgs"]
+    assert (np.diff(seconds) >= 0).all()
+    assert errors[0] == np.abs(BAI.z_exact).max()  # z = 0
+    assert errors[-1] == np.abs(BAI.problem.solve("mnmgs", rtol=1e-10).z - BAI.z_exact).max()
+    assert "osqp" not in bai.traces
+
+
+class Liar(Competitor):
+    """Says solved of z = 0."""
+
+    kind = "peer"
+    name = "liar"
+    ladder = (1e-3,)
+
+    def run(self, case, tolerance, time_limit):
+        return Timed(np.zeros(case.problem.n), "solved", True, 1e-3, None)
+
+
+def test_a_claim_that_is_wrong_is_marked(monkeypatch):
+    whole = racing._field
+    monkeypatch.setattr(racing, "_field", lambda *arguments: ([*whole(*arguments)[0], Liar()], []))
+    found = icp.race(BAI.problem, ["mnmgs"], [], tolerances=TOLERANCES, repeats=1)
+    assert {(one.name, one.wrong) for one in found.entries} == {("solve()", False), ("mnmgs", False), ("liar", True)}
+    assert 'says "solved", is not' in [text.get_text() for text in race_figure(found).legends[0].get_texts()]
+    assert issubclass(Timed, Answer)
+
+
+def test_one_that_exceeds_its_time_is_not_asked_for_more():
+    slow = icp.scenes.membrane(n=2500)
+    found = icp.race(slow.problem, ["mnmj"], [], tolerances=TOLERANCES, repeats=1, time_limit=1e-4)
+    asked = [one.tolerance for one in found.entries if one.name == "mnmj"]
+    assert asked == [1e-2]
+
+
+def test_what_cannot_take_part_is_left_out_with_the_reason():
+    found = icp.race(icp.scenes.dividend(n=31).problem, ["lemke", "newton"], ["osqp"], tolerances=[1e-4], repeats=1)
+    assert dict(found.skipped).keys() == {"lemke", "osqp"}
+    assert "lemke: left out, pivoting needs" in str(found)
+
+
+def test_ctrl_c_keeps_what_was_measured(monkeypatch):
+    runs = iter(range(1000))
+    whole = racing.Own.run
+
+    def interrupted(self, *arguments):
+        if next(runs) == 5:
+            raise KeyboardInterrupt
+        return whole(self, *arguments)
+
+    monkeypatch.setattr(racing.Own, "run", interrupted)
+    with pytest.raises(icp.Interrupted) as stopped:
+        icp.race(BAI.problem, ["mnmgs"], [], tolerances=TOLERANCES, repeats=1)
+    assert len(stopped.value.report.entries) == 3
+    assert race_figure(stopped.value.report).axes
+
+
+def test_a_race_is_written_with_its_data(bai, tmp_path):
+    png, svg, data = bai.plot(tmp_path / "race.svg")
+    assert png.read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in svg.read_text()
+    rows = list(csv.DictReader(data.read_text().splitlines()[1:]))
+    assert len(rows) == len(bai.entries) + 1
+    assert float(rows[0]["max |z - z*|"]) == bai.entries[0].error
+
+
+def test_the_chart_names_its_axes_and_everyone(bai):
+    figure = race_figure(bai)
+    left, right = figure.axes
+    assert (left.get_xlabel(), left.get_ylabel()) == ("max |z - z*|", "time, s")
+    told = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert sorted(told) == ["mnmgs", "one linear solve (PyAMG)", "osqp", "solve()"]
+    assert left.xaxis_inverted()
+    assert len(right.get_yticklabels()) == 3
+
+
+def test_no_two_competitors_look_alike():
+    names = [f"method {k}" for k in range(12)]
+    entries = tuple(racing.Entry(name, "own", 1e-3, seconds=(1.0,), error=0.1, residual=0.1) for name in names)
+    axes = race_figure(racing.Race(title="", measure="error", entries=entries)).axes[0]
+    looks = {(bar[0].get_color(), bar[0].get_marker()) for bar in axes.containers}
+    assert len(looks) == len(names)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"methods": ["nonsense"]}, "method is 'nonsense'"),
+        ({"solvers": ["nonsense"]}, "solvers has 'nonsense'; one of 'osqp"),
+        ({"methods": "mnmgs"}, "methods is 'mnmgs'; a list was expected"),
+        ({"solvers": 5}, "solvers is 5; a list was expected"),
+        ({"tolerances": 1e-6}, "tolerances is 1e-06; a list was expected"),
+        ({"tolerances": []}, "tolerances is empty"),
+        ({"tolerances": [2.0]}, "tolerances is 2"),
+        ({"repeats": 0}, "repeats is 0"),
+        ({"time_limit": 0}, "time_limit is 0"),
+        ({"z_exact": [1.0]}, "z_exact has shape"),
+    ],
+)
+def test_wrong_wishes_are_named(arguments, words):
+    with pytest.raises(icp.InputError, match=words):
+        icp.race(BAI.problem, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("membrane", [9]), "scenes is 'membrane'; a list"),
+        ((["nonsense"], [9]), "^there is no scene 'nonsense'"),
+        ((["membrane"], [0]), "^sizes is 0"),
+        ((["membrane"], [9], "nonsense"), "^method is 'nonsense'"),
+    ],
+)
+def test_wrong_wishes_of_memory_are_named_before_a_process_starts(arguments, words):
+    with pytest.raises(icp.InputError, match=words):
+        memory(*arguments)
+
+
+@pytest.mark.parametrize("path", [5, None, ""])
+def test_a_figure_needs_a_file_name(path):
+    with pytest.raises(icp.InputError, match="a file name was expected"):
+        icp.race(BAI.problem, [], [], tolerances=[0.1], repeats=1).plot(path)
+
+
+def test_memory_is_measured_in_a_process_of_its_own():
+    (row,) = memory(["membrane"], [10_000]).rows
+    name, n, method, size, peak, ratio, note = row
+    assert (name, n, method, note) == ("membrane", 10_000, "psor", "")
+    assert size == pytest.approx((49_600 * 12 + 10_001 * 4) / 2**20)
+    assert peak > 0
+    assert ratio == pytest.approx(peak / size)
+    with pytest.raises(icp.InputError, match="there is no scene"):
+        memory(["nonsense"], [10])
+
+
+HEADS = ("scene", "n", "method", "kind", "time, s")
+
+
+def test_a_profile_is_the_share_of_problems_within_a_factor_of_the_best():
+    """Two problems; x is the best on one and fails on the other, y is solved on both, the limit does not count."""
+    rows = (
+        ("a", 4, "solve()", "solve", 4.0),
+        ("a", 4, "x", "own", 2.0),
+        ("a", 9, "solve()", "solve", 3.0),
+        ("a", 9, "x", "own", None),
+        ("a", 9, "PyAMG, one solve", "limit", 0.1),
+        ("b", 9, "x", "own", None),
+    )
+    found = profiles(Table("", HEADS, rows))
+    assert {name: factors.tolist() for name, factors in found.items()} == {
+        "solve()": [1.0, 2.0],
+        "x": [1.0, np.inf],
+    }
+    (axes,) = profile_figure(Table("", HEADS, rows)).axes
+    drawn = {line.get_label(): line for line in axes.lines}
+    assert drawn["x"].get_ydata()[-1] == 0.5
+    assert drawn["solve()"].get_ydata()[-1] == 1.0

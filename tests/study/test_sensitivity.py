@@ -1,0 +1,95 @@
+"""How much z moves with the data, and the pictures of z."""
+
+import numpy as np
+import pytest
+
+import icpmodel as icp
+from icpmodel.study.charts.solution_chart import solution_figure
+from icpmodel.study.sensitivity import sensitivity
+
+SOLVED = [
+    name
+    for name in icp.scenes.names()
+    if icp.scenes.scene(name).why_no_solution is None and name not in ("hard-many", "hard-scaled", "hard-singular")
+]
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_random_changes_move_z_by_no_more_than_the_condition_number(name):
+    """Law: max|δz| ≤ κ·ε·max|z| to first order; where the norm is only estimated, κ may be short by a factor of 3."""
+    found = sensitivity(icp.scenes.scene(name).problem.solve(), trials=5)
+    assert found.local is not None
+    assert found.observed is not None
+    assert 0 < found.observed <= found.local * (1.001 if found.exact else 3.0)
+    if found.certified is not None:
+        assert max(found.observed, found.local) <= found.certified * 1.001
+
+
+def test_the_certificate_knows_the_condition_of_an_equation():
+    """z = −q/a without an obstacle near: the proof gives 2 as well, up to rounding."""
+    assert sensitivity(icp.ICP([[3.0]], [-6.0]).solve()).certified == pytest.approx(2.0, rel=1e-6)
+    assert sensitivity(icp.scenes.hard_many().problem.solve(), trials=1).certified is None
+
+
+def test_a_scalar_equation_has_condition_two():
+    """z = −q/a: a relative ε in both moves z by 2ε; at its obstacle z = c only by ε."""
+    assert sensitivity(icp.ICP([[3.0]], [-6.0]).solve()).local == pytest.approx(2.0)
+    assert sensitivity(icp.ICP([[3.0]], [-6.0], 5.0).solve()).local == pytest.approx(1.0)
+
+
+def test_the_worst_signs_reach_the_condition_number():
+    """|J⁻¹|E is attained: for an M-matrix and q < 0, a_ij + ε|a_ij| off … the signs are those of J⁻¹ row by row."""
+    A, q, eps = np.array([[1.0, -0.9], [-0.9, 1.0]]), np.array([-1.0, -1.0]), 1e-7
+    solution = icp.ICP(A, q).solve()
+    worst = icp.ICP(A - eps * np.abs(A), q * (1 + eps)).solve(rtol=1e-15)
+    moved = np.abs(worst.z - 10.0).max() / (10.0 * eps)
+    assert moved == pytest.approx(sensitivity(solution).local, rel=1e-4)
+
+
+def test_units_do_not_matter():
+    A, q = np.array([[1.0, -0.9], [-0.9, 1.0]]), np.array([-1.0, 0.5])
+    one, other = (sensitivity(icp.ICP(A, s * q).solve()) for s in (1.0, 2.0**300))
+    assert one.local == pytest.approx(other.local)
+    assert one.observed == pytest.approx(other.observed, rel=1e-6)
+
+
+def test_an_estimate_agrees_with_the_exact_number():
+    small, large = (sensitivity(icp.scenes.bai_symmetric(n=n).problem.solve(), trials=1) for n in (484, 529))
+    assert small.exact
+    assert not large.exact
+    assert large.local == pytest.approx(small.local, rel=0.5)
+
+
+def test_what_cannot_be_told_is_said():
+    with pytest.raises(icp.InputError, match="not solved"):
+        sensitivity(icp.scenes.hard_jump().problem.solve(raise_on_failure=False))
+    with pytest.raises(icp.InputError, match="z = 0"):
+        sensitivity(icp.ICP([[1.0]], [1.0]).solve())
+    with pytest.raises(icp.InputError, match="change is 1"):
+        sensitivity(icp.ICP([[1.0]], [-1.0]).solve(), change=1.0)
+    many = sensitivity(icp.scenes.hard_many().problem.solve(), trials=1)
+    assert many.local is None
+    assert "singular" in str(many)
+
+
+@pytest.mark.parametrize("name", ["membrane", "dividend", "bearing", "hand-affine", "hand-negative", "hand-free"])
+def test_a_picture_shows_z_and_p_at_their_places(name):
+    scene = icp.scenes.scene(name)
+    solution = scene.problem.solve()
+    axes = solution_figure(solution, scene.points).axes
+    if scene.points is not None and scene.points.ndim == 2:
+        m = round(scene.problem.n**0.5)
+        shown = axes[0].collections[0].get_array().reshape(m, m)
+        i, j = 3, 7  # unknown i·m + j stands at ((j + 1)h, (i + 1)h)
+        assert shown[i, j] == solution.z[i * m + j]
+    else:
+        x = np.arange(scene.problem.n) if scene.points is None else scene.points
+        drawn = axes[0].lines[1]
+        assert np.array_equal(drawn.get_xdata(), x)
+        assert np.array_equal(drawn.get_ydata(), solution.z)
+        assert np.array_equal(axes[1].lines[0].get_ydata(), solution.p)
+
+
+def test_points_of_another_shape_are_refused():
+    with pytest.raises(icp.InputError, match=r"points has shape \(3,\); \(2,\) or \(2, 2\) was expected"):
+        solution_figure(icp.scenes.hand_lcp().problem.solve(), np.zeros(3))

@@ -1,0 +1,171 @@
+"""Stability maps: what is proved must converge, what the paper prints need not, and the pictures have their data."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import icpmodel as icp
+from icpmodel import study as measure
+from icpmodel.study import Axis, Plane, StabilityMap, planes, stability_map
+
+#: plane → points per axis, enough to meet failures
+MAPS = {name: icp.stability(name, points=5, n=16) for name in planes.PLANES}
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_where_a_theorem_proves_convergence_no_run_fails(name):
+    """The region "proved and failed" is empty, and on every plane something is proved."""
+    found = MAPS[name]
+    assert found.contradictions == 0
+    assert found.any_proved.any()
+    assert (found.ends != "not run").all()
+
+
+@pytest.mark.parametrize("name", ["relaxation", "shift", "coupling", "transport", "units"])
+def test_a_plane_reaches_into_the_region_of_failure_and_beyond_the_theorems(name):
+    found = MAPS[name]
+    assert found.failed.any()
+    assert ((found.ends == "solved") & ~found.any_proved).any()
+
+
+def test_the_conditions_as_printed_contain_failures():
+    """Theorem 4.3 as printed has phi2 G without D⁻¹: with a small diagonal it admits what cycles."""
+    found = MAPS["units"]
+    assert found.printed_contradictions > 0
+    assert (found.failed & found.printed["4.3"])[:, 0].any()  # the smallest diagonal
+    assert not (found.failed & found.any_printed)[:, -1].any()  # the largest
+
+
+def test_units_change_neither_the_end_nor_the_steps():
+    """Scaling A and q by s leaves MNMGS with Omega = D as it is: all columns of the plane units are the same."""
+    found = MAPS["units"]
+    assert (found.proved["sharper"] == found.proved["sharper"][:, :1]).all()
+    solved = found.ends == "solved"
+    assert (solved == solved[:, :1]).all()
+
+
+def test_more_coupling_is_never_proved_where_less_is_not():
+    proved = MAPS["coupling"].any_proved
+    assert (proved[1:] <= proved[:-1]).all()
+
+
+def test_counts_of_steps_are_those_of_solve_from_the_worst_start():
+    found = icp.stability("coupling", points=3, n=9, starts=2)
+    problem, method = found.plane.at(found.plane.x.values[1], found.plane.y.values[0])
+    z0 = 10.0 * np.random.default_rng(1).standard_normal(9)
+    steps = [problem.solve(method, z0=start).iterations for start in (np.zeros(9), z0)]
+    assert found.steps[0, 1] == max(steps)
+
+
+def test_ends_are_told_apart():
+    """Each end is met on a plane that consists of one problem each: which is which is known by hand."""
+    cases = [
+        (icp.scenes.hand_lcp().problem, icp.MNMGS(), "solved"),
+        (icp.scenes.hand_cyclic().problem, icp.MNMGS(), "cycled"),
+        (icp.scenes.hard_skew(n=10).problem, icp.MNMGS(), "diverged"),
+        (icp.scenes.hard_overflow().problem, icp.MNMGS(), "overflowed"),
+        (icp.scenes.hard_empty_row().problem, icp.MNMGS(), "refused"),
+        (icp.scenes.hard_domain().problem, icp.MNMGS(), "psi failed"),
+        (icp.scenes.membrane(n=400).problem, icp.MNMGS(), "slow"),
+    ]
+    for problem, method, end in cases:
+        axis = Axis("x", "x", np.array([0.0, 1.0]))
+        found = icp.stability(Plane("one problem", axis, axis, lambda x, y, c=(problem, method): c), max_iter=300)
+        assert (found.ends == end).any(), (end, found.ends)
+
+
+def test_ctrl_c_keeps_the_points_that_were_done(monkeypatch):
+    runs = iter(range(100))
+    whole = stability_map._run
+
+    def interrupted(*arguments):
+        if next(runs) == 7:
+            raise KeyboardInterrupt
+        return whole(*arguments)
+
+    monkeypatch.setattr(stability_map, "_run", interrupted)
+    with pytest.raises(icp.Interrupted) as stopped:
+        icp.stability("coupling", points=3, n=9)
+    found = stopped.value.report
+    assert isinstance(found, StabilityMap)
+    assert (found.ends.ravel() == "not run").tolist() == [False, False] + 7 * [True]
+    assert len(found.table().rows) == 9
+
+
+def test_a_map_is_written_with_its_data_and_its_command(tmp_path):
+    found = icp.stability("units", points=4, n=9, max_iter=200, command="icpmodel stability units --points 4")
+    png, svg, data = found.plot(tmp_path / "units.png")
+    assert png.read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in svg.read_text()
+    first, *rest = data.read_text().splitlines()
+    assert first == "# icpmodel stability units --points 4"
+    rows = list(csv.DictReader(rest))
+    assert len(rows) == 16
+    assert {row["end"] for row in rows} == set(found.ends.ravel().tolist())
+
+
+def test_the_figure_shows_every_kind_of_end_and_line_in_its_legend():
+    found = MAPS["units"]
+    from icpmodel.study.charts.map_chart import map_figure
+
+    figure = map_figure(found)
+    told = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert "said to converge, as printed (false)" in told
+    assert any(label.startswith("proved: ") and "sharper" in label for label in told)
+    assert "cycled" in told
+    assert figure.axes[0].get_xlabel() == "diagonal of A"
+    assert "steps to" in figure.axes[1].get_ylabel()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"plane": "theta"}, "plane is 'theta'; one of relaxation, shift"),
+        ({"plane": None}, "plane is None; one of relaxation, .* or a Plane was expected"),
+        ({"plane": "relaxation", "problem": "membrane"}, "problem is 'membrane'; an ICP was expected"),
+        ({"plane": "units", "n": 0}, "n is 0"),
+        ({"plane": "units", "n": "9"}, "n is '9'"),
+        ({"plane": "condition", "n": 2}, "n is 2; the plane condition needs a ring"),
+        ({"points": 1}, "points is 1"),
+        ({"starts": 0}, "starts is 0"),
+        ({"rtol": -1.0}, "rtol is -1"),
+        ({"max_iter": 2.5}, "max_iter is 2.5"),
+        ({"plane": "coupling", "problem": icp.ICP([[1.0]], [1.0])}, "this plane varies the problem"),
+        ({"plane": "relaxation", "method": "mnmgs"}, "this plane varies the parameters of a method"),
+        ({"plane": "coupling", "method": "nonsense"}, "method is 'nonsense'"),
+        ({"plane": "shift", "problem": icp.ICP([[0.0]], [1.0])}, "A.0, 0. = 0; the plane shift needs"),
+    ],
+)
+def test_wrong_wishes_are_named(arguments, words):
+    with pytest.raises(icp.InputError, match=words):
+        icp.stability(**arguments)
+
+
+def test_a_problem_of_ones_own_is_mapped():
+    found = measure.stability("relaxation", icp.scenes.hand_splittings().problem, points=4)
+    assert "n=2" in found.plane.title
+    assert found.failed.any()
+
+
+#: plane → ends by their first letters and steps, row by row from the lowest y, on 5 x 5 points with n = 16
+NUMBERS = {
+    "coupling": ("sssss sssss sssss", [[18, 18, 17, 14, 9], [26, 26, 25, 20, 14], [63, 62, 55, 38, 24]]),
+    "units": ("sssss sssss sssss ccccc ccccc", [[11] * 5, [25, 24, 24, 24, 24], [69, 69, 67, 66, 64]]),
+}
+
+
+@pytest.mark.parametrize("name", ["coupling", "units"])
+def test_the_numbers_behind_a_chart_stay_what_they_are(name):
+    """A regression test: a change here is a change of a method or of a plane. Rounding may cost or save one step."""
+    found, (ends, steps) = MAPS[name], NUMBERS[name]
+    rows = ["".join(end[0] for end in row) for row in found.ends.tolist()]
+    assert rows[: len(ends.split())] == ends.split()
+    assert np.abs(found.steps[: len(steps)] - steps).max() <= 1
+
+
+def test_the_numbers_behind_the_map_of_relaxation_stay_what_they_are():
+    """θ₁ = .1, .7, 1.3, 1.9, 2.5 and θ₂ = 0, .625, …; the column of θ₁ = .7 converges for every θ₂."""
+    found = MAPS["relaxation"]
+    assert np.abs(found.steps[:, 1] - [70, 59, 47, 33, 33]).max() <= 1
+    assert (found.ends == "stagnated").sum(axis=1).tolist() == [2, 2, 1, 0, 0]
