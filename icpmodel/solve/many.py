@@ -21,7 +21,7 @@ from ..numerics.threads import cores, in_parts
 from ..problem.affine import Affine
 from ..problem.data import ProblemData
 from ..problem.map import Map
-from .driver import RTOL
+from .driver import RTOL, solve
 from .run import Limits
 from .solution import Status
 
@@ -254,7 +254,7 @@ class _Job:
         start = self.Z[row - 1] if row and self.solved[row - 1] else None
         if self.starts is not None:
             start = self.starts[row if len(self.starts) > 1 else 0]
-        solution = self._problem(row).solve(z0=start, rtol=self.rtol, atol=self.atol, raise_on_failure=False)
+        solution = solve(self._problem(row), z0=start, rtol=self.rtol, atol=self.atol, raise_on_failure=False)
         self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
         self.solved[row] = solution.solved
         if not solution.solved:

@@ -6,9 +6,9 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from icpmodel.problem.data import as_map
 
 import icpmodel as icp
+from icpmodel.problem.data import as_map
 
 N = 5
 

@@ -8,10 +8,10 @@ import sys
 
 import numpy as np
 import pytest
-from icpmodel.icp import ICP
 
 import icpmodel.scenes as scenes
 from icpmodel.errors import InputError
+from icpmodel.icp import ICP
 from icpmodel.scenes.registry import BUILDERS, Quantity, Scene, register
 
 NAMES = scenes.names()

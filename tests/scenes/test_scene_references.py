@@ -9,11 +9,11 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from icpmodel.problem.intervention import Intervention
-from icpmodel.problem.affine import Affine
 from scipy.sparse.linalg import splu, spsolve
 
 import icpmodel.scenes as scenes
+from icpmodel.problem.affine import Affine
+from icpmodel.problem.intervention import Intervention
 from icpmodel.scenes import control, lubrication
 
 WITH_Z = [name for name in scenes.names() if scenes.scene(name).z_exact is not None]

@@ -15,8 +15,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import Status
-from icpmodel.methods.contract import _REGISTRY
-from icpmodel.methods.contract import Method
+from icpmodel.methods.contract import _REGISTRY, Method
 from icpmodel.solve import run as loop
 from icpmodel.solve.choice import Choice
 

@@ -1,0 +1,25 @@
+"""HTML from templates, which escape what they are given."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+
+def render(template: str, **values: Any) -> str:
+    """The `template` of the folder `templates` with these `values`, escaped."""
+    text: str = _environment().get_template(template).render(**values)
+    return text
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader("icpmodel.present"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
