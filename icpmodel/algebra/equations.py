@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import SingularOperator
+from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Vector, row_of
 from ..numerics.linear import FACTORISE_UP_TO, solver_of
 from ..problem.data import ProblemData
@@ -141,3 +141,12 @@ def _chains(
 def is_factorised(problem: ProblemData) -> bool:
     """Whether systems with A may be left to a direct solver: beyond a size only those of bands are."""
     return problem.n <= FACTORISE_UP_TO or problem.matrix.is_band
+
+
+def derivative(problem: ProblemData, z: Vector) -> sp.csr_array:
+    """ψ′(z), CSR, shape (n, n), where `Newton.why_not` is None. Raises MapError where it is not finite."""
+    J = problem.psi.jacobian(z)
+    assert J is not None
+    if not np.isfinite(J.data).all():
+        raise MapError("psi's derivative is not finite")
+    return J

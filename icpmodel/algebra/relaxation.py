@@ -11,9 +11,7 @@ Iterative Methods (1981), chapter 9.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
 from dataclasses import fields
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -21,7 +19,6 @@ import numpy as np
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_number, as_vector
 from ..numerics.factorisation import factorise
-from ..problem.affine import Affine
 from ..problem.data import ProblemData
 from .operators import DiagonalOperator, inverse_diagonal
 from .sweeps import Step
@@ -82,6 +79,18 @@ def as_diagonal(value: float | Vector, n: int, name: str) -> Vector:
     return as_vector(value, n, name) if np.ndim(value) else np.full(n, float(value))
 
 
+def check_diagonal(method: Any, name: str, *, positive: bool = True) -> None:
+    """Check one diagonal (a number or vector) of a frozen method and keep it as a float or a float64 vector."""
+    given = getattr(method, name)
+    if isinstance(given, float) and (0.0 < given < np.inf or (not positive and -np.inf < given < np.inf)):
+        return
+    value = as_vector(given, None if np.ndim(given) else 1, name)
+    if positive and not (value > 0).all():
+        raise InputError(f"{name} has the entry {value.min():g}; positive numbers were expected")
+    value.flags.writeable = False
+    object.__setattr__(method, name, value if np.ndim(given) else float(value[0]))
+
+
 def sor(problem: ProblemData, omega: float) -> tuple[float, Vector]:
     """θ₁ = 1/(2/ω − s) and the diagonal of Ω = sD, s = 2 − ω, shape (n,): then D/θ₁ + Ω = 2D/ω.
 
@@ -119,35 +128,21 @@ def scale_of(problem: ProblemData) -> float:
     return scale if 0 < scale < np.inf else 1.0
 
 
-def jacobi_step(problem: ProblemData, phi: Any = 0.0) -> Step:
+def jacobi_step(problem: ProblemData, phi: Any = 0.0) -> Step | None:
     """Jacobi's step with Ω = D/(1 − g_ii), which solves every row on its own where ψ is affine with g_ii < 1.
 
     With it theta1="auto" begins: it may be all there is to do, as on many small problems.
-    Parameters: `phi` a number or a vector of shape (n,). Where ψ is not affine or g_ii ≥ 1, Ω_ii = a_ii > 0.
+    Parameters: `phi` a number or a vector of shape (n,). Where ψ is not affine or g_ii ≥ 1, Ω_ii = a_ii. None unless
+    D > 0.
     """
+    if not problem.matrix.has_positive_diagonal:
+        return None
     diagonal = omega = problem.matrix.rows.diagonal
-    if isinstance(problem.psi, Affine):
-        slope = problem.psi.G.diagonal()
+    if problem.psi.linear is not None:
+        slope = problem.psi.linear[0].diagonal()
         omega = diagonal / (1.0 - np.where(slope < 1.0, slope, 0.0))
     shift = as_diagonal(phi, problem.n, "phi") + diagonal
     return DiagonalOperator(inverse_diagonal(diagonal, shift)).step(problem, omega)
-
-
-def after_jacobi(problem: ProblemData, phi: Any, then: Callable[[], Step]) -> Step:
-    """`jacobi_step`, and from the second call on the step that `then` makes.
-
-    Where a diagonal entry is not positive there is the latter alone.
-    """
-
-    if not (problem.matrix.rows.diagonal > 0).all():
-        return then()
-
-    def steps() -> Iterator[Step]:
-        yield jacobi_step(problem, phi)
-        yield from repeat(then())
-
-    following = steps()
-    return lambda z: next(following)(z)
 
 
 class AdaptedOmega:

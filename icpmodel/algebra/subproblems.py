@@ -10,12 +10,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector, row_of
-from ..problem.affine import Affine
 from ..problem.data import ProblemData
-from ..problem.intervention import Intervention
+from .pivoting import PIVOT_UP_TO
 
-#: a block of at most so many rows is pivoted
-PIVOT_UP_TO = 64
 #: so many parts that do not interact get a method each
 _PARTS = 32
 #: up to so many stages are solved in turn; above `_PARTS`, where their blocks are large
@@ -28,20 +25,13 @@ Mask = NDArray[np.bool_]
 def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
     """The LCP with the same solutions, where `has_fixed_obstacle`.
 
-    r_i(z) = z_i − ψ_i(z_i) then grows with z_i, so that r_i ≥ 0 says z_i ≥ c_i with r_i(c_i) = 0: a fixed obstacle. The
-    n equations are solved at once by Newton's method, kept in the bracket that the Lipschitz constant ℓ_i < 1 gives,
-    −r/(1 − ℓ) ≤ c − z ≤ −r/(1 + ℓ) for r > 0, and by halving it where ψ has no derivative.
-
-    Returns the problem itself where ψ is constant. Raises MapError where ψ fails.
+    The problem itself where ψ is constant. Raises MapError where ψ fails.
     """
     return problem if problem.psi.is_constant else problem.with_psi(problem.facts.obstacle)
 
 
 def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
-    """The ICP in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,).
-
-    ψ must be constant, affine, or a best jump that neither leaves nor enters those rows.
-    """
+    """The ICP in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,)."""
     from ..numerics.kernels.parts import cut  # loads numba
 
     A, psi = problem.A, problem.psi
@@ -59,8 +49,7 @@ class Blocks:
     other, those in `after` as well, once the rest is known. The rest comes in `stages`, each of which hangs on earlier
     ones only and has the rows of its parts, which do not interact (all in one where they are many); the small blocks
     `between` two stages, a mask for each stage, come after it. Rows that are not open rest on the fixed obstacle, see
-    `without`; `opened` is how often some of them had to be opened, `radius` the estimated Jacobi radius of what was
-    open before, `certain` whether it is proved that they rest there.
+    `resting`; `opened` is how often some of them had to be opened.
     """
 
     problem: ProblemData
@@ -72,8 +61,6 @@ class Blocks:
     stages: tuple[tuple[Rows, ...], ...]
     between: tuple[Mask, ...] = ()
     opened: int = 0
-    radius: float | None = None
-    certain: bool = False
 
     def __repr__(self) -> str:
         n, sizes, small = self.problem.n, np.diff(self.starts), self.before | self.after
@@ -82,7 +69,7 @@ class Blocks:
         rest, one_by_one = n - np.count_nonzero(self.open), int(small[sizes == 1].sum())
         pivoted, blocks = int(sizes[small].sum()) - one_by_one, int(small.sum()) - one_by_one
         told = {
-            f"{rest} {'are certain to touch' if self.certain else 'rest on'} the obstacle": rest,
+            f"{rest} rest on the obstacle": rest,
             f"others had to be opened ({self.opened} x)": self.opened,
             f"{one_by_one} follow one by one": one_by_one,
             f"{pivoted} in {blocks} small blocks are pivoted": pivoted,
@@ -117,14 +104,14 @@ class Blocks:
             return z, wanted
         from ..numerics.kernels.pivoting import apart  # loads numba
 
-        A, psi, z = self.problem.A, self.problem.psi, z.copy()
-        c = getattr(psi, "c", np.full(z.size, -np.inf))  # rows of a best jump are never in a block
-        G = psi.G if isinstance(psi, Affine) else sp.csr_array(A.shape)
+        A, z = self.problem.A, z.copy()
+        # rows of a best jump are never in a block
+        G, c = self.problem.psi.linear or (sp.csr_array(A.shape), np.full(z.size, -np.inf))
         slopes = (G.indptr, G.indices, G.data)
         return z, apart(A.indptr, A.indices, A.data, self.problem.q, c, slopes, self.rows, self.starts, wanted, z)
 
 
-def without(problem: ProblemData, open_rows: Mask) -> Blocks:
+def resting(problem: ProblemData, open_rows: Mask) -> Blocks:
     """The `open_rows` of `problem`, a mask of shape (n,), as one part, where the others rest on a fixed obstacle."""
     nothing, rows = np.zeros(0, dtype=bool), np.flatnonzero(open_rows)
     return Blocks(problem, open_rows, rows[:0], np.zeros(1, dtype=np.intp), nothing, nothing, ((rows,),))
@@ -161,24 +148,22 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
 
 def _dependencies(problem: ProblemData) -> sp.csr_array | None:
     """Where row i depends on unknown j, be it through A or ψ; None where that is not known, or not of use."""
-    psi = problem.psi
-    if not isinstance(psi, Affine | Intervention) or psi.lipschitz is None:
-        return None
-    return sp.csr_array(problem.matrix.absolute + psi.lipschitz)
+    links = problem.psi.links
+    return None if links is None else sp.csr_array(problem.matrix.absolute + links)
 
 
 def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
     """The rows that `Blocks.forward` does not solve: those alone without one answer, and moving ψ inside a block."""
     psi, alone = problem.psi, sizes[part] == 1
     wrong: Mask = alone & ~(problem.A.diagonal() > 0)
-    if isinstance(psi, Affine):
-        i, j = row_of(psi.G), psi.G.indices
-        wrong |= alone & ~(psi.G.diagonal() < 1)
+    if psi.linear is not None:
+        G = psi.linear[0]
+        i, j = row_of(G), G.indices
+        wrong |= alone & ~(G.diagonal() < 1)
         wrong[i[~alone[i] & (part[i] == part[j])]] = True
-    elif isinstance(psi, Intervention):
-        assert psi.jumps is not None
-        wrong |= np.diff(psi.jumps.indptr) > 0
-        wrong[psi.jumps.indices] = True
+    elif psi.links is not None:
+        wrong |= np.diff(psi.links.indptr) > 0
+        wrong[psi.links.indices] = True
     return wrong
 
 
@@ -197,7 +182,7 @@ def _arranged(simple: ProblemData, graph: sp.csr_array, part: Any, starts: Rows,
     # where rows are dominant nothing grows along the chain, and one method for all costs less; and jumps must not leave
     # their part
     dominant = (simple.matrix.absolute @ np.ones(simple.n) <= 2.0 * simple.A.diagonal()).all()
-    if many or dominant or isinstance(simple.psi, Intervention):
+    if many or dominant or simple.psi.linear is None:
         depth, last, heavy = inner.astype(np.int64), 1, inner
     of = np.where(heavy, depth, 0)[part]
     i, j = row_of(graph), graph.indices

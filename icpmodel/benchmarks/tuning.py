@@ -12,12 +12,12 @@ import numpy as np
 from ..errors import NotApplicable
 from ..icp import ICP
 from ..methods.accelerated import Accelerated
+from ..methods.aor import MNMAOR, MNMSOR, overrelaxed
 from ..methods.contract import Method, named
-from ..methods.modulus import MNMAOR, MNMMOD, MNMSOR
+from ..methods.factorised import MNMMOD
 from ..numerics.arrays import as_list, as_number
 from ..present.table import Table
 from ..scenes import Scene, names, parameters, scene
-from ..solve.choice import overrelaxed
 from ..study.timing import machine
 
 #: a run that needs more is given up

@@ -7,8 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..algebra.splittings import Given, Whole
+from ..methods.aor import MNMAOR, MNMGS, MNMJ, MNMSOR
 from ..methods.contract import Method
-from ..methods.modulus import MNMAOR, MNMGS, MNMJ, MNMMOD, MNMOD, MNMSOR, ModulusMember
+from ..methods.factorised import MNMMOD, MNMOD
+from ..methods.modulus import ModulusMember
 from ..methods.newton import Newton
 from ..numerics.arrays import Vector
 from ..numerics.rounding import at_most

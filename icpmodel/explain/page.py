@@ -16,7 +16,7 @@ from ..methods.modulus import ModulusMember
 from ..numerics.arrays import as_number
 from ..numerics.rounding import UNIT_ROUNDOFF, at_most
 from ..problem.data import ProblemData, as_problem
-from ..solve.reduced import choices
+from ..solve.choice import candidates
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed
 from ..theory.certificates.supersolution import SupersolutionProof
@@ -260,7 +260,7 @@ def explain(
     problem, accuracy = as_problem(problem), as_number(accuracy, "accuracy", above=0)
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
-    first = next(choices(problem), None)
+    first = next(candidates(problem), None)
     if method is not None:
         wanted = _member(named(method, **options) if isinstance(method, str) else method).settled(problem)
         methods: dict[str, Method] = {repr(wanted): wanted}

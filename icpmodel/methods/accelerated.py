@@ -8,13 +8,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.relaxation import AUTO, after_jacobi, relaxation
-from ..algebra.sweeps import Step
+from ..algebra.relaxation import AUTO, jacobi_step, relaxation
+from ..algebra.sweeps import Stepped, in_a_row
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_number, described
 from ..problem.data import ProblemData
-from .contract import SAFE_HINT, FixedPoint, Method, named, names
-from .modulus import MNMAOR
+from .aor import MNMAOR
+from .contract import SAFE_HINT, FixedPoint, Iterate, Method, named, names
 from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
@@ -31,14 +31,14 @@ _INDEPENDENT = 1e-10
 class Accelerated(Method):
     """The method `of` with Anderson acceleration (type II): of the last steps the combination that leaves least.
 
-    With g the map of the method and f(z) = g(z) − z, every `every`-th step is
+    With g the map of the method and f(z) = g(z) − z, every `mixing_frequency`-th step is
 
         z⁺ = g(z) − ΔG γ,        γ = argmin (f(z) − ΔF γ)ᵀ D (f(z) − ΔF γ),
 
-    ΔG and ΔF the differences of the last `window` + 1 values of g and f, D the diagonal of A, so that symmetric changes
+    ΔG and ΔF the differences of the last `history_size` + 1 values of g and f, D the diagonal of A, so that symmetric changes
     of units leave γ as it is; the other steps are plain ones. The combination costs about as much as a sweep, hence not
     every step is one; with more than two plain ones in between, sweeps that diverge would get too far. Where g is
-    linear and `every` is 1 this is GMRES, restarted gradually; where g is affine, n at most 2 and `every` 3, the third
+    linear and `mixing_frequency` is 1 this is GMRES, restarted gradually; where g is affine, n at most 2 and `mixing_frequency` 3, the third
     step is exact.
 
     **Safeguard.** An iterate so made is kept only if its residual, which the next sweep yields for free, is at most ten
@@ -52,7 +52,7 @@ class Accelerated(Method):
     map: any member of the modulus family, `psor`, or a `FixedPoint` of your own; one with theta1="auto" is taken with
     the numbers of `settled(problem)`. By default it is MNMAOR(theta1="auto"), but where every ψ_i moves with its own
     z_i alone, and by less, PSOR, which keeps rows at the obstacle there, with the ω of `parameters.relaxation`, after
-    one step of Jacobi's. `window` ≥ 1, the number of differences; `every` ≥ 1.
+    one step of Jacobi's. `history_size` ≥ 1, the number of differences; `mixing_frequency` ≥ 1.
     Raises InputError for anything else.
     Reference: Anderson, J. ACM 12 (1965); Walker and Ni, SIAM J. Numer. Anal. 49 (2011); Pratapa, Suryanarayana and
     Pask, J. Comput. Phys. 306 (2016), for the steps between.
@@ -66,14 +66,14 @@ class Accelerated(Method):
 
     name: ClassVar[str] = "accelerated"
     memoryless: ClassVar[bool] = False
-    to_try: ClassVar[str] = "another method to accelerate (of), another window or every"
+    to_try: ClassVar[str] = "another method to accelerate (of), another history_size or mixing_frequency"
     of: Any = None
-    window: int = 7
-    every: int = 3
+    history_size: int = 7
+    mixing_frequency: int = 3
 
     def __post_init__(self) -> None:
-        as_number(self.window, "window", least=1, whole=True)
-        as_number(self.every, "every", least=1, whole=True)
+        as_number(self.history_size, "history_size", least=1, whole=True)
+        as_number(self.mixing_frequency, "mixing_frequency", least=1, whole=True)
         if self.of is None:
             return
         method = named(self.of) if isinstance(self.of, str) else self.of
@@ -87,13 +87,19 @@ class Accelerated(Method):
         """See `Method.why_not`: what the method `of` says."""
         return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
 
-    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`. Rejected iterates are yielded as well, so that every sweep counts."""
-        step, history = self.of.step_of(problem) if self.of else _sweeps(problem), _History(problem, self.window)
-        phase, sweeps, plain, least = _Phases(), 0, None, np.inf
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        # rejected iterates are yielded as well, so that every sweep counts
+        of = self.of or _default(problem)
+        opening = of.opening(problem) if self.of else jacobi_step(problem)
+        step, history, phase = opening or of.step_of(problem), _History(problem, self.history_size), _Phases()
+        ahead: list[Stepped] = []
+        sweeps, plain, least = 0, None, np.inf
         while True:
+            if sweeps == 1 and opening:
+                step, opening = of.step_of(problem), None
             try:
-                image, hint = step(z)
+                ahead = ahead or in_a_row(step, z, self.mixing_frequency - sweeps % self.mixing_frequency)
+                image, hint = ahead.pop(0)
             except MapError:
                 if plain is None:
                     raise
@@ -102,7 +108,7 @@ class Accelerated(Method):
             if plain is None or residual <= _FAR * least:
                 yield z, residual
             if plain is not None and not residual <= _GROWTH * least:
-                z, plain = plain, None
+                z, plain, ahead = plain, None, []
                 history.forget()
                 continue
             least, sweeps, plain, following = min(least, residual), sweeps + 1, None, image
@@ -110,16 +116,14 @@ class Accelerated(Method):
                 history.forget()
             else:
                 history.add(z, image)
-                if sweeps % self.every == 0 and (combined := history.combined()) is not None:
-                    following, plain = combined, image
+                if sweeps % self.mixing_frequency == 0 and (combined := history.combined()) is not None:
+                    following, plain, ahead = combined, image, []
             z = following
 
 
-def _sweeps(problem: ProblemData) -> Step:
-    """The default of `Accelerated`."""
-    if problem.facts.has_fixed_obstacle:
-        return after_jacobi(problem, 0.0, lambda: PSOR(omega=relaxation(problem)).step_of(problem))
-    return MNMAOR(theta1=AUTO).step_of(problem)
+def _default(problem: ProblemData) -> FixedPoint:
+    """What is accelerated where nothing is named."""
+    return PSOR(omega=relaxation(problem)) if problem.facts.has_fixed_obstacle else MNMAOR(theta1=AUTO)
 
 
 class _Phases:
@@ -138,13 +142,13 @@ class _Phases:
 
 
 class _History:
-    """The last `window` + 1 values of f(z) = g(z) − z and of g(z), the rows of F and G."""
+    """The last `history_size` + 1 values of f(z) = g(z) − z and of g(z), the rows of F and G."""
 
-    def __init__(self, problem: ProblemData, window: int) -> None:
+    def __init__(self, problem: ProblemData, size: int) -> None:
         weight = np.abs(problem.matrix.rows.diagonal)
         # rows without a diagonal entry count as if theirs were the largest
         self.weight = np.where(weight > 0, weight / (weight.max() or 1.0), 1.0)
-        rows = min(window, problem.n) + 1
+        rows = min(size, problem.n) + 1
         self.F, self.G = np.empty((rows, problem.n)), np.empty((rows, problem.n))
         self.forget()
 

@@ -1,22 +1,24 @@
-"""Methods: one file per method or family. This file is the contract.
+"""The contract of a method.
 
-A method is mathematics only: it yields iterates and knows no clock, no tolerance and no printing. To add one, add a
-file to this folder with a `Method` subclass that has a `name`; it is then found by `solve("name")`, by the command
-line and by the conformance tests.
+A method is mathematics only: it yields iterates and knows no clock, no tolerance and no printing. To add one, write a
+`Method` subclass that has a `name`, in a file of this folder or anywhere else; it is then found by `solve("name")`, in
+races, on the command line and, here, by the conformance tests.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.sweeps import Step
+from ..algebra.sweeps import Step, in_a_row
 from ..errors import InputError
 from ..numerics.arrays import Vector, described
+from ..numerics.plugins import load_plugins
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 
@@ -25,16 +27,8 @@ _REGISTRY: dict[str, type[Method]] = {}
 #: outside this range the squares that a sweep sums for its hint over- or underflow; `ICP.residual` does not
 SAFE_HINT = (1e-140, 1e140)
 
-
-class HandOver(Exception):
-    """Raised by a method whose iterates lead no further: `method` is to go on from the best one, and `why` says why.
-
-    With `afresh` it begins where this one began.
-    """
-
-    def __init__(self, method: Method, why: str, *, afresh: bool = False) -> None:
-        super().__init__(why)
-        self.method, self.why, self.afresh = method, why, afresh
+#: z with Res(z), or None where that does not fall out of the step for free
+Iterate = tuple[Vector, float | None]
 
 
 class Infeasible(Exception):
@@ -46,8 +40,10 @@ class Infeasible(Exception):
 
 
 class Method(ABC):
-    """An iterative method for ICP. Subclasses are frozen keyword-only dataclasses that check their options.
+    """An iterative method for ICP. Subclasses are frozen keyword-only dataclasses that check their options; a method
+    never changes.
 
+    >>> from icpmodel.methods import named
     >>> named("mnmsor", theta1=1.2)
     MNMSOR(theta1=1.2)
     """
@@ -66,22 +62,23 @@ class Method(ABC):
     def why_not(self, problem: ProblemData) -> str | None:
         """One sentence on why this method cannot take `problem`, or None.
 
-        >>> named("psor").why_not(ICP([[0.0]], [1.0]))
+        >>> icp.PSOR().why_not(ICP([[0.0]], [1.0]))
         'projected SOR divides by the diagonal of A, but A[0, 0] = 0'
         """
         return None
 
     @abstractmethod
-    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """Yield (zᵏ, Res(zᵏ)) for k = 0, 1, 2, … without end, z⁰ = `z`.
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        """Yield (zᵏ, Res(zᵏ)) for k = 0, 1, 2, …, z⁰ = `z`, and end when nothing new will come.
 
-        Each zᵏ is a fresh array of shape (n,) that the method will not change afterwards; the same array again says
-        that nothing new will come. The residual is None where it does not fall out of the step for free; it is a hint,
-        never the verdict.
-        Raises SingularOperator at the first step where the method's operator cannot be inverted, HandOver where
-        another method is to go on, and Infeasible where it is proved that there is no solution.
+        Each zᵏ is an array of shape (n,) that the method will not change afterwards. The residual is None where it does
+        not fall out of the step for free; it is a hint, never the verdict. Where this is a generator, a run sends it
+        how many more iterates it expects to ask for, so that several may be made at once; it need not listen. The
+        iterator may have an attribute `settled`: this method with the numbers that the run came to.
+        Raises SingularOperator at the first step where the method's operator cannot be inverted, MapError where ψ
+        fails, and Infeasible where it is proved that there is no solution.
 
-        >>> path = named("mnmgs").iterates(ICP([[2.0]], [-2.0]), np.array([3.0]))
+        >>> path = icp.MNMGS().iterates(ICP([[2.0]], [-2.0]), np.array([3.0]))
         >>> next(path), next(path)
         ((array([3.]), 3.0), (array([1.]), 0.0))
         """
@@ -102,24 +99,36 @@ class FixedPoint(Method):
 
     @abstractmethod
     def step_of(self, problem: ProblemData) -> Step:
-        """z ↦ (g(z), Res(z)); the result is a fresh array, which nobody may change: a step knows its last answer when
-        it is asked for the next one. Raises SingularOperator.
-        """
+        """z ↦ (g(z), Res(z)); the result is a fresh array. Raises SingularOperator."""
 
-    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+    def opening(self, problem: ProblemData) -> Step | None:
+        """A cheaper step to begin with, which may be all there is to do; None where there is none."""
+        return None
+
+    def iterates(self, problem: ProblemData, z: Vector) -> Generator[Iterate, float | None, None]:
+        expected = None
+        if (opening := self.opening(problem)) is not None:
+            following, residual = opening(z)
+            expected = yield z, residual
+            z = following
         step = self.step_of(problem)
         while True:
-            following, residual = step(z)
-            yield z, residual
-            z = following
+            for following, residual in in_a_row(step, z, math.inf if expected is None else expected):
+                expected = yield z, residual
+                z = following
+            # what promises to be the last iterate is judged before another sweep is made, which would tell its residual
+            while expected is not None and expected <= 1.0:
+                expected = yield z, None
+                z, _ = step(z)
 
 
 def names() -> list[str]:
     """The names of all methods, sorted.
 
-    >>> "mnmgs" in names()
+    >>> "mnmgs" in icp.methods.names()
     True
     """
+    load_plugins()
     return sorted(_REGISTRY)
 
 
@@ -128,11 +137,11 @@ def named(name: str, /, **options: Any) -> Method:
 
     Raises InputError for an unknown name or option, and lists the known ones.
 
-    >>> named("mnmgs", theta1=2)
+    >>> icp.methods.named("mnmgs", theta1=2)
     Traceback (most recent call last):
     icpmodel.errors.InputError: mnmgs has no option theta1; it takes phi, phi1, phi2
     """
-    if not isinstance(name, str) or name.lower() not in _REGISTRY:
+    if not isinstance(name, str) or name.lower() not in names():
         raise InputError(f"method is {described(name)}; one of {', '.join(names())} or a Method object was expected")
     cls = _REGISTRY[name.lower()]
     known = [option.name for option in fields(cls)]  # type: ignore[arg-type]
@@ -145,8 +154,8 @@ def named(name: str, /, **options: Any) -> Method:
 
 def positive_diagonal(problem: ProblemData, use: str) -> str | None:
     """The sentence for a method that needs a positive diagonal of A, None where it is positive."""
-    diagonal = problem.matrix.rows.diagonal
-    if (diagonal > 0).all():
+    if problem.matrix.has_positive_diagonal:
         return None
+    diagonal = problem.matrix.rows.diagonal
     i = int(np.argmax(diagonal <= 0))
     return f"{use}, but A[{i}, {i}] = {diagonal[i]:g}"

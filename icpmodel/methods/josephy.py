@@ -9,13 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import MapError, SingularOperator
+from ..algebra.equations import derivative
+from ..algebra.pivoting import DENSE_UP_TO, PIVOTS, AffineLcp
+from ..errors import SingularOperator
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
-from ..problem.elementwise import Elementwise
-from .contract import Method
-from .lemke import PIVOTS, UP_TO, Linear
-from .newton import Newton, derivative
+from .contract import Iterate, Method
 
 #: how often a step is halved, and the share of its length by which it has to reduce Res
 _HALVINGS, _SLOPE = 6, 0.1
@@ -31,8 +30,7 @@ class Josephy(Method):
     Reference: Josephy, Newton's method for generalized equations, MRC Technical Summary Report 1965 (1979); Cottle,
     Pang and Stone, The Linear Complementarity Problem (1992), section 4.4, for the pivots.
 
-    >>> from icpmodel import Elementwise
-    >>> ICP([[2.0]], [-1.0], Elementwise(np.cos, lambda z: -np.sin(z))).solve(Josephy()).z.round(9)
+    >>> ICP([[2.0]], [-1.0], icp.Elementwise(np.cos, lambda z: -np.sin(z))).solve(icp.Josephy()).z.round(9)
     array([0.73908513])
     """
 
@@ -40,17 +38,11 @@ class Josephy(Method):
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:
-        """See `Method.why_not`: ψ must have a derivative, and n be small.
+        if problem.n > DENSE_UP_TO:
+            return f"pivoting works on all n x n entries: n = {problem.n} is more than {DENSE_UP_TO}"
+        return problem.psi.no_derivative()
 
-        >>> Josephy().why_not(ICP([[2.0]], [1.0], np.sin))
-        'psi has no derivative: give `jacobian` to Function'
-        """
-        if problem.n > UP_TO:
-            return f"pivoting works on all n x n entries: n = {problem.n} is more than {UP_TO}"
-        return Newton().why_not(problem)
-
-    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`. It never raises SingularOperator: it stands still instead."""
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         from ..numerics.kernels.pivoting import SOLVED, go_on  # loads numba
 
         A, n = problem.dense(), problem.n
@@ -59,7 +51,7 @@ class Josephy(Method):
         with suppress(SingularOperator):
             while best > 0.0:
                 G = _derivative(problem, z)
-                lcp = Linear(A, problem.q, problem.psi.value(z) - (G * z if G.ndim == 1 else G @ z), G)
+                lcp = AffineLcp(A, problem.q, problem.psi.value(z) - (G * z if G.ndim == 1 else G @ z), G)
                 ended, _, y, _ = go_on(*lcp.start(), -1, PIVOTS * (n + 1))
                 if ended != SOLVED:
                     break
@@ -70,8 +62,6 @@ class Josephy(Method):
                     break
                 z, best = following
                 yield z, best
-        while True:
-            yield z, None
 
 
 def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:
@@ -86,11 +76,6 @@ def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -
 
 def _derivative(problem: ProblemData, z: Vector) -> Any:
     """ψ′(z), dense, or its diagonal alone where ψ_i moves with z_i alone. Raises MapError where it is not finite."""
-    psi = problem.psi
-    if not isinstance(psi, Elementwise):
-        return derivative(problem, z).toarray()
-    slopes = psi.slopes(z)
-    assert slopes is not None
-    if not np.isfinite(slopes).all():
-        raise MapError("psi's derivative is not finite")
-    return slopes
+    J = derivative(problem, z)
+    own = J.diagonal()
+    return own if np.count_nonzero(J.data) == np.count_nonzero(own) else J.toarray()

@@ -8,12 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..algebra.relaxation import check_diagonal
 from ..algebra.splittings import as_splitting
 from ..numerics.arrays import Vector, as_number, as_vector
 from ..problem.data import ProblemData
-from ..problem.intervention import Intervention
-from .contract import Method, positive_diagonal
-from .modulus import check_diagonal
+from .contract import Iterate, Method, positive_diagonal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -49,13 +48,12 @@ class MMS(Method):
         as_number(self.inner, "inner", least=1, whole=True)
 
     def why_not(self, problem: ProblemData) -> str | None:
-        """See `Method.why_not`: Ω must be positive, and x has no value where ψ_i = −∞."""
-        obstacle = getattr(problem.psi, "c", None)
-        if isinstance(problem.psi, Intervention) or (obstacle is not None and np.isneginf(obstacle).any()):
+        # x has no value where ψ_i = −∞
+        if problem.psi.takes_best or np.isneginf(problem.psi.value(np.zeros(problem.n))).any():
             return "MMS writes z - psi(z) = (|x| + x)/gamma, but a row may have no obstacle (psi = -inf)"
         return positive_diagonal(problem, "Omega = D/2 must be positive") if self.omega is None else None
 
-    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         A, q = problem.A, problem.q
         omega = A.diagonal() / 2 if self.omega is None else as_vector(self.omega, problem.n, "omega")
         operator = self.splitting.operator(A, omega)

@@ -14,27 +14,22 @@ an intervention, policy iteration (`Newton`) takes the place of the three: its j
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice, pairwise
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from ..algebra.equations import is_factorised
+from ..algebra.equations import derivative, is_factorised
 from ..algebra.hierarchy import Hierarchy, Level, Mask, NoHierarchy
 from ..algebra.subproblems import with_fixed_obstacle
-from ..algebra.sweeps import Step, compiled_step
+from ..algebra.sweeps import Step, compiled_step, in_a_row
 from ..numerics.arrays import Vector, inner, norm
-from ..problem.affine import Affine, Constant
 from ..problem.data import ProblemData
-from ..problem.intervention import Intervention
-from ..problem.map import Map
-from .contract import HandOver, Method, positive_diagonal
-from .newton import Newton, derivative
+from .contract import Iterate, Method, positive_diagonal
+from .newton import Newton
 
 #: sweeps where the active set has moved
 _SWEEPS = 4
@@ -59,8 +54,8 @@ class Multilevel(Method):
     """Newton's method on the modulus equation with algebraic multigrid, at the cost of about one linear solve with A.
 
     For matrices that multigrid is made for: a positive diagonal and little that is positive off it. For impulse control
-    it is policy iteration with a start from the coarser levels. Where its steps no longer reduce the residual it hands
-    over to `Newton`, unless A is too large to be factorised.
+    it is policy iteration with a start from the coarser levels. Where its steps no longer reduce the residual `Newton`
+    goes on, unless A is too large to be factorised.
     References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the active sets; Kornhuber, Numer. Math. 69
     (1994), for multigrid on them; Eisenstat, Elman and Schultz, SIAM J. Numer. Anal. 20 (1983), for GCR.
 
@@ -72,52 +67,40 @@ class Multilevel(Method):
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:
-        """See `Method.why_not`: D must be positive, and ψ have a derivative or move with z_i alone, by less than it.
-
-        >>> Multilevel().why_not(ICP([[-2.0]], [1.0]))
-        'its smoother divides by the diagonal of A, but A[0, 0] = -2'
-        """
         found = positive_diagonal(problem, "its smoother divides by the diagonal of A")
-        return found or (None if problem.facts.has_fixed_obstacle else Newton().why_not(problem))
+        return found or (None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative())
 
-    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`. It raises HandOver, never SingularOperator."""
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        # never raises SingularOperator
         first = problem.residual(z)
         yield z, first
-        why, last = "multigrid found no useful coarser levels", z
+        best = z
         with suppress(NoHierarchy):
-            for last, residual in _run(problem, z, first):
-                yield last, residual
-            why = "multilevel no longer reduced the residual"
-        newton = Newton()
-        if is_factorised(problem) and newton.why_not(problem) is None:
-            raise HandOver(newton, why)
-        while True:  # nothing new will come
-            yield last, None
+            best = yield from _run(problem, z, first)
+        if is_factorised(problem) and problem.psi.no_derivative() is None:
+            yield from Newton().iterates(problem, best)
 
 
-def _run(problem: ProblemData, z: Vector, first: float) -> Iterator[tuple[Vector, float | None]]:
-    """The run on the finest level, as long as it leads on; `first` is the residual of the start `z`."""
+def _run(problem: ProblemData, z: Vector, first: float) -> Generator[Iterate, None, Vector]:
+    """The run on the finest level, as long as it leads on, from `z` with the residual `first`; returns its best z."""
     hierarchy = Hierarchy(problem)
     simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
     at_0 = problem.residual_at_0()
     start = z if first <= _NEAR * at_0 else _start(hierarchy, simple)
-    if isinstance(problem.psi, Intervention):
-        # it never ends
-        yield from Newton().iterates(problem, start if problem.residual(start) <= min(first, at_0) else z)
-    mark, best, halved_at, better_at = np.inf, np.inf, 0, 0
-    last = None
+    if problem.psi.takes_best:
+        return start if problem.residual(start) <= min(first, at_0) else z
+    mark, least, halved_at, better_at, best = np.inf, np.inf, 0, 0, z
     for look, (iterate, residual) in enumerate(_path(hierarchy, simple, start, 0)):
-        if iterate is last or not residual < np.inf:
-            return
+        if not residual < np.inf:
+            break
         yield iterate, residual if simple is problem else None
-        last = iterate
-        if residual < best:
-            best, better_at = residual, look
+        if residual < least:
+            least, better_at, best = residual, look, iterate
         if residual <= 0.5 * mark:
             mark, halved_at = residual, look
         if look - halved_at >= _PATIENCE or look - better_at >= _SHORT_PATIENCE:
-            return
+            break
+    return best
 
 
 def _start(hierarchy: Hierarchy, problem: ProblemData) -> Vector:
@@ -127,7 +110,7 @@ def _start(hierarchy: Hierarchy, problem: ProblemData) -> Vector:
         coarse, shift = _coarse(problems[-1], level, coarser)
         problems.append(coarse)
         shifts.append(shift)
-    jumps = isinstance(problem.psi, Intervention)
+    jumps = problem.psi.takes_best
     share, looks = (_COARSE_JUMPS, _POLICIES) if jumps else (_COARSE, _LOOKS)
     z = np.zeros(problems[-1].n)
     for top in range(len(problems) - 1, 0, -1):
@@ -150,39 +133,12 @@ def _coarse(problem: ProblemData, level: Level, coarser: Level) -> tuple[Problem
     P, kept, psi = level.P, level.kept, problem.psi
     shift = -problem.q * level.inverse
     shift[kept] = 0.0
-    below: Any
-    if isinstance(psi, Constant):
-        below = psi.c[kept]
-    elif isinstance(psi, Affine):
-        below = Affine(psi.G[kept] @ P, psi.value(shift)[kept])
-    elif isinstance(psi, _Carried):
-        below = _Carried(psi.psi, sp.csr_array(psi.P @ P), psi.P @ shift + psi.shift, psi.kept[kept])
-    else:
-        below = _Carried(psi, P, shift, kept)
-    return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(below), shift
-
-
-class _Carried(Map):
-    """ψ carried down to a coarser level: z ↦ ψ(Pz + s) at the points that are `kept`."""
-
-    def __init__(self, psi: Map, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> None:
-        self.psi, self.P, self.shift, self.kept = psi, P, shift, kept
-
-    def bind(self, n: int) -> _Carried:
-        return self
-
-    def value(self, z: Vector) -> Vector:
-        return self.psi.value(self.P @ z + self.shift)[self.kept]
-
-    def jacobian(self, z: Vector) -> sp.csr_array:
-        J = self.psi.jacobian(self.P @ z + self.shift)
-        assert J is not None
-        return sp.csr_array(J[self.kept] @ self.P)
+    return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(psi.coarsened(P, shift, kept)), shift
 
 
 def _path(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int) -> Iterator[tuple[Vector, float]]:
     """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each look."""
-    level, moves = hierarchy.levels[top], not isinstance(problem.psi, Constant)
+    level, moves = hierarchy.levels[top], not problem.psi.is_constant
     omega, sweep = level.diagonal, _sweep(problem, level)
     newton: _NewtonStep | None = None
     while True:
@@ -192,15 +148,20 @@ def _path(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int) -> It
             omega = level.diagonal / np.maximum(1.0 - own, _LEAST_SLOPE)
         p, r = problem.p(z), problem.r(z)
         if newton is None or not np.array_equal(r < p / omega, newton.active):
-            for _ in range(_SWEEPS):
-                z, _ = sweep(z)
+            made = 0
+            while made < _SWEEPS:
+                sweeps = in_a_row(sweep, z, _SWEEPS - made)
+                z, made = sweeps[-1][0], made + len(sweeps)
             p, r = problem.p(z), problem.r(z)
         yield z, norm(np.minimum(p, r))
         active = r < p / omega
         if newton is None or moves or not np.array_equal(active, newton.active):
             newton = _NewtonStep(hierarchy, problem, top, active, z, p, r)
-            z = newton.start
-        z = newton.further(z)
+            z, _ = newton.further(newton.start)
+        else:
+            z, moved = newton.further(z)
+            if not moved:
+                return
 
 
 def _sweep(problem: ProblemData, level: Level) -> Step:
@@ -220,7 +181,7 @@ class _NewtonStep:
     ) -> None:
         self.hierarchy, self.problem, self.top, self.active = hierarchy, problem, top, active
         hierarchy.restrict(~active, top)
-        self.J = None if isinstance(problem.psi, Constant) else derivative(problem, z)
+        self.J = None if problem.psi.is_constant else derivative(problem, z)
         own = 0.0 if self.J is None else self.J.diagonal()
         self.slope = np.maximum(1.0 - own, _LEAST_SLOPE)
         self.coupled = self.J is not None and self.J.nnz > np.count_nonzero(own)
@@ -229,9 +190,9 @@ class _NewtonStep:
         self.rest = np.where(active, -r, -p) - self._product(step)
         self.directions: list[tuple[Vector, Vector]] = []
 
-    def further(self, z: Vector) -> Vector:
-        """`z` after some steps of GCR: each reduces ‖rest‖₂ as much as the last directions allow."""
-        wanted = _SHARE * norm(self.rest)
+    def further(self, z: Vector) -> tuple[Vector, bool]:
+        """`z` after some steps of GCR, and whether any was made: each reduces ‖rest‖₂ as the last directions allow."""
+        wanted, moved = _SHARE * norm(self.rest), False
         for _ in range(_KRYLOV):
             y = self._preconditioned(self.rest)
             w = self._product(y)
@@ -246,11 +207,11 @@ class _NewtonStep:
             w /= size
             self.directions = [*self.directions[1 - _KRYLOV :], (y, w)]
             share = inner(self.rest, w)
-            z = z + share * y
+            z, moved = z + share * y, True
             self.rest = self.rest - share * w
             if norm(self.rest) <= wanted:
                 break
-        return z
+        return z, moved
 
     def _preconditioned(self, f: Vector) -> Vector:
         if not self.coupled:

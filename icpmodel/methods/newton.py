@@ -11,7 +11,7 @@ Let θ = ‖φ‖. The first mark is θ⁰, and whenever θ is at most 0.9 of th
 raise θ, but within `_PATIENCE` of them there must be a new mark; those that do nothing but shrink the active set are
 not counted, as there are at most n in a row. Else the run goes back to its best iterate and takes a semismooth Newton
 step for φ = 0 from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get
-half the patience. So the marks fall for ever, or the method stands still: then it yields the same array again.
+half the patience. So the marks fall for ever, or the method ends.
 """
 
 from __future__ import annotations
@@ -25,14 +25,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..algebra.equations import Stepper, step_of
+from ..algebra.equations import Stepper, derivative, step_of
 from ..errors import MapError
 from ..numerics.arrays import Vector, norm
 from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
-from ..problem.elementwise import Elementwise
-from ..problem.function import Function
-from .contract import Method
+from .contract import Iterate, Method
 
 Mask = NDArray[np.bool_]
 
@@ -56,8 +54,8 @@ class Newton(Method):
 
     It needs ψ's derivative. Where the active rows depend on the others by chains that end (constant ψ, ψ_i that moves
     with z_i alone, jumps), they are eliminated. Any A will do: where steps fail to reduce the residual enough, a line
-    search takes over (see the module's docstring). It cannot cycle, but where A is no P-matrix it may stand still at a
-    z that is no solution.
+    search takes over (see the module's docstring). It cannot cycle, but where A is no P-matrix it may end at a z
+    that is no solution.
     References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002); De Luca, Facchinei and Kanzow, Math. Program.
     75 (1996), for the merit function; Bokanowski, Maroso and Zidani, SIAM J. Numer. Anal. 47 (2009), for policy
     iteration.
@@ -70,33 +68,14 @@ class Newton(Method):
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:
-        """See `Method.why_not`: ψ must have a derivative.
+        return problem.psi.no_derivative()
 
-        >>> Newton().why_not(ICP([[2.0]], [1.0], np.sin))
-        'psi has no derivative: give `jacobian` to Function'
-        """
-        psi = problem.psi
-        if isinstance(psi, Elementwise) and psi.derivative is None:
-            return "psi has no derivative: give `derivative` to Elementwise"
-        if isinstance(psi, Function) and psi.derivative is None:
-            return "psi has no derivative: give `jacobian` to Function"
-        return None
-
-    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`. It never raises SingularOperator: it stands still instead."""
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        # never raises SingularOperator: it ends instead
         path = _Path(problem, z)
-        while True:
+        yield path.here.z, path.here.residual
+        while path.advance():
             yield path.here.z, path.here.residual
-            path.advance()
-
-
-def derivative(problem: ProblemData, z: Vector) -> sp.csr_array:
-    """ψ′(z), CSR, shape (n, n), where `Newton.why_not` is None. Raises MapError where it is not finite."""
-    J = problem.psi.jacobian(z)
-    assert J is not None
-    if not np.isfinite(J.data).all():
-        raise MapError("psi's derivative is not finite")
-    return J
 
 
 class _Point:
@@ -143,26 +122,23 @@ class _Path:
         # of the step before: its active set, how many in a row did nothing but shrink, and its factorisation
         self.taken, self.shrunk = self.here.active, 0
         self.kept: tuple[Mask, sp.csr_array, Stepper] | None = None
-        self.still = False
         self.fault: MapError | None = None
 
-    def advance(self) -> None:
-        """One step; none from when nothing leads on. Raises MapError where that is because ψ fails."""
-        if self.still:
-            return
+    def advance(self) -> bool:
+        """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
         self.fault = None
         with np.errstate(all="ignore"):
             new = self._tried(self._plain) or self._tried(self._descent)
         if new is None:
             if self.fault is not None:
                 raise self.fault
-            self.still = True
-            return
+            return False
         self.here = new
         if new.theta < self.best.theta:
             self.best = new
         if self._marks(new):
             self.mark, self.waited, self.descents = new.theta, 0, 0
+        return True
 
     def _marks(self, point: _Point) -> bool:
         return point.theta <= _REDUCED * self.mark
@@ -210,8 +186,8 @@ class _Path:
         if self.shrunk > 2:
             A, layers = self.problem.matrix.absolute, dropped.astype(np.float64)
             for _ in range(2 ** (self.shrunk - 3)):
-                layers = (A @ layers + layers > 0).astype(np.float64)
-                if layers[active].all():
+                before, layers = layers, (A @ layers + layers > 0).astype(np.float64)
+                if layers[active].all() or np.array_equal(layers, before):
                     break
             active = active & (layers == 0)
         return active, shrinks

@@ -8,10 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..algebra.subproblems import with_fixed_obstacle
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
-from .contract import Method, positive_diagonal
+from .contract import Iterate, Method, positive_diagonal
 
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
 _ROUNDS, _STEPS = 5, 10
@@ -27,7 +26,7 @@ class Tridiagonal(Method):
     above it may have to follow. Runs of open rows are known by the corners of their inverse, so that two of them are
     joined at once, whatever their length. For tridiagonal M-matrices that finds the active set, but for rounding, which
     Newton's steps correct: z_i = c_i where p_i ≥ a_ii(z_i − c_i), p_i = 0 elsewhere. For other matrices it is where
-    those steps begin; they may fail, and then z stands still. The start z⁰ has no influence.
+    those steps begin; they may fail, and then the method ends. The start z⁰ has no influence.
     Reference: Cryer, ACM Trans. Math. Softw. 9 (1983), for a direct method on tridiagonal M-matrices; Chandrasekaran,
     Opsearch 7 (1970), for rows that once open stay open.
 
@@ -39,11 +38,6 @@ class Tridiagonal(Method):
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:
-        """See `Method.why_not`: A must be tridiagonal, D > 0, and every ψ_i move with z_i alone, by less than it.
-
-        >>> Tridiagonal().why_not(ICP(np.ones((3, 3)), np.zeros(3)))
-        'A is not tridiagonal: it has 9 entries'
-        """
         if problem.nnz > 3 * problem.n - 2:
             return f"A is not tridiagonal: it has {problem.nnz} entries"
         rows = problem.matrix.rows
@@ -54,12 +48,11 @@ class Tridiagonal(Method):
             return f"it needs a psi_i that moves with z_i alone, by less than it, which is not known of {problem.psi!r}"
         return positive_diagonal(problem, "it divides by the diagonal of A")
 
-    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
-        """See `Method.iterates`. It never raises SingularOperator: it stands still instead."""
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         from ..numerics.kernels.tridiagonal import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
 
         yield z, None
-        A, q, c = problem.A, problem.q, with_fixed_obstacle(problem).psi.value(z)
+        A, q, c = problem.A, problem.q, problem.facts.obstacle
         matrix = bands(A.indptr, A.indices, A.data)
         free, ended, rounds = release(*matrix, q, c), UNSETTLED, 0
         while ended == UNSETTLED and rounds < _ROUNDS:
@@ -70,6 +63,4 @@ class Tridiagonal(Method):
                 yield z, None
         for _ in range(_REFINEMENTS if ended == SETTLED else 0):
             z = refine(*matrix, q, free, z)
-            yield z, None
-        while True:
             yield z, None

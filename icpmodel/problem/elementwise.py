@@ -31,6 +31,7 @@ class Elementwise(Map):
     """
 
     at_users_word = True
+    is_elementwise = True
 
     def __init__(
         self,

@@ -1,321 +1,66 @@
-"""Which method `solve()` takes when none is named: a simple rule with its reason, and what to fall back on."""
+"""What `solve` tries when no method is named: the rules for the whole problem, and its reduction where that pays."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import chain, count
+from itertools import chain
 
-import numpy as np
-
-from ..algebra.equations import is_factorised
-from ..algebra.relaxation import best_omega, relaxation, scale_of, sor
-from ..algebra.subproblems import PIVOT_UP_TO
-from ..methods.accelerated import Accelerated
-from ..methods.contract import HandOver, Method
-from ..methods.josephy import Josephy
+from ..algebra.pivoting import PIVOT_UP_TO
+from ..algebra.resting import WORTH, rows_at_rest
+from ..algebra.subproblems import Blocks
 from ..methods.lemke import Lemke
-from ..methods.modulus import MNMAOR, MNMGS, MNMJ, MNMMOD
 from ..methods.multilevel import Multilevel
-from ..methods.newton import Newton
-from ..methods.psor import PSOR, Narrow
-from ..methods.tridiagonal import Tridiagonal
-from ..numerics.arrays import Vector
-from ..numerics.lanczos import SMALL_RADIUS
-from ..numerics.linear import FACTORISE_UP_TO
+from ..methods.psor import PSOR
 from ..problem.data import ProblemData
-from ..problem.elementwise import Elementwise
-from ..problem.intervention import Intervention
-
-#: below this relaxation the sweeps gain nothing by it, and Gauss–Seidel has the theorems; what of it is taken where
-#: psi moves
-_WORTH_RELAXING, _CAUTION = 1.05, 0.98
-#: up to this size, if so many relaxed sweeps promise to do, they cost less than coarser levels; they stay where, once
-#: they should be done, at most so many times as many are to come
-_RELAXED_UP_TO, _MOST, _UNDERESTIMATED = 20_000, 220, 1.5
-#: up to this size combining sweeps costs less than to find out how far they should be relaxed
-_ACCELERATED_UP_TO = 1200
-#: where psi moves acceleration gains from this size on, and where more plain sweeps than that are needed
-_ACCELERATED_FROM, _PLAIN = 500, 25
-#: beyond this size forty sweeps do not tell how slow the others will be
-_RATES_TOLD_UP_TO = 150_000
-#: a row is hardly dominant where its couplings, as Gauss–Seidel feels them, sum up to more than this
-_HARDLY = 0.97
-#: and a matrix with this mean, at most 1 for every H-matrix, is nothing for multigrid
-_FAR = 2.0
-#: from these sizes on multilevel is the quicker one where most rows are hardly dominant: bands, and all others
-_MULTILEVEL_FROM_ON_A_BAND, _MULTILEVEL_FROM = 100, 5000
-#: from these sizes on the best jumps are sought on coarser levels first: bands, and all others
-_JUMPS_FROM_ON_A_BAND, _JUMPS_FROM = 500, 2000
-#: up to this size to pivot for the best jumps costs less than to factorise
-_PIVOTED_JUMPS_UP_TO = 150
-#: up to this size it costs less to pivot than what else there is where sweeps are slow
-_PIVOT_BEFORE_NEWTON_UP_TO = 200
-#: up to this size pivots cost less than to look at A; beyond it, up to `PIVOT_UP_TO`, less than to try some sweeps
-#: where A has at least this share of entries, or more than the second share of rows, not all, are hardly dominant
-_PIVOT_BEFORE_A_LOOK_UP_TO, _FULL, _MANY = 32, 0.25, 0.4
-#: so many sweeps cost less than to begin with another method: at least, at the most, and divided by n in between;
-#: where ψ moves so many more, as there the others cost more; n before pivots up to n = 64, and so many more before
-#: Josephy's steps
-_SWEEPS, _MOST_SWEEPS, _SMALL_SWEEPS = 50, 250, 5000
-_SWEEPS_OF_A_MOVING_PSI, _SWEEPS_BEFORE_JOSEPHY = 100, 30
-_LINEARISED = "with n = {} a few affine problems are pivoted at once"
-_RELAXED = "relaxed for the estimated Jacobi radius {:.4f}"
+from .candidate import Candidate
+from .goal import RTOL
+from .reduced import Reduced, structure
+from .rules import after_trial, direct, on_trial, pivots_at_once
+from .run import PATIENCE
 
 
-@dataclass(frozen=True)
-class Choice:
-    """A method and the sentence on why it was picked; `hurry` where another one waits that is more certain, `afresh`
-    where it begins where the one began that handed over to it.
-    """
+def candidates(problem: ProblemData, aim: float = RTOL) -> Iterator[Candidate]:
+    """The methods that `solve` tries when none is named: what `rules.choose` has for the whole problem, and before it
+    `Reduced` where that is found to pay. `aim` is the share of Res(0) that is asked for.
 
-    method: Method
-    why: str
-    hurry: bool = False
-    afresh: bool = False
-
-
-def choose(problem: ProblemData) -> Iterator[Choice]:
-    """The methods to try on `problem`, best first; each is made only when the one before it has failed.
-
-    Tridiagonal comes first wherever it applies; Lemke, where ψ is affine or amounts to a fixed obstacle, for n ≤ 32,
-    and for n ≤ 64 where A is full or many of its rows are hardly dominant; and for n ≤ 64 Josephy where ψ is another
-    elementwise map with a derivative. Else, for D > 0, a few plain sweeps of PSOR are watched, and where they show that
-    many more would be needed the next method takes over: Josephy for n ≤ 64 where ψ has a derivative; Lemke for n ≤ 200
-    where ψ is affine or amounts to a fixed obstacle (up to n = 500 it follows on Newton); Multilevel where A is large
-    and most of its rows are hardly dominant, for an LCP with n ≤ 20 000 after overrelaxed sweeps where some two hundred
-    of them promise to do; sweeps that are overrelaxed where the Jacobi radius is below 1 and promises a gain, by PSOR
-    where every ψ_i moves with its own z_i alone (beyond n = 64 and up to 1200 accelerated, with a rough radius), else
-    by MNMAOR; then Newton, and MNMGS. Newton comes before the sweeps where the radius is not below 1.
-    Where ψ is an intervention operator Josephy comes first where n ≤ 150, then Newton and Multilevel, for large A the
-    other way round.
-    The last are MNMJ, which is proved whenever there is an error bound, and MNMMOD with three θ₁, which needs no
-    dominance. Newton and MNMMOD are left out where A is too large to be factorised, and where ψ has no derivative
-    Newton, and Multilevel unless every ψ_i moves with its own z_i alone.
+    Strong components are looked for where n > 64 and the first plain sweeps were slow, rows at rest only where
+    `Multilevel` would be the next: sweeps and factorisations of easier matrices cost less than to look for them.
     """
     yield from direct(problem)
-    yield from after_trial(problem, without_trial(problem))
+    if pivots_at_once(problem):
+        yield from _small_blocks(problem, aim)
+    yield from on_trial(problem)
+    usual = after_trial(problem, aim)
+    yield from _with_small_blocks(problem, usual, aim) if problem.n <= PIVOT_UP_TO else _reduced(problem, usual, aim)
 
 
-def direct(problem: ProblemData) -> Iterator[Choice]:
-    """The methods that cost less than to look at the problem: one for tridiagonal A, and pivots where n is small."""
-    tiny = problem.n <= _PIVOT_BEFORE_A_LOOK_UP_TO
-    pivots = Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting is done at once")
-    if tiny and pivots_at_once(problem):
-        yield pivots
-    if Tridiagonal().why_not(problem) is None:
-        yield Choice(Tridiagonal(), "A is tridiagonal: a pass over its rows solves the problem")
-    if not tiny and pivots_at_once(problem):
-        yield pivots
-    if isinstance(problem.psi, Elementwise | Intervention) and _is_linearised(problem):
-        yield Choice(Josephy(), _LINEARISED.format(problem.n))
+def _small_blocks(problem: ProblemData, aim: float) -> Iterator[Candidate]:
+    """Where pivots on the whole failed one block may have no solution."""
+    found = structure(problem, problem.n)
+    if found is not None and found.starts.size > 2:
+        yield _in_blocks(found, aim)
 
 
-def pivots_at_once(problem: ProblemData) -> bool:
-    """Whether Lemke comes before any sweeps: ψ is affine or amounts to a fixed obstacle, and n ≤ 32, or n ≤ 64 and A is
-    full or its rows are such that sweeps would be slow. Where no row at all is dominant A is nearly singular, which is
-    worse for pivots than for sweeps.
-    """
-    if problem.n > PIVOT_UP_TO or Lemke().why_not(problem) is not None:
-        return False
-    if problem.n <= _PIVOT_BEFORE_A_LOOK_UP_TO or problem.nnz >= _FULL * problem.n**2:
-        return True
-    return _MANY < _hardly_dominant(problem) < 1.0
+def _with_small_blocks(problem: ProblemData, usual: Iterator[Candidate], aim: float) -> Iterator[Candidate]:
+    for candidate in usual:
+        yield candidate
+        if isinstance(candidate.method, Lemke):
+            yield from _small_blocks(problem, aim)
 
 
-def _hardly_dominant(problem: ProblemData) -> float:
-    """The share of the rows that are hardly dominant."""
-    return problem.matrix.hardly_dominant
+def _reduced(problem: ProblemData, usual: Iterator[Candidate], aim: float) -> Iterator[Candidate]:
+    """On blocks, with a look for rows at rest before `Multilevel`, then on the whole."""
+    found = structure(problem, WORTH * problem.n)
+    first = next(usual, None)
+    if found is None and first is not None and isinstance(first.method, Multilevel):
+        found = rows_at_rest(problem)
+    order = [] if found is None else [_in_blocks(found, aim)]
+    if first is not None:
+        # the rate of relaxed sweeps is that of the slowest block: one after the other they are no quicker
+        together = found is not None and len(found.stages) > 1 and isinstance(first.method, PSOR)
+        order.insert(0 if together else len(order), first)
+    yield from chain(order, usual)
 
 
-def after_trial(
-    problem: ProblemData, others: Iterator[Choice], first: float | None = None, narrow: Narrow | None = None
-) -> Iterator[Choice]:
-    """A few plain sweeps where D > 0, which hand over to the first of the `others` where they are slow; the `others`.
-
-    Parameters: `first` and `narrow` as in `PSOR.on_trial`.
-    """
-    if not isinstance(problem.psi, Intervention) and (problem.matrix.rows.diagonal > 0).all():
-        accelerates = _ACCELERATED_FROM <= problem.n <= _RATES_TOLD_UP_TO and not problem.facts.has_fixed_obstacle
-        looks, early = count(1), 0 if problem.n < _MULTILEVEL_FROM else 2
-
-        def look(z: Vector, following: Vector, first: float, last: float, needed: float) -> HandOver | None:
-            # in large problems the first rates are those of the roughest errors, which say little of the others
-            if accelerates and next(looks) > early and needed > _PLAIN:
-                return HandOver(Accelerated(), f"psi moves, and {needed:.0f} more plain sweeps would be needed")
-            return None if narrow is None else narrow(z, following, first, last, needed)
-
-        why = "plain sweeps are watched: they stay as long as they are quick"
-        yield Choice(PSOR.on_trial(_worth(problem), lambda: _next(others), first, look), why, hurry=True)
-    yield from others
-
-
-def _next(others: Iterator[Choice], slow: str = "plain") -> HandOver | None:
-    """To the next choice, which goes on from the best iterate unless it begins on coarser levels."""
-    choice = next(others, None)
-    if choice is None:
-        return None
-    why = f"{choice.why} ({slow} sweeps were slow)"
-    return HandOver(choice.method, why, afresh=not isinstance(choice.method, PSOR | MNMAOR | Josephy | Accelerated))
-
-
-def _worth(problem: ProblemData) -> float:
-    """How many sweeps cost less than what comes after them."""
-    if _is_linearised(problem):
-        return problem.n + _SWEEPS_BEFORE_JOSEPHY
-    if problem.n <= PIVOT_UP_TO and _pivots_first(problem):
-        return problem.n
-    more = 0 if problem.facts.has_fixed_obstacle else _SWEEPS_OF_A_MOVING_PSI
-    return more + min(_SWEEPS + _SMALL_SWEEPS / problem.n, _MOST_SWEEPS)
-
-
-def without_trial(problem: ProblemData) -> Iterator[Choice]:
-    """What `choose` has after the first sweeps."""
-    positive = bool((problem.matrix.rows.diagonal > 0).all())
-    if isinstance(problem.psi, Intervention):
-        large = problem.n >= (_JUMPS_FROM_ON_A_BAND if problem.matrix.is_band else _JUMPS_FROM)
-        if large:
-            yield from _coarser_jumps(problem)
-        yield from _newton(problem, "policy iteration: the best jumps settle in a few steps")
-        if not large:
-            yield from _coarser_jumps(problem)
-        yield from _factorised(problem, "one factorisation moves the answer across the whole grid in every step")
-        if positive:
-            yield Choice(MNMJ(), "Jacobi with Omega = D is monotone where A is a Z-matrix and psi isotone")
-        return
-    if not isinstance(problem.psi, Elementwise) and _is_linearised(problem):
-        yield Choice(Josephy(), _LINEARISED.format(problem.n))
-    if _pivots_first(problem):
-        if positive and problem.n > PIVOT_UP_TO:
-            yield from _accelerated(problem)
-        yield Choice(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting costs least")
-    if positive:
-        yield from _sweeps_and_newton(problem)
-        yield Choice(MNMJ(), "projected Jacobi is proved wherever one v > 0 gives <A>v > 0 and (I - G)v > 0")
-    else:
-        yield from _newton(problem, "Newton's method needs no positive diagonal")
-    yield from _factorised(problem, "M1 = A needs no diagonal dominance")
-
-
-def _pivots_first(problem: ProblemData) -> bool:
-    """Whether pivoting comes before Newton, but not at once."""
-    small = problem.n <= _PIVOT_BEFORE_NEWTON_UP_TO and not pivots_at_once(problem)
-    return small and Lemke().why_not(problem) is None
-
-
-def _is_linearised(problem: ProblemData) -> bool:
-    """Whether n is so small, and ψ such, that a few affine problems are pivoted instead."""
-    most = _PIVOTED_JUMPS_UP_TO if isinstance(problem.psi, Intervention) else PIVOT_UP_TO
-    return problem.n <= most and Lemke().why_not(problem) is not None and Josephy().why_not(problem) is None
-
-
-def _sweeps_and_newton(problem: ProblemData) -> Iterator[Choice]:
-    """What there is for D > 0 where plain sweeps are slow."""
-    yield from _relaxed_first(problem, _multilevel(problem))
-    if not _pivots_first(problem):
-        yield from _accelerated(problem)
-    radius = _radius(problem)
-    # on rows that do not touch the obstacle a smaller one is the best, which an estimate from below allows for
-    omega = best_omega(radius)
-    slow = radius >= 1.0
-    if slow:
-        yield from _newton(problem, f"sweeps need a Jacobi radius below 1, the estimate is {radius:.4g}")
-    if omega >= _WORTH_RELAXING:
-        relaxed = PSOR(omega=omega) if problem.facts.has_fixed_obstacle else overrelaxed(problem, _CAUTION * omega)
-        yield Choice(relaxed, _RELAXED.format(radius), hurry=True)
-    if not slow:
-        yield from _newton(problem, "Newton's method does not depend on a splitting")
-    yield Choice(MNMGS(), "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope", hurry=True)
-
-
-def _radius(problem: ProblemData) -> float:
-    """The Jacobi radius, from the row sums alone where they already show that relaxation gains nothing."""
-    rows = problem.matrix.rows
-    with np.errstate(over="ignore"):
-        bound = float((rows.rest / rows.diagonal).max())
-    if bound <= SMALL_RADIUS:
-        return bound
-    return problem.matrix.jacobi_radius
-
-
-def _relaxed_first(problem: ProblemData, others: Iterator[Choice]) -> Iterator[Choice]:
-    """Relaxed sweeps where they promise to be quicker than the `others`, to which they hand over where they are not."""
-    first = next(others, None)
-    if first is None:
-        return
-    others = chain([first], others)
-    if problem.is_lcp and _ACCELERATED_UP_TO < problem.n <= _RELAXED_UP_TO and 0.0 < (radius := _radius(problem)) < 1.0:
-        omega = best_omega(radius)
-        sweeps = math.log(1e-8) / math.log(omega - 1.0)  # the rate of the best ω is ω − 1
-        if sweeps <= _MOST:
-            most, look = _UNDERESTIMATED * sweeps, math.ceil(sweeps)
-            relaxed = PSOR.on_trial(most, lambda: _next(others, "relaxed"), omega=omega, look=look)
-            yield Choice(relaxed, _RELAXED.format(radius), hurry=True)
-    yield from others
-
-
-def _accelerated(problem: ProblemData) -> Iterator[Choice]:
-    """Accelerated sweeps, where n is small enough and the Jacobi radius promises a gain."""
-    if problem.n <= _ACCELERATED_UP_TO and problem.facts.has_fixed_obstacle:
-        omega = relaxation(problem)
-        if omega >= _WORTH_RELAXING:
-            why = "accelerated, and relaxed with caution: other methods cost more than some dozens of sweeps"
-            yield Choice(Accelerated(of=PSOR(omega=omega)), why, hurry=True)
-
-
-def _multilevel(problem: ProblemData) -> Iterator[Choice]:
-    """Multilevel where sweeps would be slow: information that crosses rows which are hardly dominant does not fade."""
-    least = _MULTILEVEL_FROM_ON_A_BAND if problem.matrix.is_band else _MULTILEVEL_FROM
-    if problem.n < least:
-        return
-    share = _hardly_dominant(problem)
-    if share > 0.5:  # what flows through A in one direction only does not slow sweeps down
-        sums = problem.matrix.couplings @ np.ones(problem.n)
-        share = float(np.mean(sums > _HARDLY)) if sums.mean() <= _FAR else 0.0
-    multilevel = Multilevel()
-    if share > 0.5 and multilevel.why_not(problem) is None:
-        yield Choice(multilevel, f"{share:.0%} of the rows are hardly dominant: sweeps would be slow")
-
-
-def _coarser_jumps(problem: ProblemData) -> Iterator[Choice]:
-    """Policy iteration that begins on coarser levels, where its systems can be solved."""
-    multilevel = Multilevel()
-    if multilevel.why_not(problem) is None and is_factorised(problem):
-        yield Choice(multilevel, "policy iteration, whose best jumps the coarser levels find first")
-
-
-def _newton(problem: ProblemData, why: str) -> Iterator[Choice]:
-    """Newton where its systems can be solved and ψ has a derivative, and pivots where it fails."""
-    newton, lemke = Newton(), Lemke()
-    if newton.why_not(problem) is None and is_factorised(problem):
-        yield Choice(newton, why)
-    if problem.n > _PIVOT_BEFORE_NEWTON_UP_TO and lemke.why_not(problem) is None:
-        yield Choice(lemke, "pivoting ends for every P-matrix and every semidefinite A")
-
-
-def why_none(problem: ProblemData) -> str:
-    """Why `choose` found no method that could start."""
-    diagonal = problem.A.diagonal()
-    i = int(np.argmin(diagonal))
-    big = "" if is_factorised(problem) else f"A with n > {FACTORISE_UP_TO} is not factorised"
-    return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, and {big or 'A + Omega could not be factorised'}"
-
-
-def _factorised(problem: ProblemData, why: str) -> Iterator[Choice]:
-    """MNMMOD with θ₁ = √(‖A‖_∞/‖A⁻¹1‖_∞), for an M-matrix the mean of its largest and smallest scale."""
-    if not is_factorised(problem):
-        return
-    theta1 = scale_of(problem)
-    yield Choice(MNMMOD(theta1=theta1), f"{why}; theta1 from the norms of A and its inverse")
-    for factor in (0.5, 2.0):
-        yield Choice(MNMMOD(theta1=factor * theta1), f"{why}; theta1 changed by a factor of {factor:g}")
-
-
-def overrelaxed(problem: ProblemData, omega: float) -> MNMAOR:
-    """MNMAOR with X = 2(D/ω − L) and Ω = (2 − ω)D: on the rows where p < Ωr it is successive overrelaxation.
-
-    Parameters: `omega` in (0, 2). Reference: `parameters.sor`.
-    """
-    theta1, phi2 = sor(problem, omega)
-    return MNMAOR(theta1=theta1, theta2=2.0 * theta1, phi2=phi2)
+def _in_blocks(found: Blocks, aim: float) -> Candidate:
+    return Candidate(Reduced(blocks=found, aim=aim), repr(found), PATIENCE)

@@ -1,24 +1,27 @@
-"""`solve()`: from what the user asks for to the loop that does it."""
+"""`solve()`: from what the user asks for to the run that does it, and from what that found to the solution."""
 
 from __future__ import annotations
 
+import contextlib
+import time
 from collections.abc import Callable, Iterator
-from copy import copy
 from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, NotApplicable, NotSolved
+from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.contract import Method, named
-from ..numerics.arrays import as_truth
+from ..numerics.arrays import Vector, as_truth
 from ..problem.data import ProblemData, as_problem
-from .choice import Choice
-from .reduced import choices
-from .run import Job, Limits, Progress
-from .solution import Solution, Status
+from .candidate import Candidate
+from .choice import candidates
+from .goal import RTOL, AccuracyGoal, Goal, Limits
+from .rules import why_none
+from .run import Best, Ended, Progress, Run, fault_of_psi
+from .solution import History, Solution, Status
 
-#: the default relative tolerance
-RTOL = 1e-8
+#: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it
+_LEAST_AIM = 1e-14
 _OPTIONS = (
     "z0",
     "rtol",
@@ -58,8 +61,7 @@ def solve(
     problem reduced before where that pays (see `icpmodel.solve.reduced`), while a named one gets the whole problem;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
     by default 1e-8 and 0; `accuracy` > 0 in the units of z, instead of the two;
-    `max_iter` iterations in all, a sweep or a Newton step each (small problems are solved by all sweeps or pivots in
-    one); `time_limit` in seconds, looked at between iterations, set-up included, and at the first call of a process
+    `max_iter` iterations in all, a sweep or a Newton step each; `time_limit` in seconds, looked at between iterations, set-up included, and at the first call of a process
     half a second for loading compiled code, or some seconds for compiling it;
     `callback` gets a `Progress` per tested iterate and stops the run by returning True;
     `history` keeps the residuals in `Solution.history`; `progress` shows a bar where standard error is a terminal;
@@ -88,26 +90,28 @@ def solve(
         as_truth(flag, name)
     n = as_problem(problem).n
     start = np.zeros(n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
-    job = Job(problem, start, limits, callback, history, progress)
-    solution = job.first_success(_choices(problem, method, options), tolerate_singular=method is None)
+    run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
+    tried = _candidates(problem, method, options, min(run.aim / run.scale, 0.5) if 0 < run.scale < np.inf else RTOL)
+    _carry_out(run, tried, tolerate_singular=method is None)
+    solution = _solution(run, limits)
     if raise_on_failure and not solution.solved:
-        raise NotSolved(solution) from (job.fault if solution.status is Status.MAP_FAILED else None)
+        raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
 
 
-def _choices(problem: ProblemData, method: str | Method | None, options: dict[str, Any]) -> Iterator[Choice]:
+def _candidates(
+    problem: ProblemData, method: str | Method | None, options: dict[str, Any], aim: float
+) -> Iterator[Candidate]:
     if method is None:
         if options:
             raise InputError(
                 f"solve has no option {next(iter(options))}; it takes {', '.join(_OPTIONS)}, "
                 "and the options of a method only where one is named"
             )
-        yield from choices(problem)
-        return
+        return candidates(problem, aim)
     if isinstance(method, Method):
         if options:
             raise InputError(f"{next(iter(options))}: the options of a Method object go into its constructor")
-        method = copy(method)  # what a run notes on its method (`MNMAOR.used`) stays with this run's solution
     else:
         try:
             method = named(method, **options)
@@ -117,4 +121,118 @@ def _choices(problem: ProblemData, method: str | Method | None, options: dict[st
     why_not = method.why_not(problem)
     if why_not is not None:
         raise NotApplicable(f"{method.name}: {why_not}")
-    yield Choice(method, "")
+    return iter([Candidate(method, "")])
+
+
+def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> Run:
+    """The run from `start`. Raises MapError where ψ has no value there."""
+    clock = time.perf_counter()
+    moved = start.any()
+    at_start = scale = problem.residual(start) if moved else problem.residual_at_0()
+    if not np.isfinite(scale) and (fault := fault_of_psi(problem, start)):
+        raise MapError(f"{fault} at the start z0; a finite number or -inf was expected")
+    # a start that leads one method astray is not given to the next, unless psi has no value at 0
+    restart = start
+    if moved:
+        at_0 = np.nan
+        with contextlib.suppress(MapError):
+            at_0 = problem.residual_at_0()
+        if np.isfinite(at_0):
+            restart = np.zeros(problem.n)
+            scale = at_0 or scale  # if 0 solves the problem, it says nothing of its scale
+    tolerance = max(limits.atol, limits.rtol * scale) if np.isfinite(scale) else limits.atol
+    goal = Goal(tolerance) if limits.accuracy is None else AccuracyGoal(problem, limits.accuracy, start)
+    return Run(
+        problem,
+        start,
+        at_start,
+        goal,
+        aim=max(tolerance if limits.accuracy is None else RTOL * scale, _LEAST_AIM * scale)
+        if np.isfinite(scale)
+        else 0.0,
+        scale=scale if np.isfinite(scale) else np.inf,
+        restart=restart,
+        max_iter=limits.max_iter,
+        time_limit=limits.time_limit,
+        clock=clock,
+        **shown,
+    )
+
+
+def _carry_out(run: Run, tried: Iterator[Candidate], *, tolerate_singular: bool) -> None:
+    """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate.
+
+    Raises NotApplicable where no candidate could start, SingularOperator unless `tolerate_singular`.
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in run.steps(tried, tolerate_singular=tolerate_singular):
+                pass
+    except KeyboardInterrupt:
+        if run.candidate is None:
+            raise
+        if run.best is None:
+            run.best = Best(run.start, run.at_start, 0, run.candidate, run.candidate.method)
+        run.ended = Ended(Status.INTERRUPTED, "by Ctrl-C")
+    except MemoryError:  # what comes next needs more than there is
+        if run.best is None:
+            raise
+    if run.best is None:
+        raise NotApplicable(f"no method takes this problem: {why_none(run.problem)}")
+
+
+def _solution(run: Run, limits: Limits) -> Solution:
+    """What the run found: the judge has the last word on the best iterate, which hints chose."""
+    problem, status, note = run.problem, run.ended.status, run.ended.note
+    best = run.best
+    assert best is not None
+    assert run.candidate is not None
+    last = run.tried[-1][0] if run.tried else run.candidate
+    # of a z that solved the judge has just spoken
+    judged = [] if status is Status.SOLVED and not problem.psi.at_users_word else [best]
+    if run.current is not best.z:
+        judged.append(Best(run.current, np.inf, run.iteration, last, last.method))
+    for one in judged:
+        with contextlib.suppress(MapError, KeyboardInterrupt):  # a ψ that failed may fail again, or take long
+            one.residual = problem.residual(one.z)
+        if one.residual < best.residual:
+            best = one
+    if run.goal.judge(best.z, best.residual):
+        status = Status.SOLVED
+    elif status is Status.SOLVED:
+        status, note = Status.MAP_FAILED, "psi gives different values at the same z"
+    message = "solved"
+    if status is Status.SOLVED:
+        last = best.candidate
+    else:
+        by = "" if last is best.candidate else f" by {best.candidate.method!r}"
+        advice = status.advice_with(last.method.to_try if len(run.tried) < 2 else "")
+        message = (
+            f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g}{by} "
+            f"({run.goal.wanted(best.z)}). Advice: {advice}"
+        )
+    others = [f"{one.method!r}: {ended}" for one, ended in run.tried if one is not best.candidate]
+    z = best.z.copy()
+    z.flags.writeable = False
+    return Solution(
+        problem=problem,
+        z=z,
+        status=status,
+        message=message,
+        method=best.candidate.method,
+        settled=best.settled,
+        last_method=last.method,
+        why="; ".join([best.candidate.why, *(["also tried: " + ", ".join(others)] if others else [])]),
+        residual=best.residual,
+        tolerance=run.goal.tolerance,
+        accuracy=limits.accuracy,
+        iterations=run.iteration,
+        seconds=time.perf_counter() - run.clock,
+        history=None if run.records is None else _history(run.records),
+        infeasible=run.infeasible if status is Status.INFEASIBLE else None,
+    )
+
+
+def _history(records: list[tuple[int, float, float]]) -> History:
+    columns = np.array(records, dtype=np.float64).reshape(-1, 3)
+    return History(columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2])

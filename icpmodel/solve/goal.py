@@ -8,10 +8,37 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import MapError, NotApplicable
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..problem.data import ProblemData
 from ..theory.certificates.bounds import error_bound
+
+#: the default relative tolerance
+RTOL = 1e-8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """When to stop: Res(z) ≤ max(`atol`, `rtol`·Res(0)), `max_iter` iterations, `time_limit` seconds (None: no limit).
+
+    With `accuracy`, a certified error of at most that is asked for instead of a residual.
+    Raises InputError for numbers that make no sense.
+    """
+
+    rtol: float
+    atol: float
+    max_iter: int
+    time_limit: float | None
+    accuracy: float | None = None
+
+    def __post_init__(self) -> None:
+        as_number(self.rtol, "rtol", least=0, below=1)  # from 1 on, z = 0 would do
+        as_number(self.atol, "atol", least=0)
+        as_number(self.max_iter, "max_iter", least=0, whole=True)
+        if self.time_limit is not None:
+            as_number(self.time_limit, "time_limit", least=0)
+        if self.accuracy is not None:
+            as_number(self.accuracy, "accuracy", above=0)
 
 
 @dataclass

@@ -12,17 +12,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..algebra.subproblems import PIVOT_UP_TO, with_fixed_obstacle
+from ..algebra.pivoting import PIVOT_UP_TO, PIVOTS, AffineLcp
 from ..errors import InputError, MapError, NotSolved
-from ..methods.lemke import PIVOTS, Linear
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics.arrays import Vector, norm
 from ..numerics.threads import cores, in_parts
-from ..problem.affine import Affine
 from ..problem.data import ProblemData
 from ..problem.map import Map
-from .driver import RTOL, solve
-from .run import Limits
+from .driver import solve
+from .goal import RTOL, Limits
 from .solution import Status
 
 Matrix = NDArray[np.float64]
@@ -182,7 +180,7 @@ class _Job:
     def at_once(self) -> None:
         """All rows in compiled code, where there is some for them; a row is solved where its residual says so."""
         problem = self.problem
-        affine = isinstance(problem.psi, Affine)
+        affine = problem.psi.linear is not None and not problem.psi.is_constant
         shared = self.matrices is None and (self.maps is None or self.obstacles is not None)
         if not shared or not (affine or problem.facts.has_fixed_obstacle):
             return
@@ -191,10 +189,10 @@ class _Job:
             return
         with np.errstate(over="ignore", invalid="ignore"), suppress(MapError):
             c: Any = self.obstacles
-            if isinstance(problem.psi, Affine):
-                c = problem.psi.c
+            if affine and problem.psi.linear is not None:
+                c = problem.psi.linear[1]
             elif c is None:
-                c = with_fixed_obstacle(problem).psi.value(self.Q[0])
+                c = problem.facts.obstacle
             C = np.broadcast_to(c, self.Q.shape)
             if small:
                 self._pivot(C)
@@ -205,9 +203,9 @@ class _Job:
     def _values(self, Z: Matrix, C: Matrix) -> Matrix:
         """ψ(z), row by row."""
         psi = self.problem.psi
-        if self.problem.is_lcp:
+        if psi.is_constant:
             return C
-        return (psi.G @ Z.T).T + psi.c if isinstance(psi, Affine) else np.array([psi.value(z) for z in Z])
+        return (psi.linear[0] @ Z.T).T + psi.linear[1] if psi.linear else np.array([psi.value(z) for z in Z])
 
     def _pivot(self, C: Matrix) -> None:
         """The rows by Lemke's method."""
@@ -216,7 +214,9 @@ class _Job:
         from ..numerics.kernels.units import scale
 
         problem, Q, A, limit = self.problem, self.Q, self.problem.dense(), PIVOTS * (self.problem.n + 1)
-        lcp = Linear(A, Q[0], C[0], problem.psi.G.toarray() if isinstance(problem.psi, Affine) else None)
+        moves = problem.psi.linear is not None and not problem.psi.is_constant
+        G = problem.psi.linear[0].toarray() if moves and problem.psi.linear else None
+        lcp = AffineLcp(A, Q[0], C[0], G)
         scaled, X, at_0, zero = scale(lcp.M), np.empty(Q.shape), np.empty(len(Q)), np.broadcast_to(0.0, Q.shape)
         parts = min(cores(), -(-len(Q) // _ROWS_A_THREAD))
         in_parts(len(Q), parts, lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high]))

@@ -1,58 +1,38 @@
-"""The only loop: it drives a method, tests its iterates, keeps the best, and says why it stopped."""
+"""The only loop: it drives one candidate after the other, tests their iterates, keeps the best, and says why it stopped.
+
+Whole problems and parts of them go through it alike.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..errors import MapError, NotApplicable, SingularOperator
-from ..methods.contract import SAFE_HINT, HandOver, Infeasible
-from ..numerics.arrays import Vector, as_number, norm
+from ..errors import MapError, SingularOperator
+from ..methods.contract import SAFE_HINT, Infeasible, Iterate, Method
+from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
-from .choice import Choice, why_none
-from .goal import AccuracyGoal, Goal
+from .candidate import Candidate, Upcoming, Watched
+from .goal import Goal
 from .progress import Bar, progress_bar
-from .solution import History, Solution, Status
+from .solution import Status
 
 #: after so many steps without a better iterate, or twice the number of unknowns (a signal may have to cross them all)
 #: up to the second number, the run counts as stagnated …
-_PATIENCE, _LONGEST_PATIENCE = 1000, 50_000
+PATIENCE, _LONGEST_PATIENCE = 1000, 50_000
 #: … and after so many without one that is better by a thousandth, it is asked whether rounding is the reason, which
 #: explains nothing where it leaves more than that share of the first residual: z has run away
 _PRECISION_CHECK, _LOW = 50, 0.1
 #: a residual this many times the first one is taken for divergence even before it overflows
 _BLOW_UP = 1e200
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """When to stop: Res(z) ≤ max(`atol`, `rtol`·Res(0)), `max_iter` iterations, `time_limit` seconds (None: no limit).
-
-    With `accuracy`, a certified error of at most that is asked for instead of a residual.
-
-    Raises InputError for numbers that make no sense.
-    """
-
-    rtol: float
-    atol: float
-    max_iter: int
-    time_limit: float | None
-    accuracy: float | None = None
-
-    def __post_init__(self) -> None:
-        as_number(self.rtol, "rtol", least=0, below=1)  # from 1 on, z = 0 would do
-        as_number(self.atol, "atol", least=0)
-        as_number(self.max_iter, "max_iter", least=0, whole=True)
-        if self.time_limit is not None:
-            as_number(self.time_limit, "time_limit", least=0)
-        if self.accuracy is not None:
-            as_number(self.accuracy, "accuracy", above=0)
+#: another method may go where psi has values, or need no derivative
+_WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
 
 
 @dataclass(frozen=True)
@@ -71,170 +51,182 @@ class Progress:
     seconds: float
 
 
-#: another method may go where psi has values, or need no derivative
-_WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
-
-
 @dataclass
-class _Best:
-    """The best iterate so far and the choice that found it; its residual may be a hint until the end."""
+class Best:
+    """The best iterate so far, the candidate that found it, and the numbers that its method had settled on; its residual
+    may be a hint until the end."""
 
     z: Vector
     residual: float
     iteration: int
-    choice: Choice
+    candidate: Candidate
+    settled: Method
 
 
-class Job:
-    """One `solve`: the loop, and what its methods share if one fails and the next is tried.
+@dataclass(frozen=True)
+class Ended:
+    """Why a candidate ended. `after`: it gave way, to this one or, where it is None, to the next."""
 
-    Parameters: `problem`; `start` of shape (n,); `limits`; `callback` or None; whether to keep the `history` and to
-    show `progress`. Raises MapError where ψ has no value at `start`.
+    status: Status
+    note: str
+    gave_way: bool = False
+    after: Candidate | None = None
+
+
+class Run:
+    """Candidates tried on a problem, one after the other, until one ends for a reason that no other would change.
+
+    Parameters: `problem`; `start`, shape (n,), and `at_start` = Res(start); `goal`; `aim` > 0, the residual for which
+    steps are forecast; `scale`, by which rounding is judged; `restart`, where a candidate begins after one that failed;
+    `max_iter` and `time_limit`, None for none; `callback`, `history` and `progress` as in `solve`.
+    `steps` is the loop; afterwards `ended` says why it ended, `best` what it found.
     """
 
     def __init__(
         self,
         problem: ProblemData,
         start: Vector,
-        limits: Limits,
-        callback: Callable[[Progress], Any] | None,
-        history: bool,
-        progress: bool,
+        at_start: float,
+        goal: Goal,
+        *,
+        aim: float,
+        scale: float,
+        restart: Vector | None = None,
+        max_iter: float = np.inf,
+        time_limit: float | None = None,
+        callback: Callable[[Progress], Any] | None = None,
+        history: bool = False,
+        progress: bool = False,
+        clock: float | None = None,
     ) -> None:
-        self.clock = time.perf_counter()
-        self.problem, self.start, self.limits, self.callback = problem, start, limits, callback
-        self.history, self.progress = history, progress
-        self.at_start = scale = problem.residual(start) if (moved := start.any()) else problem.residual_at_0()
-        if not np.isfinite(scale) and (fault := _fault_of_psi(problem, start)):
-            raise MapError(f"{fault} at the start z0; a finite number or -inf was expected")
-        # a start that leads one method astray is not given to the next, unless psi has no value at 0
-        self.restart = start
-        if moved:
-            at_0 = np.nan
-            with contextlib.suppress(MapError):
-                at_0 = problem.residual_at_0()
-            if np.isfinite(at_0):
-                self.restart = np.zeros(problem.n)
-                scale = at_0 or scale  # if 0 solves the problem, it says nothing of its scale
-        self.scale = scale if np.isfinite(scale) else np.inf
-        self.goal = Goal(max(limits.atol, limits.rtol * scale) if np.isfinite(scale) else limits.atol)
-        if limits.accuracy is not None:
-            self.goal = AccuracyGoal(problem, limits.accuracy, start)
-        self.best: _Best | None = None
+        self.clock = time.perf_counter() if clock is None else clock
+        self.problem, self.start, self.at_start, self.goal = problem, start, at_start, goal
+        self.aim, self.scale, self.restart = aim, scale, start if restart is None else restart
+        self.max_iter, self.time_limit, self.callback = max_iter, time_limit, callback
+        self.progress = progress
+        self.records: list[tuple[int, float, float]] | None = [] if history else None
+        self.best: Best | None = None
+        self.candidate: Candidate | None = None
         self.current, self.iteration = start, 0
-        self.tried: list[tuple[Choice, str]] = []
-        self.successor: Choice | None = None
+        self.tried: list[tuple[Candidate, str]] = []
+        self.ended = Ended(Status.STAGNATED, "")
         self.infeasible: Answer | None = None
         self.fault: MapError | None = None
-        self.records: list[tuple[int, float, float]] = []
 
-    def first_success(self, choices: Iterator[Choice], *, tolerate_singular: bool) -> Solution:
-        """Try one choice after the other until one ends for a reason that no other method would change.
+    def steps(self, candidates: Iterator[Candidate], *, tolerate_singular: bool = True) -> Iterator[None]:
+        """The loop, a turn for each tested iterate. Raises SingularOperator unless `tolerate_singular`."""
+        upcoming = Upcoming(candidates)
+        candidate, start = upcoming.take(), self.start
+        while candidate is not None:
+            self.candidate = candidate
+            try:
+                with progress_bar(self.progress, candidate.method.name) as bar:
+                    yield from self._one(candidate, start, upcoming, bar)
+                    self.tried.append((candidate, "gave way" if self.ended.gave_way else self.ended.status.value))
+            except SingularOperator:
+                if not tolerate_singular:
+                    raise
+            if self.ended.status not in _WORTH_ANOTHER_METHOD:
+                return
+            ended, before = self.ended, candidate
+            candidate = ended.after or upcoming.take()
+            if candidate is None:
+                return
+            if ended.gave_way and self.tried[-1][0] is before:
+                assert self.best is not None
+                start = self.best.z if candidate.goes_on else start
+                if ended.after is None:
+                    candidate = replace(candidate, why=f"{candidate.why} ({ended.note})")
+            else:
+                start = self.restart if self.tried else self.start
 
-        Returns the solution, with the best iterate of all that were tried. Raises NotApplicable where none could start,
-        SingularOperator unless `tolerate_singular`.
-        """
-        status, note = Status.STAGNATED, ""
+    def _one(self, candidate: Candidate, start: Vector, upcoming: Upcoming, bar: Bar) -> Iterator[None]:
+        """One candidate until there is a reason to stop, which is left in `ended`; a failing ψ is one like others."""
         try:
-            for choice, start in self._in_turn(choices):
-                try:
-                    with progress_bar(self.progress, choice.method.name) as bar:
-                        status, note = self._run(choice, start, bar)
-                except SingularOperator:
-                    if not tolerate_singular:
-                        raise
-                    continue
-                if not (self.successor and type(self.successor.method) is type(choice.method)):  # else it goes on
-                    self.tried.append((choice, "handed over" if self.successor else status.value))
-                if status not in _WORTH_ANOTHER_METHOD:
-                    break
-        except KeyboardInterrupt:  # while the next method was chosen
-            if self.best is None:
-                raise
-            status, note = Status.INTERRUPTED, "by Ctrl-C"
-        except MemoryError:  # the next method needs more than there is
-            if self.best is None:
-                raise
-        if self.best is None:
-            raise NotApplicable(f"no method takes this problem: {why_none(self.problem)}")
-        return self._solution(self.best, status, note)
-
-    def _in_turn(self, choices: Iterator[Choice]) -> Iterator[tuple[Choice, Vector]]:
-        """Each choice with its start, and after it the one it handed over to, from the best z or that start again."""
-        for choice in choices:
-            yield choice, (start := self.restart if self.tried else self.start)
-            while self.successor is not None and self.best is not None:
-                following, self.successor = self.successor, None
-                yield following, start if following.afresh else self.best.z
-
-    def _run(self, choice: Choice, start: Vector, bar: Bar) -> tuple[Status, str]:
-        """One method from `start` until there is a reason to stop; Ctrl-C and a failing ψ are reasons like others."""
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                return self._loop(choice, start, bar)
-        except KeyboardInterrupt:
-            if self.best is None:
-                self.best = _Best(start, self.problem.residual(start), 0, choice)
-            return Status.INTERRUPTED, "by Ctrl-C"
+            yield from self._loop(candidate, start, upcoming, bar)
         except MapError as error:
             if self.best is None:
                 raise
             self.fault = error
-            return Status.MAP_FAILED, str(error)
-        except HandOver as over:
-            self.successor = Choice(over.method, over.why, choice.hurry, over.afresh)
-            return Status.STAGNATED, over.why
+            self.ended = Ended(Status.MAP_FAILED, str(error))
         except Infeasible as proof:
             self.infeasible = proof.answer
-            return Status.INFEASIBLE, proof.answer.reason
+            self.ended = Ended(Status.INFEASIBLE, proof.answer.reason)
 
-    def _loop(self, choice: Choice, start: Vector, bar: Bar) -> tuple[Status, str]:
+    def _loop(self, candidate: Candidate, start: Vector, upcoming: Upcoming, bar: Bar) -> Iterator[None]:
         first = self.iteration
-        milestone, milestone_residual, milestone_z = first, np.nan, start
-        progress_at, progress_residual = first, np.inf
-        better_at, better_residual, first_residual = first, np.inf, np.inf
-        patience = _PATIENCE if choice.hurry else min(max(_PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
-        for step, (z, hint) in enumerate(choice.method.iterates(self.problem, start)):
-            k = self.iteration = first + step
-            still, self.current = step > 0 and z is self.current, z
+        path = candidate.method.iterates(self.problem, start)
+        ask = _asking(path)
+        watched, stalled = Watched(candidate.watch, self.aim), _Stalled(self, candidate, first)
+        expected, first_residual = np.inf, np.inf
+        for k in range(first, 2**62):
+            iterate = ask(expected)
+            if iterate is None:
+                self.ended = self._stand_still()
+                return
+            z, hint = iterate
+            self.iteration, self.current = k, z
             residual = self._residual(z, hint)
             seconds = time.perf_counter() - self.clock
             bar.update(k, residual, self.goal.tolerance)
-            if self.history:
+            if self.records is not None:
                 self.records.append((k, residual, seconds))
-            if step == 0:
+            if k == first:
                 first_residual = residual
-            if residual < better_residual:
-                better_at, better_residual = k, residual
             if self.best is None or residual < self.best.residual:
-                self.best = _Best(z, residual, k, choice)
-            if self.callback is not None and self.callback(_state(k, z, residual, seconds)):
-                return Status.STOPPED, "by the callback"
-            if self.goal.reached(z, residual):
-                self.best = _Best(z, residual, k, choice)
-                return Status.SOLVED, ""
-            if not residual < np.inf or residual > _BLOW_UP * max(first_residual, self.goal.tolerance):
-                fault = _fault_of_psi(self.problem, z)
-                if fault:
-                    return Status.MAP_FAILED, f"{fault} at iteration {k}"
-                return Status.DIVERGED, f"the residual is {residual:.3g} at iteration {k}"
-            if still:
-                return self._recurred(1)
-            if choice.method.memoryless and residual == milestone_residual and np.array_equal(z, milestone_z):
-                return self._recurred(k - milestone)
-            if k - first >= 2 * (milestone - first):  # Brent's cycle search: compare with a late iterate
-                milestone, milestone_residual, milestone_z = k, residual, z
-            if residual < 0.999 * progress_residual:
-                progress_at, progress_residual = k, residual
-            elif (k - progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and self._at_floor():
-                return Status.PRECISION_LIMIT, self._floor_note()
-            if k - better_at >= patience:
-                return Status.STAGNATED, f"no better iterate in {patience} iterations"
-            if k >= self.limits.max_iter:
-                return Status.ITERATION_LIMIT, f"max_iter = {self.limits.max_iter}"
-            if self.limits.time_limit is not None and seconds >= self.limits.time_limit:
-                return Status.TIME_LIMIT, f"time_limit = {self.limits.time_limit:g} s"
-        raise AssertionError("a method's iterates never end")
+                self._keep(z, residual, candidate, path)
+            ended = self._test(z, residual, seconds, first_residual, candidate, path)
+            expected = watched.expected(residual)
+            ended = ended or stalled.look(z, residual) or self._limit(seconds)
+            if ended is None and (verdict := watched.verdict(expected)) is not None:
+                ended = self._give_way(verdict, upcoming, watched)
+            if ended is not None:
+                self.ended = ended
+                return
+            yield
+
+    def _keep(self, z: Vector, residual: float, candidate: Candidate, path: Iterator[Iterate]) -> None:
+        settled = getattr(path, "settled", candidate.method)
+        self.best = Best(z, residual, self.iteration, candidate, settled)
+
+    def _test(
+        self,
+        z: Vector,
+        residual: float,
+        seconds: float,
+        first_residual: float,
+        candidate: Candidate,
+        path: Iterator[Iterate],
+    ) -> Ended | None:
+        """What the iterate itself says: it is what was wanted, or it has run away."""
+        k = self.iteration
+        if self.callback is not None and self.callback(_state(k, z, residual, seconds)):
+            return Ended(Status.STOPPED, "by the callback")
+        if self.goal.reached(z, residual):
+            self._keep(z, residual, candidate, path)
+            return Ended(Status.SOLVED, "")
+        if not residual < np.inf or residual > _BLOW_UP * max(first_residual, self.goal.tolerance):
+            if fault := fault_of_psi(self.problem, z):
+                return Ended(Status.MAP_FAILED, f"{fault} at iteration {k}")
+            return Ended(Status.DIVERGED, f"the residual is {residual:.3g} at iteration {k}")
+        return None
+
+    def _limit(self, seconds: float) -> Ended | None:
+        if self.iteration >= self.max_iter:
+            return Ended(Status.ITERATION_LIMIT, f"max_iter = {self.max_iter}")
+        if self.time_limit is not None and seconds >= self.time_limit:
+            return Ended(Status.TIME_LIMIT, f"time_limit = {self.time_limit:g} s")
+        return None
+
+    def _give_way(self, verdict: str | Candidate, upcoming: Upcoming, watched: Watched) -> Ended | None:
+        """To the candidate of the `verdict`, or to the next one, if there is one."""
+        if isinstance(verdict, Candidate):
+            return Ended(Status.STAGNATED, verdict.why, True, verdict)
+        following = upcoming.peek()
+        if following is None:
+            watched.look = 0
+            return None
+        return Ended(Status.STAGNATED, verdict, True)
 
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The method's hint while it is only a hint; the judge where a decision hangs on it."""
@@ -245,77 +237,80 @@ class Job:
             return hint
         return self.problem.residual(z)
 
-    def _floor(self) -> float:
+    def floor(self) -> float:
         """An estimate of the residual that rounding alone leaves at the best iterate."""
         assert self.best is not None
         return norm(np.maximum(*self.problem.rounding(self.best.z)))
 
-    def _at_floor(self) -> bool:
+    def at_floor(self) -> Ended | None:
+        """PRECISION_LIMIT, where rounding is why the residual does not fall."""
         assert self.best is not None
-        return self.best.residual <= 2 * self._floor() < _LOW * self.scale
+        floor = self.floor()
+        if self.best.residual <= 2 * floor < _LOW * self.scale:
+            return Ended(Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {floor:.2g} at this z")
+        return None
 
-    def _floor_note(self) -> str:
-        return f"rounding leaves a residual of up to about {self._floor():.2g} at this z"
+    def _stand_still(self) -> Ended:
+        still = Ended(Status.STAGNATED, "the iterates stand still, but z is not a solution")
+        return still if self.best is None else self.at_floor() or still
 
-    def _recurred(self, period: int) -> tuple[Status, str]:
-        if self._at_floor():
-            return Status.PRECISION_LIMIT, self._floor_note()
+    def recurred(self, period: int) -> Ended:
+        """An iterate came back after so many steps."""
         if period == 1:
-            return Status.STAGNATED, "the iterates stand still, but z is not a solution"
-        return Status.CYCLED, f"the iterates repeat with period {period}"
-
-    def _solution(self, best: _Best, status: Status, note: str) -> Solution:
-        last = self.tried[-1][0] if self.tried else best.choice
-        # hints chose the best iterate, so the judge has the last word; of a z that solved he has just had it
-        candidates = [] if status is Status.SOLVED and not self.problem.psi.at_users_word else [best]
-        if self.current is not best.z:
-            candidates.append(_Best(self.current, np.inf, self.iteration, last))
-        for candidate in candidates:
-            with contextlib.suppress(MapError, KeyboardInterrupt):  # a ψ that failed may fail again, or take long
-                candidate.residual = self.problem.residual(candidate.z)
-            if candidate.residual < best.residual:
-                best = candidate
-        if self.goal.judge(best.z, best.residual):
-            status = Status.SOLVED
-        elif status is Status.SOLVED:
-            status, note = Status.MAP_FAILED, "psi gives different values at the same z"
-        message = "solved"
-        if status is Status.SOLVED:
-            last = best.choice
-        else:
-            by = "" if last is best.choice else f" by {best.choice.method!r}"
-            advice = status.advice_with(last.method.to_try if len(self.tried) < 2 else "")
-            message = (
-                f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g}{by} "
-                f"({self.goal.wanted(best.z)}). Advice: {advice}"
-            )
-        others = [f"{choice.method!r}: {ended}" for choice, ended in self.tried if choice is not best.choice]
-        why = "; ".join([best.choice.why, *(["also tried: " + ", ".join(others)] if others else [])])
-        past = None
-        if self.history:
-            columns = np.array(self.records, dtype=np.float64).reshape(-1, 3)
-            past = History(columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2])
-        z = best.z.copy()
-        z.flags.writeable = False
-        return Solution(
-            problem=self.problem,
-            z=z,
-            status=status,
-            message=message,
-            method=best.choice.method,
-            last_method=last.method,
-            why=why,
-            residual=best.residual,
-            tolerance=self.goal.tolerance,
-            accuracy=self.limits.accuracy,
-            iterations=self.iteration,
-            seconds=time.perf_counter() - self.clock,
-            history=past,
-            infeasible=self.infeasible if status is Status.INFEASIBLE else None,
-        )
+            return self._stand_still()
+        return self.at_floor() or Ended(Status.CYCLED, f"the iterates repeat with period {period}")
 
 
-def _fault_of_psi(problem: ProblemData, z: Vector) -> str:
+class _Stalled:
+    """Whether a candidate's iterates come back, lead no further, or are as good as rounding lets them be.
+
+    Cycles are found by Brent's search: an iterate is compared with one that is kept while their number doubles.
+    Reference: Brent, BIT 20 (1980).
+    """
+
+    def __init__(self, run: Run, candidate: Candidate, first: int) -> None:
+        self.run, self.first, self.memoryless = run, first, candidate.method.memoryless
+        longest = min(max(PATIENCE, 2 * run.problem.n), _LONGEST_PATIENCE)
+        self.patience = longest if candidate.patience is None else candidate.patience
+        self.milestone, self.milestone_residual, self.milestone_z = first, np.nan, run.start
+        self.progress_at, self.progress_residual = first, np.inf
+        self.better_at, self.better_residual = first, np.inf
+
+    def look(self, z: Vector, residual: float) -> Ended | None:
+        k = self.run.iteration
+        if residual < self.better_residual:
+            self.better_at, self.better_residual = k, residual
+        if self.memoryless and residual == self.milestone_residual and np.array_equal(z, self.milestone_z):
+            return self.run.recurred(k - self.milestone)
+        if k - self.first >= 2 * (self.milestone - self.first):
+            self.milestone, self.milestone_residual, self.milestone_z = k, residual, z
+        if residual < 0.999 * self.progress_residual:
+            self.progress_at, self.progress_residual = k, residual
+        elif (k - self.progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and (ended := self.run.at_floor()):
+            return ended
+        if k - self.better_at >= self.patience:
+            return Ended(Status.STAGNATED, f"no better iterate in {self.patience} iterations")
+        return None
+
+
+def _asking(path: Iterator[Iterate]) -> Callable[[float], Iterate | None]:
+    """The next iterate of `path`, None at its end; a generator is told how many more are expected to be asked for."""
+    if not isinstance(path, Generator):
+        return lambda expected: next(path, None)
+    begun = False
+
+    def ask(expected: float) -> Iterate | None:
+        nonlocal begun
+        begun, sent = True, expected if begun else None
+        with contextlib.suppress(StopIteration):
+            iterate: Iterate = path.send(sent)
+            return iterate
+        return None
+
+    return ask
+
+
+def fault_of_psi(problem: ProblemData, z: Vector) -> str:
     """Which entry of ψ(z) is NaN or +∞ although z is finite; empty where none is."""
     if not np.isfinite(z).all():
         return ""

@@ -8,20 +8,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..algebra.equations import nearer_to_obstacle, solve_on
 from ..errors import IcpError, MapError
+from ..methods.contract import Method
 from ..numerics.arrays import Vector, as_truth
 from ..problem.data import ProblemData, as_problem
 from ..theory.answers import Answer
 from ..theory.certificates.active_set import ActiveSet, active_set
 from ..theory.certificates.bounds import ErrorBound, error_bound
-
-if TYPE_CHECKING:
-    from ..methods.contract import Method
 
 
 class Status(Enum):
@@ -178,7 +176,7 @@ class Solution:
     """An answer: the returned z, why the loop stopped, and, computed when first asked for, what is certain of z.
 
     `problem`; `z` shape (n,); `status`; `message` with advice; `method`, the method that found z, and `why` it was
-    picked; `last_method`, whose end the `status` is: another one where several were tried and the last was not the
+    picked; `settled`, that method with the numbers that theta1="auto" came to, else the method itself; `last_method`, whose end the `status` is: another one where several were tried and the last was not the
     best; `residual` = Res(z), judged on the returned z, and the `tolerance` it was held against; `iterations` in all;
     `seconds` of the run, set-up included; `accuracy`, the certified error that was asked for, or None; `history` or
     None; `infeasible`, the proof with its witness where the status is INFEASIBLE, else None.
@@ -193,6 +191,7 @@ class Solution:
     status: Status
     message: str
     method: Method
+    settled: Method
     last_method: Method
     why: str
     residual: float

@@ -17,6 +17,7 @@ import numpy as np
 from ..algebra.relaxation import best_omega
 from ..errors import IcpError, InputError
 from ..icp import ICP
+from ..methods.aor import overrelaxed
 from ..methods.contract import Method, named
 from ..methods.contract import names as method_names
 from ..numerics.arrays import Vector, as_list, as_number
@@ -26,7 +27,6 @@ from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.affine import Affine, Constant
 from ..scenes import Scene, names, parameters, scene
-from ..solve.choice import overrelaxed
 from ..solve.driver import RTOL
 from ..solvers.formulations import Target, in_handy_units
 from ..solvers.peers import PEERS, Peer, Timed

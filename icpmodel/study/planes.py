@@ -11,8 +11,8 @@ import scipy.sparse as sp
 
 from ..errors import InputError
 from ..icp import ICP
+from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method, named
-from ..methods.modulus import MNMAOR, MNMGS
 from ..numerics.arrays import Vector
 from ..problem.affine import Affine
 from ..scenes import scene

@@ -16,8 +16,8 @@ from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Vector, as_number, described
 from ..present.table import Table
 from ..problem.data import as_problem
+from ..solve.goal import Limits
 from ..solve.progress import status_line
-from ..solve.run import Limits
 from ..solve.solution import Solution, Status
 from ..theory import check, check_all, theorems
 from .planes import PLANES, Plane

@@ -1,0 +1,77 @@
+"""The dense LCP behind a small problem with an affine ψ, as pivots take it."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SingularOperator
+from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
+
+Matrix = NDArray[np.float64]
+
+
+#: the dictionary has n² entries, and every pivot changes all of them
+DENSE_UP_TO = 500
+
+
+#: so many pivots, times n + 1, and an LCP that is one of many counts as not solved
+PIVOTS = 50
+#: a problem, or a block of one, with at most so many rows is pivoted
+PIVOT_UP_TO = 64
+
+
+class AffineLcp:
+    """The LCP My + q ≥ 0, y ≥ 0 (0 and any sign in the rows that are `free`) behind an ICP with ψ(z) = Gz + c.
+
+    Parameters: `A` dense, shape (n, n); `q` and `c` shape (n,); `G` dense, shape (n, n), or its diagonal, shape (n,),
+    if it is one, or None for 0. Raises SingularOperator where I − G is singular.
+    """
+
+    def __init__(self, A: Matrix, q: Vector, c: Vector, G: Matrix | Vector | None = None) -> None:
+        self.free = np.isneginf(c)
+        self.c = np.where(self.free, 0.0, c)
+        self.M, self.inverse = A, None
+        if G is not None:
+            self.inverse = _inverse(G)
+            self.M = A * self.inverse if G.ndim == 1 else A @ self.inverse
+        self.q = q + self.M @ self.c
+
+    def start(self) -> Any:
+        """The first dictionary, as `kernels.pivoting.go_on` takes it."""
+        from ..numerics.kernels.pivoting import begin  # loads numba
+        from ..numerics.kernels.units import scale
+
+        return begin(*scale(self.M), self.q, self.free)
+
+    def z(self, y: Vector) -> Vector:
+        """The z that belongs to y."""
+        return self.back(y + self.c)
+
+    def back(self, x: Any) -> Any:
+        """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix."""
+        if self.inverse is None:
+            return x
+        return x * self.inverse if self.inverse.ndim == 1 else x @ self.inverse.T
+
+
+def dense_lcp(problem: ProblemData) -> AffineLcp:
+    """The LCP behind `problem`, where ψ is affine or amounts to a fixed obstacle. Raises SingularOperator, MapError."""
+    if problem.psi.is_constant or problem.psi.linear is None:
+        return AffineLcp(problem.dense(), problem.q, problem.facts.obstacle)
+    G, c = problem.psi.linear
+    return AffineLcp(problem.dense(), problem.q, c, G.toarray())
+
+
+def _inverse(G: Matrix | Vector) -> Any:
+    """(I − G)⁻¹, as a diagonal where G is one."""
+    if G.ndim == 1 and (G != 1.0).all():
+        return 1.0 / (1.0 - G)
+    with suppress(np.linalg.LinAlgError):
+        if G.ndim == 2:
+            return np.linalg.inv(np.eye(len(G)) - G)
+    raise SingularOperator("I - G is singular", 0)

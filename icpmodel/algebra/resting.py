@@ -1,0 +1,100 @@
+"""Rows that rest on a fixed obstacle: a guess which ones, checked on every iterate, and mended where it is wrong.
+
+Where A is a Z-matrix and the loads that lift z off the obstacle are small beside those that hold it down, some rows
+stay there. How many is guessed by a balance of the two. For z ≤ z* a resting row with p_i < 0 is certain to leave the
+obstacle; in the end p ≥ 0 on the rows that were left out makes the answer one of the whole problem.
+References: Chandrasekaran, Opsearch 7 (1970), for rows that once open stay open where A is a Z-matrix; Levine and
+Peres, Potential Anal. 30 (2009), for the balance.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import MapError
+from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
+from .subproblems import Blocks, Mask, resting, with_fixed_obstacle
+from .sweeps import compiled_step
+
+#: more than this share of open rows is not worth the trouble, and more than the second one, before a sweep is made,
+#: not a closer look
+WORTH, _PROMISING = 0.6, 0.8
+#: from this size on it is worth to look for rows at rest
+_FROM = 10_000
+#: sweeps from below before the balance is drawn
+_SWEEPS = 5
+#: so many times the rows that the balance asks for are opened, at first and at each of so many later times
+_FIRST_SLACK, _SLACK, _ROUNDS = 1.3, 4.0, 8
+
+
+def rows_at_rest(problem: ProblemData) -> Blocks | None:
+    """The blocks that are left once rows that probably rest on a fixed obstacle are taken out; None for few of them."""
+    A = problem.A
+    if problem.n < _FROM or not problem.facts.has_fixed_obstacle or np.count_nonzero(A.data > 0) != problem.n:
+        return None
+    with np.errstate(over="ignore", invalid="ignore"), suppress(MapError):
+        problem = with_fixed_obstacle(problem)
+        z = c = problem.facts.obstacle
+        none = np.zeros(problem.n, dtype=bool)
+        if not np.isfinite(c).all() or not problem.matrix.has_positive_diagonal:
+            return None
+        p = problem.p(c)
+        if not np.mean(p <= 0) + _balance(problem, none, p) / problem.n <= _PROMISING:
+            return None
+        matrix = (A.indptr, A.indices, A.data, problem.matrix.rows.diag, problem.q)
+        sweep = compiled_step(problem, "in_order", matrix, ((1.0,), True))
+        for _ in range(_SWEEPS):
+            z, _ = sweep(z)
+        p = problem.p(z)
+        wider = _opened(problem, none, (z > c) | (p < 0), p, _FIRST_SLACK)
+        return None if wider is None else resting(problem, wider)
+    return None
+
+
+class Border:
+    """The rows at rest where p may be below 0: it is so already, or they have an open neighbour."""
+
+    def __init__(self, found: Blocks) -> None:
+        A, rest = found.problem.A, ~found.open
+        self.found, self.at_rest, near = found, np.zeros(rest.size), rest
+        if rest.any():
+            self.at_rest = found.problem.p(np.where(rest, found.problem.facts.obstacle, 0.0))
+            near = rest & ((found.problem.matrix.absolute @ found.open.astype(np.float64) > 0) | (self.at_rest < 0))
+        self.rows = np.flatnonzero(near)
+        self.A, self.q = A[self.rows], found.problem.q[self.rows]
+
+    def p(self, z: Vector) -> Vector:
+        """p(z) in these rows."""
+        p: Vector = self.A @ z + self.q
+        return p
+
+    def opened(self, at_border: Vector) -> Blocks | None:
+        """The blocks with more open rows, where p is `at_border` in these; None where they would be too many."""
+        found = self.found
+        p = np.where(found.open, 0.0, self.at_rest)
+        p[self.rows] = at_border
+        opened = found.opened + 1
+        wider = _opened(found.problem, found.open, p < 0, p, _SLACK**opened) if opened <= _ROUNDS else None
+        return None if wider is None else replace(resting(found.problem, wider), opened=opened)
+
+
+def _balance(problem: ProblemData, open_rows: Mask, p: Vector) -> float:
+    """How many of the rows that are not open it takes to hold what p < 0 there is: all of them, if they do not."""
+    p = p / problem.A.diagonal()
+    holding = np.where(open_rows, 0.0, np.maximum(p, 0.0))
+    push, hold, count = -float(np.minimum(p, 0.0).sum()), float(holding.sum()), np.count_nonzero(holding)
+    return count * min(push / hold, 1.0) if hold > 0 else float(count)
+
+
+def _opened(problem: ProblemData, open_rows: Mask, seeds: Mask, p: Vector, slack: float) -> Mask | None:
+    """`open_rows` and `seeds`, with as many rows around the seeds as the balance says; None where they are too many."""
+    from ..numerics.kernels.parts import spread  # loads numba
+
+    A, more = problem.A, slack * _balance(problem, open_rows | seeds, p)
+    if not np.count_nonzero(open_rows | seeds) + more <= WORTH * problem.n:
+        return None
+    return spread(A.indptr, A.indices, open_rows, seeds, int(more))

@@ -1,0 +1,184 @@
+"""The members with M₁ = (D − θ₂L)/θ₁: one pass over A a step."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from ..algebra.relaxation import (
+    RELAXED,
+    AdaptedOmega,
+    a_number,
+    is_auto,
+    leave_out,
+    relaxation,
+    sor,
+)
+from ..algebra.splittings import AOR, Splitting
+from ..algebra.sweeps import AT_ONCE, Stepped, in_a_row
+from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
+from .contract import Iterate, Method
+from .modulus import FreeOmega
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class _Relaxing(FreeOmega):
+    """Members whose θ₁ may be "auto": then ω goes from what `_adapted` begins with to what the run makes of it."""
+
+    theta1: Any = 1.0
+
+    @abstractmethod
+    def _adapted(self, problem: ProblemData) -> AdaptedOmega: ...
+
+    @abstractmethod
+    def _relaxed(self, problem: ProblemData, omega: float) -> MNMAOR | MNMSOR: ...
+
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        return _AdaptedPath(self, problem, z) if is_auto(self.theta1) else super().iterates(problem, z)
+
+
+class _AdaptedPath(Iterator[Iterate]):
+    """The iterates with theta1="auto"; `settled` is the member with the numbers that the latest steps are made with."""
+
+    def __init__(self, member: _Relaxing, problem: ProblemData, z: Vector) -> None:
+        self.settled: Method = member
+        self.member, self.problem, self.z = member, problem, z
+        self.step: Any = member.opening(problem)
+        self.omega: AdaptedOmega | None = None
+        self.ahead: list[Stepped] = []
+        self.residual: float | None = None
+
+    def __next__(self) -> Iterate:
+        if self.residual is not None:
+            self._adapt(self.residual)
+        if not self.ahead:
+            self.ahead = in_a_row(self.step, self.z, AT_ONCE)
+        z = self.z
+        self.z, self.residual = self.ahead.pop(0)
+        return z, self.residual
+
+    def _adapt(self, residual: float) -> None:
+        """Another ω where the `residual` of the last iterate is a reason for it."""
+        if self.omega is None:
+            self.omega = self.member._adapted(self.problem)
+        elif not self.omega.changes(residual):
+            return
+        plain = type(self.member)(phi=self.member.phi)
+        self.settled = plain if self.omega.plain else self.member._relaxed(self.problem, self.omega.value)
+        self.step, self.ahead = self.settled.step_of(self.problem), []
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MNMAOR(_Relaxing):
+    """Accelerated overrelaxation: M₁ = (D − θ₂L)/θ₁; `phi`, `phi1`, `phi2` as in `Modulus`.
+
+    θ₁ = 1/(2/ω − s), θ₂ = 2θ₁ and Ω = sD with s = 2 − ω have the reach of projected SOR: where p < Ωr,
+    z⁺ = z − (D/ω − L)⁻¹p. theta1="auto" takes these; the run starts at ω = 1 and adapts ω to the rate that it
+    sees, and `Solution.settled` tells where it ended.
+    Reference: Kumar, Deepmala and Das, section 3; `methods.parameters` for "auto".
+
+    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMAOR(theta1=1.2, theta2=1.0, phi=0.5)).z.round(6)
+    array([1., 1.])
+    """
+
+    name: ClassVar[str] = "mnmaor"
+    to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another theta1 or theta2"
+    theta2: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if is_auto(self.theta1):
+            leave_out(self, "theta2", "phi1", "phi2")
+        else:
+            AOR(self.theta1, self.theta2)
+
+    def settled(self, problem: ProblemData) -> MNMAOR:
+        """See `ModulusMember.settled`; ω is `parameters.relaxation`: acceleration needs no more."""
+        return self._relaxed(problem, relaxation(problem)) if is_auto(self.theta1) else self
+
+    def _adapted(self, problem: ProblemData) -> AdaptedOmega:
+        omega = relaxation(problem)
+        return AdaptedOmega(omega, most=omega) if 1.0 < omega < RELAXED else AdaptedOmega(1.0)
+
+    def _relaxed(self, problem: ProblemData, omega: float) -> MNMAOR:
+        theta1, phi2 = sor(problem, omega)
+        return MNMAOR(phi=self.phi, phi2=phi2, theta1=theta1, theta2=2.0 * theta1)
+
+    def splitting_of(self) -> Splitting:
+        return AOR(a_number(self.theta1), self.theta2)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MNMSOR(_Relaxing):
+    """Successive overrelaxation: MNMAOR with θ₂ = θ₁; `phi`, `phi1`, `phi2` as in `Modulus`.
+
+    theta1="auto" is 1/(2/ω − s) with Ω = sD, s = 2 − ω: of the ω that is best for SOR as much as θ₂ = θ₁ bears, and
+    less where the run shows that it is too much; `Solution.settled` tells where it ended.
+
+    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMSOR(theta1=1.1)).z.round(6)
+    array([1., 1.])
+    """
+
+    name: ClassVar[str] = "mnmsor"
+    to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another theta1"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if is_auto(self.theta1):
+            leave_out(self, "phi1", "phi2")
+
+    def settled(self, problem: ProblemData) -> MNMSOR:
+        """See `ModulusMember.settled`; θ₁ = 1 and Ω = D, which is proved, and the best start for acceleration."""
+        return MNMSOR(phi=self.phi) if is_auto(self.theta1) else self
+
+    def _adapted(self, problem: ProblemData) -> AdaptedOmega:
+        omega = relaxation(problem)
+        return AdaptedOmega(omega, most=omega)
+
+    def _relaxed(self, problem: ProblemData, omega: float) -> MNMSOR:
+        theta1, phi2 = sor(problem, omega)
+        return MNMSOR(phi=self.phi, phi2=phi2, theta1=theta1)
+
+    def splitting_of(self) -> Splitting:
+        theta1 = a_number(self.theta1)
+        return AOR(theta1, theta1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MNMGS(FreeOmega):
+    """Gauss–Seidel: MNMAOR with θ₁ = θ₂ = 1; `phi`, `phi1`, `phi2` as in `Modulus`.
+
+    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMGS()).z.round(6)
+    array([1., 1.])
+    """
+
+    name: ClassVar[str] = "mnmgs"
+
+    def splitting_of(self) -> Splitting:
+        return AOR(1.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MNMJ(FreeOmega):
+    """Jacobi: MNMAOR with θ₁ = 1, θ₂ = 0. With the default Ω = D and φ = 0 it is projected Jacobi.
+
+    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMJ()).z.round(6)
+    array([1., 1.])
+    """
+
+    name: ClassVar[str] = "mnmj"
+
+    def splitting_of(self) -> Splitting:
+        return AOR(1.0, 0.0)
+
+
+def overrelaxed(problem: ProblemData, omega: float) -> MNMAOR:
+    """MNMAOR with X = 2(D/ω − L) and Ω = (2 − ω)D: on the rows where p < Ωr it is successive overrelaxation.
+
+    Parameters: `omega` in (0, 2). Reference: `parameters.sor`.
+    """
+    theta1, phi2 = sor(problem, omega)
+    return MNMAOR(theta1=theta1, theta2=2.0 * theta1, phi2=phi2)

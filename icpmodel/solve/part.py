@@ -1,0 +1,77 @@
+"""A part of a problem, solved by the run that solves whole problems."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..algebra.subproblems import Rows
+from ..errors import MapError
+from ..numerics.arrays import Vector, norm
+from ..problem.data import ProblemData
+from .goal import Goal
+from .rules import choose
+from .run import Run
+
+#: steps of the worst part are made until the residual of all is this share of what it was, or so many of them
+_SHARE, _STEPS = 0.25, 20
+
+
+class Part:
+    """Unknowns that do not interact with those of other parts.
+
+    Parameters: the `problem` in these unknowns; their `rows`, and `z` of shape (n,), in the whole; `aim`, the share of
+    Res(0) for which its steps are forecast. It is run until nothing more is to be had: who runs it says when it is
+    enough.
+    """
+
+    def __init__(self, problem: ProblemData, rows: Rows, z: Vector, aim: float) -> None:
+        self.problem, self.rows = problem, rows
+        start = z[rows]
+        at_start, scale = problem.residual(start), _scale(problem)
+        scale = max(scale, at_start if at_start < np.inf else 0.0)
+        self.run = Run(problem, start, at_start, Goal(0.0), aim=aim * scale, scale=scale)
+        self.steps = self.run.steps(choose(problem, aim))
+        self.over = False
+
+    @property
+    def z(self) -> Vector:
+        """The best iterate."""
+        return self.run.start if self.run.best is None else self.run.best.z
+
+    @property
+    def residual(self) -> float:
+        """Its residual, inf where it is not a number."""
+        residual = self.run.at_start if self.run.best is None else self.run.best.residual
+        return residual if residual < np.inf else np.inf
+
+    def step(self) -> None:
+        """One step; `over` where none is left."""
+        self.over = next(self.steps, self) is self
+
+
+def _scale(problem: ProblemData) -> float:
+    """Res(0), or 0 where it is not finite."""
+    try:
+        at_0 = problem.residual_at_0()
+    except MapError:
+        return 0.0
+    return at_0 if at_0 < np.inf else 0.0
+
+
+def together(parts: list[Part]) -> float:
+    """The residual of all parts."""
+    return norm(np.array([part.residual for part in parts])) if parts else 0.0
+
+
+def advance(parts: list[Part], z: Vector) -> Vector:
+    """`z`, shape (n,), after steps of the parts that are worst, until together they are better; a new array."""
+    enough = _SHARE * together(parts)
+    for _ in range(_STEPS):
+        live = [part for part in parts if not part.over]
+        if not live or together(parts) <= enough:
+            break
+        max(live, key=lambda part: part.residual).step()
+    z = z.copy()
+    for part in parts:
+        z[part.rows] = part.z
+    return z
