@@ -51,7 +51,7 @@ def test_every_step_is_the_least_squares_combination_of_the_last_ones():
     problem = icp.ICP(sp.diags_array(np.linspace(1, 9, 100)) @ problem.A, problem.q, problem.psi)
     root = np.sqrt(problem.A.diagonal())
     for every in (1, 2):
-        method = icp.Accelerated(of="mnmgs", window=3, every=every)
+        method = icp.Accelerated(of="mnmgs", history_size=3, mixing_frequency=every)
         found = path(method, problem, z, 16)
         step = icp.MNMGS().step_of(problem)
         known = []
@@ -75,7 +75,7 @@ def test_on_a_linear_map_it_ends_after_as_many_steps_as_there_are_eigenvalues(di
     A = Q @ np.diag(1.0 - values) @ Q.T
     problem = icp.ICP(A, rng.normal(size=values.size), -np.inf)
     flat = icp.Modulus(splitting=sp.eye_array(values.size), phi2=1.0)  # z⁺ = z − (Az + q)
-    method = icp.Accelerated(of=flat, window=distinct, every=1)
+    method = icp.Accelerated(of=flat, history_size=distinct, mixing_frequency=1)
     residuals = [problem.residual(z) for z in path(method, problem, np.zeros(values.size), distinct + 2)]
     assert residuals[distinct + 1] <= 1e-9 * residuals[0]
     assert residuals[distinct - 1] > 1e-6 * residuals[0]
@@ -88,7 +88,7 @@ def test_it_solves_what_its_method_is_proved_to_solve(of, kind):
     for every in (1, 3) * 15:
         problem = random_h_plus(rng, kind)
         start = rng.normal(size=problem.n) * 10.0 ** rng.integers(-3, 6)
-        solution = problem.solve(icp.Accelerated(of=of, every=every), z0=start, raise_on_failure=False)
+        solution = problem.solve(icp.Accelerated(of=of, mixing_frequency=every), z0=start, raise_on_failure=False)
         assert solution.solved, solution.message
 
 
@@ -109,7 +109,7 @@ def test_however_wrong_the_combinations_are_the_plain_sweeps_win(monkeypatch, wr
     monkeypatch.setattr(accelerated._History, "combined", lambda self: wrong(*newest(self), random))
     for every in (1, 3):
         problem = scenes.membrane(n=100).problem
-        solution = problem.solve(icp.Accelerated(of="mnmgs", every=every), raise_on_failure=False)
+        solution = problem.solve(icp.Accelerated(of="mnmgs", mixing_frequency=every), raise_on_failure=False)
         assert solution.solved, solution.message
 
 
@@ -121,7 +121,7 @@ def test_where_psi_fails_at_an_accelerated_iterate_the_plain_step_is_taken(monke
 
     problem = icp.ICP([[4.0, -1.0], [-2.0, 4.0]], [-3.0, -2.0], psi)
     monkeypatch.setattr(accelerated._History, "combined", lambda self: newest(self)[1] + 1e6)
-    assert problem.solve(icp.Accelerated(of="mnmgs", every=1)).solved
+    assert problem.solve(icp.Accelerated(of="mnmgs", mixing_frequency=1)).solved
     start = np.array([99.0, 99.0])  # from which the first plain step of this one leaves the domain
     outside = icp.ICP(problem.A, [-3000.0, -2000.0], psi)
     solution = outside.solve(icp.Accelerated(of="mnmgs"), z0=start, raise_on_failure=False)
@@ -136,7 +136,7 @@ def test_after_a_rejected_iterate_the_history_is_empty(monkeypatch):
         return newest(self)[1] + 1e6 if len(known) == 5 else original(self)
 
     monkeypatch.setattr(accelerated._History, "combined", combined)
-    path(icp.Accelerated(of="mnmgs", every=1), scenes.membrane(n=100).problem, np.zeros(100), 12)
+    path(icp.Accelerated(of="mnmgs", mixing_frequency=1), scenes.membrane(n=100).problem, np.zeros(100), 12)
     fresh = [(1, 0), (2, 1), (3, 2), (4, 3), (5, 4), (6, 5), (6, 0), (6, 1)]
     assert known[:5] == fresh[:5]
     assert known[5:] == fresh[: len(known) - 5]
@@ -191,7 +191,7 @@ def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one(monkeypatch)
         calls = []
         if spoil:  # rejected iterates count as well
             monkeypatch.setattr(accelerated._History, "combined", lambda self: 1e3 + newest(self)[1])
-        solution = problem.solve(icp.Accelerated(of=Counting(), every=every))
+        solution = problem.solve(icp.Accelerated(of=Counting(), mixing_frequency=every))
         assert len(calls) == solution.iterations + 1
         assert spoil or solution.iterations < plain / 3
 
@@ -235,7 +235,7 @@ def test_extreme_units_are_solved_without_a_warning(unit):
     small = min(unit, 1 / unit)  # where p is large beside r, every r is small beside Res(0)
     for problem in (icp.ICP(small * A, small * q), icp.ICP(A, unit * q), icp.ICP(small * A, q)):
         exact = np.full(2, -problem.q[0] / problem.A[0, 0] * 4 / 3)
-        for method in (icp.Accelerated(), icp.Accelerated(of="mnmgs", every=1), icp.MNMAOR(theta1="auto")):
+        for method in (icp.Accelerated(), icp.Accelerated(of="mnmgs", mixing_frequency=1), icp.MNMAOR(theta1="auto")):
             solution = problem.solve(method, rtol=1e-12, raise_on_failure=False, max_iter=1000)
             assert solution.solved or solution.status.value.startswith("precision"), solution.message
             assert solution.z == pytest.approx(exact, rel=1e-6)
@@ -249,8 +249,8 @@ def test_extreme_units_are_solved_without_a_warning(unit):
         ({"of": "mms"}, "mms cannot be accelerated"),
         ({"of": 3}, "of is 3; a Method object or one of accelerated, josephy, lemke"),
         ({"of": "mnmgz"}, "method is 'mnmgz'"),
-        ({"window": 0}, "window is 0; a whole number >= 1"),
-        ({"every": 1.5}, "every is 1.5; a whole number >= 1"),
+        ({"history_size": 0}, "history_size is 0; a whole number >= 1"),
+        ({"mixing_frequency": 1.5}, "mixing_frequency is 1.5; a whole number >= 1"),
     ],
 )
 def test_a_wrong_option_is_named(options, words):
@@ -262,11 +262,11 @@ def test_it_takes_what_its_method_takes():
     problem = icp.ICP([[0.0, 1.0], [1.0, 2.0]], [1.0, 1.0])
     assert icp.Accelerated(of="psor").why_not(problem) == icp.PSOR().why_not(problem) is not None
     assert icp.Accelerated(of="mnmod").why_not(problem) is None
-    assert repr(icp.Accelerated(of="mnmsor", window=3)) == "Accelerated(of=MNMSOR(), window=3)"
+    assert repr(icp.Accelerated(of="mnmsor", history_size=3)) == "Accelerated(of=MNMSOR(), history_size=3)"
     assert repr(methods.named("accelerated")) == "Accelerated()"
-    solution = scenes.hand_lcp().problem.solve("accelerated", of="mnmgs", every=1)
+    solution = scenes.hand_lcp().problem.solve("accelerated", of="mnmgs", mixing_frequency=1)
     assert solution.solved
-    assert repr(solution.method) == "Accelerated(of=MNMGS(), every=1)"
+    assert repr(solution.method) == "Accelerated(of=MNMGS(), mixing_frequency=1)"
 
 
 def test_the_default_keeps_rows_at_a_fixed_obstacle_and_begins_with_jacobi():
@@ -287,5 +287,5 @@ def test_the_default_keeps_rows_at_a_fixed_obstacle_and_begins_with_jacobi():
 
 def test_a_step_of_length_zero_is_not_divided_by():
     problem = icp.ICP(np.eye(2), [0.0, -1.0])
-    iterates = path(icp.Accelerated(of="mnmgs", every=1), problem, [0.0, 1.0], 6)
+    iterates = path(icp.Accelerated(of="mnmgs", mixing_frequency=1), problem, [0.0, 1.0], 6)
     assert all(z.tolist() == [0.0, 1.0] for z in iterates)

@@ -162,7 +162,7 @@ def test_every_option_changes_the_iterates(name):
     from dataclasses import fields
 
     other = {"phi": 0.7, "phi1": 2.0, "phi2": 5.0, "theta1": 1.4, "theta2": 0.3, "omega": 0.8, "inner": 1}
-    other |= {"of": "mnmj", "window": 1, "every": 1}
+    other |= {"of": "mnmj", "history_size": 1, "mixing_frequency": 1}
     A = np.array([[4.0, -1.0, 0.0], [-2.0, 4.0, -1.0], [0.0, -1.0, 3.0]])
     problem = icp.ICP(A, [-3.0, 2.0, -1.0], icp.Affine(0.2 * np.ones((3, 3)), [0.3, -0.1, 0.2]))
     z = np.array([1.0, -2.0, 0.5])
@@ -174,7 +174,7 @@ def test_every_option_changes_the_iterates(name):
     plain = methods.named(name)
     for option in fields(plain):
         # phi1 acts through phi2/phi1, and the window where it is full
-        base = {"phi1": {"phi2": 2.0}, "window": {"every": 1}}.get(option.name, {})
+        base = {"phi1": {"phi2": 2.0}, "history_size": {"mixing_frequency": 1}}.get(option.name, {})
         value = "jacobi" if option.name == "splitting" else other[option.name]
         changed = methods.named(name, **base, **{option.name: value})
         assert not np.allclose(after(changed), after(methods.named(name, **base)), rtol=1e-10), option.name
