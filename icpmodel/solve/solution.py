@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import html
-import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum
@@ -16,6 +14,7 @@ from ..algebra.equations import nearer_to_obstacle, solve_on
 from ..errors import IcpError, MapError
 from ..methods.contract import Method
 from ..numerics.arrays import Vector, as_truth
+from ..present.card import Card
 from ..problem.data import ProblemData, as_problem
 from ..theory.answers import Answer
 from ..theory.certificates.active_set import ActiveSet, active_set
@@ -76,7 +75,6 @@ _ADVICE = {
 #: a residual or a bound counts as better than another one if it is at most this share of it
 _BETTER = 0.99
 #: columns of the card
-_WIDTH = 116
 #: the reason of a certificate without a bound that nobody asked for
 _NOT_COMPUTED = "it was not computed"
 
@@ -125,7 +123,7 @@ class Certificate:
             "r >= 0": f"violated by {self.violation_r:.3g}",
             "error": str(self.bound),
         }
-        return _card(rows)
+        return str(Card(rows))
 
     def __repr__(self) -> str:
         return f"Certificate(residual={self.residual:.6g}, error_bound={self.error_bound}, unique={self.unique})"
@@ -331,9 +329,10 @@ class Solution:
             bound, rows_known = self.certificate.bound, str(self.active_set)
         except MapError as error:
             bound, rows_known = ErrorBound.none(str(error).replace("; ", ", ")), ""
-        last, found = "", ""
+        last, found = "", "" if self.settled is self.method else f", in the end {self.settled!r}"
         if self.last_method is not self.method:
-            last, found = f"; the last method was {self.last_method!r}", ", which found this z"
+            last = f"; the last method was {self.last_method!r}"
+            found += ", which found this z"
         rows = {
             "problem": f"{self.problem!r}",
             "status": f"{self.status.value} after {self.iterations} iteration{plural}{last}",
@@ -383,17 +382,7 @@ class Solution:
         return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
 
     def __str__(self) -> str:
-        return _card(self.summary())
+        return str(Card(self.summary()))
 
     def _repr_html_(self) -> str:
-        lines = {name: html.escape(text).replace("\n", "<br>") for name, text in self.summary().items()}
-        cells = (f"<tr><th style='text-align:left'>{name}</th><td>{text}</td></tr>" for name, text in lines.items())
-        return f"<table>{''.join(cells)}</table>"
-
-
-def _card(rows: Mapping[str, str]) -> str:
-    lines = []
-    for name, text in rows.items():
-        parts = [part for line in text.splitlines() for part in textwrap.wrap(line, _WIDTH - 10)]
-        lines += [f"{head:<9} {part}" for head, part in zip([name, *[""] * len(parts)], parts, strict=False)]
-    return "\n".join(lines)
+        return Card(self.summary()).to_html()
