@@ -47,4 +47,5 @@ def test_a_problem_and_its_solution_are_the_same_there(psi):
     assert np.array_equal(there.z, solution.z)
     assert repr(there.problem) == repr(problem)
     assert np.array_equal(there.problem.solve(raise_on_failure=False).z, solution.z)
-    assert (there.method, there.certificate.error_bound) == (there.method, solution.certificate.error_bound)
+    assert repr(there.method) == repr(solution.method)
+    assert there.certificate.error_bound == solution.certificate.error_bound
