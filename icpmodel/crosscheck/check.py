@@ -14,7 +14,7 @@ from ..problem.data import ProblemData, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
 from ..solve.solution import Solution
-from ..solvers.contract import ForeignSolver, TimedClaim, ask, chosen_solvers
+from ..solvers.contract import Claim, ForeignSolver, ask, chosen_solvers
 from ..solvers.formulations import Target
 from .judge import Checked, Row
 from .report import Report
@@ -80,7 +80,7 @@ def _rows_of(solver: ForeignSolver, checked: Checked, time_limit: float) -> list
     return rows or [Row.skipped(solver.name, reason) for reason in dict.fromkeys(reasons or nothing) if reason]
 
 
-def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> TimedClaim:
+def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:
     """What it claims at the first of its tight tolerances at which it claims success, else at the last one."""
     left = time_limit
     for k, tolerance in enumerate(solver.tight):
@@ -89,5 +89,5 @@ def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> TimedCla
         left -= claim.seconds
         if claim.solved:
             break
-    words = f"{claim.words}, at {tolerance:g}" if k else claim.words
+    words = f"{claim.words}, at {tolerance:g}" if k and claim.solved else claim.words
     return replace(claim, words=words, seconds=time_limit - left)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..errors import MapError
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
-from ..solvers.contract import TimedClaim
+from ..solvers.contract import Claim
 from ..solvers.formulations import Target, in_handy_units, targets
 from ..theory.certificates.bounds import error_bound
 
@@ -30,7 +30,9 @@ WIDEST = 10.0
 
 
 class Verdict(Enum):
-    """What a foreign answer says of the answer under test. Only AGREES speaks for it, only DISAGREES against it.
+    """What a foreign answer says of the answer under test, and what that means in a sentence.
+
+    Only AGREES speaks for it, only DISAGREES against it.
 
     >>> icp.crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"]).rows[0].verdict
     <Verdict.AGREES: 'agrees'>
@@ -39,29 +41,20 @@ class Verdict(Enum):
     'it claims success, but its own residual is above tolerance'
     """
 
-    AGREES = "agrees"
-    LOOSE = "loose"
-    OTHER_SOLUTION = "other solution"
-    INCONCLUSIVE = "inconclusive"
-    DISAGREES = "disagrees"
-    FAILED = "failed"
-    SKIPPED = "skipped"
+    meaning: str
 
-    @property
-    def meaning(self) -> str:
-        """The verdict in a sentence."""
-        return _MEANINGS[self]
+    def __new__(cls, word: str, meaning: str) -> Self:
+        verdict = object.__new__(cls)
+        verdict._value_, verdict.meaning = word, meaning
+        return verdict
 
-
-_MEANINGS = {
-    Verdict.AGREES: "both answers are the same, within tolerance or within their certified bounds",
-    Verdict.LOOSE: "it claims success, but its own residual is above tolerance",
-    Verdict.OTHER_SOLUTION: "both answers are solutions, and nothing proves that there is only one",
-    Verdict.INCONCLUSIVE: "both residuals are small and the answers differ, but not by more than is certified",
-    Verdict.DISAGREES: "its answer is a solution, the answer under test is not, or is provably another point",
-    Verdict.FAILED: "it raised, returned no finite z, or does not claim success",
-    Verdict.SKIPPED: "it cannot take this problem",
-}
+    AGREES = "agrees", "both answers are the same, within tolerance or within their certified bounds"
+    LOOSE = "loose", "it claims success, but its own residual is above tolerance"
+    OTHER_SOLUTION = "other solution", "both answers are solutions, and nothing proves that there is only one"
+    INCONCLUSIVE = "inconclusive", "both residuals are small and the answers differ, but not by more than is certified"
+    DISAGREES = "disagrees", "its answer is a solution, the answer under test is not, or is provably another point"
+    FAILED = "failed", "it raised, returned no finite z, or does not claim success"
+    SKIPPED = "skipped", "it cannot take this problem"
 
 
 @dataclass(frozen=True)
@@ -117,7 +110,7 @@ class Checked:
         tolerance = default if atol is None else float(atol)
         return cls(problem, z, unit, y, targets(handy, y), holds, tolerance)
 
-    def judge(self, solver: str, form: str, target: Target, claim: TimedClaim) -> Row:
+    def judge(self, solver: str, form: str, target: Target, claim: Claim) -> Row:
         """The row of a foreign `claim`, which is about `target` in `form`."""
         formulation = ("frozen " if target.frozen else "") + _FORMS.get(form, form)
 
@@ -133,7 +126,7 @@ class Checked:
         verdict, note = self._compare(target, x, claim, difference)
         return row(verdict, note, finite(residual), finite(difference))
 
-    def _compare(self, target: Target, x: Vector, claim: TimedClaim, difference: float) -> tuple[Verdict, str]:
+    def _compare(self, target: Target, x: Vector, claim: Claim, difference: float) -> tuple[Verdict, str]:
         """The verdict on a finite x, in the units of `target`. Every comparison is false for NaN."""
         theirs = solves(target.problem, x, THEIRS)
         if not claim.solved:
@@ -187,7 +180,7 @@ def finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _readable(claim: TimedClaim, n: int) -> tuple[Vector | None, str]:
+def _readable(claim: Claim, n: int) -> tuple[Vector | None, str]:
     """The foreign z as float64 of shape (n,), all finite; or None and what is wrong with it."""
     if claim.z is None:
         return None, claim.words if not claim.solved else f"claims {claim.words!r}, but returned no z"

@@ -12,11 +12,7 @@ from ..theory.matrices.classes import MatrixClasses
 from .forecasts import Forecast, factorises, tie
 
 #: titles of members that differ in one parameter alone, the simplest first
-_OMEGA = {
-    "D": "MNMGS(), Omega = D",
-    "0.9 D": "MNMGS(), Omega = 0.9 D",
-    "1.5 D": "MNMGS(), Omega = 1.5 D",
-}
+_OMEGA = {label: f"MNMGS(), Omega = {label}" for label in ("D", "0.9 D", "1.5 D")}
 _THETA = {
     "theta1=1, theta2=0 (mnmj)": "MNMJ(), Omega = D",
     "theta1=theta2=1 (mnmgs)": "MNMGS(), Omega = D",
@@ -26,12 +22,12 @@ _THETA = {
 }
 
 
-def recommendation(best: Forecast, factor: float) -> Iterator[str]:
+def recommendation(best: Forecast, factor: float) -> str:
     """Why `best`, with the proved `factor` per step, is the one to take."""
     solve = "one solve with X = M1 + phi + Omega each, which is factorised once"
     cost = solve if factorises(best.method) else "one sweep over A each"
     enough = "" if best.steps is None else f", so that {best.steps} will do"
-    yield f"take {best.title}: each step leaves at most {shown(factor)} of the error{enough}; {cost}"
+    return f"take {best.title}: each step leaves at most {shown(factor)} of the error{enough}; {cost}"
 
 
 def theorems(forecast: Forecast) -> str:

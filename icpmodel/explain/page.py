@@ -138,7 +138,7 @@ class Explanation:
     def _advice(self) -> Iterator[str]:
         best = self.recommended
         if best is not None and best.factor is not None:
-            yield from recommendation(best, best.factor)
+            yield recommendation(best, best.factor)
             yield from parameters({forecast.title: forecast.factor for forecast in self.forecasts})
         proved = [forecast for forecast in self.forecasts if forecast.proved_by]
         if best is None and proved:

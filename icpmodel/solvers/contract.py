@@ -13,8 +13,8 @@ import logging
 import pkgutil
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -33,7 +33,8 @@ class Claim:
     """What a foreign solver returns: it is recorded, and never believed.
 
     Parameters: `z`, shape (n,), in the units of `target.problem`, or None; `words`, its status in its own words;
-    `solved`, whether these claim success.
+    `solved`, whether these claim success. `ask` adds the `seconds` that it took in all, and how many of them are
+    `setup`, None where that failed.
 
     >>> icp.solvers.Claim(None, "infeasible", False).z is None
     True
@@ -42,14 +43,8 @@ class Claim:
     z: Any
     words: str
     solved: bool
-
-
-@dataclass(frozen=True, eq=False)
-class TimedClaim(Claim):
-    """A claim, the `seconds` that it took in all, and how many of them are `setup`, None where that failed."""
-
-    seconds: float
-    setup: float | None
+    seconds: float = 0.0
+    setup: float | None = None
 
 
 class ForeignSolver(ABC):
@@ -175,37 +170,28 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | N
     return list(chosen.values())
 
 
-def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: float) -> TimedClaim:
+def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: float) -> Claim:
     """What `solver` claims of `target`, silently; what it raises becomes its words.
 
     Parameters: a `target` of which `solver.why_not` is None; `tolerance` > 0; `time_limit` in seconds.
-    Returns a `Claim` that has `seconds` too, the time of `set_up` and `run`, and `setup`, that of `set_up` alone.
+    Returns a `Claim` with the seconds that `set_up` and `run` took.
 
     >>> solver = icp.solvers.foreign_solvers()["osqp"]
     >>> icp.solvers.ask(solver, icp.solvers.Target(ICP([[2.0]], [-1.0])), 1e-9, 10.0).z.round(6)
     array([0.5])
     """
-    begin, between = time.perf_counter(), None
+    begin, setup, quiet = time.perf_counter(), None, logging.root.manager.disable
     try:
-        # foreign chatter (OSQP prints about polishing whatever one asks) must not reach the user's output
-        with contextlib.redirect_stdout(io.StringIO()), _quiet_logs(), np.errstate(all="ignore"):
+        # foreign chatter must not reach the user: OSQP prints about polishing whatever one asks, Pyomo logs failures
+        logging.disable(logging.CRITICAL)
+        with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
             solver.pose(target)
             begin = time.perf_counter()
             model = solver.set_up(target, tolerance, time_limit)
-            between = time.perf_counter()
+            setup = time.perf_counter() - begin
             claim = solver.run(model)
     except Exception as error:  # whatever a foreign package may raise; KeyboardInterrupt is none of these
         claim = Claim(None, f"{type(error).__name__}: {error}", False)
-    seconds = time.perf_counter() - begin
-    return TimedClaim(claim.z, claim.words, claim.solved, seconds, None if between is None else between - begin)
-
-
-@contextlib.contextmanager
-def _quiet_logs() -> Iterator[None]:
-    """Pyomo logs what goes wrong in a solver; its words say it."""
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        yield
     finally:
-        logging.disable(before)
+        logging.disable(quiet)
+    return replace(claim, seconds=time.perf_counter() - begin, setup=setup)

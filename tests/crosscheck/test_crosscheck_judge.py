@@ -5,7 +5,7 @@ import pytest
 
 import icpmodel as icp
 from icpmodel.crosscheck.judge import Checked, Verdict, solves, sum_of_bounds
-from icpmodel.solvers.contract import TimedClaim
+from icpmodel.solvers.contract import Claim
 from icpmodel.solvers.formulations import Target
 
 
@@ -39,7 +39,7 @@ def test_ten_times_the_rounding_is_no_solution() -> None:
 @pytest.mark.parametrize("error", [1e-3, 0.9999e-4])
 def test_a_wide_bound_proves_no_agreement(error: float) -> None:
     checked = Checked.of(icp.ICP(np.diag([1, 1e-6]), [-1, -1e-6]), [1.0, 1.0 + error])
-    exact = TimedClaim(np.ones(2) / checked.unit, "optimal", True, 0.0, 0.0)
+    exact = Claim(np.ones(2) / checked.unit, "optimal", True, 0.0, 0.0)
     assert checked.judge("exact", "energy", checked.targets[0], exact).verdict is Verdict.INCONCLUSIVE
 
 
