@@ -58,10 +58,7 @@ class Explanation:
 
     @property
     def recommended(self) -> Forecast | None:
-        """The method that is proved to need the fewest steps, sweeps first; None where no rate is proved.
-
-        Of methods that are equal but for rounding it is the first.
-        """
+        """The method that is proved to need the fewest steps, sweeps first; None where no rate is proved."""
         return recommended(self.forecasts)
 
     def sections(self) -> dict[str, str]:
