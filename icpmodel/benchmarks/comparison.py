@@ -13,12 +13,12 @@ from ..errors import Interrupted
 from ..numerics.arrays import as_number
 from ..present.table import Table
 from ..solve.driver import RTOL
-from ..solvers.peers import Timed
 from ..study.competitors import (
     WORST,
     Case,
     Competitor,
     Solve,
+    Timed,
     as_scenes,
     as_sizes,
     cases,

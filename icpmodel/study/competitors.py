@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import time
 from abc import ABC, abstractmethod
@@ -28,8 +26,8 @@ from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.affine import Affine, Constant
 from ..scenes import Scene, names, parameters, scene
 from ..solve.driver import RTOL
+from ..solvers.contract import ForeignSolver, ask, chosen_solvers
 from ..solvers.formulations import Target, in_handy_units
-from ..solvers.peers import PEERS, Peer, Timed
 
 #: scenes with other parameters, which make them harder or of another kind
 VARIANTS = (
@@ -74,6 +72,17 @@ def as_scenes(texts: Any) -> tuple[str, ...]:
 def as_sizes(sizes: Any) -> tuple[int, ...]:
     """Wanted numbers of unknowns. Raises InputError."""
     return tuple(int(as_number(n, "sizes", least=1, whole=True)) for n in as_list(sizes, "sizes"))
+
+
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """What a run found: `z` or None, the `claim` and whether it is one of success; `seconds` in all, and of `setup`."""
+
+    z: Any
+    claim: str
+    claims_solved: bool
+    seconds: float
+    setup: float | None
 
 
 #: a competitor that is so many times as slow as the best single method makes solve() look bad
@@ -177,38 +186,34 @@ class Solve(Own):
 
 
 class Foreign(Competitor):
-    """A peer of `peers.py`. Parameters: `peer`, a class that is called with a tolerance."""
+    """A foreign solver. Parameters: `solver`."""
 
     kind: ClassVar[str] = "peer"
 
-    def __init__(self, peer: Any) -> None:
-        self.name, self.peer, self.ladder = peer.name, peer, peer.ladder
+    def __init__(self, solver: ForeignSolver) -> None:
+        self.name, self.solver, self.ladder = solver.name, solver, solver.ladder
 
     def why_not(self, case: Case) -> str | None:
         if case.posed is None:
             return "psi is neither constant nor affine: no QP"
-        reason: str | None = self.peer().why_not(case.posed[0])
-        return reason
+        return self.solver.why_not(case.posed[0])
 
     def build(self, case: Case) -> float:
         begin = time.perf_counter()
         posed = Case(case.scene, case.fresh()).posed
-        if posed is not None and isinstance(peer := self.peer(), Peer):
-            posed[0].qp(peer.form(posed[0]))
+        if posed is not None:
+            self.solver.pose(posed[0])
         return time.perf_counter() - begin
 
     def run(self, case: Case, tolerance: float, time_limit: float) -> Timed:
         assert case.posed is not None
         target, unit = case.posed
-        begin = time.perf_counter()
+        found = ask(self.solver, target, tolerance, time_limit)
         try:
-            # OSQP prints about polishing whatever one asks
-            with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
-                answer: Timed = self.peer(tolerance).solve(target, time_limit=time_limit)
-                z = None if answer.z is None else np.asarray(answer.z, dtype=np.float64) * unit
-        except Exception as error:  # whatever a foreign package may raise, or call a vector
-            return Timed(None, f"{type(error).__name__}: {error}", False, time.perf_counter() - begin, None)
-        return Timed(z, answer.claim, answer.claims_solved, answer.seconds, answer.setup)
+            z = None if found.z is None else np.asarray(found.z, dtype=np.float64) * unit
+        except (TypeError, ValueError) as error:
+            return Timed(None, f"{type(error).__name__}: {error}", False, found.seconds, found.setup)
+        return Timed(z, found.words, found.solved, found.seconds, found.setup)
 
 
 class Limit(Competitor):
@@ -259,7 +264,7 @@ def limits() -> list[Competitor]:
 
 def competitors() -> list[Competitor]:
     """`solve()`, all peers, all own methods and the limits, in the order of a table."""
-    return [Solve(), *(Foreign(peer) for peer in PEERS), *own_methods(), *limits()]
+    return [Solve(), *(Foreign(one) for one in chosen_solvers(None, "benchmark")), *own_methods(), *limits()]
 
 
 def _omega(problem: ICP) -> float:

@@ -18,7 +18,7 @@ from ..present.table import Table
 from ..problem.data import as_problem
 from ..solve.driver import RTOL
 from ..solve.progress import status_line
-from ..solvers.peers import RACERS
+from ..solvers.contract import ForeignSolver, chosen_solvers
 from .competitors import Case, Competitor, Foreign, Own, Solve, limits, own_methods
 from .timing import machine
 
@@ -124,7 +124,7 @@ class Race:
 def race(
     problem: ICP,
     methods: Sequence[str | Method] | None = None,
-    solvers: Sequence[str] | None = None,
+    solvers: Sequence[str | ForeignSolver] | None = None,
     *,
     z_exact: Any = None,
     tolerances: Sequence[float] = TOLERANCES,
@@ -174,21 +174,17 @@ def race(
 
 
 def _field(
-    case: Case, methods: Sequence[str | Method] | None, solvers: Sequence[str] | None
+    case: Case, methods: Sequence[str | Method] | None, solvers: Sequence[str | ForeignSolver] | None
 ) -> tuple[list[Competitor], list[tuple[str, str]]]:
     """Who takes part, and who does not and why; what was asked for by name must be known."""
     own = {one.name: one for one in own_methods()}
-    peers = {peer.name: Foreign(peer) for peer in RACERS}
     wanted: list[Competitor] = [Solve()]
     for name in METHODS if methods is None else as_list(methods, "methods"):
         if isinstance(name, Method):
             wanted.append(Own(repr(name), partial(_always, name)))
         else:
             wanted.append(own.get(name) or Own(name, partial(_always, named(name))))
-    for name in peers if solvers is None else as_list(solvers, "solvers"):
-        if name not in peers:
-            raise InputError(f"solvers has {name!r}; one of {', '.join(map(repr, peers))} was expected")
-        wanted.append(peers[name])
+    wanted += map(Foreign, chosen_solvers(solvers, "race"))
     reasons = [(one, one.why_not(case)) for one in wanted]
     return [one for one, no in reasons if no is None], [(one.name, no) for one, no in reasons if no is not None]
 
