@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,8 @@ from ..icp import ICP
 from ..numerics.multigrid import linear_solve
 from ..present.table import Table
 from ..scenes import names, scene
-from ..study.timing import as_repeats, machine, spread
+from ..study.cases import fresh
+from ..study.timing import as_repeats, clocked, machine, timed
 from ..theory import error_bound
 
 #: how far z is from z*, in units of the largest entry of z*
@@ -20,14 +21,15 @@ _DISTANCES = (1e-10, 1e-6, 1e-2, 1.0)
 
 
 def bound_ratios(n: int = 900, trials: int = 10) -> Table:
-    """Error bound over true error, max-norm, on every scene with an exact z*.
+    """Error bound over true error, max-norm, on every scene with an exact answer.
 
     z is z* plus uniform noise of the sizes 1e-10, 1e-6, 1e-2 and 1 times max|z*|, `trials` of each, and the answers of
     `solve` with rtol = 1e-2, 1e-4, …, 1e-10 as far as they are not exact to rounding themselves. "plain" is the bound
     of z itself, "sharp" the one that looks for a better point.
-    Parameters: `n` wanted unknowns of the scenes that have a size; `trials` ≥ 1. Returns a `Table`.
+    Parameters: `n` wanted unknowns of the scenes that have a size; `trials` points at each distance, ≥ 1.
+    Returns a `Table`.
 
-    >>> bound_ratios(n=16, trials=1).heads
+    >>> icp.benchmarks.bound_ratios(n=16, trials=1).heads
     ('scene', 'n', 'z', 'plain, median', 'sharp, median', 'lowest', 'highest sharp')
     """
     if trials < 1:
@@ -67,30 +69,27 @@ def _ratios(problem: ICP, exact: np.ndarray, points: list[np.ndarray]) -> tuple[
 
 
 def certificate_cost(n: int = 1_000_000, repeats: int = 5) -> Table:
-    """Time of a certificate from scratch against one linear solve with A, on the membrane, timed in turn.
+    """A certificate from scratch against one linear solve with A, on the membrane, timed in turn.
 
     The certificate is `error_bound(problem, z, sharp=False)` of a problem of which nothing is known yet; the linear
     solve is PyAMG's Ruge–Stüben hierarchy with conjugate gradients to 1e-8, set-up included.
-    Parameters: `n` unknowns (the nearest square), `repeats` ≥ 3. Returns a `Table` (seconds).
+    Parameters: `n` unknowns (the nearest square); `repeats` pairs of timings, ≥ 3. Returns a `Table` (seconds).
 
-    >>> certificate_cost(n=400, repeats=3).heads
+    >>> icp.benchmarks.certificate_cost(n=400, repeats=3).heads
     ('n', 'certificate, s', 'linear solve, s', 'ratio', 'lowest', 'highest', 'proof')
     """
     repeats = as_repeats(repeats)
     problem = scene("membrane", n).problem
-    z = np.zeros(problem.n)
-    proof = error_bound(problem, z, sharp=False).proof  # compiles
-    certificates, solves = [], []
-    for _ in range(repeats):
-        fresh = ICP(problem.A, problem.q, problem.psi)
-        begin = time.perf_counter()
-        error_bound(fresh, z, sharp=False)
-        between = time.perf_counter()
-        linear_solve(problem.A, np.ones(problem.n))
-        certificates.append(between - begin)
-        solves.append(time.perf_counter() - between)
-    ratios = np.array(certificates) / np.array(solves)
-    row = (problem.n, float(np.median(certificates)), float(np.median(solves)), *spread(ratios))
+    z, b = np.zeros(problem.n), np.ones(problem.n)
+    certify = partial(error_bound, z=z, sharp=False)
+    calls = {"ours": clocked(certify, partial(fresh, problem)), "solve": clocked(partial(linear_solve, problem.A, b))}
+    taken = timed(calls, repeats)
+    row = (
+        problem.n,
+        taken.median("ours"),
+        taken.median("solve"),
+        *taken.ratio("ours", "solve"),
+        certify(problem).proof,
+    )
     heads = ("n", "certificate, s", "linear solve, s", "ratio", "lowest", "highest", "proof")
-    title = f"A certificate against one linear solve ({machine()})"
-    return Table(title, heads, ((*row, proof),))
+    return Table(f"A certificate against one linear solve ({machine()})", heads, (row,))

@@ -8,13 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import IcpError, MapError, NotApplicable
-from ..icp import ICP
 from ..methods.contract import names as method_names
 from ..numerics.arrays import Vector, as_list, as_number, row_of
 from ..present.table import Table
+from ..problem.data import ProblemData
 from ..scenes import Scene, names, parameters, scene
 from ..solve.progress import status_line
 from ..solve.solution import Solution, Status
+from ..study.cases import unbroken
 
 #: the statuses as columns, in this order; a method that refuses a problem is "not applicable"
 _ENDS = (*(status.value for status in Status), "not applicable")
@@ -23,16 +24,17 @@ _ROUNDING = 1e-12
 
 
 def false_success(seeds: int = 10, n: int = 100, scenes: Sequence[str] = (), progress: bool = False) -> Table:
-    """How runs end, and how often SOLVED or an error bound is false: all methods × scenes × `seeds`.
+    """How runs end, and what of it is false: all methods on SCENES, default all, from random starts.
 
     Every method with its default options, and `solve()` without one, runs on every scene from `seeds` random starts, of
     the size of the known solution; scenes with a `seed` are also built anew. An answer called SOLVED is false where
     the problem is known to have no solution, or where ‖min(r, p)‖₂, computed anew in extended precision and not by the
     package's judge, is above the tolerance; a bound is false where it is below the true error.
-    Parameters: `seeds` ≥ 1; `n` wanted unknowns of the scenes that have a size; names of `scenes`, default all;
+    Parameters: `seeds` random starts, and random data; `n` wanted unknowns of the scenes that have a size; `scenes`
+    by name, default all;
     `progress` shows a line where standard error is a terminal. Returns a `Table`: one row per scene and the sum.
 
-    >>> table = false_success(seeds=1, scenes=["hand-lcp", "hard-jump"])
+    >>> table = icp.benchmarks.false_success(seeds=1, scenes=["hand-lcp", "hard-jump"])
     >>> [row[-2:] for row in table.rows]
     [(0, 0), (0, 0), (0, 0)]
     """
@@ -65,7 +67,7 @@ def _run(one: Scene, method: str | None, seed: int) -> list[str]:
     size = 1.0 if one.z_exact is None else np.abs(one.z_exact)
     z0 = size * random.standard_normal(problem.n) if seed else np.zeros(problem.n)  # the first start is the default
     try:
-        solution = problem.solve(method, z0=z0, max_iter=5000, raise_on_failure=False)
+        solution = unbroken(problem.solve(method, z0=z0, max_iter=5000, raise_on_failure=False))
     except NotApplicable:
         return ["runs", "not applicable"]
     except MapError:
@@ -87,7 +89,7 @@ def _tolerance(solution: Solution, z0: Vector) -> np.longdouble:
     return np.longdouble(1e-8) * start * (1 + _ROUNDING)
 
 
-def _residual(problem: ICP, z: Vector) -> np.longdouble:
+def _residual(problem: ProblemData, z: Vector) -> np.longdouble:
     """‖min(r, p)‖₂ in extended precision, row by row from the entries of A; NaN where ψ has no value."""
     A, wide = problem.A, np.longdouble
     try:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import io
-import time
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,9 @@ from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..present.table import Table
 from ..solve.many import solve_many
-from ..study.timing import as_repeats, machine
+from ..study.timing import Timings, as_repeats, clocked, machine, timed
+
+_Lcps = list[tuple[np.ndarray, Vector]]
 
 #: what OSQP is asked for: its defaults, and what it takes to come near to a pivoting method's residual
 _SETTINGS: dict[str, dict[str, Any]] = {
@@ -25,88 +28,91 @@ _SETTINGS: dict[str, dict[str, Any]] = {
 
 
 def small_cost(n: int = 16, k: int = 10_000, repeats: int = 15) -> Table:
-    """Time of small LCPs with A = BBᵀ + I, B and q normal, against OSQP on min ½zᵀAz + qᵀz, z ≥ 0.
+    """Small LCPs against OSQP, one at a time and many with one A, timed in turn.
 
-    "one": `ICP(A, q).solve()` against set-up and solve by OSQP, for 20 problems, both from the dense A; "one, arrays
-    ready": without the time that it takes to make the sparse arrays for OSQP. The others: `solve_many` on `k`
-    right-hand sides that share A against a loop over one OSQP object with update(q=…). The two are timed in turn, the
-    20 of ours and the 20 of theirs; the ratio, ours over theirs, is the median of the ratios pair by pair, the
-    residuals the largest over all problems, recomputed from A and q for both.
-    Parameters: `n` and `k` ≥ 1, `repeats` ≥ 3 pairs. Returns a `Table` (microseconds per problem).
+    A = BBᵀ + I, B and q normal; OSQP solves min ½zᵀAz + qᵀz, z ≥ 0. "one": `ICP(A, q).solve()` against set-up and
+    solve by OSQP, for 20 problems, both from the dense A; "one, arrays ready": without the time that it takes to make
+    the sparse arrays for OSQP. The others: `solve_many` on `k` right-hand sides that share A against a loop over one
+    OSQP object with update(q=…). The ratio, ours over theirs, is the median of the ratios pair by pair, the residuals
+    the largest over all problems, recomputed from A and q for both.
+    Parameters: `n` unknowns; `k` right-hand sides of one A; `repeats` pairs of timings, ≥ 3.
+    Returns a `Table` (microseconds per problem).
 
-    >>> small_cost(n=8, k=3, repeats=3).heads
-    ('problems', 'n', 'OSQP with', 'ours, us', 'OSQP, us', 'ratio', 'our residual', 'residual of OSQP')
+    >>> icp.benchmarks.small_cost(n=8, k=3, repeats=3).heads[:6]
+    ('problems', 'n', 'OSQP with', 'ours, us', 'OSQP, us', 'ratio')
     """
     repeats = as_repeats(repeats)
     n, k = (int(as_number(value, name, least=1, whole=True)) for name, value in (("n", n), ("k", k)))
-    rng = np.random.default_rng(0)
-    problems = []
-    for _ in range(20):
-        B = rng.normal(size=(n, n))
-        problems.append((B @ B.T + np.eye(n), rng.normal(size=n)))
-    Q = rng.normal(size=(k, n))
-    ICP(*problems[0]).solve()  # compiles
-    solve_many(problems[0][0], Q[:2])
+    random = np.random.default_rng(0)
+    factors = [(random.normal(size=(n, n)), random.normal(size=n)) for _ in range(20)]
+    problems = [(B @ B.T + np.eye(n), q) for B, q in factors]
+    Q = random.normal(size=(k, n))
     rows = []
     with contextlib.redirect_stdout(io.StringIO()):  # OSQP prints about polishing whatever one asks
         for name, settings in _SETTINGS.items():
-            ones = np.array([_one(problems, settings) for _ in range(repeats)])
-            rows.append(("one", n, name, *_summary(ones[:, [0, 1, 3, 4]], len(problems))))
-            rows.append(("one, arrays ready", n, name, *_summary(ones[:, [0, 2, 3, 4]], len(problems))))
+            for what, row in _one(problems, settings, repeats).items():
+                rows.append((what, n, name, *row))
         for name, settings in _SETTINGS.items():
-            manies = [_many(problems[0][0], Q, settings) for _ in range(repeats)]
-            rows.append((f"{k} with one A", n, name, *_summary(np.array(manies), k)))
+            rows.append((f"{k} with one A", n, name, *_many(problems[0][0], Q, settings, repeats)))
     heads = ("problems", "n", "OSQP with", "ours, us", "OSQP, us", "ratio", "our residual", "residual of OSQP")
     return Table(f"Small LCPs against OSQP ({machine()})", heads, tuple(rows))
 
 
-def _summary(pairs: np.ndarray, k: int) -> tuple[float, ...]:
-    ours, theirs, our_residual, residual = pairs.T
-    medians = (1e6 * float(np.median(ours)) / k, 1e6 * float(np.median(theirs)) / k, float(np.median(ours / theirs)))
-    return (*medians, float(our_residual.max()), float(residual.max()))
+def _one(problems: _Lcps, settings: dict[str, Any], repeats: int) -> dict[str, tuple[float, ...]]:
+    ready = [_arrays(A, q) for A, q in problems]
+    answers: dict[str, list[Vector]] = {}
+
+    def ours() -> None:
+        answers["ours"] = [ICP(A, q).solve().z for A, q in problems]
+
+    def osqp(given: Callable[[], Iterable[Any]]) -> None:
+        answers["osqp"] = [_model(arrays, settings).solve(raise_error=False).x for arrays in given()]
+
+    calls = {
+        "ours": clocked(ours),
+        "one": clocked(partial(osqp, lambda: (_arrays(A, q) for A, q in problems))),
+        "one, arrays ready": clocked(partial(osqp, lambda: ready)),
+    }
+    taken = timed(calls, repeats)
+    residuals = (_worst(problems, answers["ours"]), _worst(problems, answers["osqp"]))
+    return {what: (*_costs(taken, what, len(problems)), *residuals) for what in ("one", "one, arrays ready")}
 
 
-def _model(parts: tuple[Any, ...], settings: dict[str, Any]) -> Any:
-    import osqp
+def _many(A: np.ndarray, Q: np.ndarray, settings: dict[str, Any], repeats: int) -> tuple[float, ...]:
+    Z, X = np.empty(Q.shape), np.empty(Q.shape)
 
-    model = osqp.OSQP()
-    model.setup(*parts, verbose=False, **settings)
-    return model
+    def ours() -> None:
+        Z[:] = solve_many(A, Q).Z
+
+    def osqp() -> None:
+        model = _model(_arrays(A, Q[0]), settings)
+        for i, q in enumerate(Q):
+            model.update(q=q)
+            X[i] = model.solve(raise_error=False).x
+
+    taken = timed({"ours": clocked(ours), "osqp": clocked(osqp)}, repeats)
+    problems = [(A, q) for q in Q]
+    return (*_costs(taken, "osqp", len(Q)), _worst(problems, Z), _worst(problems, X))
 
 
-def _parts(A: np.ndarray, q: Vector) -> tuple[Any, ...]:
+def _costs(taken: Timings[str], theirs: str, k: int) -> tuple[float, float, float]:
+    """Microseconds per problem of ours and of theirs, and the ratio."""
+    return taken.median("ours", 1e-6 * k), taken.median(theirs, 1e-6 * k), taken.ratio("ours", theirs)[0]
+
+
+def _arrays(A: np.ndarray, q: Vector) -> tuple[Any, ...]:
     n = q.size
     return sp.csc_matrix(np.triu(A)), q, sp.identity(n, format="csc"), np.zeros(n), np.full(n, np.inf)
 
 
-def _one(problems: list[tuple[np.ndarray, Vector]], settings: dict[str, Any]) -> tuple[float, ...]:
-    """Seconds of ours, of theirs, and of theirs from when the arrays are made; and the residuals."""
-    marks = [time.perf_counter()]
-    ours = [ICP(A, q).solve().z for A, q in problems]
-    marks.append(time.perf_counter())
-    parts = [_parts(A, q) for A, q in problems]
-    marks.append(time.perf_counter())
-    theirs = [_model(arrays, settings).solve(raise_error=False).x for arrays in parts]
-    marks.append(time.perf_counter())
-    solve, make, rest = np.diff(marks)
-    residuals = (
-        max(_residual(A, q, z) for (A, q), z in zip(problems, answers, strict=True)) for answers in (ours, theirs)
-    )
-    return solve, make + rest, rest, *residuals
+def _model(arrays: tuple[Any, ...], settings: dict[str, Any]) -> Any:
+    import osqp
+
+    model = osqp.OSQP()
+    model.setup(*arrays, verbose=False, **settings)
+    return model
 
 
-def _many(A: np.ndarray, Q: np.ndarray, settings: dict[str, Any]) -> tuple[float, ...]:
-    begin = time.perf_counter()
-    Z = solve_many(A, Q).Z
-    between = time.perf_counter()
-    model, X = _model(_parts(A, Q[0]), settings), np.empty(Q.shape)
-    for i, q in enumerate(Q):
-        model.update(q=q)
-        X[i] = model.solve(raise_error=False).x
-    end = time.perf_counter()
-    residuals = (max(_residual(A, q, z) for q, z in zip(Q, answers, strict=True)) for answers in (Z, X))
-    return between - begin, end - between, *residuals
-
-
-def _residual(A: np.ndarray, q: Vector, z: Vector) -> float:
-    return float(np.linalg.norm(np.minimum(A @ z + q, z)))
+def _worst(problems: _Lcps, answers: Iterable[Vector]) -> float:
+    """The largest residual."""
+    return max(float(np.linalg.norm(np.minimum(A @ z + q, z))) for (A, q), z in zip(problems, answers, strict=True))

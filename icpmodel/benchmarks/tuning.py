@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -18,7 +18,8 @@ from ..numerics.arrays import as_list, as_number
 from ..present.table import Table
 from ..scenes import Scene, names, parameters, scene
 from ..solve.choice import overrelaxed
-from ..study.timing import machine
+from ..study.cases import fresh, unbroken
+from ..study.timing import clocked, machine, timed
 
 #: a run that needs more is given up
 _MOST = 20_000
@@ -28,26 +29,26 @@ def tuned_and_automatic(
     n: int = 900,
     repeats: int = 5,
     methods: Sequence[str] = ("mnmaor", "mnmsor", "mnmmod"),
-    on: Sequence[str] = (),
+    scenes: Sequence[str] = (),
 ) -> Table:
-    """Steps and time of a hand-tuned θ, of the best θ and Ω of a search, and of what needs no θ: theta1="auto", its
-    acceleration, and `Accelerated` as it is.
+    """The best theta of a grid against theta1="auto", its acceleration and `Accelerated`, on SCENES, by default on all.
 
-    Tuned by hand, with Ω as it is: `mnmaor` 10 × 6 pairs θ₁, θ₂, `mnmsor` 0.5 ≤ θ₁ ≤ 3 in steps of 0.1, `mnmmod` θ₁ =
-    2^(k/2), |k| ≤ 20. The search adds, for `mnmaor`, θ₁ = 1/(2/ω − s), θ₂ = 2θ₁, Ω = sD, s = 2 − ω for 0.8 ≤ ω < 2 in
-    steps of 0.02. Nothing is charged for either, all set-up (estimates, factorisations) to "auto". Runs end at
-    Res ≤ 1e-8·Res(0); those that have not after 20 000 steps are shown as "-". All are timed in turn.
-    Parameters: `n` wanted unknowns of the scenes with a grid in the plane, 4√n of those on a line; `repeats` ≥ 1;
-    `methods` by name; `on`, the names of the scenes, by default all. Returns a `Table` (milliseconds).
+    Steps and time of a hand-tuned θ, of the best θ and Ω of a search, and of what needs no θ. Tuned by hand, with Ω as
+    it is: `mnmaor` 10 × 6 pairs θ₁, θ₂, `mnmsor` 0.5 ≤ θ₁ ≤ 3 in steps of 0.1, `mnmmod` θ₁ = 2^(k/2), |k| ≤ 20. The
+    search adds, for `mnmaor`, θ₁ = 1/(2/ω − s), θ₂ = 2θ₁, Ω = sD, s = 2 − ω for 0.8 ≤ ω < 2 in steps of 0.02. Nothing
+    is charged for either, all set-up (estimates, factorisations) to "auto". Runs end at Res ≤ 1e-8·Res(0); those that
+    have not after 20 000 steps are shown as "-". All are timed in turn.
+    Parameters: `n` wanted unknowns of the scenes with a grid in the plane, 4√n of those on a line; `repeats` timings
+    of each run, ≥ 1; `methods` by name; `scenes` by name, by default all. Returns a `Table` (milliseconds).
 
-    >>> table = tuned_and_automatic(n=16, repeats=1, methods=("mnmmod",), on=("ball",))
+    >>> table = icp.benchmarks.tuned_and_automatic(n=16, repeats=1, methods=("mnmmod",), scenes=("ball",))
     >>> table.heads[3:10]
     ('theta', 'and Omega', 'by hand', 'search', 'auto', 'auto, acc.', 'accelerated')
     """
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
-    scenes, methods = as_list(on, "on") or names(), as_list(methods, "methods")
+    methods = as_list(methods, "methods")
     rows: list[tuple[Any, ...]] = []
-    for one in (_sized(name, n) for name in scenes):
+    for one in (_sized(name, n) for name in as_list(scenes, "scenes") or names()):
         for name in methods:
             automatic = named(name, theta1="auto")
             if automatic.why_not(one.problem) is None and one.why_no_solution is None:
@@ -106,10 +107,9 @@ def _best(one: Scene, grid: Iterator[tuple[str, Method]], best: _Tuned | None = 
     return best
 
 
-def _steps(one: Scene, method: Method, most: int = _MOST) -> int | None:
-    problem = ICP(one.problem.A, one.problem.q, one.problem.psi)  # of which nothing is remembered
+def _steps(one: Scene, method: Method | None, most: int = _MOST) -> int | None:
     try:
-        solution = problem.solve(method, z0=one.z0, max_iter=most, raise_on_failure=False)
+        solution = unbroken(fresh(one.problem).solve(method, z0=one.z0, max_iter=most, raise_on_failure=False))
     except NotApplicable:  # A + Omega is singular
         return None
     return solution.iterations if solution.solved else None
@@ -117,11 +117,6 @@ def _steps(one: Scene, method: Method, most: int = _MOST) -> int | None:
 
 def _timed(one: Scene, methods: Sequence[Method | None], repeats: int) -> tuple[list[int | None], list[float | None]]:
     steps = [None if method is None else _steps(one, method) for method in methods]  # compiles
-    times: list[list[float]] = [[] for _ in methods]
-    for _ in range(repeats):
-        for method, taken, count in zip(methods, times, steps, strict=True):
-            if method is not None and count is not None:
-                begin = time.perf_counter()
-                _steps(one, method)
-                taken.append(1e3 * (time.perf_counter() - begin))
-    return steps, [float(np.median(taken)) if taken else None for taken in times]
+    calls = {k: clocked(partial(_steps, one, methods[k])) for k, count in enumerate(steps) if count is not None}
+    taken = timed(calls, repeats, warm=False)
+    return steps, [taken.median(k, 1e-3) if k in calls else None for k in range(len(methods))]

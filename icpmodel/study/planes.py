@@ -15,6 +15,7 @@ from ..methods.contract import Method, named
 from ..methods.modulus import MNMAOR, MNMGS
 from ..numerics.arrays import Vector
 from ..problem.affine import Affine
+from ..problem.data import ProblemData
 from ..scenes import scene
 from ..scenes.chosen import complementary
 from ..scenes.grid import adjacency, five_point, side
@@ -24,7 +25,7 @@ from ..scenes.grid import adjacency, five_point, side
 class Axis:
     """One parameter: its `name`, a `label` for a chart, its `values` and whether they are spaced logarithmically.
 
-    >>> Axis("mu", "shift of the diagonal", np.array([0.0, 1.0])).log
+    >>> icp.study.Axis("mu", "shift of the diagonal", np.array([0.0, 1.0])).log
     False
     """
 
@@ -40,18 +41,20 @@ class Plane:
 
     Parameters: `title`; the axes `x` and `y`; `at(x, y)` gives (problem, method).
 
-    >>> plane = PLANES["coupling"](points=3, n=9, problem=None, method=None)
-    >>> plane.at(1.0, 0.5)[1]
-    MNMGS()
+    >>> x, y = icp.study.Axis("theta1", "θ₁", np.array([1.0, 2.0])), icp.study.Axis("a", "a", np.array([1.0, 3.0]))
+    >>> plane = icp.study.Plane("one", x, y, lambda theta, a: (ICP([[a]], [-1.0]), icp.MNMAOR(theta1=theta)))
+    >>> icp.stability(plane).ends
+    array([['solved', 'solved'],
+           ['solved', 'solved']], dtype='<U15')
     """
 
     title: str
     x: Axis
     y: Axis
-    at: Callable[[float, float], tuple[ICP, Method]]
+    at: Callable[[float, float], tuple[ProblemData, Method]]
 
 
-def _relaxation(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _relaxation(points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
     """θ₁ × θ₂ of MNMAOR."""
     _no_method(method)
     one = problem or scene("manufactured-affine", n, mu=0.5).problem
@@ -60,7 +63,7 @@ def _relaxation(points: int, n: int, problem: ICP | None, method: str | None) ->
     return Plane(f"MNMAOR on {one!r}", theta1, theta2, lambda x, y: (one, MNMAOR(theta1=x, theta2=y)))
 
 
-def _shift(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _shift(points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
     """φ × Ω of MNMGS, both in units of the diagonal of A."""
     _no_method(method)
     one = problem or scene("manufactured-affine", n, mu=0.5).problem
@@ -73,7 +76,7 @@ def _shift(points: int, n: int, problem: ICP | None, method: str | None) -> Plan
     return Plane(f"MNMGS on {one!r}", phi, omega, lambda x, y: (one, MNMGS(phi=x * D, phi2=y * D)))
 
 
-def _coupling(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _coupling(points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
     """Shift μ of the diagonal × norm of G, on the 5-point matrix."""
     _no_problem(problem)
     sweep = named(method or "mnmgs")
@@ -87,7 +90,7 @@ def _coupling(points: int, n: int, problem: ICP | None, method: str | None) -> P
     )
 
 
-def _transport(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _transport(points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
     """Skewness × shift of the diagonal, on the 5-point matrix with transport; below skewness 1 upwind."""
     _no_problem(problem)
     sweep = named(method or "mnmgs")
@@ -101,7 +104,7 @@ def _transport(points: int, n: int, problem: ICP | None, method: str | None) -> 
     )
 
 
-def _condition(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _condition(points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
     """Condition number × units of A, on the periodic tridiag(−1, 2 + ε, −1), ε = 4/κ, without contact."""
     _no_problem(problem)
     if n < 3:
@@ -110,7 +113,7 @@ def _condition(points: int, n: int, problem: ICP | None, method: str | None) -> 
     kappa = Axis("condition number", "condition number κ of A", np.geomspace(10.0, 1e12, points), log=True)
     scale = Axis("scale of A", "size of the entries of A", np.geomspace(1e-200, 1e200, points), log=True)
 
-    def at(x: float, y: float) -> tuple[ICP, Method]:
+    def at(x: float, y: float) -> tuple[ProblemData, Method]:
         z, _, r = complementary(n, seed=0)
         ring = sp.diags_array([-1.0, -1.0, -1.0, -1.0], offsets=[-1, 1, n - 1, 1 - n], shape=(n, n))
         A = y * (ring + (2.0 + 4.0 / x) * sp.eye_array(n))
@@ -119,14 +122,14 @@ def _condition(points: int, n: int, problem: ICP | None, method: str | None) -> 
     return Plane(f"{sweep!r}: condition number against units", kappa, scale, at)
 
 
-def _units(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _units(points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
     """Scale of A × norm of G: no method with Ω = D feels the scale, but the conditions as printed do."""
     _no_problem(problem)
     sweep = named(method or "mnmgs")
     scale = Axis("scale of A", "diagonal of A", np.geomspace(0.1, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 4.0, points))
 
-    def at(x: float, y: float) -> tuple[ICP, Method]:
+    def at(x: float, y: float) -> tuple[ProblemData, Method]:
         A = five_point(side(n), 4.0)
         return _grid((x / 8.0) * A, -y), sweep
 
@@ -146,7 +149,7 @@ def _no_method(method: str | None) -> None:
         raise InputError(f"method is {method!r}; this plane varies the parameters of a method of its own: leave it out")
 
 
-def _no_problem(problem: ICP | None) -> None:
+def _no_problem(problem: ProblemData | None) -> None:
     if problem is not None:
         raise InputError("problem: this plane varies the problem; only relaxation and shift take one of yours")
 

@@ -52,7 +52,8 @@ def test_the_dividend_scene_converges_with_second_order():
 def test_a_table_aligns_and_exports():
     table = sweep_counts(sides=(10,), methods=("mms",))
     lines = str(table).splitlines()
-    assert len({len(line) for line in lines[1:]}) == 1
+    assert len(lines) == 1 + 1 + len(table.rows)
+    assert len({line.rstrip().rindex("m = 10") + 6 for line in lines[1:2]} | {len(line) for line in lines[2:]}) == 1
     assert table.to_csv().splitlines()[1] == "bai-symmetric,0,mms,142"
 
 
@@ -167,7 +168,7 @@ def test_osqp_does_not_print_into_the_table(capsys):
 
 
 def test_tuning_compares_the_best_of_a_grid_with_what_needs_no_theta():
-    table = tuned_and_automatic(n=400, repeats=1, methods=("mnmaor",), on=("ball", "bearing", "hand-cyclic"))
+    table = tuned_and_automatic(n=400, repeats=1, methods=("mnmaor",), scenes=("ball", "bearing", "hand-cyclic"))
     rows = {row[0]: row for row in table.rows}
     assert list(rows) == ["ball", "bearing", "hand-cyclic"]
     for name in ("ball", "bearing"):

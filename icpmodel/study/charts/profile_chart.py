@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import chain, cycle
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ...numerics.arrays import Vector
 from ...present.table import Table
-from .table_charts import COLOURS
+from .figures import Figure, dashed, new_figure
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_DASHES = ("solid", "dashed", "dotted", "dashdot")
 #: the largest factor that is drawn
 _LARGEST = 1000.0
 #: more lines than these cannot be told apart
@@ -47,14 +40,11 @@ def profiles(table: Table) -> dict[str, Vector]:
 
 def profile_figure(table: Table) -> Figure:
     """The twelve best profiles of a `benchmark`, best first in the legend. Returns a matplotlib figure."""
-    from matplotlib.figure import Figure
-
     found = profiles(table)
-    figure = Figure(figsize=(9, 5.4), layout="constrained")
+    figure = new_figure(9, 5.4)
     axes = figure.subplots()
     ranked = sorted(found, key=lambda name: (name != "solve()", -_area(found[name])))[:_SHOWN]
-    looks = [(colour, dash) for dash in _DASHES for colour in COLOURS]
-    for name, (colour, dash) in zip(ranked, chain([("black", "solid")], cycle(looks)), strict=False):
+    for name, (colour, dash) in dashed(ranked).items():
         factors = found[name]
         solved = factors[factors <= _LARGEST]
         x = np.concatenate([[1.0], solved, [_LARGEST]])
