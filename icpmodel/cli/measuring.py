@@ -57,8 +57,10 @@ _FIGURES: dict[str, Callable[[Table], dict[str, tuple[Figure, Table]]]] = {
     "dispatch": lambda table: {"dispatch": (choice(table), table)},
     "memory": lambda table: {"": (memory_figure(table), table)},
 }
-_FOLDER = "Write the CSV files and the figures to this folder."
-_FILE = "Write the figure (PNG and SVG) and its data (CSV)."
+_OUTPUT = {
+    True: click.option("-o", "--output", type=click.Path(), help="Write the CSV file and the figures to this folder."),
+    False: click.option("-o", "--output", type=click.Path(), help="Write the figure (PNG and SVG) and its data (CSV)."),
+}
 
 
 @click.group()
@@ -67,41 +69,43 @@ def measure() -> None:
 
 
 def _command(name: str, function: Callable[..., Table]) -> click.Command:
+    into_folder = name != "memory"
+    settings = {"progress": True} if "progress" in inspect.signature(function).parameters else {}
+
     def run(as_csv: bool, output: str | None = None, **arguments: Any) -> int:
-        _must_be_writable(output, folder=name != "memory")
+        if into_folder and output is not None:
+            _make(output)
+        else:
+            must_be_writable(output)
         asked = {key: value for key, value in arguments.items() if value != ()}  # no scenes: the default ones
-        if "progress" in inspect.signature(function).parameters:
-            asked["progress"] = True
         return measured(
-            lambda: function(**asked),
+            lambda: function(**asked, **settings),
             lambda table: _show(name, table, as_csv, output),
             "this is what was measured before",
         )
 
     options = [*parameters(function), click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")]
     if name in _FIGURES:
-        told = _FILE if name == "memory" else _FOLDER
-        options.append(click.option("-o", "--output", type=click.Path(), help=told))
+        options.append(_OUTPUT[into_folder])
     return click.command(name, help=summary(function))(decorated(run, options))
 
 
 def _show(name: str, table: Table, as_csv: bool, output: str | None) -> None:
     click.echo(table.to_csv() if as_csv else str(table), nl=not as_csv)
-    for file, (figure, data) in _FIGURES[name](table).items() if output is not None else ():
-        save(figure, Path(output) / file if file else output, data, typed())  # type: ignore[arg-type]
+    if output is not None:
+        for file, (figure, data) in _FIGURES[name](table).items():
+            save(figure, Path(output) / file if file else output, data, typed())
     if name == "benchmark" and not as_csv:
         faster = faster_peers(table)
         click.echo("\n".join(["", "A peer is faster than solve():", *faster] if faster else ["", "No peer is faster."]))
 
 
-def _must_be_writable(output: str | None, *, folder: bool) -> None:
-    """A folder is made before the work."""
-    if output is None or not folder:
-        return must_be_writable(output)
+def _make(folder: str) -> None:
+    """Make the folder before the work."""
     try:
-        Path(output).mkdir(parents=True, exist_ok=True)
+        Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FileError(f"{output}: cannot be made a folder: {error.strerror}") from None
+        raise FileError(f"{folder}: cannot be made a folder: {error.strerror}") from None
 
 
 for _name, _function in _COMMANDS.items():
