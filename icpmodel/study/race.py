@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -32,8 +34,8 @@ _WRONG = 10.0
 _ONCE = 1.0
 #: how often what a competitor is given is made, for the median
 _BUILDS = 3
-#: iterates of a run of which the error is computed, in geometric progression
-_TRACED = 60
+#: after iterate k of a run the error is next computed at so many times k
+_TRACED = 1.2
 
 #: z ↦ its error, None where it has none
 _Error = Callable[[Any], float | None]
@@ -152,7 +154,11 @@ def race(
             say("one linear solve")
             found = replace(found, limit=_linear(case, repeats, limit))
             _fill(entries, case, entered, asked, repeats, limit, error, say)
-            found = replace(found, traces=_traces(case, entered, asked[-1], limit, error, say))
+            for one in entered:
+                if isinstance(one, Own):
+                    say(f"{one.name}: its path")
+                    with contextlib.suppress(IcpError):
+                        found.traces[one.name] = _path(case, one, asked[-1], limit, error)
     except KeyboardInterrupt:
         raise Interrupted(replace(found, entries=tuple(entries.values()))) from None
     return replace(found, entries=tuple(entries.values()))
@@ -243,36 +249,23 @@ def _entry(case: Case, one: Competitor, tolerance: float, run: Timed, build: flo
     )
 
 
-def _traces(
-    case: Case,
-    entered: list[Competitor],
-    tolerance: float,
-    limit: float,
-    error: _Error,
-    say: Callable[[str], None],
-) -> dict[str, tuple[Vector, Vector]]:
-    """name → (seconds, errors) along one run of each own method; times are of a run in which no error is computed."""
-    found = {}
-    for one in (one for one in entered if isinstance(one, Own)):
-        say(f"{one.name}: its path")
-        try:
-            method = one.method(fresh(case.problem))
-            options = {"rtol": tolerance, "raise_on_failure": False}
-            problem = fresh(case.problem)
-            history = unbroken(problem.solve(method, time_limit=limit, history=True, **options)).history
-            assert history is not None
-            last = history.iteration.size
-            wanted = set(np.unique(np.geomspace(1, last, _TRACED).astype(int) - 1).tolist())
-            errors: dict[int, float | None] = {}
+def _path(case: Case, one: Own, tolerance: float, limit: float, error: _Error) -> tuple[Vector, Vector]:
+    """(seconds, errors) along one run, at iterates in geometric progression; what the errors take is not counted."""
+    seen: list[tuple[float, float | None]] = []
+    following, lost, unseen = 0, 0.0, None
 
-            def look(state: Any, wanted: set[int] = wanted, errors: dict[int, float | None] = errors) -> None:
-                if state.iteration in wanted:
-                    errors[state.iteration] = error(state.z)
+    def look(state: Any) -> None:
+        nonlocal following, lost, unseen
+        unseen = state if state.iteration < following else None
+        if unseen is None:
+            begin = time.perf_counter()
+            seen.append((state.seconds - lost, error(state.z)))
+            following = max(state.iteration + 1, int(_TRACED * state.iteration))
+            lost += time.perf_counter() - begin
 
-            unbroken(fresh(case.problem).solve(method, max_iter=last, callback=look, **options))
-        except IcpError:
-            continue
-        pairs = [(history.seconds[k], e) for k, e in errors.items() if e is not None and k < last]
-        if pairs:
-            found[one.name] = (np.array([t for t, _ in pairs]), np.array([e for _, e in pairs]))
-    return found
+    problem, options = fresh(case.problem), {"rtol": tolerance, "time_limit": limit, "raise_on_failure": False}
+    unbroken(problem.solve(one.method(problem), callback=look, **options))
+    if unseen is not None:  # the last iterate
+        seen.append((unseen.seconds - lost, error(unseen.z)))
+    seconds, errors = np.array([(t, e) for t, e in seen if e is not None]).reshape(-1, 2).T
+    return seconds, errors

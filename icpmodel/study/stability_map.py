@@ -23,6 +23,7 @@ from .cases import unbroken
 from .charts.figures import Charted, Figure
 from .charts.map_chart import map_figure
 from .planes import PLANES, Plane
+from .planes import plane as plane_named
 
 #: how a run can end, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
 ENDS = (
@@ -154,7 +155,7 @@ def stability(
         points = int(as_number(points, "points", least=2, whole=True))
         n = int(as_number(n, "n", least=1, whole=True))
         problem = None if problem is None else as_problem(problem)
-        plane = PLANES[plane](points=points, n=n, problem=problem, method=method)
+        plane = plane_named(plane, points, n, problem, method)
     elif not isinstance(plane, Plane):
         raise InputError(f"plane is {described(plane)}; one of {', '.join(PLANES)} or a Plane was expected")
     elif problem is not None or method is not None:

@@ -8,7 +8,7 @@ import pytest
 import icpmodel as icp
 from icpmodel.benchmarks import memory
 from icpmodel.present.table import Table
-from icpmodel.study.charts.profile_chart import profile_figure, profiles
+from icpmodel.study.charts.table_charts import profile_figure, profiles
 from icpmodel.study.competitors import Claim, foreign_solvers
 from icpmodel.study.race import Entry, Race
 

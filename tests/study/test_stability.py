@@ -135,7 +135,7 @@ def test_the_figure_shows_every_kind_of_end_and_line_in_its_legend():
         ({"rtol": -1.0}, "rtol is -1"),
         ({"max_iter": 2.5}, "max_iter is 2.5"),
         ({"plane": "coupling", "problem": icp.ICP([[1.0]], [1.0])}, "this plane varies the problem"),
-        ({"plane": "relaxation", "method": "mnmgs"}, "this plane varies the parameters of a method"),
+        ({"plane": "relaxation", "method": "mnmgs"}, "this plane varies the parameters of its own method"),
         ({"plane": "coupling", "method": "nonsense"}, "method is 'nonsense'"),
         ({"plane": "shift", "problem": icp.ICP([[0.0]], [1.0])}, "A.0, 0. = 0; the plane shift needs"),
     ],
