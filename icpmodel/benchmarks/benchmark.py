@@ -14,10 +14,11 @@ from ..numerics.arrays import as_number
 from ..present.table import Table
 from ..solve.driver import RTOL
 from ..solve.progress import status_line
+from ..solvers.contract import Claim
 from ..study.cases import Case, as_scenes, as_sizes, cases, gallery
 from ..study.charts.table_charts import WORST
 from ..study.competitors import Competitor, Solve, competitors, own_methods
-from ..study.timing import Timed, as_repeats, in_turn, machine, spread
+from ..study.timing import as_repeats, in_turn, machine, spread
 
 #: one that takes this many times the time of solve(), and more than that many seconds, is timed once
 _FAR, _SHORT = 3.0, 0.25
@@ -173,7 +174,7 @@ class _Measurement:
             if record.reached and record.seconds[0] <= longest
         }
         brief = {k: found[k].seconds[0] < _BRIEF for k in calls}
-        runs: dict[int, list[Timed]] = {k: [] for k in calls}
+        runs: dict[int, list[Claim]] = {k: [] for k in calls}
 
         def told(done: int) -> None:
             say(f"{where}: round {done}")
@@ -207,20 +208,20 @@ class _Measurement:
         for rung in range(max(past.rung - 1, 0), len(one.ladder)):
             tolerance = one.ladder[rung]
             run = one.run(case, tolerance, limit)
-            claim, residual = run.value, case.judged(run.value.z)
-            good = claim.solved if one.kind == "limit" else residual is not None and residual <= RTOL
+            residual = case.judged(run.z)
+            good = run.solved if one.kind == "limit" else residual is not None and residual <= RTOL
             rank = 0.0 if good else np.inf if residual is None else residual
             if rank < least or best is record:
-                note = f"not reached in {run.seconds:.2g} s: {claim.words}"
+                note = f"not reached in {run.seconds:.2g} s: {run.words}"
                 if good:
-                    at = f"{claim.words}, at {tolerance:.0e}"
-                    note = at if one.kind == "peer" else claim.words.removeprefix("solved").strip()
+                    at = f"{run.words}, at {tolerance:.0e}"
+                    note = at if one.kind == "peer" else run.words.removeprefix("solved").strip()
                 least, best = rank, replace(record, seconds=(run.seconds,), setup=run.setup, asked=tolerance)
                 best = replace(best, residual=residual, reached=good, note=note)
             if good or run.seconds > limit:
                 break
-            if claim.solved:
-                liar = f'says "{claim.words}" at {tolerance:.0e}, Res(z)/Res(0) = {rank:.1e}'
+            if run.solved:
+                liar = f'says "{run.words}" at {tolerance:.0e}, Res(z)/Res(0) = {rank:.1e}'
         self.past[key] = _Past((*past.runs, (n, best.seconds[0])), rung)
         return replace(best, note=f"{best.note}; {liar}" if liar else best.note)
 

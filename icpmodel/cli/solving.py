@@ -138,9 +138,9 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
 def _at_their_size(scene: Scene, report: Report, arguments: dict[str, Any]) -> list[tuple[ICP, tuple[str, ...]]]:
     """For the solvers that a scene is too large for: the scene at the largest size they take, and their names."""
     from .. import scenes as gallery
-    from ..solvers.contract import independent_solvers
+    from ..solvers.contract import foreign_solvers
 
-    known = independent_solvers()
+    known = foreign_solvers()
     by_size: dict[int, list[str]] = {}
     for row in report.rows:
         largest = known[row.solver].largest

@@ -32,7 +32,11 @@ class Table:
     rows: tuple[tuple[Any, ...], ...]
 
     def __str__(self) -> str:
-        """Numbers to the right, texts to the left, in lines that fit a terminal; elsewhere nothing is wrapped."""
+        """The table in lines that fit a terminal; elsewhere nothing is wrapped."""
+        return self.to_text(width(_UNBOUNDED))
+
+    def to_text(self, columns: int) -> str:
+        """Numbers to the right, texts to the left, these wrapped where the table is wider than so many `columns`."""
         from rich.console import Console
         from rich.table import Table as Grid
         from rich.text import Text
@@ -49,7 +53,7 @@ class Table:
         for row in cells:
             grid.add_row(*map(Text, row))
         out = io.StringIO()
-        console = Console(file=out, width=width(_UNBOUNDED), color_system=None, force_jupyter=False)
+        console = Console(file=out, width=columns, color_system=None, force_jupyter=False)
         if self.title:
             console.print(Text(self.title))
         console.print(grid, crop=False)

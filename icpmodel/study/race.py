@@ -18,11 +18,12 @@ from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.driver import RTOL, solve
 from ..solve.progress import status_line
+from ..solvers.contract import Claim, ForeignSolver, chosen_solvers
 from .cases import Case, fresh, unbroken
 from .charts.figures import Charted, Figure
 from .charts.race_chart import race_figure
-from .competitors import Competitor, Own, Solve, foreign, limits, own_methods
-from .timing import Timed, in_turn, machine, timed
+from .competitors import Competitor, Foreign, Own, Solve, limits, own_methods
+from .timing import in_turn, machine, timed
 
 #: the tolerances that each competitor is asked for
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
@@ -107,7 +108,7 @@ class Race(Charted):
 def race(
     problem: ProblemData,
     methods: Sequence[str | Method] | None = None,
-    solvers: Sequence[Any] | None = None,
+    solvers: Sequence[str | ForeignSolver] | None = None,
     *,
     z_exact: Any = None,
     tolerances: Sequence[float] = TOLERANCES,
@@ -141,7 +142,9 @@ def race(
     )
     if not asked:
         raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
-    wanted = [(one, one.why_not(case)) for one in (Solve(), *_own(methods), *foreign(solvers, of_race=True))]
+    wanted = [
+        (one, one.why_not(case)) for one in (Solve(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race")))
+    ]
     entered = [one for one, reason in wanted if reason is None]
     skipped = tuple((one.name, reason) for one, reason in wanted if reason is not None)
     found = Race(title=f"{problem!r} ({machine()})", measure="", entries=(), skipped=skipped, command=command)
@@ -196,7 +199,7 @@ def _measure(case: Case, z_exact: Any) -> tuple[str, _Error]:
 
 def _linear(case: Case, repeats: int, limit: float) -> float | None:
     run = partial(limits()[-1].run, case, RTOL, limit)
-    return timed({"solve": run}, repeats, warm=False).median("solve") if run().value.solved else None
+    return timed({"solve": run}, repeats, warm=False).median("solve") if run().solved else None
 
 
 def _fill(
@@ -221,7 +224,7 @@ def _fill(
             say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}")
             run = one.run(case, tolerance, limit)
             entry = entries[one.name, tolerance] = _entry(case, one, tolerance, run, builds[one.name], error)
-            if run.seconds > limit or run.value.z is None:
+            if run.seconds > limit or run.z is None:
                 enough[one.name] = 0.0
             elif entry.residual is not None:  # it has reached more than it was asked for
                 enough[one.name] = entry.residual
@@ -232,16 +235,15 @@ def _fill(
         entries[key] = replace(entries[key], seconds=(*entries[key].seconds, seconds))
 
 
-def _entry(case: Case, one: Competitor, tolerance: float, run: Timed, build: float, error: _Error) -> Entry:
-    claim = run.value
+def _entry(case: Case, one: Competitor, tolerance: float, claim: Claim, build: float, error: _Error) -> Entry:
     residual = None if claim.z is None else case.judged(claim.z)
     return Entry(
         one.name,
         one.kind,
         tolerance,
-        seconds=(build + run.seconds,),
+        seconds=(build + claim.seconds,),
         build=build,
-        setup=run.setup,
+        setup=claim.setup,
         error=None if claim.z is None else error(claim.z),
         residual=residual,
         claim=claim.words,

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,13 +17,21 @@ from ..numerics.arrays import Vector, as_number
 Name = TypeVar("Name", bound=Hashable)
 
 
-@dataclass(frozen=True, eq=False)
+class HasSeconds(Protocol):
+    """What a run returns: the `seconds` that count."""
+
+    @property
+    def seconds(self) -> float: ...
+
+
+Run = TypeVar("Run", bound=HasSeconds)
+
+
+@dataclass(frozen=True)
 class Timed:
-    """One run: its `seconds`, among them those of the `setup`, None where they are not known apart; and its `value`."""
+    """A run of which nothing but its `seconds` is kept."""
 
     seconds: float
-    setup: float | None = None
-    value: Any = None
 
 
 def clocked(call: Callable[..., Any], given: Callable[[], Any] | None = None) -> Callable[[], Timed]:
@@ -55,14 +63,14 @@ def middle(call: Callable[[], Any], times: int = 5) -> Callable[[], Timed]:
 
 
 def in_turn(
-    calls: Mapping[Name, Callable[[], Timed]],
+    calls: Mapping[Name, Callable[[], Run]],
     rounds: int,
     *,
     most: int = 0,
     within: float = 0.0,
     brief: Mapping[Name, bool] | None = None,
     say: Callable[[int], None] = lambda done: None,
-) -> Iterator[tuple[Name, Timed]]:
+) -> Iterator[tuple[Name, Run]]:
     """(name, run) of all `calls`, `rounds` times in turn, each round beginning with another one.
 
     While all of them took less than `within` seconds, there are up to `most` rounds. A call that is `brief` is slower
@@ -93,7 +101,7 @@ class Timings(Generic[Name]):
         return spread(self.seconds[name] / self.seconds[to] / per)
 
 
-def timed(calls: Mapping[Name, Callable[[], Timed]], rounds: int, *, warm: bool = True) -> Timings[Name]:
+def timed(calls: Mapping[Name, Callable[[], HasSeconds]], rounds: int, *, warm: bool = True) -> Timings[Name]:
     """The `calls` in turn for `rounds`, if `warm` after a first one, which compiles and pays for fresh memory."""
     if warm:
         for call in calls.values():

@@ -2,6 +2,7 @@
 
 import csv
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,89 +11,16 @@ import icpmodel as icp
 from icpmodel.benchmarks import benchmark, dispatch, faster_peers
 from icpmodel.cli import main
 from icpmodel.present.table import Table
+from icpmodel.solvers import Claim, ForeignSolver, foreign_solvers
 from icpmodel.study.cases import Case, built
 from icpmodel.study.charts.table_charts import choice, exponent, scaling
-from icpmodel.study.competitors import Claim, Competitor, Foreign, Limit, Solve, foreign, limits, own_methods
-from icpmodel.study.timing import Timed
-
-PEERS = foreign()
-ACTIVE_SET = next(peer for peer in PEERS if peer.name == "active set, cold")
+from icpmodel.study.competitors import Competitor, Foreign, Limit, Solve, limits, own_methods
 
 
-def solved(peer, problem, tolerance=1e-11):
-    """The peer's z for `problem`, or the reason why it has none; a skip by name where it is not installed."""
-    case = Case("", problem)
-    reason = peer.why_not(case)
-    if reason is not None:
-        if "is not installed" in reason:
-            pytest.skip(reason)
-        return reason
-    run = peer.run(case, tolerance, 20)
-    assert run.value.solved, run.value.words
-    assert 0 <= run.setup <= run.seconds
-    return run.value.z
+class _Fake(ForeignSolver):
+    """A foreign solver, asked by nobody else, that makes what a subclass says of the exact z = (½, 0) of hand-lcp."""
 
-
-def random_lcp(seed, n=12, symmetric=False):
-    """A positive definite, an obstacle, −inf in two rows, and the solution by construction."""
-    random = np.random.default_rng(seed)
-    B = random.normal(size=(n, n))
-    A = B @ B.T / n + np.eye(n)
-    if not symmetric:
-        A += np.triu(random.normal(size=(n, n)), 1) / n
-    z, touches = random.normal(size=n), random.permutation(n) < n // 2
-    force, gap = random.uniform(0.5, 2, n), random.uniform(0.5, 2, n)
-    psi = np.where(touches, z, z - gap)
-    psi[np.flatnonzero(~touches)[:2]] = -np.inf
-    return icp.ICP(A, np.where(touches, force, 0.0) - A @ z, psi), z
-
-
-@pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
-@pytest.mark.parametrize("name", ["hand-lcp", "hand-free", "hand-degenerate", "hand-negative", "hand-affine"])
-def test_a_peer_finds_what_was_found_by_hand(peer, name):
-    scene = icp.scenes.scene(name)
-    z = solved(peer, scene.problem)
-    if isinstance(z, str):
-        assert peer is ACTIVE_SET
-        assert not scene.problem.is_lcp
-    else:
-        # where p = r = 0 an interior point is off by the root of its tolerance
-        assert z == pytest.approx(scene.z_exact, abs=1e-5 if name == "hand-degenerate" else 1e-6)
-
-
-@pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
-@pytest.mark.parametrize("symmetric", [True, False])
-@pytest.mark.parametrize("unit", [1.0, 1e80])
-def test_a_peer_finds_the_solution_by_construction_in_any_units(peer, symmetric, unit):
-    """Free rows, obstacles of any sign; A times u, q times u² and ψ times u have the solution uz."""
-    for seed in range(3):
-        problem, z = random_lcp(seed, symmetric=symmetric)
-        found = solved(peer, icp.ICP(unit * problem.A, unit**2 * problem.q, unit * problem.psi.c))
-        assert found / unit == pytest.approx(z, abs=1e-7)
-
-
-def test_the_cold_active_set_says_why_it_stops():
-    """No claim of success where its time is up, its set repeats, or its system has no solution."""
-
-    def said(problem, tolerance, time_limit):
-        return ACTIVE_SET.run(Case("", problem), tolerance, time_limit).value
-
-    assert said(icp.scenes.hand_lcp().problem, 1e-9, 0.0).words == "time limit"
-    third = said(icp.ICP([[3.0]], [-0.7]), 1e-300, 1.0)
-    assert third.solved or third.words == "the active set repeats"
-    assert "singular" in said(icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, -2.0]), 1e-9, 1.0).words
-
-
-class _Fake:
-    """A foreign solver that makes what a subclass says of the exact z = (½, 0) of hand-lcp."""
-
-    name, ladder = "fake", tuple(10.0**-k for k in range(3, 13))
-
-    def why_not(self, target):
-        return None
-
-    def form(self, target):
-        return "energy"
+    name, asked_by = "fake", ()
 
     def set_up(self, target, tolerance, time_limit):
         return target.problem.n, tolerance
@@ -113,8 +41,7 @@ class _Clock(Foreign):
         self.seconds = seconds
 
     def run(self, case, tolerance, time_limit):
-        run = super().run(case, tolerance, time_limit)
-        return Timed(self.seconds, None, run.value)
+        return replace(super().run(case, tolerance, time_limit), seconds=self.seconds)
 
 
 def rows_of(table):
@@ -176,10 +103,9 @@ def test_the_next_size_begins_one_tolerance_below_the_one_that_did():
 
 
 def test_a_peer_is_judged_in_the_units_of_the_problem():
-    problem, z = random_lcp(0)
-    case = Case("", icp.ICP(1e80 * problem.A, 1e160 * problem.q, 1e80 * problem.psi.c))
-    claim = ACTIVE_SET.run(case, 1e-10, 1.0).value
-    assert claim.z / 1e80 == pytest.approx(z)
+    case = Case("", icp.ICP([[2e80, 0.0], [0.0, 2e80]], [-1e160, 1e160]))
+    claim = Foreign(foreign_solvers()["active set, cold"]).run(case, 1e-10, 1.0)
+    assert claim.z / 1e80 == pytest.approx([0.5, 0.0])
     assert case.judged(claim.z) < 1e-8
 
 
@@ -236,13 +162,13 @@ def test_one_that_would_take_too_long_is_not_asked_again():
 def test_a_linear_solve_that_fails_is_no_limit():
     case = Case("", built("membrane", 16).problem)
     wrong = Limit("wrong", lambda A, b: 0.0 * b)
-    assert not wrong.run(case, 1e-8, 1.0).value.solved
-    assert not Limit("nan", lambda A, b: np.nan * b).run(case, 1e-8, 1.0).value.solved
-    assert all(limit.run(case, 1e-8, 1.0).value.solved for limit in limits())
+    assert not wrong.run(case, 1e-8, 1.0).solved
+    assert not Limit("nan", lambda A, b: np.nan * b).run(case, 1e-8, 1.0).solved
+    assert all(limit.run(case, 1e-8, 1.0).solved for limit in limits())
     # a condition number of 1e10: 1e-8 ||b|| is below what rounding leaves
-    assert limits()[0].run(Case("", built("bearing", 100_000).problem), 1e-8, 1.0).value.solved
+    assert limits()[0].run(Case("", built("bearing", 100_000).problem), 1e-8, 1.0).solved
     singular = Case("", icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, -1.0]))
-    assert "singular" in limits()[0].run(singular, 1e-8, 1.0).value.words
+    assert "singular" in limits()[0].run(singular, 1e-8, 1.0).words
 
 
 def test_a_benchmark_has_everyone(capsys):
@@ -276,7 +202,7 @@ class _Told(Competitor):
 
     def attempt(self, case, tolerance, time_limit):
         words = "stagnated" if self.z is None else "solved by lemke"
-        return Timed(self.seconds, value=Claim(self.z, words, self.z is not None))
+        return Claim(self.z, words, self.z is not None, self.seconds)
 
 
 @pytest.mark.parametrize(("seconds", "flag"), [(1.0, "above 1.5"), (1.9, "above 1.5"), (2.1, ""), (9.0, "")])

@@ -122,11 +122,11 @@ def test_the_error_bound_can_be_left_out(capsys):
 def test_an_interrupted_crosscheck_shows_what_was_done(capsys, monkeypatch):
     from icpmodel.solvers.pyomo import PyomoHighs
 
-    def press(self, target, *, time_limit):
+    def press(self, model):
         signal.raise_signal(signal.SIGINT)
         time.sleep(1)
 
-    monkeypatch.setattr(PyomoHighs, "solve", press)
+    monkeypatch.setattr(PyomoHighs, "run", press)
     code, out, _ = call(capsys, "crosscheck", "hand-lcp")
     assert code == 0  # four solvers had agreed before
     assert out.count("agrees") == 4

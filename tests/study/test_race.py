@@ -8,8 +8,8 @@ import pytest
 import icpmodel as icp
 from icpmodel.benchmarks import memory
 from icpmodel.present.table import Table
+from icpmodel.solvers import Claim, ForeignSolver
 from icpmodel.study.charts.table_charts import profile_figure, profiles
-from icpmodel.study.competitors import Claim, foreign_solvers
 from icpmodel.study.race import Entry, Race
 
 BAI = icp.scenes.bai_symmetric(n=100)
@@ -69,16 +69,10 @@ def test_a_path_ends_where_its_run_ended_and_never_goes_back_in_time(bai):
     assert "osqp" not in bai.traces
 
 
-class Liar:
-    """A foreign solver that says solved of z = 0."""
+class Liar(ForeignSolver):
+    """A foreign solver, asked by nobody else, that says solved of z = 0."""
 
-    name, ladder = "liar", (1e-3,)
-
-    def why_not(self, target):
-        return None
-
-    def form(self, target):
-        return "energy"
+    name, asked_by = "liar", ()
 
     def set_up(self, target, tolerance, time_limit):
         return target.problem.n
@@ -95,7 +89,6 @@ def test_a_claim_that_is_wrong_is_marked():
 
 @pytest.mark.parametrize("name", ["highs", "cvxpy-clarabel", "osqp, not polished"])
 def test_any_foreign_solver_can_be_asked_by_name(name):
-    assert name in foreign_solvers()
     if name == "cvxpy-clarabel":
         pytest.importorskip("clarabel")
     found = icp.race(icp.scenes.hand_lcp().problem, [], [name], tolerances=[1e-2], repeats=1)
@@ -168,7 +161,7 @@ def test_no_two_competitors_look_alike():
     ("arguments", "words"),
     [
         ({"methods": ["nonsense"]}, "method is 'nonsense'"),
-        ({"solvers": ["nonsense"]}, "solvers has 'nonsense'; one of 'osqp"),
+        ({"solvers": ["nonsense"]}, "solvers has 'nonsense'; one of .*'osqp'"),
         ({"methods": "mnmgs"}, "methods is 'mnmgs'; a list was expected"),
         ({"solvers": 5}, "solvers is 5; a list was expected"),
         ({"tolerances": 1e-6}, "tolerances is 1e-06; a list was expected"),
