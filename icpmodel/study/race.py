@@ -237,18 +237,10 @@ def _fill(
 
 def _entry(case: Case, one: Competitor, tolerance: float, claim: Claim, build: float, error: _Error) -> Entry:
     residual = None if claim.z is None else case.judged(claim.z)
-    return Entry(
-        one.name,
-        one.kind,
-        tolerance,
-        seconds=(build + claim.seconds,),
-        build=build,
-        setup=claim.setup,
-        error=None if claim.z is None else error(claim.z),
-        residual=residual,
-        claim=claim.words,
-        wrong=claim.solved and (residual is None or residual > _WRONG * tolerance),
-    )
+    off = None if claim.z is None else error(claim.z)
+    wrong = claim.solved and (residual is None or residual > _WRONG * tolerance)
+    seconds = (build + claim.seconds,)
+    return Entry(one.name, one.kind, tolerance, seconds, build, claim.setup, off, residual, claim.words, wrong)
 
 
 def _path(case: Case, one: Own, tolerance: float, limit: float, error: _Error) -> tuple[Vector, Vector]:

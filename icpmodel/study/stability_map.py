@@ -17,7 +17,7 @@ from ..problem.data import ProblemData, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
 from ..solve.run import Limits
-from ..solve.solution import Solution, Status
+from ..solve.solution import Status
 from ..theory import check, check_all, theorems
 from .cases import unbroken
 from .charts.figures import Charted, Figure
@@ -163,15 +163,12 @@ def stability(
     limits = Limits(rtol=rtol, atol=0.0, max_iter=max_iter, time_limit=None)
     starts = int(as_number(starts, "starts", least=1, whole=True))
     shape = (len(plane.y.values), len(plane.x.values))
-    ends, steps = np.full(shape, "not run", dtype=f"<U{max(map(len, ENDS))}"), np.zeros(shape, dtype=np.int64)
-    proved = {name: np.zeros(shape, dtype=bool) for name in GLOBAL}
-    printed = {name: np.zeros(shape, dtype=bool) for name in PRINTED}
     found = StabilityMap(
         plane=plane,
-        ends=ends,
-        steps=steps,
-        proved=proved,
-        printed=printed,
+        ends=np.full(shape, "not run", dtype=f"<U{max(map(len, ENDS))}"),
+        steps=np.zeros(shape, dtype=np.int64),
+        proved={name: np.zeros(shape, dtype=bool) for name in GLOBAL},
+        printed={name: np.zeros(shape, dtype=bool) for name in PRINTED},
         max_iter=limits.max_iter,
         rtol=limits.rtol,
         command=command,
@@ -203,23 +200,18 @@ def _fill(found: StabilityMap, starts: int, progress: bool) -> None:
 
 def _run(problem: ProblemData, method: Method, k: int, max_iter: int, rtol: float) -> tuple[str, int]:
     """How the run from the k-th start ended, and after how many steps."""
-    z0: Vector = np.zeros(problem.n)
-    if k:
-        z0 = 10.0 * np.random.default_rng(k).standard_normal(problem.n)
+    z0: Vector = 10.0 * np.random.default_rng(k).standard_normal(problem.n) if k else np.zeros(problem.n)
+    options: dict[str, Any] = {"max_iter": max_iter, "rtol": rtol, "history": True, "raise_on_failure": False}
     try:
-        options: dict[str, Any] = {"max_iter": max_iter, "rtol": rtol, "history": True, "raise_on_failure": False}
         solution = unbroken(solve(problem, method, z0=z0, **options))
     except MapError:
         return Status.MAP_FAILED.value, 0  # at the start
     except IcpError:
         return "refused", 0
-    return _end(solution), solution.iterations
-
-
-def _end(solution: Solution) -> str:
+    end = solution.status.value
     if solution.status is Status.ITERATION_LIMIT:
-        return "slow"
-    if solution.status is Status.DIVERGED:
+        end = "slow"
+    elif solution.status is Status.DIVERGED:
         assert solution.history is not None
-        return "diverged" if np.isfinite(solution.history.residual[-1]) else "overflowed"
-    return solution.status.value
+        end = "diverged" if np.isfinite(solution.history.residual[-1]) else "overflowed"
+    return end, solution.iterations

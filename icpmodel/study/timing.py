@@ -8,23 +8,14 @@ import time
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from ..numerics.arrays import Vector, as_number
 
 Name = TypeVar("Name", bound=Hashable)
-
-
-class HasSeconds(Protocol):
-    """What a run returns: the `seconds` that count."""
-
-    @property
-    def seconds(self) -> float: ...
-
-
-Run = TypeVar("Run", bound=HasSeconds)
+Run = TypeVar("Run")
 
 
 @dataclass(frozen=True)
@@ -101,8 +92,11 @@ class Timings(Generic[Name]):
         return spread(self.seconds[name] / self.seconds[to] / per)
 
 
-def timed(calls: Mapping[Name, Callable[[], HasSeconds]], rounds: int, *, warm: bool = True) -> Timings[Name]:
-    """The `calls` in turn for `rounds`, if `warm` after a first one, which compiles and pays for fresh memory."""
+def timed(calls: Mapping[Name, Callable[[], Any]], rounds: int, *, warm: bool = True) -> Timings[Name]:
+    """The `calls` in turn for `rounds`, if `warm` after a first one, which compiles and pays for fresh memory.
+
+    Each returns something that has `seconds`.
+    """
     if warm:
         for call in calls.values():
             call()
