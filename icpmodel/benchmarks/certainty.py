@@ -155,8 +155,13 @@ def _run(one: Scene, method: str | None, seed: int) -> list[str]:
         return ["runs", "not applicable"]
     except MapError:
         return ["runs", Status.MAP_FAILED.value]  # ψ has no value at the start
+    return told_of(one, solution, z0)
+
+
+def told_of(one: Scene, solution: Solution, z0: Vector) -> list[str]:
+    """How the run from `z0` ended, and what of it is false, as keys to count."""
     keys = ["runs", solution.status.value]
-    if solution.solved and (one.why_no_solution or _residual(problem, solution.z) > _tolerance(solution, z0)):
+    if solution.solved and (one.why_no_solution or _residual(solution.problem, solution.z) > _tolerance(solution, z0)):
         keys.append("false solved")
     bound = solution.error_bound if solution.solved else None
     if bound is not None and one.z_exact is not None and bound < np.abs(solution.z - one.z_exact).max():

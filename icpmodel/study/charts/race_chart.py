@@ -101,7 +101,7 @@ def _bars(axes: Any, runs: list[_Run], colours: dict[str, str]) -> None:
     for k, (name, run) in enumerate(slowest_first):
         style = {"color": "white", "edgecolor": colours[name], "height": 0.6}
         axes.barh(k, run.median, color=colours[name], alpha=0.85, height=0.6)
-        axes.barh(k, run.build, hatch="....", **style)
+        axes.barh(k, run.build, hatch="..", **style)
         if run.setup:
             axes.barh(k, run.setup, left=run.build, hatch="////", **style)
     axes.set_yticks(range(len(best)), [name for name, _ in slowest_first], fontsize=8)
