@@ -58,7 +58,7 @@ from .solve.solution import History as History
 from .solve.solution import Solution as Solution
 from .solve.solution import Status as Status
 from .solve.solution import certify as certify
-from .study.racing import race as race
+from .study.race import race as race
 from .study.stability_map import stability as stability
 from .theory import ErrorBound as ErrorBound
 from .theory import comparison_matrix as comparison_matrix

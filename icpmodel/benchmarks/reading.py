@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -11,49 +10,43 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..icp import ICP
+from ..modelling.cvxpy.problem import Problem, complements
+from ..modelling.pyomo.reader import read_pyomo
 from ..present.table import Table
 from ..problem.affine import Affine
 from ..problem.elementwise import Elementwise
 from ..scenes import scene
-from ..study.timing import as_repeats, machine, spread
+from ..study.timing import as_repeats, clocked, machine, timed
 
 #: language, model, n, what reads the model from scratch, and what writes the same expressions for another solver
 _Pair = tuple[str, str, int, Callable[[], object], Callable[[], object]]
 
 
 def reading_cost(cvxpy_n: int = 1_000_000, pyomo_n: int = 100_000, repeats: int = 3) -> Table:
-    """Time of reading the membrane written in CVXPY or Pyomo, against what the language takes to write it, in turn.
+    """Reading CVXPY and Pyomo models of the membrane against what these languages take to write them, timed in turn.
 
     CVXPY: `Problem([complements(p, r)]).icp` against `get_problem_data` for OSQP with p ≥ 0, r ≥ 0; the expressions are
     built anew each time. Pyomo: `read_pyomo` against its NL writer, which gets the 2n sides as constraints, side ≥ 0,
     and is thus spared Pyomo's transformation of complementarity conditions; ψ fixed, affine, a quarter of each of two
     neighbours, and nonlinear, 0.3 sin(z_i) + c_i. The ratio is the median of the ratios pair by pair.
-    Parameters: `cvxpy_n` and `pyomo_n` unknowns (the nearest squares), `repeats` ≥ 3. Returns a `Table` (seconds).
+    Parameters: `cvxpy_n` unknowns of the CVXPY model (the nearest square); `pyomo_n` conditions of the Pyomo models;
+    `repeats` pairs of timings, ≥ 3. Returns a `Table` (seconds).
 
-    >>> reading_cost(cvxpy_n=100, pyomo_n=100, repeats=3).heads[:5]
+    >>> icp.benchmarks.reading_cost(cvxpy_n=100, pyomo_n=100, repeats=3).heads[:5]
     ('language', 'model', 'n', 'read, s', 'its own writer, s')
     """
     repeats = as_repeats(repeats)
     rows = []
     for language, model, n, read, write in (*_cvxpy(cvxpy_n), *_pyomo(pyomo_n)):
-        pairs = []
-        for _ in range(repeats):
-            begin = time.perf_counter()
-            read()
-            between = time.perf_counter()
-            write()
-            pairs.append((between - begin, time.perf_counter() - between))
-        ours, theirs = np.array(pairs).T
-        medians = (float(np.median(x)) for x in (ours, theirs))
-        rows.append((language, model, n, *medians, *spread(ours / theirs)))
+        taken = timed({"read": clocked(read), "write": clocked(write)}, repeats, warm=False)
+        medians = (taken.median("read"), taken.median("write"))
+        rows.append((language, model, n, *medians, *taken.ratio("read", "write")))
     heads = ("language", "model", "n", "read, s", "its own writer, s", "ratio", "lowest", "highest")
     return Table(f"Reading a model against its language's own writer ({machine()})", heads, tuple(rows))
 
 
 def _cvxpy(n: int) -> Iterator[_Pair]:
     import cvxpy as cp
-
-    from ..modelling.cvxpy.problem import Problem, complements
 
     problem = scene("membrane", n).problem
 
@@ -73,8 +66,6 @@ def _cvxpy(n: int) -> Iterator[_Pair]:
 def _pyomo(n: int) -> Iterator[_Pair]:
     import pyomo.environ as pyo
     from pyomo.repn.plugins.nl_writer import NLWriter
-
-    from ..modelling.pyomo.reader import read_pyomo
 
     problem = scene("membrane", n).problem
     m, c = int(np.sqrt(problem.n)), problem.psi.value(np.zeros(problem.n))

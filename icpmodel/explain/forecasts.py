@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..algebra.splittings import Given, Whole
-from ..methods.contract import Method
 from ..methods.aor import MNMAOR, MNMGS, MNMJ, MNMSOR
+from ..methods.contract import Method
 from ..methods.factorised import MNMMOD, MNMOD
 from ..methods.modulus import ModulusMember
 from ..problem.data import ProblemData
