@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from .. import modelling
 from ..icp import ICP
 from ..present.table import Table
 from ..problem.affine import Affine
@@ -53,8 +54,6 @@ def reading_cost(cvxpy_n: int = 1_000_000, pyomo_n: int = 100_000, repeats: int 
 def _cvxpy(n: int) -> Iterator[_Pair]:
     import cvxpy as cp
 
-    from ..modelling.cvxpy.problem import Problem, complements
-
     problem = scene("membrane", n).problem
 
     def sides() -> tuple[cp.Expression, cp.Expression]:
@@ -62,7 +61,7 @@ def _cvxpy(n: int) -> Iterator[_Pair]:
         return problem.A @ z + problem.q, z - problem.psi.value(problem.q)
 
     def read() -> ICP:
-        return Problem(complements(*sides())).icp
+        return modelling.Problem(modelling.complements(*sides())).icp
 
     def write() -> object:
         return cp.Problem(cp.Minimize(0), [side >= 0 for side in sides()]).get_problem_data(cp.OSQP)
@@ -73,8 +72,6 @@ def _cvxpy(n: int) -> Iterator[_Pair]:
 def _pyomo(n: int) -> Iterator[_Pair]:
     import pyomo.environ as pyo
     from pyomo.repn.plugins.nl_writer import NLWriter
-
-    from ..modelling.pyomo.reader import read_pyomo
 
     problem = scene("membrane", n).problem
     m, c = int(np.sqrt(problem.n)), problem.psi.value(np.zeros(problem.n))
@@ -91,7 +88,7 @@ def _pyomo(n: int) -> Iterator[_Pair]:
         plain.complementarity.deactivate()
 
         def read(model: Any = model) -> object:
-            return read_pyomo(model)
+            return modelling.read_pyomo(model)
 
         def write(plain: Any = plain) -> object:
             return NLWriter().write(plain, io.StringIO())
