@@ -16,8 +16,8 @@ from ..methods.modulus import MNMAOR, MNMGS
 from ..numerics.arrays import Vector
 from ..problem.affine import Affine
 from ..scenes import scene
-from ..scenes.chosen import complementary
 from ..scenes.grid import adjacency, five_point, side
+from ..scenes.manufactured import complementary
 
 
 @dataclass(frozen=True, eq=False)
