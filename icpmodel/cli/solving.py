@@ -132,8 +132,8 @@ def crosscheck(
             reports.append(report)
     if as_json:
         told = [json.loads(report.to_json()) for report in reports]
-        report = told[0] if told else None
-        show_json({"solution": solution.about(), "report": report, "at_their_size": told[1:]})
+        first = told[0] if told else None
+        show_json({"solution": solution.about(), "report": first, "at_their_size": told[1:]})
     not_confirmed = "not confirmed: no independent solver agrees, or one disagrees"
     return exit_code(confirmed(reports), not_confirmed if solution.solved else unsolved(solution))
 

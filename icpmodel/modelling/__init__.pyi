@@ -7,4 +7,3 @@ from .files import load_solution as load_solution
 from .files import save_problem as save_problem
 from .files import save_solution as save_solution
 from .pyomo.models import read_pyomo as read_pyomo
-from .reading import Reading as Reading

@@ -7,9 +7,9 @@ import pytest
 from pyomo.mpec import Complementarity, complements
 
 import icpmodel as icp
-from icpmodel.modelling import Reading, read_pyomo
+from icpmodel.modelling import read_pyomo
 from icpmodel.modelling.cvxpy.expressions import CvxpyReading
-from icpmodel.modelling.reading import solved
+from icpmodel.modelling.reading import Reading, solved
 
 A, Q = np.array([[3.0, -1.0], [-1.0, 2.0]]), np.array([-2.0, 3.0])
 

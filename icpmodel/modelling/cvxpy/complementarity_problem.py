@@ -86,8 +86,8 @@ class Problem:
         `raise_on_failure` is False; the variables then have no values, and `solution.z` is the best iterate.
 
         >>> z = cp.Variable()
-        >>> icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve("newton").z.round(6), z.value.round(6)
-        (array([1.5]), array(1.5))
+        >>> icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve("newton").z.round(6), float(z.value)
+        (array([1.5]), 1.5)
         """
         reading = self._reading
         self.solution = solution = solved(reading, method, z0=z0, **options)

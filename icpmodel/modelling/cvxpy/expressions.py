@@ -18,7 +18,7 @@ from ...icp import ICP
 from ...numerics.arrays import Vector, row_of
 from ...problem.affine import Affine
 from ...problem.function import Function
-from ..matching import left_over, looks_like_r, own_entries
+from ..matching import looks_like_r, own_entries, unowned
 from .atoms import AtomObstacle
 from .compiled import AffineRows, Compiled, unique
 from .conditions import Complementarity, at, named, unstacked
@@ -84,7 +84,7 @@ class CvxpyReading:
         (P, _, q), (R, W, constant) = self._p_and_r()
         own = own_entries(R)
         if own is None:
-            raise InputError(self._misfit(R, *left_over(R)))
+            raise InputError(self._misfit(R, *unowned(R)))
         self._own = own
         if not np.array_equal(own, np.arange(self._n)):
             rows = np.argsort(own)

@@ -1,6 +1,6 @@
 """Pyomo models: importing this room makes `SolverFactory("icpmodel")` known to Pyomo."""
 
-from .models import PyomoReading, read_pyomo
+from .models import read_pyomo
 from .solver_interface import PyomoSolver
 
-__all__ = ["PyomoReading", "PyomoSolver", "read_pyomo"]
+__all__ = ["PyomoSolver", "read_pyomo"]

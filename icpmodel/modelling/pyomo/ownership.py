@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import maximum_bipartite_matching, min_weight_full_bipartite_matching
 
 from ...errors import InputError
 from ...numerics.arrays import Vector
+from ..matching import cheapest, left_over
 from .rows import ConditionRows
 
 #: what it costs a row to own a variable that is not on the side that should become r, that is missing on one side, or
@@ -68,12 +67,9 @@ class Ownership:
             size = sum(np.where(side == 0, 0.0, np.log2(np.abs(side))) for side in self._coefficient)
         opposite = np.sign(first) * np.sign(second) < 0
         cost = _NOT_IN_R * ~self._in_r() + _MISSING * missing + _OPPOSITE * opposite - size
-        order = np.lexsort((cost, self._row))
-        own: np.ndarray = self._col[order[np.searchsorted(self._row[order], np.arange(self.m))]]
-        if self.m != self.n or np.unique(own).size < self.m:  # else no matching is cheaper
-            self._refuse_what_is_not_square(rows)
-            graph = sp.csr_array((cost - cost.min() + 1.0, (self._row, self._col)), shape=(self.m, self.n))
-            own = min_weight_full_bipartite_matching(graph)[1]
+        own = cheapest(self._row, self._col, cost, self.m) if self.m == self.n else None
+        if own is None:
+            raise InputError(self._not_square(rows))
         return own
 
     def _in_r(self) -> np.ndarray:
@@ -86,18 +82,17 @@ class Ownership:
         found: np.ndarray = (wanted[:, self._row] & there).any(axis=0) | self.free[self._row]
         return found
 
-    def _refuse_what_is_not_square(self, rows: ConditionRows) -> None:
-        graph = sp.csr_array((np.ones(self._row.size), (self._row, self._col)), shape=(self.m, self.n))
-        matched = maximum_bipartite_matching(graph, perm_type="column")
-        left = [rows.owners[i].name for i in np.flatnonzero(matched < 0)]
-        lonely = [self.variables[j].name for j in np.setdiff1d(np.arange(self.n), matched)]
-        if left or lonely:
-            parts = [f"no condition is left for {_listed(lonely)}"] if lonely else []
-            parts += [f"no free variable is left for {_listed(left)}"] if left else []
-            raise InputError(
-                f"{self.m} conditions for {self.n} variables that are not fixed: {', and '.join(parts)}; every "
-                "condition needs a variable of its own, so fix or deactivate what is too much"
-            )
+    def _not_square(self, rows: ConditionRows) -> str:
+        conditions, unowned = left_over(self._row, self._col, (self.m, self.n))
+        left = {
+            "condition": [self.variables[j].name for j in unowned],
+            "free variable": [rows.owners[i].name for i in conditions],
+        }
+        parts = [f"no {what} is left for {_listed(names)}" for what, names in left.items() if names]
+        return (
+            f"{self.m} conditions for {self.n} variables that are not fixed: {', and '.join(parts)}; every "
+            "condition needs a variable of its own, so fix or deactivate what is too much"
+        )
 
     def own_coefficient(self, k: int) -> Vector:
         """The coefficient of each row's own variable on side k, shape (m,); 0 where it is missing."""

@@ -133,22 +133,19 @@ class ConditionRows:
 
     def _bounded(self, expression: Any, condition: Any) -> _Bounded:
         kind = expression.__class__
-        if kind is InequalityExpression:
-            low, high = expression.args
-            if expression._strict:
-                raise InputError(f"{condition.name} has a strict inequality, {expression}; >= or <= was expected")
-            body = tuple(term for term in ((1.0, high), (-1.0, low)) if term[1].__class__ not in native_numeric_types)
-            return _Bounded(tuple(self._finite([((1.0, high), (-1.0, low))])), body)
         if kind is EqualityExpression:
             left, right = expression.args
             return _Bounded((((1.0, left), (-1.0, right)),), (), equality=True)
-        if kind is RangedExpression:
-            low, body, high = expression.args
-            if any(expression._strict):
-                raise InputError(f"{condition.name} has a strict inequality, {expression}; >= or <= was expected")
-            ends = [((1.0, body), (-1.0, low)), ((1.0, high), (-1.0, body))]
-            return _Bounded(tuple(self._finite(ends)), ((1.0, body),))
-        return _Bounded((), ((1.0, expression),))
+        if kind not in (InequalityExpression, RangedExpression):
+            return _Bounded((), ((1.0, expression),))
+        if np.any(expression._strict):
+            raise InputError(f"{condition.name} has a strict inequality, {expression}; >= or <= was expected")
+        low, *between, high = expression.args
+        if between:
+            ends: list[Terms] = [((1.0, between[0]), (-1.0, low)), ((1.0, high), (-1.0, between[0]))]
+            return _Bounded(tuple(self._finite(ends)), ((1.0, between[0]),))
+        body = tuple(term for term in ((1.0, high), (-1.0, low)) if term[1].__class__ not in native_numeric_types)
+        return _Bounded(tuple(self._finite([((1.0, high), (-1.0, low))])), body)
 
     def _finite(self, bounds: Iterable[Terms]) -> Iterable[Terms]:
         """Those bounds that are not x ≥ −inf or x ≤ inf."""

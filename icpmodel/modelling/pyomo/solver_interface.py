@@ -79,6 +79,15 @@ class PyomoSolver(SolverBase):
     `solver_options` (`options` in the legacy interface): `method` and what it takes, `rtol`, `atol`, `accuracy`,
     `max_iter`, `callback`. The start is what the variables' values say. `tee` prints the card of the solution.
     `results.extra_info.solution` is the `Solution`, with its certificate; its z are ±the variables, see `PyomoReading`.
+
+    >>> import pyomo.environ as pyo
+    >>> from pyomo.mpec import Complementarity, complements
+    >>> model = pyo.ConcreteModel()
+    >>> model.x = pyo.Var()
+    >>> model.c = Complementarity(expr=complements(model.x >= 0, 2 * model.x >= 3))
+    >>> results = pyo.SolverFactory("icpmodel").solve(model)
+    >>> str(results.solver.termination_condition), model.x.value
+    ('optimal', 1.5)
     """
 
     CONFIG = SolverConfig()
