@@ -165,10 +165,10 @@ def test_scenes_are_listed_and_described(capsys):
     code, out, _ = call(capsys, "scenes")
     assert code == 0
     assert [line.split()[0] for line in out.split("what it is\n")[1].splitlines()] == icp.scenes.names()
-    code, out, _ = call(capsys, "scenes", "membrane")
-    assert "parameters --n 900 --set mu=0.0 --set skew=0.0" in out
-    assert "reference none: The square has no closed form" in out
-    assert "solution  none: r < 0 below 3/4" in call(capsys, "scenes", "hard-jump")[1]
+    card = " ".join(call(capsys, "scenes", "membrane")[1].split())
+    assert "parameters --n 900 --set mu=0.0 --set skew=0.0" in card
+    assert "reference none: The square has no closed form" in card
+    assert "solution none: r < 0 below 3/4" in " ".join(call(capsys, "scenes", "hard-jump")[1].split())
     for name in icp.scenes.names():
         assert json.loads(call(capsys, "scenes", name, "--json")[1])["name"] == name
 
@@ -311,10 +311,14 @@ def test_ctrl_c_shows_the_best_iterate_and_no_traceback(tmp_path):
 @pytest.mark.skipif(not hasattr(contract, "ForeignSolver"), reason="the solvers' contract is the old one")
 def test_after_ctrl_c_a_crosscheck_shows_what_was_done_before(tmp_path):
     solvers = [word for name in ("osqp", "pressed", "cvxpy-clarabel") for word in ("--solver", name)]
-    ran = outside(tmp_path, SOLVER)("crosscheck", "hand-lcp", *solvers)
+    command = outside(tmp_path, SOLVER)
+    ran = command("crosscheck", "hand-lcp", *solvers)
     assert (ran.returncode, ran.stderr) == (0, "")  # osqp had agreed
     assert ran.stdout.count("interrupted") == 2
     assert "1 of 1 independent checks agree" in ran.stdout
+    ran = command("crosscheck", "hand-lcp", "--solver", "pressed")
+    assert ran.returncode == 1
+    assert ran.stderr.startswith("icpmodel: not confirmed")
 
 
 def test_explain_prints_a_page_and_json(capsys):

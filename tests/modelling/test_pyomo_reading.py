@@ -9,8 +9,8 @@ from pyomo_models import linear, random_problem, violation, written
 
 import icpmodel as icp
 from icpmodel.modelling.pyomo import read_pyomo
+from icpmodel.modelling.pyomo.condition_rows import ConditionRows
 from icpmodel.modelling.pyomo.nonlinear import NonlinearRows, flattened
-from icpmodel.modelling.pyomo.rows import ConditionRows
 from icpmodel.problem.affine import Constant
 
 KINDS = ("constant", "affine", "nonlinear")

@@ -12,7 +12,7 @@ from cvxpy.atoms.affine.broadcast_to import broadcast_to
 from cvxpy.atoms.elementwise.elementwise import Elementwise
 
 from ...numerics.arrays import Vector
-from .conditions import named, unstacked
+from .complementarity import named, unstacked
 
 #: how far a difference quotient may lie from the gradient
 _SAME = 1e-4

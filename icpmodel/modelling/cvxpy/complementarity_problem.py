@@ -14,7 +14,7 @@ from ...methods.contract import Method
 from ...numerics.arrays import described
 from ...solve.solution import Solution
 from ..reading import solved
-from .conditions import Complementarity
+from .complementarity import Complementarity
 from .expressions import CvxpyReading
 
 

@@ -21,7 +21,7 @@ from ...problem.function import Function
 from ..matching import looks_like_r, own_entries, unowned
 from .atoms import AtomObstacle
 from .compiled import AffineRows, Compiled, unique
-from .conditions import Complementarity, at, named, unstacked
+from .complementarity import Complementarity, at, named, unstacked
 
 Sides = tuple[cp.Expression, cp.Expression]
 

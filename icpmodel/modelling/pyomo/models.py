@@ -20,9 +20,9 @@ from ...icp import ICP
 from ...numerics.arrays import Vector, described
 from ...problem.affine import Affine
 from ...problem.function import Function
+from .condition_rows import ConditionRows
 from .nonlinear import NonlinearRows, PyomoObstacle
 from .ownership import Ownership
-from .rows import ConditionRows
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 from ...errors import InputError
 from ...numerics.arrays import Vector
 from ..matching import cheapest, left_over
-from .rows import ConditionRows
+from .condition_rows import ConditionRows
 
 #: what it costs a row to own a variable that is not on the side that should become r, that is missing on one side, or
 #: that has different signs on the two, in powers of two of the coefficients, which count only among equals
