@@ -138,7 +138,8 @@ class ConditionRows:
             return _Bounded((((1.0, left), (-1.0, right)),), (), equality=True)
         if kind not in (InequalityExpression, RangedExpression):
             return _Bounded((), ((1.0, expression),))
-        if np.any(expression._strict):
+        strict = expression._strict
+        if strict is True or (strict and any(strict)):  # one truth value, or one for each end
             raise InputError(f"{condition.name} has a strict inequality, {expression}; >= or <= was expected")
         low, *between, high = expression.args
         if between:
