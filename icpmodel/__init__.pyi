@@ -34,10 +34,10 @@ from .methods.multilevel import Multilevel as Multilevel
 from .methods.newton import Newton as Newton
 from .methods.psor import PSOR as PSOR
 from .methods.tridiagonal import Tridiagonal as Tridiagonal
-from .modelling.cvxpy.problem import Complementarity as Complementarity
-from .modelling.cvxpy.problem import Problem as Problem
-from .modelling.cvxpy.problem import complements as complements
-from .modelling.cvxpy.solver import cvxpy_solver as cvxpy_solver
+from .modelling.cvxpy.complementarity import Complementarity as Complementarity
+from .modelling.cvxpy.complementarity import complements as complements
+from .modelling.cvxpy.complementarity_problem import Problem as Problem
+from .modelling.cvxpy.qp_solver import cvxpy_solver as cvxpy_solver
 from .modelling.files import load_problem as load_problem
 from .modelling.files import load_solution as load_solution
 from .modelling.files import save_problem as save_problem

@@ -4,7 +4,7 @@ from ..numerics.multigrid import linear_solve
 from .benchmark import benchmark, dispatch, faster_peers
 from .certainty import bound_ratios, certificate_cost, false_success
 from .memory import memory
-from .reading import reading_cost
+from .reading_cost import reading_cost
 from .solves import dominant_cost, impulse_cost, small_cost, solve_cost
 from .steps import grid_order, sweep_cost, sweep_counts, tuned_and_automatic
 

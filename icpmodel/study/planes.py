@@ -17,8 +17,8 @@ from ..numerics.arrays import Vector
 from ..problem.affine import Affine
 from ..problem.data import ProblemData
 from ..scenes import scene
-from ..scenes.chosen import complementary
 from ..scenes.grid import adjacency, five_point, side
+from ..scenes.manufactured import complementary
 
 
 @dataclass(frozen=True, eq=False)

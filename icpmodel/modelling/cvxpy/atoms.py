@@ -1,4 +1,4 @@
-"""ψ that holds expressions of CVXPY which are not affine: their values and gradients, with the parameters frozen."""
+"""ψ with CVXPY's nonlinear atoms: their values and gradients, with the parameters frozen."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from cvxpy.atoms.affine.broadcast_to import broadcast_to
 from cvxpy.atoms.elementwise.elementwise import Elementwise
 
 from ...numerics.arrays import Vector
-from .names import named
+from .complementarity import named, unstacked
 
 #: how far a difference quotient may lie from the gradient
 _SAME = 1e-4
 
 
-class Nonlinear:
+class AtomObstacle:
     """ψ(z) = Gz + c + Vw(z), w being the `atoms` stacked, at the present values of their parameters.
 
     Parameters: `atoms` CVXPY expressions in `variables`, which z stacks column by column; `G` CSR (n, n), `c` (n,),
@@ -47,8 +47,12 @@ class Nonlinear:
         """ψ(z), shape (n,). Raises ArithmeticError where an expression has no finite value at `z`."""
         return self.G @ z + self.c + self.V @ self._w(z)
 
+    def _write(self, z: Vector) -> None:
+        for x, value in zip(self._variables, unstacked(z, self._variables), strict=True):
+            x.save_value(value)
+
     def _w(self, z: Vector) -> Vector:
-        write(self._variables, z)
+        self._write(z)
         values = []
         for atom in self._atoms:
             with np.errstate(all="ignore"):
@@ -66,7 +70,7 @@ class Nonlinear:
         return sp.csr_array(self.G + self.V @ self._derivative(z))
 
     def _derivative(self, z: Vector) -> sp.csr_array:
-        write(self._variables, z)
+        self._write(z)
         with np.errstate(all="ignore"):
             return sp.csr_array(sp.block_array([self._blocks(atom) for atom in self._atoms]))
 
@@ -124,11 +128,3 @@ def _copied(expression: Any, copies: dict[int, Any]) -> Any:
     if not any(isinstance(x, cp.Expression) for x in data):
         return expression.copy(arguments)
     return type(expression)(*arguments, *(cp.Constant(x.value) if isinstance(x, cp.Expression) else x for x in data))
-
-
-def write(variables: Sequence[cp.Variable], z: Vector) -> None:
-    """Give the `variables` the values that `z` stacks, each column by column."""
-    done = 0
-    for x in variables:
-        x.save_value(np.array(z[done : done + x.size]).reshape(x.shape, order="F"))
-        done += x.size

@@ -18,7 +18,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pyomo.environ as pyo
 import scipy.sparse as sp
+from pyomo.common.gc_manager import PauseGC
+from pyomo.common.numeric_types import native_numeric_types
+from pyomo.core.expr.relational_expr import EqualityExpression, InequalityExpression, RangedExpression
+from pyomo.mpec import Complementarity
+from pyomo.repn.linear import LinearRepnVisitor
+from pyomo.repn.util import VarRecorder, categorize_valid_components
 
 from ...errors import InputError
 from .nonlinear import Flat, flattened
@@ -47,7 +54,7 @@ class Side:
         return sp.coo_array((data, (rows, columns)), shape=(len(self.counts), len(column)))
 
 
-class Rows:
+class ConditionRows:
     """The rows of a model. `owners` says whose each row is, `equation` where side 0 must be zero: there side 1 only
     tells which variable Pyomo's user had in mind. `multipliers` are the λ above by the number of the row of g + λ.
 
@@ -56,45 +63,38 @@ class Rows:
     """
 
     def __init__(self, model: Any) -> None:
-        from pyomo.common.gc_manager import PauseGC
-        from pyomo.common.numeric_types import native_numeric_types
-        from pyomo.repn.linear import LinearRepnVisitor
-        from pyomo.repn.util import VarRecorder
-
         self.sides = (Side(), Side())
         self.owners: list[Any] = []
         self.equation: list[bool] = []
         self.multipliers: dict[int, Any] = {}
-        self._numbers = native_numeric_types
         self._recorder = VarRecorder({}, None)
         self._walk = LinearRepnVisitor({}, var_recorder=self._recorder).walk_expression
         with PauseGC():  # as Pyomo's writers do: many small objects come and go
             self._refuse_what_is_no_icp(model)
-            for condition in _active(model, "Complementarity"):
+            for condition in _active(model, Complementarity):
                 self._read_condition(condition)
-            for constraint in _active(model, "Constraint"):
+            for constraint in _active(model, pyo.Constraint):
                 self._read_constraint(constraint)
 
     def variables(self) -> list[Any]:
         """The variables that occur, in the order of the model."""
         seen = {one: None for side in self.sides for one in side.ids}
-        for side in self.sides:
-            for _, variables, _ in side.nonlinear.values():
-                seen.update((id(variable), None) for variable in variables)
+        for _, variables, _ in self.nonlinear().values():
+            seen.update((id(variable), None) for variable in variables)
         return [variable for key, variable in self._recorder.var_map.items() if key in seen]
 
-    def _refuse_what_is_no_icp(self, model: Any) -> None:
-        import pyomo.environ as pyo
-        from pyomo.mpec import Complementarity
-        from pyomo.repn.util import categorize_valid_components
+    def nonlinear(self) -> dict[int, Flat]:
+        """The nonlinear expression of each row that has one; no row has two."""
+        return {row: one for side in self.sides for row, one in side.nonlinear.items()}
 
+    def _refuse_what_is_no_icp(self, model: Any) -> None:
         data = {pyo.Block, pyo.Var, pyo.Param, pyo.Expression, pyo.Set, pyo.RangeSet, pyo.Suffix}
         targets = {Complementarity, pyo.Constraint, pyo.Objective}
         _, unknown = categorize_valid_components(model, valid=data | {pyo.ExternalFunction}, targets=targets)
         if unknown:
             names = sorted(f"{kind.__name__} {found[0].name}" for kind, found in unknown.items())
             raise InputError(f"the model has the active {', '.join(names)}, which no complementarity problem has")
-        for objective in _active(model, "Objective"):
+        for objective in _active(model, pyo.Objective):
             _, linear, nonlinear = self._read(((1.0, objective.expr),), objective)
             if linear or nonlinear is not None:
                 raise InputError(
@@ -132,37 +132,31 @@ class Rows:
         return self._add(condition, first.bounds[0], second.bounds[0])
 
     def _bounded(self, expression: Any, condition: Any) -> _Bounded:
-        from pyomo.core.expr import relational_expr as relational
-
         kind = expression.__class__
-        if kind is relational.InequalityExpression:
-            low, high = expression.args
-            if expression._strict:
-                raise InputError(f"{condition.name} has a strict inequality, {expression}; >= or <= was expected")
-            body = tuple(term for term in ((1.0, high), (-1.0, low)) if term[1].__class__ not in self._numbers)
-            return _Bounded(tuple(self._finite([((1.0, high), (-1.0, low))])), body)
-        if kind is relational.EqualityExpression:
+        if kind is EqualityExpression:
             left, right = expression.args
             return _Bounded((((1.0, left), (-1.0, right)),), (), equality=True)
-        if kind is relational.RangedExpression:
-            low, body, high = expression.args
-            if any(expression._strict):
-                raise InputError(f"{condition.name} has a strict inequality, {expression}; >= or <= was expected")
-            ends = [((1.0, body), (-1.0, low)), ((1.0, high), (-1.0, body))]
-            return _Bounded(tuple(self._finite(ends)), ((1.0, body),))
-        return _Bounded((), ((1.0, expression),))
+        if kind not in (InequalityExpression, RangedExpression):
+            return _Bounded((), ((1.0, expression),))
+        strict = expression._strict
+        if strict is True or (strict and any(strict)):  # one truth value, or one for each end
+            raise InputError(f"{condition.name} has a strict inequality, {expression}; >= or <= was expected")
+        low, *between, high = expression.args
+        if between:
+            ends: list[Terms] = [((1.0, between[0]), (-1.0, low)), ((1.0, high), (-1.0, between[0]))]
+            return _Bounded(tuple(self._finite(ends)), ((1.0, between[0]),))
+        body = tuple(term for term in ((1.0, high), (-1.0, low)) if term[1].__class__ not in native_numeric_types)
+        return _Bounded(tuple(self._finite([((1.0, high), (-1.0, low))])), body)
 
     def _finite(self, bounds: Iterable[Terms]) -> Iterable[Terms]:
         """Those bounds that are not x ≥ −inf or x ≤ inf."""
         for terms in bounds:
-            ends = [factor * one for factor, one in terms if one.__class__ in self._numbers]
+            ends = [factor * one for factor, one in terms if one.__class__ in native_numeric_types]
             if math.inf not in ends:
                 yield terms
 
     def _add_double(self, condition: Any, ends: _Bounded, body: Terms) -> None:
         """a ≤ f ≤ b with g: two rows, or the equation f = a where a = b."""
-        import pyomo.environ as pyo
-
         low, high = ends.bounds
         width, linear, nonlinear = self._read((*low, *high), condition)
         if not linear and nonlinear is None and width == 0:
@@ -219,7 +213,7 @@ class Rows:
         constant, nonlinear = 0.0, None
         linear: dict[int, float] = {}
         for factor, expression in terms:
-            if expression.__class__ in self._numbers:
+            if expression.__class__ in native_numeric_types:
                 constant += factor * expression
                 continue
             found = self._walk(expression)
@@ -251,9 +245,5 @@ class _Bounded:
     equality: bool = False
 
 
-def _active(model: Any, kind: str) -> Iterable[Any]:
-    import pyomo.environ as pyo
-    from pyomo.mpec import Complementarity
-
-    wanted = Complementarity if kind == "Complementarity" else getattr(pyo, kind)
-    yield from model.component_data_objects(wanted, active=True, descend_into=True)
+def _active(model: Any, kind: type) -> Iterable[Any]:
+    return model.component_data_objects(kind, active=True, descend_into=True)

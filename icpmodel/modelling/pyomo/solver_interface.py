@@ -1,15 +1,4 @@
-"""`SolverFactory("icpmodel")`: importing this file registers the solver in Pyomo's new and legacy interface.
-
->>> import pyomo.environ as pyo
->>> from pyomo.mpec import Complementarity, complements
->>> import icpmodel.modelling.pyomo.solver
->>> model = pyo.ConcreteModel()
->>> model.x = pyo.Var()
->>> model.c = Complementarity(expr=complements(model.x >= 0, 2 * model.x >= 3))
->>> results = pyo.SolverFactory("icpmodel").solve(model)
->>> str(results.solver.termination_condition), model.x.value
-('optimal', 1.5)
-"""
+"""`SolverFactory("icpmodel")`: importing this room registers the solver in Pyomo's new and legacy interface."""
 
 from __future__ import annotations
 
@@ -32,11 +21,12 @@ from pyomo.core.staleflag import StaleFlagManager
 
 from ...errors import InputError
 from ...solve.solution import Solution, Status
-from .reader import Reading, read_pyomo
+from ..reading import solved
+from .models import PyomoReading, read_pyomo
 
 _VERSION: str = sys.modules[__name__.partition(".")[0]].__version__
 #: what Pyomo calls each end of a run, and the point that it leaves; SOLVED alone is a success
-_ENDS = {
+ENDS = {
     Status.SOLVED: (TerminationCondition.convergenceCriteriaSatisfied, SolutionStatus.optimal),
     Status.PRECISION_LIMIT: (TerminationCondition.unknown, SolutionStatus.unknown),
     Status.STAGNATED: (TerminationCondition.minStepLength, SolutionStatus.infeasible),
@@ -59,33 +49,27 @@ _PYOMOS = {
 }
 
 
-class Loader(SolutionLoader):
+class AnswerLoader(SolutionLoader):
     """An answer on its way into the model: variable values, and the suffixes `dual` and `rc` where they are declared.
 
     `dual` has, by Complementarity, p of its row, the force that holds r ≥ 0 (g of a condition a ≤ f ≤ b ⟂ g), and `rc`,
     by variable, the same with the sign of MCP solvers' marginals: positive at a lower bound, negative at an upper one.
     """
 
-    def __init__(self, model: Any, reading: Reading, z: np.ndarray) -> None:
+    def __init__(self, model: Any, reading: PyomoReading, z: np.ndarray) -> None:
         self._pyomo_model, self._reading, self._z = model, reading, z
 
     def get_number_of_solutions(self) -> int:
-        """One: see Pyomo's `SolutionLoader`."""
         return 1
 
     def get_vars(self, vars_to_load: Sequence[Any] | None = None) -> Mapping[Any, float]:
-        """The values by variable: see Pyomo's `SolutionLoader`."""
-        return _chosen(ComponentMap(self._reading.values(self._z)), vars_to_load)
+        return _chosen(self._reading.values(self._z), vars_to_load)
 
     def get_duals(self, cons_to_load: Sequence[Any] | None = None) -> Any:
-        """p by condition: see Pyomo's `SolutionLoader`."""
-        forces = self._reading.forces(self._z)
-        return _chosen(ComponentMap((owner, force) for owner, _, force, _ in forces), cons_to_load)
+        return _chosen(self._reading.multipliers(self._z), cons_to_load)
 
     def get_reduced_costs(self, vars_to_load: Sequence[Any] | None = None) -> Mapping[Any, float]:
-        """The marginal by variable: see Pyomo's `SolutionLoader`."""
-        forces = self._reading.forces(self._z)
-        return _chosen(ComponentMap((variable, marginal) for _, variable, _, marginal in forces), vars_to_load)
+        return _chosen(self._reading.marginals(self._z), vars_to_load)
 
 
 @SolverFactory.register("icpmodel", doc="Implicit complementarity problems by modulus-based methods")
@@ -94,21 +78,28 @@ class PyomoSolver(SolverBase):
 
     `solver_options` (`options` in the legacy interface): `method` and what it takes, `rtol`, `atol`, `accuracy`,
     `max_iter`, `callback`. The start is what the variables' values say. `tee` prints the card of the solution.
-    `results.extra_info.solution` is the `Solution`, with its certificate; its z are ±the variables, see `Reading`.
+    `results.extra_info.solution` is the `Solution`, with its certificate; its z are ±the variables, see `PyomoReading`.
+
+    >>> import pyomo.environ as pyo
+    >>> from pyomo.mpec import Complementarity, complements
+    >>> model = pyo.ConcreteModel()
+    >>> model.x = pyo.Var()
+    >>> model.c = Complementarity(expr=complements(model.x >= 0, 2 * model.x >= 3))
+    >>> results = pyo.SolverFactory("icpmodel").solve(model)
+    >>> str(results.solver.termination_condition), model.x.value
+    ('optimal', 1.5)
     """
 
     CONFIG = SolverConfig()
 
     def available(self) -> Availability:
-        """Always: see Pyomo's `SolverBase`."""
         return Availability.FullLicense
 
     def version(self) -> tuple[int, ...]:
-        """That of icpmodel: see Pyomo's `SolverBase`."""
         return tuple(int(part) for part in _VERSION.split("."))
 
     def solve(self, model: Any, **kwds: Any) -> Results:
-        """Solve `model`, see `read_pyomo` for what it may be, and load the answer: see Pyomo's `SolverBase`.
+        """Solve `model`, see `read_pyomo` for what it may be, and load the answer.
 
         Raises InputError, with a component's name, for another model, NoOptimalSolutionError where the run failed and
         `raise_exception_on_nonoptimal_result` is set, as it is by default in the new interface.
@@ -130,13 +121,13 @@ class PyomoSolver(SolverBase):
         if left is not None:
             left = max(left - (time.perf_counter() - begin), 0.0)
         timer.start("solve")
-        solution = reading.problem.solve(z0=reading.start(), time_limit=left, raise_on_failure=False, **options)
+        solution = solved(reading, time_limit=left, **options)
         timer.stop("solve")
         StaleFlagManager.mark_all_as_stale()
         self._fill(results, reading, solution)
         for stream in config.tee:
             print(f"icpmodel {_VERSION}\n{solution}\n{results.solver_log}", file=stream)
-        results.solution_loader = Loader(model, reading, solution.z)
+        results.solution_loader = AnswerLoader(model, reading, solution.z)
         if config.raise_exception_on_nonoptimal_result and results.solution_status is not SolutionStatus.optimal:
             raise NoOptimalSolutionError(results.solver_log)
         if config.load_solutions:
@@ -144,10 +135,10 @@ class PyomoSolver(SolverBase):
         results.timing_info.wall_time = time.perf_counter() - begin
         return results
 
-    def _fill(self, results: Results, reading: Reading, solution: Solution) -> None:
+    def _fill(self, results: Results, reading: PyomoReading, solution: Solution) -> None:
         """The status, honestly: a point outside a variable's bounds is no solution."""
         results.extra_info.solution = solution
-        results.termination_condition, results.solution_status = _ENDS[solution.status]
+        results.termination_condition, results.solution_status = ENDS[solution.status]
         results.solver_log = solution.message
         fault = reading.out_of_bounds(solution.z, solution.tolerance) if solution.solved else ""
         if fault:
@@ -162,6 +153,7 @@ class PyomoSolver(SolverBase):
             results.incumbent_objective = 0.0  # there is none; Pyomo takes a number here for "there is a solution"
 
 
-def _chosen(found: Any, wanted: Sequence[Any] | None) -> Any:
-    """The entries of a ComponentMap that are wanted, None for all."""
+def _chosen(pairs: list[tuple[Any, Any]], wanted: Sequence[Any] | None) -> Any:
+    """The pairs as a ComponentMap, of the components that are wanted, None for all."""
+    found = ComponentMap(pairs)
     return found if wanted is None else ComponentMap((component, found[component]) for component in wanted)

@@ -1,7 +1,4 @@
-"""Implicit complementarity problems written with CVXPY's variables, parameters and expressions.
-
-This file imports CVXPY: it is loaded when `icpmodel.Problem` or `icpmodel.complements` is first used.
-"""
+"""Implicit complementarity problems written with CVXPY's variables, parameters and expressions."""
 
 from __future__ import annotations
 
@@ -9,7 +6,6 @@ from collections.abc import Iterable
 from typing import Any
 
 import cvxpy as cp
-import numpy as np
 
 from ...crosscheck.report import Report
 from ...errors import InputError, NotSolved
@@ -17,44 +13,9 @@ from ...icp import ICP
 from ...methods.contract import Method
 from ...numerics.arrays import described
 from ...solve.solution import Solution
-from .names import named
-from .reader import Reading
-
-
-class Complementarity:
-    """p ≥ 0, r ≥ 0, pᵀr = 0, entry by entry, between two CVXPY expressions of one shape; `complements` makes it.
-
-    `sides` the two as they were given. After a solve `p` and `r` are their values, in the shape of the expressions:
-    each is the multiplier of the other one's sign. Before, and after a solve that failed, they are None.
-
-    >>> z = cp.Variable(2)
-    >>> contact = complements(2 * z - [2, -2], z)
-    >>> _ = Problem([contact]).solve()
-    >>> z.value, contact.p, contact.r
-    (array([1., 0.]), array([0., 2.]), array([1., 0.]))
-    """
-
-    def __init__(self, first: cp.Expression, second: cp.Expression) -> None:
-        self.sides = (first, second)
-        self.p: np.ndarray | None = None
-        self.r: np.ndarray | None = None
-
-    def __repr__(self) -> str:
-        return f"complements({named(self.sides[0])}, {named(self.sides[1])})"
-
-
-def complements(p: Any, r: Any) -> Complementarity:
-    """The constraint p ≥ 0 ⟂ r ≥ 0 of a `Problem`: p = Az + q affine, r = z − ψ(z).
-
-    Parameters: `p` and `r`, CVXPY expressions of one shape. Where only one of them can be r, because the other is not
-    affine, or does not have one entry of z for itself in each row, their order does not matter.
-    Returns a `Complementarity`. Raises InputError where they are no such expressions.
-
-    >>> z = cp.Variable(2, name="z")
-    >>> complements(2 * z - 1, z - 3)
-    complements(2.0 * z + -1.0, z + -3.0)
-    """
-    return Complementarity(*_same_shape(_expression(p), _expression(r)))
+from ..reading import solved
+from .complementarity import Complementarity
+from .expressions import CvxpyReading
 
 
 class Problem:
@@ -71,8 +32,10 @@ class Problem:
     Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016); Agrawal et al., Differentiable convex optimization
     layers (2019), for DPP.
 
+    >>> import cvxpy as cp
     >>> z, load = cp.Variable(2), cp.Parameter(2)
-    >>> problem = Problem([complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.3 * cp.minimum(z, 1))])
+    >>> pair = icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.3 * cp.minimum(z, 1))
+    >>> problem = icp.Problem(pair)
     >>> for load.value in ([1, -3], [4, 4]):
     ...     _ = problem.solve()
     ...     print(z.value.round(6) + 0.0)
@@ -90,14 +53,14 @@ class Problem:
                 raise InputError(f"constraints[{k}] is {constraint}; complements(p, r) was expected")
         self.constraints = list(constraints)
         self.solution: Solution | None = None
-        self._reading = Reading([constraint.sides for constraint in self.constraints])
+        self._reading = CvxpyReading(self.constraints)
 
     @property
     def variables(self) -> list[cp.Variable]:
         """The variables in the order in which z stacks them.
 
         >>> x, y = cp.Variable(2, name="x"), cp.Variable(name="y")
-        >>> Problem([complements(y + 1, y), complements(x - y, x)]).variables
+        >>> icp.Problem([icp.complements(y + 1, y), icp.complements(x - y, x)]).variables
         [Variable((), y), Variable((2,), x)]
         """
         return list(self._reading.variables)
@@ -107,10 +70,10 @@ class Problem:
         """The ICP at the present values of the parameters. Raises InputError where a parameter has none.
 
         >>> z = cp.Variable(2)
-        >>> Problem(complements(z - 1, 2 * z - 6)).icp
+        >>> icp.Problem(icp.complements(z - 1, 2 * z - 6)).icp
         ICP(n=2, nnz=2, psi=Constant(3))
         """
-        return self._reading.icp()
+        return self._reading.problem
 
     def solve(
         self, method: str | Method | None = None, *, z0: Any = None, raise_on_failure: bool = True, **options: Any
@@ -123,18 +86,23 @@ class Problem:
         `raise_on_failure` is False; the variables then have no values, and `solution.z` is the best iterate.
 
         >>> z = cp.Variable()
-        >>> Problem([complements(2 * z - 3, z - cp.exp(z - 3))]).solve("newton").z.round(6), float(z.value.round(6))
+        >>> icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve("newton").z.round(6), float(z.value)
         (array([1.5]), 1.5)
         """
-        icp = self.icp
-        start = self._reading.start() if z0 is None else z0
-        self.solution = icp.solve(method, z0=start, raise_on_failure=False, **options)
-        self._reading.write(self.solution.z if self.solution.solved else None)
-        for constraint, (p, r) in zip(self.constraints, self._reading.p_and_r, strict=True):
-            constraint.p, constraint.r = (p.value, r.value) if self.solution.solved else (None, None)
-        if raise_on_failure and not self.solution.solved:
-            raise NotSolved(self.solution)
-        return self.solution
+        reading = self._reading
+        self.solution = solution = solved(reading, method, z0=z0, **options)
+        for variable, value in reading.values(solution.z):
+            variable.save_value(value if solution.solved else None)
+        for constraint in self.constraints:
+            constraint.p = constraint.r = None
+        if solution.solved:
+            for constraint, p in reading.multipliers(solution.z):
+                constraint.p = p
+            for constraint, r in reading.distances(solution.z):
+                constraint.r = r
+        elif raise_on_failure:
+            raise NotSolved(solution)
+        return solution
 
     def crosscheck(
         self,
@@ -149,7 +117,7 @@ class Problem:
         It solves first where the parameters have changed since, or nothing was solved.
 
         >>> z = cp.Variable(2)
-        >>> Problem([complements(2 * z - [1, -1], z)]).crosscheck(["osqp"]).agrees
+        >>> icp.Problem(icp.complements(2 * z - [1, -1], z)).crosscheck(["osqp"]).agrees
         True
         """
         icp = self.icp
@@ -159,24 +127,3 @@ class Problem:
 
     def __repr__(self) -> str:
         return f"Problem({self.constraints})"
-
-
-def _expression(side: Any) -> cp.Expression:
-    if isinstance(side, cp.Constraint):
-        raise InputError(f"complements was given the constraint {side}; give the two expressions p and r without >= 0")
-    if isinstance(side, cp.Expression):
-        return side
-    try:
-        if side is not None:  # CVXPY would make NaN of it
-            return cp.Expression.cast_to_const(side)
-    except Exception:
-        pass
-    raise InputError(f"complements was given {described(side)}; CVXPY expressions were expected")
-
-
-def _same_shape(p: cp.Expression, r: cp.Expression) -> tuple[cp.Expression, cp.Expression]:
-    if p.shape != r.shape:
-        raise InputError(
-            f"complements(p, r) goes entry by entry: p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
-        )
-    return p, r

@@ -1,7 +1,4 @@
-"""icpmodel as a solver of CVXPY, for convex quadratic programs.
-
-This file imports CVXPY: it is loaded when `icpmodel.cvxpy_solver` is first used.
-"""
+"""icpmodel as a solver of CVXPY, for convex quadratic programs."""
 
 from __future__ import annotations
 
@@ -18,7 +15,8 @@ from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
 
 from ...errors import InputError
 from ...numerics.arrays import as_number
-from .quadratic import Answer, Program, solve_program
+from .program_solving import ProgramOutcome, solve_program
+from .quadratic import Program
 
 _OPTIONS = ("tolerance", "time_limit")
 
@@ -30,33 +28,30 @@ class IcpSolver(QpSolver):
     BOUNDED_VARIABLES = False
 
     def name(self) -> str:
-        """The name that CVXPY reports."""
         return "ICPMODEL"
 
     def import_solver(self) -> None:
         """Nothing is left to import."""
 
     def cite(self, data: Any) -> str:
-        """There is nothing to cite."""
         return ""
 
     def solve_via_data(
         self, data: Any, warm_start: bool, verbose: bool, solver_opts: Any, solver_cache: Any = None
-    ) -> Answer:
+    ) -> ProgramOutcome:
         """Solve what CVXPY has compiled. Raises InputError for a wrong option, SolverError where nothing is found."""
         for option in solver_opts:
             if option not in _OPTIONS:
                 raise InputError(f"the solver ICPMODEL has no option {option}; it takes {', '.join(_OPTIONS)}")
-        limits = {name: as_number(value, name, above=0) for name, value in solver_opts.items()}
-        answer = solve_program(_program(data), **limits)
+        limits: dict[str, Any] = {name: as_number(value, name, above=0) for name, value in solver_opts.items()}
+        outcome = solve_program(program_of(data), **limits)
         if verbose:
-            print(f"icpmodel: {answer.status} after {answer.steps} steps: {answer.message}")
-        if answer.status == settings.SOLVER_ERROR:
-            raise cp.SolverError(f"icpmodel: {answer.message}")
-        return answer
+            print(f"icpmodel: {outcome.status} after {outcome.steps} steps: {outcome.message}")
+        if outcome.status == settings.SOLVER_ERROR:
+            raise cp.SolverError(f"icpmodel: {outcome.message}")
+        return outcome
 
-    def invert(self, solution: Answer, inverse_data: Any) -> Solution:
-        """CVXPY's own form of the answer."""
+    def invert(self, solution: ProgramOutcome, inverse_data: Any) -> Solution:
         attributes = {
             settings.SOLVE_TIME: solution.seconds,
             settings.NUM_ITERS: solution.steps,
@@ -87,15 +82,17 @@ def cvxpy_solver() -> IcpSolver:
     data are about 1) and `time_limit` in seconds.
     Returns always the same object, by which CVXPY knows that a problem with parameters need not be compiled again.
 
+    >>> import cvxpy as cp
     >>> x = cp.Variable(2)
     >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x - [3, 0])), [cp.sum(x) == 1, x >= 0])
-    >>> round(problem.solve(solver=cvxpy_solver()), 6), x.value.round(6) + 0.0
+    >>> round(problem.solve(solver=icp.cvxpy_solver()), 6), x.value.round(6) + 0.0
     (4.0, array([1., 0.]))
     """
     return IcpSolver()
 
 
-def _program(data: Any) -> Program:
+def program_of(data: Any) -> Program:
+    """What CVXPY has compiled, by its own names for the parts."""
     matrices = (sp.csr_array(data[key]) for key in (settings.P, settings.A, settings.F))
     vectors = (np.asarray(data[key], dtype=np.float64) for key in (settings.Q, settings.B, settings.G))
     (P, A, F), (q, b, g) = matrices, vectors

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from .. import modelling
 from ..icp import ICP
-from ..modelling.cvxpy.problem import Problem, complements
-from ..modelling.pyomo.reader import read_pyomo
 from ..present.table import Table
 from ..problem.affine import Affine
 from ..problem.elementwise import Elementwise
@@ -55,7 +54,7 @@ def _cvxpy(n: int) -> Iterator[_Pair]:
         return problem.A @ z + problem.q, z - problem.psi.value(problem.q)
 
     def read() -> ICP:
-        return Problem(complements(*sides())).icp
+        return modelling.Problem(modelling.complements(*sides())).icp
 
     def write() -> object:
         return cp.Problem(cp.Minimize(0), [side >= 0 for side in sides()]).get_problem_data(cp.OSQP)
@@ -82,7 +81,7 @@ def _pyomo(n: int) -> Iterator[_Pair]:
         plain.complementarity.deactivate()
 
         def read(model: Any = model) -> object:
-            return read_pyomo(model)
+            return modelling.read_pyomo(model)
 
         def write(plain: Any = plain) -> object:
             return NLWriter().write(plain, io.StringIO())
