@@ -56,7 +56,7 @@ class Tridiagonal(Method):
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float | None]]:
         """See `Method.iterates`. It never raises SingularOperator: it stands still instead."""
-        from ..numerics.kernels.tridiagonal import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
+        from ..numerics.kernels.thomas import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
 
         yield z, None
         A, q, c = problem.A, problem.q, with_fixed_obstacle(problem).psi.value(z)

@@ -65,7 +65,7 @@ def as_array(value: Any, name: str) -> np.ndarray:
 
 
 def described(value: Any) -> str:
-    """What a message calls `value`, which is not what was expected: None, texts and numbers as they are, else the type."""
+    """What a message calls `value`, which was not expected: None, texts and numbers as they are, else the type."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
     plain = value is None or isinstance(value, str | int | float | np.number)
@@ -219,6 +219,11 @@ def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.i
 def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
     """The row of each stored entry of a CSR matrix, shape (nnz,)."""
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+def is_symmetric(matrix: sp.csr_array) -> bool:
+    """Whether a sparse matrix equals its transpose, entry by entry."""
+    return (matrix != matrix.T).nnz == 0
 
 
 def bandwidths(matrix: sp.csr_array) -> tuple[int, int]:

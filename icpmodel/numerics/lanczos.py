@@ -39,7 +39,7 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
     Parameters: `A` CSR, shape (n, n), rows sorted, with a nonzero diagonal. Returns CSR with the pattern of A.
     Reference: Young, Iterative Solution of Large Linear Systems (1971), chapter 6.
     """
-    from .kernels.rows import couple  # loads numba
+    from .kernels.products import couple  # loads numba
 
     weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
     return sp.csr_array((couple(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)

@@ -9,10 +9,9 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.errors import InputError
-from icpmodel.numerics.kernels.pivots import search_pivots
+from icpmodel.theory import p_matrix
 from icpmodel.theory.matrices import p_matrix as pmatrix
 from icpmodel.theory.matrices.classes import MatrixClasses, classify
-from icpmodel.theory.matrices.p_matrix import p_matrix
 
 CYCLE = [[1, 0, 2], [2, 1, 0], [0, 2, 1]]
 
@@ -322,18 +321,18 @@ class TestSoundness:
         """1.05 − 1·1/1 is positive, and negative somewhere within ±0.1 of any entry."""
         rad = np.zeros((2, 2))
         rad[place] = 0.1
-        found, undecided = pmatrix._run(search_pivots, np.array([[1.0, 1.0], [1.0, 1.05]]), rad, 4)
+        found, undecided = pmatrix.search_minors(np.array([[1.0, 1.0], [1.0, 1.05]]), rad, 4)
         assert (found, undecided.tolist()) == (0, [3])
 
     def test_both_radii_of_a_product_count(self):
         """1.205 − (1 ± 0.1)² may be negative, and only just."""
         rad = np.array([[0.0, 0.1], [0.1, 0.0]])
-        found, undecided = pmatrix._run(search_pivots, np.array([[1.0, 1.0], [1.0, 1.205]]), rad, 4)
+        found, undecided = pmatrix.search_minors(np.array([[1.0, 1.0], [1.0, 1.205]]), rad, 4)
         assert (found, undecided.tolist()) == (0, [3])
 
     def test_overflow_is_undecided(self):
         mid = np.array([[1.0, 1e200], [1e200, 1.0]])
-        assert pmatrix._run(search_pivots, mid, np.zeros((2, 2)), 4)[0] == 0
+        assert pmatrix.search_minors(mid, np.zeros((2, 2)), 4)[0] == 0
 
     def test_perrons_vector_spares_the_linear_solve(self):
         answer = check([[1.0, -0.5, 0.0], [-3.0, 1.0, -3.0], [0.0, -0.5, 1.0]]).h

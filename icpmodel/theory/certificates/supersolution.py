@@ -76,10 +76,9 @@ class SupersolutionProof(Proof):
 
 
 def prove(problem: ProblemData) -> SupersolutionProof | str:
-    """Policy iteration for a few margins m, each s checked with rounding included.
+    """Policy iteration for a few margins m, each s checked with rounding included. It depends on q as well.
 
-    Returns the proof, or the reason why there is none. It depends on q as well, so that it is remembered together
-    with the q that it was made for.
+    Returns the proof, or the reason why there is none.
     """
     try:
         return _prove(problem)

@@ -12,9 +12,10 @@ import scipy.sparse as sp
 from ...algebra.splittings import Given
 from ...errors import SingularOperator
 from ...numerics.arrays import Vector, row_of
+from ...numerics.equilibration import equilibrated, in_units
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
-from ..comparison import comparison_matrix
+from ..matrices.comparison_matrix import comparison_matrix
 
 #: up to this n the inverse of an X that is no M-matrix is computed densely, and so is known from both sides
 DENSE = 300
@@ -128,11 +129,9 @@ class Dense(AbsoluteInverse):
         """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
         n, errstate = X.shape[0], np.errstate(all="ignore")
         with errstate:
-            # rows and columns of size 1, by powers of two, so that units cost no accuracy
-            rows = _power_of_two(abs(size).max(axis=1).toarray().reshape(-1))
-            scaled = (size.toarray().T / rows).T
-            columns = _power_of_two(scaled.max(axis=0))
-            S, Y = scaled / columns, (X.toarray().T / rows).T / columns
+            # so that units cost no accuracy
+            S, rows, columns = equilibrated(size.toarray())
+            Y = in_units(X.toarray(), rows, columns)
             try:
                 R = np.linalg.inv(Y)
             except np.linalg.LinAlgError:
@@ -143,8 +142,8 @@ class Dense(AbsoluteInverse):
             if not e < 0.5:
                 return None
             error = absolute.max(axis=0) * (e / (1 - e)) * (1 + 8 * UNIT_ROUNDOFF)
-            back = np.outer(1 / columns, 1 / rows)
-            below, above = np.maximum(absolute - error, 0.0) * back, (absolute + error) * back
+            below = in_units(np.maximum(absolute - error, 0.0), columns, rows)
+            above = in_units(absolute + error, columns, rows)
         return cls(below, above) if np.isfinite(above).all() else None
 
     def upper(self, w: Vector) -> Vector:
@@ -165,7 +164,3 @@ class Dense(AbsoluteInverse):
 def is_diagonal(matrix: sp.csr_array) -> bool:
     """Whether every nonzero entry of `matrix` (CSR) is on its diagonal."""
     return bool((matrix.data[matrix.indices != row_of(matrix)] == 0).all())
-
-
-def _power_of_two(x: Any) -> Any:
-    return np.exp2(np.round(np.log2(np.where(x > 0, x, 1.0))))

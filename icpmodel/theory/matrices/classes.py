@@ -10,8 +10,10 @@ import scipy.sparse as sp
 
 from ...numerics.arrays import as_csr, row_of
 from ..answers import Answer
-from ..comparison import comparison_matrix
+from .comparison_matrix import comparison_matrix
+from .definiteness import definiteness, semidefinite_up_to_rounding
 from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs
+from .p_matrix import decide
 
 #: the classes in the order of the table, with their names
 NAMES = {
@@ -39,6 +41,21 @@ def classify(A: Any) -> MatrixClasses:
     yes: Z-matrix and H+-matrix
     """
     return MatrixClasses(as_csr(A, "A", keep_diagonal=True))
+
+
+def p_matrix(A: Any) -> Answer:
+    """Whether `A`, shape (n, n), dense or sparse, is a P-matrix.
+
+    The witness of False is the index set, an array, of a principal minor ≤ 0; None where the reason is the proof.
+    Raises InputError where A is no square matrix of finite numbers. Reference: the docstring of the module
+    `icpmodel.theory.matrices.p_matrix`.
+
+    >>> p_matrix([[1, 0, 2], [2, 1, 0], [0, 2, 1]]).holds
+    True
+    >>> p_matrix([[1, 0, -2], [2, 1, 0], [0, -2, 1]]).witness, p_matrix([[1, 2], [2, 1]]).witness
+    (None, array([0, 1]))
+    """
+    return classify(A).p
 
 
 class MatrixClasses:
@@ -130,8 +147,6 @@ class MatrixClasses:
 
     @cached_property
     def _definiteness(self) -> tuple[Answer, Answer]:
-        from .definiteness import definiteness
-
         return definiteness(self.A)
 
     @cached_property
@@ -152,8 +167,6 @@ class MatrixClasses:
 
         Witness of no: as for `semidefinite`.
         """
-        from .definiteness import semidefinite_up_to_rounding
-
         if self.semidefinite.holds:
             return self.semidefinite
         found = semidefinite_up_to_rounding(self.A)
@@ -161,9 +174,7 @@ class MatrixClasses:
 
     @cached_property
     def p(self) -> Answer:
-        """P-matrix: all principal minors are positive; see `pmatrix`. Witness of no: the indices of one ≤ 0."""
-        from .p_matrix import decide
-
+        """P-matrix: all principal minors are positive; see `p_matrix`. Witness of no: the indices of one ≤ 0."""
         return decide(self)
 
     @cached_property

@@ -24,12 +24,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...numerics import rational as exact
 from ...numerics.arrays import Vector, row_of
-from ...numerics.equilibration import in_units, natural_units
+from ...numerics.equilibration import in_units, natural_exponents
+from ...numerics.rational import as_witness, m_matrix, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
 from ..answers import Answer
-from ..comparison import comparison_matrix, scaling_vectors, solve_for_diagonal
+from .comparison_matrix import comparison_matrix, scaling_vectors, solve_for_diagonal
 
 #: so many steps of the power method cost less than a linear solve
 _POWER_STEPS = 30
@@ -140,7 +140,7 @@ def dominating_vector(A: sp.csr_array) -> Vector | None:
         for _, v in scaling_vectors(C):
             if (lower(C, v) > 0).all():
                 return v
-    r, c = natural_units(C)
+    r, c = natural_exponents(C)
     S = without_zeros(in_units(C, r, c))
     if not np.isfinite(S.data).all():
         return None
@@ -152,7 +152,7 @@ def dominating_vector(A: sp.csr_array) -> Vector | None:
 def _decide(C: sp.csr_array) -> Answer:
     """Whether `C` = ⟨C⟩ is a nonsingular M-matrix."""
     count, block = irreducible_blocks(C)
-    r, c = natural_units(C)
+    r, c = natural_exponents(C)
     S = without_zeros(in_units(within_blocks(C, block), r, c))
     if np.isfinite(S.data).all():
         for name, y in _candidates(S, block, count):
@@ -219,10 +219,10 @@ def _exactly(C: sp.csr_array, block: NDArray[np.int32], count: int) -> Answer:
     for b in range(count):
         rows = np.flatnonzero(block == b)
         dense = C[rows][:, rows].toarray()
-        _, x = exact.m_matrix(dense)
+        _, x = m_matrix(dense)
         if x is not None:
-            C_exact = exact.rationals(dense)
-            part = exact.as_witness(
+            C_exact = rationals(dense)
+            part = as_witness(
                 x, lambda x, C=C_exact: all(sum(map(mul, row, x)) <= 0 for row in C) and min(x) >= 0 and any(x)
             )
             full = np.zeros(C.shape[0], dtype=part.dtype)

@@ -16,21 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...numerics import rational as exact
 from ...numerics.arrays import row_of
-from ...numerics.equilibration import in_units, natural_units
+from ...numerics.equilibration import in_units, natural_exponents
+from ...numerics.rational import Rationals, eliminate, nearest, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .h_matrix import by_row_sums, irreducible_blocks
-
-if TYPE_CHECKING:
-    from .classes import MatrixClasses
 
 #: irreducible blocks up to this size are decided by all of their minors: a second or two
 LIMIT = 26
@@ -42,25 +39,26 @@ _ROWS, _NEIGHBOURS = 200, 9
 Indices = NDArray[np.intp]
 
 
-def p_matrix(A: Any) -> Answer:
-    """Whether `A`, shape (n, n), dense or sparse, is a P-matrix.
+class Classes(Protocol):
+    """What is, or will be, known of `A`: see `MatrixClasses`."""
 
-    The witness of False is the index set, an array, of a principal minor ≤ 0; None where the reason is the proof.
-    Raises InputError where A is no square matrix of finite numbers. Reference: the docstring of the module
-    `icpmodel.theory.matrices.p_matrix`.
+    def __init__(self, A: sp.csr_array) -> None: ...
+    @property
+    def A(self) -> sp.csr_array: ...
+    @property
+    def symmetric(self) -> Answer: ...
+    @property
+    def z(self) -> Answer: ...
+    @property
+    def h(self) -> Answer: ...
+    @property
+    def h_plus(self) -> Answer: ...
+    @property
+    def definite(self) -> Answer: ...
 
-    >>> p_matrix([[1, 0, 2], [2, 1, 0], [0, 2, 1]]).holds
-    True
-    >>> p_matrix([[1, 0, -2], [2, 1, 0], [0, -2, 1]]).witness, p_matrix([[1, 2], [2, 1]]).witness
-    (None, array([0, 1]))
-    """
-    from .classes import classify
 
-    return classify(A).p
-
-
-def decide(known: MatrixClasses) -> Answer:
-    """`p_matrix` for a matrix of which `known` is what is, or will be, known."""
+def decide(known: Classes) -> Answer:
+    """Whether the matrix of which so much is `known` is a P-matrix; the witness of False are indices of a minor ≤ 0."""
     A = known.A
     diagonal = A.diagonal()
     if (diagonal <= 0).any():
@@ -106,7 +104,7 @@ def _open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
 
 def _minor_of_order_two(A: sp.csr_array) -> Indices | None:
     """Indices i < j with a_ii a_jj ≤ a_ij a_ji, or None where no stored pair was found to have that."""
-    S = in_units(A, *natural_units(A))
+    S = in_units(A, *natural_exponents(A))
     with np.errstate(all="ignore"):
         product = sp.csr_array(S * sp.csr_array(S.T))
         i, j = row_of(product), product.indices
@@ -116,12 +114,12 @@ def _minor_of_order_two(A: sp.csr_array) -> Indices | None:
     for k in near[np.argsort(-ratio[near])][:_PAIRS]:
         pair = np.array([i[k], j[k]], dtype=np.intp)
         minor = [[A[row, column] for column in pair] for row in pair]
-        if exact.eliminate(exact.rationals(minor), [0, 1]) is not None:
+        if eliminate(rationals(minor), [0, 1]) is not None:
             return pair
     return None
 
 
-def _by_class(known: MatrixClasses) -> Answer:
+def _by_class(known: Classes) -> Answer:
     """For blocks beyond LIMIT: theorems first, then small minors."""
     if known.h_plus.holds:
         return Answer(True, "H+-matrix")
@@ -132,7 +130,7 @@ def _by_class(known: MatrixClasses) -> Answer:
     if known.symmetric.holds and known.definite.holds is False:
         return Answer(False, "symmetric and not positive definite")
     A = known.A
-    S = abs(in_units(A, *natural_units(A)))
+    S = abs(in_units(A, *natural_exponents(A)))
     margin = 2 * S.diagonal() - S.sum(axis=1)
     coupling = sp.csr_array(S + S.T)
     for i in np.argsort(margin, kind="stable")[:_ROWS]:
@@ -151,10 +149,8 @@ def _by_class(known: MatrixClasses) -> Answer:
 
 def _by_pivots(A: sp.csr_array) -> Answer:
     """The exact test, for n ≤ 60 or so; the time doubles with each row."""
-    from ...numerics.kernels.pivots import search_pivots
-
     n = A.shape[0]
-    r, c = natural_units(A)
+    r, c = natural_exponents(A)
     scaled = in_units(A, r, c).toarray()
     # what left the normal range is known up to the smallest float, or not at all
     lost = np.where((A.toarray() != 0) & (np.abs(scaled) < 2.0**-1000), SMALLEST, 0.0)
@@ -163,27 +159,29 @@ def _by_pivots(A: sp.csr_array) -> Answer:
     budget = 10**6 // n**3 + 1
     while tasks:
         mid, rad, before, rest = tasks.pop()
-        found, undecided = _run(search_pivots, mid, rad, budget)
+        found, undecided = search_minors(mid, rad, budget)
         if found:
             return _not_p(before + _members(found, rest))
         for bits in undecided:
             chosen = before + _members(bits, rest)
             later = rest[int(bits).bit_length() :]
             M = _in_rational_units(A, r, c)
-            failed = exact.eliminate(M, chosen, later)
+            failed = eliminate(M, chosen, later)
             if failed is not None:
                 return _not_p(chosen[: failed + 1])
             budget -= 1
             if budget <= 0:
                 return Answer(None, "undecided within rounding: too many of its principal minors are nearly zero")
             if later:
-                mid = np.array([[exact.nearest(M[i][j]) for j in later] for i in later])
+                mid = np.array([[nearest(M[i][j]) for j in later] for i in later])
                 tasks.append((mid, np.abs(mid) * UNIT_ROUNDOFF + SMALLEST, chosen, later))
     return Answer(True, "all principal minors are positive, rounding considered")
 
 
-def _run(search_pivots: Any, mid: Any, rad: Any, most: int) -> tuple[int, NDArray[np.int64]]:
+def search_minors(mid: Any, rad: Any, most: int) -> tuple[int, NDArray[np.int64]]:
     """The compiled search on one matrix of size m: the index set found, as bits, or 0, and the undecided ones."""
+    from ...numerics.kernels.principal_minors import search_pivots  # loads numba
+
     m = mid.shape[0]
     mids, rads = np.empty((m + 1, m, m)), np.empty((m + 1, m, m))
     mids[0], rads[0] = mid, rad
@@ -203,9 +201,9 @@ def _not_p(minor: tuple[int, ...]) -> Answer:
     )
 
 
-def _in_rational_units(A: sp.csr_array, r: Any, c: Any) -> exact.Rationals:
+def _in_rational_units(A: sp.csr_array, r: Any, c: Any) -> Rationals:
     """What `in_units` gives, without its rounding."""
     return [
         [entry * Fraction(2) ** int(r[i] + c[j]) if entry else entry for j, entry in enumerate(row)]
-        for i, row in enumerate(exact.rationals(A))
+        for i, row in enumerate(rationals(A))
     ]

@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..numerics.arrays import Vector, as_csr, diagonal_positions
-from ..numerics.factorisation import factorise
-from ..numerics.multigrid import quiet, ruge_stuben
+from ...numerics.arrays import Vector, as_csr, diagonal_positions
+from ...numerics.factorisation import factorise
+from ...numerics.multigrid import KrylovMultigrid
 
 #: up to this size a factorisation costs less than looking for a cheaper way
 _FACTORISE_FIRST = 20_000
-#: with multigrid as preconditioner a Krylov method that needs more steps will not get there
-_KRYLOV_STEPS = 30
 
 
 def comparison_matrix(A: Any) -> sp.csr_array:
@@ -66,14 +64,14 @@ def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
     if (np.abs(diagonal) < np.finfo(np.float64).tiny).any():
         return None
     rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ M)  # so that units do not look like singularity
-    v = _multigrid(rows) if M.shape[0] > _FACTORISE_FIRST and (diagonal > 0).all() else None
-    if v is not None:
-        return v
+    ones = np.ones(M.shape[0])
+    if M.shape[0] > _FACTORISE_FIRST and (diagonal > 0).all():
+        v = KrylovMultigrid(rows).solve(ones, 0.5 / np.sqrt(ones.size))
+        if v is not None and (v > 0).all() and (rows @ v > 0).all():
+            return v
     lu = factorise(rows)
-    if lu is None:
-        return None
-    v = np.asarray(lu.solve(np.ones(M.shape[0])))
-    return v if np.isfinite(v).all() else None
+    v = None if lu is None else lu.solve(ones)
+    return v if v is not None and np.isfinite(v).all() else None
 
 
 def layered(comparison: sp.csr_array) -> Vector | None:
@@ -88,7 +86,7 @@ def layered(comparison: sp.csr_array) -> Vector | None:
     Parameters: `comparison` = ⟨A⟩, CSR, shape (n, n), with a positive diagonal. Returns v of shape (n,), or None where
     a row is not weakly dominant, not joined to a strictly dominant one, or f is refused.
     """
-    from ..numerics.kernels.layers import layer_increments, layers
+    from ...numerics.kernels.graph import layer_increments, layers
 
     diagonal = comparison.diagonal()
     # exactly 0 where the entries cancel exactly; a row that is dominant by rounding only makes a bad v, no wrong one
@@ -107,16 +105,3 @@ def layered(comparison: sp.csr_array) -> Vector | None:
         if not np.isfinite(v).all() or not np.quantile(comparison @ v / diagonal, 0.9) <= 4.0:
             return None
     return np.asarray(v)
-
-
-def _multigrid(rows: sp.csr_array) -> Vector | None:
-    """v > 0 with `rows` @ v ≈ 1 and positive, by a few Krylov steps with algebraic multigrid; None where that fails."""
-    n, accelerate = rows.shape[0], "cg" if (rows != rows.T).nnz == 0 else "bicgstab"
-    hierarchy = ruge_stuben(rows)
-    with quiet():  # where <A> is indefinite it breaks down: see below
-        try:
-            v = hierarchy.solve(np.ones(n), tol=0.5 / np.sqrt(n), maxiter=_KRYLOV_STEPS, accel=accelerate)
-        except RuntimeError:  # the coarsest level is singular
-            return None
-        good = (v > 0).all() and (rows @ v > 0).all()
-    return np.asarray(v) if good else None
