@@ -21,12 +21,9 @@ _FEW = 10_000
 
 
 def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
-    """A float64 copy of `value` with shape (n,); numbers are broadcast where n is given.
+    """A float64 copy of `value`, a number or of shape (n,), (n, 1) or (1, n), as a vector; `n` None for any length.
 
-    Parameters: `value` number or array-like of shape (n,), (n, 1) or (1, n); `n` expected length, or None for any;
-    `name` the argument's name for messages; `infinite` the one infinite value that is allowed (-inf for an absent
-    obstacle), or None.
-    Returns the vector. Raises InputError where the shape, the type or an entry is wrong.
+    `infinite` is the one infinite value that is allowed. Raises InputError where shape, type or an entry is wrong.
     """
     if sp.issparse(value):
         value = value.toarray()
@@ -119,9 +116,8 @@ def as_number(
 def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool = False) -> sp.csr_array:
     """A private float64 CSR copy of the square matrix `value`: sorted, duplicates summed, indices as small as they fit.
 
-    Parameters: `value` dense array-like or any SciPy sparse matrix of shape (n, n); `name` for messages; `n` expected
-    size or None; `keep_diagonal` stores every diagonal entry, a zero one explicitly, as the sweeps need it.
-    Returns the matrix, its arrays read-only. Raises InputError where shape, type or an entry is wrong.
+    Its arrays are read-only. `keep_diagonal` stores every diagonal entry, a zero one explicitly, as the sweeps need it.
+    Raises InputError where shape, type or an entry is wrong.
     """
     if not sp.issparse(value):
         return freeze(_compressed(as_square(value, name, n), keep_diagonal))

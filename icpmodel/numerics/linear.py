@@ -36,9 +36,6 @@ def solver_of(M: sp.csr_array) -> Solver:
     Large matrices with a positive diagonal and nothing positive off it get CG (where symmetric) or BiCGSTAB with
     algebraic multigrid, to the tolerance that is asked for, and SuperLU where those do not converge; the others are
     factorised. Rows are brought to one size first. The solver returns None where M is singular.
-
-    Parameters: `M` CSR, shape (n, n), n ≥ 0. Returns the solver.
-    Reference: Ruge and Stüben, Algebraic multigrid (1987), for the preconditioner.
     """
     n = M.shape[0]
     if n == 0:

@@ -45,29 +45,33 @@ class KrylovMultigrid:
 
     def solve(self, f: Vector, tolerance: float, maxiter: int = _KRYLOV_STEPS) -> Vector | None:
         """x with ‖Ax − f‖ ≤ 2·`tolerance`‖f‖, shape (n,); None where the steps break down or do not get there."""
-        try:
-            x = self.best(f, tolerance, maxiter)
-        except RuntimeError:  # the coarsest level is singular
-            return None
+        x = self.best(f, tolerance, maxiter)
         with np.errstate(all="ignore"):
-            return x if np.linalg.norm(self._A @ x - f) <= 2 * tolerance * np.linalg.norm(f) else None
+            good = x is not None and np.linalg.norm(self._A @ x - f) <= 2 * tolerance * np.linalg.norm(f)
+        return x if good else None
 
-    def best(self, f: Vector, tolerance: float, maxiter: int) -> Vector:
-        """What the steps end with, wherever that is."""
+    def best(self, f: Vector, tolerance: float, maxiter: int = _KRYLOV_STEPS) -> Vector | None:
+        """What the steps end with, near or far; None where the coarsest level is singular."""
         with _quiet():
-            return np.asarray(self._hierarchy.solve(f, tol=tolerance, maxiter=maxiter, accel=self._accelerate))
+            try:
+                return np.asarray(self._hierarchy.solve(f, tol=tolerance, maxiter=maxiter, accel=self._accelerate))
+            except RuntimeError:
+                return None
 
 
 def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
     """x with ‖Ax − b‖ ≤ `tolerance`‖b‖, or as near as 100 steps of CG get with PyAMG's Ruge–Stüben hierarchy.
 
     BiCGSTAB takes the place of CG where A is not symmetric.
-    Parameters: `A` CSR, shape (n, n); `b` shape (n,). Returns x, shape (n,).
+    Parameters: `A` CSR, shape (n, n); `b` shape (n,). Returns x, shape (n,). Raises LinAlgError.
 
     >>> linear_solve(sp.csr_array([[2.0, 0.0], [0.0, 4.0]]), np.array([2.0, 4.0])).round(6)
     array([1., 1.])
     """
-    return KrylovMultigrid(A).best(b, tolerance, maxiter=_STEPS)
+    x = KrylovMultigrid(A).best(b, tolerance, maxiter=_STEPS)
+    if x is None:
+        raise np.linalg.LinAlgError("A is singular on the coarsest level of its hierarchy")
+    return x
 
 
 @contextmanager

@@ -267,6 +267,16 @@ class TestInvariance:
         assert classify(good).reducible.number == 15
 
 
+def test_two_blocks_that_stay_open_leave_the_whole_open():
+    """n = 30, not H₊, not definite, no small minor ≤ 0."""
+    rng = np.random.default_rng(0)
+    A = np.eye(30) + 0.3 * np.triu(rng.normal(size=(30, 30)), 1) + 0.02 * rng.normal(size=(30, 30))
+    np.fill_diagonal(A, 1.0)
+    for found in (p_matrix(A), p_matrix(sp.block_diag([A, A]))):
+        assert found.holds is None
+        assert "beyond the exact test" in found.reason
+
+
 class TestSoundness:
     def test_one_unit_in_the_last_place_around_singularity(self):
         """Entries moved by one ulp from an exactly singular matrix: never a wrong answer, and here always one."""

@@ -8,7 +8,8 @@ from . import compiled, one
 from . import position as _at
 
 
-def _linked(indptr, indices):
+@compiled
+def linked(indptr, indices):
     # whether every row but the first has an entry before its diagonal with one opposite to it: then each hangs on one
     # of a smaller number and that one on it, and all are one strong component
     for i in range(1, indptr.size - 1):
@@ -25,10 +26,8 @@ def _linked(indptr, indices):
     return True
 
 
-linked = compiled(_linked)
-
-
-def _stages(indptr, indices, part, rows, starts, core):
+@compiled
+def stages(indptr, indices, part, rows, starts, core):
     # part k = rows[starts[k] : starts[k + 1]] hangs on parts of smaller number only. Returns how many of `core` follow
     # one another up to each part, itself included, and which parts are needed by one of `core`, those included
     depth, before = np.zeros(core.size, np.int64), core.copy()
@@ -45,10 +44,8 @@ def _stages(indptr, indices, part, rows, starts, core):
     return depth, before
 
 
-stages = compiled(_stages)
-
-
-def _spread(indptr, indices, chosen, seeds, most):
+@compiled
+def spread(indptr, indices, chosen, seeds, most):
     # `chosen` with the `seeds` and, in layers around these, up to so many more: columns that rows have entries in
     chosen, queue, at, end = chosen | seeds, np.empty(chosen.size, np.int32), 0, 0
     for i in range(chosen.size):
@@ -70,10 +67,8 @@ def _spread(indptr, indices, chosen, seeds, most):
     return chosen
 
 
-spread = compiled(_spread)
-
-
-def _cut(indptr, indices, data, q, rows, z):
+@compiled
+def cut(indptr, indices, data, q, rows, z):
     # A and q in the unknowns `rows` alone, these ascending, all others being what they are in z
     place, m, entries = np.full(z.size, -1, indices.dtype), rows.size, 0
     for t in range(m):
@@ -96,10 +91,8 @@ def _cut(indptr, indices, data, q, rows, z):
     return starts, columns[:at], values[:at], inside
 
 
-cut = compiled(_cut)
-
-
-def _layers(indptr, indices, data, first):
+@compiled
+def layers(indptr, indices, data, first):
     # breadth-first layers along the stored nonzeros j -> indices of row j; layer -1: not reached
     n = first.size
     layer = np.full(n, -1, np.int64)
@@ -123,7 +116,8 @@ def _layers(indptr, indices, data, first):
     return layer, order[:filled]
 
 
-def _layer_increments(indptr, indices, data, surplus, layer, order):
+@compiled
+def layer_increments(indptr, indices, data, surplus, layer, order):
     # g with f(k) = g_0 + ... + g_k and <A>f(layer) >= D1; the data is that of <A>, `surplus` is D^-1<A>1, and
     # above[k] = f(deepest) - f(k)
     deepest = layer[order[-1]]
@@ -147,7 +141,3 @@ def _layer_increments(indptr, indices, data, surplus, layer, order):
             hold = surplus[i] * own
         g[k] = max(g[k], (own + pull) / hold)
     return g
-
-
-layers = compiled(_layers)
-layer_increments = compiled(_layer_increments)

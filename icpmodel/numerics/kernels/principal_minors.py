@@ -7,7 +7,8 @@ from typing import Any
 from . import compiled
 
 
-def _search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) -> Any:
+@compiled
+def search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) -> Any:
     """The signs of all pivots of the intervals mid[0] ± rad[0], n × n.
 
     A is P iff a₁₁ > 0, A without row and column 1 is P, and so is the Schur complement A/a₁₁. That is a binary tree: at
@@ -64,6 +65,3 @@ def _search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) ->
         if level < n:
             base[level], state[level] = to, 0
     return 0, count
-
-
-search_pivots = compiled(_search_pivots)

@@ -136,14 +136,12 @@ def _some_in_order(indptr, indices, data, diag, q, psi, par, forward, Z, squares
         squares[k] = _sweep(indptr, indices, data, diag, q, psi, par, forward, Z[k], Z[k + 1])
 
 
-def _still_needed(half, last, goal, steps):
+@compiled
+def still_needed(half, last, goal, steps):
     # how many more sweeps it takes from the residual `last` to `goal` at the rate of the `steps` since `half`; the same
     # number for three squares
     speed = math.log(half / last) / steps
     return math.log(last / goal) / speed if speed > 0.0 else np.inf
-
-
-still_needed = compiled(_still_needed)
 
 
 def _watched_in_order(indptr, indices, data, diag, q, psi, par, forward, first, share, look, most, z, out):
@@ -242,7 +240,8 @@ def _sweep_triangular(indptr, indices, data, q, psi, omega, start, stop, x_indic
     return squares
 
 
-def _substitute(start, stop, indices, data, tau, inverse, forward, f, out):
+@compiled
+def substitute(start, stop, indices, data, tau, inverse, forward, f, out):
     # X out = f for X = diag(1/inverse) + tau * T, row i of the strictly triangular T at start[i] ... stop[i]
     n = f.size
     for step in range(n):
@@ -272,6 +271,3 @@ class Sweeps:
 SWEEPS = Sweeps(cache=True)
 #: for ψ that calls a user's compiled function: numba cannot find those again in its cache
 USER_SWEEPS = Sweeps(cache=False)
-
-
-substitute = compiled(_substitute)

@@ -28,11 +28,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import MapError
-from ...numerics.arrays import Vector, row_of
+from ...numerics.arrays import Vector
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, lower
 from ...problem.data import ProblemData
 from ...problem.intervention import Intervention
+from ..matrices.h_matrix import z_matrix
 from .proof import Proof, norm_up
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z, small ones
@@ -126,11 +127,9 @@ def _prove(problem: ProblemData) -> SupersolutionProof | str:
 
 def _no_z_matrix(A: sp.csr_array) -> str:
     """Why A is no Z-matrix with A1 ≥ 0, or nothing."""
-    rows = row_of(A)
-    wrong = np.flatnonzero((A.data > 0) & (rows != A.indices))
-    if wrong.size:
-        k = int(wrong[0])
-        return f"A is no Z-matrix: A[{rows[k]}, {A.indices[k]}] = {A.data[k]:g} is positive"
+    found = z_matrix(A)
+    if not found.holds:
+        return f"A is no Z-matrix: {found.reason}"
     for i in np.flatnonzero(~(lower(A, np.ones(A.shape[0])) >= 0)):
         total = math.fsum(A.data[A.indptr[i] : A.indptr[i + 1]].tolist())  # rounded correctly, so of the right sign
         if not total >= 0:

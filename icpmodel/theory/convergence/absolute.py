@@ -46,10 +46,8 @@ def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Absol
     """The best that is known of |X⁻¹|.
 
     |X⁻¹| ≤ ⟨X⟩⁻¹ for an H-matrix, with equality for an M-matrix; for other X with n ≤ 300 a computed inverse R and
-    |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX.
-    Parameters: `X` CSR, shape (n, n), every diagonal entry stored; `size` ≥ 0, CSR, such that X itself is known to a
-    few units of roundoff of it, default |X|. Reference: Berman and Plemmons (1979), chapter 6; Neumaier, Interval
-    Methods for Systems of Equations (1990), section 3.7.
+    |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX. X itself is known to a few units of roundoff of `size`, default |X|.
+    Reference: Berman and Plemmons (1979), chapter 6; Neumaier, Interval Methods (1990), section 3.7.
     """
     size = sp.csr_array(abs(X)) if size is None else size
     comparison = Comparison(X, size)

@@ -24,12 +24,13 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import is_symmetric, row_of
+from ...numerics.arrays import is_symmetric
 from ...numerics.equilibration import in_units, symmetric_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
 from ..answers import Answer
 from ..certificates.definite import LARGEST
 from ..matrices.eigenvalue import is_dense, largest_above, smallest_below, smallest_quotient, within_reach
+from ..matrices.h_matrix import z_matrix
 from ..proofs import proofs_of
 from .absolute import is_diagonal
 from .step import StepMatrices
@@ -53,10 +54,9 @@ DEFINITE = (
 
 def monotone(step: StepMatrices) -> Answer:
     """Whether the step is isotone; X ≥ 2D and X ≥ 2Ω are read up to the rounding of φ and Ω."""
-    A = step.A
-    off = A.data[A.indices != row_of(A)]
-    if (off > 0).any():
-        return Answer(False, f"A is not a Z-matrix: it has the entry {off.max():g} off its diagonal")
+    found = z_matrix(step.A)
+    if not found.holds:
+        return Answer(False, f"A is not a Z-matrix: {found.reason}")
     if not is_diagonal(step.M1):
         return Answer(False, "M1 is not diagonal")
     X, least = step.X.diagonal(), 2.0 * np.maximum(step.D, step.omega)

@@ -38,7 +38,6 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
     True rests on the row sums of A + Aᵀ, taken without rounding, or on a factorisation with a bound on its error. Up to
     n = 30, what is left open is decided in rational arithmetic; an exactly singular matrix may stay open beyond.
     The witness of False is an x, shape (n,), with xᵀAx ≤ 0 (definite), xᵀAx < 0 (semidefinite), checked.
-    Reference: `eigenvalue.above`.
     """
     n, diagonal = A.shape[0], A.diagonal()
     definite = semidefinite = Answer(None, "")
@@ -70,9 +69,8 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
 def semidefinite_up_to_rounding(A: sp.csr_array, most: float = _ROUNDING) -> Answer:
     """Whether the symmetric part of `A` (CSR, shape (n, n), diagonal stored) is semidefinite as far as floats can tell.
 
-    True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, a negative number of
-    the size of rounding errors. What is computed as BᵀB is such a matrix, and a convex QP solver takes it. None for all
-    others.
+    True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, above −`most`. What is
+    computed as BᵀB is such a matrix, and a convex QP solver takes it. None for all others.
     """
     T, _, _ = _in_own_units(A)
     if (T.diagonal() >= 0).all() and within_reach(T):

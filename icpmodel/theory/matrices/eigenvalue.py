@@ -29,9 +29,8 @@ def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
     S: P(S − cI)Pᵀ + ΔT = LU by diagonal pivots with |ΔT| ≤ γ|L||U|. With D = diag(U) > 0 and U = DLᵀ + ΔU it is
     LDLᵀ + (LΔU − ΔT), a positive definite matrix and a bracket that is symmetric as the other two are, so that its
     ∞-norm, ‖|L||ΔU|1 + γ|L||U|1‖_∞ at most, bounds its eigenvalues.
-
-    Parameters: `S` symmetric, CSR, shape (n, n), finite, known to one rounding of its entries and, beyond that, to
-    `slack` in norm; not all of it below 1e-280, where underflow would count.
+    `S` is known to one rounding of its entries and to `slack` in norm, and not all of it is below 1e-280, where
+    underflow would count.
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), theorems 9.3, 10.5; Rump, BIT 46 (2006).
     """
     n = S.shape[0]
@@ -44,9 +43,8 @@ def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
 def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None, estimate: float | None = None) -> float:
     """A lower bound of λ_min(S), S the symmetric part of a matrix that differs from `M` by at most `slack` in norm.
 
-    `above` at a little less than an estimate of λ_min. Parameters: `M` CSR, shape (n, n), with a diagonal of about the
-    size 1; `lu` its factorisation with diagonal pivots, where it is symmetric and that is at hand. Returns the bound, −inf where none was
-    found; above 0 it proves S positive definite.
+    `above` at a little less than the `estimate` of λ_min, the diagonal of M being about 1; `lu` is its factorisation
+    with diagonal pivots, if at hand. −inf where none was found; above 0 it proves S positive definite.
     """
     S = sp.csr_array(0.5 * (M + M.T))
     if estimate is None:
@@ -60,7 +58,6 @@ def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None, estimate
 def largest_above(N: sp.csr_array) -> float:
     """An upper bound of λ_max of the symmetric part T of `N` ≥ 0: max_i (Tv)_i/v_i for a v > 0 of the power method.
 
-    Parameters: `N` CSR, shape (n, n), with entries ≥ 0. Returns the bound.
     Reference: Collatz, Math. Z. 48 (1942).
     """
     T = sp.csr_array(0.5 * (N + N.T))

@@ -84,8 +84,8 @@ def _exact_sign(entries: Vector) -> int:
 def by_row_sums(A: sp.csr_array) -> tuple[Answer, NDArray[np.bool_]]:
     """Whether A is an H-matrix as far as diagonal entries and exact row sums decide it; no linear solve.
 
-    Parameters: `A` CSR, shape (n, n), every diagonal entry stored. Returns the answer and the rows, as a mask of shape
-    (n,), of the irreducible blocks that stay open. References: Taussky, Amer. Math. Monthly 56 (1949).
+    Returns the answer and the rows, as a mask, of the irreducible blocks that stay open.
+    Reference: Taussky, Amer. Math. Monthly 56 (1949).
     """
     n, diagonal, C = A.shape[0], A.diagonal(), comparison_matrix(A)
     if (diagonal == 0).any():
@@ -111,6 +111,16 @@ def within_blocks(A: sp.csr_array, block: NDArray[np.int32]) -> sp.csr_array:
     """`A` with zeros for the entries between the blocks whose labels, shape (n,), are `block`."""
     data = np.where(block[row_of(A)] == block[A.indices], A.data, 0.0)
     return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
+
+
+def z_matrix(A: sp.csr_array) -> Answer:
+    """Whether no entry off the diagonal is positive; the witness of False is (i, j) with a_ij > 0."""
+    rows = row_of(A)
+    found = np.flatnonzero((A.data > 0) & (rows != A.indices))
+    if not found.size:
+        return Answer(True, "no positive entry off the diagonal")
+    i, j = int(rows[found[0]]), int(A.indices[found[0]])
+    return Answer(False, f"A[{i}, {j}] = {A.data[found[0]]:g} is positive", (i, j))
 
 
 def h_matrix(A: sp.csr_array) -> Answer:

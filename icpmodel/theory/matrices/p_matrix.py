@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -39,57 +39,7 @@ _ROWS, _NEIGHBOURS = 200, 9
 Indices = NDArray[np.intp]
 
 
-class Classes(Protocol):
-    """What is, or will be, known of `A`: see `MatrixClasses`."""
-
-    def __init__(self, A: sp.csr_array) -> None: ...
-    @property
-    def A(self) -> sp.csr_array: ...
-    @property
-    def symmetric(self) -> Answer: ...
-    @property
-    def z(self) -> Answer: ...
-    @property
-    def h(self) -> Answer: ...
-    @property
-    def h_plus(self) -> Answer: ...
-    @property
-    def definite(self) -> Answer: ...
-
-
-def decide(known: Classes) -> Answer:
-    """Whether the matrix of which so much is `known` is a P-matrix; the witness of False are indices of a minor ≤ 0."""
-    A = known.A
-    diagonal = A.diagonal()
-    if (diagonal <= 0).any():
-        i = int(np.argmax(diagonal <= 0))
-        return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", np.array([i]))
-    if known.h_plus.holds:
-        return Answer(True, "H+-matrix")
-    pair = _minor_of_order_two(A)
-    if pair is not None:
-        return Answer(False, f"the minor of rows and columns {pair[0]} and {pair[1]} is not positive", pair)
-    unknown, work, whole, proved = None, 0, False, ""
-    for rows, part in _open_blocks(A):
-        whole = rows.size == A.shape[0]
-        small = rows.size <= LIMIT
-        work += 2**rows.size if small else 0
-        if small and work > 2 ** (LIMIT + 2):
-            return Answer(None, f"too many irreducible blocks of up to {LIMIT} rows to look at all of their minors")
-        answer = _by_pivots(part) if small else _by_class(known if whole else type(known)(part))
-        where = "" if whole else f" (irreducible block of {rows.size} rows)"
-        if answer.holds is False:
-            witness = None if answer.witness is None else rows[answer.witness]
-            return Answer(False, answer.reason + where, witness)
-        if answer.holds is None:
-            unknown = unknown or Answer(None, answer.reason + where)
-        proved = answer.reason
-    if unknown is not None:
-        return unknown
-    return Answer(True, proved if whole else "every irreducible diagonal block is a P-matrix")
-
-
-def _open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
+def open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
     """The irreducible blocks that their row sums do not show to be H₊, and their rows; small ones first."""
     answer, still_open = by_row_sums(A)
     count, block = irreducible_blocks(A)
@@ -102,7 +52,7 @@ def _open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
         yield rows[start:end], sp.csr_array(permuted[start:end, start:end])
 
 
-def _minor_of_order_two(A: sp.csr_array) -> Indices | None:
+def minor_of_order_two(A: sp.csr_array) -> Indices | None:
     """Indices i < j with a_ii a_jj ≤ a_ij a_ji, or None where no stored pair was found to have that."""
     S = in_units(A, *natural_exponents(A))
     with np.errstate(all="ignore"):
@@ -119,17 +69,8 @@ def _minor_of_order_two(A: sp.csr_array) -> Indices | None:
     return None
 
 
-def _by_class(known: Classes) -> Answer:
-    """For blocks beyond LIMIT: theorems first, then small minors."""
-    if known.h_plus.holds:
-        return Answer(True, "H+-matrix")
-    if known.definite.holds:
-        return Answer(True, "the symmetric part is positive definite")
-    if known.z.holds and known.h.holds is False:
-        return Answer(False, "a Z-matrix that is no nonsingular M-matrix")
-    if known.symmetric.holds and known.definite.holds is False:
-        return Answer(False, "symmetric and not positive definite")
-    A = known.A
+def by_small_minors(A: sp.csr_array) -> Answer:
+    """For blocks beyond LIMIT of which no theorem tells anything: not P, with the witness, or unknown."""
     S = abs(in_units(A, *natural_exponents(A)))
     margin = 2 * S.diagonal() - S.sum(axis=1)
     coupling = sp.csr_array(S + S.T)
@@ -137,7 +78,7 @@ def _by_class(known: Classes) -> Answer:
         entries = slice(coupling.indptr[i], coupling.indptr[i + 1])
         strongest = np.argsort(-coupling.data[entries], kind="stable")[: _NEIGHBOURS + 1]
         rows = np.union1d(coupling.indices[entries][strongest], i)
-        answer = _by_pivots(sp.csr_array(A[rows][:, rows]))
+        answer = by_pivots(sp.csr_array(A[rows][:, rows]))
         if answer.holds is False:
             return Answer(False, answer.reason, rows[answer.witness])
     return Answer(
@@ -147,7 +88,7 @@ def _by_class(known: Classes) -> Answer:
     )
 
 
-def _by_pivots(A: sp.csr_array) -> Answer:
+def by_pivots(A: sp.csr_array) -> Answer:
     """The exact test, for n ≤ 60 or so; the time doubles with each row."""
     n = A.shape[0]
     r, c = natural_exponents(A)
