@@ -232,11 +232,9 @@ def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     n = matrix.shape[0]
     if np.count_nonzero(matrix.diagonal()) == n:  # the rule, and several times cheaper than to look for zeros
         return matrix
-    stored = np.zeros(n, dtype=bool)
-    stored[matrix.indices[matrix.indices == row_of(matrix)]] = True
-    if stored.all():
+    missing = np.setdiff1d(np.arange(n), matrix.indices[matrix.indices == row_of(matrix)])
+    if not missing.size:
         return matrix
-    missing = np.flatnonzero(~stored)
     rows = np.concatenate([row_of(matrix), missing])
     columns = np.concatenate([matrix.indices, missing])
     data = np.concatenate([matrix.data, np.zeros(missing.size)])

@@ -1,4 +1,12 @@
-"""A proof that no z has p(z) ≥ 0 and r(z) ≥ 0: a combination of the rows that says 0 < 0."""
+"""A proof that no z has p(z) ≥ 0 and r(z) ≥ 0, for constant ψ = c: a combination of the rows that says 0 < 0.
+
+With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
+obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Where it is known of
+some unknowns in which interval every solution has them, (Aᵀy)_j z_j is at most its largest value there, whatever the
+sign of (Aᵀy)_j. That no z solves the problem is then proved, though one may have p ≥ 0 and r ≥ 0.
+
+Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
+"""
 
 from __future__ import annotations
 
@@ -33,22 +41,13 @@ class Known:
 
 
 def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> Answer:
-    """Whether `y`, or an exact y next to it, proves that no z has p ≥ 0 and r ≥ 0, for constant ψ = c.
+    """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale says nothing.
 
-    With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
-    obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Often Aᵀy is 0
-    in many rows, which floats seldom hold: tried are the simple fractions next to `y`, `y` itself, and where up to 30
-    of its entries are not 0 the exact solution of these equations. All is checked in rational arithmetic, so that yes
-    is proved for the A, q and c that the floats are.
+    Often Aᵀy is 0 in many rows, which floats seldom hold: tried are the simple fractions next to `y`, `y` itself, and
+    where up to 30 of its entries are not 0 the exact solution of these equations. All is checked in rational
+    arithmetic, so that yes is proved for the A, q and c that the floats are.
 
-    Where it is `known` of some unknowns in which interval every solution has them, (Aᵀy)_j z_j is at most its largest
-    value there, whatever the sign of (Aᵀy)_j. That no z solves the problem is then proved, though one may have p ≥ 0
-    and r ≥ 0.
-
-    Parameters: `y` shape (n,), such as the direction of a ray in which Lemke's method ends, or what `multipliers`
-    finds; its scale says nothing.
     Returns True with the witness y, shape (n,), floats or fractions, and `number` = (q + Ac)ᵀy; else None.
-    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
     """
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
     if not problem.is_lcp or not np.isfinite(y).all() or not y.any():

@@ -21,7 +21,6 @@ J. Numer. Anal. 54 (2016), for policy iteration; the proof above.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +29,7 @@ import scipy.sparse as sp
 from ...errors import MapError
 from ...numerics.arrays import Vector
 from ...numerics.factorisation import factorise
+from ...numerics.rational import exact_sum, nearest
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, lower
 from ...problem.data import ProblemData
 from ...problem.intervention import Intervention
@@ -131,7 +131,7 @@ def _no_z_matrix(A: sp.csr_array) -> str:
     if not found.holds:
         return f"A is no Z-matrix: {found.reason}"
     for i in np.flatnonzero(~(lower(A, np.ones(A.shape[0])) >= 0)):
-        total = math.fsum(A.data[A.indptr[i] : A.indptr[i + 1]].tolist())  # rounded correctly, so of the right sign
+        total = nearest(exact_sum(A.data[A.indptr[i] : A.indptr[i + 1]]))
         if not total >= 0:
             return f"A1 >= 0 is needed: row {i} of A has the sum {total:.3g}"
     return ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -21,28 +20,7 @@ from ..matrices.comparison_matrix import comparison_matrix
 DENSE = 300
 
 
-class AbsoluteInverse(ABC):
-    """|X⁻¹| of a matrix X. `exact` says whether `lower` and `upper` meet but for rounding."""
-
-    exact: bool
-
-    @abstractmethod
-    def upper(self, w: Vector) -> Vector:
-        """y ≥ |X⁻¹|w for `w` > 0 of shape (n,), entry by entry; +inf where nothing is proved."""
-
-    @abstractmethod
-    def lower(self, w: Vector) -> Vector:
-        """0 ≤ y ≤ |X⁻¹|w for `w` ≥ 0 of shape (n,), entry by entry; zero where nothing is proved.
-
-        What `upper` found before helps: it proves that X is an M-matrix.
-        """
-
-    @abstractmethod
-    def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
-        """About (μI − |X⁻¹|F)⁻¹v for F ≥ 0 (CSR), without any proof; None where that is singular."""
-
-
-def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> AbsoluteInverse:
+def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Comparison | Dense:
     """The best that is known of |X⁻¹|.
 
     |X⁻¹| ≤ ⟨X⟩⁻¹ for an H-matrix, with equality for an M-matrix; for other X with n ≤ 300 a computed inverse R and
@@ -68,8 +46,8 @@ def slack(size: sp.csr_array, v: Vector) -> Vector:
     return result
 
 
-class Comparison(AbsoluteInverse):
-    """|X⁻¹| ≤ ⟨X⟩⁻¹ by substitution or one factorisation; `exact` where X = ⟨X⟩.
+class Comparison:
+    """|X⁻¹| ≤ ⟨X⟩⁻¹ by substitution or one factorisation; `exact`, `lower` and `upper` meet, where X = ⟨X⟩.
 
     y ≥ ⟨X⟩⁻¹w is proved by ⟨X⟩y ≥ w > 0, y > 0, which also proves that ⟨X⟩ is an M-matrix.
     """
@@ -84,6 +62,7 @@ class Comparison(AbsoluteInverse):
             self._solve = Given(self._C).operator(self._C, np.zeros(X.shape[0])).solve
 
     def upper(self, w: Vector) -> Vector:
+        """y ≥ |X⁻¹|w for `w` > 0, entry by entry; +inf where nothing is proved."""
         unknown = np.full(w.size, np.inf)
         if self._solve is None or not np.isfinite(w).all():
             return unknown
@@ -99,6 +78,7 @@ class Comparison(AbsoluteInverse):
         return unknown
 
     def lower(self, w: Vector) -> Vector:
+        """0 ≤ y ≤ |X⁻¹|w for `w` ≥ 0; zero where nothing is proved. What `upper` found before helps."""
         if not self.exact or self._proof is None or not w.any():
             return np.zeros(w.size)
         # y with ⟨X⟩y ≤ w lies below ⟨X⟩⁻¹w whatever its signs; a little of the proof brings it below where w = 0
@@ -109,12 +89,12 @@ class Comparison(AbsoluteInverse):
         return np.maximum(y, 0.0) if good else np.zeros(w.size)
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
-        """See `AbsoluteInverse.resolvent`: (μ⟨X⟩ − F)y = ⟨X⟩v."""
+        """About (μI − |X⁻¹|F)⁻¹v, F ≥ 0, by (μ⟨X⟩ − F)y = ⟨X⟩v, without any proof; None where that is singular."""
         lu = factorise(sp.csr_array(mu * self._C - F))
         return None if lu is None else lu.solve(self._C @ v)
 
 
-class Dense(AbsoluteInverse):
+class Dense:
     """`below` ≤ |X⁻¹| ≤ `above`, dense, shape (n, n)."""
 
     exact = True

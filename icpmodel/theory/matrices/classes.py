@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import as_csr, row_of
+from ...numerics.arrays import as_csr, bandwidths
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
-from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs, z_matrix
+from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs, without_zeros, z_matrix
 from .p_matrix import LIMIT, by_pivots, by_small_minors, minor_of_order_two, open_blocks
 
 #: the classes in the order of the table, with their names
@@ -212,9 +212,7 @@ class MatrixClasses:
 
     @cached_property
     def _bandwidths(self) -> tuple[int, int]:
-        stored = self.A.data != 0
-        distance = (row_of(self.A) - self.A.indices)[stored]
-        return int(distance.max(initial=0)), int(-distance.min(initial=0))
+        return bandwidths(without_zeros(self.A))
 
     @cached_property
     def triangular(self) -> Answer:

@@ -16,8 +16,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...numerics.arrays import Vector, as_csr, row_of
-from ...numerics.equilibration import in_units, symmetric_exponents
-from ...numerics.rational import as_witness, curvature, rationals
+from ...numerics.equilibration import in_units, row_exponents, symmetric_exponents
+from ...numerics.rational import as_witness, curvature, exact_sum, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix
@@ -99,10 +99,7 @@ def _in_own_units(A: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array, NDArray[
 
     Where both cannot be, the diagonal is far smaller than the other entries of its row or column: A is indefinite.
     """
-    _, size = np.frexp(A.data)
-    largest = np.full(A.shape[0], -1074)
-    np.maximum.at(largest, row_of(A), size)
-    np.maximum.at(largest, A.indices, size)
+    largest = -np.minimum(row_exponents(A), row_exponents(sp.csr_array(A.T)))
     # (900 - E_i)/2 + (900 - E_j)/2 + min(E_i, E_j) is at most 900
     limit, diagonal = (900 - largest) // 2, A.diagonal()
     e = np.where(diagonal > 0, np.minimum(symmetric_exponents(diagonal), limit), limit)
@@ -167,13 +164,9 @@ def proves_negative(A: sp.csr_array, x: Vector) -> bool:
     return fsum(x * (A @ x)) + 2 * k * UNIT_ROUNDOFF * size + A.shape[0] * k * SMALLEST < 0
 
 
-def _sum_within(A: sp.csr_array, x: Vector) -> Fraction:
-    """xᵀAx for a vector of zeros and ones, exactly."""
-    inside = A.data[(x[row_of(A)] != 0) & (x[A.indices] != 0)]
-    try:
-        return Fraction(fsum(inside))  # of the right sign
-    except OverflowError:
-        return sum(map(Fraction, inside.tolist()), Fraction(0))
+def _sum_within(A: sp.csr_array, x: Vector) -> Fraction | float:
+    """xᵀAx for a vector of zeros and ones, of the right sign."""
+    return exact_sum(A.data[(x[row_of(A)] != 0) & (x[A.indices] != 0)])
 
 
 def _in_fractions(A: sp.csr_array) -> tuple[Answer, Answer]:

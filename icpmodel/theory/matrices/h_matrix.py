@@ -16,8 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from fractions import Fraction
-from math import fsum
 from operator import mul
 
 import numpy as np
@@ -25,8 +23,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...numerics.arrays import Vector, row_of
-from ...numerics.equilibration import in_units, natural_exponents
-from ...numerics.rational import as_witness, m_matrix, rationals
+from ...numerics.equilibration import in_units, natural_exponents, row_exponents
+from ...numerics.rational import as_witness, exact_sum, m_matrix, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix, scaling_vectors, solve_for_diagonal
@@ -59,9 +57,7 @@ def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
     """The sign of each row sum of `C` (CSR, shape (n, n), no row empty), without rounding: −1, 0 or 1, shape (n,)."""
     data, rows, n = C.data, row_of(C), C.shape[0]
     # in units of each row's largest entry, whole multiples of 2^-40 add up without rounding
-    shift = -np.frexp(np.maximum.reduceat(np.abs(data), C.indptr[:-1]))[1]
-    with np.errstate(under="ignore"):
-        scaled = np.ldexp(data, shift[rows])
+    scaled = in_units(C, row_exponents(C)).data
     multiple = np.ldexp(scaled, 40)
     broken = (multiple != np.rint(multiple)) | ((scaled == 0) != (data == 0))
     k = np.diff(C.indptr) + 2
@@ -69,16 +65,9 @@ def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
     rounded = (np.bincount(rows, broken, n) > 0) | (k >= 2**12)
     signs = np.sign(sums).astype(np.int8)
     for i in np.flatnonzero(rounded & (np.abs(sums) <= 2 * k * UNIT_ROUNDOFF * size + k * SMALLEST)):
-        signs[i] = _exact_sign(data[C.indptr[i] : C.indptr[i + 1]])
+        total = exact_sum(data[C.indptr[i] : C.indptr[i + 1]])
+        signs[i] = (total > 0) - (total < 0)
     return signs
-
-
-def _exact_sign(entries: Vector) -> int:
-    try:
-        total: float | Fraction = fsum(entries)
-    except OverflowError:
-        total = sum(map(Fraction, entries.tolist()), Fraction(0))
-    return (total > 0) - (total < 0)
 
 
 def by_row_sums(A: sp.csr_array) -> tuple[Answer, NDArray[np.bool_]]:
