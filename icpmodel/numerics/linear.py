@@ -30,7 +30,7 @@ _DENSE = 0.1
 _MULTIGRID_FROM = 50_000
 
 
-def solver_of(M: sp.csr_array) -> Solver:
+def solver_of(M: sp.csr_array, multigrid_from: int = _MULTIGRID_FROM) -> Solver:
     """A solver of Mx = f for many f: for a band, one with a few full rows, dense or sparse matrices, or multigrid.
 
     Large matrices with a positive diagonal and nothing positive off it get CG (where symmetric) or BiCGSTAB with
@@ -43,8 +43,8 @@ def solver_of(M: sp.csr_array) -> Solver:
     if not np.isfinite(M.data).all():
         return lambda f, tolerance: None
     exponents = row_exponents(M)
-    scaled, symmetric = in_units(M, exponents), n >= _MULTIGRID_FROM and is_symmetric(M)
-    multigrid = _multigrid(M if symmetric else scaled)
+    scaled, symmetric = in_units(M, exponents), n >= multigrid_from and is_symmetric(M)
+    multigrid = _multigrid(M if symmetric else scaled) if n >= multigrid_from else None
 
     @cache
     def direct() -> Solver:
@@ -121,8 +121,8 @@ def _sparse(M: sp.csr_array) -> Solver:
 
 
 def _multigrid(M: sp.csr_array) -> KrylovMultigrid | None:
-    """None where M is too small, or nothing for multigrid."""
-    if M.shape[0] < _MULTIGRID_FROM or sum(bandwidths(M)) < _WIDEST_BAND:
+    """None where M is nothing for multigrid."""
+    if sum(bandwidths(M)) < _WIDEST_BAND:
         return None
     if not (M.diagonal() > 0).all() or (M.data[row_of(M) != M.indices] > 0).any():
         return None

@@ -58,3 +58,12 @@ def test_a_singular_matrix_has_no_solution(M):
 
 def test_no_equations_have_the_empty_solution():
     assert solver_of(sp.csr_array((0, 0)))(np.zeros(0), 1e-8).size == 0
+
+
+def test_what_multigrid_cannot_do_is_factorised():
+    """No Krylov method gets to a residual of 0, and positive entries off the diagonal are not given to it."""
+    M = icp.scenes.membrane(n=900).problem.A
+    f = np.sin(np.arange(900.0))
+    for matrix in (M, abs(M)):
+        x = solver_of(sp.csr_array(matrix), multigrid_from=100)(f, 0.0)
+        assert np.linalg.norm(matrix @ x - f) <= 1e-9 * np.linalg.norm(f)

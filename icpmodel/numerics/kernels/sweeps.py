@@ -144,30 +144,6 @@ def still_needed(half, last, goal, steps):
     return math.log(last / goal) / speed if speed > 0.0 else np.inf
 
 
-def _watched_in_order(indptr, indices, data, diag, q, psi, par, forward, first, share, look, most, z, out):
-    # sweeps from z until one of them begins with at most `share` of the `first` residual (0: that of z), or a look at
-    # their rate says that more than `most` would follow: Res² of `out`, where the last one began, and whether they are
-    # quick
-    old, new = z.copy(), np.empty(z.size)
-    squares = _sweep(indptr, indices, data, diag, q, psi, par, forward, old, new)
-    goal = share * share * (first * first if 0.0 < first * first < np.inf else squares)
-    half, count, quick = squares, 0, True
-    while quick:
-        old, new = new, old
-        squares = _sweep(indptr, indices, data, diag, q, psi, par, forward, old, new)
-        count += 1
-        if squares <= goal:
-            break
-        if count == (look + 1) // 2:
-            half = squares
-        if count == look:
-            needed = still_needed(half, squares, goal, look - (look + 1) // 2)
-            quick = needed <= most and needed < np.inf
-            look, half = 2 * look, squares
-    out[:] = old
-    return squares, quick
-
-
 def _two_in_order(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low, high):
     # rows low <= i < high of the sweep z -> one, and rows low - lag <= i < high - lag of the next one, one -> two: no
     # row of A reaches further above its diagonal than `lag`, and a row's entries come from memory once for both. The
@@ -255,14 +231,12 @@ def substitute(start, stop, indices, data, tau, inverse, forward, f, out):
 
 
 class Sweeps:
-    """The sweeps, compiled alike: in the order of the rows, some in turn, two in one pass, or as many as it takes; the
-    others."""
+    """The sweeps, compiled alike: in the order of the rows, some one after the other, two in one pass; the others."""
 
     def __init__(self, *, cache: bool) -> None:
         self.in_order = compiled(_in_order, cache=cache)
         self.some_in_order = compiled(_some_in_order, cache=cache)
         self.two_in_order = compiled(_two_in_order, cache=cache)
-        self.watched_in_order = compiled(_watched_in_order, cache=cache)
         self.diagonal = compiled(_sweep_diagonal, cache=cache)
         self.triangular = compiled(_sweep_triangular, cache=cache)
 
