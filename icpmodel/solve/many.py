@@ -209,9 +209,9 @@ class _Job:
 
     def _pivot(self, C: Matrix) -> None:
         """The rows by Lemke's method."""
-        from ..numerics.kernels.judging import judge  # loads numba
+        from ..numerics.kernels.balancing import scale
         from ..numerics.kernels.pivoting import many
-        from ..numerics.kernels.units import scale
+        from ..numerics.kernels.products import judge  # loads numba
 
         problem, Q, A, limit = self.problem, self.Q, self.problem.dense(), PIVOTS * (self.problem.n + 1)
         moves = problem.psi.linear is not None and not problem.psi.is_constant
@@ -232,7 +232,7 @@ class _Job:
 
     def _solve_tridiagonal(self, C: Matrix) -> None:
         """The rows by the direct method for tridiagonal A."""
-        from ..numerics.kernels.tridiagonal import bands, many  # loads numba
+        from ..numerics.kernels.thomas import bands, many  # loads numba
 
         A, Q, Z, k = self.problem.A, self.Q, self.Z, len(C)
         matrix = bands(A.indptr, A.indices, A.data)

@@ -1,4 +1,4 @@
-"""Loops over the graph of A: what hangs on what, and what lies near."""
+"""Loops over the graph of A: what hangs on what, what lies near, and in which layer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from . import compiled, one
 from . import position as _at
 
 
-def _linked(indptr, indices):
+@compiled
+def linked(indptr, indices):
     # whether every row but the first has an entry before its diagonal with one opposite to it: then each hangs on one
     # of a smaller number and that one on it, and all are one strong component
     for i in range(1, indptr.size - 1):
@@ -25,10 +26,8 @@ def _linked(indptr, indices):
     return True
 
 
-linked = compiled(_linked)
-
-
-def _stages(indptr, indices, part, rows, starts, core):
+@compiled
+def stages(indptr, indices, part, rows, starts, core):
     # part k = rows[starts[k] : starts[k + 1]] hangs on parts of smaller number only. Returns how many of `core` follow
     # one another up to each part, itself included, and which parts are needed by one of `core`, those included
     depth, before = np.zeros(core.size, np.int64), core.copy()
@@ -45,10 +44,8 @@ def _stages(indptr, indices, part, rows, starts, core):
     return depth, before
 
 
-stages = compiled(_stages)
-
-
-def _spread(indptr, indices, chosen, seeds, most):
+@compiled
+def spread(indptr, indices, chosen, seeds, most):
     # `chosen` with the `seeds` and, in layers around these, up to so many more: columns that rows have entries in
     chosen, queue, at, end = chosen | seeds, np.empty(chosen.size, np.int32), 0, 0
     for i in range(chosen.size):
@@ -70,43 +67,8 @@ def _spread(indptr, indices, chosen, seeds, most):
     return chosen
 
 
-spread = compiled(_spread)
-
-
-def _certain(indptr, indices, data, q, c, v, z, unit, least):
-    # The rows that are certain to touch the obstacle c: p_i(z) - e |A|v_i > 0, where |z - z*| <= e v is the bound of an
-    # H+-matrix, e = max_i |min(p_i / (<A>v)_i, r_i / v_i)|; rounding included. None where <A>v > 0 does not hold.
-    n = z.size
-    margin, e = np.empty(n), 0.0
-    none = np.zeros(n, np.bool_)
-    for i in range(n):
-        p, size, own, others = q[i], abs(q[i]), 0.0, 0.0
-        for k in range(_at(indptr[i]), _at(indptr[i + 1])):
-            a, j = data[k], _at(indices[k])
-            p += a * z[j]
-            size += abs(a * z[j])
-            if j == _at(i):
-                own = a * v[j]
-            else:
-                others += abs(a) * v[j]
-        terms = 2.0 * (indptr[i + 1] - indptr[i] + 3)
-        alpha = own - others - terms * (unit * (own + others) + least)
-        if not (alpha > 0.0 and abs(p) < np.inf):
-            return none
-        off, r = terms * (unit * size + least), z[i] - c[i]
-        off_r = 2.0 * unit * abs(r) if r < np.inf else 0.0
-        e = max(e, abs(min(p / alpha, r / v[i])) + max(off / alpha, off_r / v[i]))
-        margin[i] = (p - off) / ((own + others) * (1.0 + terms * unit) + terms * least)
-    e = e * (1.0 + 32.0 * unit) + least
-    for i in range(n):
-        none[i] = margin[i] > e
-    return none
-
-
-certain = compiled(_certain)
-
-
-def _cut(indptr, indices, data, q, rows, z):
+@compiled
+def cut(indptr, indices, data, q, rows, z):
     # A and q in the unknowns `rows` alone, these ascending, all others being what they are in z
     place, m, entries = np.full(z.size, -1, indices.dtype), rows.size, 0
     for t in range(m):
@@ -129,4 +91,53 @@ def _cut(indptr, indices, data, q, rows, z):
     return starts, columns[:at], values[:at], inside
 
 
-cut = compiled(_cut)
+@compiled
+def layers(indptr, indices, data, first):
+    # breadth-first layers along the stored nonzeros j -> indices of row j; layer -1: not reached
+    n = first.size
+    layer = np.full(n, -1, np.int64)
+    order = np.empty(n, np.int64)
+    filled = 0
+    for i in range(n):
+        if first[i]:
+            layer[i] = 0
+            order[filled] = i
+            filled += 1
+    at = 0
+    while at < filled:
+        j = order[at]
+        at += 1
+        for k in range(_at(indptr[j]), _at(indptr[j + 1])):
+            i = indices[k]
+            if layer[i] < 0 and data[k] != 0.0:
+                layer[i] = layer[j] + 1
+                order[filled] = i
+                filled += 1
+    return layer, order[:filled]
+
+
+@compiled
+def layer_increments(indptr, indices, data, surplus, layer, order):
+    # g with f(k) = g_0 + ... + g_k and <A>f(layer) >= D1; the data is that of <A>, `surplus` is D^-1<A>1, and
+    # above[k] = f(deepest) - f(k)
+    deepest = layer[order[-1]]
+    g = np.zeros(deepest + 1)
+    above = np.zeros(deepest + 2)
+    for at in range(order.size - 1, -1, -1):
+        i = order[at]
+        k = layer[i]
+        if at < order.size - 1 and layer[order[at + 1]] != k:
+            above[k] = above[k + 1] + g[k + 1]
+        own, pull, hold = 0.0, 0.0, 0.0
+        for e in range(_at(indptr[i]), _at(indptr[i + 1])):
+            j = indices[e]
+            if j == i:
+                own += data[e]
+            elif layer[j] > k:
+                pull -= data[e] * (above[k] - above[layer[j]])
+            elif layer[j] < k:
+                hold -= data[e]
+        if k == 0:
+            hold = surplus[i] * own
+        g[k] = max(g[k], (own + pull) / hold)
+    return g

@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..numerics.arrays import Vector, as_csr, diagonal_positions
-from ..numerics.factorisation import factorise
-from ..numerics.multigrid import quiet, ruge_stuben
+from ...numerics.arrays import Vector, as_csr, diagonal_positions
+from ...numerics.factorisation import factorise
+from ...numerics.multigrid import KrylovMultigrid
 
 #: up to this size a factorisation costs less than looking for a cheaper way
 _FACTORISE_FIRST = 20_000
-#: with multigrid as preconditioner a Krylov method that needs more steps will not get there
-_KRYLOV_STEPS = 30
 
 
 def comparison_matrix(A: Any) -> sp.csr_array:
@@ -40,9 +38,8 @@ def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
     """Candidates for v > 0 with ⟨A⟩v > 0, each with its name, cheapest first; the last is (nearly) ⟨A⟩⁻¹D1.
 
     v = 1 serves strictly dominant rows. ⟨A⟩v = D1 makes (D⁻¹⟨A⟩)v = 1, which no change of the units of p alters.
-    Large matrices get `layered` before `solve_for_diagonal`.
-    Parameters: `comparison` = ⟨A⟩, CSR, shape (n, n), with a positive diagonal. Yields vectors of shape (n,) that are
-    positive; whether ⟨A⟩v is positive is for the caller to check, with rounding. Yields no more where there is none.
+    Large matrices get `layered` before `solve_for_diagonal`. ⟨A⟩ has a positive diagonal; the vectors are positive,
+    whether ⟨A⟩v is as well is for the caller to check, with rounding.
     """
     n = comparison.shape[0]
     yield "v = 1", np.ones(n)
@@ -56,24 +53,23 @@ def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
 
 
 def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
-    """v with Mv ≈ D1, D the diagonal of the Z-matrix M (CSR, n × n).
+    """v with Mv ≈ D1, D the diagonal of the Z-matrix M, of any sign; None where M or D is singular.
 
     Large M get a few Krylov steps with multigrid, which leave a residual of at most 1/2 in every row of D⁻¹M, and a
-    factorisation where those do not give a v > 0 with Mv > 0. Returns v, whose signs are for the caller to check, or
-    None where M or D is singular.
+    factorisation where those do not give a v > 0 with Mv > 0.
     """
     diagonal = M.diagonal()
     if (np.abs(diagonal) < np.finfo(np.float64).tiny).any():
         return None
     rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ M)  # so that units do not look like singularity
-    v = _multigrid(rows) if M.shape[0] > _FACTORISE_FIRST and (diagonal > 0).all() else None
-    if v is not None:
-        return v
+    ones = np.ones(M.shape[0])
+    if M.shape[0] > _FACTORISE_FIRST and (diagonal > 0).all():
+        v = KrylovMultigrid(rows).best(ones, 0.5 / np.sqrt(ones.size))
+        if v is not None and (v > 0).all() and (rows @ v > 0).all():
+            return v
     lu = factorise(rows)
-    if lu is None:
-        return None
-    v = np.asarray(lu.solve(np.ones(M.shape[0])))
-    return v if np.isfinite(v).all() else None
+    v = None if lu is None else lu.solve(ones)
+    return v if v is not None and np.isfinite(v).all() else None
 
 
 def layered(comparison: sp.csr_array) -> Vector | None:
@@ -84,11 +80,9 @@ def layered(comparison: sp.csr_array) -> Vector | None:
     Σ_above|a_ij|(f(layer j) − f(k)) ≥ a_ii, which gives g_k from g_k+1, g_k+2, …, beginning with the last layer. On a
     grid with zero boundary values f is the parabola of the distance to the edge. Where rows pull outwards, as with
     transport against the layers, f grows without need: it is refused where more than a tenth of ⟨A⟩v/a_ii is above 4.
-
-    Parameters: `comparison` = ⟨A⟩, CSR, shape (n, n), with a positive diagonal. Returns v of shape (n,), or None where
-    a row is not weakly dominant, not joined to a strictly dominant one, or f is refused.
+    None as well where a row is not weakly dominant, or not joined to a strictly dominant one.
     """
-    from ..numerics.kernels.layers import layer_increments, layers
+    from ...numerics.kernels.graph import layer_increments, layers
 
     diagonal = comparison.diagonal()
     # exactly 0 where the entries cancel exactly; a row that is dominant by rounding only makes a bad v, no wrong one
@@ -107,16 +101,3 @@ def layered(comparison: sp.csr_array) -> Vector | None:
         if not np.isfinite(v).all() or not np.quantile(comparison @ v / diagonal, 0.9) <= 4.0:
             return None
     return np.asarray(v)
-
-
-def _multigrid(rows: sp.csr_array) -> Vector | None:
-    """v > 0 with `rows` @ v ≈ 1 and positive, by a few Krylov steps with algebraic multigrid; None where that fails."""
-    n, accelerate = rows.shape[0], "cg" if (rows != rows.T).nnz == 0 else "bicgstab"
-    hierarchy = ruge_stuben(rows)
-    with quiet():  # where <A> is indefinite it breaks down: see below
-        try:
-            v = hierarchy.solve(np.ones(n), tol=0.5 / np.sqrt(n), maxiter=_KRYLOV_STEPS, accel=accelerate)
-        except RuntimeError:  # the coarsest level is singular
-            return None
-        good = (v > 0).all() and (rows @ v > 0).all()
-    return np.asarray(v) if good else None

@@ -1,4 +1,10 @@
-"""All principal minors of a small matrix, by signs of pivots."""
+"""All principal minors of a small matrix, by the signs of all pivots of the intervals mid[0] ± rad[0], n × n.
+
+A is P iff a₁₁ > 0, A without row and column 1 is P, and so is the Schur complement A/a₁₁. That is a binary tree: at
+level k the indices < k are eliminated (bits of `chosen`) or deleted, and the pivot at k is the quotient of the minors
+of chosen + {k} and of chosen. `base[k]` is the slot of mid, rad, shape (n + 1, n, n), with the matrix of level k:
+deleting needs no copy. |true − mid| ≤ rad throughout.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +13,11 @@ from typing import Any
 from . import compiled
 
 
-def _search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) -> Any:
-    """The signs of all pivots of the intervals mid[0] ± rad[0], n × n.
-
-    A is P iff a₁₁ > 0, A without row and column 1 is P, and so is the Schur complement A/a₁₁. That is a binary tree: at
-    level k the indices < k are eliminated (bits of `chosen`) or deleted, and the pivot at k is the quotient of the
-    minors of chosen + {k} and of chosen. `base[k]` is the slot of mid, rad, shape (n + 1, n, n), with the matrix of
-    level k: deleting needs no copy. |true − mid| ≤ rad throughout.
-
-    Returns the index set, as bits, of a minor that is proved ≤ 0, or 0, and how many pivots are undecided; their index
-    sets stand in `undecided`, the last index being k. Below an undecided pivot no Schur complement is looked at. Where
-    `undecided` is full, the search ends.
-    """
+@compiled
+def search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) -> Any:
+    # returns the index set, as bits, of a minor that is proved ≤ 0, or 0, and how many pivots are undecided; their
+    # index sets stand in `undecided`, the last index being k. Below an undecided pivot no Schur complement is looked
+    # at. Where `undecided` is full, the search ends.
     # u and tiny are twice the unit roundoff and a normal number: what is generous in them pays for the rounding of the
     # radii. Fused multiply-adds only make the errors smaller.
     u, tiny = 2.0**-52, 2.0**-1000
@@ -64,6 +63,3 @@ def _search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) ->
         if level < n:
             base[level], state[level] = to, 0
     return 0, count
-
-
-search_pivots = compiled(_search_pivots)

@@ -13,7 +13,8 @@ from . import compiled
 SETTLED, UNSETTLED, NO_PIVOT = 0, 1, 2
 
 
-def _bands(indptr, indices, data):
+@compiled
+def bands(indptr, indices, data):
     # the three diagonals of a CSR matrix
     n = indptr.size - 1
     lower, diagonal, upper = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -28,10 +29,8 @@ def _bands(indptr, indices, data):
     return lower, diagonal, upper
 
 
-bands = compiled(_bands)
-
-
-def _solve(lower, diagonal, upper, free, f, fixed, x):
+@compiled
+def solve(lower, diagonal, upper, free, f, fixed, x):
     # (Ax)_i = f_i in the free rows, x_i = fixed_i in the others: elimination from the top, substitution from below.
     # Returns whether all pivots are positive, as they are where A is a P-matrix
     n = free.size
@@ -51,10 +50,8 @@ def _solve(lower, diagonal, upper, free, f, fixed, x):
     return sound
 
 
-solve = compiled(_solve)
-
-
-def _product(lower, diagonal, upper, q, z, p):
+@compiled
+def product(lower, diagonal, upper, q, z, p):
     # p = Az + q
     n = z.size
     for i in range(n):
@@ -65,10 +62,8 @@ def _product(lower, diagonal, upper, q, z, p):
             p[i] += upper[i] * z[i + 1]
 
 
-product = compiled(_product)
-
-
-def _newton(lower, diagonal, upper, q, c, free, limit):
+@compiled
+def newton(lower, diagonal, upper, q, c, free, limit):
     # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). `free` is changed. Returns the
     # last z, and how the steps ended
     n = free.size
@@ -87,10 +82,8 @@ def _newton(lower, diagonal, upper, q, c, free, limit):
     return z, UNSETTLED
 
 
-newton = compiled(_newton)
-
-
-def _refine(lower, diagonal, upper, q, free, z):
+@compiled
+def refine(lower, diagonal, upper, q, free, z):
     # z after a step of iterative refinement in the free rows
     n = free.size
     p, step = np.empty(n), np.empty(n)
@@ -99,10 +92,8 @@ def _refine(lower, diagonal, upper, q, free, z):
     return z + step
 
 
-refine = compiled(_refine)
-
-
-def _join(one, two, to, back):
+@compiled
+def join(one, two, to, back):
     # the run of rows that two runs with no row between them make: `to` couples the last row of `one` to the first of
     # `two`, `back` that one to it. Without a positive determinant A is no M-matrix
     first, top, bottom, up, down, y_top, y_bottom = one
@@ -121,10 +112,8 @@ def _join(one, two, to, back):
     )
 
 
-join = compiled(_join)
-
-
-def _top_down(lower, diagonal, upper, f):
+@compiled
+def top_down(lower, diagonal, upper, f):
     # Which rows leave the obstacle in the LCP with the M-matrix A, rows divided by the diagonal, and f. From the top,
     # one row after the other is added to a problem that is solved; once open, a row stays open. What is known of a run
     # of open rows: its first row; of its inverse the corners top (first, first), bottom (last, last), up (first, last)
@@ -165,10 +154,8 @@ def _top_down(lower, diagonal, upper, f):
     return free, True
 
 
-top_down = compiled(_top_down)
-
-
-def _release(lower, diagonal, upper, q, c):
+@compiled
+def release(lower, diagonal, upper, q, c):
     # the rows that Newton's steps begin with. Where there is no obstacle, a lower bound of z is one: what it would be
     # if there were none anywhere. Where a determinant says that A is no M-matrix, all rows begin on their obstacles
     n = q.size
@@ -185,14 +172,9 @@ def _release(lower, diagonal, upper, q, c):
     return free
 
 
-release = compiled(_release)
-
-
-def _many(lower, diagonal, upper, Q, C, limit, Z):
+@compiled
+def many(lower, diagonal, upper, Q, C, limit, Z):
     # the LCPs with the rows of Q and the obstacles in those of C; z goes to the rows of Z, for the judge to look at
     for k in range(Q.shape[0]):
         free = release(lower, diagonal, upper, Q[k], C[k])
         Z[k] = newton(lower, diagonal, upper, Q[k], C[k], free, limit)[0]
-
-
-many = compiled(_many)

@@ -1,6 +1,9 @@
-"""Products with a matrix, and what is asked of its rows before the first sweep: `steps.rows_of` says what for."""
+"""Products with a matrix, natural residuals, and what is asked of the rows before the first sweep."""
 
 from __future__ import annotations
+
+import math
+from functools import partial
 
 import numpy as np
 
@@ -8,7 +11,8 @@ from . import compiled, one
 from . import position as _at
 
 
-def _look(indptr, indices, data, low, high, diag, diagonal, rest):
+@compiled
+def look(indptr, indices, data, low, high, diag, diagonal, rest):
     # rows low <= i < high: where the diagonal entry stands, its value, the sum of the other |entries|; returns how far
     # the entries reach below the diagonal and above it, and the sums of those there. Rows are sorted, and every
     # diagonal entry is stored.
@@ -33,10 +37,8 @@ def _look(indptr, indices, data, low, high, diag, diagonal, rest):
     return below, above, lower, whole - lower
 
 
-look = compiled(_look)
-
-
-def _product(indptr, indices, data, z, low, high, out):
+@compiled
+def product(indptr, indices, data, z, low, high, out):
     # rows low <= i < high of Az
     for i in range(_at(low), _at(high)):
         total = 0.0
@@ -47,10 +49,8 @@ def _product(indptr, indices, data, z, low, high, out):
         out[i] = total
 
 
-product = compiled(_product)
-
-
-def _natural(indptr, indices, data, q, psi, z, low, high):
+@compiled
+def natural(indptr, indices, data, q, psi, z, low, high):
     # the sum of min(p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is
     squares = 0.0
     for i in range(_at(low), _at(high)):
@@ -65,10 +65,8 @@ def _natural(indptr, indices, data, q, psi, z, low, high):
     return squares
 
 
-natural = compiled(_natural)
-
-
-def _natural_at_0(q, psi):
+@partial(compiled, reassociate=True)
+def natural_at_0(q, psi):
     # the same for z = 0, where A does not matter, over all rows
     squares = 0.0
     for i in range(_at(q.size)):
@@ -78,10 +76,8 @@ def _natural_at_0(q, psi):
     return squares
 
 
-natural_at_0 = compiled(_natural_at_0, reassociate=True)
-
-
-def _couple(indptr, indices, data, weight):
+@compiled
+def couple(indptr, indices, data, weight):
     # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: what row j > i is asked
     # for is at or behind what it was asked for last, so that `at` only ever moves on
     n = indptr.size - 1
@@ -103,4 +99,26 @@ def _couple(indptr, indices, data, weight):
     return out
 
 
-couple = compiled(_couple)
+@compiled
+def judge(M, Q, C, Z, norms):
+    # the norms of min(z - c, Mz + q) for the rows of Q, C and Z: NaN stays NaN, squares do not overflow
+    n = M.shape[0]
+    F = np.empty(n)
+    for k in range(Q.shape[0]):
+        largest = 0.0
+        for i in range(n):
+            p = Q[k, i]
+            for j in range(n):
+                p += M[i, j] * Z[k, j]
+            r = Z[k, i] - C[k, i]
+            if math.isnan(p) or math.isnan(r):
+                largest = math.nan
+                break
+            F[i] = abs(p if p < r else r)
+            largest = max(largest, F[i])
+        total = 0.0
+        if 0.0 < largest < np.inf:
+            for i in range(n):
+                total += (F[i] / largest) ** 2
+            largest *= math.sqrt(total)
+        norms[k] = largest

@@ -11,7 +11,8 @@ from . import compiled, one
 from . import position as _at
 
 
-def _sweep_down(indptr, indices, data, diag, inverse, free, f, x, low, high):
+@compiled
+def sweep_down(indptr, indices, data, diag, inverse, free, f, x, low, high):
     # one forward sweep from x = 0, which needs the lower triangle alone
     for i in range(_at(low), _at(high)):
         total = 0.0
@@ -24,7 +25,8 @@ def _sweep_down(indptr, indices, data, diag, inverse, free, f, x, low, high):
         x[i] = total * inverse[i]
 
 
-def _restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x, coarse, low, high):
+@compiled
+def restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x, coarse, low, high):
     # coarse + P'(f - Ax), where the residual of a row that was just swept is the product of x with its upper triangle
     for i in range(_at(low), _at(high)):
         if free[i]:
@@ -39,7 +41,8 @@ def _restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x,
                 k += one()
 
 
-def _interpolate(free, p_indptr, p_indices, p_data, coarse, x, low, high):
+@compiled
+def interpolate(free, p_indptr, p_indices, p_data, coarse, x, low, high):
     # x + P coarse, from the last row on
     n = x.size
     for i in range(_at(n - high), _at(n - low)):
@@ -52,7 +55,8 @@ def _interpolate(free, p_indptr, p_indices, p_data, coarse, x, low, high):
             x[i] = total
 
 
-def _sweep_up(indptr, indices, data, inverse, free, f, x, low, high):
+@compiled
+def sweep_up(indptr, indices, data, inverse, free, f, x, low, high):
     # one backward sweep
     n = x.size
     for step in range(low, high):
@@ -64,9 +68,3 @@ def _sweep_up(indptr, indices, data, inverse, free, f, x, low, high):
                 left -= data[k] * x[_at(indices[k])]
                 k += one()
             x[i] += left * inverse[i]
-
-
-sweep_down = compiled(_sweep_down)
-restrict = compiled(_restrict)
-interpolate = compiled(_interpolate)
-sweep_up = compiled(_sweep_up)

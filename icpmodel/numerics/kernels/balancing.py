@@ -12,7 +12,8 @@ from . import compiled
 _TAME, _PASSES, _NONE = 20, 60, -5000
 
 
-def _balance(M):
+@compiled
+def _exponents(M):
     # exponents (r, c) such that the 2^(r_i + c_j) m_ij are near 1: geometric means of rows and columns in turn, where
     # the largest entries of rows or columns differ much; else all are divided by the largest of all. (Entries that are
     # small in their row and in their column are no reason: those of an inverse fade with the distance, and units in
@@ -54,10 +55,8 @@ def _balance(M):
     return r, c
 
 
-_exponents = compiled(_balance)
-
-
-def _scale(M):
+@compiled
+def scale(M):
     # (S, r, c) with S the matrix in these units
     r, c = _exponents(M)
     S = np.empty_like(M)
@@ -65,6 +64,3 @@ def _scale(M):
         for j in range(M.shape[0]):
             S[i, j] = math.ldexp(M[i, j], r[i] + c[j])
     return S, r, c
-
-
-scale = compiled(_scale)

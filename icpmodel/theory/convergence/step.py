@@ -1,34 +1,20 @@
-"""The matrices of a member of the modulus family, from which every theorem about its convergence is made."""
+"""The matrices of the step of a modulus method, from which every theorem about its convergence is made."""
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...algebra.splittings import Splitting
+from ...algebra.splittings import Member
 from ...errors import InputError
 from ...numerics.arrays import Vector, as_csr, as_vector, described, diagonal_positions
 from ...problem.data import ProblemData, as_problem
 
 
-class Member(Protocol):
-    """What the theorems need to know of a method: M₁, φ and Ω; every member of `methods.modulus` is one."""
-
-    @property
-    def phi(self) -> Any:
-        """The diagonal φ: a number or a vector of shape (n,)."""
-
-    def splitting_of(self) -> Splitting:
-        """The choice of M₁."""
-
-    def omega_of(self, problem: ProblemData) -> Vector:
-        """The diagonal of Ω, shape (n,)."""
-
-
-class Parts:
+class StepMatrices:
     """M₁, M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω as CSR and D, φ, φ₁, Ω as vectors, of `member` on `problem`.
 
     What a theorem makes of them is at most twice `size` entry by entry, and so are the rounding errors of making it.
