@@ -31,11 +31,8 @@ _SETTLE, _AGREE = 12, 0.05
 _CAUTION = 0.98
 #: … and it is taken where it comes nearer to 2 by this share
 _WORTH = 0.05
-#: so many Lanczos steps tell a radius for which sweeps are to be relaxed from one for which they are not; and by how
-#: much they are where nobody looks
-_ROUGH_STEPS, _UNWATCHED = 3, 1.4
-#: a sum of a dominant row, rounding included
-_DOMINANT = 1.0 + 1e-12
+#: by how much sweeps are relaxed where nobody looks
+_UNWATCHED = 1.4
 #: below this ω there is nothing to adapt, and no rate leads beyond this one
 RELAXED, _MOST = 1.2, 1.995
 #: the least patience in steps, what multiplies the steps that halve the error at the observed rate and at the one for
@@ -106,7 +103,7 @@ def best_omega(radius: float) -> float:
 
 
 def relaxation(problem: ProblemData) -> float:
-    """A cautious ω, at most 1.4, for runs that do not adapt it: 2/(1 + √(1 − ρ²)), ρ = `radius(problem)`; 1 if ρ ≥ 1.
+    """A cautious ω, at most 1.4, for runs that do not adapt it: 2/(1 + √(1 − ρ²)), ρ = `rough_jacobi_radius`; 1 if ρ ≥ 1.
 
     On the rows that do not touch the obstacle a smaller ω is the best than for all of A, acceleration hardly needs
     more, and with θ₂ = θ₁ the factor √2 − 1 … 1 of the fastest errors outweighs beyond 1.4 what the slow ones gain.
