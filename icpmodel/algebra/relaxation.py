@@ -103,7 +103,7 @@ def best_omega(radius: float) -> float:
 
 
 def relaxation(problem: ProblemData) -> float:
-    """A cautious ω, at most 1.4, for runs that do not adapt it: 2/(1 + √(1 − ρ²)), ρ = `rough_jacobi_radius`; 1 if ρ ≥ 1.
+    """A cautious ω for runs that do not adapt it: 2/(1 + √(1 − ρ²)), ρ = `rough_jacobi_radius`, at most 1.4; 1 if ρ ≥ 1.
 
     On the rows that do not touch the obstacle a smaller ω is the best than for all of A, acceleration hardly needs
     more, and with θ₂ = θ₁ the factor √2 − 1 … 1 of the fastest errors outweighs beyond 1.4 what the slow ones gain.

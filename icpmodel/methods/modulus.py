@@ -55,7 +55,7 @@ class ModulusMember(FixedPoint):
         """The diagonal of Ω = φ₁⁻¹φ₂, shape (n,)."""
 
     def settled(self, problem: ProblemData) -> ModulusMember:
-        """This member with fixed numbers in place of theta1="auto", as acceleration needs them; itself if it has some."""
+        """This member with numbers in place of theta1="auto", as acceleration needs them; itself if it has some."""
         return self
 
     @property

@@ -156,7 +156,7 @@ class Map(ABC):
         return Substituted(self, unit, factor=1.0 / unit)
 
     def perturbed(self, n: int, moved: Callable[[Any], Any]) -> Map:
-        """ψ for vectors of length `n` with its data changed by `moved`, array ↦ array; its values where no data is known.
+        """ψ for vectors of length `n` with its data changed by `moved`, array ↦ array; its values where it has none.
 
         >>> icp.Constant(3).bind(1).perturbed(1, lambda x: 2 * x).c
         array([6.])
@@ -166,8 +166,8 @@ class Map(ABC):
     def describe(self) -> str:
         """What is known of ψ, in one sentence.
 
-        >>> icp.Affine([[0.5]]).bind(1).describe()
-        'Affine(G with 1 entries): Lipschitz matrix G with 1 entries, largest row sum 0.5; each row depends on its own unknown only'
+        >>> print(icp.Constant(1).bind(2).describe())
+        constant: G = 0, a linear complementarity problem
         """
         G = self.lipschitz
         if G is None:

@@ -16,8 +16,8 @@ from ..problem.data import ProblemData, as_problem
 from .candidate import Candidate, Ended
 from .choice import candidates
 from .goal import RTOL, AccuracyGoal, Goal, Limits
-from .rules import why_none
 from .progress import Progress
+from .rules import why_none
 from .run import Best, Run, fault_of_psi
 from .solution import History, Solution, Status
 

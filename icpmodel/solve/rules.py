@@ -15,7 +15,7 @@ from ..algebra.equations import is_factorised
 from ..algebra.pivoting import PIVOT_UP_TO
 from ..algebra.relaxation import best_omega, relaxation, scale_of
 from ..methods.accelerated import Accelerated
-from ..methods.aor import MNMAOR, MNMGS, MNMJ, overrelaxed
+from ..methods.aor import MNMGS, MNMJ, overrelaxed
 from ..methods.factorised import MNMMOD
 from ..methods.josephy import Josephy
 from ..methods.lemke import Lemke
