@@ -387,7 +387,7 @@ def test_a_rather_candidate_goes_on_where_the_watched_one_is_neither_slow_nor_qu
     """Some 17 more sweeps are needed at the first look: less than 25, and more than 5."""
     a = np.sqrt(0.5)
     problem = icp.ICP([[1.0, -a], [-a, 1.0]], [-1.0, -1.0])
-    for most, looks, expected in ((5, 1, "newton"), (22, 1, "psor"), (5, 2, "psor")):
+    for most, looks, expected in ((5, 1, "newton"), (22, 1, "psor"), (5, 3, "psor")):
         watch = Watch(25, "sweeps", rather=(Candidate(icp.Newton(), "rather", goes_on=True), most, looks))
         run, steps = run_of(problem, Candidate(icp.PSOR(), "", None, watch))
         list(steps)
