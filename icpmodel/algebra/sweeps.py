@@ -26,7 +26,7 @@ Step = Callable[[Vector], Stepped]
 
 
 class Sweep:
-    """A step that can be made several times in a row for less: `several(z, count)` are so many, or what costs the same."""
+    """A step that can be made several times in a row for less: `several(z, count)` are so many, or what costs that."""
 
     def __init__(self, single: Step, several: Callable[[Vector, int], list[Stepped]]) -> None:
         self.single, self.several = single, several

@@ -86,11 +86,15 @@ class Accelerated(Method):
     def why_not(self, problem: ProblemData) -> str | None:
         return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
 
+    def differences(self, problem: ProblemData) -> Differences:
+        """The history of a run, which makes the combinations."""
+        return Differences(problem, self.history_size)
+
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # rejected iterates are yielded as well, so that every sweep counts
         of = self.of or _default(problem)
         opening = of.opening(problem) if self.of else jacobi_step(problem)
-        step, history, phase = opening or of.step_of(problem), _History(problem, self.history_size), _Phases()
+        step, history, phase = opening or of.step_of(problem), self.differences(problem), _Phases()
         ahead: list[Stepped] = []
         sweeps, plain, least = 0, None, np.inf
         while True:
@@ -140,8 +144,8 @@ class _Phases:
         return self.steps <= self.scale * _ACCELERATED
 
 
-class _History:
-    """The last `history_size` + 1 values of f(z) = g(z) − z and of g(z), the rows of F and G."""
+class Differences:
+    """The last `size` + 1 values of f(z) = g(z) − z and of g(z), the rows of F and G."""
 
     def __init__(self, problem: ProblemData, size: int) -> None:
         weight = np.abs(problem.matrix.rows.diagonal)
