@@ -126,6 +126,8 @@ class _Path:
 
     def advance(self) -> bool:
         """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
+        if self.here.theta == 0:
+            return False
         self.fault = None
         with np.errstate(all="ignore"):
             new = self._tried(self._plain) or self._tried(self._descent)
