@@ -28,7 +28,7 @@ def equations_on(problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.c
 
 
 def nearer_to_obstacle(problem: ProblemData, z: Vector) -> NDArray[np.bool_]:
-    """The rows with r_i < p_i/Ω_i, Ω = `weights`: there the modulus takes the side of the obstacle; a mask, shape (n,)."""
+    """The rows with r_i < p_i/Ω_i, Ω = `weights`: there the modulus takes the obstacle's side; a mask, shape (n,)."""
     with np.errstate(over="ignore", invalid="ignore"):
         return problem.r(z) < problem.p(z) / problem.matrix.weights
 

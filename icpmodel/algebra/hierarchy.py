@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector
 from ..numerics.multigrid import ruge_stuben
-from ..numerics.threads import one_behind_the_other
+from ..numerics.threads import one_behind_the_other, threads_for
 from ..problem.data import ProblemData
 
 Mask = NDArray[np.bool_]
@@ -96,11 +96,12 @@ class Hierarchy:
             x[self._rows] = self._inverse @ f[self._rows]
             return x
         A, P, n, free, inverse = level.A, level.P, f.size, level.free, level.inverse
+        threads = threads_for(A.nnz)
         matrix, transfer, coarse = (A.indptr, A.indices, A.data), (P.indptr, P.indices, P.data), np.zeros(P.shape[1])
         down = partial(sweep_down, *matrix, level.diag, inverse, free, f, x)
         rest = partial(restrict, *matrix, level.diag, free, *transfer, x, coarse)
-        one_behind_the_other(n, A.nnz, down, rest, level.rows.above)
+        one_behind_the_other(n, threads, down, rest, level.rows.above)
         coarse = self.cycle(coarse, top + 1)
         correct = partial(interpolate, free, *transfer, coarse, x)
-        one_behind_the_other(n, A.nnz, correct, partial(sweep_up, *matrix, inverse, free, f, x), level.rows.below)
+        one_behind_the_other(n, threads, correct, partial(sweep_up, *matrix, inverse, free, f, x), level.rows.below)
         return x

@@ -31,16 +31,16 @@ _SETTLE, _AGREE = 12, 0.05
 _CAUTION = 0.98
 #: … and it is taken where it comes nearer to 2 by this share
 _WORTH = 0.05
-#: so many Lanczos steps tell a radius for which sweeps are to be relaxed from one for which they are not; and by how
-#: much they are where nobody looks
-_ROUGH_STEPS, _UNWATCHED = 3, 1.4
-#: a sum of a dominant row, rounding included
-_DOMINANT = 1.0 + 1e-12
+#: by how much sweeps are relaxed where nobody looks
+_UNWATCHED = 1.4
 #: below this ω there is nothing to adapt, and no rate leads beyond this one
 RELAXED, _MOST = 1.2, 1.995
 #: the least patience in steps, what multiplies the steps that halve the error at the observed rate and at the one for
 #: which ω is best, and the growth that is a reason to step back at once
 _PATIENCE, _HALVES, _GROWN = 100, 3.0, 1e3
+#: but steps that halve the error are taken for at most so many where the rate does not tell: the patience is 724 then,
+#: in which SOR with the best ω = 1.999 halves the error, and what turns in a circle is found before a run gives up
+_SLOWEST = 300.0
 
 
 def is_auto(theta1: Any) -> bool:
@@ -106,7 +106,7 @@ def best_omega(radius: float) -> float:
 
 
 def relaxation(problem: ProblemData) -> float:
-    """A cautious ω, at most 1.4, for runs that do not adapt it: 2/(1 + √(1 − ρ²)), ρ = `radius(problem)`; 1 if ρ ≥ 1.
+    """A cautious ω, where it is not adapted: 2/(1 + √(1 − ρ²)), at most 1.4, ρ = `rough_jacobi_radius`; 1 if ρ ≥ 1.
 
     On the rows that do not touch the obstacle a smaller ω is the best than for all of A, acceleration hardly needs
     more, and with θ₂ = θ₁ the factor √2 − 1 … 1 of the fastest errors outweighs beyond 1.4 what the slow ones gain.
@@ -187,7 +187,7 @@ class AdaptedOmega:
     def _patience(self, factor: float) -> float:
         # where omega is best, 1 - rho is about (2 - omega)^2 / 8 for the Jacobi radius rho, and Gauss-Seidel sweeps
         # halve the error in ln(2) / (1 - rho^2)
-        slow = 4.0 / (2.0 - self.value) ** 2
+        slow = min(4.0 / (2.0 - self.value) ** 2, _SLOWEST)
         return _PATIENCE + _HALVES * math.log(2.0) * (max(slow, 1.0 / (1.0 - factor)) if factor < 1.0 else slow)
 
     def _best(self, factor: float) -> float:

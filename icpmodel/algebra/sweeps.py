@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..numerics.arrays import Vector, bandwidths
-from ..numerics.threads import one_behind_the_other, threads_for
+from ..numerics.threads import CHUNK, one_behind_the_other, threads_for
 from ..problem.data import ProblemData
 from ..problem.user_code import raising_map_error
 
@@ -26,7 +26,7 @@ Step = Callable[[Vector], Stepped]
 
 
 class Sweep:
-    """A step that can be made several times in a row for less: `several(z, count)` are at most so many of them."""
+    """A step that can be made several times in a row for less: `several(z, count)` are so many, or what costs that."""
 
     def __init__(self, single: Step, several: Callable[[Vector, int], list[Stepped]]) -> None:
         self.single, self.several = single, several
@@ -36,19 +36,28 @@ class Sweep:
 
 
 def in_a_row(step: Step, z: Vector, count: float) -> list[Stepped]:
-    """From `z`, one step or as many of `count` as are made at once, each from where the one before it arrives."""
+    """From `z`, one step or as many as are made at once for `count`, each from where the one before it arrives."""
     several = max(int(min(count, AT_ONCE)), 1)
     return step.several(z, several) if isinstance(step, Sweep) and several > 1 else [step(z)]
 
 
 def compiled_step(
-    problem: ProblemData, name: str, before: tuple[Any, ...], after: tuple[Any, ...], reach: int | None = None
+    problem: ProblemData,
+    name: str,
+    before: tuple[Any, ...],
+    after: tuple[Any, ...],
+    reach: int | None = None,
+    *,
+    few: int = _FEW,
+    threads: int | None = None,
+    chunk: int = CHUNK,
 ) -> Step:
     """One compiled sweep as a step: `before` and `after` are the kernel's arguments around ψ.
 
     ψ that `kernel_data` knows is evaluated inside the sweep; any other is called once for it. A sweep "in_order" that
     goes forward may make some more in the same call, for a large A in the same pass over it. `reach` is how far A
-    reaches above its diagonal, None where the sweep cannot do that.
+    reaches above its diagonal, None where the sweep cannot do that; `few` entries are swept in one call, more of them
+    by so many `threads`, which keep a `chunk` of rows apart.
     """
     from ..numerics.kernels.sweeps import SWEEPS, USER_SWEEPS
 
@@ -65,7 +74,7 @@ def compiled_step(
     nnz = problem.nnz
     if reach is None or inside is None:
         return step
-    if nnz <= _FEW:
+    if nnz <= few:
         return Sweep(step, partial(_in_one_call, partial(SWEEPS.some_in_order, *before, inside, *after)))
     if psi.linear is not None and not psi.is_constant:  # the second sweep asks for what psi takes from the first too
         G = psi.linear[0]
@@ -73,7 +82,7 @@ def compiled_step(
     if reach * (nnz / problem.n + 4) > _NEAR:
         return step
     two = partial(SWEEPS.two_in_order, *before, inside, after[0])
-    return Sweep(step, partial(_in_one_pass, two, reach, nnz))
+    return Sweep(step, partial(_in_one_pass, two, reach, min(threads or threads_for(nnz), 2), chunk))
 
 
 def _step_with(kernel: Any, inside: tuple[Any, Any], before: tuple[Any, ...], after: tuple[Any, ...]) -> Step:
@@ -98,12 +107,13 @@ def _in_one_call(some: Callable[..., None], z: Vector, count: int) -> list[Stepp
     return list(zip(Z[1:], np.sqrt(squares).tolist(), strict=True))
 
 
-def _in_one_pass(two: Callable[..., tuple[float, float]], reach: int, nnz: int, z: Vector, count: int) -> list[Stepped]:
+def _in_one_pass(
+    two: Callable[..., tuple[float, float]], reach: int, threads: int, chunk: int, z: Vector, count: int
+) -> list[Stepped]:
     """Two sweeps in one pass over A, or four, for `count` > 2, where a second thread follows.
 
     Every number is the same as that of one sweep after the other.
     """
-    threads = min(threads_for(nnz), 2)
     sweeps = 4 if count > 2 and threads > 1 else 2
     each = sweeps // threads
     iterates, squares = [z, *(np.empty(z.size) for _ in range(sweeps))], np.zeros((threads, 2))
@@ -117,5 +127,5 @@ def _in_one_pass(two: Callable[..., tuple[float, float]], reach: int, nnz: int, 
     if threads == 1:
         part(0, 0, rows)
     else:
-        one_behind_the_other(rows, nnz, partial(part, 0), partial(part, 1), each * reach)
+        one_behind_the_other(rows, threads, partial(part, 0), partial(part, 1), each * reach, chunk=chunk)
     return list(zip(iterates[1:], np.sqrt(squares[:, :each]).ravel().tolist(), strict=True))

@@ -35,11 +35,11 @@ class Accelerated(Method):
 
         z⁺ = g(z) − ΔG γ,        γ = argmin (f(z) − ΔF γ)ᵀ D (f(z) − ΔF γ),
 
-    ΔG and ΔF the differences of the last `history_size` + 1 values of g and f, D the diagonal of A, so that symmetric changes
-    of units leave γ as it is; the other steps are plain ones. The combination costs about as much as a sweep, hence not
-    every step is one; with more than two plain ones in between, sweeps that diverge would get too far. Where g is
-    linear and `mixing_frequency` is 1 this is GMRES, restarted gradually; where g is affine, n at most 2 and `mixing_frequency` 3, the third
-    step is exact.
+    ΔG and ΔF the differences of the last `history_size` + 1 values of g and f, D the diagonal of A, so that symmetric
+    changes of units leave γ as it is; the other steps are plain ones. The combination costs about as much as a sweep,
+    hence not every step is one; with more than two plain ones in between, sweeps that diverge would get too far. Where
+    g is linear and `mixing_frequency` is 1 this is GMRES, restarted gradually; where g is affine, n at most 2 and
+    `mixing_frequency` 3, the third step is exact.
 
     **Safeguard.** An iterate so made is kept only if its residual, which the next sweep yields for free, is at most ten
     times the least one so far; else the plain step is taken and the history forgotten. Where a hundred steps
@@ -51,8 +51,8 @@ class Accelerated(Method):
     Parameters: `of`, the name of a method (taken with its defaults) or a Method object whose iterates are those of one
     map: any member of the modulus family, `psor`, or a `FixedPoint` of your own; one with theta1="auto" is taken with
     the numbers of `settled(problem)`. By default it is MNMAOR(theta1="auto"), but where every ψ_i moves with its own
-    z_i alone, and by less, PSOR, which keeps rows at the obstacle there, with the ω of `parameters.relaxation`, after
-    one step of Jacobi's. `history_size` ≥ 1, the number of differences; `mixing_frequency` ≥ 1.
+    z_i alone, and by less, PSOR, which keeps rows at the obstacle there, with the ω of `algebra.relaxation.relaxation`,
+    after one step of Jacobi's. `history_size` ≥ 1, the number of differences; `mixing_frequency` ≥ 1.
     Raises InputError for anything else.
     Reference: Anderson, J. ACM 12 (1965); Walker and Ni, SIAM J. Numer. Anal. 49 (2011); Pratapa, Suryanarayana and
     Pask, J. Comput. Phys. 306 (2016), for the steps between.
@@ -84,14 +84,17 @@ class Accelerated(Method):
         object.__setattr__(self, "of", method)
 
     def why_not(self, problem: ProblemData) -> str | None:
-        """See `Method.why_not`: what the method `of` says."""
         return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
+
+    def differences(self, problem: ProblemData) -> Differences:
+        """The history of a run, which makes the combinations."""
+        return Differences(problem, self.history_size)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # rejected iterates are yielded as well, so that every sweep counts
         of = self.of or _default(problem)
         opening = of.opening(problem) if self.of else jacobi_step(problem)
-        step, history, phase = opening or of.step_of(problem), _History(problem, self.history_size), _Phases()
+        step, history, phase = opening or of.step_of(problem), self.differences(problem), _Phases()
         ahead: list[Stepped] = []
         sweeps, plain, least = 0, None, np.inf
         while True:
@@ -141,8 +144,8 @@ class _Phases:
         return self.steps <= self.scale * _ACCELERATED
 
 
-class _History:
-    """The last `history_size` + 1 values of f(z) = g(z) − z and of g(z), the rows of F and G."""
+class Differences:
+    """The last `size` + 1 values of f(z) = g(z) − z and of g(z), the rows of F and G."""
 
     def __init__(self, problem: ProblemData, size: int) -> None:
         weight = np.abs(problem.matrix.rows.diagonal)

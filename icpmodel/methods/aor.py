@@ -78,7 +78,7 @@ class MNMAOR(_Relaxing):
     θ₁ = 1/(2/ω − s), θ₂ = 2θ₁ and Ω = sD with s = 2 − ω have the reach of projected SOR: where p < Ωr,
     z⁺ = z − (D/ω − L)⁻¹p. theta1="auto" takes these; the run starts at ω = 1 and adapts ω to the rate that it
     sees, and `Solution.settled` tells where it ended.
-    Reference: Kumar, Deepmala and Das, section 3; `methods.parameters` for "auto".
+    Reference: Kumar, Deepmala and Das, section 3; `algebra.relaxation` for "auto".
 
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMAOR(theta1=1.2, theta2=1.0, phi=0.5)).z.round(6)
     array([1., 1.])
@@ -96,7 +96,7 @@ class MNMAOR(_Relaxing):
             AOR(self.theta1, self.theta2)
 
     def settled(self, problem: ProblemData) -> MNMAOR:
-        """See `ModulusMember.settled`; ω is `parameters.relaxation`: acceleration needs no more."""
+        """With ω = `relaxation`: acceleration needs no more."""
         return self._relaxed(problem, relaxation(problem)) if is_auto(self.theta1) else self
 
     def _adapted(self, problem: ProblemData) -> AdaptedOmega:
@@ -131,7 +131,7 @@ class MNMSOR(_Relaxing):
             leave_out(self, "phi1", "phi2")
 
     def settled(self, problem: ProblemData) -> MNMSOR:
-        """See `ModulusMember.settled`; θ₁ = 1 and Ω = D, which is proved, and the best start for acceleration."""
+        """θ₁ = 1 and Ω = D, which is proved, and the best start for acceleration."""
         return MNMSOR(phi=self.phi) if is_auto(self.theta1) else self
 
     def _adapted(self, problem: ProblemData) -> AdaptedOmega:
@@ -178,7 +178,7 @@ class MNMJ(FreeOmega):
 def overrelaxed(problem: ProblemData, omega: float) -> MNMAOR:
     """MNMAOR with X = 2(D/ω − L) and Ω = (2 − ω)D: on the rows where p < Ωr it is successive overrelaxation.
 
-    Parameters: `omega` in (0, 2). Reference: `parameters.sor`.
+    Parameters: `omega` in (0, 2). Reference: `algebra.relaxation`.
     """
     theta1, phi2 = sor(problem, omega)
     return MNMAOR(theta1=theta1, theta2=2.0 * theta1, phi2=phi2)

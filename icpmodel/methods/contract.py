@@ -1,8 +1,8 @@
 """The contract of a method.
 
 A method is mathematics only: it yields iterates and knows no clock, no tolerance and no printing. To add one, write a
-`Method` subclass that has a `name`, in a file of this folder or anywhere else; it is then found by `solve("name")`, in
-races, on the command line and, here, by the conformance tests.
+`Method` subclass with a `name` of its own, in a file of this folder or anywhere else; it is then found by
+`solve("name")`, in races and on the command line.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 import numpy as np
@@ -39,9 +39,10 @@ class Infeasible(Exception):
         self.answer = answer
 
 
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method(ABC):
-    """An iterative method for ICP. Subclasses are frozen keyword-only dataclasses that check their options; a method
-    never changes.
+    """An iterative method for ICP. Subclasses with options are frozen keyword-only dataclasses that check them; a
+    method never changes.
 
     >>> from icpmodel.methods import named
     >>> named("mnmsor", theta1=1.2)
@@ -56,7 +57,7 @@ class Method(ABC):
     to_try: ClassVar[str] = ""
 
     def __init_subclass__(cls) -> None:
-        if cls.name:
+        if cls.__dict__.get("name"):  # one of its own
             _REGISTRY[cls.name] = cls
 
     def why_not(self, problem: ProblemData) -> str | None:
@@ -85,7 +86,7 @@ class Method(ABC):
 
     def __repr__(self) -> str:
         given = []
-        for option in fields(self):  # type: ignore[arg-type]
+        for option in fields(self):
             value = getattr(self, option.name)
             if isinstance(value, np.ndarray):
                 given.append(f"{option.name}=<{value.size} values>")
@@ -105,7 +106,10 @@ class FixedPoint(Method):
         """A cheaper step to begin with, which may be all there is to do; None where there is none."""
         return None
 
-    def iterates(self, problem: ProblemData, z: Vector) -> Generator[Iterate, float | None, None]:
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        return self._sweeps(problem, z)
+
+    def _sweeps(self, problem: ProblemData, z: Vector) -> Generator[Iterate, float | None, None]:
         expected = None
         if (opening := self.opening(problem)) is not None:
             following, residual = opening(z)
@@ -144,7 +148,7 @@ def named(name: str, /, **options: Any) -> Method:
     if not isinstance(name, str) or name.lower() not in names():
         raise InputError(f"method is {described(name)}; one of {', '.join(names())} or a Method object was expected")
     cls = _REGISTRY[name.lower()]
-    known = [option.name for option in fields(cls)]  # type: ignore[arg-type]
+    known = [option.name for option in fields(cls)]
     for option in options:
         if option not in known:
             takes = f"it takes {', '.join(known)}" if known else "it takes none"

@@ -40,7 +40,6 @@ class MNMOD(ModulusMember):
         return Whole()
 
     def omega_of(self, problem: ProblemData) -> Vector:
-        """Ω = I: see `ModulusMember.omega_of`."""
         return np.ones(problem.n)
 
 
@@ -68,5 +67,4 @@ class MNMMOD(MNMOD):
         return MNMMOD(phi=self.phi, theta1=scale_of(problem)) if is_auto(self.theta1) else self
 
     def omega_of(self, problem: ProblemData) -> Vector:
-        """Ω = θ₁I: see `ModulusMember.omega_of`."""
         return np.full(problem.n, a_number(self.theta1))

@@ -4,7 +4,7 @@ Written out with the modulus (equation (5) of the paper; φ₁ only rescales, so
 
     (M₁ + φ + Ω) z⁺ = (N₁ + φ) z + |(A − Ω)z + q + Ωψ(z)| − q + Ωψ(z),        N₁ = M₁ − A.
 
-|x − y| = x + y − 2 min(x, y) turns that into the line above; `operators.Operator.step` is that line.
+|x − y| = x + y − 2 min(x, y) turns that into the line above; `algebra.operators.Operator.step` is that line.
 
 | method  | M₁             | Ω    |                                                    |
 |---------|----------------|------|----------------------------------------------------|
@@ -17,7 +17,7 @@ Written out with the modulus (equation (5) of the paper; φ₁ only rescales, so
 | NMMS    | any            | any  | φ = 0, φ₁ = I (the method of 2022)                 |
 | projection-fixed-point | D/ω | D/ω | z⁺ = max(ψ(z), z − ωD⁻¹(Az + q))               |
 
-theta1="auto" leaves θ₁, and what goes with it, to `methods.parameters`.
+theta1="auto" leaves θ₁, and what goes with it, to `algebra.relaxation`.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class ModulusMember(FixedPoint):
         """The diagonal of Ω = φ₁⁻¹φ₂, shape (n,)."""
 
     def settled(self, problem: ProblemData) -> ModulusMember:
-        """This member with fixed numbers in place of theta1="auto", as acceleration needs them; itself if it has some."""
+        """This member with numbers in place of theta1="auto", as acceleration needs them; itself if it has some."""
         return self
 
     @property
@@ -90,13 +90,12 @@ class FreeOmega(ModulusMember):
             check_diagonal(self, "phi2")
 
     def omega_of(self, problem: ProblemData) -> Vector:
-        """φ₂/φ₁, or D where φ₂ is not given: see `ModulusMember.omega_of`."""
+        """φ₂/φ₁, or D where φ₂ is not given."""
         if self.phi2 is None:
             return problem.matrix.rows.diagonal
         return as_diagonal(self.phi2, problem.n, "phi2") / as_diagonal(self.phi1, problem.n, "phi1")
 
     def why_not(self, problem: ProblemData) -> str | None:
-        """See `Method.why_not`: the default Ω = D must be positive."""
         return positive_diagonal(problem, "Omega = D must be positive") if self.phi2 is None else None
 
 
@@ -154,7 +153,6 @@ class NMMS(ModulusMember):
         return problem.matrix.rows.diagonal if self.omega is None else as_diagonal(self.omega, problem.n, "omega")
 
     def why_not(self, problem: ProblemData) -> str | None:
-        """See `Method.why_not`: the default Ω = D must be positive."""
         return positive_diagonal(problem, "Omega = D must be positive") if self.omega is None else None
 
 
@@ -180,7 +178,6 @@ class ProjectionFixedPoint(ModulusMember):
         return AOR(self.omega, 0.0)
 
     def omega_of(self, problem: ProblemData) -> Vector:
-        """Ω = D/ω: see `ModulusMember.omega_of`."""
         return problem.matrix.rows.diagonal / self.omega
 
     def why_not(self, problem: ProblemData) -> str | None:

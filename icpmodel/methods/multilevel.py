@@ -76,55 +76,53 @@ class Multilevel(Method):
         yield z, first
         best = z
         with suppress(NoHierarchy):
-            best = yield from _run(problem, z, first)
+            best = yield from self._look_by_look(problem, z, first)
         if is_factorised(problem) and problem.psi.no_derivative() is None:
             yield from Newton().iterates(problem, best)
 
+    def start(self, hierarchy: Hierarchy, problem: ProblemData) -> Vector:
+        """z from the coarser levels, each of which begins with the answer of the one below it."""
+        problems, shifts = [problem], []
+        for level, coarser in pairwise(hierarchy.levels):
+            coarse, shift = coarse_problem(problems[-1], level, coarser)
+            problems.append(coarse)
+            shifts.append(shift)
+        jumps = problem.psi.takes_best
+        share, looks = (_COARSE_JUMPS, _POLICIES) if jumps else (_COARSE, _LOOKS)
+        z = np.zeros(problems[-1].n)
+        for top in range(len(problems) - 1, 0, -1):
+            enough = share * problems[top].residual_at_0()
+            path = Newton().iterates(problems[top], z) if jumps else _path(hierarchy, problems[top], z, top)
+            for near, residual in islice(path, looks):
+                answer = near
+                if residual is not None and residual <= enough:
+                    break
+            z = hierarchy.levels[top - 1].P @ answer + shifts[top - 1]
+        return z
 
-def _run(problem: ProblemData, z: Vector, first: float) -> Generator[Iterate, None, Vector]:
-    """The run on the finest level, as long as it leads on, from `z` with the residual `first`; returns its best z."""
-    hierarchy = Hierarchy(problem)
-    simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
-    at_0 = problem.residual_at_0()
-    start = z if first <= _NEAR * at_0 else _start(hierarchy, simple)
-    if problem.psi.takes_best:
-        return start if problem.residual(start) <= min(first, at_0) else z
-    mark, least, halved_at, better_at, best = np.inf, np.inf, 0, 0, z
-    for look, (iterate, residual) in enumerate(_path(hierarchy, simple, start, 0)):
-        if not residual < np.inf:
-            break
-        yield iterate, residual if simple is problem else None
-        if residual < least:
-            least, better_at, best = residual, look, iterate
-        if residual <= 0.5 * mark:
-            mark, halved_at = residual, look
-        if look - halved_at >= _PATIENCE or look - better_at >= _SHORT_PATIENCE:
-            break
-    return best
-
-
-def _start(hierarchy: Hierarchy, problem: ProblemData) -> Vector:
-    """z from the coarser levels, each of which begins with the answer of the one below it."""
-    problems, shifts = [problem], []
-    for level, coarser in pairwise(hierarchy.levels):
-        coarse, shift = _coarse(problems[-1], level, coarser)
-        problems.append(coarse)
-        shifts.append(shift)
-    jumps = problem.psi.takes_best
-    share, looks = (_COARSE_JUMPS, _POLICIES) if jumps else (_COARSE, _LOOKS)
-    z = np.zeros(problems[-1].n)
-    for top in range(len(problems) - 1, 0, -1):
-        enough = share * problems[top].residual_at_0()
-        path = Newton().iterates(problems[top], z) if jumps else _path(hierarchy, problems[top], z, top)
-        for near, residual in islice(path, looks):
-            answer = near
-            if residual is not None and residual <= enough:
+    def _look_by_look(self, problem: ProblemData, z: Vector, first: float) -> Generator[Iterate, None, Vector]:
+        """The finest level, as long as it leads on, from `z` with the residual `first`; returns the best z."""
+        hierarchy = Hierarchy(problem)
+        simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
+        at_0 = problem.residual_at_0()
+        start = z if first <= _NEAR * at_0 else self.start(hierarchy, simple)
+        if problem.psi.takes_best:
+            return start if problem.residual(start) <= min(first, at_0) else z
+        mark, least, halved_at, better_at, best = np.inf, np.inf, 0, 0, z
+        for look, (iterate, residual) in enumerate(_path(hierarchy, simple, start, 0)):
+            if not residual < np.inf:
                 break
-        z = hierarchy.levels[top - 1].P @ answer + shifts[top - 1]
-    return z
+            yield iterate, residual if simple is problem else None
+            if residual < least:
+                least, better_at, best = residual, look, iterate
+            if residual <= 0.5 * mark:
+                mark, halved_at = residual, look
+            if look - halved_at >= _PATIENCE or look - better_at >= _SHORT_PATIENCE:
+                break
+        return best
 
 
-def _coarse(problem: ProblemData, level: Level, coarser: Level) -> tuple[ProblemData, Vector]:
+def coarse_problem(problem: ProblemData, level: Level, coarser: Level) -> tuple[ProblemData, Vector]:
     """The problem on the level below `level`, and the shift s: Pz + s is what its answer z is worth on `level`.
 
     Points that are not kept solve their own equation: s = −q/D there, so that rows without a coarse neighbour and those

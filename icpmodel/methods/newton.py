@@ -70,15 +70,19 @@ class Newton(Method):
     def why_not(self, problem: ProblemData) -> str | None:
         return problem.psi.no_derivative()
 
+    def path(self, problem: ProblemData, z: Vector) -> Path:
+        """Where a run goes from `z`."""
+        return Path(problem, z)
+
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator: it ends instead
-        path = _Path(problem, z)
+        path = self.path(problem, z)
         yield path.here.z, path.here.residual
         while path.advance():
             yield path.here.z, path.here.residual
 
 
-class _Point:
+class Point:
     """z with all that is evaluated there: p, r, the scaled a = p/Ω, φ, θ = ‖φ‖, the residual, and when asked for ψ′."""
 
     def __init__(self, problem: ProblemData, omega: Vector, z: Vector) -> None:
@@ -108,13 +112,13 @@ class _Point:
         return in_a, in_b
 
 
-class _Path:
+class Path:
     """The run: where it is, its best point, and what credit is left to the plain steps."""
 
     def __init__(self, problem: ProblemData, z: Vector) -> None:
         self.problem, self.omega = problem, problem.matrix.weights
         with np.errstate(all="ignore"):
-            self.here = self.best = _Point(problem, self.omega, z)
+            self.here = self.best = Point(problem, self.omega, z)
         self.first = self.mark = self.here.theta
         self.patience = _PATIENCE
         # since the last mark: the plain steps that count, the descents
@@ -126,9 +130,11 @@ class _Path:
 
     def advance(self) -> bool:
         """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
+        if self.here.theta == 0:
+            return False
         self.fault = None
         with np.errstate(all="ignore"):
-            new = self._tried(self._plain) or self._tried(self._descent)
+            new = self._tried(self.plain) or self._tried(self.descent)
         if new is None:
             if self.fault is not None:
                 raise self.fault
@@ -140,10 +146,10 @@ class _Path:
             self.mark, self.waited, self.descents = new.theta, 0, 0
         return True
 
-    def _marks(self, point: _Point) -> bool:
+    def _marks(self, point: Point) -> bool:
         return point.theta <= _REDUCED * self.mark
 
-    def _tried(self, step: Callable[[], _Point | None]) -> _Point | None:
+    def _tried(self, step: Callable[[], Point | None]) -> Point | None:
         """What `step` finds, None where ψ fails on the way."""
         try:
             return step()
@@ -151,9 +157,9 @@ class _Path:
             self.fault = error
             return None
 
-    def _point(self, z: Vector) -> _Point | None:
+    def _point(self, z: Vector) -> Point | None:
         """The point at `z`, None where it has no finite θ."""
-        point = self._tried(lambda: _Point(self.problem, self.omega, z))
+        point = self._tried(lambda: Point(self.problem, self.omega, z))
         if point is None or np.isfinite(point.theta):
             return point
         bad = ~(point.r > -np.inf)
@@ -161,7 +167,7 @@ class _Path:
             self.fault = MapError(f"psi(z)[{np.argmax(bad)}] is NaN or +inf")
         return None
 
-    def _plain(self) -> _Point | None:
+    def plain(self) -> Point | None:
         """A step of the active set method, None where θ would be above its mark for too long."""
         active, shrinks = self._choose()
         step = self._plain_direction(active)
@@ -201,7 +207,7 @@ class _Path:
             self.kept = (active, J, step_of(self.problem, active, J))
         return self.kept[2](here.p, here.r, tolerance)
 
-    def _descent(self) -> _Point | None:
+    def descent(self) -> Point | None:
         """A step from the best point that reduces Ψ by Armijo's rule; None where none does, or many do too little."""
         best = self.best
         self.patience, self.waited = self.patience // 2, 0
@@ -212,15 +218,15 @@ class _Path:
         move = sp.eye_array(self.problem.n) - best.jacobian
         V = sp.csr_array(sp.diags_array(in_a / self.omega) @ self.problem.A + sp.diags_array(in_b) @ move)
         phi = best.phi / best.theta
-        for direction in self._directions(V, phi, in_a + in_b):
+        for direction in self.directions(V, phi, in_a + in_b):
             slope = float(phi @ (V @ direction))
             if slope < -_SHIFT:
-                new = self._along(best, best.theta * direction, slope)
+                new = self.along(best, best.theta * direction, slope)
                 if new is not None:
                     return new
         return None
 
-    def _directions(self, V: sp.csr_array, phi: Vector, shift: Vector) -> Iterator[Vector]:
+    def directions(self, V: sp.csr_array, phi: Vector, shift: Vector) -> Iterator[Vector]:
         """Newton's, with V shifted where it is singular, and that of steepest descent with Cauchy's length."""
         step = solver_of(V)(-phi, _TIGHT)
         if step is None:
@@ -232,7 +238,7 @@ class _Path:
         size = norm(V @ steepest)
         yield -steepest * (phi @ (V @ steepest)) / size / size  # the square may not be a float
 
-    def _along(self, best: _Point, step: Vector, slope: float) -> _Point | None:
+    def along(self, best: Point, step: Vector, slope: float) -> Point | None:
         for k in range(_HALVINGS):
             t = 0.5**k
             new = self._point(best.z + t * step)

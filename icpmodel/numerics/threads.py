@@ -11,7 +11,7 @@ from typing import Any
 #: loops over so many entries are worth threads
 _THREADS_FROM = 1_000_000
 #: so many rows a thread goes ahead of the one that follows it
-_CHUNK = 50_000
+CHUNK = 50_000
 #: what makes rows low <= i < high
 OfRows = Callable[[int, int], Any]
 
@@ -39,13 +39,15 @@ def threads_for(nnz: int) -> int:
     return cores() if nnz >= _THREADS_FROM else 1
 
 
-def one_behind_the_other(size: int, nnz: int, first: OfRows, second: OfRows, lag: int) -> None:
+def one_behind_the_other(
+    size: int, threads: int, first: OfRows, second: OfRows, lag: int, *, chunk: int = CHUNK
+) -> None:
     """`first(low, high)` over range(`size`), then `second`, which asks for nothing that is `lag` or more ahead of it.
 
-    Where A has many entries, `nnz`, and there are two cores, the second follows in a thread of its own behind what the
-    first has done.
+    With more than one of the `threads` the second follows in one of its own, a `chunk` of rows behind what the first
+    has done.
     """
-    if threads_for(nnz) == 1 or lag > _CHUNK:
+    if threads == 1 or lag > chunk:
         first(0, size)
         second(0, size)
         return
@@ -61,7 +63,7 @@ def one_behind_the_other(size: int, nnz: int, first: OfRows, second: OfRows, lag
     with ThreadPoolExecutor(1) as behind:
         following, low = behind.submit(follow), 0
         try:
-            for high in [*range(_CHUNK, size, _CHUNK), size]:
+            for high in [*range(chunk, size, chunk), size]:
                 first(low, high)
                 reached.put(high)
                 low = high

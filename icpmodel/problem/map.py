@@ -153,21 +153,21 @@ class Map(ABC):
         >>> icp.Constant(3).bind(1).in_units(2.0).c
         array([1.5])
         """
-        return Substituted(self, unit, None, None, 1.0 / unit)
+        return Substituted(self, unit, factor=1.0 / unit)
 
     def perturbed(self, n: int, moved: Callable[[Any], Any]) -> Map:
-        """ψ for vectors of length `n` with its data changed by `moved`, array ↦ array; its values where no data is known.
+        """ψ for vectors of length `n` with its data changed by `moved`, array ↦ array; its values where it has none.
 
         >>> icp.Constant(3).bind(1).perturbed(1, lambda x: 2 * x).c
         array([6.])
         """
-        return Substituted(self, 1.0, None, None, moved(np.ones(n)))
+        return Substituted(self, 1.0, factor=moved(np.ones(n)))
 
     def describe(self) -> str:
         """What is known of ψ, in one sentence.
 
-        >>> icp.Affine([[0.5]]).bind(1).describe()
-        'Affine(G with 1 entries): Lipschitz matrix G with 1 entries, largest row sum 0.5; each row depends on its own unknown only'
+        >>> print(icp.Constant(1).bind(2).describe())
+        constant: G = 0, a linear complementarity problem
         """
         G = self.lipschitz
         if G is None:
@@ -181,13 +181,11 @@ class Map(ABC):
 class Substituted(Map):
     """y ↦ t·ψ(Py + s) at some rows: ψ restricted, carried to a coarser level, or in other units.
 
-    Parameters: `psi` for vectors of length n; `P` CSR, shape (n, m), or a number; `shift` = s, shape (n,), or None for
-    0; `rows` the rows that are kept, None for all; `factor` = t, a number or a vector.
+    Parameters: `psi` for vectors of length n; `P` CSR, shape (n, m), or a number; `shift` = s, shape (n,), or 0; `rows`
+    the rows that are kept, or all; `factor` = t, a number, or a vector of the length of the rows.
     """
 
-    def __init__(
-        self, psi: Map, P: Any, shift: Vector | None, rows: NDArray[np.intp] | None, factor: Any = 1.0
-    ) -> None:
+    def __init__(self, psi: Map, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> None:
         self.psi, self.P, self.shift, self.rows, self.factor = psi, P, shift, rows, factor
         self.at_users_word = psi.at_users_word
 
@@ -195,17 +193,16 @@ class Substituted(Map):
         return self
 
     def _inner(self, y: Vector) -> Vector:
-        z: Vector = self.P * y if np.isscalar(self.P) else self.P @ y
-        return z if self.shift is None else z + self.shift
+        inner: Vector = (self.P @ y if sp.issparse(self.P) else self.P * y) + self.shift
+        return inner
 
     def value(self, z: Vector) -> Vector:
-        value = self.psi.value(self._inner(z))
-        result: Vector = self.factor * (value if self.rows is None else value[self.rows])
-        return result
+        value: Vector = self.factor * self.psi.value(self._inner(z))[self.rows]
+        return value
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         J = self.psi.jacobian(self._inner(z))
-        return None if J is None else self._chained(J, self.P)
+        return None if J is None else self._chained(J, self.P, self.factor)
 
     def no_derivative(self) -> str | None:
         return self.psi.no_derivative()
@@ -213,13 +210,18 @@ class Substituted(Map):
     @cached_property
     def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
         G = self.psi.lipschitz
-        return None if G is None else self._chained(G, abs(self.P))
+        return None if G is None else self._chained(G, abs(self.P), np.abs(self.factor))
 
-    def _chained(self, matrix: sp.csr_array, P: Any) -> sp.csr_array:
-        if self.rows is not None:
-            matrix = matrix[self.rows]
-        matrix = matrix * P if np.isscalar(P) else matrix @ P
-        return sp.csr_array(matrix * self.factor if np.isscalar(self.factor) else sp.diags_array(self.factor) @ matrix)
+    def _chained(self, matrix: sp.csr_array, P: Any, factor: Any) -> sp.csr_array:
+        matrix = matrix[self.rows] @ P if sp.issparse(P) else matrix[self.rows] * P
+        return sp.csr_array(sp.diags_array(np.broadcast_to(factor, matrix.shape[:1])) @ matrix)
+
+    def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
+        if not sp.issparse(self.P) or np.ndim(self.factor):
+            return super().coarsened(P, shift, kept)
+        # level upon level, ψ is asked once
+        rows = np.arange(self.P.shape[0])[self.rows][kept]
+        return Substituted(self.psi, self.P @ P, self._inner(shift), rows, self.factor)
 
     def __repr__(self) -> str:
         return f"Substituted({self.psi!r})"

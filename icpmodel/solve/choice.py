@@ -14,7 +14,7 @@ from ..methods.psor import PSOR
 from ..problem.data import ProblemData
 from .candidate import Candidate
 from .goal import RTOL
-from .reduced import Reduced, structure
+from .reduced import ReducedTo, structure
 from .rules import after_trial, direct, on_trial, pivots_at_once
 from .run import PATIENCE
 
@@ -63,4 +63,4 @@ def _reduced(problem: ProblemData, usual: Iterator[Candidate], aim: float) -> It
 
 
 def _in_blocks(found: Blocks, aim: float) -> Candidate:
-    return Candidate(Reduced(blocks=found, aim=aim), repr(found), PATIENCE)
+    return Candidate(ReducedTo(blocks=found, aim=aim), repr(found), PATIENCE)

@@ -13,15 +13,17 @@ from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector, as_truth
 from ..problem.data import ProblemData, as_problem
-from .candidate import Candidate
+from .candidate import Candidate, Ended
 from .choice import candidates
 from .goal import RTOL, AccuracyGoal, Goal, Limits
+from .progress import Progress
 from .rules import why_none
-from .run import Best, Ended, Progress, Run, fault_of_psi
+from .run import Best, Run, fault_of_psi
 from .solution import History, Solution, Status
 
-#: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it
-_LEAST_AIM = 1e-14
+#: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it, and for the second
+#: one where more would do
+_LEAST_AIM, _MOST_AIM = 1e-14, 0.5
 _OPTIONS = (
     "z0",
     "rtol",
@@ -61,8 +63,9 @@ def solve(
     problem reduced before where that pays (see `icpmodel.solve.reduced`), while a named one gets the whole problem;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
     by default 1e-8 and 0; `accuracy` > 0 in the units of z, instead of the two;
-    `max_iter` iterations in all, a sweep or a Newton step each; `time_limit` in seconds, looked at between iterations, set-up included, and at the first call of a process
-    half a second for loading compiled code, or some seconds for compiling it;
+    `max_iter` iterations in all, a sweep or a Newton step each; `time_limit` in seconds, looked at between iterations,
+    set-up included, and at the first call of a process half a second for loading compiled code, or some seconds for
+    compiling it;
     `callback` gets a `Progress` per tested iterate and stops the run by returning True;
     `history` keeps the residuals in `Solution.history`; `progress` shows a bar where standard error is a terminal;
     `raise_on_failure`.
@@ -91,9 +94,12 @@ def solve(
     n = as_problem(problem).n
     start = np.zeros(n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
-    tried = _candidates(problem, method, options, min(run.aim / run.scale, 0.5) if 0 < run.scale < np.inf else RTOL)
-    _carry_out(run, tried, tolerate_singular=method is None)
-    solution = _solution(run, limits)
+    _carry_out(run, _candidates(problem, method, options, run.aim))
+    if run.singular is not None and method is not None:
+        raise run.singular
+    if run.best is None:
+        raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
+    solution = _solution(run, limits.accuracy)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
@@ -140,17 +146,17 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
         if np.isfinite(at_0):
             restart = np.zeros(problem.n)
             scale = at_0 or scale  # if 0 solves the problem, it says nothing of its scale
-    tolerance = max(limits.atol, limits.rtol * scale) if np.isfinite(scale) else limits.atol
-    goal = Goal(tolerance) if limits.accuracy is None else AccuracyGoal(problem, limits.accuracy, start)
+    known = bool(np.isfinite(scale))
+    tolerance = max(limits.atol, limits.rtol * scale) if known else limits.atol
+    # a certified error falls about as a residual does
+    share = tolerance / scale if known and scale > 0.0 and limits.accuracy is None else RTOL
     return Run(
         problem,
         start,
         at_start,
-        goal,
-        aim=max(tolerance if limits.accuracy is None else RTOL * scale, _LEAST_AIM * scale)
-        if np.isfinite(scale)
-        else 0.0,
-        scale=scale if np.isfinite(scale) else np.inf,
+        Goal(tolerance) if limits.accuracy is None else AccuracyGoal(problem, limits.accuracy, start),
+        aim=min(max(share, _LEAST_AIM), _MOST_AIM),
+        scale=scale if known else np.inf,
         restart=restart,
         max_iter=limits.max_iter,
         time_limit=limits.time_limit,
@@ -159,44 +165,42 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
     )
 
 
-def _carry_out(run: Run, tried: Iterator[Candidate], *, tolerate_singular: bool) -> None:
-    """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate.
-
-    Raises NotApplicable where no candidate could start, SingularOperator unless `tolerate_singular`.
-    """
+def _carry_out(run: Run, tried: Iterator[Candidate]) -> None:
+    """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
         with np.errstate(over="ignore", invalid="ignore"):
-            for _ in run.steps(tried, tolerate_singular=tolerate_singular):
+            for _ in run.steps(tried):
                 pass
     except KeyboardInterrupt:
-        if run.candidate is None:
+        if not run.tried:
             raise
         if run.best is None:
-            run.best = Best(run.start, run.at_start, 0, run.candidate, run.candidate.method)
+            run.best = run.found(run.start, run.at_start)
         run.ended = Ended(Status.INTERRUPTED, "by Ctrl-C")
-    except MemoryError:  # what comes next needs more than there is
+    except MemoryError:  # to choose the next method takes more than there is
         if run.best is None:
             raise
-    if run.best is None:
-        raise NotApplicable(f"no method takes this problem: {why_none(run.problem)}")
 
 
-def _solution(run: Run, limits: Limits) -> Solution:
-    """What the run found: the judge has the last word on the best iterate, which hints chose."""
-    problem, status, note = run.problem, run.ended.status, run.ended.note
-    best = run.best
+def _judged(run: Run) -> Best:
+    """The best iterate by the judge's word: hints chose it, and may have hidden that the last one is better."""
+    problem, best = run.problem, run.best
     assert best is not None
-    assert run.candidate is not None
-    last = run.tried[-1][0] if run.tried else run.candidate
     # of a z that solved the judge has just spoken
-    judged = [] if status is Status.SOLVED and not problem.psi.at_users_word else [best]
+    judged = [] if run.ended.status is Status.SOLVED and not problem.psi.at_users_word else [best]
     if run.current is not best.z:
-        judged.append(Best(run.current, np.inf, run.iteration, last, last.method))
+        judged.append(run.found(run.current, np.inf))
     for one in judged:
         with contextlib.suppress(MapError, KeyboardInterrupt):  # a ψ that failed may fail again, or take long
             one.residual = problem.residual(one.z)
         if one.residual < best.residual:
             best = one
+    return best
+
+
+def _solution(run: Run, accuracy: float | None) -> Solution:
+    """What the run found."""
+    best, last, status, note = _judged(run), run.tried[-1][0], run.ended.status, run.ended.note
     if run.goal.judge(best.z, best.residual):
         status = Status.SOLVED
     elif status is Status.SOLVED:
@@ -215,7 +219,7 @@ def _solution(run: Run, limits: Limits) -> Solution:
     z = best.z.copy()
     z.flags.writeable = False
     return Solution(
-        problem=problem,
+        problem=run.problem,
         z=z,
         status=status,
         message=message,
@@ -225,7 +229,7 @@ def _solution(run: Run, limits: Limits) -> Solution:
         why="; ".join([best.candidate.why, *(["also tried: " + ", ".join(others)] if others else [])]),
         residual=best.residual,
         tolerance=run.goal.tolerance,
-        accuracy=limits.accuracy,
+        accuracy=accuracy,
         iterations=run.iteration,
         seconds=time.perf_counter() - run.clock,
         history=None if run.records is None else _history(run.records),

@@ -29,7 +29,7 @@ class Part:
         start = z[rows]
         at_start, scale = problem.residual(start), _scale(problem)
         scale = max(scale, at_start if at_start < np.inf else 0.0)
-        self.run = Run(problem, start, at_start, Goal(0.0), aim=aim * scale, scale=scale)
+        self.run = Run(problem, start, at_start, Goal(0.0), aim=aim, scale=scale)
         self.steps = self.run.steps(choose(problem, aim))
         self.over = False
 

@@ -1,4 +1,4 @@
-"""A progress bar on a terminal, nothing in a pipe."""
+"""What a callback sees of a run, and a progress bar on a terminal, nothing in a pipe."""
 
 from __future__ import annotations
 
@@ -7,6 +7,25 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from ..numerics.arrays import Vector
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a callback sees: `iteration`, `z` (read-only, shape (n,)), `residual` and `seconds` since the start.
+
+    >>> seen = []
+    >>> _ = ICP([[2.0]], [-2.0]).solve("mnmgs", callback=lambda state: seen.append(state.iteration))
+    >>> seen
+    [0, 1]
+    """
+
+    iteration: int
+    z: Vector
+    residual: float
+    seconds: float
 
 
 class Bar:
@@ -24,7 +43,7 @@ class _TerminalBar(Bar):
         self.first, self.shown = 0.0, 0.0
 
     def update(self, iteration: int, residual: float, tolerance: float) -> None:
-        """See `Bar.update`; draws ten times a second at the most."""
+        """Draws ten times a second at the most."""
         self.first = self.first or residual
         now = time.monotonic()
         if now - self.shown < 0.1:

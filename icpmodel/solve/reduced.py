@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import count
 from typing import ClassVar
 
@@ -47,8 +47,6 @@ class Reduced(Method):
 
     Rows without obstacle, moving and fixed obstacles and best jumps may occur. An iterate is one step of a part, or as
     many as pay. Where a part's method fails the next one goes on.
-    Parameters: `blocks`, what is left, where that is known already; `aim`, the share of Res(0) for which the steps of
-    parts are forecast.
 
     >>> ICP([[2.0, 0.0], [-1.0, 1.0]], [-2.0, -1.0]).solve(icp.Reduced()).z
     array([1., 2.])
@@ -56,16 +54,20 @@ class Reduced(Method):
 
     name: ClassVar[str] = "reduced"
     memoryless: ClassVar[bool] = False
-    blocks: Blocks | None = field(default=None)
-    aim: float = RTOL
+    #: the share of Res(0) for which the steps of parts are forecast
+    aim = RTOL
 
     def why_not(self, problem: ProblemData) -> str | None:
-        found = self.blocks is not None or _found(problem) is not None
+        found = self.found(problem) is not None
         return None if found else "nothing can be left out, and there are no parts that are solved apart"
+
+    def found(self, problem: ProblemData) -> Blocks | None:
+        """What can be left out or solved apart at all, be it little."""
+        return structure(problem, problem.n - 1) or rows_at_rest(problem)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         yield z, None
-        found, start = self.blocks or _found(problem), z
+        found, start = self.found(problem), z
         while found is not None:
             start = start.copy() if found.open.all() else np.where(found.open, start, found.problem.facts.obstacle)
             start, solved = found.forward(start, found.before)
@@ -125,6 +127,17 @@ class Reduced(Method):
                 break
         return None
 
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ReducedTo(Reduced):
+    """`Reduced` where it is known already what is left, `blocks`, and what is asked for: `aim`."""
+
+    blocks: Blocks
+    aim: float = RTOL
+
+    def found(self, problem: ProblemData) -> Blocks:
+        return self.blocks
+
     def __repr__(self) -> str:
         return "Reduced()"
 
@@ -172,8 +185,3 @@ def structure(problem: ProblemData, most: float) -> Blocks | None:
         if found is not None and (found.core <= most or len(found.parts) > 1):
             return found
     return None
-
-
-def _found(problem: ProblemData) -> Blocks | None:
-    """What can be left out or solved apart at all, be it little."""
-    return structure(problem, problem.n - 1) or rows_at_rest(problem)

@@ -15,7 +15,7 @@ from ..algebra.equations import is_factorised
 from ..algebra.pivoting import PIVOT_UP_TO
 from ..algebra.relaxation import best_omega, relaxation, scale_of
 from ..methods.accelerated import Accelerated
-from ..methods.aor import MNMAOR, MNMGS, MNMJ, overrelaxed
+from ..methods.aor import MNMGS, MNMJ, overrelaxed
 from ..methods.factorised import MNMMOD
 from ..methods.josephy import Josephy
 from ..methods.lemke import Lemke
@@ -71,8 +71,8 @@ def choose(problem: ProblemData, aim: float) -> Iterator[Candidate]:
     affine or amounts to a fixed obstacle, for n ≤ 32, and for n ≤ 64 where A is full or many of its rows are hardly
     dominant; and for n ≤ 64 Josephy where ψ is another elementwise map with a derivative. Else, for D > 0, a few plain
     sweeps of PSOR are watched, and where they show that many more would be needed the next method goes on: Josephy for
-    n ≤ 64 where ψ has a derivative; Lemke for n ≤ 200 where ψ is affine or amounts to a fixed obstacle (up to n = 500 it
-    follows on Newton); Multilevel where A is large and most of its rows are hardly dominant, for an LCP with
+    n ≤ 64 where ψ has a derivative; Lemke for n ≤ 200 where ψ is affine or amounts to a fixed obstacle (up to n = 500
+    it follows on Newton); Multilevel where A is large and most of its rows are hardly dominant, for an LCP with
     n ≤ 20 000 after overrelaxed sweeps where some two hundred of them promise to do; sweeps that are overrelaxed where
     the Jacobi radius is below 1 and promises a gain, by PSOR where every ψ_i moves with its own z_i alone (beyond
     n = 64 and up to 1200 accelerated, with a rough radius), else by MNMAOR; then Newton, and MNMGS. Newton comes before
@@ -126,8 +126,7 @@ def on_trial(problem: ProblemData) -> Iterator[Candidate]:
     if _ACCELERATED_FROM <= problem.n <= _RATES_TOLD_UP_TO and not problem.facts.has_fixed_obstacle:
         # in large problems the first rates are those of the roughest errors, which say little of the others
         first_look = 1 if problem.n < _MULTILEVEL_FROM else 3
-        why = f"psi moves, and more than {_PLAIN} more plain sweeps would be needed"
-        rather = (Candidate(Accelerated(), why, goes_on=True), _PLAIN, first_look)
+        rather = (Candidate(Accelerated(), "psi moves, and acceleration gains there", goes_on=True), _PLAIN, first_look)
     watch = Watch(_worth(problem), "plain sweeps", rather=rather)
     yield Candidate(PSOR(), "plain sweeps are watched: they stay as long as they are quick", _IMPATIENT, watch)
 
@@ -148,7 +147,7 @@ def after_trial(problem: ProblemData, aim: float) -> Iterator[Candidate]:
     if problem.psi.takes_best:
         yield from _best_jumps(problem)
         if positive:
-            yield _sweeps(MNMJ(), "Jacobi with Omega = D is monotone where A is a Z-matrix and psi isotone")
+            yield Candidate(MNMJ(), "Jacobi with Omega = D is monotone where A is a Z-matrix and psi isotone")
         return
     if not problem.psi.is_elementwise and _is_linearised(problem):
         yield Candidate(Josephy(), _LINEARISED.format(problem.n), goes_on=True)
@@ -158,7 +157,7 @@ def after_trial(problem: ProblemData, aim: float) -> Iterator[Candidate]:
         yield Candidate(Lemke(), f"with n = {problem.n} and an obstacle that is fixed or affine pivoting costs least")
     if positive:
         yield from _sweeps_and_newton(problem, aim)
-        yield _sweeps(MNMJ(), "projected Jacobi is proved wherever one v > 0 gives <A>v > 0 and (I - G)v > 0")
+        yield Candidate(MNMJ(), "projected Jacobi is proved wherever one v > 0 gives <A>v > 0 and (I - G)v > 0")
     else:
         yield from _newton(problem, "Newton's method needs no positive diagonal")
     yield from _factorised(problem, "M1 = A needs no diagonal dominance")
@@ -173,11 +172,6 @@ def _best_jumps(problem: ProblemData) -> Iterator[Candidate]:
     if not large:
         yield from _coarser_jumps(problem)
     yield from _factorised(problem, "one factorisation moves the answer across the whole grid in every step")
-
-
-def _sweeps(method: PSOR | MNMAOR | MNMGS | MNMJ, why: str, patience: int | None = None) -> Candidate:
-    """Sweeps go on from where others were slow."""
-    return Candidate(method, why, patience, goes_on=isinstance(method, PSOR | MNMAOR))
 
 
 def _pivots_first(problem: ProblemData) -> bool:
@@ -206,10 +200,10 @@ def _sweeps_and_newton(problem: ProblemData, aim: float) -> Iterator[Candidate]:
     if omega >= _WORTH_RELAXING:
         fixed = problem.facts.has_fixed_obstacle
         relaxed = PSOR(omega=omega) if fixed else overrelaxed(problem, _CAUTION * omega)
-        yield _sweeps(relaxed, _RELAXED.format(radius), _IMPATIENT)
+        yield Candidate(relaxed, _RELAXED.format(radius), _IMPATIENT, goes_on=True)
     if not slow:
         yield from _newton(problem, "Newton's method does not depend on a splitting")
-    yield _sweeps(MNMGS(), "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope", _IMPATIENT)
+    yield Candidate(MNMGS(), "Gauss-Seidel sweeps are proved for H+-matrices and psi of small slope", _IMPATIENT)
 
 
 def _relaxed_first(problem: ProblemData, others: Iterator[Candidate], aim: float) -> Iterator[Candidate]:

@@ -95,10 +95,11 @@ class Solution:
     """An answer: the returned z, why the loop stopped, and, computed when first asked for, what is certain of z.
 
     `problem`; `z` shape (n,); `status`; `message` with advice; `method`, the method that found z, and `why` it was
-    picked; `settled`, that method with the numbers that theta1="auto" came to, else the method itself; `last_method`, whose end the `status` is: another one where several were tried and the last was not the
-    best; `residual` = Res(z), judged on the returned z, and the `tolerance` it was held against; `iterations` in all;
-    `seconds` of the run, set-up included; `accuracy`, the certified error that was asked for, or None; `history` or
-    None; `infeasible`, the proof with its witness where the status is INFEASIBLE, else None.
+    picked; `settled`, that method with the numbers that theta1="auto" came to, else the method itself; `last_method`,
+    whose end the `status` is: another one where several were tried and the last was not the best; `residual` = Res(z),
+    judged on the returned z, and the `tolerance` it was held against; `iterations` in all; `seconds` of the run, set-up
+    included; `accuracy`, the certified error that was asked for, or None; `history` or None; `infeasible`, the proof
+    with its witness where the status is INFEASIBLE, else None.
 
     >>> solution = ICP([[2.0]], [-2.0]).solve("mnmgs")
     >>> solution.status, solution.iterations

@@ -64,12 +64,10 @@ def test_auto_begins_with_the_step_that_solves_every_row_on_its_own(name, seed):
     psi = icp.Affine(np.diag(rng.uniform(-2, 0.9, 6)) + 0.1 * (1 - np.eye(6)), rng.normal(size=6))
     problem, z = icp.ICP(A, rng.normal(size=6), psi), rng.normal(size=6)
     method = icp.methods.named(name, theta1="auto")
-    step = method.step_of(problem)
-    first = step(z)[0]
+    first = method.opening(problem)(z)[0]
     assert first == pytest.approx([alone(problem, z, i) for i in range(6)], abs=1e-9)
-    same = method.settled(problem).step_of(problem)
-    for _ in range(2):
-        assert np.array_equal(step(first)[0], same(first)[0])
+    assert np.array_equal(method.step_of(problem)(first)[0], method.settled(problem).step_of(problem)(first)[0])
+    assert method.settled(problem).opening(problem) is None
     iterates = method.iterates(problem, z)
     assert np.array_equal([next(iterates)[0] for _ in range(2)], [z, first])
     assert not method.memoryless  # a z that comes back may go on in another way
@@ -170,7 +168,7 @@ def test_no_problem_with_an_h_plus_matrix_is_lost(name):
         problem = icp.ICP(np.eye(n) + rng.uniform(0.5, 0.99) / radius * B, rng.normal(size=n))
         z0 = 3 * rng.normal(size=n)
         solution = problem.solve(name, theta1="auto", z0=z0)
-        plain += repr(solution.method.used) == f"{name.upper()}()"
+        plain += repr(solution.settled) == f"{name.upper()}()"
         circles += not problem.solve("mnmaor", theta2=2.0, z0=z0, max_iter=2000, raise_on_failure=False).solved
     assert circles > 0
     assert plain > 0 or name == "mnmsor"
@@ -192,13 +190,14 @@ def test_theta1_of_mnmmod_is_the_mean_of_both_scales():
 def test_what_a_run_came_to_stays_with_its_solution():
     method = icp.MNMAOR(theta1="auto", phi=0.01)
     small, large = (scenes.membrane(n=n).problem.solve(method) for n in (100, 900))
-    assert method.used is None
-    assert small.method.used.theta1 != large.method.used.theta1
-    assert small.method.used.phi == 0.01
+    assert small.method is large.method is method
+    assert small.settled.theta1 != large.settled.theta1
+    assert small.settled.phi == 0.01
     assert repr(small.method) == "MNMAOR(phi=0.01, theta1='auto')"
-    again = small.problem.solve(small.method.used)  # the numbers are a method like any other
+    assert "in the end MNMAOR(" in str(small)
+    again = small.problem.solve(small.settled)  # the numbers are a method like any other
     assert again.solved
-    assert again.method.used is None
+    assert again.settled is again.method is small.settled
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Splittings and operators: one equation behind all members."""
 
-from contextlib import suppress
 from itertools import islice
 
 import numba
@@ -14,8 +13,8 @@ import icpmodel as icp
 from icpmodel.algebra.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal
 from icpmodel.algebra.relaxation import jacobi_step
 from icpmodel.algebra.splittings import AOR, Given, Whole
-from icpmodel.algebra.subproblems import with_fixed_obstacle
-from icpmodel.methods.contract import HandOver, named
+from icpmodel.algebra.sweeps import compiled_step, in_a_row
+from icpmodel.methods.contract import named
 from icpmodel.numerics.threads import one_behind_the_other
 
 
@@ -261,77 +260,52 @@ def test_the_rows_are_looked_at_right(index):
         assert rows.upper == pytest.approx(np.abs(np.triu(A, 1)).sum())
 
 
+def in_order(problem, name, **options):
+    """The sweep of a method from the first row to the last, made as is asked for."""
+    A, rows = problem.A, problem.matrix.rows
+    own = {"psor": (1.0,), "mnmgs": (rows.diagonal, 0.5 / rows.diagonal, 1.0)}[name]
+    matrix = (A.indptr, A.indices, A.data, rows.diag, problem.q)
+    return compiled_step(problem, "in_order", matrix, (own, True), rows.above, **options)
+
+
 @pytest.mark.parametrize("moves", [False, True])
 @pytest.mark.parametrize("few", [0, 20_000])
-@pytest.mark.parametrize("method", ["mnmgs", "mnmsor", "psor"])
-def test_sweeps_made_at_once_are_the_sweeps(monkeypatch, method, few, moves):
+@pytest.mark.parametrize("method", ["mnmgs", "psor"])
+def test_sweeps_made_at_once_are_the_sweeps(method, few, moves):
     """Iterates and residuals, for every reach of the entries above the diagonal: two in one pass, some in one call."""
-    monkeypatch.setattr("icpmodel.algebra.sweeps._FEW", few)
     rng = np.random.default_rng(1)
     for n, below, above in ((1, 0, 0), (5, 4, 0), (5, 0, 4), (60, 3, 1), (60, 20, 9), (60, 59, 59)):
         A = np.abs(band(rng, n, below, above)) + 2.0 * n * np.eye(n)
         c = np.where(rng.random(n) < 0.2, -np.inf, rng.normal(size=n))
         psi = icp.Affine(band(rng, n, 1, min(n - 1, 12)) / n, c) if moves else c
         problem, z = icp.ICP(A, rng.normal(size=n), psi), rng.normal(size=n)
-        path = named(method).iterates(problem, z)
-        for _ in range(7):
-            came, residual = next(path)
-            assert came == pytest.approx(z, rel=1e-13, abs=1e-13)
-            assert residual == pytest.approx(problem.residual(z), rel=1e-12)
-            z, _ = next(islice(named(method).iterates(problem, came), 1, None))
+        step, alone = in_order(problem, method, few=few), named(method).step_of(problem)
+        for count in (1, 2, 3, 4, np.inf):
+            answers = in_a_row(step, z, count)
+            assert len(answers) <= min(count, 4)
+            assert count == 1 or len(answers) > 1
+            for came, residual in answers:
+                assert residual == pytest.approx(problem.residual(z), rel=1e-12)
+                assert came == pytest.approx(alone(z)[0], rel=1e-13, abs=1e-13)
+                z = came
 
 
-@pytest.mark.parametrize("kind", ["constant", "affine", "elementwise compiled", "fixed obstacle"])
-@given(st.integers(0, 10**6), st.floats(0.02, 0.9))
-@settings(max_examples=25, deadline=None)
-def test_sweeps_that_a_compiled_call_watches_are_the_sweeps_and_are_judged_alike(kind, seed, share):
-    """On trial an iterate of a small problem is one of plain PSOR, and they give way where sweeps one by one would."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(2, 30))
-    A = -sp.random_array((n, n), density=0.3, rng=rng).toarray()
-    np.fill_diagonal(A, 0.0)
-    np.fill_diagonal(A, np.abs(A).sum(axis=1) / share + 0.1)
-    c = rng.normal(size=n)
-    psi = {
-        "constant": c,
-        "affine": icp.Affine(0.1 * sp.random_array((n, n), density=0.2, rng=rng), c),
-        "elementwise compiled": icp.Elementwise(sine, lipschitz=0.3, c=c),
-        "fixed obstacle": icp.Elementwise(lambda t: 0.3 * np.sin(t) + c, lipschitz=0.3),
-    }[kind]
-    problem = icp.ICP(A, rng.normal(size=n), psi)
-    z = rng.normal(size=n) * rng.integers(0, 2)
-    plain = problem if kind == "affine" else with_fixed_obstacle(problem)
-    sweeps, most = [z for z, _ in islice(named("psor").iterates(plain, z), 1500)], float(rng.integers(2, 40))
-
-    def on_trial(problem, pivot_up_to):
-        path = []
-        with pytest.MonkeyPatch.context() as monkeypatch:
-            monkeypatch.setattr("icpmodel.methods.psor.PIVOT_UP_TO", pivot_up_to)
-            with suppress(HandOver):
-                trial = icp.PSOR.on_trial(most, lambda: HandOver(icp.MNMJ(), "slow")).iterates(problem, z)
-                path.extend(islice(trial, 1500 if pivot_up_to == 0 else 3))
-                return path, True
-        return path, False
-
-    path, stays = on_trial(problem, 64)
-    if plain is problem:  # else a few more sweeps are wanted, for the residual of psi
-        assert stays is on_trial(problem, 0)[1]
-    for came, residual in path:
-        # where psi sums as well it is up to the compiler which products and sums are fused: but for the last bit
-        last_bit = 1e-14 * (1.0 + np.abs(came).max()) if kind == "affine" else 0.0
-        assert min(np.abs(came - one).max() for one in sweeps) <= last_bit
-        assert residual is None or residual == pytest.approx(problem.residual(came), rel=1e-9, abs=1e-13)
-    if stays:
-        assert problem.residual(path[1][0]) <= 1.01e-8 * max(problem.residual(z), problem.residual(np.zeros(n)))
+@pytest.mark.parametrize("method", ["mnmgs", "mnmsor", "psor"])
+def test_a_path_is_the_same_whatever_a_run_says_of_the_iterates_to_come(method):
+    rng = np.random.default_rng(5)
+    problem = icp.ICP(band(rng, 40, 3, 3) + 9.0 * np.eye(40), rng.normal(size=40), rng.normal(size=40))
+    plain = list(islice(named(method).iterates(problem, np.zeros(40)), 30))
+    for told in ([0.5], [np.inf], [3.0, 1.0, 7.5], [1.0, 1.0, 9.0, 2.0]):
+        path = named(method).iterates(problem, np.zeros(40))
+        came = [next(path), *(path.send(told[k % len(told)]) for k in range(29))]
+        for (z, hint), (same, residual) in zip(came, plain, strict=True):
+            assert np.abs(z - same).max() <= 1e-13
+            assert hint is None or hint == pytest.approx(residual, rel=1e-9, abs=1e-13)
 
 
-def test_watched_sweeps_that_go_nowhere_come_back():
-    A = np.kron(np.eye(12), [[1.0, 2, 0], [0, 1, 2], [2, 0, 1]])
-    problem = icp.ICP(A, -np.ones(36) + 0.1 * np.arange(36) % 3)
-    solution = problem.solve(icp.PSOR.on_trial(np.inf, lambda: None), max_iter=50, raise_on_failure=False)
-    assert not solution.solved
-    for q in ([1e200, -1e200], [1e-300, -1e-300], [5e-324, -1.0]):
-        assert icp.ICP(4 * np.eye(2), q).solve(icp.PSOR.on_trial(9, lambda: None)).solved
+@pytest.mark.parametrize("q", [[1e200, -1e200], [1e-300, -1e-300], [5e-324, -1.0]])
+def test_sweeps_in_one_call_take_numbers_whose_squares_are_none(q):
+    assert icp.ICP(4 * np.eye(2), q).solve("psor").solved
 
 
 def test_the_numbers_of_a_method_stay_what_was_checked():
@@ -342,42 +316,27 @@ def test_the_numbers_of_a_method_stay_what_was_checked():
     assert jacobi_step(problem, 2)(np.zeros(1))[0] == jacobi_step(problem, np.array([2.0]))(np.zeros(1))[0]
 
 
-def test_a_small_problem_is_solved_in_one_compiled_call_unless_psi_is_called_from_python():
-    """n = 64 in one iterate, by sweeps or pivots; an rtol beyond that of the trial takes some more."""
-    for name in ("bai-symmetric", "bai-nonsymmetric", "manufactured-affine", "manufactured-elementwise", "membrane"):
-        problem = icp.scenes.scene(name, 64).problem
-        solution = problem.solve()
-        assert solution.iterations == 1, name
-        assert problem.solve(rtol=1e-13).iterations <= 4
-        assert problem.solve(z0=solution).iterations == 0
-    called = problem.with_psi(lambda z: 0.1 * np.cos(z[::-1]))
-    assert called.solve().iterations > 1
-
-
-@pytest.mark.parametrize(("method", "wanted"), [("mnmgs", None), ("psor", None), ("psor", 1), ("psor", 2), ("psor", 3)])
+@pytest.mark.parametrize("wanted", [1, 2, 3, 4])
+@pytest.mark.parametrize("method", ["mnmgs", "psor"])
 @pytest.mark.parametrize("chunk", [7, 20, 59, 60, 500])
-def test_two_threads_make_the_sweeps_of_one(monkeypatch, method, wanted, chunk):
+def test_two_threads_make_the_sweeps_of_one(method, wanted, chunk):
     """The second follows behind what the first has done, so that every number is the same, however many are wanted."""
     rng = np.random.default_rng(4)
     problem = icp.ICP(band(rng, 60, 5, 3) + 99.0 * np.eye(60), rng.normal(size=60), rng.normal(size=60))
     z = rng.normal(size=60)
-    monkeypatch.setattr("icpmodel.algebra.sweeps._FEW", 0)
-    alone = list(islice(named(method).iterates(problem, z), 10))
-    monkeypatch.setattr("icpmodel.numerics.threads._THREADS_FROM", 1)
-    monkeypatch.setattr("icpmodel.numerics.threads._CHUNK", chunk)
-    monkeypatch.setattr("icpmodel.numerics.threads.cores", lambda: 2)
-    step = named(method).step_of(problem, *([] if wanted is None else [lambda: wanted]))
-    for one, residual in alone:
-        assert (one == z).all()
-        z, other = step(z)
-        assert residual == pytest.approx(other, rel=1e-14)
+    alone, together = (in_order(problem, method, few=0, threads=k, chunk=chunk) for k in (1, 2))
+    for _ in range(5):
+        answers = in_a_row(together, z, wanted)
+        assert len(answers) == (1, 2, 4, 4)[wanted - 1]  # four cost what three would
+        for came, residual in answers:
+            one, other = alone(z)
+            assert (one == came).all()
+            assert residual == pytest.approx(other, rel=1e-14)
+            z = came
 
 
-def test_what_interrupts_the_first_thread_ends_the_second(monkeypatch):
+def test_what_interrupts_the_first_thread_ends_the_second():
     """And what the second one raises comes out."""
-    monkeypatch.setattr("icpmodel.numerics.threads._THREADS_FROM", 1)
-    monkeypatch.setattr("icpmodel.numerics.threads._CHUNK", 2)
-    monkeypatch.setattr("icpmodel.numerics.threads.cores", lambda: 2)
     seen = []
 
     def first(low, high):
@@ -385,24 +344,10 @@ def test_what_interrupts_the_first_thread_ends_the_second(monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        one_behind_the_other(9, 9, first, lambda low, high: seen.append((low, high)), 1)
+        one_behind_the_other(9, 2, first, lambda low, high: seen.append((low, high)), 1, chunk=2)
     assert seen == [(0, 1), (1, 3)]
     with pytest.raises(ZeroDivisionError):
-        one_behind_the_other(9, 9, lambda low, high: None, lambda low, high: 1 / (4 - high), 0)
-
-
-def test_a_step_that_looks_ahead_takes_any_other_z_as_well():
-    rng = np.random.default_rng(2)
-    problem = icp.ICP(band(rng, 30, 3, 3) + 99.0 * np.eye(30), rng.normal(size=30), rng.normal(size=30))
-    omega = problem.A.diagonal()
-    step = AOR(1.0, 1.0).operator(problem.A, omega).step(problem, omega)
-    z = rng.normal(size=30)
-    for turn in range(12):
-        expected, _ = AOR(1.0, 1.0).operator(problem.A, omega).step(problem, omega)(z)
-        came, residual = step(z)
-        assert came == pytest.approx(expected, rel=1e-13, abs=1e-13)
-        assert residual == pytest.approx(problem.residual(z))
-        z = came if turn % 4 < 2 else rng.normal(size=30)
+        one_behind_the_other(9, 2, lambda low, high: None, lambda low, high: 1 / (4 - high), 0, chunk=2)
 
 
 def test_a_sweep_that_raises_leaves_nothing_behind():

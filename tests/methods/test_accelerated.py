@@ -11,6 +11,7 @@ import icpmodel as icp
 from icpmodel import methods, scenes
 from icpmodel.algebra import relaxation as parameters
 from icpmodel.methods import accelerated
+from icpmodel.methods.accelerated import Differences
 from icpmodel.methods.contract import FixedPoint
 
 SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
@@ -38,6 +39,20 @@ def newest(history):
     """z and g(z), the last that the history was told."""
     image = history.G[history.newest]
     return image - history.F[history.newest], image.copy()
+
+
+def combining(combined):
+    """The method with another way to make a combination of its history."""
+
+    class Other(Differences):
+        def combined(self):
+            return combined(self)
+
+    class OtherAccelerated(icp.Accelerated):
+        def differences(self, problem):
+            return Other(problem, self.history_size)
+
+    return OtherAccelerated
 
 
 def path(method, problem, z, steps):
@@ -103,40 +118,39 @@ def test_it_solves_what_its_method_is_proved_to_solve(of, kind):
         lambda z, image, random: np.full(z.size, 1e300),
     ],
 )
-def test_however_wrong_the_combinations_are_the_plain_sweeps_win(monkeypatch, wrong):
+def test_however_wrong_the_combinations_are_the_plain_sweeps_win(wrong):
     """Nothing gained, noise, overshooting, growth, NaN, overflow: Gauss–Seidel still ends."""
     random = np.random.default_rng(0)
-    monkeypatch.setattr(accelerated._History, "combined", lambda self: wrong(*newest(self), random))
+    spoilt = combining(lambda self: wrong(*newest(self), random))
     for every in (1, 3):
         problem = scenes.membrane(n=100).problem
-        solution = problem.solve(icp.Accelerated(of="mnmgs", mixing_frequency=every), raise_on_failure=False)
+        solution = problem.solve(spoilt(of="mnmgs", mixing_frequency=every), raise_on_failure=False)
         assert solution.solved, solution.message
 
 
-def test_where_psi_fails_at_an_accelerated_iterate_the_plain_step_is_taken(monkeypatch):
+def test_where_psi_fails_at_an_accelerated_iterate_the_plain_step_is_taken():
     def psi(z):
         if np.abs(z).max() > 100:
             raise ValueError("outside of the domain")
         return 0.1 * np.sin(z)
 
     problem = icp.ICP([[4.0, -1.0], [-2.0, 4.0]], [-3.0, -2.0], psi)
-    monkeypatch.setattr(accelerated._History, "combined", lambda self: newest(self)[1] + 1e6)
-    assert problem.solve(icp.Accelerated(of="mnmgs", mixing_frequency=1)).solved
+    spoilt = combining(lambda self: newest(self)[1] + 1e6)
+    assert problem.solve(spoilt(of="mnmgs", mixing_frequency=1)).solved
     start = np.array([99.0, 99.0])  # from which the first plain step of this one leaves the domain
     outside = icp.ICP(problem.A, [-3000.0, -2000.0], psi)
-    solution = outside.solve(icp.Accelerated(of="mnmgs"), z0=start, raise_on_failure=False)
+    solution = outside.solve(spoilt(of="mnmgs"), z0=start, raise_on_failure=False)
     assert solution.status.value == "psi failed"
 
 
-def test_after_a_rejected_iterate_the_history_is_empty(monkeypatch):
-    original, known = accelerated._History.combined, []
+def test_after_a_rejected_iterate_the_history_is_empty():
+    known = []
 
     def combined(self):
         known.append((self.known, self.newest))
-        return newest(self)[1] + 1e6 if len(known) == 5 else original(self)
+        return newest(self)[1] + 1e6 if len(known) == 5 else Differences.combined(self)
 
-    monkeypatch.setattr(accelerated._History, "combined", combined)
-    path(icp.Accelerated(of="mnmgs", mixing_frequency=1), scenes.membrane(n=100).problem, np.zeros(100), 12)
+    path(combining(combined)(of="mnmgs", mixing_frequency=1), scenes.membrane(n=100).problem, np.zeros(100), 12)
     fresh = [(1, 0), (2, 1), (3, 2), (4, 3), (5, 4), (6, 5), (6, 0), (6, 1)]
     assert known[:5] == fresh[:5]
     assert known[5:] == fresh[: len(known) - 5]
@@ -173,7 +187,7 @@ def test_differences_that_depend_on_each_other_are_left_out():
         assert not combine(F, F, known + 1, newest, weight, 1e-10, out)
 
 
-def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one(monkeypatch):
+def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one():
     @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
     class Counting(FixedPoint):
         def step_of(self, problem):
@@ -189,9 +203,9 @@ def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one(monkeypatch)
     plain = problem.solve("mnmgs").iterations
     for every, spoil in ((1, False), (3, False), (2, True)):
         calls = []
-        if spoil:  # rejected iterates count as well
-            monkeypatch.setattr(accelerated._History, "combined", lambda self: 1e3 + newest(self)[1])
-        solution = problem.solve(icp.Accelerated(of=Counting(), mixing_frequency=every))
+        # rejected iterates count as well
+        kind = combining(lambda self: 1e3 + newest(self)[1]) if spoil else icp.Accelerated
+        solution = problem.solve(kind(of=Counting(), mixing_frequency=every))
         assert len(calls) == solution.iterations + 1
         assert spoil or solution.iterations < plain / 3
 

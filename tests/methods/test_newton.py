@@ -9,18 +9,14 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import Status, scenes
-from icpmodel.methods import newton
+from icpmodel.methods.newton import Path, Point
 from icpmodel.numerics import linear
 
 
 def newton_path(problem, z):
-    """The iterates until the method stands still, at most 1000."""
-    path, before = icp.Newton().iterates(problem, np.asarray(z, dtype=float)), None
-    for z, _ in itertools.islice(path, 1000):
-        if z is before:
-            return
-        yield z
-        before = z
+    """The iterates until the method ends, at most 1000."""
+    path = icp.Newton().iterates(problem, np.asarray(z, dtype=float))
+    return (z for z, _ in itertools.islice(path, 1000))
 
 
 def cyclic(n, alpha):
@@ -37,44 +33,6 @@ def random_p_matrix(rng, n):
 
 
 # --- its linear systems
-
-
-def derivatives(rng, n):
-    """Derivatives of ψ of every kind: jumps in chains and in circles, slopes of one's own, and full ones."""
-    jumps = np.zeros((n, n))
-    jumps[np.arange(1, n), rng.integers(0, np.arange(1, n))] = 1.0
-    circle = np.roll(np.eye(n), 1, axis=1)
-    own = np.diag(rng.uniform(-2.0, 0.9, n))
-    unit = np.eye(n) + 0.5 * circle  # I − ψ′ has no diagonal
-    return {
-        "none": 0 * own,
-        "unit slope": unit,
-        "jumps": jumps,
-        "circle": 0.9 * circle,
-        "own": own,
-        "own and jumps": own + 0.3 * jumps,
-        "full": rng.normal(size=(n, n)) / n,
-    }
-
-
-@pytest.mark.parametrize("kind", derivatives(np.random.default_rng(0), 3))
-@pytest.mark.parametrize("n", [1, 2, 9, 80])
-def test_a_step_solves_its_equations_whatever_psi_and_the_active_set_are(kind, n):
-    """(I − ψ′)d = −r in the active rows and Ad = −p in the others, though the active unknowns are eliminated."""
-    rng = np.random.default_rng(n)
-    for share in (0.0, 0.3, 0.9, 1.0):
-        J = derivatives(rng, n)[kind]
-        problem = icp.ICP(n * np.eye(n) + rng.normal(size=(n, n)), np.zeros(n))
-        active = rng.random(n) < share
-        p, r = rng.normal(size=(2, n))
-        d = linear.step_of(problem, active, sp.csr_array(J))(p, r, 1e-12)
-        assert np.where(active, d - J @ d, problem.A @ d) == pytest.approx(-np.where(active, r, p), abs=1e-9)
-
-
-def test_jumps_in_a_circle_have_no_step():
-    problem = icp.ICP(np.eye(3), np.zeros(3))
-    step = linear.step_of(problem, np.ones(3, dtype=bool), sp.csr_array(np.roll(np.eye(3), 1, axis=1)))
-    assert step(np.ones(3), np.array([1.0, 2.0, 3.0]), 1e-8) is None
 
 
 def test_a_bordered_band_that_is_solved_badly_is_solved_once_more(monkeypatch):
@@ -160,10 +118,18 @@ def test_cyclic_p_matrices_are_solved_from_random_starts(n, alpha):
         assert solution.z == pytest.approx(np.full(n, 1 / (1 + alpha)), rel=1e-5)
 
 
-def test_plain_steps_alone_would_go_round_on_the_cyclic_p_matrix(monkeypatch):
+def test_plain_steps_alone_would_go_round_on_the_cyclic_p_matrix():
     """So that the tests above test something."""
-    monkeypatch.setattr(newton._Path, "_descent", lambda self: None)
-    solution = scenes.hand_cyclic().problem.solve("newton", z0=[1.0, 0.0, 0.0], raise_on_failure=False)
+
+    class Plain(Path):
+        def descent(self):
+            return None
+
+    class PlainNewton(icp.Newton):
+        def path(self, problem, z):
+            return Plain(problem, z)
+
+    solution = scenes.hand_cyclic().problem.solve(PlainNewton(), z0=[1.0, 0.0, 0.0], raise_on_failure=False)
     assert solution.status is Status.STAGNATED
 
 
@@ -292,9 +258,9 @@ def test_theta_has_new_marks_or_the_run_ends():
     for _ in range(15):
         n = int(rng.integers(2, 8))
         problem = icp.ICP(rng.normal(size=(n, n)) + np.eye(n), rng.normal(size=n))
-        omega, best, mark, waited = newton.problem.matrix.weights, np.inf, np.inf, 0
+        omega, best, mark, waited = problem.matrix.weights, np.inf, np.inf, 0
         for z in newton_path(problem, rng.normal(size=n)):
-            theta = newton._Point(problem, omega, z).theta
+            theta = Point(problem, omega, z).theta
             best = min(best, theta)
             waited += 1
             if best <= 0.9 * mark:
@@ -307,7 +273,7 @@ def test_theta_has_new_marks_or_the_run_ends():
 
 def points(rng, n=6):
     problem = icp.ICP(h_plus(rng, n), rng.normal(size=n), icp.Affine(0.1 * rng.normal(size=(n, n)), rng.normal(size=n)))
-    return problem, newton._Point(problem, newton.problem.matrix.weights, rng.normal(size=n))
+    return problem, Point(problem, problem.matrix.weights, rng.normal(size=n))
 
 
 def test_phi_is_fischer_and_burmeister_s_function_of_p_and_r():
@@ -330,29 +296,29 @@ def test_phi_is_within_constant_factors_of_the_scaled_residual():
 
 def test_phi_keeps_its_digits_where_one_side_is_tiny():
     problem = icp.ICP([[1.0]], [1e10])
-    point = newton._Point(problem, np.ones(1), np.array([1e-10]))
+    point = Point(problem, np.ones(1), np.array([1e-10]))
     assert point.phi[0] == pytest.approx(1e-10, rel=1e-12)
 
 
 def test_phi_of_a_row_without_obstacle_is_its_equation():
     problem = icp.ICP([[2.0]], [-6.0], -np.inf)
-    assert newton._Point(problem, np.array([2.0]), np.array([5.0])).phi.tolist() == [2.0]
+    assert Point(problem, np.array([2.0]), np.array([5.0])).phi.tolist() == [2.0]
 
 
 def test_slopes_are_the_derivatives_of_phi():
     rng, h = np.random.default_rng(8), 1e-6
     for _ in range(10):
         problem, point = points(rng)
-        omega, direction = newton.problem.matrix.weights, rng.normal(size=problem.n)
+        omega, direction = problem.matrix.weights, rng.normal(size=problem.n)
         in_a, in_b = point.slopes()
         moved = in_a * (problem.A @ direction) / omega + in_b * (direction - problem.psi.G @ direction)
-        there, back = (newton._Point(problem, omega, point.z + s * h * direction).phi for s in (1, -1))
+        there, back = (Point(problem, omega, point.z + s * h * direction).phi for s in (1, -1))
         assert moved == pytest.approx((there - back) / (2 * h), abs=1e-6)
 
 
 def test_where_both_sides_are_zero_the_slopes_are_an_element_of_the_generalised_derivative():
     problem = icp.ICP([[1.0]], [0.0])
-    in_a, in_b = newton._Point(problem, np.ones(1), np.zeros(1)).slopes()
+    in_a, in_b = Point(problem, np.ones(1), np.zeros(1)).slopes()
     assert (1 - in_a) ** 2 + (1 - in_b) ** 2 == pytest.approx(1.0)
 
 
@@ -360,16 +326,21 @@ def test_a_descent_reduces_theta():
     rng = np.random.default_rng(9)
     for _ in range(20):
         problem, point = points(rng)
-        path = newton._Path(problem, point.z)
-        assert path._descent().theta < point.theta
+        path = Path(problem, point.z)
+        assert path.descent().theta < point.theta
 
 
-def test_a_direction_that_leads_up_is_not_taken(monkeypatch):
+def test_a_direction_that_leads_up_is_not_taken():
     problem, point = points(np.random.default_rng(9))
-    path = newton._Path(problem, point.z)
-    monkeypatch.setattr(path, "_directions", lambda V, phi, shift: iter([V.T @ phi]))
-    monkeypatch.setattr(path, "_along", lambda *_: point)
-    assert path._descent() is None
+
+    class Uphill(Path):
+        def directions(self, V, phi, shift):
+            yield V.T @ phi
+
+        def along(self, *_):
+            return point
+
+    assert Uphill(problem, point.z).descent() is None
 
 
 # --- whatever the data
