@@ -51,8 +51,8 @@ from .problem.map import Map as Map
 from .solve import solve as solve
 from .solve.many import Solutions as Solutions
 from .solve.many import solve_many as solve_many
-from .solve.reduced import Reduced as Reduced
 from .solve.progress import Progress as Progress
+from .solve.reduced import Reduced as Reduced
 from .solve.solution import Certificate as Certificate
 from .solve.solution import History as History
 from .solve.solution import Solution as Solution
