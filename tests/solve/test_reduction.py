@@ -18,7 +18,7 @@ from icpmodel.solve import narrowing, parts
 from icpmodel.solve import reduced as module
 from icpmodel.solve.choice import Choice, choose, without_trial
 from icpmodel.solve.reduced import Reduced, choices
-from icpmodel.theory.certificates.active_set import active_set
+from icpmodel.theory.certificates.certificate import active_set
 from icpmodel.theory.certificates.infeasible import Known, infeasible
 
 

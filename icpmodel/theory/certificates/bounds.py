@@ -47,28 +47,16 @@ class ErrorBound:
 
     @classmethod
     def none(cls, reason: str, proof: str = "") -> ErrorBound:
-        """No bound, and why; `proof` where uniqueness is proved all the same.
-
-        >>> ErrorBound.none("nobody asked").value is None
-        True
-        """
+        """No bound, and why; `proof` where uniqueness is proved all the same."""
         return cls(None, None, None, proof, reason)
 
     @property
     def unique(self) -> bool:
-        """Whether it is proved that the solution exists and is the only one.
-
-        >>> error_bound(ICP([[0.0]], [1.0]), [0.0]).unique
-        False
-        """
+        """Whether it is proved that the solution exists and is the only one."""
         return bool(self.proof)
 
     def in_words(self, accuracy: float | None = None) -> str:
-        """What is known of the error, `accuracy` being what was asked for, or None; several reasons on a line each.
-
-        >>> print(error_bound(ICP([[2.0]], [-2.0]), [1.25]).in_words())
-        |z - z*| <= 0.251 in every entry; z* is the only solution
-        """
+        """What is known of the error, `accuracy` being what was asked for, or None; several reasons on a line each."""
         given = _WORD if self.proof.endswith(_WORD) else ""
         if self.value is not None:
             wanted = "" if accuracy is None else f" ({accuracy:g} was asked for)"
@@ -98,9 +86,7 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
     Parameters: `z` shape (n,), or a `Solution`. `sharp`: look for a better point ẑ by a few active-set Newton steps (a
     factorisation each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error where the
     bound of z itself may be a hundred times too wide; by default where A has at most 10 000 entries or the proof is a
-    wide one.
-    `rigorous`: no bound where it would rest on a user's word. Returns an `ErrorBound`. Raises MapError where ψ fails at
-    z.
+    wide one. `rigorous`: no bound where it would rest on a user's word. Raises MapError where ψ fails at z.
     Reference: the files of `icpmodel.theory.certificates`: `h_plus`, `representatives`, `definite`, `supersolution`.
 
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, -1])
@@ -130,10 +116,7 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
 
 
 def bound_of_change(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> float | None:
-    """How far, at most, z is from z* in any entry if p and r are wrong at z by up to `for_p` and `for_r`.
-
-    Parameters: `z`, `for_p` ≥ 0 and `for_r` ≥ 0, all of shape (n,). Returns None where nothing is proved.
-    """
+    """How far, at most, z is from z* in any entry if p and r are wrong at z by up to `for_p` and `for_r`, or None."""
     for proof in _proofs(problem):
         if not isinstance(proof, str):
             largest = float(proof.bound(problem, z, for_p, for_r)[0].max())

@@ -28,6 +28,7 @@ from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
 from ..matrices.comparison_matrix import comparison_matrix, scaling_vectors
+from ..matrices.h_matrix import positive_diagonal
 from .proof import Proof, norm_up
 
 #: beyond this size a factorisation for every choice of rows is too dear
@@ -39,7 +40,6 @@ _POLICY_STEPS = 30
 class HPlusProof(Proof):
     """`v` > 0 with `alpha` ≤ ⟨A⟩v, `beta` ≤ (I − G)v, both positive; all of shape (n,)."""
 
-    sentence: str
     v: Vector
     alpha: Vector
     beta: Vector
@@ -59,13 +59,11 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     The best v solves v = max(D⁻¹|B|v, Gv) + 1, B the off-diagonal part of A: in each row one of two equations. A
     choice of rows is a linear system; its solution is positive for every choice if and only if some v serves both, and
     grows from choice to choice (Howard's policy iteration). The signs of α and β are checked, rounding included.
-    Returns the proof, or the reason why no v was found.
     """
     A, G = matrix.sparse, psi.lipschitz
-    diagonal = A.diagonal()
-    if (diagonal <= 0).any():
-        i = int(np.argmax(diagonal <= 0))
-        return f"A is not an H+-matrix: A[{i}, {i}] = {diagonal[i]:g} is not positive"
+    positive = positive_diagonal(A)
+    if not positive.holds:
+        return f"A is not an H+-matrix: {positive.reason}"
     if G is None:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
     comparison = comparison_matrix(A)

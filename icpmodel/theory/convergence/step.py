@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,8 +16,8 @@ from ...problem.data import ProblemData, as_problem
 class StepMatrices:
     """M₁, M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω as CSR and D, φ, φ₁, Ω as vectors, of `member` on `problem`.
 
-    What a theorem makes of them is at most twice `size` entry by entry, and so are the rounding errors of making it.
-    Raises InputError where `problem` is no ICP, or `member` has no M₁ or Ω (a name, a class, Newton).
+    M₁, M̂ and X store every diagonal entry. What a theorem makes of all this is at most twice `size` entry by entry, and
+    so are the rounding errors of making it.
     """
 
     def __init__(self, problem: ProblemData, member: Member) -> None:
@@ -26,16 +25,22 @@ class StepMatrices:
         if isinstance(member, str | type):
             raise InputError(f"member is {described(member)}; a Method object was expected, such as MNMGS()")
         if not (hasattr(member, "splitting_of") and hasattr(member, "omega_of")):
-            raise InputError(
-                f"member is {member!r}; a method of the modulus family, such as icpmodel.MNMGS(), was expected"
-            )
-        self.problem, self.member = problem, member
+            wanted = "a method of the modulus family, such as icpmodel.MNMGS()"
+            raise InputError(f"member is {member!r}; {wanted}, was expected")
+        self.problem = problem
         self.A, self.n = problem.A, problem.n
         self.D = problem.A.diagonal()
         self.splitting = member.splitting_of()
         self.omega = member.omega_of(problem)
         self.phi = as_vector(member.phi, self.n, "phi")
         self.phi1 = as_vector(getattr(member, "phi1", 1.0), self.n, "phi1")
+        with np.errstate(all="ignore"):  # what overflows proves nothing
+            self.M1 = as_csr(self.splitting.matrix(self.A), "M1", keep_diagonal=True)
+            self.M = _shifted(self.M1, self.phi)
+            self.N = sp.csr_array(self.M - self.A)
+            self.X = _shifted(self.M, self.omega)
+            #: (D − Ω)⁺, the zero matrix where Ω ≥ D
+            self.short = sp.diags_array(np.maximum(self.D - self.omega, 0.0))
         #: vectors v > 0 that served one theorem and may serve the next
         self.vectors: list[Vector] = []
 
@@ -47,46 +52,15 @@ class StepMatrices:
         return G
 
     @cached_property
-    def M1(self) -> sp.csr_array:
-        """M₁, every diagonal entry stored."""
-        return as_csr(self.splitting.matrix(self.A), "M1", keep_diagonal=True)
-
-    @cached_property
-    def M(self) -> sp.csr_array:
-        """M̂ = M₁ + φ."""
-        return _shifted(self.M1, self.phi)
-
-    @cached_property
-    def N(self) -> sp.csr_array:
-        """N̂ = M̂ − A."""
-        return sp.csr_array(self.M - self.A)
-
-    @cached_property
-    def X(self) -> sp.csr_array:
-        """X = M̂ + Ω, every diagonal entry stored."""
-        return _shifted(self.M, self.omega)
-
-    @cached_property
-    def size(self) -> sp.csr_array:
-        """|M₁| + |φ| + Ω + |A| + ΩG."""
-        return sp.csr_array(
-            abs(self.M1) + abs(self.A) + self.omega_G + sp.diags_array(np.abs(self.phi) + self.omega + np.abs(self.D))
-        )
-
-    @cached_property
     def omega_G(self) -> sp.csr_array:
         """ΩG."""
         return sp.csr_array(sp.diags_array(self.omega) @ self.G)
 
     @cached_property
-    def short(self) -> Any:
-        """diag (D − Ω)⁺, the zero matrix where Ω ≥ D."""
-        return sp.diags_array(np.maximum(self.D - self.omega, 0.0))
-
-    @property
-    def reads_psi(self) -> bool:
-        """Whether a Lipschitz matrix of ψ is known."""
-        return self.problem.psi.lipschitz is not None
+    def size(self) -> sp.csr_array:
+        """|M₁| + |φ| + Ω + |A| + ΩG."""
+        diagonal = np.abs(self.phi) + self.omega + np.abs(self.D)
+        return sp.csr_array(abs(self.M1) + abs(self.A) + self.omega_G + sp.diags_array(diagonal))
 
 
 def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:

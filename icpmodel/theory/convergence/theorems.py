@@ -15,7 +15,7 @@ from ...problem.data import ProblemData
 from ..answers import Answer
 from ..proofs import proofs_of
 from .conditions import printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44, theta_factor
-from .contraction import MonotoneMap, Radius, balanced, radius
+from .contraction import MonotoneMap, balanced, radius
 from .step import StepMatrices
 from .structural import DEFINITE, MONOTONE, definite, monotone
 
@@ -57,7 +57,7 @@ class _Theorem:
     decide: Callable[[StepMatrices], Answer]
     printed_sentence: str = ""
     printed: Callable[[StepMatrices], Answer] | None = None
-    counterexample: str = ""
+    false: str = ""
 
 
 def theorems() -> dict[str, str]:
@@ -105,31 +105,20 @@ def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
         if theorem.printed is None:
             raise InputError(f"theorem is {name!r} as printed, but the paper does not print it")
         decide, sentence = theorem.printed, theorem.printed_sentence
-    if not (step.omega > 0).all():
-        found = Answer(False, f"Omega has the entry {step.omega.min():g}, not positive")
-    else:
-        with np.errstate(all="ignore"):  # what overflows proves nothing
-            found = decide(step)
-    return Check(
-        found.holds, found.reason, found.witness, found.number, name, sentence, as_printed, theorem.counterexample
-    )
+    with np.errstate(all="ignore"):  # what overflows proves nothing
+        positive = (step.omega > 0).all()
+        found = decide(step) if positive else Answer(False, f"Omega has the entry {step.omega.min():g}, not positive")
+    return Check(**vars(found), theorem=name, sentence=sentence, as_printed=as_printed, false_as_printed=theorem.false)
 
 
-def contraction(step: StepMatrices, T: MonotoneMap) -> Radius:
-    """ρ(T) from the vectors that served before, v = 1, the certificate's v and, for small n, balanced units."""
-
-    def starts() -> Iterator[Vector]:
-        yield from reversed(step.vectors)
-        yield np.ones(step.n)
-        proof = proofs_of(step.problem).h_plus
-        if not isinstance(proof, str):
-            yield proof.v
-        yield from balanced(step.size)
-
-    found = radius(T, starts())
-    if found.holds and found.v is not None:
-        step.vectors.append(found.v)
-    return found
+def _starts(step: StepMatrices) -> Iterator[Vector]:
+    """The vectors that served before, v = 1, the certificate's v and, for small n, balanced units."""
+    yield from reversed(step.vectors)
+    yield np.ones(step.n)
+    proof = proofs_of(step.problem).h_plus
+    if not isinstance(proof, str):
+        yield proof.v
+    yield from balanced(step.size)
 
 
 def _by_radius(
@@ -140,14 +129,16 @@ def _by_radius(
     """Decide by ρ(T) < 1, T = make(step); `name` says what the number, ρ times `scale`, is."""
 
     def decide(step: StepMatrices) -> Answer:
-        if not step.reads_psi:
+        if step.problem.psi.lipschitz is None:
             return Answer(None, "no Lipschitz matrix of psi is known: give `lipschitz`")
         T = make(step)
         if isinstance(T, str):
             return Answer(False, T)
-        found = contraction(step, T)
+        found = radius(T, _starts(step))
         if found.v is None:
             return _without_inverse(step)
+        if found.holds:
+            step.vectors.append(found.v)
         factor = scale(step)
         number = found.upper * factor * (1.0 if factor == 1.0 else 1 + 4 * UNIT_ROUNDOFF)
         limit = f"{factor:.6g}"

@@ -12,7 +12,15 @@ from ...numerics.arrays import as_csr, bandwidths
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
-from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs, without_zeros, z_matrix
+from .h_matrix import (
+    dominating_vector,
+    h_matrix,
+    irreducible_blocks,
+    positive_diagonal,
+    row_sum_signs,
+    without_zeros,
+    z_matrix,
+)
 from .p_matrix import LIMIT, by_pivots, by_small_minors, minor_of_order_two, open_blocks
 
 #: the classes in the order of the table, with their names
@@ -103,10 +111,9 @@ class MatrixClasses:
     @cached_property
     def h_plus(self) -> Answer:
         """H-matrix with positive diagonal. Witness of no: a row with a_ii ≤ 0, or x as for `h`."""
-        diagonal = self.A.diagonal()
-        if (diagonal <= 0).any():
-            i = int(np.argmax(diagonal <= 0))
-            return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", i)
+        positive = positive_diagonal(self.A)
+        if not positive.holds:
+            return positive
         return Answer(self.h.holds, ("D > 0; " if self.h.holds else "") + self.h.reason, self.h.witness)
 
     @cached_property
@@ -170,10 +177,9 @@ class MatrixClasses:
     @cached_property
     def p(self) -> Answer:
         """P-matrix: all principal minors are positive; see `p_matrix`. Witness of no: the indices of one ≤ 0."""
-        diagonal = self.A.diagonal()
-        if (diagonal <= 0).any():
-            i = int(np.argmax(diagonal <= 0))
-            return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", np.array([i]))
+        positive = positive_diagonal(self.A)
+        if not positive.holds:
+            return Answer(False, positive.reason, np.array([positive.witness]))
         if self.h_plus.holds:
             return Answer(True, "H+-matrix")
         pair = minor_of_order_two(self.A)

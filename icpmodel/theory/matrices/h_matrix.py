@@ -112,6 +112,15 @@ def z_matrix(A: sp.csr_array) -> Answer:
     return Answer(False, f"A[{i}, {j}] = {A.data[found[0]]:g} is positive", (i, j))
 
 
+def positive_diagonal(A: sp.csr_array) -> Answer:
+    """Whether D > 0; the witness of False is a row with a_ii ≤ 0."""
+    diagonal = A.diagonal()
+    i = int(np.argmax(diagonal <= 0))
+    if diagonal[i] > 0:
+        return Answer(True, "D > 0")
+    return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", i)
+
+
 def h_matrix(A: sp.csr_array) -> Answer:
     """Whether `A` (CSR, shape (n, n), every diagonal entry stored) is an H-matrix.
 
