@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,8 +15,16 @@ from ...errors import MapError
 from ...numerics.arrays import Vector, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most
 from ...problem.data import ProblemData, as_problem
-from ..proofs import proofs_of
+from ...problem.facts import Facts
+from ...problem.map import Map
+from ...problem.matrix import Matrix
+from ..matrices.classes import MatrixClasses
+from .definite import prove as prove_definite
+from .h_plus import HPlusProof
+from .h_plus import prove as prove_h_plus
 from .proof import Proof, norm_up
+from .representatives import prove as prove_representatives
+from .supersolution import prove as prove_supersolution
 
 #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
 _SHARPEN_UP_TO = 10_000
@@ -100,7 +110,7 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
     if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:
         return ErrorBound.none("psi is computed by a user's function, whose rounding errors are not known")
     reasons = []
-    for proof in _proofs(problem):
+    for proof in proofs_of(problem).tried(problem):
         if isinstance(proof, str):
             reasons.append(proof.replace("; ", ", "))
             continue
@@ -117,22 +127,67 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
 
 def bound_of_change(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> float | None:
     """How far, at most, z is from z* in any entry if p and r are wrong at z by up to `for_p` and `for_r`, or None."""
-    for proof in _proofs(problem):
+    for proof in proofs_of(problem).tried(problem):
         if not isinstance(proof, str):
             largest = float(proof.bound(problem, z, for_p, for_r)[0].max())
             return largest if np.isfinite(largest) else None
     return None
 
 
-def _proofs(problem: ProblemData) -> Iterator[Proof | str]:
-    """The proofs, or why there is none, as they are tried: the cheapest and sharpest first, those that ψ may have."""
-    known = proofs_of(problem)
-    yield known.h_plus
-    if problem.psi.linear is not None:
-        yield known.representatives
-    yield known.definite
-    if problem.psi.takes_best:
-        yield known.supersolution(problem)
+class Proofs:
+    """The classes of A, and the proofs of uniqueness for A and ψ, each made when it is first asked for.
+
+    Each is a `Proof`, or the reason why there is none. Problems of one A and ψ share them.
+    """
+
+    def __init__(self, matrix: Matrix, psi: Map) -> None:
+        self.matrix, self.psi = matrix, psi
+        # that of a supersolution rests on q as well
+        self._of_problem: WeakKeyDictionary[ProblemData, Proof | str] = WeakKeyDictionary()
+
+    @cached_property
+    def classes(self) -> MatrixClasses:
+        """Those of A are made once whatever ψ is."""
+        if self.matrix not in _CLASSES:
+            _CLASSES[self.matrix] = MatrixClasses(self.matrix.sparse)
+        return _CLASSES[self.matrix]
+
+    @cached_property
+    def h_plus(self) -> HPlusProof | str:
+        return prove_h_plus(self.matrix, self.psi)
+
+    @cached_property
+    def representatives(self) -> Proof | str:
+        return prove_representatives(self.matrix, self.psi)
+
+    @cached_property
+    def definite(self) -> Proof | str:
+        return prove_definite(self.matrix, self.psi)
+
+    def supersolution(self, problem: ProblemData) -> Proof | str:
+        if problem not in self._of_problem:
+            self._of_problem[problem] = prove_supersolution(problem)
+        return self._of_problem[problem]
+
+    def tried(self, problem: ProblemData) -> Iterator[Proof | str]:
+        """Those that ψ may have, the cheapest and sharpest first."""
+        yield self.h_plus
+        if self.psi.linear is not None:
+            yield self.representatives
+        yield self.definite
+        if self.psi.takes_best:
+            yield self.supersolution(problem)
+
+
+_CLASSES: WeakKeyDictionary[Matrix, MatrixClasses] = WeakKeyDictionary()
+_PROOFS: WeakKeyDictionary[Facts, Proofs] = WeakKeyDictionary()
+
+
+def proofs_of(problem: ProblemData) -> Proofs:
+    """The proofs that `problem` shares with all others of the same A and ψ."""
+    if problem.facts not in _PROOFS:
+        _PROOFS[problem.facts] = Proofs(problem.matrix, problem.psi)
+    return _PROOFS[problem.facts]
 
 
 def _sharpened(problem: ProblemData, z: Vector, proof: Proof, delta: Vector, euclidean: float) -> tuple[Vector, float]:

@@ -35,7 +35,7 @@ from ...numerics.rational import exact_sum, nearest
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, lower
 from ...problem.data import ProblemData
 from ...problem.intervention import Intervention
-from ..matrices.h_matrix import positive_diagonal, z_matrix
+from ..matrices.h_matrix import positive_diagonal, row_sum_signs, z_matrix
 from .proof import Proof, norm_up
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z, small ones
@@ -81,12 +81,17 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
     A, psi = problem.A, problem.psi
     if not isinstance(psi, Intervention) or psi.best != "max":
         return 'psi is no best jump (an Intervention with best="max"), for which supersolutions are sought'
-    reason = _no_z_matrix(A)
-    if reason:
-        return reason
+    found = z_matrix(A)
+    if not found.holds:
+        return f"A is no Z-matrix: {found.reason}"
     positive, diagonal = positive_diagonal(A), A.diagonal()
     if not positive.holds:
         return f"A is not a nonsingular M-matrix: {positive.reason}"
+    negative = np.flatnonzero(row_sum_signs(A) < 0)
+    if negative.size:
+        i = int(negative[0])
+        total = nearest(exact_sum(A.data[A.indptr[i] : A.indptr[i + 1]]))
+        return f"A1 >= 0 is needed: row {i} of A has the sum {total:.3g}"
     unit = sp.csr_array(sp.diags_array(1.0 / diagonal) @ A)
     ones, lu = np.ones(problem.n), factorise(unit)
     v = None if lu is None else lu.solve(ones)
@@ -104,18 +109,6 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
     margin = f"margin {at_least(pairs[0][0])}"
     sentence = f"A is an M-matrix with A1 >= 0, psi a best jump, and a strict supersolution exists ({margin})"
     return SupersolutionProof(sentence, weight, pairs)
-
-
-def _no_z_matrix(A: sp.csr_array) -> str:
-    """Why A is no Z-matrix with A1 ≥ 0, or nothing."""
-    found = z_matrix(A)
-    if not found.holds:
-        return f"A is no Z-matrix: {found.reason}"
-    for i in np.flatnonzero(~(lower(A, np.ones(A.shape[0])) >= 0)):
-        total = nearest(exact_sum(A.data[A.indptr[i] : A.indptr[i + 1]]))
-        if not total >= 0:
-            return f"A1 >= 0 is needed: row {i} of A has the sum {total:.3g}"
-    return ""
 
 
 def _supersolutions(problem: ProblemData, weight: Vector, start: Vector) -> Iterator[tuple[float, Vector]]:

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...algebra.splittings import AOR, Member
+from ...algebra.splittings import Member
 from ...errors import InputError, SingularOperator
 from ...numerics.arrays import Vector, described
 from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
 from ...problem.data import ProblemData
 from ..answers import Answer
-from ..proofs import proofs_of
-from .conditions import printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44, theta_factor
+from ..certificates.bounds import proofs_of
+from .conditions import StepMatrices, printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44
 from .contraction import MonotoneMap, balanced, radius
-from .step import StepMatrices
 from .structural import DEFINITE, MONOTONE, definite, monotone
 
 
@@ -121,12 +120,8 @@ def _starts(step: StepMatrices) -> Iterator[Vector]:
     yield from balanced(step.size)
 
 
-def _by_radius(
-    name: str,
-    make: Callable[[StepMatrices], MonotoneMap | str],
-    scale: Callable[[StepMatrices], float] = lambda step: 1.0,
-) -> Callable[[StepMatrices], Answer]:
-    """Decide by ρ(T) < 1, T = make(step); `name` says what the number, ρ times `scale`, is."""
+def _by_radius(name: str, make: Callable[[StepMatrices], MonotoneMap | str]) -> Callable[[StepMatrices], Answer]:
+    """Decide by ρ(T) < 1, T = make(step); `name` says what the number, ρ times T.limit, is."""
 
     def decide(step: StepMatrices) -> Answer:
         if step.problem.psi.lipschitz is None:
@@ -139,17 +134,17 @@ def _by_radius(
             return _without_inverse(step)
         if found.holds:
             step.vectors.append(found.v)
-        factor = scale(step)
-        number = found.upper * factor * (1.0 if factor == 1.0 else 1 + 4 * UNIT_ROUNDOFF)
-        limit = f"{factor:.6g}"
-        if float(limit) <= number < factor:  # what is proved must not look false for want of digits
-            limit = repr(factor)
+        number = found.upper * T.limit * (1.0 if T.limit == 1.0 else 1 + 4 * UNIT_ROUNDOFF)
+        limit = f"{T.limit:.6g}"
+        if float(limit) <= number < T.limit:  # what is proved must not look false for want of digits
+            limit = repr(T.limit)
         size = at_most(number, 6, below=float(limit))
-        if found.holds is None:
-            return Answer(None, f"{name} < {limit} is needed, but no more than {name} <= {size} is known", None, number)
-        if found.holds:
-            return Answer(True, f"{name} is at most {size}, below {limit}", found.v, number)
-        return Answer(False, f"{name} is at least {at_least(factor, 6)}, and at most {size}", None, number)
+        reasons = {
+            None: f"{name} < {limit} is needed, but no more than {name} <= {size} is known",
+            True: f"{name} is at most {size}, below {limit}",
+            False: f"{name} is at least {at_least(T.limit, 6)}, and at most {size}",
+        }
+        return Answer(found.holds, reasons[found.holds], found.v if found.holds else None, number)
 
     return decide
 
@@ -160,11 +155,6 @@ def _without_inverse(step: StepMatrices) -> Answer:
     except SingularOperator as error:
         return Answer(False, str(error))
     return Answer(None, "nothing is known of |X^-1|: X is not an H-matrix and too large or ill conditioned")
-
-
-def _limit_43(step: StepMatrices) -> float:
-    theta = step.splitting
-    return 1.0 / theta_factor(theta) if isinstance(theta, AOR) else 1.0
 
 
 _CONVERGES = "then ICP has one solution and the method converges to it from every start"
@@ -189,9 +179,9 @@ _THEOREMS = {
     ),
     "4.3": _Theorem(
         "AOR: if D > 0, φ ≥ 0, θ₁ > 0, θ₂ ≥ 0 and max(θ₁, θ₂)·ρ(D⁻¹(|B| + ΩG + (D − Ω)⁺)) < min(1, θ₁), " + _CONVERGES,
-        _by_radius("rho(D^-1(|B| + Omega G + (D - Omega)+))", theorem_43, _limit_43),
+        _by_radius("rho(D^-1(|B| + Omega G + (D - Omega)+))", theorem_43),
         "AOR: if A is an H₊-matrix, φ₂ ≥ φ₁D and max(θ₁, θ₂)·ρ(D⁻¹|B| + φ₂G) < min(1, θ₁), " + _CONVERGES,
-        _by_radius("rho(D^-1|B| + phi2 G)", lambda step: theorem_43(step, as_printed=True), _limit_43),
+        _by_radius("rho(D^-1|B| + phi2 G)", lambda step: theorem_43(step, as_printed=True)),
         "the parenthesis: A = .1, q = 1, ψ = 6 − 5z, φ₁ = 1, φ₂ = .1 ends in the cycle −10, 56; φ < 0: A = 1, q = −1, "
         "φ = −1.5 has the error factor −3; θ₂ < 0: A = [1, −.5; −.5, 1], θ = (1, −4) has an error matrix of radius "
         "1.151",

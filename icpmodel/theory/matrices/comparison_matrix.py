@@ -35,18 +35,14 @@ def comparison_matrix(A: Any) -> sp.csr_array:
 
 
 def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """Candidates for v > 0 with ⟨A⟩v > 0, each with its name, cheapest first; the last is (nearly) ⟨A⟩⁻¹D1.
+    """Candidates v > 0 for ⟨A⟩v > 0 (to be checked), each with its name, cheapest first; D > 0.
 
-    v = 1 serves strictly dominant rows. ⟨A⟩v = D1 makes (D⁻¹⟨A⟩)v = 1, which no change of the units of p alters.
-    Large matrices get `layered` before `solve_for_diagonal`. ⟨A⟩ has a positive diagonal; the vectors are positive,
-    whether ⟨A⟩v is as well is for the caller to check, with rounding.
+    The last is about ⟨A⟩⁻¹D1: ⟨A⟩v = D1 makes (D⁻¹⟨A⟩)v = 1, which no change of the units of p alters.
     """
     n = comparison.shape[0]
     yield "v = 1", np.ones(n)
-    if n > _FACTORISE_FIRST:
-        v = layered(comparison)
-        if v is not None:
-            yield "v = f(layer)", v
+    if n > _FACTORISE_FIRST and (v := layered(comparison)) is not None:
+        yield "v = f(layer)", v
     v = solve_for_diagonal(comparison)
     if v is not None and (v > 0).all():
         yield "v = <A>^-1 D1", v
