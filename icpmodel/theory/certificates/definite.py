@@ -38,8 +38,8 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, at_most, upp
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
+from ..matrices.comparison_matrix import positive_diagonal
 from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
-from ..matrices.h_matrix import positive_diagonal
 from .proof import Proof, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one

@@ -22,6 +22,8 @@ from ...numerics.rational import as_witness, nearest, rationals
 from ...problem.data import ProblemData
 from ..answers import Answer
 
+Combination = dict[int, Fraction]
+
 #: rows up to which a system is solved in rational arithmetic
 _RATIONAL = 30
 #: what is smaller than this share of the largest entry of a computed y counts as zero
@@ -65,18 +67,17 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> A
     named = ", ".join(map(str, rows[:5])) + (f" and {len(rows) - 5} more" if len(rows) > 5 else "")
     sign = "y >= 0 where there is an obstacle" if free.any() else "y >= 0"
     where = f"for a y that is not 0 in row{'s' if len(rows) > 1 else ''} {named}"
-    reason = f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {number:.3g} {where}"
-    if known is not None:
-        count = np.count_nonzero(np.isfinite(known.high))
-        reason = (
-            f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {count} unknowns are proved to be what they are "
-            f"({known.proof}), and then (Az + q)'y <= {number:.3g}, {sign}, {where}"
-        )
+    if known is None:
+        reason = f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {number:.3g} {where}"
+    else:
+        proved = f"{np.count_nonzero(np.isfinite(known.high))} unknowns are proved to be what they are ({known.proof})"
+        then = f"{proved}, and then (Az + q)'y <= {number:.3g}, {sign}, {where}"
+        reason = f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {then}"
     y = as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x)), known) is not None)
     return Answer(True, reason, y, number)
 
 
-def _tried(problem: ProblemData, y: Vector, support: np.ndarray, known: Known | None) -> Iterator[dict[int, Fraction]]:
+def _tried(problem: ProblemData, y: Vector, support: np.ndarray, known: Known | None) -> Iterator[Combination]:
     yield {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
     yield {int(i): Fraction(float(y[i])) for i in support}
     if support.size <= _RATIONAL:
@@ -109,9 +110,7 @@ def multipliers(problem: ProblemData) -> Vector | None:
     return np.asarray(found.x[:-1]) if found.status == 0 and load @ found.x[:-1] < 0 else None
 
 
-def _contradiction(
-    problem: ProblemData, free: np.ndarray, y: dict[int, Fraction], known: Known | None
-) -> Fraction | None:
+def _contradiction(problem: ProblemData, free: np.ndarray, y: Combination, known: Known | None) -> Fraction | None:
     """(q + Ac)ᵀy where it is negative and y has the right signs, in exact arithmetic; else None."""
     A, c = problem.A, problem.facts.obstacle
     columns: dict[int, Fraction] = {}
@@ -135,7 +134,7 @@ def _contradiction(
     return total if total < 0 else None
 
 
-def _exact(problem: ProblemData, support: np.ndarray, y: Vector, known: Known | None) -> dict[int, Fraction]:
+def _exact(problem: ProblemData, support: np.ndarray, y: Vector, known: Known | None) -> Combination:
     """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or must be; x_i left open is y_i."""
     with np.errstate(over="ignore", invalid="ignore"):
         tight = np.abs(problem.A.T @ y) <= _ZERO * (problem.matrix.absolute.T @ np.abs(y))

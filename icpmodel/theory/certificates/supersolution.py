@@ -35,7 +35,8 @@ from ...numerics.rational import exact_sum, nearest
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, lower
 from ...problem.data import ProblemData
 from ...problem.intervention import Intervention
-from ..matrices.h_matrix import positive_diagonal, row_sum_signs, z_matrix
+from ..matrices.comparison_matrix import positive_diagonal, z_matrix
+from ..matrices.h_matrix import row_sum_signs
 from .proof import Proof, norm_up
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z, small ones

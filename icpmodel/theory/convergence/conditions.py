@@ -44,7 +44,7 @@ from ...errors import InputError
 from ...numerics.arrays import Vector, as_csr, as_vector, described, diagonal_positions
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData, as_problem
-from ..matrices.h_matrix import positive_diagonal
+from ..matrices.comparison_matrix import positive_diagonal
 from .contraction import Comparison, MonotoneMap, absolute_inverse
 
 #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁

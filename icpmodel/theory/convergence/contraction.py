@@ -6,7 +6,7 @@ Rounding is included.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any, NamedTuple
@@ -273,17 +273,3 @@ def _invariant_part(T: MonotoneMap, v: Vector) -> bool:
             return bool((u > 0).any())
         u[short] = 0.0
     return False
-
-
-def balanced(size: sp.csr_array) -> Iterator[Vector]:
-    """For n ≤ 500 the units of z in which rows and columns of D⁻¹·`size` have like norms.
-
-    Reference: Osborne, J. ACM 7 (1960).
-    """
-    if 1 < size.shape[0] <= 500:
-        from scipy.linalg import matrix_balance
-
-        with np.errstate(all="ignore"):
-            quotients = size.toarray() / size.diagonal()[:, None]
-        if np.isfinite(quotients).all():
-            yield matrix_balance(quotients, permute=False, separate=True)[1][0]

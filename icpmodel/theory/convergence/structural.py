@@ -30,8 +30,8 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
 from ..answers import Answer
 from ..certificates.bounds import proofs_of
 from ..certificates.definite import LARGEST
+from ..matrices.comparison_matrix import z_matrix
 from ..matrices.eigenvalue import is_dense, largest_above, smallest_below, smallest_quotient, within_reach
-from ..matrices.h_matrix import z_matrix
 from .conditions import StepMatrices
 
 #: products in (A + Ω)ᵀ(A + Ω), which has no more entries: up to here σ is sharp, at the price of a second or two

@@ -15,7 +15,7 @@ from ...problem.data import ProblemData
 from ..answers import Answer
 from ..certificates.bounds import proofs_of
 from .conditions import StepMatrices, printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44
-from .contraction import MonotoneMap, balanced, radius
+from .contraction import MonotoneMap, radius
 from .structural import DEFINITE, MONOTONE, definite, monotone
 
 
@@ -111,13 +111,21 @@ def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
 
 
 def _starts(step: StepMatrices) -> Iterator[Vector]:
-    """The vectors that served before, v = 1, the certificate's v and, for small n, balanced units."""
+    """The vectors that served before, v = 1, the certificate's v and, for small n, balanced units.
+
+    These are units of z in which rows and columns of D⁻¹·size have like norms: Osborne, J. ACM 7 (1960).
+    """
     yield from reversed(step.vectors)
     yield np.ones(step.n)
     proof = proofs_of(step.problem).h_plus
     if not isinstance(proof, str):
         yield proof.v
-    yield from balanced(step.size)
+    if 1 < step.n <= 500:
+        from scipy.linalg import matrix_balance
+
+        quotients = step.size.toarray() / step.size.diagonal()[:, None]
+        if np.isfinite(quotients).all():
+            yield matrix_balance(quotients, permute=False, separate=True)[1][0]
 
 
 def _by_radius(name: str, make: Callable[[StepMatrices], MonotoneMap | str]) -> Callable[[StepMatrices], Answer]:

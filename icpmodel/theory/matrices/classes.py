@@ -10,17 +10,9 @@ import scipy.sparse as sp
 
 from ...numerics.arrays import as_csr, bandwidths
 from ..answers import Answer
-from .comparison_matrix import comparison_matrix
+from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
-from .h_matrix import (
-    dominating_vector,
-    h_matrix,
-    irreducible_blocks,
-    positive_diagonal,
-    row_sum_signs,
-    without_zeros,
-    z_matrix,
-)
+from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs, without_zeros
 from .p_matrix import LIMIT, by_pivots, by_small_minors, minor_of_order_two, open_blocks
 
 #: the classes in the order of the table, with their names

@@ -1,4 +1,4 @@
-"""The comparison matrix ⟨A⟩ and a scaling vector v > 0 with ⟨A⟩v > 0, which proves that A is an H-matrix."""
+"""The comparison matrix ⟨A⟩, whether the signs of A are its signs, and vectors v > 0 with ⟨A⟩v > 0."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import Vector, as_csr, diagonal_positions
+from ...numerics.arrays import Vector, as_csr, diagonal_positions, row_of
 from ...numerics.factorisation import factorise
 from ...numerics.multigrid import KrylovMultigrid
+from ..answers import Answer
 
 #: up to this size a factorisation costs less than looking for a cheaper way
 _FACTORISE_FIRST = 20_000
@@ -32,6 +33,25 @@ def comparison_matrix(A: Any) -> sp.csr_array:
     diagonal = diagonal_positions(A)
     data[diagonal] = -data[diagonal]
     return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
+
+
+def z_matrix(A: sp.csr_array) -> Answer:
+    """Whether no entry off the diagonal is positive; the witness of False is (i, j) with a_ij > 0."""
+    rows = row_of(A)
+    found = np.flatnonzero((A.data > 0) & (rows != A.indices))
+    if not found.size:
+        return Answer(True, "no positive entry off the diagonal")
+    i, j = int(rows[found[0]]), int(A.indices[found[0]])
+    return Answer(False, f"A[{i}, {j}] = {A.data[found[0]]:g} is positive", (i, j))
+
+
+def positive_diagonal(A: sp.csr_array) -> Answer:
+    """Whether D > 0; the witness of False is a row with a_ii ≤ 0."""
+    diagonal = A.diagonal()
+    i = int(np.argmax(diagonal <= 0))
+    if diagonal[i] > 0:
+        return Answer(True, "D > 0")
+    return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", i)
 
 
 def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:

@@ -101,25 +101,6 @@ def within_blocks(A: sp.csr_array, block: NDArray[np.int32]) -> sp.csr_array:
     return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
 
 
-def z_matrix(A: sp.csr_array) -> Answer:
-    """Whether no entry off the diagonal is positive; the witness of False is (i, j) with a_ij > 0."""
-    rows = row_of(A)
-    found = np.flatnonzero((A.data > 0) & (rows != A.indices))
-    if not found.size:
-        return Answer(True, "no positive entry off the diagonal")
-    i, j = int(rows[found[0]]), int(A.indices[found[0]])
-    return Answer(False, f"A[{i}, {j}] = {A.data[found[0]]:g} is positive", (i, j))
-
-
-def positive_diagonal(A: sp.csr_array) -> Answer:
-    """Whether D > 0; the witness of False is a row with a_ii ≤ 0."""
-    diagonal = A.diagonal()
-    i = int(np.argmax(diagonal <= 0))
-    if diagonal[i] > 0:
-        return Answer(True, "D > 0")
-    return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", i)
-
-
 def h_matrix(A: sp.csr_array) -> Answer:
     """Whether `A`, every diagonal entry stored, is an H-matrix: v > 0 with ⟨A⟩v > 0, or x ≥ 0, x ≠ 0, with ⟨A⟩x ≤ 0."""
     answer, still_open = by_row_sums(A)

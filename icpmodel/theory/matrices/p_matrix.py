@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -140,7 +141,5 @@ def _not_p(minor: tuple[int, ...]) -> Answer:
 
 def _in_rational_units(A: sp.csr_array, r: Any, c: Any) -> Rationals:
     """What `in_units` gives, without its rounding."""
-    return [
-        [entry * Fraction(2) ** int(r[i] + c[j]) if entry else entry for j, entry in enumerate(row)]
-        for i, row in enumerate(rationals(A))
-    ]
+    powers = [[Fraction(2) ** int(r_i + c_j) for c_j in c] for r_i in r]
+    return [list(map(mul, row, units)) for row, units in zip(rationals(A), powers, strict=True)]
