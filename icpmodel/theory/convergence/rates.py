@@ -79,8 +79,7 @@ class Rate(ABC):
         """After so many steps |zᵏ − z*| ≤ `accuracy` in every entry, whatever z* is; None where no number is known.
 
         Parameters: `problem` and `z0` as in `distance`; `accuracy` a positive number or vector of shape (n,), in the
-        units of z. Rounding in the run itself limits what accuracy can be had at all.
-        Raises InputError where the accuracy is not positive.
+        units of z; rounding in the run itself limits what can be had. Raises InputError where it is not positive.
         """
         if np.ndim(accuracy) == 0:
             accuracy = as_number(accuracy, "accuracy", above=0)
