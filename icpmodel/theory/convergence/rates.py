@@ -30,8 +30,9 @@ class Rate(ABC):
     `sentence` is the theorem behind them, `norm` the norm in words.
 
     >>> from icpmodel import MNMJ
-    >>> rate = predicted_rate(ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ())
-    >>> round(rate.factor, 6), rate.v, rate.steps(ICP([[2, -1], [-1, 2]], [-2, -2]), [0.0, 0.0], 1e-3)
+    >>> problem = ICP([[2, -1], [-1, 2]], [-2, -2])
+    >>> rate = predicted_rate(problem, MNMJ())
+    >>> round(rate.factor, 6), rate.v, rate.steps(problem, [0.0, 0.0], 1e-3)
     (0.5, array([1., 1.]), 11)
     """
 
