@@ -66,16 +66,11 @@ class Row:
     solver: str
     formulation: str
     verdict: Verdict
-    residual: float | None
-    difference: float | None
-    seconds: float | None
-    claim: str
-    note: str
-
-    @classmethod
-    def skipped(cls, solver: str, reason: str) -> Row:
-        """The row of a solver that cannot take the problem."""
-        return cls(solver, "", Verdict.SKIPPED, None, None, None, "", reason)
+    residual: float | None = None
+    difference: float | None = None
+    seconds: float | None = None
+    claim: str = ""
+    note: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +92,7 @@ class Checked:
         """Judge `solution`, a `Solution` or a vector of shape (n,); `atol` ≥ 0 replaces the default tolerance."""
         z = problem.vector(solution, "solution")
         handy, unit = in_handy_units(problem)
-        y = z / unit
-        rtol = OURS
+        y, rtol = z / unit, OURS
         if isinstance(solution, Solution) and solution.solved and solution.problem is problem:
             start = problem.residual_at_0()
             if start > 0:
@@ -112,19 +106,15 @@ class Checked:
 
     def judge(self, solver: str, form: str, target: Target, claim: Claim) -> Row:
         """The row of a foreign `claim`, which is about `target` in `form`."""
-        formulation = ("frozen " if target.frozen else "") + _FORMS.get(form, form)
-
-        def row(verdict: Verdict, note: str, residual: float | None = None, difference: float | None = None) -> Row:
-            return Row(solver, formulation, verdict, residual, difference, claim.seconds, claim.words, note)
-
-        x, fault = _readable(claim, self.problem.n)
-        if x is None:
-            return row(Verdict.FAILED, fault)
-        z = x * self.unit
-        difference = float(np.abs(z - self.z).max())
-        residual = (self.problem.frozen(self.z) if target.frozen else self.problem).residual(z)
-        verdict, note = self._compare(target, x, claim, difference)
-        return row(verdict, note, finite(residual), finite(difference))
+        x, note = _readable(claim, self.problem.n)
+        verdict, residual, difference = Verdict.FAILED, np.nan, np.nan
+        if x is not None:
+            z = x * self.unit
+            difference = float(np.abs(z - self.z).max())
+            residual = (self.problem.frozen(self.z) if target.frozen else self.problem).residual(z)
+            verdict, note = self._compare(target, x, claim, difference)
+        posed = ("frozen " if target.frozen else "") + {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}[form]
+        return Row(solver, posed, verdict, finite(residual), finite(difference), claim.seconds, claim.words, note)
 
     def _compare(self, target: Target, x: Vector, claim: Claim, difference: float) -> tuple[Verdict, str]:
         """The verdict on a finite x, in the units of `target`. Every comparison is false for NaN."""
@@ -147,16 +137,12 @@ class Checked:
         if difference <= bound <= WIDEST * (AGREE * float(np.abs(self.z).max()) + FLOOR * self.unit):
             return Verdict.AGREES, f"within the certified bound {bound:.1e}"
         if difference <= bound:
-            wide = f"the certified bound {bound:.1e} is too wide to tell; solve with a smaller rtol"
-            return Verdict.INCONCLUSIVE, wide
+            return Verdict.INCONCLUSIVE, f"the bound {bound:.1e} is too wide to tell; solve with a smaller rtol"
         if difference > bound:
             return Verdict.DISAGREES, f"both residuals are small, but they differ by more than the bound {bound:.1e}"
         if not unique:
             return Verdict.OTHER_SOLUTION, "both are solutions; uniqueness is not certified"
         return Verdict.INCONCLUSIVE, "there is only one solution, but no bound on the distance to it"
-
-
-_FORMS = {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}
 
 
 def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
@@ -167,8 +153,8 @@ def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
     try:
         start = problem.residual_at_0()
     except MapError:
-        start = 1.0
-    if not (np.isfinite(start) and start > 0):
+        start = np.nan
+    if not 0 < start < np.inf:
         start = 1.0
     residual = problem.residual(y)
     floor = 4 * float(np.linalg.norm(np.maximum(*problem.rounding(y))))
@@ -183,7 +169,7 @@ def finite(value: float) -> float | None:
 def _readable(claim: Claim, n: int) -> tuple[Vector | None, str]:
     """The foreign z as float64 of shape (n,), all finite; or None and what is wrong with it."""
     if claim.z is None:
-        return None, claim.words if not claim.solved else f"claims {claim.words!r}, but returned no z"
+        return None, f"claims {claim.words!r}, but returned no z" if claim.solved else claim.words
     try:
         x = np.array(claim.z, dtype=np.float64)
     except (TypeError, ValueError):

@@ -102,7 +102,7 @@ class ForeignSolver(ABC):
         return next(form for form in self.forms if target.why_not(form) is None)
 
     def pose(self, target: Target) -> Any:
-        """What `set_up` translates: the `QP` of its form, which a target makes once, or `target` where that is "mpec".
+        """What `set_up` translates: the `QP` of its form, made once, or `target` itself where that is "mpec".
 
         Who times a solver calls this first: it is no work of the solver's.
         """
@@ -158,16 +158,14 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | N
     known = foreign_solvers()
     if solvers is None:
         return [solver for solver in known.values() if asker is None or asker in solver.asked_by]
-    chosen: dict[str, ForeignSolver] = {}
-    for solver in [solvers] if isinstance(solvers, str | ForeignSolver) else as_list(solvers, "solvers"):
-        if isinstance(solver, str):
-            if solver not in known:
-                raise InputError(f"solvers has {solver!r}; one of {', '.join(map(repr, known))} was expected")
-            solver = known[solver]
-        elif not isinstance(solver, ForeignSolver):
+    wanted = [solvers] if isinstance(solvers, str | ForeignSolver) else as_list(solvers, "solvers")
+    for solver in wanted:
+        if isinstance(solver, str) and solver not in known:
+            raise InputError(f"solvers has {solver!r}; one of {', '.join(map(repr, known))} was expected")
+        if not isinstance(solver, str | ForeignSolver):
             raise InputError(f"solvers has a {type(solver).__name__}; names or ForeignSolver objects were expected")
-        chosen[solver.name] = solver  # named twice, asked once
-    return list(chosen.values())
+    chosen = [known[solver] if isinstance(solver, str) else solver for solver in wanted]
+    return list({solver.name: solver for solver in chosen}.values())
 
 
 def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: float) -> Claim:

@@ -1,7 +1,6 @@
 """An ICP as a CVXPY problem, and three QP solvers of different kinds through it.
 
-They are Clarabel (interior point), OSQP (splitting) and HiGHS (active set). CVXPY writes the model in its own way, so
-that these also check the model that the native interfaces are given.
+CVXPY writes the model in its own way, so that they also check the model that the native interfaces are given.
 Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016).
 """
 
@@ -21,8 +20,6 @@ from .formulations import Target
 from .highs import highs_options
 from .osqp import osqp_options
 
-_FORMULATIONS = ("qp", "mip")
-
 
 def to_cvxpy(problem: ProblemData, formulation: str = "qp") -> Any:
     """`problem` as a CVXPY problem in one variable named z, in the units of the ICP.
@@ -40,10 +37,8 @@ def to_cvxpy(problem: ProblemData, formulation: str = "qp") -> Any:
     >>> float(ICP([[2.0]], [-1.0]).to_cvxpy("mip").solve(solver="HIGHS"))
     0.0
     """
-    if formulation not in _FORMULATIONS:
-        raise InputError(
-            f"formulation is {described(formulation)}; {' or '.join(map(repr, _FORMULATIONS))} was expected"
-        )
+    if formulation not in ("qp", "mip"):
+        raise InputError(f"formulation is {described(formulation)}; 'qp' or 'mip' was expected")
     if problem.psi.linear is None:
         raise NotApplicable(
             f"to_cvxpy needs a psi that is constant or affine, not {problem.psi!r}: "
@@ -52,26 +47,24 @@ def to_cvxpy(problem: ProblemData, formulation: str = "qp") -> Any:
     target = Target(problem)
     if formulation == "mip":
         return _mip(target)
-    form = next((form for form in ("energy", "gap") if target.why_not(form) is None), None)
-    if form is None:
-        reason = target.why_not("gap")
+    if target.why_not("energy") is None:
+        return _qp(target, "energy")
+    if (reason := target.why_not("gap")) is not None:
         raise NotApplicable(f"no convex QP: {reason}; the formulation 'mip' needs no convexity")
-    return qp_model(target, form)
+    return _qp(target, "gap")
 
 
-def qp_model(target: Target, form: str) -> Any:
-    """`target` as "energy" or "gap", in the variable z; call it only where `target.why_not(form)` is None."""
+def _qp(target: Target, form: str) -> Any:
+    """`target` as "energy" or "gap"; call it only where `target.why_not(form)` is None."""
     import cvxpy as cp
 
     qp, z = target.qp(form), cp.Variable(target.problem.n, name="z")
-    p, r = _p_and_r(target, z)
+    _, r, rows = _conditions(target, z)
     # definiteness was decided before, so that CVXPY need not
     value = 0.5 * cp.quad_form(z, cp.psd_wrap(qp.P)) + qp.q @ z
     if form == "energy":
-        return cp.Problem(cp.Minimize(value), _not_empty([r >= 0]))
-    c = np.where(target.free, 0.0, target.c)
-    rows = [p[~target.free] >= 0, p[target.free] == 0, r >= 0]
-    return cp.Problem(cp.Minimize(value - target.problem.q @ c), _not_empty(rows))
+        return _program(value, [r >= 0])
+    return _program(value - target.problem.q @ np.where(target.free, 0.0, target.c), rows)
 
 
 def _mip(target: Target) -> Any:
@@ -83,19 +76,21 @@ def _mip(target: Target) -> Any:
     # without bounds on z HiGHS 1.15 crashes on some of these programs
     z = cp.Variable(target.problem.n, bounds=[-z_max, z_max], name="z")
     b = cp.Variable(int(held.sum()), boolean=True, name="b")
-    p, r = _p_and_r(target, z)
-    at_most = [p[held] <= cp.multiply(p_max[held], b), r <= cp.multiply(r_max[held], 1 - b)]
-    return cp.Problem(cp.Minimize(0), _not_empty([p[held] >= 0, r >= 0, p[~held] == 0, *at_most]))
+    p, r, rows = _conditions(target, z)
+    return _program(0, [*rows, p <= cp.multiply(p_max[held], b), r <= cp.multiply(r_max[held], 1 - b)])
 
 
-def _p_and_r(target: Target, z: Any) -> tuple[Any, Any]:
-    """p, and r in the rows with an obstacle."""
-    held = ~target.free
-    return target.problem.A @ z + target.problem.q, target.I_minus_G[held] @ z - target.c[held]
+def _conditions(target: Target, z: Any) -> tuple[Any, Any, list[Any]]:
+    """p and r in the rows with an obstacle, and the constraints p ≥ 0, p_i = 0 in the others, r ≥ 0."""
+    held, p = ~target.free, target.problem.A @ z + target.problem.q
+    r = target.I_minus_G[held] @ z - target.c[held]
+    return p[held], r, [p[held] >= 0, p[~held] == 0, r >= 0]
 
 
-def _not_empty(rows: list[Any]) -> list[Any]:
-    return [row for row in rows if row.size]
+def _program(value: Any, rows: list[Any]) -> Any:
+    import cvxpy as cp
+
+    return cp.Problem(cp.Minimize(value), [row for row in rows if row.size])
 
 
 class _ThroughCvxpy(ForeignSolver):
@@ -109,12 +104,11 @@ class _ThroughCvxpy(ForeignSolver):
         return missing("cvxpy") or super().why_not(target)
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
-        return qp_model(target, self.form(target)), {**self.options(tolerance), "time_limit": float(time_limit)}
+        return _qp(target, self.form(target)), {**self.options(tolerance), "time_limit": float(time_limit)}
 
     def run(self, model: Any) -> Claim:
         problem, options = model
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Solution may be inaccurate")
+        with warnings.catch_warnings(action="ignore"):
             problem.solve(solver=self.solver, **options)
         return Claim(problem.var_dict["z"].value, problem.status, problem.status == "optimal")
 

@@ -7,6 +7,7 @@ Reference: Bynum et al., Pyomo: Optimization Modeling in Python (2021), doi 10.1
 
 from __future__ import annotations
 
+import itertools
 import operator
 import shutil
 from collections.abc import Callable
@@ -25,13 +26,14 @@ from ..problem.user_code import is_compiled
 from .contract import Claim, ForeignSolver, missing
 from .formulations import Target
 
-#: NumPy's functions of one argument that Pyomo has too, with Pyomo's name
-_FUNCTIONS = {
-    **{name: name for name in ("exp", "log", "log10", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    **{f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")},
-}
-#: where Python code is compared with the expressions that it gave, in points of one sign and of both
-_COMPARED_AT = ((0.1, 0.9), (-0.9, 0.9), (-5.0, 5.0))
+#: NumPy's functions of one argument that Pyomo has too; it calls arcsin asin
+_FUNCTIONS = (
+    "exp",
+    "log",
+    "log10",
+    "sqrt",
+    *(f"{arc}{of}{h}" for arc in ("", "arc") for of in ("sin", "cos", "tan") for h in ("", "h")),
+)
 
 
 @runtime_checkable
@@ -54,35 +56,28 @@ def to_pyomo(problem: ProblemData) -> Any:
     of NumPy functions that Pyomo has as well, without branches; the code is run once on symbols, and the expressions
     are compared with it.
     Returns a `pyomo.environ.ConcreteModel`. Raises NotApplicable for another ψ.
+
+    >>> len(ICP([[2.0]], [-1.0]).to_pyomo().complementarity)
+    1
     """
     import pyomo.environ as pyo
 
     model = pyo.ConcreteModel()
     model.z = pyo.Var(range(problem.n))
-    obstacle, q = _obstacle(problem.psi, model.z), problem.q.tolist()
-    free = [isinstance(one, float) and one == -np.inf for one in obstacle]
-    add_conditions(model, free, lambda i: affine_row(problem.A, model.z, i) + q[i], lambda i: model.z[i] - obstacle[i])
+    obstacle, p = _obstacle(problem.psi, model.z), _moved(problem.A, problem.q, model.z)
+    held = [i for i, one in enumerate(obstacle) if not (isinstance(one, float) and one == -np.inf)]
+    _add_conditions(model, held, p, {i: model.z[i] - obstacle[i] for i in held})
     return model
 
 
-def add_conditions(model: Any, free: list[bool], p: Callable[[int], Any], r: Callable[[int], Any]) -> None:
-    """Give `model` the conditions p_i ≥ 0 ⟂ r_i ≥ 0, p_i = 0 in the `free` rows, and an objective that is constant."""
+def _add_conditions(model: Any, held: list[int], p: Any, r: Any) -> None:
+    """Give `model` p_i ≥ 0 ⟂ r_i ≥ 0 in the rows `held`, p_i = 0 in the others, and an objective that is constant."""
     import pyomo.environ as pyo
     from pyomo.mpec import Complementarity, complements
 
-    rows = range(len(free))
-    model.complementarity = Complementarity(
-        [i for i in rows if not free[i]], rule=lambda _, i: complements(p(i) >= 0, r(i) >= 0)
-    )
-    model.equation = pyo.Constraint([i for i in rows if free[i]], rule=lambda _, i: p(i) == 0)
+    model.complementarity = Complementarity(held, rule=lambda _, i: complements(p[i] >= 0, r[i] >= 0))
+    model.equation = pyo.Constraint(sorted({*model.z} - {*held}), rule=lambda _, i: p[i] == 0)
     model.objective = pyo.Objective(expr=0.0)
-
-
-def affine_row(matrix: Any, z: Any, i: int) -> Any:
-    """(Mz)_i as a Pyomo expression: `matrix` M CSR, shape (n, n), `z` Pyomo variables by number."""
-    entries = slice(matrix.indptr[i], matrix.indptr[i + 1])
-    pairs = zip(matrix.data[entries].tolist(), matrix.indices[entries].tolist(), strict=True)
-    return sum(value * z[j] for value, j in pairs)
 
 
 def _obstacle(psi: Map, z: Any) -> list[Any]:
@@ -99,7 +94,7 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
     try:
         if isinstance(psi, Elementwise):
             f: Any = psi.f
-            values = np.array([f.py_func(one) for one in symbols]) if is_compiled(f) else np.asarray(f(symbols))
+            values = [f.py_func(one) for one in symbols] if is_compiled(f) else np.asarray(f(symbols))
             found = [-np.inf if c == -np.inf else one + c for one, c in zip(values, psi.c.tolist(), strict=True)]
         elif isinstance(psi, Function):
             found = list(np.asarray(psi.fun(symbols)).reshape(len(variables)))
@@ -113,8 +108,10 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
 
 
 def _moved(G: Any, c: Any, z: Any) -> list[Any]:
-    """Gz + c, row by row."""
-    return [one if one == -np.inf else affine_row(G, z, i) + one for i, one in enumerate(c.tolist())]
+    """Gz + c, row by row, as Pyomo expressions: `G` CSR, shape (n, n), `z` Pyomo variables by number."""
+    start, data, columns = G.indptr.tolist(), G.data.tolist(), G.indices.tolist()
+    rows = ([data[k] * z[columns[k]] for k in range(*ends)] for ends in itertools.pairwise(start))
+    return [one if one == -np.inf else sum(row) + one for row, one in zip(rows, c.tolist(), strict=True)]
 
 
 def _compare(psi: Map, expressions: list[Any], variables: list[Any]) -> None:
@@ -122,7 +119,7 @@ def _compare(psi: Map, expressions: list[Any], variables: list[Any]) -> None:
     from pyomo.environ import value
 
     random = np.random.default_rng(0)
-    for low, high in _COMPARED_AT:
+    for low, high in ((0.1, 0.9), (-0.9, 0.9), (-5.0, 5.0)):  # points of one sign and of both
         z = random.uniform(low, high, len(variables))
         for variable, one in zip(variables, z.tolist(), strict=True):
             variable.set_value(one)
@@ -153,7 +150,7 @@ class _Symbol:
 
         if name not in _FUNCTIONS:
             raise AttributeError(f"Pyomo has no {name}")
-        return lambda: _Symbol(getattr(pyo, _FUNCTIONS[name])(self.expression))
+        return lambda: _Symbol(getattr(pyo, name.replace("arc", "a"))(self.expression))
 
 
 def _arithmetic(operation: Callable[[Any, Any], Any], turned: bool) -> Callable[[_Symbol, Any], Any]:
@@ -184,9 +181,8 @@ class PyomoHighs(ForeignSolver):
     too_large = "branch and bound may take minutes"
 
     def why_not(self, target: Target) -> str | None:
-        reason = missing("pyomo") or super().why_not(target)
-        if reason is None and target.bounds is None:
-            reason = f"no bounds on p and r for the big-M form: {target.at_zero.reason}"
+        if (reason := missing("pyomo") or super().why_not(target)) is None and target.bounds is None:
+            return f"no bounds on p and r for the big-M form: {target.at_zero.reason}"
         return reason
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
@@ -241,17 +237,16 @@ def _model(target: Target, bounds: tuple[Vector, Vector, Vector] | None, *transf
     """`target` as a transformed Pyomo model with variables z, p and r; `bounds` as `Target.bounds`, or None."""
     import pyomo.environ as pyo
 
-    problem, B, free = target.problem, target.I_minus_G, target.free.tolist()
-    rows = range(problem.n)
-    held = [i for i in rows if not free[i]]
-    z_max, p_max, r_max = bounds or (np.full(problem.n, np.inf),) * 3
+    problem, held = target.problem, np.flatnonzero(~target.free).tolist()
+    z_max, p_max, r_max = (one.tolist() for one in bounds or (np.full(problem.n, np.inf),) * 3)
     model = pyo.ConcreteModel()
-    model.z = pyo.Var(rows, bounds=lambda _, i: (-float(z_max[i]), float(z_max[i])))
-    model.p = pyo.Var(rows, bounds=lambda _, i: (0.0, 0.0 if free[i] else float(p_max[i])))
-    model.r = pyo.Var(held, bounds=lambda _, i: (0.0, float(r_max[i])))
-    model.p_is = pyo.Constraint(rows, rule=lambda m, i: m.p[i] == affine_row(problem.A, m.z, i) + float(problem.q[i]))
-    model.r_is = pyo.Constraint(held, rule=lambda m, i: m.r[i] == affine_row(B, m.z, i) - float(target.c[i]))
-    add_conditions(model, free, lambda i: model.p[i], lambda i: model.r[i])
+    model.z = pyo.Var(range(problem.n), bounds=lambda _, i: (-z_max[i], z_max[i]))
+    model.p = pyo.Var(range(problem.n), bounds=lambda _, i: (0.0, 0.0 if target.free[i] else p_max[i]))
+    model.r = pyo.Var(held, bounds=lambda _, i: (0.0, r_max[i]))
+    p, r = _moved(problem.A, problem.q, model.z), _moved(target.I_minus_G, -target.c, model.z)
+    model.p_is = pyo.Constraint(range(problem.n), rule=lambda m, i: m.p[i] == p[i])
+    model.r_is = pyo.Constraint(held, rule=lambda m, i: m.r[i] == r[i])
+    _add_conditions(model, held, model.p, model.r)
     for transformation in transformations:
         pyo.TransformationFactory(transformation).apply_to(model)
     return model
