@@ -99,9 +99,9 @@ class NotSolved(IcpError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a cross-check or a measurement. ``report`` carries what was done, the rest marked as such.
+    """Ctrl-C during a cross-check or a measurement, which ends a script as Ctrl-C should.
 
-    It is a KeyboardInterrupt, so that it ends a script as Ctrl-C should.
+    ``report`` carries what was done, the rest marked as such.
 
     >>> issubclass(Interrupted, KeyboardInterrupt) and not issubclass(Interrupted, Exception)
     True

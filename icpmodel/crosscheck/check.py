@@ -53,7 +53,7 @@ def crosscheck(
         solution = solve(problem, raise_on_failure=False)
     # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
     with np.errstate(over="ignore", invalid="ignore"):
-        checked = Checked.of(problem, solution, atol)
+        checked = Checked(problem, solution, atol)
         rows: list[Row] = []
         with status_line(progress) as say:
             for k, solver in enumerate(chosen):
@@ -61,7 +61,7 @@ def crosscheck(
                 try:
                     rows += _rows_of(solver, checked, time_limit)
                 except KeyboardInterrupt:
-                    rows += [_skipped(other, "interrupted") for other in chosen[k:]]
+                    rows += [Row(other.name, "", Verdict.SKIPPED, note="interrupted") for other in chosen[k:]]
                     raise Interrupted(Report.of(checked, rows, solution)) from None
         return Report.of(checked, rows, solution)
 
@@ -75,11 +75,8 @@ def _rows_of(solver: ForeignSolver, checked: Checked, time_limit: float) -> list
         if reason is None
     ]
     nothing = ["psi(z) is not finite at the answer, so that its obstacle cannot be frozen"]
-    return rows or [_skipped(solver, reason) for reason in dict.fromkeys(reasons or nothing) if reason]
-
-
-def _skipped(solver: ForeignSolver, reason: str) -> Row:
-    return Row(solver.name, "", Verdict.SKIPPED, note=reason)
+    because = (reason for reason in dict.fromkeys(reasons or nothing) if reason)
+    return rows or [Row(solver.name, "", Verdict.SKIPPED, note=reason) for reason in because]
 
 
 def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:

@@ -52,8 +52,8 @@ class Report:
             known = solution.certificate if solution.problem is problem else None
         of = known or certify(problem, checked.z)
         residual, tolerance = finite(of.residual), finite(checked.tolerance)
-        facts = repr(problem), answer, residual, checked.holds, of.error_bound, of.bound.reason, tolerance
-        return cls(tuple(rows), *facts)
+        bound, reason = of.error_bound, of.bound.reason
+        return cls(tuple(rows), repr(problem), answer, residual, checked.holds, bound, reason, tolerance)
 
     @property
     def agrees(self) -> bool:

@@ -147,8 +147,6 @@ def _compared(factors: dict[str, float | None], titles: dict[str, str]) -> tuple
         return "", ""
     best = next(label for label, factor in proved.items() if tie(factor, min(proved.values())))
     first = shown(proved.pop(best)) + (f" with {best}" if len(best) < 6 else "")
-    others = [
-        f"{label} gives {shown(proved[label])}" for label in sorted(proved, key=lambda label: (proved[label], label))
-    ]
+    others = [f"{label} gives {shown(factor)}" for factor, label in sorted((x, label) for label, x in proved.items())]
     unproved = [f"for {label} nothing is proved" for label, factor in known.items() if factor is None]
     return best, ", ".join([first, *others, *unproved])

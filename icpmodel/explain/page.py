@@ -190,8 +190,7 @@ def explain(
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
     asked, instead = method is not None, None
-    first = next(candidates(problem), None)
-    picked, why = (None, "") if first is None else (first.method, first.why)
+    picked, why = next(((one.method, one.why) for one in candidates(problem)), (None, ""))
     if isinstance(method, type):
         raise InputError(f"method is the class {method.__name__}; an object such as {method.__name__}() was expected")
     if method is None:

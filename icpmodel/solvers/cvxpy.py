@@ -32,7 +32,6 @@ def to_cvxpy(problem: ProblemData, formulation: str = "qp") -> Any:
     Parameters: `problem` with constant or affine ψ (else take `problem.frozen(z)`); `formulation`.
     Returns a `cvxpy.Problem`. Raises InputError for an unknown formulation, and NotApplicable where the problem has no
     such form, with the reason.
-    Reference: see `icpmodel.solvers.formulations`.
 
     >>> float(ICP([[2.0]], [-1.0]).to_cvxpy("mip").solve(solver="HIGHS"))
     0.0
@@ -64,7 +63,7 @@ def _qp(target: Target, form: str) -> Any:
     value = 0.5 * cp.quad_form(z, cp.psd_wrap(qp.P)) + qp.q @ z
     if form == "energy":
         return _program(value, [r >= 0])
-    return _program(value - target.problem.q @ np.where(target.free, 0.0, target.c), rows)
+    return _program(value - target.problem.q @ np.where(target.held, target.c, 0.0), rows)
 
 
 def _mip(target: Target) -> Any:
@@ -72,7 +71,7 @@ def _mip(target: Target) -> Any:
 
     if target.bounds is None:
         raise NotApplicable(f"no bounds on p and r for a mixed-integer program: {target.at_zero.reason}")
-    held, (z_max, p_max, r_max) = ~target.free, target.bounds
+    held, (z_max, p_max, r_max) = target.held, target.bounds
     # without bounds on z HiGHS 1.15 crashes on some of these programs
     z = cp.Variable(target.problem.n, bounds=[-z_max, z_max], name="z")
     b = cp.Variable(int(held.sum()), boolean=True, name="b")
@@ -82,7 +81,7 @@ def _mip(target: Target) -> Any:
 
 def _conditions(target: Target, z: Any) -> tuple[Any, Any, list[Any]]:
     """p and r in the rows with an obstacle, and the constraints p ≥ 0, p_i = 0 in the others, r ≥ 0."""
-    held, p = ~target.free, target.problem.A @ z + target.problem.q
+    held, p = target.held, target.problem.A @ z + target.problem.q
     r = target.I_minus_G[held] @ z - target.c[held]
     return p[held], r, [p[held] >= 0, p[~held] == 0, r >= 0]
 

@@ -76,16 +76,16 @@ class Target:
         return self.problem.psi.linear[1]
 
     @cached_property
-    def free(self) -> np.ndarray:
-        """Where there is no obstacle, so that p_i = 0 must hold: shape (n,), bool."""
-        return np.isneginf(self.c)
+    def held(self) -> np.ndarray:
+        """The rows with an obstacle, shape (n,), bool; p_i = 0 must hold in the others, which are free."""
+        return ~np.isneginf(self.c)
 
     @cached_property
     def I_minus_G(self) -> sp.csr_array:
         """I − G, its free rows those of I, shape (n, n): p_i = 0 there, so any r_i gives the same pᵀr."""
         assert self.problem.psi.linear is not None
         G = self.problem.psi.linear[0]
-        return sp.csr_array(sp.eye_array(self.problem.n) - sp.diags_array(np.where(self.free, 0.0, 1.0)) @ G)
+        return sp.csr_array(sp.eye_array(self.problem.n) - sp.diags_array(np.where(self.held, 1.0, 0.0)) @ G)
 
     @cached_property
     def curvature(self) -> MatrixClasses:
@@ -146,12 +146,12 @@ class Target:
 
     @cached_property
     def _energy(self) -> QP:
-        lower, K = self.c[~self.free], sp.csc_array(self.I_minus_G[~self.free])
+        lower, K = self.c[self.held], sp.csc_array(self.I_minus_G[self.held])
         return QP(sp.csc_array(self.curvature.A / 2), self.problem.q, K, lower, np.full(lower.size, np.inf))
 
     @cached_property
     def _gap(self) -> QP:
-        A, q, held = self.problem.A, self.problem.q, ~self.free
+        A, q, held = self.problem.A, self.problem.q, self.held
         linear = self.I_minus_G.T @ q - A.T @ np.where(held, self.c, 0.0)
         K = sp.csc_array(sp.vstack([A, self.I_minus_G[held]]))
         upper = np.append(np.where(held, np.inf, -q), np.full(held.sum(), np.inf))
@@ -161,9 +161,9 @@ class Target:
 def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
     """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit · y.
 
-    A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of solvers mean something
-    for a problem in any units. The size of z is taken from q_i/a_ii and from the positive obstacles at z = 0, never
-    from an answer. Returns (problem in y, 2ᵏ); the problem as it is, and 1, where something would overflow.
+    A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of solvers mean something.
+    The size of z is taken from q_i/a_ii and from the positive obstacles at z = 0, never from an answer.
+    Returns (problem in y, 2ᵏ); the problem as it is, and 1, where something would overflow.
     """
     diagonal = np.abs(problem.A.diagonal())
     size_A = _typical(diagonal) or _typical(np.abs(problem.A.data)) or 1.0
@@ -182,10 +182,8 @@ def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
 
 
 def targets(problem: ProblemData, y: Vector) -> list[Target]:
-    """What is to be solved: the problem where ψ is constant or affine; else, and for affine ψ too, the frozen one.
-
-    Parameters: `problem` in handy units; `y` the answer under test in them, shape (n,). The frozen problem is missing
-    where ψ(y) is not a finite obstacle.
+    """What is to be solved: `problem`, in handy units, where ψ is constant or affine; else, and for affine ψ too, the
+    problem frozen at the answer under test `y`, shape (n,), if ψ(y) is a finite obstacle.
     """
     found = [Target(problem)] if problem.psi.linear is not None else []
     if not problem.psi.is_constant and np.isfinite(y).all():

@@ -11,10 +11,9 @@ import itertools
 import operator
 import shutil
 from collections.abc import Callable
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..errors import NotApplicable
 from ..numerics.arrays import Vector
@@ -27,24 +26,8 @@ from .contract import Claim, ForeignSolver, missing
 from .formulations import Target
 
 #: NumPy's functions of one argument that Pyomo has too; it calls arcsin asin
-_FUNCTIONS = (
-    "exp",
-    "log",
-    "log10",
-    "sqrt",
-    *(f"{arc}{of}{h}" for arc in ("", "arc") for of in ("sin", "cos", "tan") for h in ("", "h")),
-)
-
-
-@runtime_checkable
-class Written(Protocol):
-    """A ψ that can write itself: Gz + c, and in some rows an expression more, which `expressions` gives by row."""
-
-    G: sp.csr_array
-    c: np.ndarray
-
-    def expressions(self, variables: list[Any]) -> dict[int, Any]:
-        """Row → Pyomo expression in these `variables`."""
+_FUNCTIONS: tuple[str, ...] = ("exp", "log", "log10", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh")
+_FUNCTIONS += tuple(f"arc{name}" for name in _FUNCTIONS[4:])
 
 
 def to_pyomo(problem: ProblemData) -> Any:
@@ -85,11 +68,10 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
     variables = list(z.values())
     if psi.linear is not None:
         return _moved(*psi.linear, z)
-    if isinstance(psi, Function) and isinstance(psi.fun, Written):
-        found = _moved(psi.fun.G, psi.fun.c, z)
-        for i, bend in psi.fun.expressions(variables).items():
-            found[i] = found[i] + bend
-        return found
+    code: Any = psi.fun if isinstance(psi, Function) else None
+    if hasattr(code, "expressions"):  # read from a Pyomo model: Gz + c, and in some rows an expression more
+        bends = code.expressions(variables)
+        return [one + bends[i] if i in bends else one for i, one in enumerate(_moved(code.G, code.c, z))]
     symbols = np.array([_Symbol(variable) for variable in variables], dtype=object)
     try:
         if isinstance(psi, Elementwise):
@@ -97,11 +79,11 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
             values = [f.py_func(one) for one in symbols] if is_compiled(f) else np.asarray(f(symbols))
             found = [-np.inf if c == -np.inf else one + c for one, c in zip(values, psi.c.tolist(), strict=True)]
         elif isinstance(psi, Function):
-            found = list(np.asarray(psi.fun(symbols)).reshape(len(variables)))
+            found = list(np.asarray(code(symbols)).reshape(len(variables)))
         else:
             raise TypeError("it takes the best of several")
         found = [one.expression if isinstance(one, _Symbol) else float(one) for one in found]
-        _compare(psi, found, variables)
+        _compare(psi, found, z)
     except Exception as error:  # a user's code may raise anything when it is given symbols
         raise NotApplicable(f"{psi!r} has no Pyomo expression: {type(error).__name__}: {error}") from error
     return found
@@ -114,23 +96,21 @@ def _moved(G: Any, c: Any, z: Any) -> list[Any]:
     return [one if one == -np.inf else sum(row) + one for row, one in zip(rows, c.tolist(), strict=True)]
 
 
-def _compare(psi: Map, expressions: list[Any], variables: list[Any]) -> None:
+def _compare(psi: Map, expressions: list[Any], z: Any) -> None:
     """Raise ValueError where the expressions have not the values of ψ, so that code with a state is found out."""
     from pyomo.environ import value
 
     random = np.random.default_rng(0)
     for low, high in ((0.1, 0.9), (-0.9, 0.9), (-5.0, 5.0)):  # points of one sign and of both
-        z = random.uniform(low, high, len(variables))
-        for variable, one in zip(variables, z.tolist(), strict=True):
-            variable.set_value(one)
+        at = random.uniform(low, high, len(z))
+        z.set_values(dict(enumerate(at.tolist())))
         with np.errstate(all="ignore"):
-            expected = psi.value(z)
+            expected = psi.value(at)
         for i in np.flatnonzero(np.isfinite(expected)).tolist():
             found = value(expressions[i])
             if not abs(found - expected[i]) <= 1e-9 * max(abs(expected[i]), 1.0):
                 raise ValueError(f"psi(z)[{i}] is {expected[i]:g} and its expression {found:g} at the same z")
-    for variable in variables:
-        variable.set_value(None)
+    z.set_values(dict.fromkeys(z))
 
 
 class _Symbol:
@@ -202,7 +182,7 @@ class PyomoHighs(ForeignSolver):
         if result.termination_condition is not TerminationCondition.optimal:
             return Claim(None, result.termination_condition.name, False)
         values = result.solution_loader.get_primals()
-        return Claim(np.array([values[one] for one in posed.z.values()]), "optimal", True)
+        return Claim([values[one] for one in posed.z.values()], "optimal", True)
 
 
 class PyomoIpopt(ForeignSolver):
@@ -230,18 +210,18 @@ class PyomoIpopt(ForeignSolver):
         if len(result.solution) == 0:
             return Claim(None, words, False)
         posed.solutions.load_from(result)
-        return Claim(np.array([one.value for one in posed.z.values()], dtype=np.float64), words, words == "optimal")
+        return Claim([one.value for one in posed.z.values()], words, words == "optimal")
 
 
 def _model(target: Target, bounds: tuple[Vector, Vector, Vector] | None, *transformations: str) -> Any:
     """`target` as a transformed Pyomo model with variables z, p and r; `bounds` as `Target.bounds`, or None."""
     import pyomo.environ as pyo
 
-    problem, held = target.problem, np.flatnonzero(~target.free).tolist()
+    problem, held = target.problem, np.flatnonzero(target.held).tolist()
     z_max, p_max, r_max = (one.tolist() for one in bounds or (np.full(problem.n, np.inf),) * 3)
     model = pyo.ConcreteModel()
     model.z = pyo.Var(range(problem.n), bounds=lambda _, i: (-z_max[i], z_max[i]))
-    model.p = pyo.Var(range(problem.n), bounds=lambda _, i: (0.0, 0.0 if target.free[i] else p_max[i]))
+    model.p = pyo.Var(range(problem.n), bounds=lambda _, i: (0.0, p_max[i] if target.held[i] else 0.0))
     model.r = pyo.Var(held, bounds=lambda _, i: (0.0, r_max[i]))
     p, r = _moved(problem.A, problem.q, model.z), _moved(target.I_minus_G, -target.c, model.z)
     model.p_is = pyo.Constraint(range(problem.n), rule=lambda m, i: m.p[i] == p[i])
