@@ -253,7 +253,7 @@ class TestRest:
                 assert all(exact[i] > 0 for i in range(n) if q[i] < 0)
 
     def test_a_wrong_guess_costs_time_and_no_truth(self):
-        """Nothing is open at first: every look opens rows, and in the end all of them are, or the next method follows."""
+        """Nothing is open at first: every look opens rows, in the end all of them, or the next method follows."""
         problem = landscape(110, 3, share=3.0)
         guess = resting(problem, np.arange(problem.n) < 5)
 
