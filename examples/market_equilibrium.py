@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import pyomo.environ as pyo
 from pyomo.mpec import Complementarity, complements
 
-import icpmodel.modelling.pyomo.solver  # noqa: F401  Pyomo's SolverFactory now knows "icpmodel"
+import icpmodel.modelling.pyomo  # noqa: F401  Pyomo's SolverFactory now knows "icpmodel"
 
 GOODS = ["bread", "housing", "labour"]
 #: by how much supply less demand of one good rises with the price of another; goods replace each other a little

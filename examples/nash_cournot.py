@@ -21,7 +21,7 @@ import pyomo.environ as pyo
 from pyomo.mpec import Complementarity, complements
 
 import icpmodel as icp
-import icpmodel.modelling.pyomo.solver
+import icpmodel.modelling.pyomo
 
 cost = np.array([10.0, 15.0, 20.0, 30.0, 45.0])
 capacity = np.array([15.0, 20.0, 30.0, 30.0, 30.0])

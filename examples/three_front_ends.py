@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from pyomo.mpec import Complementarity, complements
 
 import icpmodel as icp
-import icpmodel.modelling.pyomo.solver  # Pyomo's SolverFactory now knows "icpmodel"
+import icpmodel.modelling.pyomo  # Pyomo's SolverFactory now knows "icpmodel"
 
 # A string between two nails, pulled down by its weight, above a bump: -z'' + weight >= 0 and z >= bump, complementary.
 n, weight = 100, 1.0

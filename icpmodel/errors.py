@@ -79,6 +79,9 @@ class SingularOperator(NotApplicable):
         super().__init__(message)
         self.row = row
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.row)
+
 
 class NotSolved(IcpError):
     """A run ended without a solution. ``solution`` carries the best iterate and its certificate.
@@ -99,6 +102,9 @@ class NotSolved(IcpError):
         super().__init__(solution.message)
         self.solution = solution
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.solution,)
+
 
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C during a cross-check or a measurement. ``report`` carries what was done, the rest marked as such.
@@ -114,3 +120,6 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, report: Any) -> None:
         super().__init__("interrupted")
         self.report = report
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.report,)

@@ -89,7 +89,7 @@ class Hierarchy:
 
         Parameters: `f` of shape (m,), m the rows of level `top`. Returns a new array of that shape.
         """
-        from ..numerics.kernels.multigrid import interpolate, restrict, sweep_down, sweep_up
+        from ..numerics.kernels.vcycle import interpolate, restrict, sweep_down, sweep_up
 
         level, x = self.levels[top], np.zeros(f.size)
         if level.P is None:

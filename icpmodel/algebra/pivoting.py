@@ -43,8 +43,8 @@ class AffineLcp:
 
     def start(self) -> Any:
         """The first dictionary, as `kernels.pivoting.go_on` takes it."""
+        from ..numerics.kernels.balancing import scale
         from ..numerics.kernels.pivoting import begin  # loads numba
-        from ..numerics.kernels.units import scale
 
         return begin(*scale(self.M), self.q, self.free)
 

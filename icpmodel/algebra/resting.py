@@ -92,7 +92,7 @@ def balance(problem: ProblemData, open_rows: Mask, p: Vector) -> float:
 
 def widened(problem: ProblemData, open_rows: Mask, seeds: Mask, p: Vector, slack: float) -> Mask | None:
     """`open_rows` and `seeds`, with as many rows around the seeds as the balance says; None where they are too many."""
-    from ..numerics.kernels.parts import spread  # loads numba
+    from ..numerics.kernels.graph import spread  # loads numba
 
     A, more = problem.A, slack * balance(problem, open_rows | seeds, p)
     if not np.count_nonzero(open_rows | seeds) + more <= WORTH * problem.n:

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import scipy.sparse as sp
 
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_csr, as_number, diagonal_positions
+from ..problem.data import ProblemData
 from .operators import AOROperator, DiagonalOperator, FactorisedOperator, Operator, TriangularOperator, inverse_diagonal
 
 
@@ -26,6 +27,24 @@ class Splitting(ABC):
     @abstractmethod
     def operator(self, A: sp.csr_array, shift: Vector) -> Operator:
         """X⁻¹ for X = M₁ + diag(`shift`), `shift` = φ + Ω of shape (n,). Raises SingularOperator."""
+
+
+class Member(Protocol):
+    """What theory needs to know of a method of the modulus family: M₁, φ, Ω, and θ₁ where it has one."""
+
+    @property
+    def phi(self) -> Any:
+        """The diagonal φ: a number or a vector of shape (n,)."""
+
+    @property
+    def theta1(self) -> Any:
+        """θ₁, a number or "auto"."""
+
+    def splitting_of(self) -> Splitting:
+        """The choice of M₁."""
+
+    def omega_of(self, problem: ProblemData) -> Vector:
+        """The diagonal of Ω, shape (n,)."""
 
 
 @dataclass(frozen=True)

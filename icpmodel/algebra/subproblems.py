@@ -32,7 +32,7 @@ def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
 
 def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
     """The ICP in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,)."""
-    from ..numerics.kernels.parts import cut  # loads numba
+    from ..numerics.kernels.graph import cut  # loads numba
 
     A, psi = problem.A, problem.psi
     starts, columns, values, q = cut(A.indptr, A.indices, A.data, problem.q, rows, z)
@@ -130,7 +130,7 @@ def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int =
     graph = problem.A if fixed else _dependencies(problem)
     if graph is None:
         return None
-    from ..numerics.kernels.parts import linked  # loads numba
+    from ..numerics.kernels.graph import linked  # loads numba
 
     if problem.n > PIVOT_UP_TO and linked(graph.indptr, graph.indices):
         return None
@@ -177,7 +177,7 @@ def _arranged(
     rows, everything = np.argsort(part, kind="stable"), np.ones(simple.n, dtype=bool)
     if not heavy.any():
         return Blocks(simple, everything, rows, starts, ~heavy, heavy, ())
-    from ..numerics.kernels.parts import stages  # loads numba
+    from ..numerics.kernels.graph import stages  # loads numba
 
     depth, needed = stages(graph.indptr, graph.indices, part, rows, starts, heavy)
     last, inner, before = int(depth.max()), (depth > 0) & needed, depth == 0

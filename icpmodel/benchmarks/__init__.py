@@ -1,16 +1,12 @@
 """Measurements behind the numbers of the README: the subcommands of `icpmodel measure` print them."""
 
 from ..numerics.multigrid import linear_solve
-from .certainty import bound_ratios, certificate_cost
-from .comparison import benchmark, dispatch, faster_peers
-from .dominant import dominant_cost, impulse_cost
-from .honesty import false_success
-from .limit import solve_cost
+from .benchmark import benchmark, dispatch, faster_peers
+from .certainty import bound_ratios, certificate_cost, false_success
 from .memory import memory
-from .reading import reading_cost
-from .small import small_cost
-from .sweep_cost import grid_order, sweep_cost, sweep_counts
-from .tuning import tuned_and_automatic
+from .reading_cost import reading_cost
+from .solves import dominant_cost, impulse_cost, small_cost, solve_cost
+from .steps import grid_order, sweep_cost, sweep_counts, tuned_and_automatic
 
 __all__ = [
     "benchmark",

@@ -12,14 +12,14 @@ from pathlib import Path
 from ..errors import InputError
 from ..methods.contract import named
 from ..present.table import Table
-from ..study.competitors import as_scenes, as_sizes
+from ..study.cases import as_scenes, as_sizes
 from ..study.timing import machine
 
 #: the child: build, solve a smaller one (imports, compiles), forget the peak so far, solve, tell the peak
 _CHILD = """
 import json, sys
 from pathlib import Path
-from icpmodel.study.competitors import built
+from icpmodel.study.cases import built
 text, n, method = json.loads(sys.argv[1])
 built(text, 6_400).problem.solve(method, raise_on_failure=False)
 problem = built(text, n).problem
@@ -43,14 +43,14 @@ def memory(
     sizes: Sequence[int] = (10_000, 100_000, 1_000_000),
     method: str | None = None,
 ) -> Table:
-    """The most memory that a solve holds beyond the problem itself, against the bytes of A.
+    """The most memory that solve() holds on SCENES, default the membrane, against the bytes of A.
 
-    Each solve runs in a process of its own that has solved one with 6 400 unknowns before; the peak is the kernel's
-    (VmHWM), so that what compiled libraries allocate is counted. Linux only.
-    Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER; `sizes` wanted unknowns; `method` by name, None for
-    `solve()`'s own choice. Returns a `Table` (MiB). Raises InputError.
+    That is beyond the problem itself. Each solve runs in a process of its own that has solved one with 6 400 unknowns
+    before; the peak is the kernel's (VmHWM), so that what compiled libraries allocate is counted. Linux only.
+    Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER; `sizes` wanted unknowns; `method` by name, without it one
+    is picked. Returns a `Table` (MiB). Raises InputError.
 
-    >>> memory(["hand-lcp"], [2]).heads[-2]
+    >>> icp.benchmarks.memory(["hand-lcp"], [2]).heads[-2]
     'peak / A'
     """
     if not Path("/proc/self/clear_refs").exists():

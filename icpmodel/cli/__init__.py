@@ -13,12 +13,12 @@ import sys
 import click
 
 from ..errors import IcpError
+from ..numerics.plugins import load_plugins
 from .charting import race, report, stability
-from .explaining import explain
 from .gallery import scenes
 from .measuring import measure
 from .output import complain
-from .solving import crosscheck, solve
+from .solving import crosscheck, explain, solve
 
 __all__ = ["main"]
 
@@ -49,6 +49,7 @@ def main(arguments: list[str] | None = None) -> None:
     """The entry point: every error is one line on standard error."""
     try:
         typed = shlex.join(["icpmodel", *(sys.argv[1:] if arguments is None else arguments)])
+        load_plugins()
         code = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
         if sys.stdout is not None:  # it was closed by the shell
             sys.stdout.flush()
@@ -58,19 +59,14 @@ def main(arguments: list[str] | None = None) -> None:
         help_page.show()
         code = 2
     except click.ClickException as error:
-        complain(error.format_message())
-        code = 2
+        code = complain(error.format_message())
     except IcpError as error:
-        complain(str(error))
-        code = 2
+        code = complain(str(error))
     except MemoryError as error:
-        complain(f"not enough memory: {error}")
-        code = 2
+        code = complain(f"not enough memory: {error}")
     except (KeyboardInterrupt, click.Abort):
-        complain("interrupted")
-        code = 130
+        code = complain("interrupted", 130)
     except OSError as error:  # a full disk, or a reader such as head that has seen enough
-        complain(f"cannot write the output: {error.strerror or error}")
+        code = complain(f"cannot write the output: {error.strerror or error}")
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115  or Python complains again at exit
-        code = 2
     sys.exit(code)

@@ -11,15 +11,18 @@ import click
 
 from ..errors import FileError, InputError
 
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+
 
 def show_json(told: dict[str, Any]) -> None:
     """Print plain data as JSON; NaN and infinities, which JSON does not have, as null."""
     click.echo(json.dumps(_finite(told), indent=2, allow_nan=False))
 
 
-def complain(message: str) -> None:
-    """One line on standard error."""
+def complain(message: str, code: int = 2) -> int:
+    """One line on standard error; the exit code that goes with it."""
     click.echo("icpmodel: " + " ".join(message.split()), err=True)
+    return code
 
 
 def typed() -> str:
@@ -29,9 +32,7 @@ def typed() -> str:
 
 def exit_code(success: bool, complaint: str) -> int:
     """0 for success, else 1 and the complaint."""
-    if not success:
-        complain(complaint)
-    return 0 if success else 1
+    return 0 if success else complain(complaint, 1)
 
 
 def must_be_writable(path: str | None, suffix: str = "") -> None:

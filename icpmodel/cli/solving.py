@@ -1,40 +1,58 @@
-"""`icpmodel solve` and `icpmodel crosscheck`."""
+"""`icpmodel solve`, `icpmodel crosscheck` and `icpmodel explain`."""
 
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 import click
 
+from ..crosscheck.judge import Verdict
+from ..crosscheck.report import Report
 from ..errors import InputError, Interrupted
 from ..icp import ICP
 from ..modelling.files import load_solution, save_problem, save_solution
+from ..present.card import Card
+from ..scenes import Scene
+from ..scenes import scene as scene_called
+from ..solve.driver import solve as run
 from ..solve.progress import status_line
 from ..solve.solution import Solution
-from .output import exit_code, must_be_writable, show_json
-from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, named_method, named_problem, options, pairs
+from ..solvers.contract import chosen_solvers
+from .output import AS_JSON, exit_code, must_be_writable, show_json
+from .source import (
+    METHOD_OPTIONS,
+    SOURCE_HELP,
+    SOURCE_OPTIONS,
+    from_signature,
+    named_method,
+    named_problem,
+    options,
+    pairs,
+)
 
-if TYPE_CHECKING:
-    from ..crosscheck.report import Report
-    from ..scenes import Scene
-
-_OPTIONS = (
+#: of `solve`
+_LIMITS = {
+    "rtol": "Stop at the residual rtol * Res(0), default 1e-8 ...",
+    "atol": "... or at atol, the larger of both, default 0 ...",
+    "accuracy": "... or, instead, at this certified error of every entry of z.",
+    "max_iter": "Iterations in all.",
+    "time_limit": "Seconds, looked at between iterations.",
+}
+#: of a command that solves
+_SOLVE_OPTIONS = (
     *SOURCE_OPTIONS,
     *METHOD_OPTIONS,
     click.option("--z0", "z0_file", type=click.Path(), help="Start from the z of this .npz file, written by -o."),
-    click.option("--rtol", type=float, help="Stop at the residual rtol * Res(0), default 1e-8 ..."),
-    click.option("--atol", type=float, help="... or at atol, the larger of both, default 0 ..."),
-    click.option("--accuracy", type=float, help="... or, instead, at this certified error of every entry of z."),
-    click.option("--max-iter", type=int, default=100_000, show_default=True, help="Iterations in all."),
-    click.option("--time-limit", type=float, help="Seconds, looked at between iterations."),
+    *from_signature(run, _LIMITS),
     click.option("--bound/--no-bound", default=True, help="Compute the error bound, which may cost a solve."),
-    click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text."),
+    AS_JSON,
 )
 
 
 @click.command(epilog=SOURCE_HELP)
-@options(*_OPTIONS)
+@options(*_SOLVE_OPTIONS)
 @click.option("-o", "--output", type=click.Path(), help="Write z, p, r and the certificate to this .npz file.")
 @click.option("--polish", is_flag=True, help="Solve once more on the active set, to rounding accuracy.")
 @click.option("--save-problem", "folder", type=click.Path(), help="Write the problem to this folder or .npz file.")
@@ -53,65 +71,17 @@ def solve(output: str | None, polish: bool, folder: str | None, as_json: bool, *
         show_json(solution.about() | {"distance_to_reference": errors})
     else:
         click.echo(str(solution))
-        for name, error in errors.items():
-            click.echo(f"{'reference':<9} {name}: off by {error:.3g}")
+        if errors:
+            click.echo(Card({"reference": "\n".join(f"{name}: off by {error:.3g}" for name, error in errors.items())}))
     if output is not None:
         save_solution(solution, output)
         click.echo(f"wrote {output}", err=True)
-    return exit_code(solution.solved, _unsolved(solution))
+    return exit_code(solution.solved, unsolved(solution))
 
 
-@click.command(epilog=SOURCE_HELP)
-@options(*_OPTIONS)
-@click.option("--solver", "solvers", multiple=True, help="Independent solver to ask; repeatable; default: all.")
-@click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for each of them.")
-@click.option("--csv", "csv_path", type=click.Path(), help="Write the report's rows to this CSV file as well.")
-def crosscheck(
-    solvers: tuple[str, ...], solver_time_limit: float, csv_path: str | None, as_json: bool, **arguments: Any
-) -> int:
-    """Solve the problem SOURCE, then have independent solvers check the answer."""
-    from ..solvers.contract import chosen_solvers
-
-    must_be_writable(csv_path)
-    chosen_solvers(solvers)
-    problem, scene = named_problem(arguments)
-    solution = _solved(problem, scene, arguments)
-    told: dict[str, Any] = {"solution": solution.about(), "report": None, "at_their_size": []}
-    if not as_json:  # at once, so that nothing is lost if the solvers below take too long
-        click.echo(str(solution))
-    agrees, complaint = False, _unsolved(solution)
-    if solution.solved:
-        report, interrupted = _report(problem, solution, solvers, solver_time_limit)
-        agrees, complaint = report.agrees, "not confirmed: no independent solver agrees, or one disagrees"
-        told["report"] = json.loads(report.to_json())
-        if not as_json:
-            click.echo(f"\n{report}")
-        if csv_path is not None:
-            report.to_csv(csv_path)
-        for smaller, asked in [] if scene is None or interrupted else _at_their_size(scene, report, arguments):
-            report, _ = _report(smaller, None, asked, solver_time_limit)
-            agrees &= not any(row.verdict.value == "disagrees" for row in report.rows)
-            told["at_their_size"].append(json.loads(report.to_json()))
-            if not as_json:
-                click.echo(f"\n{', '.join(asked)}: the same scene at n = {smaller.n}\n{report}")
-    if as_json:
-        show_json(told)
-    return exit_code(agrees, complaint)
-
-
-def _unsolved(solution: Solution) -> str:
+def unsolved(solution: Solution) -> str:
     """The complaint beside a card, which has the message in full."""
     return f"not solved: {solution.status.value}"
-
-
-def _report(problem: ICP, solution: Any, solvers: tuple[str, ...], time_limit: float) -> tuple[Report, bool]:
-    """The report, and whether Ctrl-C cut it short."""
-    from ..crosscheck.check import crosscheck as check
-
-    try:
-        return check(problem, solution, solvers or None, time_limit=time_limit, progress=True), False
-    except Interrupted as stopped:
-        return stopped.report, True
 
 
 def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Solution:
@@ -122,7 +92,7 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
     z0 = None if scene is None else scene.z0
     if arguments["z0_file"] is not None:
         z0 = load_solution(arguments["z0_file"])["z"]
-    limits = {name: arguments[name] for name in ("rtol", "atol", "accuracy", "max_iter", "time_limit")}
+    limits = {name: arguments[name] for name in _LIMITS}
     solution = problem.solve(method, z0=z0, progress=True, raise_on_failure=False, **limits)
     if not arguments["bound"]:
         return solution.without_bound()
@@ -135,21 +105,99 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
     return solution
 
 
-def _at_their_size(scene: Scene, report: Report, arguments: dict[str, Any]) -> list[tuple[ICP, tuple[str, ...]]]:
-    """For the solvers that a scene is too large for: the scene at the largest size they take, and their names."""
-    from .. import scenes as gallery
-    from ..solvers.contract import independent_solvers
+@click.command(epilog=SOURCE_HELP)
+@options(*_SOLVE_OPTIONS)
+@click.option("--solver", "solvers", multiple=True, help="Independent solver to ask; repeatable; default: all.")
+@click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for each of them.")
+@click.option("--csv", "csv_path", type=click.Path(), help="Write the report's rows to this CSV file as well.")
+def crosscheck(
+    solvers: tuple[str, ...], solver_time_limit: float, csv_path: str | None, as_json: bool, **arguments: Any
+) -> int:
+    """Solve the problem SOURCE, then have independent solvers check the answer."""
+    must_be_writable(csv_path)
+    chosen_solvers(solvers)
+    problem, scene = named_problem(arguments)
+    solution = _solved(problem, scene, arguments)
+    if not as_json:  # at once, so that nothing is lost if the solvers below take too long
+        click.echo(str(solution))
+    reports: list[Report] = []
+    if solution.solved:
+        for title, report in checks(
+            problem, solution, solvers, solver_time_limit, scene, pairs(arguments["parameters"])
+        ):
+            if not as_json:
+                click.echo(f"\n{title}{report}")
+            if csv_path is not None and not reports:
+                report.to_csv(csv_path)
+            reports.append(report)
+    if as_json:
+        told = [json.loads(report.to_json()) for report in reports]
+        first = told[0] if told else None
+        show_json({"solution": solution.about(), "report": first, "at_their_size": told[1:]})
+    not_confirmed = "not confirmed: no independent solver agrees, or one disagrees"
+    return exit_code(confirmed(reports), not_confirmed if solution.solved else unsolved(solution))
 
-    known = independent_solvers()
+
+def checks(
+    problem: ICP,
+    solution: Solution,
+    solvers: tuple[Any, ...],
+    time_limit: float,
+    scene: Scene | None = None,
+    parameters: dict[str, Any] | None = None,
+) -> Iterator[tuple[str, Report]]:
+    """The report on `solution`; then, for solvers that the scene is too large for, one at the largest size they take.
+
+    Each comes with its title. After Ctrl-C the report that it cut short is the last one.
+    """
+    try:
+        report = problem.crosscheck(solution, solvers or None, time_limit=time_limit, progress=True)
+        yield "", report
+        for smaller, asked in at_their_size(scene, report, parameters or {}) if scene is not None else ():
+            title = f"{', '.join(asked)}: the same scene at n = {smaller.n}\n"
+            yield title, smaller.crosscheck(None, asked, time_limit=time_limit, progress=True)
+    except Interrupted as stopped:
+        yield "", stopped.report
+
+
+def confirmed(reports: list[Report]) -> bool:
+    """Whether the first of the `reports` agrees, and nobody disagrees at a smaller size."""
+    smaller = (row for report in reports[1:] for row in report.rows)
+    return bool(reports) and reports[0].agrees and all(row.verdict is not Verdict.DISAGREES for row in smaller)
+
+
+def at_their_size(scene: Scene, report: Report, parameters: dict[str, Any]) -> list[tuple[ICP, tuple[str, ...]]]:
+    """For the solvers that a scene is too large for: the scene at the largest size they take, and their names."""
     by_size: dict[int, list[str]] = {}
     for row in report.rows:
-        largest = known[row.solver].largest
-        if row.verdict.value == "skipped" and largest is not None and largest < scene.problem.n:
-            by_size.setdefault(largest, []).append(row.solver)
+        if row.verdict is Verdict.SKIPPED:
+            largest = chosen_solvers([row.solver])[0].largest
+            if largest is not None and largest < scene.problem.n:
+                by_size.setdefault(largest, []).append(row.solver)
     found = []
     for largest, asked in by_size.items():
         n = largest
-        while (smaller := gallery.scene(scene.name, n, **pairs(arguments["parameters"])).problem).n > largest:
+        while (smaller := scene_called(scene.name, n, **parameters).problem).n > largest:
             n -= 1
         found.append((smaller, tuple(asked)))
     return found
+
+
+@click.command(epilog=SOURCE_HELP)
+@options(
+    *SOURCE_OPTIONS,
+    *METHOD_OPTIONS,
+    *from_signature(ICP.explain, {"accuracy": "To which the numbers of steps refer."}),
+    AS_JSON,
+)
+def explain(accuracy: float, as_json: bool, **arguments: Any) -> int:
+    """Say what is certain of the problem SOURCE before it is solved: classes, uniqueness, theorems, predicted rates."""
+    problem, _ = named_problem(arguments)
+    with status_line(True) as say:
+        say("checking the theorems")
+        page = problem.explain(named_method(arguments), accuracy=accuracy)
+    if as_json:
+        show_json(page.about())
+    else:
+        click.echo(str(page))
+    return 0

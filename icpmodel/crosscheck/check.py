@@ -1,12 +1,9 @@
-"""Second opinions: independent solvers solve the same problem from scratch, and one judge compares."""
+"""Second opinions: foreign solvers solve the same problem from scratch, and one judge compares."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import logging
-import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +14,8 @@ from ..problem.data import ProblemData, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
 from ..solve.solution import Solution
-from ..solvers.contract import Answer, IndependentSolver, chosen_solvers
+from ..solvers.contract import Claim, ForeignSolver, ask, chosen_solvers
+from ..solvers.formulations import Target
 from .judge import Checked, Row
 from .report import Report
 
@@ -25,7 +23,7 @@ from .report import Report
 def crosscheck(
     problem: ProblemData,
     solution: Any = None,
-    solvers: Iterable[str | IndependentSolver] | None = None,
+    solvers: Iterable[str | ForeignSolver] | None = None,
     *,
     atol: float | None = None,
     time_limit: float = 60.0,
@@ -34,22 +32,21 @@ def crosscheck(
     """Have independent solvers solve `problem`, and compare each with the answer under test.
 
     Parameters: `solution` a `Solution`, a vector z of shape (n,), or None, which solves first; `solvers` names (see
-    `independent_solvers`) or own `IndependentSolver` objects, None for all; `atol` how far two answers may lie apart in
-    an entry, in the units of z, default 1e-6 max|z|; `time_limit` seconds for each problem that a
-    solver is given; `progress` says on a
-    terminal which solver is at work.
+    `icpmodel.solvers.foreign_solvers`) or own `ForeignSolver` objects, None for all that are asked of themselves;
+    `atol` how far two answers may lie apart in an entry, in the units of z, default 1e-6 max|z|; `time_limit` seconds
+    for each problem that a solver is given; `progress` says on a terminal which solver is at work.
     Returns a `Report`; `report.agrees` is True only where at least one solver really agreed and none disagreed.
     Raises InputError for a z of the wrong shape, an unknown solver or a bad number, and Interrupted, which carries
     the report so far, after Ctrl-C.
 
-    >>> report = crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5, 0.0], ["osqp", "cvxpy-clarabel"])
+    >>> report = icp.crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5, 0.0], ["osqp", "cvxpy-clarabel"])
     >>> [row.verdict.value for row in report.rows], report.agrees
     (['agrees', 'agrees'], True)
-    >>> crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5001, 0.0], ["osqp"]).rows[0].verdict
+    >>> icp.crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5001, 0.0], ["osqp"]).rows[0].verdict
     <Verdict.DISAGREES: 'disagrees'>
     """
     as_problem(problem)
-    chosen = chosen_solvers(solvers)
+    chosen = chosen_solvers(solvers, "crosscheck")
     if atol is not None:
         as_number(atol, "atol", least=0)
     as_number(time_limit, "time_limit", above=0)
@@ -64,40 +61,33 @@ def crosscheck(
             for k, solver in enumerate(chosen):
                 say(f"asking {solver.name} ({k + 1} of {len(chosen)})")
                 try:
-                    rows += _ask(solver, checked, time_limit)
+                    rows += _rows_of(solver, checked, time_limit)
                 except KeyboardInterrupt:
                     rows += [Row.skipped(other.name, "interrupted") for other in chosen[k:]]
                     raise Interrupted(Report.of(checked, rows, known)) from None
         return Report.of(checked, rows, known)
 
 
-def _ask(solver: IndependentSolver, checked: Checked, time_limit: float) -> list[Row]:
+def _rows_of(solver: ForeignSolver, checked: Checked, time_limit: float) -> list[Row]:
     """One row for each target that `solver` can take; where it can take none, one for each reason."""
     reasons = [solver.why_not(target) for target in checked.targets]
-    rows = []
-    for target, reason in zip(checked.targets, reasons, strict=True):
-        if reason is None:
-            form = solver.form(target)
-            start = time.perf_counter()
-            try:
-                # foreign chatter (OSQP prints about polishing whatever one asks) must not reach the user's output
-                with contextlib.redirect_stdout(io.StringIO()), _quiet_logs():
-                    answer = solver.solve(target, time_limit=time_limit)
-            except Exception as error:  # whatever a foreign package may raise; KeyboardInterrupt is none of these
-                answer = Answer(None, f"{type(error).__name__}: {error}", False)
-            rows.append(checked.judge(solver.name, form, target, answer, time.perf_counter() - start))
-    if not rows:
-        nothing = ["psi(z) is not finite at the answer, so that its obstacle cannot be frozen"]
-        rows = [Row.skipped(solver.name, reason) for reason in dict.fromkeys(reasons or nothing) if reason]
-    return rows
+    rows = [
+        checked.judge(solver.name, solver.form(target), target, _claim(solver, target, time_limit))
+        for target, reason in zip(checked.targets, reasons, strict=True)
+        if reason is None
+    ]
+    nothing = ["psi(z) is not finite at the answer, so that its obstacle cannot be frozen"]
+    return rows or [Row.skipped(solver.name, reason) for reason in dict.fromkeys(reasons or nothing) if reason]
 
 
-@contextlib.contextmanager
-def _quiet_logs() -> Iterator[None]:
-    """Pyomo logs what goes wrong in a solver; the report says it."""
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        logging.disable(before)
+def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:
+    """What it claims at the first of its tight tolerances at which it claims success, else at the last one."""
+    left = time_limit
+    for k, tolerance in enumerate(solver.tight):
+        # at least a second, so that a later attempt is not lost to a nearly spent limit
+        claim = ask(solver, target, tolerance, max(left, 1.0) if k else time_limit)
+        left -= claim.seconds
+        if claim.solved:
+            break
+    words = f"{claim.words}, at {tolerance:g}" if k and claim.solved else claim.words
+    return replace(claim, words=words, seconds=time_limit - left)

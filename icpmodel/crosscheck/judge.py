@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -15,11 +15,9 @@ from ..errors import MapError
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
+from ..solvers.contract import Claim
 from ..solvers.formulations import Target, in_handy_units, targets
 from ..theory.certificates.bounds import error_bound
-
-if TYPE_CHECKING:
-    from ..solvers.contract import Answer
 
 #: how small Res(z)/Res(0) must be for an answer under test, and for a foreign one, to count as a solution
 OURS, THEIRS = 1e-8, 1e-7
@@ -32,39 +30,31 @@ WIDEST = 10.0
 
 
 class Verdict(Enum):
-    """What a foreign answer says of the answer under test. Only AGREES speaks for it, only DISAGREES against it.
+    """What a foreign answer says of the answer under test, and what that means in a sentence.
 
+    Only AGREES speaks for it, only DISAGREES against it.
+
+    >>> icp.crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"]).rows[0].verdict
+    <Verdict.AGREES: 'agrees'>
+    >>> from icpmodel.crosscheck import Verdict
     >>> Verdict("loose").meaning
     'it claims success, but its own residual is above tolerance'
     """
 
-    AGREES = "agrees"
-    LOOSE = "loose"
-    OTHER_SOLUTION = "other solution"
-    INCONCLUSIVE = "inconclusive"
-    DISAGREES = "disagrees"
-    FAILED = "failed"
-    SKIPPED = "skipped"
+    meaning: str
 
-    @property
-    def meaning(self) -> str:
-        """The verdict in a sentence.
+    def __new__(cls, word: str, meaning: str) -> Self:
+        verdict = object.__new__(cls)
+        verdict._value_, verdict.meaning = word, meaning
+        return verdict
 
-        >>> Verdict.AGREES.meaning
-        'both answers are the same, within tolerance or within their certified bounds'
-        """
-        return _MEANINGS[self.name]
-
-
-_MEANINGS = {
-    "AGREES": "both answers are the same, within tolerance or within their certified bounds",
-    "LOOSE": "it claims success, but its own residual is above tolerance",
-    "OTHER_SOLUTION": "both answers are solutions, and nothing proves that there is only one",
-    "INCONCLUSIVE": "both residuals are small and the answers differ, but not by more than is certified",
-    "DISAGREES": "its answer is a solution, the answer under test is not, or is provably another point",
-    "FAILED": "it raised, returned no finite z, or does not claim success",
-    "SKIPPED": "it cannot take this problem",
-}
+    AGREES = "agrees", "both answers are the same, within tolerance or within their certified bounds"
+    LOOSE = "loose", "it claims success, but its own residual is above tolerance"
+    OTHER_SOLUTION = "other solution", "both answers are solutions, and nothing proves that there is only one"
+    INCONCLUSIVE = "inconclusive", "both residuals are small and the answers differ, but not by more than is certified"
+    DISAGREES = "disagrees", "its answer is a solution, the answer under test is not, or is provably another point"
+    FAILED = "failed", "it raised, returned no finite z, or does not claim success"
+    SKIPPED = "skipped", "it cannot take this problem"
 
 
 @dataclass(frozen=True)
@@ -120,45 +110,48 @@ class Checked:
         tolerance = default if atol is None else float(atol)
         return cls(problem, z, unit, y, targets(handy, y), holds, tolerance)
 
-    def judge(self, solver: str, form: str, target: Target, answer: Answer, seconds: float) -> Row:
-        """The row of a foreign `answer`, which was to solve `target` in `form`; its claim is not believed."""
+    def judge(self, solver: str, form: str, target: Target, claim: Claim) -> Row:
+        """The row of a foreign `claim`, which is about `target` in `form`."""
         formulation = ("frozen " if target.frozen else "") + _FORMS.get(form, form)
 
         def row(verdict: Verdict, note: str, residual: float | None = None, difference: float | None = None) -> Row:
-            return Row(solver, formulation, verdict, residual, difference, seconds, answer.claim, note)
+            return Row(solver, formulation, verdict, residual, difference, claim.seconds, claim.words, note)
 
-        x, fault = _readable(answer, self.problem.n)
+        x, fault = _readable(claim, self.problem.n)
         if x is None:
             return row(Verdict.FAILED, fault)
         z = x * self.unit
         difference = float(np.abs(z - self.z).max())
         residual = (self.problem.frozen(self.z) if target.frozen else self.problem).residual(z)
-        verdict, note = self._compare(target, x, answer, difference)
+        verdict, note = self._compare(target, x, claim, difference)
         return row(verdict, note, finite(residual), finite(difference))
 
-    def _compare(self, target: Target, x: Vector, answer: Answer, difference: float) -> tuple[Verdict, str]:
+    def _compare(self, target: Target, x: Vector, claim: Claim, difference: float) -> tuple[Verdict, str]:
         """The verdict on a finite x, in the units of `target`. Every comparison is false for NaN."""
         theirs = solves(target.problem, x, THEIRS)
-        if not answer.claims_solved:
+        if not claim.solved:
             right = "; its z solves the problem all the same" if theirs else ""
-            return Verdict.FAILED, f"it ended with: {answer.claim}{right}"
+            return Verdict.FAILED, f"it ended with: {claim.words}{right}"
         if not theirs:
-            return Verdict.LOOSE, f"claims {answer.claim!r}, but its residual is above {THEIRS:g} Res(0)"
+            return Verdict.LOOSE, f"claims {claim.words!r}, but its residual is above {THEIRS:g} Res(0)"
         if np.isfinite(self.z).all() and difference <= self.tolerance:
-            return Verdict.AGREES, answer.claim
+            return Verdict.AGREES, claim.words
         if not self.holds:
             return Verdict.DISAGREES, "the residual of the answer under test is above tolerance"
-        bound = _sum_of_bounds(target, self.y, x) * self.unit
+        return self.by_bound(difference, sum_of_bounds(target, self.y, x) * self.unit, target.unique)
+
+    def by_bound(self, difference: float, bound: float, unique: bool) -> tuple[Verdict, str]:
+        """The verdict on a solution that is `difference` away from this one, where both are together at most `bound`
+        away from the one that is certified to exist, NaN where none is; `unique` whether there is at most one.
+        """
         if difference <= bound <= WIDEST * (AGREE * float(np.abs(self.z).max()) + FLOOR * self.unit):
             return Verdict.AGREES, f"within the certified bound {bound:.1e}"
         if difference <= bound:
-            return (
-                Verdict.INCONCLUSIVE,
-                f"the certified bound {bound:.1e} is too wide to tell; solve with a smaller rtol",
-            )
+            wide = f"the certified bound {bound:.1e} is too wide to tell; solve with a smaller rtol"
+            return Verdict.INCONCLUSIVE, wide
         if difference > bound:
             return Verdict.DISAGREES, f"both residuals are small, but they differ by more than the bound {bound:.1e}"
-        if not target.unique:
+        if not unique:
             return Verdict.OTHER_SOLUTION, "both are solutions; uniqueness is not certified"
         return Verdict.INCONCLUSIVE, "there is only one solution, but no bound on the distance to it"
 
@@ -187,22 +180,22 @@ def finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _readable(answer: Answer, n: int) -> tuple[Vector | None, str]:
+def _readable(claim: Claim, n: int) -> tuple[Vector | None, str]:
     """The foreign z as float64 of shape (n,), all finite; or None and what is wrong with it."""
-    if answer.z is None:
-        return None, answer.claim if not answer.claims_solved else f"claims {answer.claim!r}, but returned no z"
+    if claim.z is None:
+        return None, claim.words if not claim.solved else f"claims {claim.words!r}, but returned no z"
     try:
-        x = np.array(answer.z, dtype=np.float64)
+        x = np.array(claim.z, dtype=np.float64)
     except (TypeError, ValueError):
-        return None, f"returned a {type(answer.z).__name__} that is not a real vector"
+        return None, f"returned a {type(claim.z).__name__} that is not a real vector"
     if x.shape != (n,):
         return None, f"returned a z of shape {x.shape}; shape ({n},) was expected"
     if not np.isfinite(x).all():
-        return None, f"claims {answer.claim!r}, but its z is not finite"
+        return None, f"claims {claim.words!r}, but its z is not finite"
     return x, ""
 
 
-def _sum_of_bounds(target: Target, y: Vector, x: Vector) -> float:
+def sum_of_bounds(target: Target, y: Vector, x: Vector) -> float:
     """How far apart y and x can be if both are as near to the one solution as certified; NaN without certificate."""
     ours, theirs = error_bound(target.problem, y).value, error_bound(target.problem, x).value
     return np.nan if ours is None or theirs is None else ours + theirs

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import html
-import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -15,19 +13,16 @@ from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import as_number
 from ..numerics.rounding import UNIT_ROUNDOFF, at_most
+from ..present.sections import Sections, inner_width
+from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.choice import candidates
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed
-from ..theory.certificates.supersolution import SupersolutionProof
-from ..theory.certificates.supersolution import prove as supersolution_proof
-from ..theory.convergence.rates import Rate, predicted_rate
-from ..theory.convergence.theorems import Check, check_all
 from ..theory.matrices.classes import NAMES, MatrixClasses, classify
-from .advice import about_psi, factorises, members, parameters, recommendation, shown, tie, what_to_do
+from .advice import parameters, recommendation, shown, theorems, what_to_do
+from .forecasts import Forecast, forecasts_of, members, recommended, same
 
-#: columns of the page
-_WIDTH = 116
 #: what the columns of the table mean
 _THEOREMS = "theorems: 4.1 to 4.4 are the paper's, corrected; icpmodel.theory.theorems() states all of them"
 _FACTOR = (
@@ -39,38 +34,6 @@ _MEASURED = "; this goes by what was measured to be quick, not by what is proved
 
 
 @dataclass(frozen=True, eq=False)
-class Forecast:
-    """What theory says of one method before it runs.
-
-    `title` says how it was made; `method`; `checks` theorem → `Check`; `rate` the predicted `Rate`, or the `Answer`
-    that says why there is none; `steps` a bound on the number of steps from 0 to the wanted accuracy, or None;
-    `supersolution` whether a strict one is known, which makes the theorem "monotone" global.
-    """
-
-    title: str
-    method: Method
-    checks: dict[str, Check]
-    rate: Rate | Answer
-    steps: int | None
-    supersolution: bool
-
-    @property
-    def factor(self) -> float | None:
-        """The proved contraction factor per step, None where there is none."""
-        return self.rate.factor if isinstance(self.rate, Rate) else None
-
-    @property
-    def proved_by(self) -> list[str]:
-        """The theorems that prove convergence from every start."""
-        return [
-            name for name, check in self.checks.items() if check.holds and (name != "monotone" or self.supersolution)
-        ]
-
-    def __repr__(self) -> str:
-        return f"Forecast({self.title!r}, proved_by={self.proved_by}, factor={self.factor}, steps={self.steps})"
-
-
-@dataclass(frozen=True, eq=False)
 class Explanation:
     """Everything that is certain of an ICP before it is solved; `print` shows the page.
 
@@ -79,7 +42,7 @@ class Explanation:
     and `why`; `accuracy` what the numbers of steps refer to; `asked` whether one method was asked for, and `instead`
     another one that is proved where that one is not, or None.
 
-    >>> print(explain(ICP([[2.0]], [-2.0])).recommended.method)
+    >>> print(ICP([[2.0]], [-2.0]).explain().recommended.method)
     MNMJ()
     """
 
@@ -95,51 +58,27 @@ class Explanation:
 
     @property
     def recommended(self) -> Forecast | None:
-        """The method that is proved to need the fewest steps, sweeps first; None where no rate is proved.
-
-        Of methods that are equal but for rounding it is the first.
-
-        >>> explain(ICP([[0.0]], [1.0])).recommended is None
-        True
-        """
-        rated = [(forecast, forecast.factor) for forecast in self.forecasts if forecast.factor is not None]
-        if not rated:
-            return None
-
-        def dear(forecast: Forecast) -> tuple[float, bool]:
-            return np.inf if forecast.steps is None else forecast.steps, factorises(forecast.method)
-
-        cheapest = min(dear(forecast) for forecast, _ in rated)
-        best = [(forecast, factor) for forecast, factor in rated if dear(forecast) == cheapest]
-        least = min(factor for _, factor in best)
-        return next(forecast for forecast, factor in best if tie(factor, least))
+        """The method that is proved to need the fewest steps, sweeps first; None where no rate is proved."""
+        return recommended(self.forecasts)
 
     def sections(self) -> dict[str, str]:
-        """The page, part by part: title → text.
-
-        >>> list(explain(ICP([[2.0]], [-2.0])).sections())
-        ['problem', 'matrix A', 'map psi', 'solution', 'methods', 'advice']
-        """
+        """The page, part by part: title → text."""
         return {
             "problem": repr(self.problem),
             "matrix A": str(self.classes),
-            "map psi": about_psi(self.problem),
+            "map psi": self.problem.psi.describe(),
             "solution": self._solution(),
             "methods": "\n".join(self._methods()),
             "advice": "\n".join(self._advice()),
         }
 
     def about(self) -> dict[str, Any]:
-        """The page as plain data for JSON; no arrays.
-
-        >>> explain(ICP([[2.0]], [-2.0])).about()["classes"]["h_plus"]["holds"]
-        True
-        """
+        """The page as plain data for JSON; no arrays."""
         return {
             "problem": repr(self.problem),
             "n": self.problem.n,
             "classes": {name: _plain(getattr(self.classes, name)) for name in NAMES},
-            "psi": about_psi(self.problem),
+            "psi": self.problem.psi.describe(),
             "unique": self.bound.unique or None,
             "proof": self.bound.proof or None,
             "no_proof_because": self.bound.reason or None,
@@ -167,19 +106,12 @@ class Explanation:
         if not self.forecasts:
             yield "no member of the modulus family that was looked at can start with this A"
             return
-        rows = [("method", "proved by theorem", "factor", "steps")]
-        for forecast in self.forecasts:
-            proved = _listed(forecast)
-            if forecast.checks["monotone"].holds and not forecast.supersolution:
-                proved += " (isotone)"
-            factor = "-" if forecast.factor is None else shown(forecast.factor)
-            rows.append((forecast.title, proved, factor, "-" if forecast.steps is None else f"{forecast.steps}"))
-        yield from _table(rows)
+        yield from self._table().to_text(inner_width()).splitlines()
         yield _THEOREMS
-        if any(row[2] != "-" for row in rows[1:]):
+        if any(forecast.factor is not None for forecast in self.forecasts):
             yield _FACTOR
             yield f"steps: in exact arithmetic, from z = 0 until no entry of z is off by more than {self.accuracy:g}"
-        if any("(isotone)" in row[1] for row in rows):
+        if any(map(_is_isotone, self.forecasts)):
             yield (
                 "(isotone): the step keeps the order, and is monotone from super- and subsolutions (theorem monotone); "
                 "from every start it is proved only where a strict supersolution is known"
@@ -188,10 +120,22 @@ class Explanation:
             for forecast in self.forecasts:
                 yield from (f"theorem {name:<8}  {check}" for name, check in forecast.checks.items())
 
+    def _table(self) -> Table:
+        rows = [
+            (
+                forecast.title,
+                theorems(forecast) + (" (isotone)" if _is_isotone(forecast) else ""),
+                None if forecast.factor is None else shown(forecast.factor),
+                forecast.steps,
+            )
+            for forecast in self.forecasts
+        ]
+        return Table("", ("method", "proved by theorem", "factor", "steps"), tuple(rows))
+
     def _advice(self) -> Iterator[str]:
         best = self.recommended
         if best is not None and best.factor is not None:
-            yield from recommendation(best.title, best.method, best.factor, best.steps)
+            yield recommendation(best, best.factor)
             yield from parameters({forecast.title: forecast.factor for forecast in self.forecasts})
         proved = [forecast for forecast in self.forecasts if forecast.proved_by]
         if best is None and proved:
@@ -202,7 +146,7 @@ class Explanation:
             yield from self._not_covered()
         if self.picked is not None:
             alone = "left to itself, " if self.asked else ""
-            measured = "" if best is None or _same(best.method, self.picked) else _MEASURED
+            measured = "" if best is None or same(best.method, self.picked) else _MEASURED
             yield f"{alone}solve() begins with {self.picked!r}: {self.why}{measured}"
         if not proved and self.instead is None:
             yield from what_to_do(self.problem, self.classes, self.picked)
@@ -219,26 +163,17 @@ class Explanation:
             yield f"no theorem covers {forecast.title} on this problem, which does not say that it fails"
         if self.instead is not None:
             other = self.instead
-            yield f"{other.title} is proved here (theorem {_listed(other)}); without a method, explain looks at more"
+            yield f"{other.title} is proved here (theorem {theorems(other)}); without a method, explain looks at more"
 
     def __str__(self) -> str:
-        lines = []
-        for title, text in self.sections().items():
-            lines += ["", title]
-            for line in text.splitlines():
-                if len(line) + 2 > _WIDTH:  # a sentence: tables are narrower, and keep their columns
-                    lines += textwrap.wrap(line, _WIDTH, initial_indent="  ", subsequent_indent="    ")
-                else:
-                    lines.append(f"  {line}")
-        return "\n".join(lines[1:])
+        return str(Sections(self.sections()))
 
     def __repr__(self) -> str:
         best = self.recommended
         return f"Explanation({self.problem!r}, unique={self.bound.unique}, recommended={best and best.title!r})"
 
     def _repr_html_(self) -> str:
-        escaped = {title: html.escape(text) for title, text in self.sections().items()}
-        return "".join(f"<h4>{title}</h4><pre>{text}</pre>" for title, text in escaped.items())
+        return Sections(self.sections()).to_html()
 
 
 def explain(
@@ -253,7 +188,7 @@ def explain(
     Returns an `Explanation`. Raises InputError for a method outside of the family.
     Reference: `icpmodel.theory`, which states and checks every theorem.
 
-    >>> page = explain(ICP([[2, -1], [-1, 2]], [-1, 3]))
+    >>> page = icp.explain(ICP([[2, -1], [-1, 2]], [-1, 3]))
     >>> page.bound.unique, page.recommended.factor < 0.5
     (True, True)
     """
@@ -266,44 +201,16 @@ def explain(
         methods: dict[str, Method] = {repr(wanted): wanted}
     else:
         methods = members(problem)
-        if first is not None and not any(_same(first.method, one) for one in methods.values()):
+        if first is not None and not any(same(first.method, one) for one in methods.values()):
             methods[f"{type(first.method).__name__}, first choice of solve()"] = first.method
-    bound, forecasts = error_bound(problem, np.zeros(problem.n)), list(_forecasts(problem, methods, accuracy))
+    forecasts = tuple(forecasts_of(problem, methods, accuracy))
     instead = None
     if method is not None and not any(forecast.proved_by for forecast in forecasts):
-        others = _forecasts(problem, members(problem), accuracy)
+        others = forecasts_of(problem, members(problem), accuracy)
         instead = next((forecast for forecast in others if forecast.proved_by), None)
     picked, why = (None, "") if first is None else (first.method, first.why)
-    classes, asked = classify(problem.A), method is not None
-    return Explanation(problem, classes, bound, tuple(forecasts), picked, why, accuracy, asked, instead)
-
-
-def _forecasts(problem: ProblemData, methods: dict[str, Method], accuracy: float) -> Iterator[Forecast]:
-    """A forecast of each of the `methods` that is a member of the family and can start, made when it is asked for."""
-    supersolution = isinstance(supersolution_proof(problem), SupersolutionProof)
-    for title, one in methods.items():
-        if isinstance(one, ModulusMember) and one.why_not(problem) is None:
-            checks = check_all(problem, one)
-            rate = predicted_rate(problem, one, checks)
-            steps = rate.steps(problem, np.zeros(problem.n), accuracy) if isinstance(rate, Rate) else None
-            yield Forecast(title, one, checks, rate, steps, supersolution)
-
-
-def _table(rows: list[tuple[str, str, str, str]]) -> Iterator[str]:
-    """The rows in columns as wide as the page; a title that is too long for that stands on a line of its own."""
-    widths = [max(len(row[k]) for row in rows) for k in range(4)]
-    room = _WIDTH - 2 - sum(widths[1:]) - 6
-    widths[0] = max((len(row[0]) for row in rows if len(row[0]) <= room), default=0)
-    for title, *cells in rows:
-        if len(title) > room:
-            yield title
-            title = ""
-        yield "  ".join(cell.ljust(width) for cell, width in zip((title, *cells), widths, strict=True)).rstrip()
-
-
-def _listed(forecast: Forecast) -> str:
-    """The theorems that prove it, in short."""
-    return ", ".join(forecast.proved_by).replace("4.1, 4.2, 4.3, 4.4", "4.1 to 4.4") or "none"
+    bound, asked = error_bound(problem, np.zeros(problem.n)), method is not None
+    return Explanation(problem, classify(problem.A), bound, forecasts, picked, why, accuracy, asked, instead)
 
 
 def _member(method: Method) -> ModulusMember:
@@ -314,8 +221,9 @@ def _member(method: Method) -> ModulusMember:
     return method
 
 
-def _same(one: Method, other: Method) -> bool:
-    return type(one) is type(other) and all(np.array_equal(x, vars(other)[name]) for name, x in vars(one).items())
+def _is_isotone(forecast: Forecast) -> bool:
+    """Whether its steps are monotone from some starts only."""
+    return forecast.checks["monotone"].holds is True and not forecast.supersolution
 
 
 def _plain(answer: Answer) -> dict[str, Any]:

@@ -49,7 +49,7 @@ class Tridiagonal(Method):
         return positive_diagonal(problem, "it divides by the diagonal of A")
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        from ..numerics.kernels.tridiagonal import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
+        from ..numerics.kernels.thomas import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
 
         yield z, None
         A, q, c = problem.A, problem.q, problem.facts.obstacle

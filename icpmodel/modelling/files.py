@@ -20,6 +20,8 @@ import shutil
 import tempfile
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -29,14 +31,14 @@ import scipy.sparse as sp
 from ..errors import FileError, InputError
 from ..icp import ICP
 from ..numerics.arrays import Vector
-from ..problem.affine import Affine, Constant
+from ..problem.affine import Affine
 from ..problem.data import as_problem
 from ..solve.solution import Solution
+from .matrix_market import read_matrix, read_vector
 
 _VERSION = 1
-#: a sparse vector may claim any length in a few bytes
-_LONGEST_VECTOR = 10**9
-_KINDS = ("zero", "constant", "affine")
+#: kind of ψ → what is stored of it
+_KINDS: dict[str, tuple[str, ...]] = {"zero": (), "constant": ("c",), "affine": ("c", "G")}
 
 
 def save_problem(problem: ICP, path: str | Path) -> None:
@@ -51,27 +53,19 @@ def save_problem(problem: ICP, path: str | Path) -> None:
     ICP(n=1, nnz=1, psi=Constant(3))
     """
     psi = as_problem(problem).psi
-    if isinstance(psi, Constant):
-        kind = "constant" if psi.c.any() else "zero"
-    elif isinstance(psi, Affine):
-        kind = "affine"
-    else:
+    if psi.linear is None:
         raise InputError(f"psi is {psi!r}; only zero, constant and affine maps can be written to a file")
-    parts: dict[str, Any] = {"A": problem.A, "q": problem.q}
-    if kind != "zero":
-        parts["c"] = psi.c
-    if isinstance(psi, Affine):
-        parts["G"] = psi.G
+    G, c = psi.linear
+    kind = "affine" if not psi.is_constant else "constant" if c.any() else "zero"
+    parts = {"A": problem.A, "q": problem.q} | {name: {"c": c, "G": G}[name] for name in _KINDS[kind]}
     if not str(path):
         raise FileError("the path is empty; the name of a folder or of an .npz file was expected")
     path = Path(path)
-    try:
+    with _writing(path):
         if path.suffix.lower() == ".npz":
             _write_npz(path, kind, parts)
         else:
             _write_folder(path, kind, parts)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def load_problem(path: str | Path, q: str | Path | None = None) -> ICP:
@@ -90,17 +84,17 @@ def load_problem(path: str | Path, q: str | Path | None = None) -> ICP:
     if path.is_dir():
         if q is not None:
             raise FileError(f"{path}: is a folder, which holds its own q; drop q")
-        return _problem(path, *_read_folder(path))
+        return _problem(path, _read_folder(path))
     if path.suffix.lower() == ".npz":
         if q is not None:
             raise FileError(f"{path}: holds its own q; drop q")
-        return _problem(path, *_read_npz(path))
+        return _problem(path, _read_npz(path))
     if q is None:
         raise FileError(f"{path}: is neither an .npz file nor a folder; a Matrix Market file of A needs its q as well")
     A, vector = read_matrix(path), read_vector(Path(q))
     if vector.size != A.shape[0]:
         raise FileError(f"{q}: holds {vector.size} numbers; {A.shape[0]} were expected, the rows of {path}")
-    return _problem(path, "zero", {"A": A, "q": vector})
+    return _problem(path, {"A": A, "q": vector})
 
 
 def save_solution(solution: Solution, path: str | Path) -> None:
@@ -116,12 +110,9 @@ def save_solution(solution: Solution, path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() != ".npz":
         raise FileError(f"{path}: a solution is written to a file that ends in .npz")
-    arrays: dict[str, Any] = {"z": solution.z, "p": solution.p, "r": solution.r}
-    arrays["about"] = np.array(json.dumps(solution.about()))
-    try:
-        _write_whole(path, arrays)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written ({error.strerror or error})") from error
+    about = np.array(json.dumps(solution.about()))
+    with _writing(path):
+        _write_whole(path, {"z": solution.z, "p": solution.p, "r": solution.r, "about": about})
 
 
 def load_solution(path: str | Path) -> dict[str, Any]:
@@ -136,59 +127,24 @@ def load_solution(path: str | Path) -> dict[str, Any]:
     path = Path(path)
     fields = _load_npz(path, ("z", "p", "r", "about"))
     z = _npz_vector(path, fields, "z", None)
-    result: dict[str, Any] = {"z": z}
-    for name in ("p", "r"):
-        result[name] = _npz_vector(path, fields, name, z.size)
-    result["about"] = _json(f"{path}: field about", str(fields["about"]))
-    return result
+    p, r = (_npz_vector(path, fields, name, z.size) for name in ("p", "r"))
+    return {"z": z, "p": p, "r": r, "about": _json(f"{path}: field about", str(fields["about"]))}
 
 
-def read_matrix(path: Path) -> Any:
-    """A sparse or dense matrix from a Matrix Market file. Raises FileError."""
-    from scipy.io import mminfo, mmread
-
-    if not path.is_file():
-        raise FileError(f"{path}: no such file")
+def _problem(path: Path, parts: dict[str, Any]) -> ICP:
     try:
-        path.open("rb").close()  # says so if it may not be read; SciPy would call its banner missing
-        # SciPy allocates what the header promises
-        rows, columns, entries, *_ = mminfo(path)
-        if entries <= path.stat().st_size or path.suffix in (".gz", ".bz2"):
-            return mmread(path, spmatrix=False)
-    except PermissionError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, OverflowError, OSError, EOFError) as error:
-        raise FileError(f"{path}: not a readable Matrix Market file ({error})") from error
-    raise FileError(
-        f"{path}: its header promises {rows} x {columns} with {entries} entries, which do not fit into "
-        f"{path.stat().st_size} bytes; is the file truncated?"
-    )
-
-
-def read_vector(path: Path) -> Vector:
-    """A vector, shape (n,), from a Matrix Market file of n × 1 or 1 × n. Raises FileError."""
-    matrix = read_matrix(path)
-    if 1 not in matrix.shape:
-        raise FileError(f"{path}: holds a matrix of shape {matrix.shape}; a vector (n x 1) was expected")
-    if sp.issparse(matrix):
-        if max(matrix.shape) > _LONGEST_VECTOR:
-            raise FileError(
-                f"{path}: holds a vector of shape {matrix.shape}; at most {_LONGEST_VECTOR} entries are read"
-            )
-        matrix = matrix.toarray()
-    return np.asarray(matrix).reshape(-1)
-
-
-def _problem(path: Path, kind: str, parts: dict[str, Any]) -> ICP:
-    try:
-        psi: Any = 0.0
-        if kind == "constant":
-            psi = Constant(parts["c"])
-        elif kind == "affine":
-            psi = Affine(parts["G"], parts["c"])
+        psi = Affine(parts["G"], parts["c"]) if "G" in parts else parts.get("c", 0.0)
         return ICP(parts["A"], parts["q"], psi)
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def _write_npz(path: Path, kind: str, parts: dict[str, Any]) -> None:
@@ -239,7 +195,7 @@ def _write_folder(path: Path, kind: str, parts: dict[str, Any]) -> None:
     (path / "psi.json").write_text(json.dumps({"psi": kind}) + "\n")
 
 
-def _read_folder(path: Path) -> tuple[str, dict[str, Any]]:
+def _read_folder(path: Path) -> dict[str, Any]:
     declared = path / "psi.json"
     if not declared.is_file() and not (path / "A.mtx").is_file():
         raise FileError(f"{path}: the folder holds no saved problem; psi.json, A.mtx and q.mtx were expected")
@@ -253,27 +209,18 @@ def _read_folder(path: Path) -> tuple[str, dict[str, Any]]:
     if not isinstance(content, dict) or content.keys() != {"psi"}:
         found = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
         raise FileError(f'{declared}: {found}; the field psi alone was expected, for an LCP {{"psi": "zero"}}')
-    kind = _kind(declared, content["psi"])
-    parts = {"A": read_matrix(path / "A.mtx"), "q": read_vector(path / "q.mtx")}
-    if kind != "zero":
-        parts["c"] = read_vector(path / "c.mtx")
-    if kind == "affine":
-        parts["G"] = read_matrix(path / "G.mtx")
-    return kind, parts
+    readers = {"A": read_matrix, "q": read_vector, "c": read_vector, "G": read_matrix}
+    return {name: readers[name](path / f"{name}.mtx") for name in ("A", "q", *_stored(declared, content["psi"]))}
 
 
-def _read_npz(path: Path) -> tuple[str, dict[str, Any]]:
+def _read_npz(path: Path) -> dict[str, Any]:
     fields = _load_npz(path, ("format", "psi", "q"))
     if fields["format"].shape != () or fields["format"].dtype.kind != "i" or int(fields["format"]) != _VERSION:
         raise FileError(f"{path}: field format is {fields['format']}; {_VERSION} was expected")
-    kind = _kind(path, str(fields["psi"]))
+    of_psi = _stored(path, str(fields["psi"]))
     q = _npz_vector(path, fields, "q", None)
-    parts: dict[str, Any] = {"q": q, "A": _npz_matrix(path, fields, "A", q.size)}
-    if kind != "zero":
-        parts["c"] = _npz_vector(path, fields, "c", q.size)
-    if kind == "affine":
-        parts["G"] = _npz_matrix(path, fields, "G", q.size)
-    return kind, parts
+    readers = {"A": _npz_matrix, "c": _npz_vector, "G": _npz_matrix}
+    return {"q": q} | {name: readers[name](path, fields, name, q.size) for name in ("A", *of_psi)}
 
 
 def _load_npz(path: Path, wanted: tuple[str, ...]) -> dict[str, np.ndarray]:
@@ -321,10 +268,11 @@ def _npz_matrix(path: Path, fields: dict[str, np.ndarray], name: str, n: int) ->
     return sp.csr_array((data, indices.astype(np.int64), indptr.astype(np.int64)), shape=(n, n))
 
 
-def _kind(path: Path, kind: Any) -> str:
-    if kind not in _KINDS:
+def _stored(path: Path, kind: Any) -> tuple[str, ...]:
+    """What there is to read of a ψ of this `kind`."""
+    if not isinstance(kind, str) or kind not in _KINDS:
         raise FileError(f"{path}: field psi is {kind!r}; one of {', '.join(_KINDS)} was expected")
-    return str(kind)
+    return _KINDS[kind]
 
 
 def _json(where: str | Path, text: str) -> Any:

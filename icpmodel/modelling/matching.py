@@ -1,4 +1,4 @@
-"""Which entry of z is each row's own, where r is given as Rz + …: r_i = ρz_j − …, ρ > 0, every j once."""
+"""Which unknown is each row's own: of r = Rz + … the j with r_i = ρz_j − …, ρ > 0, every j once; and the matchings."""
 
 from __future__ import annotations
 
@@ -42,35 +42,43 @@ def own_entries(R: sp.csr_array) -> Columns | None:
     if not largest.all():
         return None
     cost = np.where(entries == 1.0, 1.0, 2.0 + np.log(largest[rows] / entries))
-    # of each row the first entry of least cost
+    return cheapest(rows, columns, cost, n)
+
+
+def unowned(R: sp.csr_array) -> tuple[int, int]:
+    """A row and a column that are left over where `own_entries` is None."""
+    positive = R.data > 0
+    rows, columns = left_over(row_of(R)[positive], R.indices[positive], R.shape)
+    return int(rows[0]), int(columns[0])
+
+
+def cheapest(rows: Columns, columns: Columns, cost: NDArray[np.float64], n: int) -> Columns | None:
+    """One of its columns for each of n rows, none for two, that together cost least; None where that cannot be.
+
+    Parameters: the pairs (row, column), every row in one of them at least, and the `cost` of each.
+    """
+    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
+
     order = np.lexsort((cost, rows))
     own: Columns = columns[order[np.searchsorted(rows[order], np.arange(n))]].astype(np.intp)
-    if np.bincount(own, minlength=n).max() == 1:
+    if np.unique(own).size == n:
         return own
-    return _cheapest(sp.csr_array((cost, (rows, columns)), shape=R.shape))
+    try:
+        graph = sp.csr_array((cost - cost.min() + 1.0, (rows, columns)), shape=(n, n))
+        return np.asarray(min_weight_full_bipartite_matching(graph)[1], dtype=np.intp)
+    except ValueError:  # there is no full matching
+        return None
 
 
-def left_over(R: sp.csr_array) -> tuple[int, int]:
-    """A row and a column that are left over where `own_entries` is None: of as many rows as possible with one each."""
+def left_over(rows: Columns, columns: Columns, shape: tuple[int, int]) -> tuple[Columns, Columns]:
+    """The rows and the columns that are left where as many pairs (row, column) as possible are taken, each once."""
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
-    positive = sp.csr_array(R > 0)
-    of_row: Any = maximum_bipartite_matching(positive, perm_type="column")
-    free = np.ones(R.shape[1], dtype=bool)
-    free[of_row[of_row >= 0]] = False
-    return int(np.argmax(of_row < 0)), int(np.argmax(free))
+    graph = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=shape)
+    of_row: Any = maximum_bipartite_matching(graph, perm_type="column")
+    return np.flatnonzero(of_row < 0), np.setdiff1d(np.arange(shape[1]), of_row)
 
 
 def _is_alone(R: sp.csr_array) -> bool:
     """Whether each row has one entry, and that is positive."""
     return R.nnz == R.shape[0] and bool((np.diff(R.indptr) == 1).all() and (R.data > 0).all())
-
-
-def _cheapest(cost: sp.csr_array) -> Columns | None:
-    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
-
-    try:
-        _, columns = min_weight_full_bipartite_matching(cost)
-    except ValueError:  # there is no full matching
-        return None
-    return np.asarray(columns, dtype=np.intp)

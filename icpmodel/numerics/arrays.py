@@ -21,12 +21,9 @@ _FEW = 10_000
 
 
 def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
-    """A float64 copy of `value` with shape (n,); numbers are broadcast where n is given.
+    """A float64 copy of `value`, a number or of shape (n,), (n, 1) or (1, n), as a vector; `n` None for any length.
 
-    Parameters: `value` number or array-like of shape (n,), (n, 1) or (1, n); `n` expected length, or None for any;
-    `name` the argument's name for messages; `infinite` the one infinite value that is allowed (-inf for an absent
-    obstacle), or None.
-    Returns the vector. Raises InputError where the shape, the type or an entry is wrong.
+    `infinite` is the one infinite value that is allowed. Raises InputError where shape, type or an entry is wrong.
     """
     if sp.issparse(value):
         value = value.toarray()
@@ -65,7 +62,7 @@ def as_array(value: Any, name: str) -> np.ndarray:
 
 
 def described(value: Any) -> str:
-    """What a message calls `value`, which is not what was expected: None, texts and numbers as they are, else the type."""
+    """What a message calls `value`, which was not expected: None, texts and numbers as they are, else the type."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
     plain = value is None or isinstance(value, str | int | float | np.number)
@@ -119,9 +116,8 @@ def as_number(
 def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool = False) -> sp.csr_array:
     """A private float64 CSR copy of the square matrix `value`: sorted, duplicates summed, indices as small as they fit.
 
-    Parameters: `value` dense array-like or any SciPy sparse matrix of shape (n, n); `name` for messages; `n` expected
-    size or None; `keep_diagonal` stores every diagonal entry, a zero one explicitly, as the sweeps need it.
-    Returns the matrix, its arrays read-only. Raises InputError where shape, type or an entry is wrong.
+    Its arrays are read-only. `keep_diagonal` stores every diagonal entry, a zero one explicitly, as the sweeps need it.
+    Raises InputError where shape, type or an entry is wrong.
     """
     if not sp.issparse(value):
         return freeze(_compressed(as_square(value, name, n), keep_diagonal))
@@ -221,6 +217,11 @@ def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
 
 
+def is_symmetric(matrix: sp.csr_array) -> bool:
+    """Whether a sparse matrix equals its transpose, entry by entry."""
+    return (matrix != matrix.T).nnz == 0
+
+
 def bandwidths(matrix: sp.csr_array) -> tuple[int, int]:
     """How far the entries of a CSR matrix reach below its diagonal, and above it."""
     below = row_of(matrix) - matrix.indices
@@ -231,11 +232,9 @@ def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     n = matrix.shape[0]
     if np.count_nonzero(matrix.diagonal()) == n:  # the rule, and several times cheaper than to look for zeros
         return matrix
-    stored = np.zeros(n, dtype=bool)
-    stored[matrix.indices[matrix.indices == row_of(matrix)]] = True
-    if stored.all():
+    missing = np.setdiff1d(np.arange(n), matrix.indices[matrix.indices == row_of(matrix)])
+    if not missing.size:
         return matrix
-    missing = np.flatnonzero(~stored)
     rows = np.concatenate([row_of(matrix), missing])
     columns = np.concatenate([matrix.indices, missing])
     data = np.concatenate([matrix.data, np.zeros(missing.size)])

@@ -1,4 +1,11 @@
-"""Units that a matrix has of itself: powers of two for rows and columns, so that ill-scaled input decides nothing."""
+"""Equilibration: powers of two for the rows and columns of a matrix, which cost no digit, so that units decide nothing.
+
+All work with whole exponents. `row_exponents` and `equilibrated` bring the largest entries to one size,
+`symmetric_exponents` a diagonal, `natural_exponents` the diagonal and, as far as that goes, all other entries,
+`mean_exponents` the geometric means of a small dense matrix; `in_units` and `in_units_exactly` apply them. Dense
+matrices that are pivoted in compiled loops have `kernels.balancing`.
+References: Curtis and Reid, J. Inst. Math. Appl. 10 (1972); Higham, Accuracy and Stability (2002), section 7.3.
+"""
 
 from __future__ import annotations
 
@@ -8,38 +15,79 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .arrays import row_of
+from .arrays import Vector, row_of
+
+Exponents = NDArray[np.int64]
 
 #: entries within 2^±so many of the diagonal need no balancing
 _TAME = 30
 #: least squares this far from the optimum still bring every entry into range
 _STEPS = 60
+#: so often rows and columns take their geometric means in turn
+_MEANS = 50
+#: below the exponent of every float
+_NONE = -(2**20)
 
 
-def natural_units(A: sp.csr_array) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Whole exponents (r, c) such that the entries 2^(r_i + c_j) a_ij are of moderate size.
+def row_exponents(X: Any, columns: Any = 0) -> Exponents:
+    """Whole e with 1/2 ≤ max_j 2^(e_i + c_j)|x_ij| < 1, c = `columns`, for dense or CSR `X`; 0 in zero rows."""
+    if sp.issparse(X):
+        size = np.where(X.data != 0, np.frexp(X.data)[1] + (columns[X.indices] if np.ndim(columns) else columns), _NONE)
+        largest = np.full(X.shape[0], _NONE)
+        stored = np.flatnonzero(np.diff(X.indptr))
+        if stored.size:
+            largest[stored] = np.maximum.reduceat(size, X.indptr[stored])
+    else:
+        largest = np.where(X != 0, np.frexp(X)[1] + columns, _NONE).max(axis=1)
+    return np.where(largest > _NONE // 2, -largest, 0).astype(np.int64)
+
+
+def equilibrated(X: Any) -> tuple[Any, Exponents, Exponents]:
+    """(S, r, c): the entries 2^(r_i + c_j)x_ij of dense or CSR `X`, the largest of each row and column in [1/2, 1).
+
+    Rows come first, so that an entry of a row can be the largest one of no column; zero rows and columns stay.
+    """
+    r = row_exponents(X)
+    c = row_exponents(sp.csr_array(X.T) if sp.issparse(X) else X.T, r)
+    return in_units(X, r, c), r, c
+
+
+def symmetric_exponents(diagonal: Vector) -> Exponents:
+    """Whole e with 2^(2e_i)d_i between 1/2 and 2 for the entries d_i > 0 of `diagonal`, and e_i = 0 else."""
+    return -np.rint(np.log2(np.where(diagonal > 0, diagonal, 1.0)) / 2).astype(np.int64)
+
+
+def mean_exponents(X: NDArray[np.float64]) -> Exponents:
+    """For the columns of a dense `X`: with others for its rows, the mean of log₂|x_ij| nears 0 in rows and columns."""
+    there = X != 0
+    logarithm = np.log2(np.abs(X), out=np.zeros(X.shape), where=there)
+    in_row, in_column = (np.maximum(there.sum(axis=axis), 1) for axis in (1, 0))
+    columns = np.zeros(X.shape[1])
+    for _ in range(_MEANS):
+        rows = -((logarithm + columns) * there).sum(axis=1) / in_row
+        columns = -((logarithm + rows[:, None]) * there).sum(axis=0) / in_column
+    return np.rint(columns).astype(np.int64)
+
+
+def natural_exponents(A: sp.csr_array) -> tuple[Exponents, Exponents]:
+    """(r, c) such that the entries 2^(r_i + c_j)a_ij of a CSR `A` with a nonzero diagonal are of moderate size.
 
     The diagonal is brought into [1, 2). That leaves a_ij → a_ij 2^(c_j − c_i), and c minimises the sum of
     (log₂|a_ij/a_ii| + c_j − c_i)² over the stored entries: for A = D₁SD₂ with |s_ij| = 1 this finds D₁ and D₂.
     Neither P- nor H-matrices can tell the difference.
-
-    Parameters: `A` CSR, shape (n, n), with a nonzero diagonal. Returns two arrays of whole numbers of shape (n,).
-    Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972).
     """
-    n = A.shape[0]
-    _, exponents = np.frexp(A.data)
+    n, rows = A.shape[0], row_of(A)
     size = np.frexp(A.diagonal())[1].astype(np.int64) - 1
-    rows, columns = row_of(A), A.indices
-    off = (rows != columns) & (A.data != 0)
-    i, j = rows[off], columns[off]
-    ratio = exponents[off] - 1.0 - size[i]
+    off = (rows != A.indices) & (A.data != 0)
+    i, j = rows[off], A.indices[off]
+    ratio = np.frexp(A.data[off])[1] - 1.0 - size[i]
     shift = np.zeros(n, dtype=np.int64)
     if ratio.size and np.abs(ratio).max() > _TAME:
-        shift = _balance(i, j, ratio, n)
+        shift = _balanced(i, j, ratio, n)
     return -size - shift, shift
 
 
-def _balance(i: Any, j: Any, ratio: Any, n: int) -> NDArray[Any]:
+def _balanced(i: Any, j: Any, ratio: Any, n: int) -> Exponents:
     from scipy.sparse.linalg import cg
 
     edges = sp.coo_array((np.ones(i.size), (i, j)), shape=(n, n)).tocsr()
@@ -51,12 +99,26 @@ def _balance(i: Any, j: Any, ratio: Any, n: int) -> NDArray[Any]:
     return np.rint(shift).astype(np.int64)
 
 
-def in_units(A: sp.csr_array, r: Any, c: Any) -> sp.csr_array:
-    """The CSR matrix with entries 2^(r_i + c_j) a_ij: exact, but for entries below the normal range.
+def in_units(X: Any, r: Any, c: Any = 0) -> Any:
+    """The dense or CSR matrix with entries 2^(r_i + c_j)x_ij: exact, but for entries below the normal range.
 
     There the error is at most the smallest float; an entry beyond the range becomes infinite.
     """
     # one shift by the whole exponent: two would round twice
     with np.errstate(over="ignore", under="ignore"):
-        data = np.ldexp(A.data, (r[row_of(A)] + c[A.indices]).astype(np.int32))
-    return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
+        if not sp.issparse(X):
+            return np.ldexp(X, (r[:, None] + c).astype(np.int32))
+        data = np.ldexp(X.data, _of_entries(X, r, c))
+    return sp.csr_array((data, X.indices, X.indptr), shape=X.shape)
+
+
+def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
+    """What `in_units` gives where no entry is rounded, so that it can be undone; else None."""
+    scaled = in_units(X, r, c)
+    back = in_units(scaled, -r, -c)
+    return scaled if np.array_equal(*((M.data if sp.issparse(M) else M) for M in (back, X))) else None
+
+
+def _of_entries(X: sp.csr_array, r: Any, c: Any) -> NDArray[np.int32]:
+    by_row = np.repeat(r, np.diff(X.indptr))
+    return (by_row + c[X.indices] if np.ndim(c) else by_row + c).astype(np.int32)

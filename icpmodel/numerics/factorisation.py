@@ -1,4 +1,4 @@
-"""Sparse factorisations."""
+"""Sparse factorisations, by SuperLU."""
 
 from __future__ import annotations
 
@@ -7,21 +7,33 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from .arrays import is_symmetric
 
-def factorise(matrix: sp.csr_array) -> Any:
-    """SuperLU of a sparse matrix (n × n), ordered for its pattern; None where a pivot is exactly zero."""
+
+def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False) -> Any:
+    """SuperLU of a sparse matrix (n × n), ordered for its pattern; None where it is singular, or not finite.
+
+    It is singular where its structural rank is below n, or a pivot is exactly zero. With `diagonal_pivots`, for a
+    symmetric matrix, no rows are exchanged, and it is None as well where SuperLU did so all the same. Raises
+    MemoryError.
+    """
+    from scipy.sparse.csgraph import structural_rank
     from scipy.sparse.linalg import splu
 
-    columns = sp.csc_array(matrix)
-    pattern = sp.csr_array((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
-    symmetric = (pattern != pattern.T).nnz == 0
-    # threshold pivoting keeps the fill of the symmetric ordering where the diagonal is not small
-    options: dict[str, Any] = (
-        {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.1} if symmetric else {"permc_spec": "COLAMD"}
-    )
-    try:
-        return splu(columns, **options)
-    except RuntimeError as error:
-        if "singular" not in str(error):
-            raise
+    n = matrix.shape[0]
+    if not np.isfinite(matrix.data).all():
         return None
+    # a full diagonal has full structural rank
+    if np.count_nonzero(matrix.diagonal()) < n and structural_rank(matrix) < n:
+        return None
+    # threshold pivoting keeps the fill of the symmetric ordering where the diagonal is not small
+    options: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.1}
+    if diagonal_pivots:
+        options |= {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    elif not is_symmetric(sp.csr_array((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)):
+        options = {"permc_spec": "COLAMD"}
+    try:
+        lu = splu(sp.csc_array(matrix), **options)
+    except RuntimeError:
+        return None
+    return None if diagonal_pivots and not np.array_equal(lu.perm_r, lu.perm_c) else lu

@@ -20,10 +20,8 @@ def jacobi_radius(A: sp.csr_array, share: float = _SHARE) -> float:
     Lanczos steps on the symmetric matrix with entries √|a_ij a_ji|/√|a_ii a_jj|, i ≠ j, from the vector of ones. For
     symmetric M-matrices, and for those that a diagonal similarity makes symmetric (transport on a grid), its radius is
     the Jacobi radius itself; couplings that act in one direction only count as nothing, as they do for Gauss–Seidel.
-
-    Parameters: `A` CSR, shape (n, n), with a nonzero diagonal; `share` of 1 − ρ that four more steps must gain for the
-    next four to be made, up to 60; none are made where the row sums already show the radius to be small.
-    Returns the estimate.
+    `share` of 1 − ρ is what four more steps must gain for the next four to be made, up to 60; none are made where the
+    row sums of D⁻¹A, D nonzero, already show the radius to be small.
     References: Young, Iterative Solution of Large Linear Systems (1971), chapter 6; Saad, Numerical Methods for Large
     Eigenvalue Problems (2011), chapter 6.
     """
@@ -33,13 +31,8 @@ def jacobi_radius(A: sp.csr_array, share: float = _SHARE) -> float:
 
 
 def couplings(A: sp.csr_array) -> sp.csr_array:
-    """The symmetric matrix with entries √|a_ij a_ji|/√|a_ii a_jj|, i ≠ j: the Jacobi matrix where a diagonal similarity
-    makes A a symmetric M-matrix.
-
-    Parameters: `A` CSR, shape (n, n), rows sorted, with a nonzero diagonal. Returns CSR with the pattern of A.
-    Reference: Young, Iterative Solution of Large Linear Systems (1971), chapter 6.
-    """
-    from .kernels.rows import couple  # loads numba
+    """√|a_ij a_ji|/√|a_ii a_jj|, i ≠ j, with the pattern of A, whose rows are sorted: see `jacobi_radius`."""
+    from .kernels.products import couple  # loads numba
 
     weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
     return sp.csr_array((couple(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)

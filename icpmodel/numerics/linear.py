@@ -10,9 +10,10 @@ from functools import cache
 import numpy as np
 import scipy.sparse as sp
 
-from .arrays import Vector, bandwidths, row_of
+from .arrays import Vector, bandwidths, is_symmetric, row_of
+from .equilibration import in_units, row_exponents
 from .factorisation import factorise
-from .multigrid import quiet, ruge_stuben
+from .multigrid import KrylovMultigrid
 
 #: (right-hand side, relative tolerance) ↦ solution, or None where none was found
 Solver = Callable[[Vector, float], Vector | None]
@@ -27,31 +28,23 @@ _BACKWARD = 1e-12
 _DENSE = 0.1
 #: from this size on multigrid costs less than a factorisation
 _MULTIGRID_FROM = 50_000
-#: with multigrid as preconditioner a Krylov method that needs more steps will not get there
-_KRYLOV_STEPS = 30
 
 
-def solver_of(M: sp.csr_array) -> Solver:
+def solver_of(M: sp.csr_array, multigrid_from: int = _MULTIGRID_FROM) -> Solver:
     """A solver of Mx = f for many f: for a band, one with a few full rows, dense or sparse matrices, or multigrid.
 
     Large matrices with a positive diagonal and nothing positive off it get CG (where symmetric) or BiCGSTAB with
     algebraic multigrid, to the tolerance that is asked for, and SuperLU where those do not converge; the others are
     factorised. Rows are brought to one size first. The solver returns None where M is singular.
-
-    Parameters: `M` CSR, shape (n, n), n ≥ 0. Returns the solver.
-    Reference: Ruge and Stüben, Algebraic multigrid (1987), for the preconditioner.
     """
     n = M.shape[0]
     if n == 0:
         return lambda f, tolerance: f
-    size = np.asarray(abs(M).max(axis=1).toarray(), dtype=np.float64).reshape(-1)
-    if not (size.all() and np.isfinite(size).all()):
+    if not np.isfinite(M.data).all():
         return lambda f, tolerance: None
-    # a power of two costs no digit
-    scale = np.exp2(-np.floor(np.log2(np.maximum(size, np.finfo(np.float64).tiny))))
-    scaled = sp.csr_array((M.data * scale[row_of(M)], M.indices, M.indptr), shape=M.shape)
-    symmetric = n >= _MULTIGRID_FROM and (M != M.T).nnz == 0
-    multigrid = _multigrid(M if symmetric else scaled, "cg" if symmetric else "bicgstab")
+    exponents = row_exponents(M)
+    scaled, symmetric = in_units(M, exponents), n >= multigrid_from and is_symmetric(M)
+    multigrid = _multigrid(M if symmetric else scaled) if n >= multigrid_from else None
 
     @cache
     def direct() -> Solver:
@@ -60,9 +53,10 @@ def solver_of(M: sp.csr_array) -> Solver:
         return _dense(scaled) if M.nnz > _DENSE * n**2 else _bordered(scaled) or _sparse(scaled)
 
     def solve(f: Vector, tolerance: float) -> Vector | None:
-        x = None if multigrid is None else multigrid(f if symmetric else scale * f, tolerance)
+        right = np.ldexp(f, exponents)
+        x = None if multigrid is None else multigrid.solve(f if symmetric else right, tolerance)
         if x is None:
-            x = direct()(scale * f, tolerance)
+            x = direct()(right, tolerance)
         return x if x is not None and np.isfinite(x).all() else None
 
     return solve
@@ -126,20 +120,10 @@ def _sparse(M: sp.csr_array) -> Solver:
     return lambda f, tolerance: None if lu is None else np.asarray(lu.solve(f))
 
 
-def _multigrid(M: sp.csr_array, accelerate: str) -> Solver | None:
-    """Krylov steps with algebraic multigrid, None where M is too small, or nothing for it."""
-    if M.shape[0] < _MULTIGRID_FROM or sum(bandwidths(M)) < _WIDEST_BAND:
+def _multigrid(M: sp.csr_array) -> KrylovMultigrid | None:
+    """None where M is nothing for multigrid."""
+    if sum(bandwidths(M)) < _WIDEST_BAND:
         return None
     if not (M.diagonal() > 0).all() or (M.data[row_of(M) != M.indices] > 0).any():
         return None
-    hierarchy = ruge_stuben(M)
-
-    def solve(f: Vector, tolerance: float) -> Vector | None:
-        with quiet():
-            try:
-                x = hierarchy.solve(f, tol=tolerance, maxiter=_KRYLOV_STEPS, accel=accelerate)
-            except RuntimeError:  # the coarsest level is singular
-                return None
-        return np.asarray(x) if np.linalg.norm(M @ x - f) <= 2 * tolerance * np.linalg.norm(f) else None
-
-    return solve
+    return KrylovMultigrid(M)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
@@ -18,6 +19,14 @@ def rationals(A: Any) -> Rationals:
     """The entries of the sparse or dense `A` as fractions, row by row; floats are fractions already."""
     dense = A.toarray() if sp.issparse(A) else np.asarray(A)
     return [[Fraction(float(entry)) for entry in row] for row in dense]
+
+
+def exact_sum(entries: Any) -> Fraction | float:
+    """The sum of floats, rounded once at most, so that its sign is right."""
+    try:
+        return math.fsum(entries)
+    except OverflowError:
+        return sum(map(Fraction, np.asarray(entries).tolist()), Fraction(0))
 
 
 def eliminate(M: Rationals, order: Sequence[int], rest: Sequence[int] = ()) -> int | None:
@@ -98,7 +107,7 @@ def curvature(S: Any) -> tuple[bool, bool, list[Fraction] | None]:
     return True, False, x
 
 
-def nearest(x: Fraction) -> float:
+def nearest(x: Fraction | float) -> float:
     """The float nearest to `x`, infinite beyond their range."""
     try:
         return float(x)

@@ -23,10 +23,9 @@ def gamma(k: Any) -> Any:
 
 
 def lower(matrix: sp.csr_array, v: Vector) -> Vector:
-    """A lower bound of `matrix` @ `v`, entry by entry, shape (n,), whatever the order of summation.
+    """A lower bound of `matrix` @ `v`, entry by entry, whatever the order of summation; NaN or −inf where it overflows.
 
-    The computed product minus γ_k|matrix||v| and k times the smallest float, k two more than the entries of the row;
-    NaN or −inf where it overflows.
+    The computed product minus γ_k|matrix||v| and k times the smallest float, k two more than the entries of the row.
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
     """
     k = np.diff(matrix.indptr) + 2
@@ -37,10 +36,7 @@ def lower(matrix: sp.csr_array, v: Vector) -> Vector:
 
 def upper(matrix: sp.csr_array, v: Vector) -> Vector:
     """An upper bound of `matrix` @ `v`, entry by entry, shape (n,): the mirror image of `lower`."""
-    k = np.diff(matrix.indptr) + 2
-    with np.errstate(over="ignore", invalid="ignore"):
-        result: Vector = matrix @ v + 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) + k * SMALLEST
-    return result
+    return -lower(matrix, -v)
 
 
 def at_most(x: float, digits: int = 3, below: float = math.inf) -> str:

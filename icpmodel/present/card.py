@@ -6,15 +6,15 @@ import textwrap
 from collections.abc import Mapping
 
 from .page import render
+from .terminal import width
 
-#: columns of a card, and of the names in it
-_WIDTH, _NAMES = 100, 10
+#: the longest lines of a card, and the columns of its names
+_WIDTH, _NAMES = 100, 9
 
 
 class Card:
     """Names with texts, which may have several lines, in the order of `rows`.
 
-    >>> from icpmodel.present.card import Card
     >>> print(Card({"status": "solved", "rows": "one\\ntwo"}))
     status    solved
     rows      one
@@ -25,12 +25,14 @@ class Card:
         self.rows = dict(rows)
 
     def __str__(self) -> str:
+        names = max(_NAMES, *map(len, self.rows))
         lines = []
         for name, text in self.rows.items():
-            parts = [part for line in text.splitlines() for part in textwrap.wrap(line, _WIDTH - _NAMES)]
+            wide = min(width(_WIDTH), _WIDTH) - names - 1
+            parts = [part for line in text.splitlines() for part in textwrap.wrap(line, wide)]
             heads = [name, *[""] * len(parts)]
-            lines += [f"{head:<{_NAMES - 1}} {part}" for head, part in zip(heads, parts, strict=False)]
-        return "\n".join(lines)
+            lines += [f"{head:<{names}} {part}" for head, part in zip(heads, parts or [""], strict=False)]
+        return "\n".join(line.rstrip() for line in lines)
 
     def to_html(self) -> str:
         """The card as an HTML table."""

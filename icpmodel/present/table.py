@@ -1,4 +1,4 @@
-"""A table: one description, shown as text or CSV."""
+"""A table: one description, shown as text, HTML or CSV."""
 
 from __future__ import annotations
 
@@ -7,26 +7,74 @@ import io
 from dataclasses import dataclass
 from typing import Any
 
+from .page import render
+from .terminal import width
+
+#: in a file or a pipe a line is as long as it needs to be
+_UNBOUNDED = 10_000
+#: texts are wrapped to no fewer columns
+_NARROWEST = 12
+
 
 @dataclass(frozen=True)
 class Table:
-    """A measured table: `title`, column `heads` (with units) and `rows` of numbers and texts."""
+    """A `title`, column `heads` (with units) and `rows` of numbers and texts, None for what is not known.
+
+    >>> print(Table("Costs", ("method", "n", "time, s"), (("newton", 900, 0.0123456), ("psor", 16, None))))
+    Costs
+    method    n  time, s
+    newton  900  0.01235
+    psor     16        -
+    """
 
     title: str
     heads: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...]
 
     def __str__(self) -> str:
-        cells = [self.heads, *(tuple(_text(cell) for cell in row) for row in self.rows)]
-        widths = [max(len(row[k]) for row in cells) for k in range(len(self.heads))]
-        lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
-        return "\n".join([self.title, *lines])
+        """The table in lines that fit a terminal; elsewhere nothing is wrapped."""
+        return self.to_text(width(_UNBOUNDED))
+
+    def to_text(self, columns: int) -> str:
+        """Numbers to the right, texts to the left, these wrapped where the table is wider than so many `columns`."""
+        from rich.console import Console
+        from rich.table import Table as Grid
+        from rich.text import Text
+
+        cells = self._cells()
+        grid = Grid(box=None, pad_edge=False, header_style="")
+        for k, head in enumerate(self.heads):
+            column = [row[k] for row in cells]
+            longest = max(map(len, column), default=0)
+            if self._is_text(k):
+                grid.add_column(Text(head), overflow="fold", min_width=min(max(longest, len(head)), _NARROWEST))
+            else:
+                grid.add_column(Text(head), overflow="fold", min_width=longest, justify="right")
+        for row in cells:
+            grid.add_row(*map(Text, row))
+        out = io.StringIO()
+        console = Console(file=out, width=columns, color_system=None, force_jupyter=False)
+        if self.title:
+            console.print(Text(self.title))
+        console.print(grid, crop=False)
+        return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
+
+    def to_html(self) -> str:
+        """The table as HTML, with the title as its caption."""
+        numbers = [not self._is_text(k) for k in range(len(self.heads))]
+        return render("table.html", title=self.title, heads=self.heads, rows=self._cells(), numbers=numbers)
 
     def to_csv(self) -> str:
-        """The heads and rows as CSV text."""
+        """The heads and rows as CSV text, numbers in full."""
         out = io.StringIO()
         csv.writer(out, lineterminator="\n").writerows([self.heads, *self.rows])
         return out.getvalue()
+
+    def _cells(self) -> list[list[str]]:
+        return [[_text(cell) for cell in row] for row in self.rows]
+
+    def _is_text(self, k: int) -> bool:
+        return any(isinstance(row[k], str) for row in self.rows)
 
 
 def _text(cell: Any) -> str:

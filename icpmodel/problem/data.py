@@ -206,7 +206,7 @@ class ProblemData:
         with np.errstate(over="ignore", invalid="ignore"):
             psi = self.psi.value(np.zeros(self.n))
             if self._is_large():
-                from ..numerics.kernels.rows import natural_at_0  # loads numba
+                from ..numerics.kernels.products import natural_at_0  # loads numba
 
                 squares = float(natural_at_0(self.q, np.ascontiguousarray(psi)))
                 if _SAFE[0] < squares < _SAFE[1]:
@@ -218,7 +218,7 @@ class ProblemData:
 
     def _squares(self, z: Vector, psi: Vector) -> float:
         """Res(z)², without care for overflow, in one pass over A on all cores."""
-        from ..numerics.kernels.rows import natural  # loads numba
+        from ..numerics.kernels.products import natural  # loads numba
 
         A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
         given = (A.indptr, A.indices, A.data, self.q, psi, z)

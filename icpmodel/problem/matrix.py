@@ -80,7 +80,7 @@ class Matrix:
         A, threads = self.sparse, threads_for(self.sparse.nnz)
         if threads == 1:
             return np.asarray(A @ z)
-        from ..numerics.kernels.rows import product  # loads numba
+        from ..numerics.kernels.products import product  # loads numba
 
         image, z = np.empty(self.n), np.ascontiguousarray(z)
         in_parts(self.n, threads, lambda low, high: product(A.indptr, A.indices, A.data, z, low, high, image))
@@ -95,7 +95,7 @@ class Matrix:
     @cached_property
     def rows(self) -> Rows:
         """The rows, looked at in one pass."""
-        from ..numerics.kernels.rows import look  # loads numba
+        from ..numerics.kernels.products import look  # loads numba
 
         A, n = self.sparse, self.n
         arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n)

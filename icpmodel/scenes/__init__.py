@@ -1,7 +1,7 @@
 """The gallery: ready problems that carry their own answers, one file per field.
 
 `scene("membrane", n=10000)` builds one by name, `icpmodel.scenes.membrane(n=10000)` is the same, `names()` lists them.
-A scene is a function with `@register` in any module of this package: adding a field is adding a file.
+A scene is a function with `@register` in any file of this package, any imported module or any plug-in.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import pkgutil
 from typing import Any
 
 from ..errors import InputError
-from .registry import BUILDERS, Builder, Quantity, Scene, register, size
+from .registry import Builder, Quantity, Scene, builders, register, size
 
 __all__ = ["Quantity", "Scene", "names", "parameters", "register", "scene", "titles"]
 
@@ -56,7 +56,7 @@ def names() -> list[str]:
     >>> "membrane" in names()
     True
     """
-    return sorted(BUILDERS)
+    return sorted(builders())
 
 
 def titles() -> dict[str, str]:
@@ -65,7 +65,9 @@ def titles() -> dict[str, str]:
     >>> titles()["coulomb"]
     'A block on a slope with dry friction'
     """
-    return {name: (BUILDERS[name].__doc__ or "").strip().splitlines()[0].rstrip(".") for name in names()}
+    return {
+        name: (build.__doc__ or "").strip().splitlines()[0].rstrip(".") for name, build in sorted(builders().items())
+    }
 
 
 def parameters(name: str) -> dict[str, Any]:
@@ -80,17 +82,17 @@ def parameters(name: str) -> dict[str, Any]:
 
 
 def _builder(name: str) -> Builder:
-    if name not in BUILDERS:
+    if name not in builders():
         raise InputError(f"there is no scene {name!r}; the scenes are: {', '.join(names())}")
-    return BUILDERS[name]
+    return builders()[name]
 
 
 def __getattr__(name: str) -> Builder:
-    build = BUILDERS.get(name.replace("_", "-"))
+    build = None if name.startswith("__") else builders().get(name.replace("_", "-"))
     if build is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return build
 
 
 def __dir__() -> list[str]:
-    return sorted([*__all__, *(name.replace("-", "_") for name in BUILDERS)])
+    return sorted([*__all__, *(name.replace("-", "_") for name in names())])

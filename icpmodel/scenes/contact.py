@@ -24,7 +24,7 @@ def membrane(n: int = 900, mu: float = 0.0, skew: float = 0.0) -> Scene:
     `mu` ≥ 0 is added to the diagonal (an elastic bed of stiffness μ/h²); `skew` in [−1, 1] tilts the stencil (a flow
     of velocity (b, b), b = 2·skew/h) and makes A nonsymmetric.
     Units: lengths in sides of the square; p is h² times the force per area that the obstacle exerts.
-    Returns a scene without reference. Raises InputError for bad parameters.
+    Returns a scene without reference.
     Reference: Rodrigues, Obstacle Problems in Mathematical Physics (1987).
     """
     m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)

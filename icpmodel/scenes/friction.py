@@ -20,7 +20,6 @@ def coulomb(alpha: float = 30.0, mu: float = 0.3, mass: float = 1.0, g: float = 
     λ_n = m g Δt cos α; the block slips iff tan α > μ, and then λ_t = −μλ_n, else λ_t = −m g Δt sin α (z is negative).
     Parameters: `alpha` in degrees, 0 ≤ α ≤ 89; `mu` ≥ 0 (no unit); `mass` in kg; `g` in m/s²; `dt` in s. z is in N s,
     p in m/s. Quantity: "slip speed" in m/s, exact.
-    Raises InputError for bad parameters.
     Reference: Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008).
     """
     slope = np.deg2rad(as_number(alpha, "alpha", least=0, most=89))

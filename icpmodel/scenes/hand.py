@@ -14,15 +14,20 @@ from .registry import Scene, register
 PAIR = [[2.0, -1.0], [-1.0, 2.0]]
 
 
+def by_hand(A: Any, q: Any, psi: Any, z: Any, models: str, z0: Any = None) -> Scene:
+    """The scene with the solution `z` and the start `z0`."""
+    start = None if z0 is None else np.array(z0, dtype=float)
+    return Scene(problem=ICP(A, q, psi), models=models, z_exact=np.array(z, dtype=float), z0=start)
+
+
 @register
 def hand_lcp() -> Scene:
     """By hand: an LCP in two unknowns, one at its obstacle.
 
     A = [2, −1; −1, 2], q = (−1, 3), ψ = 0. Row 1: 2z₁ − z₂ = 1; row 2: z₂ = 0. z* = (½, 0), p* = (0, 2½).
-    No units, no parameters, raises nothing.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
-    return _by_hand(PAIR, [-1, 3], 0.0, [0.5, 0.0], "Two weights on a string, one of which rests on the floor.")
+    return by_hand(PAIR, [-1, 3], 0.0, [0.5, 0.0], "Two weights on a string, one of which rests on the floor.")
 
 
 @register
@@ -31,9 +36,8 @@ def hand_negative() -> Scene:
 
     A = 2, q = 6, ψ(z) = z/2 − 2. p = 0 gives z* = −3, above its obstacle: ψ(−3) = −3½. Only p and r are signed, not z:
     a solver that asks for z ≥ 0 finds none (z = 0 has p = 6 and r = 2).
-    No units, no parameters, raises nothing. Reference: this docstring.
     """
-    return _by_hand(2, [6], Affine([[0.5]], -2.0), [-3.0], "A spring pressed below 0 over a floor that yields with it.")
+    return by_hand(2, [6], Affine([[0.5]], -2.0), [-3.0], "A spring pressed below 0 over a floor that yields with it.")
 
 
 @register
@@ -42,10 +46,9 @@ def hand_affine() -> Scene:
 
     A = [2, −1; −1, 2], q = (1, −2), ψ(z) = (z₂/2 + 1, z₁/2 − 3). Row 1 at its obstacle, z₁ = z₂/2 + 1; row 2 in
     balance, −z₁ + 2z₂ = 2. z* = (2, 2), p* = (3, 0), r* = (0, 4).
-    No units, no parameters, raises nothing. Reference: this docstring.
     """
     psi = Affine([[0.0, 0.5], [0.5, 0.0]], [1.0, -3.0])
-    return _by_hand(PAIR, [1, -2], psi, [2.0, 2.0], "Two weights on a string, each carrying a stop for the other.")
+    return by_hand(PAIR, [1, -2], psi, [2.0, 2.0], "Two weights on a string, each carrying a stop for the other.")
 
 
 @register
@@ -54,10 +57,9 @@ def hand_degenerate() -> Scene:
 
     A = [2, −1; −1, 2], q = (−2, 1), ψ = 0. z* = (1, 0), p* = (0, 0), r* = (1, 0): row 2 touches without force, and
     rounding decides on which side a method sees it.
-    No units, no parameters, raises nothing.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
-    return _by_hand(PAIR, [-2, 1], 0.0, [1.0, 0.0], "Two weights on a string, one touching the floor without pressing.")
+    return by_hand(PAIR, [-2, 1], 0.0, [1.0, 0.0], "Two weights on a string, one touching the floor without pressing.")
 
 
 @register
@@ -66,12 +68,12 @@ def hand_cyclic() -> Scene:
 
     A = [1, 0, 2; 2, 1, 0; 0, 2, 1], q = −(1, 1, 1), ψ = 0. Every row sum is 3, so z* = (1, 1, 1)/3 has p* = 0.
     From `z0` = (1, 0, 0) the active-set Newton iteration repeats three points at residual √10.
-    No units, no parameters, raises nothing. Reference: Ben Gharbia and Gilbert, Math. Program.
+    Reference: Ben Gharbia and Gilbert, Math. Program.
     134 (2012), doi:10.1007/s10107-010-0439-6.
     """
     A = [[1, 0, 2], [2, 1, 0], [0, 2, 1]]
     models = "Three quantities in a ring, each pushed by the one before it, that settle at the same level."
-    return _by_hand(A, [-1, -1, -1], 0.0, [1 / 3, 1 / 3, 1 / 3], models, z0=[1, 0, 0])
+    return by_hand(A, [-1, -1, -1], 0.0, [1 / 3, 1 / 3, 1 / 3], models, z0=[1, 0, 0])
 
 
 @register
@@ -81,12 +83,11 @@ def hand_splittings() -> Scene:
     A = [1, −.9; −.9, 1], q = (−1, 3), ψ(z) = 1 − .9(z₂, z₁). Row 1 in balance, z₁ = 1 + .9z₂; row 2 at its obstacle,
     z₂ = 1 − .9z₁; hence 1.81z₁ = 1.9 and z* = (190, 10)/181, p* = (0, 382)/181, r* = (18, 0)/181.
     From `z0` = (5, −7) MNMJ with Ω = D converges, MNMGS with Ω = D and MNMOD do not.
-    No units, no parameters, raises nothing. Reference: this docstring.
     """
     psi = Affine([[0.0, -0.9], [-0.9, 0.0]], 1.0)
     models = "Two partners who pull each other up while the floor of each sinks as the other rises."
     A = [[1.0, -0.9], [-0.9, 1.0]]
-    return _by_hand(A, [-1, 3], psi, [190 / 181, 10 / 181], models, z0=[5, -7])
+    return by_hand(A, [-1, 3], psi, [190 / 181, 10 / 181], models, z0=[5, -7])
 
 
 @register
@@ -95,12 +96,6 @@ def hand_free() -> Scene:
 
     A = diag(2, 4, 5), q = (−2, 8, 10), ψ = (0, 1, −∞). Row 1 in balance, z₁ = 1; row 2 at its obstacle, z₂ = 1 with
     p₂ = 12; row 3 has none, so p₃ = 0 and z₃ = −2.
-    No units, no parameters, raises nothing. Reference: this docstring.
     """
     models = "Three springs side by side: one free above a floor, one on it, one without a floor."
-    return _by_hand(np.diag([2, 4, 5]), [-2, 8, 10], [0.0, 1.0, -np.inf], [1, 1, -2], models)
-
-
-def _by_hand(A: Any, q: Any, psi: Any, z: Any, models: str, z0: Any = None) -> Scene:
-    start = None if z0 is None else np.array(z0, dtype=float)
-    return Scene(problem=ICP(A, q, psi), models=models, z_exact=np.array(z, dtype=float), z0=start)
+    return by_hand(np.diag([2, 4, 5]), [-2, 8, 10], [0.0, 1.0, -np.inf], [1, 1, -2], models)

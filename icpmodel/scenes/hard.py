@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
 
+from ..errors import InputError
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..problem.affine import Affine
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
-from .chosen import complementary
 from .grid import five_point, neighbours, side, square_points, tridiagonal
-from .hand import PAIR
-from .registry import Quantity, Scene, at_least, at_most, register
+from .hand import PAIR, by_hand
+from .manufactured import complementary, manufactured
+from .registry import Quantity, Scene, at_least, register
 
 
 @register
@@ -24,7 +23,6 @@ def hard_infeasible() -> Scene:
 
     A = [0, 1; −1, 0], q = (−2, −1), ψ = 0: p₂ = −z₁ − 1 ≥ 0 and z₁ ≥ 0 exclude each other. A is semidefinite, the LCP
     of the linear programme min 2x, x ≤ −1, x ≥ 0. Honest: INFEASIBLE where that is proved, else anything but solved.
-    No units, no parameters, raises nothing.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
     return Scene(
@@ -40,7 +38,7 @@ def hard_many() -> Scene:
 
     A = [1, −1; −1, 1], q = (1, −1), ψ = 0: p₁ = −p₂, so both are 0 and z = (t, t + 1) for every t ≥ 0. A is singular
     and semidefinite. Honest: solved, and no claim that the solution is unique.
-    Quantity: "z2 - z1" = 1. No units, no parameters, raises nothing. Reference: this docstring.
+    Quantity: "z2 - z1" = 1.
     """
     return Scene(
         problem=ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, -1.0]),
@@ -55,7 +53,7 @@ def hard_steep() -> Scene:
 
     A = 1, q = 1, ψ(z) = 1.5z − 1: r = 1 − z/2 ≥ 0 says z ≤ 2, so that the obstacle is a ceiling, and z = −1 (p = 0) and
     z = 2 (r = 0) both solve. Honest: solved, and no claim that the solution is unique; sweeps may diverge.
-    Quantity: "|z - 1/2|" = 1½. No units, no parameters, raises nothing. Reference: this docstring.
+    Quantity: "|z - 1/2|" = 1½.
     """
     return Scene(
         problem=ICP([[1.0]], [1.0], Affine([[1.5]], -1.0)),
@@ -72,7 +70,6 @@ def hard_jump() -> Scene:
     p = z − ½ > 0: the residual is at least ¼, and there is no solution, though p and r take either sign.
     Honest: cycled or stagnated.
     (Were it to give way at 1, just when it is touched, z = 1 − ε would have the residual ε and pass for a solution.)
-    No units, no parameters, raises nothing. Reference: this docstring.
     """
     return Scene(
         problem=ICP([[1.0]], [-0.5], Function(lambda z: np.where(z < 0.75, 1.0, 0.0))),
@@ -88,7 +85,6 @@ def hard_domain() -> Scene:
     A = tridiag(−1, 2, −1), n = 31, q = −.1, ψ_i(z) = −√(2 − z_i), NaN for z_i > 2. p ≥ 0 and A⁻¹ ≥ 0 lift z above the
     parabola .05 i(32 − i), which passes 2 in row 2, so that there is no solution where ψ has values. Sweeps from 0 get
     there after a while only. Honest: ψ failed, with the best iterate before it did.
-    No units, no parameters, raises nothing. Reference: this docstring.
     """
 
     def psi(z: Vector) -> Vector:
@@ -114,13 +110,12 @@ def hard_skew(n: int = 100, skew: float = 10.0, seed: int = 0) -> Scene:
 
     A = I + s·tridiag(−1, 0, 1), ψ = z* − r*, q = p* − Az* for random complementary p*, r*. A is positive definite,
     hence a P-matrix, but far from H₊: sweeps diverge. Honest: one solution; sweeps say that they diverge or cycle.
-    Parameters: `n` ≥ 2; `skew` s; `seed` an integer ≥ 0. No units. Raises InputError for bad parameters.
-    Reference: this docstring.
+    Parameters: `n` ≥ 2; `skew` s; `seed` an integer ≥ 0.
     """
     n, s = at_least(n, 2), as_number(skew, "skew")
     z, p, r = complementary(n, seed)
     A = neighbours(n, -s, s) + sp.eye_array(n)
-    return _made(A, z, p, r, "A ring of gyroscopes, each turning the next, with little friction and stops.")
+    return manufactured(A, z, p, z - r, "A ring of gyroscopes, each turning the next, with little friction and stops.")
 
 
 @register
@@ -130,21 +125,19 @@ def hard_semidefinite(n: int = 40, seed: int = 0) -> Scene:
     A = [0, −Bᵀ; B, 0] with a random m × m matrix B: min cᵀx with Bx ≥ b, x ≥ 0, and its dual, of which half of
     the x and half of the constraints are active, strictly. A is skew-symmetric with a zero diagonal: semidefinite, no
     splitting by the diagonal exists. Honest: solved by pivoting or Newton; sweeps refuse.
-    Parameters: `n` ≈ 2m, at most 5000; `seed` an integer ≥ 0. No units. Raises InputError for bad parameters.
+    Parameters: `n` ≈ 2m, at most 5000; `seed` an integer ≥ 0.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
-    m = max(round(at_most(n, 5000) / 2), 1)
+    if n > 5000:
+        raise InputError(f"n is {n}; this scene, whose matrix is dense, takes at most 5000 unknowns")
+    m = max(round(n / 2), 1)
     random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
     B = random.standard_normal((m, m))
     size = random.uniform(0.5, 1.5, 2 * m)
     basic = np.concatenate([random.permutation(m) < (m + 1) // 2, random.permutation(m) < (m + 1) // 2])
     z, p = np.where(basic, size, 0.0), np.where(basic, 0.0, size)
     A = np.block([[np.zeros((m, m)), -B.T], [B, np.zeros((m, m))]])
-    return Scene(
-        problem=ICP(A, p - A @ z),
-        models="A production plan and the prices that support it.",
-        z_exact=z,
-    )
+    return manufactured(A, z, p, 0.0, "A production plan and the prices that support it.")
 
 
 @register
@@ -154,13 +147,12 @@ def hard_degenerate(n: int = 100, seed: int = 0) -> Scene:
     A the 5-point matrix on m × m points; z* random; half of the rows have p* = r* = 0, a quarter is pressed and a
     quarter free, ψ = z* − r*, q = p* − Az*. Rounding decides on which side half of the rows are seen. Honest: solved,
     and those rows are not said to be active or inactive.
-    Parameters: `n` ≈ m²; `seed` an integer ≥ 0. No units. Raises InputError for bad parameters.
-    Reference: this docstring.
+    Parameters: `n` ≈ m²; `seed` an integer ≥ 0.
     """
     m = side(n)
     z, p, r = complementary(m * m, seed, degenerate=0.5)
     models = "A membrane laid on a support of its own shape."
-    return _made(five_point(m), z, p, r, models, points=square_points(0.0, 1.0, m))
+    return manufactured(five_point(m), z, p, z - r, models, points=square_points(0.0, 1.0, m))
 
 
 @register
@@ -170,16 +162,13 @@ def hard_singular(n: int = 100) -> Scene:
     A = the periodic tridiag(−1, 2, −1) plus 2⁻⁴⁰I, n even; z* = (1, 2, 1, 2, …), ψ = 0, q = −Az* without rounding. An
     H₊-matrix with condition number 4·2⁴⁰: a residual of 1e-8 leaves z undetermined by 1e4. Honest: solved by the
     residual, and an error bound that says how little that means here.
-    Parameters: `n` ≥ 4, odd numbers are raised by 1. No units. Raises InputError for a smaller n.
-    Reference: this docstring.
+    Parameters: `n` ≥ 4, odd numbers are raised by 1.
     """
     n = at_least(n, 4) + n % 2
     corners = sp.coo_array(([-1.0, -1.0], ([0, n - 1], [n - 1, 0])), shape=(n, n))
     A = neighbours(n, -1.0, -1.0) + corners + (2.0 + 2.0**-40) * sp.eye_array(n)
     z = np.tile([1.0, 2.0], n // 2)
-    return Scene(
-        problem=ICP(A, -(A @ z)), models="A ring of masses and springs that hardly anything holds in place.", z_exact=z
-    )
+    return manufactured(A, z, 0.0, 0.0, "A ring of masses and springs that hardly anything holds in place.")
 
 
 @register
@@ -190,15 +179,14 @@ def hard_scaled(n: int = 100, decades: float = 75.0, seed: int = 0) -> Scene:
     random complementary z₀, p₀, r₀: entries of A from 1e-150 to 1e150. The residual adds quantities of different
     units, and a small one says nothing of the rows with small entries. Honest: solved by the residual, or a precision
     limit; the bound, which is entry by entry, tells what is known.
-    Parameters: `n` ≥ 2; 0 ≤ `decades` ≤ 75; `seed` an integer ≥ 0. No units. Raises InputError for bad parameters.
-    Reference: this docstring.
+    Parameters: `n` ≥ 2; 0 ≤ `decades` ≤ 75; `seed` an integer ≥ 0.
     """
     n = at_least(n, 2)
     z, p, r = complementary(n, seed)
     most = as_number(decades, "decades", least=0, most=75)
     S = 10.0 ** np.random.default_rng(seed).uniform(-most, most, n)
     A = tridiagonal(-S[1:] * S[:-1], 4.0 * S * S, -S[1:] * S[:-1])
-    return _made(A, z / S, S * p, r / S, "A row of springs, each measured in units of its own.")
+    return manufactured(A, z / S, S * p, z / S - r / S, "A row of springs, each measured in units of its own.")
 
 
 @register
@@ -207,13 +195,9 @@ def hard_overflow() -> Scene:
 
     A = [2, −1; −1, 2], q = (−1.5e308, 1.5e308), ψ = 0; z* = (7.5e307, 0), p* = (0, 7.5e307). Sums and squares of such
     numbers overflow though the answer does not. Honest: solved, or diverged; never NaN called solved.
-    No units, no parameters, raises nothing. Reference: this docstring.
     """
-    return Scene(
-        problem=ICP(PAIR, [-1.5e308, 1.5e308]),
-        models="Two weights on a string under forces at the end of the scale.",
-        z_exact=np.array([7.5e307, 0.0]),
-    )
+    models = "Two weights on a string under forces at the end of the scale."
+    return by_hand(PAIR, [-1.5e308, 1.5e308], 0.0, [7.5e307, 0.0], models)
 
 
 @register
@@ -222,15 +206,7 @@ def hard_empty_row() -> Scene:
 
     A = [2, −1, 0; −1, 2, 0; 0, 0, 0], q = (−1, 3, 1), ψ = (0, 0, 2): p₃ = 1 whatever z is, so z₃ = 2; the others are
     hand-lcp. Honest: solved by what needs no diagonal; the others refuse and name the row.
-    No units, no parameters, raises nothing. Reference: this docstring.
     """
     A = [[*PAIR[0], 0.0], [*PAIR[1], 0.0], [0.0, 0.0, 0.0]]
-    return Scene(
-        problem=ICP(A, [-1.0, 3.0, 1.0], [0.0, 0.0, 2.0]),
-        models="Two weights on a string, and a third on the floor beside it, tied to nothing.",
-        z_exact=np.array([0.5, 0.0, 2.0]),
-    )
-
-
-def _made(A: Any, z: Vector, p: Vector, r: Vector, models: str, points: Vector | None = None) -> Scene:
-    return Scene(problem=ICP(A, p - A @ z, z - r), models=models, z_exact=z, points=points)
+    models = "Two weights on a string, and a third on the floor beside it, tied to nothing."
+    return by_hand(A, [-1.0, 3.0, 1.0], [0.0, 0.0, 2.0], [0.5, 0.0, 2.0], models)

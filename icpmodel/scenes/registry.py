@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..icp import ICP
 from ..numerics.arrays import Vector
+from ..numerics.plugins import load_plugins
 
 
 @dataclass(frozen=True)
@@ -93,15 +94,22 @@ Builder = Callable[..., Scene]
 #: beyond this the matrix alone would need tens of gigabytes
 LARGEST = 10**8
 
-#: name of the scene → the function that builds it
-BUILDERS: dict[str, Builder] = {}
+_BUILDERS: dict[str, Builder] = {}
+
+
+def builders() -> dict[str, Builder]:
+    """Name of the scene → the function that builds it, those of plug-ins among them."""
+    load_plugins()
+    return _BUILDERS
 
 
 def register(build: Builder) -> Builder:
     """Make the function a scene: its name (with hyphens) is the scene's, its docstring's first line the title.
 
-    Its parameters, all with defaults, are the scene's; one called `n` is the wanted number of unknowns, and the scene
-    takes the nearest size that it can have. A function without `n` has one size only.
+    It may stand anywhere: it is known once its module is imported, which is done for the files of this room and for
+    what packages announce as entry points of the group "icpmodel". Its parameters, all with defaults, are the scene's;
+    one called `n` is the wanted number of unknowns, and the scene takes the nearest size that it can have. A function
+    without `n` has one size only.
     Returns the function with `n` checked and `name` and `title` filled in. Raises InputError for a second scene of
     the same name.
 
@@ -112,7 +120,7 @@ def register(build: Builder) -> Builder:
     name = build.__name__.replace("_", "-")
     if not build.__doc__:
         raise InputError(f"the scene {name} has no docstring; its first line is the scene's title")
-    if name in BUILDERS:
+    if name in _BUILDERS:
         raise InputError(f"there is already a scene called {name}")
     title = build.__doc__.strip().splitlines()[0].rstrip(".")
     signature = inspect.signature(build)
@@ -124,7 +132,7 @@ def register(build: Builder) -> Builder:
             given.arguments["n"] = size(given.arguments["n"])
         return replace(build(*given.args, **given.kwargs), name=name, title=title)
 
-    BUILDERS[name] = checked
+    _BUILDERS[name] = checked
     return checked
 
 
@@ -132,13 +140,6 @@ def at_least(n: int, least: int) -> int:
     """`n`, or InputError where the scene needs more unknowns."""
     if n < least:
         raise InputError(f"n is {n}; this scene needs at least {least} unknowns")
-    return n
-
-
-def at_most(n: int, most: int) -> int:
-    """`n`, or InputError where the scene, whose matrix is dense, takes fewer unknowns."""
-    if n > most:
-        raise InputError(f"n is {n}; this scene, whose matrix is dense, takes at most {most} unknowns")
     return n
 
 

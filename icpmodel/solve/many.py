@@ -205,7 +205,7 @@ class Batch:
 
     def _pivot(self, C: Matrix) -> None:
         """The rows by Lemke's method."""
-        from ..numerics.kernels.judging import judge  # loads numba
+        from ..numerics.kernels.products import judge  # loads numba
 
         problem, Q, A = self.problem, self.Q, self.problem.dense()
         moves = problem.psi.linear is not None and not problem.psi.is_constant
@@ -224,8 +224,8 @@ class Batch:
 
     def pivoted(self, lcp: AffineLcp, C: Matrix, parts: int) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""
+        from ..numerics.kernels.balancing import scale
         from ..numerics.kernels.pivoting import many  # loads numba
-        from ..numerics.kernels.units import scale
 
         Q, X, scaled, limit = self.Q, np.empty(self.Q.shape), scale(lcp.M), PIVOTS * (self.problem.n + 1)
         in_parts(len(Q), parts, lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high]))
@@ -233,7 +233,7 @@ class Batch:
 
     def _solve_tridiagonal(self, C: Matrix) -> None:
         """The rows by the direct method for tridiagonal A."""
-        from ..numerics.kernels.tridiagonal import bands, many  # loads numba
+        from ..numerics.kernels.thomas import bands, many  # loads numba
 
         A, Q, Z, k = self.problem.A, self.Q, self.Z, len(C)
         matrix = bands(A.indptr, A.indices, A.data)

@@ -13,12 +13,13 @@ import numpy as np
 from ..algebra.equations import nearer_to_obstacle, solve_on
 from ..errors import IcpError, MapError
 from ..methods.contract import Method
-from ..numerics.arrays import Vector, as_truth
+from ..numerics.arrays import Vector
 from ..present.card import Card
-from ..problem.data import ProblemData, as_problem
+from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from ..theory.certificates.active_set import ActiveSet, active_set
 from ..theory.certificates.bounds import ErrorBound, error_bound
+from ..theory.certificates.certificate import NOT_COMPUTED, Certificate, certify
 
 
 class Status(Enum):
@@ -74,86 +75,6 @@ _ADVICE = {
 
 #: a residual or a bound counts as better than another one if it is at most this share of it
 _BETTER = 0.99
-#: columns of the card
-#: the reason of a certificate without a bound that nobody asked for
-_NOT_COMPUTED = "it was not computed"
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """What is true of z, recomputed from (A, q, ψ, z) by `certify` and by nothing else.
-
-    `residual` = ‖min(r, p)‖₂; `residual_max` the max-norm of the same vector; `residual_scaled` the max-norm of
-    min(r, D⁻¹p) with D = |diag(A)|, in the units of z, or None where the diagonal has a zero; `violation_p` and
-    `violation_r` the largest negative parts of p and r; `bound` the `ErrorBound`.
-
-    >>> certify(ICP([[2.0]], [-2.0]), [1.0]).residual
-    0.0
-    """
-
-    residual: float
-    residual_max: float
-    residual_scaled: float | None
-    violation_p: float
-    violation_r: float
-    bound: ErrorBound
-
-    @property
-    def error_bound(self) -> float | None:
-        """max_i |z_i − z*_i| is at most this; None where there is no certificate (`bound.reason` says why).
-
-        >>> certify(ICP([[0.0]], [1.0]), [0.0]).error_bound is None
-        True
-        """
-        return self.bound.value
-
-    @property
-    def unique(self) -> bool:
-        """Whether the solution is proved to exist and to be the only one.
-
-        >>> certify(ICP([[2.0]], [-2.0]), [1.0]).unique
-        True
-        """
-        return self.bound.unique
-
-    def __str__(self) -> str:
-        rows = {
-            "residual": f"{self.residual:.3g}, largest entry {self.residual_max:.3g}",
-            "p >= 0": f"violated by {self.violation_p:.3g}",
-            "r >= 0": f"violated by {self.violation_r:.3g}",
-            "error": str(self.bound),
-        }
-        return str(Card(rows))
-
-    def __repr__(self) -> str:
-        return f"Certificate(residual={self.residual:.6g}, error_bound={self.error_bound}, unique={self.unique})"
-
-
-def certify(
-    problem: ProblemData, z: Any, *, bound: bool = True, sharp: bool | None = None, rigorous: bool = False
-) -> Certificate:
-    """The one judge of an answer, ours or a foreign solver's.
-
-    Parameters: `z` shape (n,), or a `Solution`; `bound` whether to look for an error bound as well, which may cost one
-    linear solve, and `sharp` and `rigorous` how: see `icpmodel.error_bound`.
-    Returns a `Certificate`. Raises InputError for what is no ICP or no such z, MapError where ψ fails.
-
-    >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
-    0.0
-    """
-    z, bound = as_problem(problem).vector(z), as_truth(bound, "bound")
-    diagonal = np.abs(problem.A.diagonal())
-    with np.errstate(over="ignore", invalid="ignore"):
-        p, r = problem.p(z), problem.r(z)
-        scaled = None if (diagonal == 0).any() else float(np.abs(np.minimum(r, p / diagonal)).max())
-    return Certificate(
-        residual=problem.residual(z),
-        residual_max=float(np.abs(np.minimum(r, p)).max()),
-        residual_scaled=scaled,
-        violation_p=float(np.maximum(-p, 0.0).max()),
-        violation_r=float(np.maximum(-r, 0.0).max()),
-        bound=(error_bound(problem, z, sharp=sharp, rigorous=rigorous) if bound else ErrorBound.none(_NOT_COMPUTED)),
-    )
 
 
 @dataclass(frozen=True)
@@ -273,7 +194,7 @@ class Solution:
         guessed = f", {left} rows of which are not proved" if left else ""
         told = f"polished by one linear solve on the active set{guessed}"
         better = replace(self, z=z, residual=residual, why=self._and_why(told))
-        if self.certificate.bound.reason == _NOT_COMPUTED:
+        if self.certificate.bound.reason == NOT_COMPUTED:
             better = better.without_bound()
         found = better.error_bound if self.accuracy else None
         reached = residual <= self.tolerance if not self.accuracy else found is not None and found <= self.accuracy

@@ -1,59 +1,96 @@
-"""Foreign solvers: the contract."""
+"""Foreign solvers: the contract.
+
+To add one, define a subclass of `ForeignSolver` that has a `name`: in a file of this folder, in a module that a package
+announces as an entry point of the group "icpmodel", or in a script. It is found by that name everywhere.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import io
+import logging
 import pkgutil
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 from ..errors import InputError
 from ..numerics.arrays import as_list
+from ..numerics.plugins import load_plugins
 from .formulations import Target
+
+_REGISTRY: dict[str, type[ForeignSolver]] = {}
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """What an independent solver returns: its `z`, shape (n,) in the units of `target.problem`, or None; the `claim`,
-    its status in its own words; and whether that claims success. The claim is recorded and never believed.
+class Claim:
+    """What a foreign solver returns: it is recorded, and never believed.
 
-    >>> Answer(None, "infeasible", False).z is None
+    Parameters: `z`, shape (n,), in the units of `target.problem`, or None; `words`, its status in its own words;
+    `solved`, whether these claim success. `ask` adds the `seconds` that it took in all, and how many of them are
+    `setup`, None where that failed.
+
+    >>> icp.solvers.Claim(None, "infeasible", False).z is None
     True
     """
 
     z: Any
-    claim: str
-    claims_solved: bool
+    words: str
+    solved: bool
+    seconds: float = 0.0
+    setup: float | None = None
 
 
-class IndependentSolver(ABC):
-    """The contract. A subclass in a file of this folder that defines `name` is found by itself.
+class ForeignSolver(ABC):
+    """What another package, or other code, takes to solve a `Target`. Whoever asks it fixes tolerance and time limit.
 
-    `name` is unique and what users write; `forms` are the formulations it can take, best first, of "energy", "gap"
-    (convex QPs, see `formulations.py`) and "mpec"; `largest` the n beyond which it is not asked, or None, and
-    `too_large` what happens there. Importing the file must not import the foreign package.
+    A subclass has a unique `name`, which is what users write, and is made without arguments. It may have
 
-    >>> independent_solvers()["osqp"].forms
-    ('energy', 'gap')
+    - `package`, the module that it needs, which it imports in `set_up` at the earliest;
+    - `forms`, the formulations that it can take, best first, of "energy" and "gap" (convex QPs) and "mpec" (as it
+      stands; see `icpmodel.solvers.formulations`);
+    - `asked_by`, who asks it where no solvers are named, of "crosscheck", "race" and "benchmark";
+    - `tight`, the tolerances that a cross-check asks for, the next one where it does not claim success, and `ladder`,
+      those that a benchmark asks for until the answer is good enough; each solver takes them in its own sense;
+    - `largest`, the n beyond which it is not asked, or None, and `too_large`, what would happen there.
+
+    >>> class Guess(icp.solvers.ForeignSolver):
+    ...     name, asked_by = "guess", ()
+    ...     def set_up(self, target, tolerance, time_limit):
+    ...         return target.problem
+    ...     def run(self, model):
+    ...         return icp.solvers.Claim(np.zeros(model.n), "zero, what else", True)
+    >>> print(ICP([[2.0]], [-1.0]).crosscheck(solvers=["guess"]).rows[0].note)
+    claims 'zero, what else', but its residual is above 1e-07 Res(0)
     """
 
     name: ClassVar[str]
-    forms: ClassVar[tuple[str, ...]]
+    package: ClassVar[str | None] = None
+    forms: ClassVar[tuple[str, ...]] = ("energy", "gap")
+    asked_by: ClassVar[tuple[str, ...]] = ("crosscheck", "race", "benchmark")
+    tight: ClassVar[tuple[float, ...]] = (1e-10,)
+    ladder: ClassVar[tuple[float, ...]] = tuple(10.0**-k for k in range(3, 13))
     largest: ClassVar[int | None] = None
     too_large: ClassVar[str] = "it takes minutes"
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "name" in vars(cls):
+            _REGISTRY[cls.name] = cls
 
     def why_not(self, target: Target) -> str | None:
         """Why this solver cannot take `target`, in one sentence, or None where it can.
 
-        Override it to add reasons (not installed), and end with `super().why_not(target)`, which says why
-        none of `forms` applies.
-
-        >>> independent_solvers()["osqp"].why_not(Target(ICP([[-1.0]], [1.0])))
-        "A + A' is not positive semidefinite: its diagonal entry -2 in row 0 is negative"
+        An overriding method ends with `super().why_not(target)`.
         """
+        if self.package is not None and (reason := missing(self.package)):
+            return reason
         if self.largest is not None and target.problem.n > self.largest:
             return f"{self.too_large} beyond n = {self.largest}; this n is {target.problem.n}"
         reasons = {form: target.why_not(form) for form in self.forms}
@@ -61,70 +98,100 @@ class IndependentSolver(ABC):
         return None if None in reasons.values() else reasons.get("gap", reasons[self.forms[-1]])
 
     def form(self, target: Target) -> str:
-        """The first of `forms` that applies to `target`; call it only where `why_not` is None.
-
-        >>> independent_solvers()["osqp"].form(Target(ICP([[1.0]], [1.0])))
-        'energy'
-        """
+        """The first of `forms` that applies to `target`; call it only where `why_not` is None."""
         return next(form for form in self.forms if target.why_not(form) is None)
 
+    def pose(self, target: Target) -> Any:
+        """What `set_up` translates: the `QP` of its form, which a target makes once, or `target` where that is "mpec".
+
+        Who times a solver calls this first: it is no work of the solver's.
+        """
+        form = self.form(target)
+        return target if form == "mpec" else target.qp(form)
+
     @abstractmethod
-    def solve(self, target: Target, *, time_limit: float) -> Answer:
-        """Solve `target` from scratch, in the form `self.form(target)`, in at most about `time_limit` seconds.
+    def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
+        """The solver's own model of `target`, to be solved to `tolerance` > 0 within about `time_limit` seconds.
 
         Called only where `why_not` is None. May raise whatever the foreign package raises.
-
-        >>> independent_solvers()["osqp"].solve(Target(ICP([[2.0]], [-1.0], psi=1)), time_limit=10).claims_solved
-        True
         """
+
+    @abstractmethod
+    def run(self, model: Any) -> Claim:
+        """Solve the `model` that `set_up` made, from scratch. May raise whatever the foreign package raises."""
 
 
 def missing(module: str) -> str | None:
     """Why `module` cannot be imported, with the command that mends it, or None where it can."""
     try:
         importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        if error.name == module:
-            return f"{module} is not installed: pip install {module}"
-        return f"{module} cannot be imported: {error}"
     except ImportError as error:
+        if isinstance(error, ModuleNotFoundError) and error.name == module:
+            return f"{module} is not installed: pip install {module}"
         return f"{module} cannot be imported: {error}"
     return None
 
 
-def independent_solvers() -> dict[str, IndependentSolver]:
-    """Every independent solver of this folder by name, in the order of the files; foreign packages stay unloaded.
+def foreign_solvers() -> dict[str, ForeignSolver]:
+    """Every foreign solver by name, sorted: those of this package, of plug-ins, and those defined elsewhere by now.
 
-    >>> independent_solvers()["osqp"].name
-    'osqp'
+    No foreign package is imported.
+
+    >>> icp.solvers.foreign_solvers()["osqp"].forms
+    ('energy', 'gap')
     """
-    found: dict[str, IndependentSolver] = {}
-    for info in sorted(pkgutil.iter_modules([str(Path(__file__).parent)]), key=lambda info: info.name):
-        module = importlib.import_module(f"{__package__}.{info.name}")
-        for value in vars(module).values():
-            if isinstance(value, type) and issubclass(value, IndependentSolver) and "name" in vars(value):
-                found[value.name] = value()
-    return found
+    for info in pkgutil.iter_modules([str(Path(__file__).parent)]):
+        importlib.import_module(f"{__package__}.{info.name}")
+    load_plugins()
+    return {name: _REGISTRY[name]() for name in sorted(_REGISTRY)}
 
 
-def chosen_solvers(solvers: Iterable[str | IndependentSolver] | None) -> list[IndependentSolver]:
-    """The solvers that names or own objects stand for, None for all; each once.
+def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | None = None) -> list[ForeignSolver]:
+    """The solvers that are meant, each once.
 
-    Raises InputError for an unknown name.
+    Parameters: `solvers` names, or objects of one's own; None for all that `asker`, "crosscheck", "race" or
+    "benchmark", asks of itself. Raises InputError for an unknown name, with the known ones.
 
-    >>> [solver.name for solver in chosen_solvers(["osqp", "osqp"])]
+    >>> [solver.name for solver in icp.solvers.chosen_solvers(["osqp", "osqp"])]
     ['osqp']
     """
-    known = independent_solvers()
+    known = foreign_solvers()
     if solvers is None:
-        return list(known.values())
-    chosen: dict[str, IndependentSolver] = {}
-    for solver in [solvers] if isinstance(solvers, str | IndependentSolver) else as_list(solvers, "solvers"):
+        return [solver for solver in known.values() if asker is None or asker in solver.asked_by]
+    chosen: dict[str, ForeignSolver] = {}
+    for solver in [solvers] if isinstance(solvers, str | ForeignSolver) else as_list(solvers, "solvers"):
         if isinstance(solver, str):
             if solver not in known:
-                raise InputError(f"solvers has {solver!r}; one of {', '.join(known)} was expected")
+                raise InputError(f"solvers has {solver!r}; one of {', '.join(map(repr, known))} was expected")
             solver = known[solver]
-        elif not isinstance(solver, IndependentSolver):
-            raise InputError(f"solvers has a {type(solver).__name__}; names or IndependentSolver objects were expected")
+        elif not isinstance(solver, ForeignSolver):
+            raise InputError(f"solvers has a {type(solver).__name__}; names or ForeignSolver objects were expected")
         chosen[solver.name] = solver  # named twice, asked once
     return list(chosen.values())
+
+
+def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: float) -> Claim:
+    """What `solver` claims of `target`, silently; what it raises becomes its words.
+
+    Parameters: a `target` of which `solver.why_not` is None; `tolerance` > 0; `time_limit` in seconds.
+    Returns a `Claim` with the seconds that `set_up` and `run` took.
+
+    >>> solver = icp.solvers.foreign_solvers()["osqp"]
+    >>> icp.solvers.ask(solver, icp.solvers.Target(ICP([[2.0]], [-1.0])), 1e-9, 10.0).z.round(6)
+    array([0.5])
+    """
+    begin, setup, quiet = time.perf_counter(), None, logging.root.manager.disable
+    try:
+        # foreign chatter must not reach the user: OSQP prints about polishing whatever one asks, Pyomo logs failures
+        logging.disable(logging.CRITICAL)
+        with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
+            solver.pose(target)
+            begin = time.perf_counter()
+            model = solver.set_up(target, tolerance, time_limit)
+            setup = time.perf_counter() - begin
+            claim = solver.run(model)
+    except Exception as error:  # whatever a foreign package may raise; KeyboardInterrupt is none of these
+        claim = Claim(None, f"{type(error).__name__}: {error}", False)
+    finally:
+        logging.disable(quiet)
+    return replace(claim, seconds=time.perf_counter() - begin, setup=setup)

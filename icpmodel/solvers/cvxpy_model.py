@@ -8,7 +8,6 @@ import numpy as np
 
 from ..errors import InputError, NotApplicable
 from ..numerics.arrays import described
-from ..problem.affine import Affine, Constant
 from ..problem.data import ProblemData
 from .formulations import Target
 
@@ -23,41 +22,46 @@ def to_cvxpy(problem: ProblemData, formulation: str = "qp") -> Any:
     ones, for an A of any kind; the certificate at z = 0 bounds |z*|, from which p̄ and r̄ follow. Rows without an
     obstacle have p_i = 0 in both.
 
-    Parameters: `problem` with constant or affine ψ (else take `problem.frozen(z)`); `formulation`. Raises InputError
-    for an unknown one, and NotApplicable where the problem has no such form, with the reason.
+    Parameters: `problem` with constant or affine ψ (else take `problem.frozen(z)`); `formulation`.
+    Returns a `cvxpy.Problem`. Raises InputError for an unknown formulation, and NotApplicable where the problem has no
+    such form, with the reason.
     Reference: see `icpmodel.solvers.formulations`.
+
+    >>> float(ICP([[2.0]], [-1.0]).to_cvxpy("mip").solve(solver="HIGHS"))
+    0.0
     """
     if formulation not in _FORMULATIONS:
         raise InputError(
             f"formulation is {described(formulation)}; {' or '.join(map(repr, _FORMULATIONS))} was expected"
         )
-    if not isinstance(problem.psi, Constant | Affine):
+    if problem.psi.linear is None:
         raise NotApplicable(
             f"to_cvxpy needs a psi that is constant or affine, not {problem.psi!r}: "
             "freeze its obstacle at an answer with problem.frozen(z)"
         )
     target = Target(problem)
-    return _qp(target) if formulation == "qp" else _mip(target)
-
-
-def _qp(target: Target) -> Any:
-    import cvxpy as cp
-
-    forms = ("energy", "gap")
-    form = next((form for form in forms if target.why_not(form) is None), None)
+    if formulation == "mip":
+        return _mip(target)
+    form = next((form for form in ("energy", "gap") if target.why_not(form) is None), None)
     if form is None:
         reason = target.why_not("gap")
         raise NotApplicable(f"no convex QP: {reason}; the formulation 'mip' needs no convexity")
+    return qp_model(target, form)
+
+
+def qp_model(target: Target, form: str) -> Any:
+    """`target` as "energy" or "gap", in the variable z; call it only where `target.why_not(form)` is None."""
+    import cvxpy as cp
+
     qp, z = target.qp(form), cp.Variable(target.problem.n, name="z")
     p, r = _p_and_r(target, z)
-    # definiteness was decided above, so that CVXPY need not
+    # definiteness was decided before, so that CVXPY need not
     value = 0.5 * cp.quad_form(z, cp.psd_wrap(qp.P)) + qp.q @ z
     if form == "energy":
         return cp.Problem(cp.Minimize(value), _not_empty([r >= 0]))
     c = np.where(target.free, 0.0, target.c)
-    return cp.Problem(
-        cp.Minimize(value - target.problem.q @ c), _not_empty([p[~target.free] >= 0, p[target.free] == 0, r >= 0])
-    )
+    rows = [p[~target.free] >= 0, p[target.free] == 0, r >= 0]
+    return cp.Problem(cp.Minimize(value - target.problem.q @ c), _not_empty(rows))
 
 
 def _mip(target: Target) -> Any:
@@ -70,14 +74,8 @@ def _mip(target: Target) -> Any:
     z = cp.Variable(target.problem.n, bounds=[-z_max, z_max], name="z")
     b = cp.Variable(int(held.sum()), boolean=True, name="b")
     p, r = _p_and_r(target, z)
-    rows = [
-        p[held] >= 0,
-        p[held] <= cp.multiply(p_max[held], b),
-        r >= 0,
-        r <= cp.multiply(r_max[held], 1 - b),
-        p[~held] == 0,
-    ]
-    return cp.Problem(cp.Minimize(0), _not_empty(rows))
+    at_most = [p[held] <= cp.multiply(p_max[held], b), r <= cp.multiply(r_max[held], 1 - b)]
+    return cp.Problem(cp.Minimize(0), _not_empty([p[held] >= 0, r >= 0, p[~held] == 0, *at_most]))
 
 
 def _p_and_r(target: Target, z: Any) -> tuple[Any, Any]:

@@ -1,4 +1,4 @@
-"""What the independent solvers are given: the problem in handy units, as a convex QP or as it stands.
+"""What foreign solvers are given: the problem in handy units, as a convex QP or as it stands.
 
 With p = Az + q, r = z − Gz − c (G = 0 for a constant ψ) and i "free" where c_i = −∞ (no obstacle: p_i = 0):
 
@@ -16,18 +16,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..errors import MapError
 from ..numerics.arrays import Vector
+from ..numerics.equilibration import in_units
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..problem.affine import Affine, Constant
 from ..problem.data import ProblemData
-from ..problem.function import Function
-from ..problem.map import Map
 from ..theory.certificates.bounds import ErrorBound, error_bound
 from ..theory.matrices.classes import MatrixClasses, classify
 
@@ -36,7 +33,9 @@ from ..theory.matrices.classes import MatrixClasses, classify
 class QP:
     """min ½yᵀPy + qᵀy subject to lower ≤ Ky ≤ upper: `P` symmetric (n, n), `K` (m, n), both CSC; ±inf allowed.
 
-    >>> Target(ICP([[2.0]], [-1.0])).qp("energy").P.toarray()
+    Each row is an equation, lower = upper, or has a lower bound only.
+
+    >>> icp.solvers.Target(ICP([[2.0]], [-1.0])).qp("energy").P.toarray()
     array([[2.]])
     """
 
@@ -46,15 +45,23 @@ class QP:
     lower: Vector
     upper: Vector
 
+    def conic(self) -> tuple[sp.csc_matrix, Vector, int]:
+        """(M, b, e) of My + s = b with s = 0 in the first e rows, the equations, and s ≥ 0 in the others."""
+        equal = self.lower == self.upper
+        if not equal.any():
+            return sp.csc_matrix(-self.K), -self.lower, 0
+        order = np.argsort(~equal, kind="stable")
+        return sp.csc_matrix(-self.K.tocsr()[order]), -self.lower[order], int(equal.sum())
+
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """One problem for the independent solvers, with what they all need to know of it computed once.
+    """One problem for foreign solvers, with what they all need to know of it computed once.
 
-    `problem` the ICP to be solved, ψ constant or affine, in handy units (see `in_handy_units`); `frozen` whether its
-    obstacle was frozen at the answer under test.
+    Parameters: `problem` the ICP to be solved, ψ constant or affine, in units that suit absolute tolerances; `frozen`
+    whether its obstacle was frozen at the answer under test.
 
-    >>> target = Target(ICP([[2.0, 1.0], [0.0, 2.0]], [-1.0, 0.0]))
+    >>> target = icp.solvers.Target(ICP([[2.0, 1.0], [0.0, 2.0]], [-1.0, 0.0]))
     >>> target.why_not("energy"), target.why_not("gap")
     ('A is not symmetric', None)
     """
@@ -64,52 +71,31 @@ class Target:
 
     @cached_property
     def c(self) -> Vector:
-        """c of ψ(z) = Gz + c, shape (n,); −inf in free rows.
-
-        >>> Target(ICP([[2.0]], [-1.0], psi=3)).c
-        array([3.])
-        """
-        assert isinstance(self.problem.psi, Constant | Affine)
-        return self.problem.psi.c
+        """c of ψ(z) = Gz + c, shape (n,); −inf in free rows."""
+        assert self.problem.psi.linear is not None
+        return self.problem.psi.linear[1]
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Where there is no obstacle, so that p_i = 0 must hold: shape (n,), bool.
-
-        >>> Target(ICP([[2.0]], [-1.0], psi=[-np.inf])).free
-        array([ True])
-        """
+        """Where there is no obstacle, so that p_i = 0 must hold: shape (n,), bool."""
         return np.isneginf(self.c)
 
     @cached_property
     def I_minus_G(self) -> sp.csr_array:
-        """I − G, its free rows those of I, shape (n, n): p_i = 0 there, so any r_i gives the same pᵀr.
-
-        >>> Target(ICP([[2.0]], [-1.0])).I_minus_G.toarray()
-        array([[1.]])
-        """
-        n = self.problem.n
-        if isinstance(self.problem.psi, Affine):
-            return sp.csr_array(sp.eye_array(n) - sp.diags_array(np.where(self.free, 0.0, 1.0)) @ self.problem.psi.G)
-        return sp.csr_array(sp.eye_array(n))
+        """I − G, its free rows those of I, shape (n, n): p_i = 0 there, so any r_i gives the same pᵀr."""
+        assert self.problem.psi.linear is not None
+        G = self.problem.psi.linear[0]
+        return sp.csr_array(sp.eye_array(self.problem.n) - sp.diags_array(np.where(self.free, 0.0, 1.0)) @ G)
 
     @cached_property
     def curvature(self) -> sp.csr_array:
-        """S = Aᵀ(I − G) + (I − G)ᵀA, the Hessian of pᵀr, shape (n, n).
-
-        >>> Target(ICP([[2.0]], [-1.0])).curvature.toarray()
-        array([[4.]])
-        """
+        """S = Aᵀ(I − G) + (I − G)ᵀA, the Hessian of pᵀr, shape (n, n); 2A where A is symmetric and ψ constant."""
         half = self.problem.A.T @ self.I_minus_G
         return sp.csr_array(half + half.T)
 
     @cached_property
     def convexity(self) -> MatrixClasses:
-        """Whether S is positive (semi)definite; S = 2A where A is symmetric and ψ constant.
-
-        >>> Target(ICP([[2.0]], [-1.0])).convexity.definite.holds
-        True
-        """
+        """Whether S is positive (semi)definite."""
         return classify(self.curvature)
 
     @cached_property
@@ -117,9 +103,6 @@ class Target:
         """δ with |z*| ≤ δ from the certificate at z = 0, thus independent of the answer under test.
 
         Not sharpened: that would hand |z*| itself to a solver that is asked for it.
-
-        >>> Target(ICP([[2.0]], [-1.0])).at_zero.value >= 0.5
-        True
         """
         return error_bound(self.problem, np.zeros(self.problem.n), sharp=False)
 
@@ -128,9 +111,6 @@ class Target:
         """z̄, p̄ and r̄, each of shape (n,), with |z*| ≤ z̄, p* ≤ p̄ and r* ≤ r̄ (∞ in free rows); None without `at_zero`.
 
         δ of `at_zero`, |q| + |A|δ and |I − G|δ + |c|, each a little larger, as these sums round.
-
-        >>> Target(ICP([[2.0]], [-1.0])).bounds[1].round(6)
-        array([2.])
         """
         if self.at_zero.componentwise is None:
             return None
@@ -144,51 +124,44 @@ class Target:
         """Whether at most one solution is proved to exist: by the certificate, or because S is positive definite.
 
         For two solutions (p − p′)ᵀ(r − r′) = −pᵀr′ − p′ᵀr ≤ 0, and it equals ½(z − z′)ᵀS(z − z′).
-
-        >>> Target(ICP([[1.0, 2.0], [2.0, 1.0]], [-1.0, -1.0])).unique
-        False
         """
         return self.at_zero.unique or self.convexity.definite.holds is True
 
     def why_not(self, form: str) -> str | None:
-        """Why `form` ("energy", "gap" or "mpec") does not apply, in one sentence; None where it does.
-
-        >>> Target(ICP([[1.0, 2.0], [2.0, 1.0]], [-1.0, -1.0])).why_not("gap")[:40]
-        "A + A' is not positive semidefinite: ind"
-        """
+        """Why `form` ("energy", "gap" or "mpec") does not apply, in one sentence; None where it does."""
         if form == "mpec":
             return None
-        constant = isinstance(self.problem.psi, Constant)
-        matrix = "A + A'" if constant else "A'(I - G) + (I - G)'A"
-        if form == "energy":
-            if not constant:
-                return "psi is not constant"
-            if not _is_symmetric(self.problem.A):
-                return "A is not symmetric"
+        constant = self.problem.psi.is_constant
+        if form == "energy" and not constant:
+            return "psi is not constant"
+        if form == "energy" and not _is_symmetric(self.problem.A):
+            return "A is not symmetric"
         # rounding does not make a QP nonconvex for a solver
         convex = self.convexity.semidefinite_up_to_rounding
         if convex.holds:
             return None
+        matrix = "A + A'" if constant else "A'(I - G) + (I - G)'A"
         failed = "is not" if convex.holds is False else "could not be shown to be"
         return f"{matrix} {failed} positive semidefinite: {convex.reason}"
 
     def qp(self, form: str) -> QP:
-        """The problem as "energy" or "gap"; call it only where `why_not` is None.
+        """The problem as "energy" or "gap", made once; call it only where `why_not` is None."""
+        return self._energy if form == "energy" else self._gap
 
-        >>> Target(ICP([[2.0]], [-1.0])).qp("gap").K.toarray().ravel()
-        array([2., 1.])
-        """
+    @cached_property
+    def _energy(self) -> QP:
+        held = ~self.free
+        lower = self.c[held]
+        K = sp.csc_array(self.I_minus_G[held])
+        return QP(sp.csc_array(self.curvature / 2), self.problem.q, K, lower, np.full(lower.size, np.inf))
+
+    @cached_property
+    def _gap(self) -> QP:
         A, q, held = self.problem.A, self.problem.q, ~self.free
-        r_rows, r_lower = self.I_minus_G[held], self.c[held]
-        r_upper = np.full(r_lower.size, np.inf)
-        if form == "energy":
-            return QP(sp.csc_array(self.curvature / 2), q, sp.csc_array(r_rows), r_lower, r_upper)
         linear = self.I_minus_G.T @ q - A.T @ np.where(self.free, 0.0, self.c)
-        K = sp.csc_array(sp.vstack([A, r_rows]))
-        p_upper = np.where(self.free, -q, np.inf)
-        return QP(
-            sp.csc_array(self.curvature), linear, K, np.concatenate([-q, r_lower]), np.concatenate([p_upper, r_upper])
-        )
+        K = sp.csc_array(sp.vstack([A, self.I_minus_G[held]]))
+        upper = np.append(np.where(self.free, -q, np.inf), np.full(held.sum(), np.inf))
+        return QP(sp.csc_array(self.curvature), linear, K, np.append(-q, self.c[held]), upper)
 
 
 def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
@@ -196,23 +169,20 @@ def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
 
     A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of solvers mean something
     for a problem in any units. The size of z is taken from q_i/a_ii and from the positive obstacles at z = 0, never
-    from an answer. Returns (problem in y, 2ᵏ).
+    from an answer. Returns (problem in y, 2ᵏ); the problem as it is, and 1, where something would overflow.
     """
     diagonal = np.abs(problem.A.diagonal())
     size_A = _typical(diagonal) or _typical(np.abs(problem.A.data)) or 1.0
-    with np.errstate(over="ignore"):
-        sizes = (
-            _typical(np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A)),
-            _typical(_at_zero(problem.psi, problem.n)),
-        )
-    i, k = math.frexp(size_A)[1], math.frexp(max(sizes) or 1.0)[1]
     with np.errstate(over="ignore", under="ignore"):
-        data, q = np.ldexp(problem.A.data, -i), np.ldexp(problem.q, -i - k)
-        finite = np.isfinite(data).all() and np.isfinite(q).all()
-    if not finite or not 0.0 < math.ldexp(1.0, k) < math.inf:
+        size_z = max(
+            _typical(np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A)), _typical(_psi_at_zero(problem))
+        )
+        i, k = math.frexp(size_A)[1], math.frexp(size_z or 1.0)[1]
+        A = in_units(problem.A, np.full(problem.n, -i), np.zeros(problem.n, dtype=int))
+        q, unit = np.ldexp(problem.q, -i - k), float(np.ldexp(1.0, k))
+    if not (np.isfinite(A.data).all() and np.isfinite(q).all() and 0.0 < unit < math.inf):
         return problem, 1.0
-    A = sp.csr_array((data, problem.A.indices, problem.A.indptr), shape=problem.A.shape)
-    return ProblemData(A, q, _in_units(problem.psi, math.ldexp(1.0, k))), math.ldexp(1.0, k)
+    return ProblemData(A, q, problem.psi.in_units(unit)), unit
 
 
 def targets(problem: ProblemData, y: Vector) -> list[Target]:
@@ -221,8 +191,8 @@ def targets(problem: ProblemData, y: Vector) -> list[Target]:
     Parameters: `problem` in handy units; `y` the answer under test in them, shape (n,). The frozen problem is missing
     where ψ(y) is not a finite obstacle.
     """
-    found = [Target(problem)] if isinstance(problem.psi, Constant | Affine) else []
-    if not isinstance(problem.psi, Constant) and np.isfinite(y).all():
+    found = [Target(problem)] if problem.psi.linear is not None else []
+    if not problem.psi.is_constant and np.isfinite(y).all():
         c = problem.psi.value(y)
         if (np.isfinite(c) | np.isneginf(c)).all():
             found.append(Target(problem.with_psi(c), frozen=True))
@@ -232,7 +202,7 @@ def targets(problem: ProblemData, y: Vector) -> list[Target]:
 def _is_symmetric(A: sp.csr_array) -> bool:
     """A = Aᵀ up to one rounding of its entries."""
     difference = abs(A - A.T)
-    return bool(difference.nnz == 0 or difference.max() <= 4 * UNIT_ROUNDOFF * np.abs(A.data).max())
+    return bool(difference.max() <= 4 * UNIT_ROUNDOFF * np.abs(A.data).max())
 
 
 def _typical(sizes: Vector) -> float:
@@ -241,17 +211,9 @@ def _typical(sizes: Vector) -> float:
     return float(np.quantile(positive, 0.5, method="lower")) if positive.size else 0.0
 
 
-def _at_zero(psi: Map, n: int) -> Vector:
+def _psi_at_zero(problem: ProblemData) -> Vector:
     """ψ(0), or nothing where ψ fails there; it only helps to choose a unit."""
     try:
-        return psi.value(np.zeros(n))
+        return problem.psi.value(np.zeros(problem.n))
     except MapError:
         return np.zeros(0)
-
-
-def _in_units(psi: Map, unit: float) -> Any:
-    if isinstance(psi, Constant):
-        return psi.c / unit
-    if isinstance(psi, Affine):
-        return Affine(psi.G, psi.c / unit)
-    return Function(lambda y: psi.value(y * unit) / unit, lipschitz=psi.lipschitz)

@@ -10,13 +10,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import NotApplicable
-from ..problem.affine import Affine, Constant
 from ..problem.data import ProblemData
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from ..problem.map import Map
 from ..problem.user_code import is_compiled
-from .pyomo import affine_row
 
 #: NumPy's functions of one argument that Pyomo has too, with Pyomo's name
 _FUNCTIONS = {
@@ -49,32 +47,40 @@ def to_pyomo(problem: ProblemData) -> Any:
     Returns a `pyomo.environ.ConcreteModel`. Raises NotApplicable for another ψ.
     """
     import pyomo.environ as pyo
-    from pyomo.mpec import Complementarity, complements
 
     model = pyo.ConcreteModel()
     model.z = pyo.Var(range(problem.n))
     obstacle, q = _obstacle(problem.psi, model.z), problem.q.tolist()
     free = [isinstance(one, float) and one == -np.inf for one in obstacle]
-    held = [i for i in range(problem.n) if not free[i]]
-
-    def p(i: int) -> Any:
-        return affine_row(problem.A, model.z, i) + q[i]
-
-    model.complementarity = Complementarity(
-        held, rule=lambda _, i: complements(p(i) >= 0, model.z[i] - obstacle[i] >= 0)
-    )
-    model.equation = pyo.Constraint([i for i in range(problem.n) if free[i]], rule=lambda _, i: p(i) == 0)
-    model.objective = pyo.Objective(expr=0.0)
+    add_conditions(model, free, lambda i: affine_row(problem.A, model.z, i) + q[i], lambda i: model.z[i] - obstacle[i])
     return model
+
+
+def add_conditions(model: Any, free: list[bool], p: Callable[[int], Any], r: Callable[[int], Any]) -> None:
+    """Give `model` the conditions p_i ≥ 0 ⟂ r_i ≥ 0, p_i = 0 in the `free` rows, and an objective that is constant."""
+    import pyomo.environ as pyo
+    from pyomo.mpec import Complementarity, complements
+
+    rows = range(len(free))
+    model.complementarity = Complementarity(
+        [i for i in rows if not free[i]], rule=lambda _, i: complements(p(i) >= 0, r(i) >= 0)
+    )
+    model.equation = pyo.Constraint([i for i in rows if free[i]], rule=lambda _, i: p(i) == 0)
+    model.objective = pyo.Objective(expr=0.0)
+
+
+def affine_row(matrix: Any, z: Any, i: int) -> Any:
+    """(Mz)_i as a Pyomo expression: `matrix` M CSR, shape (n, n), `z` Pyomo variables by number."""
+    entries = slice(matrix.indptr[i], matrix.indptr[i + 1])
+    pairs = zip(matrix.data[entries].tolist(), matrix.indices[entries].tolist(), strict=True)
+    return sum(value * z[j] for value, j in pairs)
 
 
 def _obstacle(psi: Map, z: Any) -> list[Any]:
     """ψ_i(z) as Pyomo expressions of the variables `z`; numbers where they do not move, −inf in rows without."""
     variables = list(z.values())
-    if isinstance(psi, Constant):
-        return list(psi.c.tolist())
-    if isinstance(psi, Affine):
-        return _moved(psi.G, psi.c, z)
+    if psi.linear is not None:
+        return _moved(*psi.linear, z)
     if isinstance(psi, Function) and isinstance(psi.fun, Written):
         found = _moved(psi.fun.G, psi.fun.c, z)
         for i, bend in psi.fun.expressions(variables).items():

@@ -3,7 +3,7 @@
 from .charts.solution_chart import solution_figure
 from .html_report import html_report
 from .planes import Axis, Plane
-from .racing import Race, race
+from .race import Race, race
 from .sensitivity import Sensitivity, sensitivity
 from .stability_map import StabilityMap, stability
 

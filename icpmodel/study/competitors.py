@@ -1,127 +1,39 @@
-"""Who takes part in a comparison, and one run of one of them; the one judge of all is the residual of the problem."""
+"""Who takes part in a comparison, and one run of one of them, on the clock."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import json
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..algebra.relaxation import best_omega
-from ..errors import IcpError, InputError
+from ..errors import IcpError
 from ..icp import ICP
 from ..methods.aor import overrelaxed
 from ..methods.contract import Method, named
 from ..methods.contract import names as method_names
-from ..numerics.arrays import Vector, as_list, as_number
+from ..numerics.arrays import Vector
 from ..numerics.factorisation import factorise
 from ..numerics.lanczos import jacobi_radius
 from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..problem.affine import Affine, Constant
-from ..scenes import Scene, names, parameters, scene
 from ..solve.driver import RTOL
-from ..solvers.formulations import Target, in_handy_units
-from ..solvers.peers import PEERS, Peer, Timed
-
-#: scenes with other parameters, which make them harder or of another kind
-VARIANTS = (
-    "membrane,mu=4",
-    "membrane,skew=0.5",
-    "bai-symmetric,mu=0",
-    "bai-nonsymmetric,mu=0",
-    "manufactured-affine,mu=0",
-    "manufactured-elementwise,mu=0",
-)
-
-
-def gallery() -> tuple[str, ...]:
-    """Every scene, and `VARIANTS`."""
-    return tuple(sorted([*names(), *VARIANTS]))
-
-
-def built(text: str, n: int | None) -> Scene:
-    """The scene that `text`, NAME or NAME,PARAMETER=NUMBER,…, stands for, with about `n` unknowns if it has a choice.
-
-    Raises InputError.
-    """
-    name, *pairs = text.split(",")
-    given: dict[str, Any] = {}
-    for pair in pairs:
-        key, _, value = pair.partition("=")
-        try:
-            given[key] = json.loads(value)
-        except ValueError:
-            raise InputError(f"{text!r} is not of the form NAME,PARAMETER=NUMBER") from None
-    return scene(name, n if "n" in parameters(name) else None, **given)
-
-
-def as_scenes(texts: Any) -> tuple[str, ...]:
-    """The `texts` that `built` understands, found out before anything is measured. Raises InputError."""
-    listed = tuple(as_list(texts, "scenes"))
-    for text in listed:
-        built(text, None)
-    return listed
-
-
-def as_sizes(sizes: Any) -> tuple[int, ...]:
-    """Wanted numbers of unknowns. Raises InputError."""
-    return tuple(int(as_number(n, "sizes", least=1, whole=True)) for n in as_list(sizes, "sizes"))
-
-
-#: a competitor that is so many times as slow as the best single method makes solve() look bad
-WORST = 1.5
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """One problem of a comparison: its `scene`'s text, and the `problem`."""
-
-    scene: str
-    problem: ICP
-
-    @cached_property
-    def scale(self) -> float:
-        """Res(0), by which residuals are divided. Raises InputError where z = 0 is a solution."""
-        scale = self.problem.residual_at_0()
-        if not 0 < scale < np.inf:
-            raise InputError(f"{self.scene}: Res(0) = {scale:g}, there is nothing to measure")
-        return scale
-
-    @cached_property
-    def posed(self) -> tuple[Target, float] | None:
-        """The problem as peers get it, and the unit of its z; None where ψ is not constant or affine."""
-        if not isinstance(self.problem.psi, Constant | Affine):
-            return None
-        problem, unit = in_handy_units(self.problem)
-        return Target(problem), unit
-
-    def fresh(self) -> ICP:
-        """The problem, nothing of which is remembered."""
-        return ICP(self.problem.A, self.problem.q, self.problem.psi)
-
-    def judged(self, z: Any) -> float | None:
-        """Res(z)/Res(0), None where z is no finite vector of shape (n,)."""
-        try:
-            ratio = self.problem.residual(np.asarray(z, dtype=np.float64)) / self.scale
-        except (IcpError, TypeError, ValueError):
-            return None
-        return ratio if np.isfinite(ratio) else None
+from ..solvers.contract import Claim, ForeignSolver, ask, chosen_solvers
+from .cases import Case, fresh, unbroken
 
 
 class Competitor(ABC):
-    """One that takes part: `name`; `kind` "solve", "own", "peer" or "limit"; `ladder`, the tolerances to try in turn."""
+    """One that takes part: `name`; `kind` "solve", "own", "peer" or "limit"; `ladder`, tolerances to try in turn."""
 
     kind: ClassVar[str]
+    #: what it may raise, which is then what it says
+    raises: ClassVar[tuple[type[Exception], ...]] = (IcpError, MemoryError)
     name: str
-    ladder: tuple[float, ...]
+    ladder: tuple[float, ...] = (RTOL,)
 
     def why_not(self, case: Case) -> str | None:
         """Why it cannot take `case`, or None."""
@@ -130,41 +42,48 @@ class Competitor(ABC):
     def build(self, case: Case) -> float:
         """Seconds to make what it is given, outside of the time of `run`: the ICP, and for a peer the QP from it."""
         begin = time.perf_counter()
-        case.fresh()
+        fresh(case.problem)
         return time.perf_counter() - begin
 
+    def run(self, case: Case, tolerance: float, time_limit: float) -> Claim:
+        """Solve `case` from scratch; call it only where `why_not` is None."""
+        begin = time.perf_counter()
+        try:
+            return self.attempt(case, tolerance, time_limit)
+        except self.raises as error:
+            return Claim(None, f"{type(error).__name__}: {error}", False, time.perf_counter() - begin)
+
     @abstractmethod
-    def run(self, case: Case, tolerance: float, time_limit: float) -> Timed:
-        """Solve `case` from scratch; call it only where `why_not` is None. What goes wrong becomes the claim."""
+    def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
+        """The same; what it raises becomes the claim."""
 
 
 class Own(Competitor):
-    """A method of this package, or `solve` itself. Parameters: `name`; `make` gives the method for a problem."""
+    """A method of this package. Parameters: `name`, and the `method`."""
 
     kind: ClassVar[str] = "own"
-    ladder = (RTOL,)
 
-    def __init__(self, name: str, make: Callable[[ICP], Method | None]) -> None:
-        self.name, self.make = name, make
+    def __init__(self, name: str, method: Method | None) -> None:
+        self.name, self._method = name, method
+
+    def method(self, problem: ICP) -> Method | None:
+        """The method for `problem`."""
+        return self._method
 
     def why_not(self, case: Case) -> str | None:
-        if not (case.problem.A.diagonal() > 0).all() and "tuned" in self.name:
-            return "A has no positive diagonal"
-        method = self.make(case.fresh())
+        method = self.method(fresh(case.problem))
         return None if method is None else method.why_not(case.problem)
 
-    def run(self, case: Case, tolerance: float, time_limit: float) -> Timed:
-        problem = case.fresh()
+    def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
+        problem = fresh(case.problem)
         begin = time.perf_counter()
-        method = self.make(problem)
+        method = self.method(problem)
         between = time.perf_counter()
-        try:
-            solution = problem.solve(method, rtol=tolerance, time_limit=time_limit, raise_on_failure=False)
-        except (IcpError, MemoryError) as error:
-            return Timed(None, f"{type(error).__name__}: {error}", False, time.perf_counter() - begin, None)
+        solution = unbroken(problem.solve(method, rtol=tolerance, time_limit=time_limit, raise_on_failure=False))
         seconds = time.perf_counter() - begin
-        claim = solution.status.value if method is not None else f"{solution.status.value} by {solution.method.name}"
-        return Timed(solution.z, claim, solution.solved, seconds, between - begin if "tuned" in self.name else None)
+        words = solution.status.value + ("" if method is not None else f" by {solution.method.name}")
+        setup = between - begin if isinstance(self, Tuned) else None
+        return Claim(solution.z, words, solution.solved, seconds, setup)
 
 
 class Solve(Own):
@@ -173,42 +92,51 @@ class Solve(Own):
     kind: ClassVar[str] = "solve"
 
     def __init__(self) -> None:
-        super().__init__("solve()", lambda problem: None)
+        super().__init__("solve()", None)
+
+
+class Tuned(Own):
+    """A method `make`(problem, ω) with the ω of the estimated Jacobi radius, which is part of its time."""
+
+    def __init__(self, name: str, make: Callable[[ICP, float], Method]) -> None:
+        super().__init__(name, None)
+        self.make = make
+
+    def method(self, problem: ICP) -> Method:
+        return self.make(problem, best_omega(jacobi_radius(problem.A)))
+
+    def why_not(self, case: Case) -> str | None:
+        if not case.problem.matrix.has_positive_diagonal:
+            return "A has no positive diagonal"
+        return super().why_not(case)
 
 
 class Foreign(Competitor):
-    """A peer of `peers.py`. Parameters: `peer`, a class that is called with a tolerance."""
+    """A foreign `solver`. Its QP is made before the clock starts, turning that into its own format is its own time."""
 
     kind: ClassVar[str] = "peer"
+    raises: ClassVar[tuple[type[Exception], ...]] = (TypeError, ValueError)  # what it calls a vector may be none
 
-    def __init__(self, peer: Any) -> None:
-        self.name, self.peer, self.ladder = peer.name, peer, peer.ladder
+    def __init__(self, solver: ForeignSolver) -> None:
+        self.name, self.solver, self.ladder = solver.name, solver, solver.ladder
 
     def why_not(self, case: Case) -> str | None:
         if case.posed is None:
             return "psi is neither constant nor affine: no QP"
-        reason: str | None = self.peer().why_not(case.posed[0])
-        return reason
+        return self.solver.why_not(case.posed[0])
 
     def build(self, case: Case) -> float:
         begin = time.perf_counter()
-        posed = Case(case.scene, case.fresh()).posed
-        if posed is not None and isinstance(peer := self.peer(), Peer):
-            posed[0].qp(peer.form(posed[0]))
+        posed = Case(case.scene, fresh(case.problem)).posed
+        if posed is not None:
+            self.solver.pose(posed[0])
         return time.perf_counter() - begin
 
-    def run(self, case: Case, tolerance: float, time_limit: float) -> Timed:
+    def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         assert case.posed is not None
         target, unit = case.posed
-        begin = time.perf_counter()
-        try:
-            # OSQP prints about polishing whatever one asks
-            with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
-                answer: Timed = self.peer(tolerance).solve(target, time_limit=time_limit)
-                z = None if answer.z is None else np.asarray(answer.z, dtype=np.float64) * unit
-        except Exception as error:  # whatever a foreign package may raise, or call a vector
-            return Timed(None, f"{type(error).__name__}: {error}", False, time.perf_counter() - begin, None)
-        return Timed(z, answer.claim, answer.claims_solved, answer.seconds, answer.setup)
+        claim = ask(self.solver, target, tolerance, time_limit)
+        return claim if claim.z is None else replace(claim, z=np.asarray(claim.z, dtype=np.float64) * unit)
 
 
 class Limit(Competitor):
@@ -218,38 +146,30 @@ class Limit(Competitor):
     """
 
     kind: ClassVar[str] = "limit"
-    ladder = (RTOL,)
+    raises: ClassVar[tuple[type[Exception], ...]] = (MemoryError, ValueError, RuntimeError, AttributeError)
 
     def __init__(self, name: str, solve: Callable[[Any, Vector], Vector]) -> None:
         self.name, self.solve = name, solve
 
-    def run(self, case: Case, tolerance: float, time_limit: float) -> Timed:
-        """See `Competitor.run`; there is no z."""
+    def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         A, b = case.problem.A, np.ones(case.problem.n)
         begin = time.perf_counter()
-        try:
-            x = self.solve(A, b)
-        except (MemoryError, ValueError, RuntimeError, AttributeError, np.linalg.LinAlgError) as error:
-            return Timed(None, f"{type(error).__name__}: {error}", False, time.perf_counter() - begin, None)
+        x = self.solve(A, b)
         seconds = time.perf_counter() - begin
         floor = 16 * UNIT_ROUNDOFF * np.linalg.norm(case.problem.matrix.absolute @ np.abs(x))
         solved = bool(np.linalg.norm(A @ x - b) <= max(2 * tolerance * np.linalg.norm(b), floor) < np.inf)
-        return Timed(None, "solved" if solved else "does not converge", solved, seconds, None)
+        return Claim(None, "solved" if solved else "does not converge", solved, seconds)
 
 
 def own_methods() -> list[Competitor]:
     """Every method by its name at its default options, and those that gain by relaxation with the ω of the estimated
     Jacobi radius ρ, ω = 2/(1 + √(1 − ρ²)), the estimate being part of their time.
     """
-
-    def default(name: str) -> Competitor:
-        return Own(name, lambda problem: named(name))
-
-    tuned: list[Competitor] = [
-        Own("psor, tuned", lambda problem: named("psor", omega=_omega(problem))),
-        Own("mnmaor, tuned", lambda problem: overrelaxed(problem, _omega(problem))),
+    return [
+        *(Own(name, named(name)) for name in method_names()),
+        Tuned("psor, tuned", lambda problem, omega: named("psor", omega=omega)),
+        Tuned("mnmaor, tuned", overrelaxed),
     ]
-    return [default(name) for name in method_names()] + tuned
 
 
 def limits() -> list[Competitor]:
@@ -259,11 +179,7 @@ def limits() -> list[Competitor]:
 
 def competitors() -> list[Competitor]:
     """`solve()`, all peers, all own methods and the limits, in the order of a table."""
-    return [Solve(), *(Foreign(peer) for peer in PEERS), *own_methods(), *limits()]
-
-
-def _omega(problem: ICP) -> float:
-    return best_omega(jacobi_radius(problem.A))
+    return [Solve(), *map(Foreign, chosen_solvers(None, "benchmark")), *own_methods(), *limits()]
 
 
 def _superlu(A: Any, b: Vector) -> Vector:
@@ -271,21 +187,3 @@ def _superlu(A: Any, b: Vector) -> Vector:
     if lu is None:
         raise RuntimeError("A is singular")
     return np.asarray(lu.solve(b))
-
-
-def cases(texts: tuple[str, ...], sizes: tuple[int, ...]) -> Iterator[tuple[str, int, Case | str]]:
-    """(text, n, the case or why there is none) for every scene and every size that it can have, each size once."""
-    for text in texts:
-        seen: set[int] = set()
-        for wanted in sizes:
-            try:
-                problem = built(text, wanted).problem
-                case: Case | str = Case(text, problem)
-                n = problem.n
-                assert isinstance(case, Case)
-                _ = case.scale
-            except (IcpError, MemoryError) as error:
-                case, n = str(error) or "not enough memory", wanted
-            if n not in seen:
-                seen.add(n)
-                yield text, n, case

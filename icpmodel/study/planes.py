@@ -15,16 +15,17 @@ from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector
 from ..problem.affine import Affine
+from ..problem.data import ProblemData
 from ..scenes import scene
-from ..scenes.chosen import complementary
 from ..scenes.grid import adjacency, five_point, side
+from ..scenes.manufactured import complementary
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
     """One parameter: its `name`, a `label` for a chart, its `values` and whether they are spaced logarithmically.
 
-    >>> Axis("mu", "shift of the diagonal", np.array([0.0, 1.0])).log
+    >>> icp.study.Axis("mu", "shift of the diagonal", np.array([0.0, 1.0])).log
     False
     """
 
@@ -40,30 +41,28 @@ class Plane:
 
     Parameters: `title`; the axes `x` and `y`; `at(x, y)` gives (problem, method).
 
-    >>> plane = PLANES["coupling"](points=3, n=9, problem=None, method=None)
-    >>> plane.at(1.0, 0.5)[1]
-    MNMGS()
+    >>> x, y = icp.study.Axis("theta1", "θ₁", np.array([1.0, 2.0])), icp.study.Axis("a", "a", np.array([1.0, 3.0]))
+    >>> plane = icp.study.Plane("one", x, y, lambda theta, a: (ICP([[a]], [-1.0]), icp.MNMAOR(theta1=theta)))
+    >>> icp.stability(plane).ends
+    array([['solved', 'solved'],
+           ['solved', 'solved']], dtype='<U15')
     """
 
     title: str
     x: Axis
     y: Axis
-    at: Callable[[float, float], tuple[ICP, Method]]
+    at: Callable[[float, float], tuple[ProblemData, Method]]
 
 
-def _relaxation(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _relaxation(points: int, one: ProblemData) -> Plane:
     """θ₁ × θ₂ of MNMAOR."""
-    _no_method(method)
-    one = problem or scene("manufactured-affine", n, mu=0.5).problem
     theta1 = Axis("theta1", "θ₁", np.linspace(0.1, 2.5, points))
     theta2 = Axis("theta2", "θ₂", np.linspace(0.0, 2.5, points))
     return Plane(f"MNMAOR on {one!r}", theta1, theta2, lambda x, y: (one, MNMAOR(theta1=x, theta2=y)))
 
 
-def _shift(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _shift(points: int, one: ProblemData) -> Plane:
     """φ × Ω of MNMGS, both in units of the diagonal of A."""
-    _no_method(method)
-    one = problem or scene("manufactured-affine", n, mu=0.5).problem
     D = one.A.diagonal()
     if not (D > 0).all():
         i = int(np.argmax(D <= 0))
@@ -73,44 +72,30 @@ def _shift(points: int, n: int, problem: ICP | None, method: str | None) -> Plan
     return Plane(f"MNMGS on {one!r}", phi, omega, lambda x, y: (one, MNMGS(phi=x * D, phi2=y * D)))
 
 
-def _coupling(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _coupling(points: int, n: int, sweep: Method) -> Plane:
     """Shift μ of the diagonal × norm of G, on the 5-point matrix."""
-    _no_problem(problem)
-    sweep = named(method or "mnmgs")
     mu = Axis("mu", "shift μ of the diagonal (A = 5-point matrix + μI)", np.geomspace(0.01, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 2.0, points))
-    return Plane(
-        f"{sweep!r}: dominance against coupling of the obstacle",
-        mu,
-        norm,
-        lambda x, y: (_grid(five_point(side(n), x), y), sweep),
-    )
+    title = f"{sweep!r}: dominance against coupling of the obstacle"
+    return Plane(title, mu, norm, lambda x, y: (_grid(five_point(side(n), x), y), sweep))
 
 
-def _transport(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _transport(points: int, n: int, sweep: Method) -> Plane:
     """Skewness × shift of the diagonal, on the 5-point matrix with transport; below skewness 1 upwind."""
-    _no_problem(problem)
-    sweep = named(method or "mnmgs")
     skew = Axis("skew", "skewness s (neighbours −1 − s and −1 + s)", np.linspace(0.0, 6.0, points))
     mu = Axis("mu", "shift μ of the diagonal", np.geomspace(0.01, 30.0, points), log=True)
-    return Plane(
-        f"{sweep!r}: transport against dominance",
-        skew,
-        mu,
-        lambda x, y: (_grid(five_point(side(n), y, x), 0.5), sweep),
-    )
+    title = f"{sweep!r}: transport against dominance"
+    return Plane(title, skew, mu, lambda x, y: (_grid(five_point(side(n), y, x), 0.5), sweep))
 
 
-def _condition(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _condition(points: int, n: int, sweep: Method) -> Plane:
     """Condition number × units of A, on the periodic tridiag(−1, 2 + ε, −1), ε = 4/κ, without contact."""
-    _no_problem(problem)
     if n < 3:
         raise InputError(f"n is {n}; the plane condition needs a ring of at least 3 unknowns")
-    sweep = named(method or "mnmgs")
     kappa = Axis("condition number", "condition number κ of A", np.geomspace(10.0, 1e12, points), log=True)
     scale = Axis("scale of A", "size of the entries of A", np.geomspace(1e-200, 1e200, points), log=True)
 
-    def at(x: float, y: float) -> tuple[ICP, Method]:
+    def at(x: float, y: float) -> tuple[ProblemData, Method]:
         z, _, r = complementary(n, seed=0)
         ring = sp.diags_array([-1.0, -1.0, -1.0, -1.0], offsets=[-1, 1, n - 1, 1 - n], shape=(n, n))
         A = y * (ring + (2.0 + 4.0 / x) * sp.eye_array(n))
@@ -119,18 +104,12 @@ def _condition(points: int, n: int, problem: ICP | None, method: str | None) -> 
     return Plane(f"{sweep!r}: condition number against units", kappa, scale, at)
 
 
-def _units(points: int, n: int, problem: ICP | None, method: str | None) -> Plane:
+def _units(points: int, n: int, sweep: Method) -> Plane:
     """Scale of A × norm of G: no method with Ω = D feels the scale, but the conditions as printed do."""
-    _no_problem(problem)
-    sweep = named(method or "mnmgs")
     scale = Axis("scale of A", "diagonal of A", np.geomspace(0.1, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 4.0, points))
-
-    def at(x: float, y: float) -> tuple[ICP, Method]:
-        A = five_point(side(n), 4.0)
-        return _grid((x / 8.0) * A, -y), sweep
-
-    return Plane(f"{sweep!r}: a change of units against coupling of the obstacle", scale, norm, at)
+    title = f"{sweep!r}: a change of units against coupling of the obstacle"
+    return Plane(title, scale, norm, lambda x, y: (_grid((x / 8.0) * five_point(side(n), 4.0), -y), sweep))
 
 
 def _grid(A: Any, norm: float) -> ICP:
@@ -141,22 +120,18 @@ def _grid(A: Any, norm: float) -> ICP:
     return ICP(A, float(A.diagonal().mean()) * p - A @ z, Affine(G, z - r - G @ z))
 
 
-def _no_method(method: str | None) -> None:
-    if method is not None:
-        raise InputError(f"method is {method!r}; this plane varies the parameters of a method of its own: leave it out")
+#: name → builder, of the planes that vary a method, and of those that vary the problem
+_OF_METHOD = {"relaxation": _relaxation, "shift": _shift}
+_OF_PROBLEM = {"coupling": _coupling, "transport": _transport, "condition": _condition, "units": _units}
+PLANES = (*_OF_METHOD, *_OF_PROBLEM)
 
 
-def _no_problem(problem: ICP | None) -> None:
+def plane(name: str, points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
+    """The plane called `name`, one of `PLANES`, on the `problem` or with the `method`, None for the default ones."""
+    if name in _OF_METHOD:
+        if method is not None:
+            raise InputError(f"method is {method!r}; this plane varies the parameters of its own method: leave it out")
+        return _OF_METHOD[name](points, problem or scene("manufactured-affine", n, mu=0.5).problem)
     if problem is not None:
         raise InputError("problem: this plane varies the problem; only relaxation and shift take one of yours")
-
-
-#: name → builder of the plane
-PLANES: dict[str, Callable[..., Plane]] = {
-    "relaxation": _relaxation,
-    "shift": _shift,
-    "coupling": _coupling,
-    "transport": _transport,
-    "condition": _condition,
-    "units": _units,
-}
+    return _OF_PROBLEM[name](points, n, named(method or "mnmgs"))

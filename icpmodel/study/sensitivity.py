@@ -15,11 +15,10 @@ from ..errors import IcpError, InputError
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
-from ..problem.affine import Affine, Constant
-from ..problem.function import Function
-from ..problem.map import Map
+from ..problem.data import ProblemData
 from ..solve.solution import Solution
 from ..theory.certificates.bounds import bound_of_change
+from .cases import unbroken
 
 #: up to this size the inverse is computed, beyond its norm is estimated
 _INVERT_UP_TO = 500
@@ -36,8 +35,7 @@ class Sensitivity:
     of size `change`, each solved again, None where one of them was not solved. `undecided`: rows of which it is not
     proved that they are at the obstacle or off it.
 
-    >>> from icpmodel import ICP
-    >>> found = sensitivity(ICP([[2.0]], [-2.0]).solve())
+    >>> found = icp.study.sensitivity(ICP([[2.0]], [-2.0]).solve())
     >>> found.local, 0.0 < found.observed <= 2.00001
     (2.0, True)
     """
@@ -78,8 +76,7 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
     References: Skeel, J. ACM 26 (1979), doi:10.1145/322139.322148; for the 1-norm estimate Higham and Tisseur, SIAM J.
     Matrix Anal. Appl. 21 (2000), doi:10.1137/S0895479899356080.
 
-    >>> from icpmodel import ICP
-    >>> round(sensitivity(ICP([[1.0, -0.999], [-0.999, 1.0]], [-1.0, -1.0]).solve()).local)
+    >>> round(icp.study.sensitivity(ICP([[1.0, -0.999], [-0.999, 1.0]], [-1.0, -1.0]).solve()).local)
     2000
     """
     change = as_number(change, "change", above=0.0, below=0.1)
@@ -104,14 +101,14 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
     )
 
 
-def _moved_by(problem: ICP, z: Vector, size: float) -> tuple[Vector, Vector]:
+def _moved_by(problem: ProblemData, z: Vector, size: float) -> tuple[Vector, Vector]:
     """E/size where p and where r counts: |A||z| + |q|, and |G||z| + |c| or |ψ(z)|; divided first, so none overflows."""
     psi, x = problem.psi, np.abs(z) / size
-    of_r = abs(psi.G) @ x + np.abs(psi.c) / size if isinstance(psi, Affine) else np.abs(psi.value(z)) / size
+    of_r = np.abs(psi.value(z)) / size if psi.linear is None else abs(psi.linear[0]) @ x + np.abs(psi.linear[1]) / size
     return problem.matrix.absolute @ x + np.abs(problem.q) / size, np.where(np.isfinite(of_r), of_r, 0.0)
 
 
-def _certified(problem: ICP, z: Vector, change: float, size: float) -> float | None:
+def _certified(problem: ProblemData, z: Vector, change: float, size: float) -> float | None:
     """What the proof says of a z at which p and r are wrong by as much as the data change."""
     of_p, of_r = _moved_by(problem, z, size)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -119,7 +116,7 @@ def _certified(problem: ICP, z: Vector, change: float, size: float) -> float | N
     return None if found is None else found / (change * size)
 
 
-def _local(problem: ICP, z: Vector, active: NDArray[np.bool_], size: float) -> float | None:
+def _local(problem: ProblemData, z: Vector, active: NDArray[np.bool_], size: float) -> float | None:
     """‖J⁻¹ diag(E/size)‖_∞ = ‖diag(E/size) J⁻ᵀ‖₁, computed or estimated."""
     from scipy.sparse.linalg import LinearOperator, onenormest
 
@@ -146,7 +143,7 @@ def _local(problem: ICP, z: Vector, active: NDArray[np.bool_], size: float) -> f
 
 
 def _observed(
-    problem: ICP, exact: Vector, change: float, trials: int, random: np.random.Generator, size: float
+    problem: ProblemData, exact: Vector, change: float, trials: int, random: np.random.Generator, size: float
 ) -> float | None:
     """max|δz|/(ε·max|z|) over random changes of every entry by a factor 1 ± ε."""
     largest = 0.0
@@ -157,25 +154,9 @@ def _observed(
     for _ in range(trials):
         A = problem.A.copy()
         A.data = moved(A.data)
-        other = ICP(A, moved(problem.q), _moved(problem.psi, problem.n, moved))
-        again = other.solve(z0=exact, raise_on_failure=False).polish()
+        other = ICP(A, moved(problem.q), problem.psi.perturbed(problem.n, moved))
+        again = unbroken(other.solve(z0=exact, raise_on_failure=False)).polish()
         if not again.solved:
             return None
         largest = max(largest, float(np.abs(again.z - exact).max()))
     return largest / (change * size)
-
-
-def _moved(psi: Map, n: int, moved: Any) -> Map:
-    """ψ with its data changed; where they are not known, its values."""
-    if isinstance(psi, Constant):
-        return Constant(moved(psi.c))
-    if isinstance(psi, Affine):
-        G = psi.G.copy()
-        G.data = moved(G.data)
-        return Affine(G, moved(psi.c))
-    factor = moved(np.ones(n))
-    has_derivative = psi.jacobian(np.zeros(n)) is not None
-    return Function(
-        lambda z: factor * psi.value(z),
-        jacobian=(lambda z: sp.diags_array(factor) @ psi.jacobian(z)) if has_derivative else None,
-    )

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import IcpError, InputError, Interrupted, MapError
-from ..icp import ICP
 from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Vector, as_number, described
 from ..present.table import Table
-from ..problem.data import as_problem
+from ..problem.data import ProblemData, as_problem
+from ..solve.driver import solve
 from ..solve.goal import Limits
 from ..solve.progress import status_line
-from ..solve.solution import Solution, Status
+from ..solve.solution import Status
 from ..theory import check, check_all, theorems
+from .cases import unbroken
+from .charts.figures import Charted, Figure
+from .charts.map_chart import map_figure
 from .planes import PLANES, Plane
+from .planes import plane as plane_named
 
 #: how a run can end, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
 ENDS = (
@@ -44,7 +47,7 @@ _AGAINST = ("stagnated", "cycled", "diverged", "overflowed")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class StabilityMap:
+class StabilityMap(Charted):
     """What happened at every point of a plane of two parameters.
 
     `plane`, with its axes `plane.x` and `plane.y`; `ends` one of `ENDS` per point, shape (len(y), len(x)); `steps` the
@@ -52,9 +55,11 @@ class StabilityMap:
     `printed` the same of the statements as the paper prints them; `max_iter` and `rtol` of the runs. Of the runs from
     several starts the worst counts. `command` is what makes it again.
 
-    >>> found = stability("coupling", points=3, n=9)
-    >>> found.ends.shape, found.contradictions
-    ((3, 3), 0)
+    >>> found = icp.stability("units", points=5, n=9)
+    >>> found.ends.shape, found.contradictions, found.printed_contradictions > 0
+    ((5, 5), 0, True)
+    >>> found.summary().heads
+    ('end', 'points', 'proved', 'proved as printed')
     """
 
     plane: Plane
@@ -68,89 +73,51 @@ class StabilityMap:
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """The points where a run cycled, stagnated, diverged or overflowed.
-
-        >>> stability("coupling", points=2, n=9).failed.shape
-        (2, 2)
-        """
+        """The points where a run cycled, stagnated, diverged or overflowed."""
         return np.isin(self.ends, _AGAINST)
 
     @property
-    def contradictions(self) -> int:
-        """At how many points a theorem proves convergence and a run failed: must be 0.
-
-        >>> stability("coupling", points=2, n=9).contradictions
-        0
-        """
-        return int((self.any_proved & self.failed).sum())
-
-    @property
-    def printed_contradictions(self) -> int:
-        """The same for the theorems as printed.
-
-        >>> stability("units", points=5, n=9).printed_contradictions > 0
-        True
-        """
-        return int((self.any_printed & self.failed).sum())
-
-    @property
     def any_proved(self) -> NDArray[np.bool_]:
-        """The points where some theorem proves convergence from every start, in exact arithmetic.
-
-        >>> bool(stability("coupling", points=2, n=9).any_proved[0, 0])
-        True
-        """
+        """The points where some theorem proves convergence from every start, in exact arithmetic."""
         return np.any([*self.proved.values()], axis=0)
 
     @property
     def any_printed(self) -> NDArray[np.bool_]:
-        """The points where the paper, as printed, says so.
-
-        >>> stability("coupling", points=2, n=9).any_printed.shape
-        (2, 2)
-        """
+        """The points where the paper, as printed, says so."""
         return np.any([*self.printed.values()], axis=0)
 
-    def table(self) -> Table:
-        """One row per point: the two parameters, how it ended, steps, and which theorems prove it.
+    @property
+    def contradictions(self) -> int:
+        """At how many points a theorem proves convergence and a run failed: must be 0."""
+        return int((self.any_proved & self.failed).sum())
 
-        >>> stability("coupling", points=2, n=9).table().heads
-        ('mu', 'norm of G', 'end', 'steps', 'proved by', 'proved as printed')
-        """
+    @property
+    def printed_contradictions(self) -> int:
+        """The same for the theorems as printed."""
+        return int((self.any_printed & self.failed).sum())
+
+    def table(self) -> Table:
+        """One row per point: the two parameters, how it ended, steps, and which theorems prove it."""
         rows = []
-        for j, y in enumerate(self.plane.y.values):
-            for i, x in enumerate(self.plane.x.values):
-                by = " ".join(name for name, mask in self.proved.items() if mask[j, i])
-                printed = " ".join(name for name, mask in self.printed.items() if mask[j, i])
-                rows.append((x, y, str(self.ends[j, i]), int(self.steps[j, i]) or None, by, printed))
+        for j, i in np.ndindex(*self.ends.shape):
+            by = (" ".join(name for name, at in masks.items() if at[j, i]) for masks in (self.proved, self.printed))
+            where = float(self.plane.x.values[i]), float(self.plane.y.values[j])
+            rows.append((*where, str(self.ends[j, i]), int(self.steps[j, i]) or None, *by))
         heads = (self.plane.x.name, self.plane.y.name, "end", "steps", "proved by", "proved as printed")
         return Table(self.plane.title, heads, tuple(rows))
 
     def summary(self) -> Table:
-        """How many points ended how, and of these how many are proved.
-
-        >>> print(stability("coupling", points=2, n=9).summary().heads)
-        ('end', 'points', 'proved', 'proved as printed')
-        """
+        """How many points ended how, and of these how many are proved."""
         rows = []
         for end in ENDS:
             here = self.ends == end
             if here.any():
-                proved, printed = (int((here & mask).sum()) for mask in (self.any_proved, self.any_printed))
-                rows.append((end, int(here.sum()), proved, printed))
+                rows.append((end, *(int(at.sum()) for at in (here, here & self.any_proved, here & self.any_printed))))
         return Table(self.plane.title, ("end", "points", "proved", "proved as printed"), tuple(rows))
 
-    def plot(self, path: Any) -> list[Path]:
-        """Write the map as a figure, PNG and SVG, and its points as CSV; see `figures.save`. Returns the paths.
-
-        >>> stability("coupling", points=2, n=9).plot("no-such-folder/map.png")
-        Traceback (most recent call last):
-        icpmodel.errors.FileError: no-such-folder/map.png: the folder no-such-folder does not exist
-        """
-        from .charts.figures import save
-        from .charts.map_chart import map_figure
-
-        return save(map_figure(self), path, self.table(), self.command)
+    def figure(self) -> Figure:
+        """Steps as colours, failures as signs, lines around what is proved. Returns a matplotlib figure."""
+        return map_figure(self.plane, self.ends, self.steps, self.proved, self.any_printed, self.max_iter, self.rtol)
 
     def __str__(self) -> str:
         printed = f"as printed: {self.printed_contradictions}"
@@ -159,7 +126,7 @@ class StabilityMap:
 
 def stability(
     plane: str | Plane = "relaxation",
-    problem: ICP | None = None,
+    problem: ProblemData | None = None,
     *,
     method: str | None = None,
     points: int = 25,
@@ -172,15 +139,15 @@ def stability(
 ) -> StabilityMap:
     """Solve at every point of a plane of two parameters, and ask every theorem there.
 
-    Parameters: `plane` one of `planes.PLANES` or a `Plane` of your own; `problem` for the planes whose parameters are
-    the method's ("relaxation", "shift"), by default manufactured-affine; `method` a name, for the others; `points` per
-    axis; `n` wanted unknowns of the built-in problems; `starts` ≥ 1: 0 and random vectors, of which the worst run
-    counts; `max_iter` and `rtol` of each run; `progress` shows a line where standard error is a terminal;
-    `command` is noted beside the data.
+    Parameters: `plane` "relaxation", "shift", "coupling", "transport", "condition", "units" or a `Plane` of your own;
+    `problem` for the planes whose parameters are the method's ("relaxation", "shift"), by default manufactured-affine;
+    `method` a name, for the others; `points` per axis; `n` wanted unknowns of the built-in problems; `starts` ≥ 1: 0
+    and random vectors, of which the worst run counts; `max_iter` and `rtol` of each run; `progress` shows a line where
+    standard error is a terminal; `command` is noted beside the data.
     Returns a `StabilityMap`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the map as far as it got.
 
-    >>> print(stability("relaxation", points=2, n=9).plane.x.name)
-    theta1
+    >>> icp.stability("relaxation", points=2, n=9).plane.x.name
+    'theta1'
     """
     if isinstance(plane, str):
         if plane not in PLANES:
@@ -188,7 +155,7 @@ def stability(
         points = int(as_number(points, "points", least=2, whole=True))
         n = int(as_number(n, "n", least=1, whole=True))
         problem = None if problem is None else as_problem(problem)
-        plane = PLANES[plane](points=points, n=n, problem=problem, method=method)
+        plane = plane_named(plane, points, n, problem, method)
     elif not isinstance(plane, Plane):
         raise InputError(f"plane is {described(plane)}; one of {', '.join(PLANES)} or a Plane was expected")
     elif problem is not None or method is not None:
@@ -196,15 +163,12 @@ def stability(
     limits = Limits(rtol=rtol, atol=0.0, max_iter=max_iter, time_limit=None)
     starts = int(as_number(starts, "starts", least=1, whole=True))
     shape = (len(plane.y.values), len(plane.x.values))
-    ends, steps = np.full(shape, "not run", dtype=f"<U{max(map(len, ENDS))}"), np.zeros(shape, dtype=np.int64)
-    proved = {name: np.zeros(shape, dtype=bool) for name in GLOBAL}
-    printed = {name: np.zeros(shape, dtype=bool) for name in PRINTED}
     found = StabilityMap(
         plane=plane,
-        ends=ends,
-        steps=steps,
-        proved=proved,
-        printed=printed,
+        ends=np.full(shape, "not run", dtype=f"<U{max(map(len, ENDS))}"),
+        steps=np.zeros(shape, dtype=np.int64),
+        proved={name: np.zeros(shape, dtype=bool) for name in GLOBAL},
+        printed={name: np.zeros(shape, dtype=bool) for name in PRINTED},
         max_iter=limits.max_iter,
         rtol=limits.rtol,
         command=command,
@@ -234,24 +198,20 @@ def _fill(found: StabilityMap, starts: int, progress: bool) -> None:
             found.ends[j, i] = worst
 
 
-def _run(problem: ICP, method: Method, k: int, max_iter: int, rtol: float) -> tuple[str, int]:
+def _run(problem: ProblemData, method: Method, k: int, max_iter: int, rtol: float) -> tuple[str, int]:
     """How the run from the k-th start ended, and after how many steps."""
-    z0: Vector = np.zeros(problem.n)
-    if k:
-        z0 = 10.0 * np.random.default_rng(k).standard_normal(problem.n)
+    z0: Vector = 10.0 * np.random.default_rng(k).standard_normal(problem.n) if k else np.zeros(problem.n)
+    options: dict[str, Any] = {"max_iter": max_iter, "rtol": rtol, "history": True, "raise_on_failure": False}
     try:
-        solution = problem.solve(method, z0=z0, max_iter=max_iter, rtol=rtol, history=True, raise_on_failure=False)
+        solution = unbroken(solve(problem, method, z0=z0, **options))
     except MapError:
         return Status.MAP_FAILED.value, 0  # at the start
     except IcpError:
         return "refused", 0
-    return _end(solution), solution.iterations
-
-
-def _end(solution: Solution) -> str:
+    end = solution.status.value
     if solution.status is Status.ITERATION_LIMIT:
-        return "slow"
-    if solution.status is Status.DIVERGED:
+        end = "slow"
+    elif solution.status is Status.DIVERGED:
         assert solution.history is not None
-        return "diverged" if np.isfinite(solution.history.residual[-1]) else "overflowed"
-    return solution.status.value
+        end = "diverged" if np.isfinite(solution.history.residual[-1]) else "overflowed"
+    return end, solution.iterations

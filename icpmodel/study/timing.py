@@ -1,15 +1,109 @@
-"""Timings."""
+"""The harness of all timings: calls are run in turn, round by round, so that what slows the machine slows them all."""
 
 from __future__ import annotations
 
 import os
 import platform
+import time
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from dataclasses import dataclass
 from datetime import date
+from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..numerics.arrays import as_number
+from ..numerics.arrays import Vector, as_number
+
+Name = TypeVar("Name", bound=Hashable)
+Run = TypeVar("Run")
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A run of which nothing but its `seconds` is kept."""
+
+    seconds: float
+
+
+def clocked(call: Callable[..., Any], given: Callable[[], Any] | None = None) -> Callable[[], Timed]:
+    """What runs `call` on the clock, with what `given` makes before the clock starts, if anything.
+
+    What it returns is freed at once: kept, it would make the next run pay for fresh memory.
+    """
+
+    def run() -> Timed:
+        arguments = () if given is None else (given(),)
+        begin = time.perf_counter()
+        call(*arguments)
+        return Timed(time.perf_counter() - begin)
+
+    return run
+
+
+def middle(call: Callable[[], Any], times: int = 5) -> Callable[[], Timed]:
+    """What runs a short `call` so often in a row and takes the median, which has warm caches."""
+
+    def run() -> Timed:
+        marks = [time.perf_counter()]
+        for _ in range(times):
+            call()
+            marks.append(time.perf_counter())
+        return Timed(float(np.median(np.diff(marks))))
+
+    return run
+
+
+def in_turn(
+    calls: Mapping[Name, Callable[[], Run]],
+    rounds: int,
+    *,
+    most: int = 0,
+    within: float = 0.0,
+    brief: Mapping[Name, bool] | None = None,
+    say: Callable[[int], None] = lambda done: None,
+) -> Iterator[tuple[Name, Run]]:
+    """(name, run) of all `calls`, `rounds` times in turn, each round beginning with another one.
+
+    While all of them took less than `within` seconds, there are up to `most` rounds. A call that is `brief` is slower
+    after another code than after itself: it is run twice, and the second run counts. `say` is told the round, from 1.
+    """
+    names, begin, done = list(calls), time.perf_counter(), 0
+    while names and (done < rounds or (done < most and time.perf_counter() - begin < within)):
+        first, done = done % len(names), done + 1
+        say(done)
+        for name in names[first:] + names[:first]:
+            if brief and brief[name]:
+                calls[name]()
+            yield name, calls[name]()
+
+
+class Timings(Generic[Name]):
+    """`seconds` of named calls, one for each round."""
+
+    def __init__(self, seconds: Mapping[Name, list[float]]) -> None:
+        self.seconds = {name: np.array(taken) for name, taken in seconds.items()}
+
+    def median(self, name: Name, unit: float = 1.0) -> float:
+        """The median of the seconds, in units of `unit` seconds."""
+        return float(np.median(self.seconds[name])) / unit
+
+    def ratio(self, name: Name, to: Name, per: float = 1.0) -> tuple[float, float, float]:
+        """The median, the lowest and the highest ratio of two calls, pair by pair, divided by `per`."""
+        return spread(self.seconds[name] / self.seconds[to] / per)
+
+
+def timed(calls: Mapping[Name, Callable[[], Any]], rounds: int, *, warm: bool = True) -> Timings[Name]:
+    """The `calls` in turn for `rounds`, if `warm` after a first one, which compiles and pays for fresh memory.
+
+    Each returns something that has `seconds`.
+    """
+    if warm:
+        for call in calls.values():
+            call()
+    seconds: dict[Name, list[float]] = {name: [] for name in calls}
+    for name, run in in_turn(calls, rounds):
+        seconds[name].append(run.seconds)
+    return Timings(seconds)
 
 
 def as_repeats(repeats: int) -> int:
@@ -17,7 +111,7 @@ def as_repeats(repeats: int) -> int:
     return int(as_number(repeats, "repeats", least=3, whole=True))
 
 
-def spread(ratios: NDArray[np.float64]) -> tuple[float, float, float]:
+def spread(ratios: Vector) -> tuple[float, float, float]:
     """The median, the lowest and the highest of `ratios`, as tables show them."""
     return float(np.median(ratios)), float(ratios.min()), float(ratios.max())
 

@@ -3,11 +3,10 @@
 from .answers import Answer
 from .certificates.active_set import ActiveSet, active_set
 from .certificates.bounds import ErrorBound, error_bound
-from .comparison import comparison_matrix
 from .convergence.rates import Rate, predicted_rate
 from .convergence.theorems import Check, check, check_all, theorems
-from .matrices.classes import MatrixClasses, classify
-from .matrices.p_matrix import p_matrix
+from .matrices.classes import MatrixClasses, classify, p_matrix
+from .matrices.comparison_matrix import comparison_matrix
 
 __all__ = [
     "ActiveSet",

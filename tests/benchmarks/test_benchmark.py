@@ -2,7 +2,7 @@
 
 import csv
 import io
-import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,118 +11,55 @@ import icpmodel as icp
 from icpmodel.benchmarks import benchmark, dispatch, faster_peers
 from icpmodel.cli import main
 from icpmodel.present.table import Table
-from icpmodel.solvers.formulations import Target, in_handy_units
-from icpmodel.solvers.peers import PEERS, ColdActiveSet, Peer, Timed
+from icpmodel.solvers import Claim, ForeignSolver, foreign_solvers
+from icpmodel.study.cases import Case, built
 from icpmodel.study.charts.table_charts import choice, exponent, scaling
-from icpmodel.study.competitors import Case, Competitor, Foreign, Limit, built, limits, own_methods
-
-FIELD = "icpmodel.study.competitors.PEERS"
-OWN_OF_ALL = "icpmodel.study.competitors.own_methods"
-OWN = "icpmodel.benchmarks.comparison.own_methods"
+from icpmodel.study.competitors import Competitor, Foreign, Limit, Solve, limits, own_methods
 
 
-def the(peer):
-    """The peer, or a skip by name where it is not installed."""
-    if hasattr(peer, "package"):
-        pytest.importorskip(peer.package)
-    return peer
+class _Fake(ForeignSolver):
+    """A foreign solver, asked by nobody else, that makes what a subclass says of the exact z = (½, 0) of hand-lcp."""
 
+    name, asked_by = "fake", ()
 
-def solved(peer, problem, tolerance=1e-11):
-    """The peer's z for `problem` in its own units, or the reason why it has none."""
-    handy, unit = in_handy_units(problem)
-    reason = peer().why_not(Target(handy))
-    if reason is not None:
-        return reason
-    answer = peer(tolerance).solve(Target(handy), time_limit=20)
-    assert answer.claims_solved, answer.claim
-    assert 0 <= (answer.setup or 0.0) <= answer.seconds
-    return np.asarray(answer.z) * unit
+    def set_up(self, target, tolerance, time_limit):
+        return target.problem.n, tolerance
 
+    def run(self, model):
+        n, tolerance = model
+        return Claim(self.z(np.array([0.5, 0.0]), tolerance) if n == 2 else np.zeros(n), "optimal", True)
 
-def random_lcp(seed, n=12, symmetric=False):
-    """A positive definite, an obstacle, −inf in two rows, and the solution by construction."""
-    random = np.random.default_rng(seed)
-    B = random.normal(size=(n, n))
-    A = B @ B.T / n + np.eye(n)
-    if not symmetric:
-        A += np.triu(random.normal(size=(n, n)), 1) / n
-    z, touches = random.normal(size=n), random.permutation(n) < n // 2
-    force, gap = random.uniform(0.5, 2, n), random.uniform(0.5, 2, n)
-    psi = np.where(touches, z, z - gap)
-    psi[np.flatnonzero(~touches)[:2]] = -np.inf
-    return icp.ICP(A, np.where(touches, force, 0.0) - A @ z, psi), z
-
-
-@pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
-@pytest.mark.parametrize("name", ["hand-lcp", "hand-free", "hand-degenerate", "hand-negative", "hand-affine"])
-def test_a_peer_finds_what_was_found_by_hand(peer, name):
-    scene = icp.scenes.scene(name)
-    z = solved(the(peer), scene.problem)
-    if isinstance(z, str):
-        assert peer is ColdActiveSet
-        assert not scene.problem.is_lcp
-    else:
-        # where p = r = 0 an interior point is off by the root of its tolerance
-        assert z == pytest.approx(scene.z_exact, abs=1e-5 if name == "hand-degenerate" else 1e-6)
-
-
-@pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
-@pytest.mark.parametrize("symmetric", [True, False])
-@pytest.mark.parametrize("unit", [1.0, 1e80])
-def test_a_peer_finds_the_solution_by_construction_in_any_units(peer, symmetric, unit):
-    """Free rows, obstacles of any sign; A times u, q times u² and ψ times u have the solution uz."""
-    for seed in range(3):
-        problem, z = random_lcp(seed, symmetric=symmetric)
-        found = solved(the(peer), icp.ICP(unit * problem.A, unit**2 * problem.q, unit * problem.psi.c))
-        assert found / unit == pytest.approx(z, abs=1e-7)
-
-
-def test_the_cold_active_set_says_why_it_stops():
-    """No claim of success where its time is up, its set repeats, or its system has no solution."""
-    assert ColdActiveSet().solve(Target(icp.scenes.hand_lcp().problem), time_limit=0.0).claim == "time limit"
-    third = ColdActiveSet(1e-300).solve(Target(icp.ICP([[3.0]], [-0.7])), time_limit=1)
-    assert third.claims_solved or third.claim == "the active set repeats"
-    singular = icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, -2.0])
-    assert "singular" in ColdActiveSet().solve(Target(singular), time_limit=1).claim
-
-
-class _Fake(Peer):
-    """A peer that makes what a subclass says of the exact z = (½, 0) of hand-lcp."""
-
-    name, package, seconds = "fake", "numpy", 1e-9
-
-    def solve(self, target, *, time_limit):
-        z = self.z(np.array([0.5, 0.0])) if target.problem.n == 2 else np.zeros(target.problem.n)
-        return Timed(z, "optimal", True, self.seconds, 0.0)
-
-    def set_up(self, qp, time_limit):
-        raise AssertionError
-
-    run = set_up
-
-    def z(self, exact):
+    def z(self, exact, tolerance):
         return exact
+
+
+class _Clock(Foreign):
+    """A foreign solver by a clock of its own."""
+
+    def __init__(self, solver, seconds):
+        super().__init__(solver)
+        self.seconds = seconds
+
+    def run(self, case, tolerance, time_limit):
+        return replace(super().run(case, tolerance, time_limit), seconds=self.seconds)
 
 
 def rows_of(table):
     return {row[2]: dict(zip(table.heads, row, strict=True)) for row in table.rows}
 
 
-def measured(monkeypatch, *fakes, scenes=("hand-lcp",), sizes=(2,), **options):
-    monkeypatch.setattr(FIELD, fakes)
-    monkeypatch.setattr(OWN_OF_ALL, lambda: [])
-    return benchmark(scenes, sizes, **options)
+def measured(fake, scenes=("hand-lcp",), sizes=(2,), seconds=1e-9, **options):
+    return benchmark(scenes, sizes, entrants=[Solve(), _Clock(fake, seconds)], **options)
 
 
-def test_a_peer_that_lies_is_marked_as_such(monkeypatch):
+def test_a_peer_that_lies_is_marked_as_such():
     """Its own status is recorded; no time, no ratio, and it is not faster than solve()."""
 
     class Liar(_Fake):
-        def z(self, exact):
+        def z(self, exact, tolerance):
             return exact + 1e-3
 
-    table = measured(monkeypatch, Liar)
+    table = measured(Liar())
     row = rows_of(table)["fake"]
     assert row["time, s"] is row["ratio to solve()"] is None
     assert "not reached" in row["note"]
@@ -131,15 +68,15 @@ def test_a_peer_that_lies_is_marked_as_such(monkeypatch):
     assert faster_peers(table) == []
 
 
-def test_the_first_tolerance_that_does_counts(monkeypatch):
+def test_the_first_tolerance_that_does_counts():
     asked = []
 
     class Coarse(_Fake):
-        def z(self, exact):
-            asked.append(self.tolerance)
-            return exact + 0.1 * self.tolerance
+        def z(self, exact, tolerance):
+            asked.append(tolerance)
+            return exact + 0.1 * tolerance
 
-    table = measured(monkeypatch, Coarse)
+    table = measured(Coarse())
     row = rows_of(table)["fake"]
     assert row["note"].startswith("optimal, at 1e-08; says")
     assert row["Res(z) / Res(0)"] <= 1e-8
@@ -148,73 +85,74 @@ def test_the_first_tolerance_that_does_counts(monkeypatch):
     assert len(faster_peers(table)) == 1
 
 
-def test_the_next_size_begins_one_tolerance_below_the_one_that_did(monkeypatch):
+def test_the_next_size_begins_one_tolerance_below_the_one_that_did():
     asked = []
 
     class Coarse(_Fake):
-        def solve(self, target, *, time_limit):
-            asked.append((target.problem.n, self.tolerance))
-            z = target.problem.solve("newton").z if self.tolerance < 1e-6 else np.zeros(target.problem.n)
-            return Timed(z, "optimal", True, self.seconds, None)
+        def set_up(self, target, tolerance, time_limit):
+            asked.append((target.problem.n, tolerance))
+            return target.problem, tolerance
 
-    measured(monkeypatch, Coarse, scenes=["membrane"], sizes=[16, 25])
+        def run(self, model):
+            problem, tolerance = model
+            return Claim(icp.solve(problem, "newton").z if tolerance < 1e-6 else 0.0 * problem.q, "optimal", True)
+
+    measured(Coarse(), scenes=["membrane"], sizes=[16, 25])
     assert max(tolerance for n, tolerance in asked if n == 16) == pytest.approx(1e-3)
     assert [f"{tolerance:.0e}" for n, tolerance in asked if n == 25][:2] == ["1e-06", "1e-07"]
 
 
 def test_a_peer_is_judged_in_the_units_of_the_problem():
-    problem, z = random_lcp(0)
-    case = Case("", icp.ICP(1e80 * problem.A, 1e160 * problem.q, 1e80 * problem.psi.c))
-    answer = Foreign(ColdActiveSet).run(case, 1e-10, 1.0)
-    assert answer.z / 1e80 == pytest.approx(z)
-    assert case.judged(answer.z) < 1e-8
+    case = Case("", icp.ICP([[2e80, 0.0], [0.0, 2e80]], [-1e160, 1e160]))
+    claim = Foreign(foreign_solvers()["active set, cold"]).run(case, 1e-10, 1.0)
+    assert claim.z / 1e80 == pytest.approx([0.5, 0.0])
+    assert case.judged(claim.z) < 1e-8
 
 
 @pytest.mark.parametrize("z", [None, [np.nan, 0.0], [0.5], "text", 0.0])
-def test_what_is_no_z_is_no_answer(monkeypatch, z):
+def test_what_is_no_z_is_no_answer(z):
     class Odd(_Fake):
-        def z(self, exact):
+        def z(self, exact, tolerance):
             return z
 
-    row = rows_of(measured(monkeypatch, Odd))["fake"]
+    row = rows_of(measured(Odd()))["fake"]
     assert row["Res(z) / Res(0)"] is None
     assert "not reached" in row["note"]
 
 
-def test_what_a_peer_raises_is_told(monkeypatch):
+def test_what_a_peer_raises_is_told():
     class Broken(_Fake):
-        def z(self, exact):
+        def z(self, exact, tolerance):
             raise RuntimeError("out of order")
 
-    assert "RuntimeError: out of order" in rows_of(measured(monkeypatch, Broken))["fake"]["note"]
+    assert "RuntimeError: out of order" in rows_of(measured(Broken()))["fake"]["note"]
 
 
-def test_a_peer_that_is_not_installed_is_left_out_by_name(monkeypatch):
+def test_a_peer_that_cannot_take_a_problem_is_left_out_with_the_reason():
     class Absent(_Fake):
-        package = "no_such_module"
+        def why_not(self, target):
+            return "no_such_module is not installed: pip install no_such_module"
 
-    row = rows_of(measured(monkeypatch, Absent))["fake"]
+    row = rows_of(measured(Absent()))["fake"]
     assert row["note"] == "no_such_module is not installed: pip install no_such_module"
     assert row["time, s"] is None
 
 
-def test_a_problem_that_is_no_qp_is_for_own_methods_only(monkeypatch):
-    row = rows_of(measured(monkeypatch, _Fake, scenes=["dividend"], sizes=[31]))["fake"]
+def test_a_problem_that_is_no_qp_is_for_own_methods_only():
+    row = rows_of(measured(_Fake(), scenes=["dividend"], sizes=[31]))["fake"]
     assert row["note"] == "psi is neither constant nor affine: no QP"
 
 
-def test_one_that_would_take_too_long_is_not_asked_again(monkeypatch):
+def test_one_that_would_take_too_long_is_not_asked_again():
     """4 s at n = 16 and at n = 25, limit 7 s: linear growth at least gives 4 s · 49/25 = 7.8 s."""
     asked = []
 
     class Slow(_Fake):
-        seconds = 4.0
-
-        def solve(self, target, *, time_limit):
+        def set_up(self, target, tolerance, time_limit):
             asked.append(target.problem.n)
-            return super().solve(target, time_limit=time_limit)
+            return super().set_up(target, tolerance, time_limit)
 
-    table = measured(monkeypatch, Slow, scenes=["membrane"], sizes=[49, 16, 25], time_limit=7.0)
+    table = measured(Slow(), scenes=["membrane"], sizes=[49, 16, 25], time_limit=7.0, seconds=4.0)
     assert set(asked) == {16, 25}
     notes = [row[-1] for row in table.rows if row[2] == "fake"]
     assert "not reached" in notes[0]
@@ -224,13 +162,13 @@ def test_one_that_would_take_too_long_is_not_asked_again(monkeypatch):
 def test_a_linear_solve_that_fails_is_no_limit():
     case = Case("", built("membrane", 16).problem)
     wrong = Limit("wrong", lambda A, b: 0.0 * b)
-    assert not wrong.run(case, 1e-8, 1.0).claims_solved
-    assert not Limit("nan", lambda A, b: np.nan * b).run(case, 1e-8, 1.0).claims_solved
-    assert all(limit.run(case, 1e-8, 1.0).claims_solved for limit in limits())
+    assert not wrong.run(case, 1e-8, 1.0).solved
+    assert not Limit("nan", lambda A, b: np.nan * b).run(case, 1e-8, 1.0).solved
+    assert all(limit.run(case, 1e-8, 1.0).solved for limit in limits())
     # a condition number of 1e10: 1e-8 ||b|| is below what rounding leaves
-    assert limits()[0].run(Case("", built("bearing", 100_000).problem), 1e-8, 1.0).claims_solved
+    assert limits()[0].run(Case("", built("bearing", 100_000).problem), 1e-8, 1.0).solved
     singular = Case("", icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, -1.0]))
-    assert "singular" in limits()[0].run(singular, 1e-8, 1.0).claim
+    assert "singular" in limits()[0].run(singular, 1e-8, 1.0).words
 
 
 def test_a_benchmark_has_everyone(capsys):
@@ -251,41 +189,34 @@ def test_a_benchmark_has_everyone(capsys):
 def test_an_own_method_that_cannot_take_a_problem_says_so():
     """Every own method is in the field, and why_not or the status is the note."""
     names = [one.name for one in own_methods()]
-    assert set(icp.methods.names() if hasattr(icp, "methods") else []) <= set(names)
+    assert set(icp.methods.contract.names()) <= set(names)
     rows = [one.why_not(Case("", built("dividend", 31).problem)) for one in own_methods() if one.name == "lemke"]
     assert "constant or affine" in rows[0]
 
 
-class _Instant(Competitor):
-    """An own method that takes no time."""
+class _Told(Competitor):
+    """One that takes so many seconds for the z that it is told, None for failure."""
 
-    kind, name, ladder = "own", "instant", (1e-8,)
+    def __init__(self, kind, seconds, z=(0.5, 0.0)):
+        self.kind, self.name, self.seconds, self.z = kind, f"told {kind}", seconds, z
 
-    def run(self, case, tolerance, time_limit):
-        return Timed(case.problem.solve().z, "solved", True, 1e-9, None)
+    def attempt(self, case, tolerance, time_limit):
+        words = "stagnated" if self.z is None else "solved by lemke"
+        return Claim(self.z, words, self.z is not None, self.seconds)
 
 
-def test_dispatch_flags_what_is_slower_than_one_and_a_half_times_the_best(monkeypatch):
-    monkeypatch.setattr(OWN, lambda: [_Instant()])
-    table = dispatch(["hand-lcp"], [2])
+@pytest.mark.parametrize(("seconds", "flag"), [(1.0, "above 1.5"), (1.9, "above 1.5"), (2.1, ""), (9.0, "")])
+def test_dispatch_flags_what_is_slower_than_one_and_a_half_times_the_best(seconds, flag):
+    table = dispatch(["hand-lcp"], [2], entrants=[_Told("solve", 3.0), _Told("own", seconds)])
     row = dict(zip(table.heads, table.rows[0], strict=True))
-    assert row["best method"] == "instant"
-    assert row["ratio"] > 1.5
-    assert row["note"] == "above 1.5"
-    monkeypatch.setattr(_Instant, "run", lambda *_: Timed(np.array([0.5, 0.0]), "solved", True, 1e3, None))
-    row = dict(zip(table.heads, dispatch(["hand-lcp"], [2]).rows[0], strict=True))
-    assert row["ratio"] < 1.5
-    assert row["note"] == ""
+    assert (row["best method"], row["solve() by"]) == ("told own", "lemke")
+    assert row["ratio"] == pytest.approx(3.0 / seconds)
+    assert row["note"] == flag
 
 
-def test_dispatch_says_where_solve_fails_and_who_does_not(monkeypatch):
-    monkeypatch.setattr(OWN, lambda: [_Instant()])
-    monkeypatch.setattr(
-        "icpmodel.benchmarks.comparison.Solve.run", lambda *_: Timed(None, "stagnated", False, 1.0, None)
-    )
-    monkeypatch.setattr(_Instant, "run", lambda *_: Timed(np.array([0.5, 0.0]), "solved", True, 1.0, None))
-    row = dispatch(["hand-lcp"], [2]).rows[0]
-    assert row[2:6] == ("", None, "instant", 1.0)
+def test_dispatch_says_where_solve_fails_and_who_does_not():
+    row = dispatch(["hand-lcp"], [2], entrants=[_Told("solve", 1.0, z=None), _Told("own", 1.0)]).rows[0]
+    assert row[2:6] == ("", None, "told own", 1.0)
     assert row[-1] == "solve(): not reached in 1 s: stagnated"
 
 
@@ -352,20 +283,20 @@ def call(capsys, *arguments):
     return stop.value.code, out, err
 
 
-def test_the_command_writes_csv_and_figures_and_says_who_is_faster(capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr(FIELD, (_Fake,))
-    monkeypatch.setattr(OWN_OF_ALL, lambda: [])
+def test_the_commands_write_csv_and_figures(capsys, tmp_path):
     folder = tmp_path / "new"
-    code, out, err = call(capsys, "benchmark", "membrane", "hand-lcp", "--n", "16", "--n", "25", "-o", str(folder))
+    code, out, err = call(
+        capsys, "benchmark", "hard-degenerate", "hand-lcp", "--n", "4", "--n", "16", "-o", str(folder)
+    )
     assert (code, err) == (0, "")
-    assert "A peer is faster than solve():\nhand-lcp, n = 2: fake takes 0.00 of solve()'s time" in out
-    written = [f"{name}.{suffix}" for name in ("benchmark", "membrane") for suffix in ("csv", "png", "svg")]
+    assert "No peer is faster." in out or "A peer is faster than solve():" in out
+    written = [f"{name}.{suffix}" for name in ("benchmark", "hard-degenerate") for suffix in ("csv", "png", "svg")]
     assert sorted(path.name for path in folder.iterdir()) == written
-    assert (folder / "membrane.csv").read_text().startswith("# icpmodel measure benchmark membrane hand-lcp --n 16 --n")
-    assert all(path.stat().st_size > 500 for path in folder.iterdir())
     command, heads = (folder / "benchmark.csv").read_text().splitlines()[:2]
-    assert command.startswith("# icpmodel measure benchmark")
+    assert command.startswith("# icpmodel measure benchmark hard-degenerate hand-lcp --n 4 --n 16")
     assert heads.startswith("scene,n,method,kind,")
+    assert (folder / "hard-degenerate.csv").read_text().splitlines()[0] == command
+    assert all(path.stat().st_size > 500 for path in folder.iterdir())
     code, out, _ = call(capsys, "dispatch", "hand-lcp", "--n", "100", "--csv", "-o", str(folder))
     assert code == 0
     typed = f"icpmodel measure dispatch hand-lcp --n 100 --csv -o {folder}"
@@ -373,27 +304,33 @@ def test_the_command_writes_csv_and_figures_and_says_who_is_faster(capsys, tmp_p
     assert (folder / "dispatch.svg").stat().st_size > 1000
 
 
-def test_ctrl_c_keeps_what_was_measured(capsys, tmp_path, monkeypatch):
+def test_a_peer_that_is_faster_is_named():
+    assert faster_peers(measured(_Fake())) == ["hand-lcp, n = 2: fake takes 0.00 of solve()'s time"]
+    assert faster_peers(measured(_Fake(), seconds=1e3)) == []
+
+
+def test_ctrl_c_keeps_what_was_measured():
     class Stopping(_Fake):
-        def solve(self, target, *, time_limit):
+        def set_up(self, target, tolerance, time_limit):
             if target.problem.n == 25:
                 raise KeyboardInterrupt
-            return super().solve(target, time_limit=time_limit)
+            return super().set_up(target, tolerance, time_limit)
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(icp.Interrupted) as stopped:
-            measured(monkeypatch, Stopping, scenes=["membrane"], sizes=[16, 25])
-        rows = stopped.value.report.rows
-        assert [row[1:3] for row in rows if row[1] == 25] == [(25, "solve()")]
-        assert (16, "fake") in {row[1:3] for row in rows}
-        code, out, err = call(capsys, "benchmark", "membrane", "--n", "16", "--n", "25", "-o", str(tmp_path))
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert code == 130
-    assert "interrupted" in err
-    assert "fake" in out
-    assert "membrane,16,fake" in (tmp_path / "benchmark.csv").read_text()
+    with pytest.raises(icp.Interrupted) as stopped:
+        measured(Stopping(), scenes=["membrane"], sizes=[16, 25])
+    rows = stopped.value.report.rows
+    assert [row[1:3] for row in rows if row[1] == 25] == [(25, "solve()")]
+    assert (16, "fake") in {row[1:3] for row in rows}
+
+
+def test_ctrl_c_within_solve_is_the_end_of_a_measurement_and_not_of_one_run():
+    def interrupted(z):
+        raise KeyboardInterrupt
+
+    case = Case("", icp.ICP([[2.0]], [-1.0], psi=interrupted))
+    for one in (Solve(), own_methods()[0]):
+        with pytest.raises(KeyboardInterrupt):
+            one.run(case, 1e-8, 1.0)
 
 
 def test_a_folder_that_cannot_be_made_is_told_before_the_work(capsys, tmp_path):

@@ -1,28 +1,19 @@
 """The command line: text and JSON, exit codes, and errors in one line on standard error."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from installed import announce, run
 from scipy.io import mmwrite
 
 import icpmodel as icp
 from icpmodel.cli import main
-
-
-@pytest.fixture(autouse=True)
-def ctrl_c_raises():
-    """Python's own handler: a shell may start the tests with SIGINT ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
+from icpmodel.cli.solving import at_their_size, confirmed
+from icpmodel.cli.source import pairs
+from icpmodel.crosscheck.judge import Row, Verdict
 
 
 def call(capsys, *arguments):
@@ -119,23 +110,6 @@ def test_the_error_bound_can_be_left_out(capsys):
     assert "it was not computed" in out
 
 
-def test_an_interrupted_crosscheck_shows_what_was_done(capsys, monkeypatch):
-    from icpmodel.solvers.pyomo import PyomoHighs
-
-    def press(self, target, *, time_limit):
-        signal.raise_signal(signal.SIGINT)
-        time.sleep(1)
-
-    monkeypatch.setattr(PyomoHighs, "solve", press)
-    code, out, _ = call(capsys, "crosscheck", "hand-lcp")
-    assert code == 0  # four solvers had agreed before
-    assert out.count("agrees") == 4
-    assert out.count("interrupted") == 2
-    with pytest.raises(icp.Interrupted) as stopped:
-        icp.scenes.hand_lcp().problem.crosscheck(solvers=["pyomo-highs", "osqp"])
-    assert not stopped.value.report.agrees
-
-
 def test_crosscheck_of_an_unsolved_problem_asks_nobody(capsys):
     code, out, err = call(capsys, "crosscheck", "membrane", "--max-iter", "2")
     assert code == 1
@@ -143,35 +117,25 @@ def test_crosscheck_of_an_unsolved_problem_asks_nobody(capsys):
     assert "iteration limit" in err
 
 
-def test_a_disagreement_at_the_smaller_size_counts(capsys, monkeypatch):
-    from icpmodel.cli import solving
-    from icpmodel.crosscheck.judge import Verdict
-
-    real = solving._report
-
-    def lying(problem, solution, asked, limit):
-        report, cut = real(problem, solution, asked, limit)
-        rows = tuple(replace(row, verdict=Verdict.DISAGREES) for row in report.rows)
-        return (replace(report, rows=rows) if solution is None else report), cut
-
-    arguments = ["crosscheck", "bearing", "--n", "300", "--solver", "osqp", "--solver", "pyomo-highs"]
-    assert call(capsys, *arguments)[0] == 0
-    monkeypatch.setattr(solving, "_report", lying)
-    assert call(capsys, *arguments)[0] == 1
+def test_a_disagreement_at_the_smaller_size_counts():
+    report = icp.scenes.hand_lcp().problem.crosscheck(solvers=["osqp"])
+    disagrees = replace(report, rows=tuple(replace(row, verdict=Verdict.DISAGREES) for row in report.rows))
+    nobody = replace(report, rows=(Row.skipped("osqp", "too large"),))
+    assert confirmed([report])
+    assert confirmed([report, report, nobody])
+    assert not confirmed([])
+    assert not confirmed([nobody, report])
+    assert not confirmed([disagrees])
+    assert not confirmed([report, report, disagrees])
 
 
 def test_the_smaller_size_is_the_largest_that_the_solver_takes():
-    from icpmodel.cli.solving import _at_their_size
-    from icpmodel.crosscheck.judge import Row
-
     skipped = SimpleNamespace(rows=[Row.skipped("pyomo-highs", "too large")])
-    found = _at_their_size(icp.scenes.bearing(n=300), skipped, {"parameters": ()})
+    found = at_their_size(icp.scenes.bearing(n=300), skipped, {})
     assert [(problem.n, asked) for problem, asked in found] == [(250, ("pyomo-highs",))]
 
 
 def test_a_whole_number_stays_whole():
-    from icpmodel.cli.source import pairs
-
     assert isinstance(pairs(("seed=3",))["seed"], int)
 
 
@@ -199,11 +163,11 @@ def test_a_solver_that_passes_only_at_a_smaller_size_is_asked_there(capsys):
 def test_scenes_are_listed_and_described(capsys):
     code, out, _ = call(capsys, "scenes")
     assert code == 0
-    assert [line.split()[0] for line in out.splitlines()] == icp.scenes.names()
-    code, out, _ = call(capsys, "scenes", "membrane")
-    assert "parameters: --n 900 --set mu=0.0 --set skew=0.0" in out
-    assert "none: The square has no closed form" in out
-    assert "no solution: r < 0 below 3/4" in call(capsys, "scenes", "hard-jump")[1]
+    assert [line.split()[0] for line in out.split("what it is\n")[1].splitlines()] == icp.scenes.names()
+    card = " ".join(call(capsys, "scenes", "membrane")[1].split())
+    assert "parameters --n 900 --set mu=0.0 --set skew=0.0" in card
+    assert "reference none: The square has no closed form" in card
+    assert "solution none: r < 0 below 3/4" in " ".join(call(capsys, "scenes", "hard-jump")[1].split())
     for name in icp.scenes.names():
         assert json.loads(call(capsys, "scenes", name, "--json")[1])["name"] == name
 
@@ -285,22 +249,74 @@ def test_measure_prints_tables_and_csv(capsys):
     assert "V(1)" in call(capsys, "measure", "order", "dividend", "--n", "61", "--n", "121")[1]
 
 
-@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a process")
+METHOD = """
+import signal
+from dataclasses import dataclass
+
+from icpmodel import Method
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # it may have been started with SIGINT ignored
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Outside(Method):
+    name = "outside-method"
+    steps: int = 50
+
+    def iterates(self, problem, z):
+        for k in range(self.steps):
+            yield z, None
+            z = z - problem.natural_map(z) / 4
+        signal.raise_signal(signal.SIGINT)
+"""
+
+SOLVER = """
+from icpmodel.solvers.contract import ForeignSolver
+
+
+class Pressed(ForeignSolver):
+    name = "pressed"
+
+    def set_up(self, target, tolerance, time_limit):
+        raise KeyboardInterrupt
+
+    def run(self, model):
+        raise AssertionError
+"""
+
+
+def outside(folder, source):
+    """A function that runs the command line where a package with the module `source` is installed."""
+    (folder / "outside.py").write_text(source)
+    announce(folder, "outside", {"icpmodel": {"more": "outside"}})
+    return lambda *arguments: run("-c", f"from icpmodel.cli import main; main({list(arguments)})", folder=folder)
+
+
+def test_a_method_of_a_plugin_is_found_by_its_name(tmp_path):
+    command = outside(tmp_path, METHOD)
+    assert "outside-method" in command("solve", "--help").stdout
+    ran = command("solve", "hand-free", "--method", "outside-method", "--rtol", "1e-3")
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert "Outside()" in ran.stdout
+
+
 def test_ctrl_c_shows_the_best_iterate_and_no_traceback(tmp_path):
-    code = "from icpmodel.cli import main; main()"
-    arguments = ["solve", "bai-symmetric", "--n", "250000", "--set", "mu=0", "--method", "mnmj", "--rtol", "1e-15"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    time.sleep(6)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode in (1, 130)
-    assert "Traceback" not in err
-    assert err.count("\n") == 1
-    assert "interrupted" in err
-    if process.returncode == 1:
-        assert "residual" in out
+    ran = outside(tmp_path, METHOD)("solve", "membrane", "--method", "outside-method", "--option", "steps=3")
+    assert ran.returncode == 1
+    assert ran.stderr == "icpmodel: not solved: interrupted\n"
+    assert "residual" in ran.stdout
+
+
+def test_after_ctrl_c_a_crosscheck_shows_what_was_done_before(tmp_path):
+    solvers = [word for name in ("osqp", "pressed", "cvxpy-clarabel") for word in ("--solver", name)]
+    command = outside(tmp_path, SOLVER)
+    ran = command("crosscheck", "hand-lcp", *solvers)
+    assert (ran.returncode, ran.stderr) == (0, "")  # osqp had agreed
+    assert ran.stdout.count("interrupted") == 2
+    assert "1 of 1 independent checks agree" in ran.stdout
+    ran = command("crosscheck", "hand-lcp", "--solver", "pressed")
+    assert ran.returncode == 1
+    assert ran.stderr.startswith("icpmodel: not confirmed")
 
 
 def test_explain_prints_a_page_and_json(capsys):

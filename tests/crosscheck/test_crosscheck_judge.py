@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.crosscheck.judge import Checked, Verdict, _sum_of_bounds, solves
-from icpmodel.solvers.contract import Answer
-from icpmodel.solvers.formulations import Target, in_handy_units
+from icpmodel.crosscheck.judge import Checked, Verdict, solves, sum_of_bounds
+from icpmodel.solvers.contract import Claim
+from icpmodel.solvers.formulations import Target
 
 
 def test_units_that_blind_the_residual_do_not_hold() -> None:
@@ -39,8 +39,8 @@ def test_ten_times_the_rounding_is_no_solution() -> None:
 @pytest.mark.parametrize("error", [1e-3, 0.9999e-4])
 def test_a_wide_bound_proves_no_agreement(error: float) -> None:
     checked = Checked.of(icp.ICP(np.diag([1, 1e-6]), [-1, -1e-6]), [1.0, 1.0 + error])
-    exact = Answer(np.ones(2) / checked.unit, "optimal", True)
-    assert checked.judge("exact", "energy", checked.targets[0], exact, 0.0).verdict is Verdict.INCONCLUSIVE
+    exact = Claim(np.ones(2) / checked.unit, "optimal", True, 0.0, 0.0)
+    assert checked.judge("exact", "energy", checked.targets[0], exact).verdict is Verdict.INCONCLUSIVE
 
 
 def test_a_unit_far_larger_than_z_does_not_make_a_wrong_answer_agree() -> None:
@@ -50,32 +50,22 @@ def test_a_unit_far_larger_than_z_does_not_make_a_wrong_answer_agree() -> None:
 
 
 def test_the_bounds_of_both_answers_add_up() -> None:
-    both = _sum_of_bounds(Target(icp.ICP([[1.0]], [-1.0])), np.array([1 + 5e-9]), np.array([1 - 5e-9]))
+    both = sum_of_bounds(Target(icp.ICP([[1.0]], [-1.0])), np.array([1 + 5e-9]), np.array([1 - 5e-9]))
     assert both >= 1e-8
 
 
-def test_handy_units_keep_the_lipschitz_matrix() -> None:
-    handy, unit = in_handy_units(icp.ICP([[4e6]], [-3e9], psi=icp.Elementwise(np.sin, lipschitz=0.5)))
-    assert unit != 1.0
-    assert handy.psi.lipschitz is not None
-    assert handy.psi.lipschitz.toarray() == [[0.5]]
-
-
-def test_an_infeasible_first_try_is_repeated_more_loosely(monkeypatch: pytest.MonkeyPatch) -> None:
-    from pyomo.contrib.appsi.base import TerminationCondition
-    from pyomo.contrib.appsi.solvers import Highs
-
-    from icpmodel.solvers.pyomo import PyomoHighs
-
-    real, tried = Highs.solve, []
-
-    def infeasible_at_first(self, model):  # type: ignore[no-untyped-def]
-        result = real(self, model)
-        tried.append(dict(self.highs_options))
-        if len(tried) == 1:
-            result.termination_condition = TerminationCondition.infeasible
-        return result
-
-    monkeypatch.setattr(Highs, "solve", infeasible_at_first)
-    assert PyomoHighs().solve(Target(icp.ICP([[2.0]], [-1.0])), time_limit=10).claims_solved
-    assert len(tried) == 2
+@pytest.mark.parametrize(
+    ("bound", "unique", "verdict"),
+    [
+        (0.0, True, Verdict.DISAGREES),
+        (2e-6, True, Verdict.AGREES),
+        (1.0, True, Verdict.INCONCLUSIVE),
+        (np.nan, True, Verdict.INCONCLUSIVE),
+        (np.nan, False, Verdict.OTHER_SOLUTION),
+    ],
+)
+def test_a_wide_certified_bound_proves_nothing_and_without_one_only_uniqueness_tells(
+    bound: float, unique: bool, verdict: Verdict
+) -> None:
+    checked = Checked.of(icp.ICP([[0.5, 0.0], [0.0, 0.5]], [-0.25, 0.25]), [0.5, 0.0])
+    assert checked.by_bound(1e-10, bound, unique)[0] is verdict

@@ -254,12 +254,6 @@ def test_isotone_is_said_in_words_where_it_stands():
     assert "isotone" not in icp.ICP([[1.0, 0.5], [0.5, 1.0]], [1.0, 1.0]).explain().sections()["methods"]
 
 
-def test_the_theorems_are_checked_once(monkeypatch):
-    """The predicted rate takes what the page has checked."""
-    monkeypatch.setattr("icpmodel.theory.convergence.rates.check_all", None)
-    assert icp.ICP([[2, -1], [-1, 2]], [-1, 3]).explain().recommended.factor < 0.5
-
-
 def test_what_is_said_to_be_at_most_is_rounded_upwards(page):
     """The factor on the page is never below the proved one, and never 1."""
     for forecast in page.forecasts:
@@ -328,8 +322,9 @@ def _theorem_cells(page):
 def test_a_long_title_does_not_break_the_table():
     long = icp.MNMAOR(phi=np.zeros(2), phi1=np.ones(2), phi2=[2.0, 2.0], theta1=1.0123456, theta2=1.0123456)
     lines = icp.ICP([[2, -1], [-1, 2]], [1, -2]).explain(long).sections()["methods"].splitlines()
-    assert lines[1] == repr(long)
-    assert lines[0].index("proved") == lines[2].index("4.1")
+    at = lines[0].index("proved")
+    assert lines[1].index("4.1") == at
+    assert " ".join(line[:at].rstrip() for line in lines[1:3]) == repr(long)
 
 
 def test_rounding_noise_decides_nothing():

@@ -1,13 +1,12 @@
 """Every example runs as written, in an empty folder, and says what it should."""
 
 import runpy
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from installed import HOUSE, run
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = HOUSE / "examples"
 
 #: a phrase, or several, of each example's output that only a right answer produces
 SAYS = {
@@ -45,11 +44,11 @@ def test_every_example_is_run():
 
 @pytest.mark.parametrize("name", SAYS)
 def test_an_example_runs_as_written(name, tmp_path):
-    run = subprocess.run([sys.executable, str(EXAMPLES / name)], cwd=tmp_path, capture_output=True, text=True)
-    assert run.returncode == 0, run.stderr
-    assert run.stderr == ""
+    ran = run(str(EXAMPLES / name), folder=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stderr == ""
     for phrase in [SAYS[name]] if isinstance(SAYS[name], str) else SAYS[name]:
-        assert phrase in run.stdout
+        assert phrase in ran.stdout
     stem = name.removesuffix(".py")
     figures = set() if name in WITHOUT_FIGURE else {f"{stem}.png", f"{stem}.svg"}
     if name == "which_solver_do_you_believe.py":
@@ -61,7 +60,7 @@ PAPER = EXAMPLES / "paper_under_the_microscope.py"
 
 
 def read_paper(*words):
-    return subprocess.run([sys.executable, str(PAPER), *words], capture_output=True, text=True)
+    return run(str(PAPER), *words, folder=EXAMPLES)
 
 
 def test_the_paper_is_judged_by_numbers_that_are_computed():

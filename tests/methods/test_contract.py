@@ -5,7 +5,6 @@ import sys
 from dataclasses import FrozenInstanceError
 from textwrap import dedent
 
-import numpy as np
 import pytest
 
 import icpmodel as icp

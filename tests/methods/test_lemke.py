@@ -156,8 +156,8 @@ def test_the_linear_programme_on_which_the_simplex_method_cycles():
 
 def test_every_basis_is_lexicographically_positive():
     """The rows of (b, inverse of the basis) are, after each pivot: so none comes back. And t > 0 to the end."""
+    from icpmodel.numerics.kernels.balancing import scale
     from icpmodel.numerics.kernels.pivoting import UNFINISHED, begin, go_on
-    from icpmodel.numerics.kernels.units import scale
 
     rng = np.random.default_rng(10)
     pivots = 0

@@ -65,7 +65,7 @@ def test_the_answer_is_lemke_s_for_m_matrices_with_obstacles_and_rows_without_on
 
 def test_one_pass_finds_the_active_set_of_an_m_matrix():
     """Newton's steps, which follow, have nothing left to correct where the problem is not degenerate."""
-    from icpmodel.numerics.kernels.tridiagonal import SETTLED, bands, newton, release
+    from icpmodel.numerics.kernels.thomas import SETTLED, bands, newton, release
 
     rng = np.random.default_rng(1)
     for _ in range(300):

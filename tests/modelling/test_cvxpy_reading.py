@@ -250,7 +250,7 @@ def test_what_is_known_of_A_and_psi_is_kept_for_a_new_q():
     first = model.icp
     load.value = [3, -4]
     assert model.icp.A is first.A
-    assert model.icp._memory is first._memory
+    assert model.icp.facts is first.facts
     bound = cp.Parameter(2, value=[1, 2])
     model = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - bound))
     first = model.icp

@@ -8,9 +8,10 @@ from cvxpy.reductions.dcp2cone.cone_matrix_stuffing import ConeMatrixStuffing
 from cvxpy_programs import PROGRAMS
 
 import icpmodel as icp
-from icpmodel.modelling.cvxpy import quadratic
-from icpmodel.modelling.cvxpy.proximal import Point
-from icpmodel.modelling.cvxpy.quadratic import Complementary, Program, solve_program
+from icpmodel.modelling.cvxpy.program_solving import solve_program, without_solution
+from icpmodel.modelling.cvxpy.proximal import ProximalPoint
+from icpmodel.modelling.cvxpy.qp_solver import program_of
+from icpmodel.modelling.cvxpy.quadratic import Program, ProgramLcp
 
 TIGHT = {
     "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
@@ -138,17 +139,17 @@ def rows_only(F, g, q=(0.0, 0.0)):
     ],
 )
 def test_a_direction_that_proves_nothing_is_not_taken_for_a_proof(F, g, direction):
-    lcp = Complementary(rows_only(F, g))
+    lcp = ProgramLcp(rows_only(F, g))
     assert lcp.contradiction(np.array(direction, dtype=float) / lcp.unit) is None
 
 
 def test_a_falling_objective_is_no_proof_of_a_feasible_point():
     """What a dual proof says where the rows contradict each other, and where the time for that question is over."""
     program = rows_only([[1, 1], [-1, -1], [1, -1]], [-1.0, 0.0, 0.0], (1.0, 1.0))
-    assert quadratic._unsolvable(program, "dual", True, 1e-9, np.inf).status == cp.INFEASIBLE
-    assert quadratic._unsolvable(program, "dual", True, 1e-9, 1e-9).status == cp.settings.INFEASIBLE_OR_UNBOUNDED
+    assert without_solution(program, "dual", True).status == cp.INFEASIBLE
+    assert without_solution(program, "dual", True, time_limit=1e-9).status == cp.settings.INFEASIBLE_OR_UNBOUNDED
     feasible = rows_only([[1, 1], [1, -1]], [-1.0, 0.0], (1.0, 1.0))
-    assert quadratic._unsolvable(feasible, "dual", False, 1e-9, np.inf).status == cp.settings.UNBOUNDED_INACCURATE
+    assert without_solution(feasible, "dual", False).status == cp.settings.UNBOUNDED_INACCURATE
 
 
 def test_an_infinite_right_hand_side_says_nothing_or_everything():
@@ -179,9 +180,12 @@ def test_a_linear_program_in_other_units_has_the_same_vertex():
         assert solve(problem).value == pytest.approx(1.0)
 
 
-def test_bounds_only_are_an_lcp_in_x_alone(monkeypatch):
+def no_points(problem, tolerance, time_limit):
+    raise AssertionError("no proximal point was to be asked for")
+
+
+def test_bounds_only_are_an_lcp_in_x_alone():
     """Lower bounds, upper ones, or none, on different variables; no proximal point is needed."""
-    monkeypatch.setattr(quadratic, "points", None)
     y = cp.Variable(4)
     S = np.array([[4.0, 1, 0, 1], [1, 3, 1, 0], [0, 1, 3, 1], [1, 0, 1, 4]])
     rows = [2 * y[0] >= 1, y[0] >= 0.25, y[1] <= -1, -3 * y[2] >= -0.3]
@@ -190,6 +194,8 @@ def test_bounds_only_are_an_lcp_in_x_alone(monkeypatch):
     theirs = cp.Problem(objective, [2 * y[0] >= 1, y[0] >= 0.25, y[1] <= -1, -3 * y[2] >= -0.3])
     values, duals = y.value, [row.dual_value for row in rows]
     theirs.solve(solver="CLARABEL", **TIGHT["CLARABEL"])
+    program = program_of(problem.get_problem_data(icp.cvxpy_solver())[0])
+    assert solve_program(program, points=no_points).x == pytest.approx(values)
     assert problem.solver_stats.extra_stats.residual <= 1e-9
     assert values == pytest.approx(y.value, abs=1e-7)
     assert duals == pytest.approx([row.dual_value for row in theirs.constraints], abs=1e-6)
@@ -262,14 +268,13 @@ def test_what_is_no_quadratic_program_is_refused_by_cvxpy():
 
 
 @pytest.mark.parametrize(("error", "status"), [(1e-8, "optimal_inaccurate"), (1e-3, "solver_error")])
-def test_the_status_follows_the_residual_that_was_reached(error, status, monkeypatch):
+def test_the_status_follows_the_residual_that_was_reached(error, status):
     none, one = sp.csr_array((0, 2)), sp.csr_array([[1.0, 1.0]])
     program = Program(sp.csr_array(np.eye(2)), np.zeros(2), one, np.ones(1), none, np.zeros(0))
-    problem = Complementary(program).problem
+    problem = ProgramLcp(program).problem
     z = problem.solve("lemke").z + error
-    stuck = Point(z, np.zeros(3), problem.residual(z), 1)
-    monkeypatch.setattr(quadratic, "points", lambda *_: iter([stuck] * 99))
-    answer = solve_program(program)
+    stuck = ProximalPoint(z, np.zeros(3), problem.residual(z), 1)
+    answer = solve_program(program, points=lambda *_: iter([stuck] * 99))
     assert answer.status == status
     assert answer.steps < 99
     assert answer.residual == stuck.residual

@@ -188,6 +188,7 @@ def test_any_bytes_are_an_error_not_a_crash(tmp_path):
         ("psi.json", None, "it declares psi"),
         ("psi.json", "{", "not JSON"),
         ("psi.json", '{"psi": "sine"}', "field psi is 'sine'"),
+        ("psi.json", '{"psi": []}', r"field psi is \[\]; one of zero, constant, affine"),
         ("psi.json", "[]", r"psi\.json: holds no object; the field psi alone"),
         ("psi.json", "{}", r"psi\.json: holds the fields none; the field psi alone"),
         ("psi.json", '{"psi": "zero", "c": 1}', r"psi\.json: holds the fields psi, c; the field psi alone"),

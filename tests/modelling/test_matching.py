@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from icpmodel.modelling.matching import left_over, looks_like_r, own_entries
+from icpmodel.modelling.matching import looks_like_r, own_entries, unowned
 
 
 def cost(R, columns):
@@ -27,7 +27,7 @@ def test_the_choice_is_the_best_of_all_permutations_and_misses_none(seed):
     own = own_entries(sparse)
     if not possible:
         assert own is None
-        row, column = left_over(sparse)
+        row, column = unowned(sparse)
         assert row in range(n)
         assert column in range(n)
     else:
@@ -38,7 +38,7 @@ def test_the_choice_is_the_best_of_all_permutations_and_misses_none(seed):
 
 def test_what_is_left_over_is_no_more_than_must_be():
     """Rows 0 and 1 both want column 0 only; row 2 and column 2 are content."""
-    row, column = left_over(sp.csr_array([[1.0, 0, 0], [2.0, -1, 0], [0, 0, 1.0]]))
+    row, column = unowned(sp.csr_array([[1.0, 0, 0], [2.0, -1, 0], [0, 0, 1.0]]))
     assert row in (0, 1)
     assert column == 1
 

@@ -8,9 +8,10 @@ from pyomo.mpec import Complementarity, ComplementarityList, complements
 from pyomo_models import linear, random_problem, violation, written
 
 import icpmodel as icp
+from icpmodel.modelling.pyomo import read_pyomo
+from icpmodel.modelling.pyomo.condition_rows import ConditionRows
 from icpmodel.modelling.pyomo.nonlinear import NonlinearRows, flattened
-from icpmodel.modelling.pyomo.reader import read_pyomo
-from icpmodel.modelling.pyomo.rows import Rows
+from icpmodel.problem.affine import Constant
 
 KINDS = ("constant", "affine", "nonlinear")
 
@@ -41,7 +42,7 @@ def test_what_is_constant_is_constant_and_what_is_affine_affine(kind):
     random = np.random.default_rng(1)
     problem, G = random_problem(random, 5, kind)
     psi = read_pyomo(written(problem, G, random, kind)).problem.psi
-    assert isinstance(psi, {"constant": icp.maps.Constant, "affine": icp.Affine, "nonlinear": icp.Function}[kind])
+    assert isinstance(psi, {"constant": Constant, "affine": icp.Affine, "nonlinear": icp.Function}[kind])
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -249,7 +250,7 @@ def test_values_and_derivatives_are_pyomos(name):
     rows = {i: EXPRESSIONS[name]([x[j], x[k]]) * (i + 0.5) for i, (j, k) in enumerate(pairs)}
     flat = {i: flattened(row, "row") for i, row in rows.items()}
     own = NonlinearRows(flat, {id(one): j for j, one in enumerate(x)}, (4, 4))
-    assert len(own._shapes) == 1
+    assert len(own.compiled) == 1
     for z in np.random.default_rng(3).uniform(0.2, 1.2, (5, 4)):
         for one, value in zip(x, z, strict=True):
             one.set_value(float(value))
@@ -294,7 +295,7 @@ def test_mixed_and_double_bounded_conditions_hold_at_the_answer(seed):
         variable.set_value(value)
     assert len(reading.values(solution.z)) == n
     assert violation(model) <= 1e-9
-    for owner, _, force, _ in reading.forces(solution.z):
+    for owner, force in reading.multipliers(solution.z):
         if owner.index() in on_x:
             assert force == pytest.approx(pyo.value(on_x[owner.index()]), abs=1e-9)
 
@@ -304,10 +305,11 @@ def test_the_rows_and_their_owners_belong_together():
     model.x = pyo.Var([1, 2])
     model.c = Complementarity(expr=complements(pyo.inequality(0, model.x[1], 1), model.x[1] - model.x[2]))
     model.e = pyo.Constraint(expr=model.x[2] == 3)
-    rows = Rows(model)
+    rows = ConditionRows(model)
     assert rows.owners == [model.c, model.c, model.e]
     assert rows.equation == [False, False, True]
     reading = read_pyomo(model)
     solution = reading.problem.solve("newton")
     assert {one.name: value for one, value in reading.values(solution.z)} == {"x[1]": 1.0, "x[2]": 3.0}
-    assert reading.forces(solution.z) == [(model.c, model.x[1], -2.0, -2.0)]
+    assert reading.multipliers(solution.z) == [(model.c, -2.0)]
+    assert reading.marginals(solution.z) == [(model.x[1], -2.0)]

@@ -11,8 +11,7 @@ from pyomo.mpec.tests.test_complementarity import CCTests
 from pyomo_models import violation
 
 import icpmodel as icp
-import icpmodel.modelling.pyomo.solver
-from icpmodel.modelling.pyomo.reader import read_pyomo
+from icpmodel.modelling.pyomo import read_pyomo
 
 
 def base():

@@ -1,14 +1,12 @@
 """`SolverFactory("icpmodel")` as Pyomo knows solvers: both interfaces, statuses, suffixes, starts, entry points."""
 
 import io
-import subprocess
-import sys
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pyomo.environ as pyo
 import pytest
+from installed import HOUSE, announce, run
 from pyomo.contrib.solver.common.factory import SolverFactory as NewFactory
 from pyomo.contrib.solver.common.results import SolutionStatus, TerminationCondition
 from pyomo.contrib.solver.common.util import NoOptimalSolutionError
@@ -16,8 +14,8 @@ from pyomo.mpec import Complementarity, complements
 from pyomo_models import random_problem, violation, written
 
 import icpmodel as icp
-import icpmodel.modelling.pyomo.solver
-from icpmodel.modelling.pyomo.reader import read_pyomo
+from icpmodel.modelling.pyomo import read_pyomo
+from icpmodel.modelling.pyomo.solver_interface import ENDS
 from icpmodel.solve.solution import Status
 
 NEW = NewFactory("icpmodel")
@@ -67,29 +65,21 @@ def test_one_import_registers_the_solver_and_none_is_needed_on_pyomos_own_comman
         "model.x = pyo.Var()\n"
         "model.c = Complementarity(expr=complements(model.x >= 0, 2 * model.x >= 3))\n"
     )
-    house = Path(icp.__file__).parent.parent
-    declared = tomllib.loads((house / "pyproject.toml").read_text())["project"]["entry-points"]
-    installed = tmp_path / "entry-1.0.dist-info"
-    installed.mkdir()
-    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: entry\nVersion: 1.0\n")
-    lines = [f"[{group}]\n" + "\n".join(f"{k} = {v}" for k, v in names.items()) for group, names in declared.items()]
-    (installed / "entry_points.txt").write_text("\n".join(lines))
+    declared = tomllib.loads((HOUSE / "pyproject.toml").read_text())["project"]["entry-points"]
+    announce(tmp_path, "icpmodel", declared)
     script = (
-        f"import sys; sys.path[:0] = {[str(house), str(tmp_path)]!r}\n"
         "from pyomo.scripting.pyomo_main import main\n"
         "main(['solve', '--solver=icpmodel', '--save-results=results.json', 'model.py'])\n"
     )
-    run = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
+    by_pyomo = run("-c", script, folder=tmp_path)
+    assert by_pyomo.returncode == 0, by_pyomo.stderr
     assert '"Termination condition": "optimal"' in (tmp_path / "results.json").read_text()
     script = (
-        f"import sys; sys.path[:0] = {[str(house), str(tmp_path)]!r}\n"
-        "import icpmodel.modelling.pyomo.solver, pyomo.environ as pyo\n"
+        "import icpmodel.modelling.pyomo, pyomo.environ as pyo\n"
         "from model import model\n"
         "pyo.SolverFactory('icpmodel').solve(model); print(model.x.value)"
     )
-    run = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert run.stdout == "1.5\n"
+    assert run("-c", script, folder=tmp_path).stdout == "1.5\n"
 
 
 def test_it_is_available_and_has_our_version():
@@ -142,11 +132,10 @@ def test_what_is_proved_infeasible_is_said_to_be():
 
 
 def test_only_a_solved_run_is_optimal():
-    ends = icpmodel.modelling.pyomo.solver._ENDS
-    assert set(ends) == set(Status)
+    assert set(ENDS) == set(Status)
     good = TerminationCondition.convergenceCriteriaSatisfied, SolutionStatus.optimal
-    assert [status for status, end in ends.items() if end[0] is good[0] or end[1] is good[1]] == [Status.SOLVED]
-    assert ends[Status.SOLVED] == good
+    assert [status for status, end in ENDS.items() if end[0] is good[0] or end[1] is good[1]] == [Status.SOLVED]
+    assert ENDS[Status.SOLVED] == good
 
 
 @pytest.mark.parametrize("unique", [True, False])

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from icpmodel.scenes import contact, control, lubrication
+from icpmodel.scenes import contact, lubrication
+from icpmodel.scenes import impulse_control as control
 
 
 def test_the_ball_touches_where_the_radial_equation_says():

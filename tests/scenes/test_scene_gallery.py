@@ -8,11 +8,12 @@ import sys
 
 import numpy as np
 import pytest
+from installed import announce, run
 
 import icpmodel.scenes as scenes
 from icpmodel.errors import InputError
 from icpmodel.icp import ICP
-from icpmodel.scenes.registry import BUILDERS, Quantity, Scene, register
+from icpmodel.scenes.registry import Quantity, Scene, builders, register
 
 NAMES = scenes.names()
 SIZED = [name for name in NAMES if "n" in scenes.parameters(name)]
@@ -152,7 +153,7 @@ def test_each_scene_is_an_attribute_and_no_module_hides_one():
     for name in NAMES:
         attribute = name.replace("-", "_")
         assert attribute not in modules | set(scenes.__all__)
-        assert getattr(scenes, attribute) is BUILDERS[name]
+        assert getattr(scenes, attribute) is builders()[name]
         assert attribute in dir(scenes)
     assert scenes.membrane(n=100).problem.n == 100
     with pytest.raises(AttributeError, match="nothing_of_the_kind"):
@@ -219,3 +220,31 @@ def test_a_quantity_of_a_wrong_answer_is_a_number_or_nan_never_a_crash(name, fil
 def test_a_quantity_measures_a_distance():
     quantity = Quantity(2.0, lambda z: float(z[0]), order=None)
     assert quantity.error(np.array([1.5])) == 0.5
+
+
+OUTSIDE = """
+from icpmodel.scenes import Scene, register
+from icpmodel import ICP
+
+
+@register
+def put(n: int = 2) -> Scene:
+    \"\"\"A field of another package.\"\"\"
+    return Scene(problem=ICP([[2.0]], [-1.0]), models="Nothing.", why_no_reference="None.")
+"""
+
+
+@pytest.mark.parametrize("how", ["imported", "announced"])
+def test_a_scene_from_outside_is_found_by_name_and_on_the_command_line(tmp_path, how):
+    """Once its module is imported, or where its package announces it as an entry point."""
+    (tmp_path / "outside.py").write_text(OUTSIDE)
+    if how == "announced":
+        announce(tmp_path, "outside", {"icpmodel": {"scenes": "outside"}})
+    first = "import outside; " if how == "imported" else ""
+    code = "import icpmodel.scenes as s; print(s.scene('put').title, '|', s.put().name, 'put' in s.names())"
+    ran = run("-c", first + code, folder=tmp_path)
+    assert ran.stdout.strip() == "A field of another package | put True", ran.stderr
+    for arguments in (["scenes"], ["solve", "put"]):
+        ran = run("-c", f"{first}from icpmodel.cli import main; main({arguments})", folder=tmp_path)
+        assert ran.returncode == 0, ran.stderr
+        assert ("A field of another package" if arguments == ["scenes"] else "solved after") in ran.stdout

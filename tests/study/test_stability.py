@@ -7,7 +7,7 @@ import pytest
 
 import icpmodel as icp
 from icpmodel import study as measure
-from icpmodel.study import Axis, Plane, StabilityMap, planes, stability_map
+from icpmodel.study import Axis, Plane, StabilityMap, planes
 
 #: plane → points per axis, enough to meet failures
 MAPS = {name: icp.stability(name, points=5, n=16) for name in planes.PLANES}
@@ -75,18 +75,23 @@ def test_ends_are_told_apart():
         assert (found.ends == end).any(), (end, found.ends)
 
 
-def test_ctrl_c_keeps_the_points_that_were_done(monkeypatch):
-    runs = iter(range(100))
-    whole = stability_map._run
+@pytest.mark.parametrize("where", ["between two runs", "in a run"])
+def test_ctrl_c_keeps_the_points_that_were_done(where):
+    axis, asked = Axis("x", "x", np.array([0.0, 1.0, 2.0])), []
 
-    def interrupted(*arguments):
-        if next(runs) == 7:
-            raise KeyboardInterrupt
-        return whole(*arguments)
+    def interrupted(z):
+        raise KeyboardInterrupt
 
-    monkeypatch.setattr(stability_map, "_run", interrupted)
+    def at(x, y):
+        asked.append((x, y))
+        if len(asked) == 3:
+            if where == "between two runs":
+                raise KeyboardInterrupt
+            return icp.ICP([[1.0]], [1.0], interrupted), icp.MNMGS()
+        return icp.scenes.hand_lcp().problem, icp.MNMGS()
+
     with pytest.raises(icp.Interrupted) as stopped:
-        icp.stability("coupling", points=3, n=9)
+        icp.stability(Plane("nine points", axis, axis, at))
     found = stopped.value.report
     assert isinstance(found, StabilityMap)
     assert (found.ends.ravel() == "not run").tolist() == [False, False] + 7 * [True]
@@ -107,9 +112,7 @@ def test_a_map_is_written_with_its_data_and_its_command(tmp_path):
 
 def test_the_figure_shows_every_kind_of_end_and_line_in_its_legend():
     found = MAPS["units"]
-    from icpmodel.study.charts.map_chart import map_figure
-
-    figure = map_figure(found)
+    figure = found.figure()
     told = {text.get_text() for text in figure.legends[0].get_texts()}
     assert "said to converge, as printed (false)" in told
     assert any(label.startswith("proved: ") and "sharper" in label for label in told)
@@ -132,7 +135,7 @@ def test_the_figure_shows_every_kind_of_end_and_line_in_its_legend():
         ({"rtol": -1.0}, "rtol is -1"),
         ({"max_iter": 2.5}, "max_iter is 2.5"),
         ({"plane": "coupling", "problem": icp.ICP([[1.0]], [1.0])}, "this plane varies the problem"),
-        ({"plane": "relaxation", "method": "mnmgs"}, "this plane varies the parameters of a method"),
+        ({"plane": "relaxation", "method": "mnmgs"}, "this plane varies the parameters of its own method"),
         ({"plane": "coupling", "method": "nonsense"}, "method is 'nonsense'"),
         ({"plane": "shift", "problem": icp.ICP([[0.0]], [1.0])}, "A.0, 0. = 0; the plane shift needs"),
     ],

@@ -1,4 +1,4 @@
-"""Error bounds against exact rational solutions; the certified active set, polishing and solving to an accuracy."""
+"""Error bounds against exact rational solutions, and the certified active set."""
 
 import math
 from fractions import Fraction
@@ -11,12 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-import icpmodel.solve.goal
-from icpmodel.algebra.equations import solve_on
 from icpmodel.theory import comparison_matrix
-from icpmodel.theory.certificates import h_plus
 from icpmodel.theory.certificates.proof import norm_up
-from icpmodel.theory.comparison import layered, scaling_vectors
+from icpmodel.theory.matrices.comparison_matrix import layered, scaling_vectors
+from icpmodel.theory.proofs import proofs_of
 
 #: how far z lies from z*, relative to its size: from next to nothing to far away
 DISTANCES = [0.0, 1e-16, 1e-15, 1e-12, 1e-8, 1e-4, 1.0, 1e3, 1e8]
@@ -93,7 +91,7 @@ class TestNeverBelowTheTrueError:
         """F/α = 1e-325 is 0 in floats, but v multiplies it by 1e13."""
         problem = icp.ICP([[1e10, -1e23], [0, 1e10]], [0, -1e-315], -np.inf)
         exact = solutions(problem)[0]
-        proof = h_plus.prove(problem)
+        proof = proofs_of(problem).h_plus
         z = np.zeros(2)
         delta, _ = proof.bound(problem, z, *problem.rounding(z))
         assert exceeds(z, exact, delta) == []
@@ -159,7 +157,7 @@ class TestSharpness:
         psi = icp.Elementwise(np.sin, np.cos, lipschitz=0.5)
         mine, ours = (icp.ICP([[2.0]], [-1.0], f).solve() for f in (psi, 0.0))
         assert mine.certificate.bound.proof.endswith("given that psi is what the user says")
-        assert "z* is the only solution, given that psi is what the user says" in str(mine)
+        assert "z* is the only solution, given that psi is what the user says" in " ".join(str(mine).split())
         assert "user" not in str(ours) + ours.certificate.bound.proof
 
     def test_a_reason_is_given_once(self):
@@ -190,7 +188,7 @@ def test_the_units_of_z_may_show_in_psi_alone():
     column = 10.0 ** rng.uniform(-40, 40, n)
     G = 0.45 * np.eye(n)[rng.permutation(n)] + 0.45 * np.eye(n)[rng.permutation(n)]
     problem = icp.ICP(np.eye(n), np.ones(n), icp.Affine(column[:, None] * G / column))
-    assert h_plus.prove(problem).sentence.endswith("in natural units)")
+    assert proofs_of(problem).h_plus.sentence.endswith("in natural units)")
 
 
 def test_alpha_and_beta_are_never_above_what_they_stand_for():
@@ -198,7 +196,7 @@ def test_alpha_and_beta_are_never_above_what_they_stand_for():
     rng, proved = np.random.default_rng(0), 0
     for _ in range(150):
         problem, _, _ = random_problem(rng)
-        proof = h_plus.prove(problem)
+        proof = proofs_of(problem).h_plus
         if isinstance(proof, str):
             continue
         proved += 1
@@ -239,10 +237,11 @@ class TestScalingVectors:
         assert layered(wind) is None
 
     @pytest.mark.parametrize("skew", [0.0, 0.5])
-    def test_large_matrices_get_a_vector_without_a_factorisation(self, skew, monkeypatch):
+    def test_large_matrices_get_a_vector_without_a_factorisation(self, skew):
+        """One would leave ⟨A⟩v = D1 to rounding; a few steps of Krylov's, or the layers, leave far more."""
         problem = icp.scenes.membrane(n=30_000, skew=skew).problem
-        monkeypatch.setattr("icpmodel.theory.comparison.factorise", None)
-        assert icp.error_bound(problem, np.zeros(problem.n), sharp=False).unique
+        proof = proofs_of(problem).h_plus
+        assert np.abs(comparison_matrix(problem.A) @ proof.v / problem.A.diagonal() - 1).max() > 1e-4
 
     @settings(max_examples=100, deadline=None)
     @given(seed=st.integers(0, 10**9))
@@ -259,7 +258,7 @@ class TestScalingVectors:
             for rows in [np.array(rows, dtype=bool)]
         )
         if abs(radius - 1) > 1e-6:
-            found = h_plus.prove(icp.ICP(np.eye(n) - B, np.zeros(n), icp.Affine(G)))
+            found = proofs_of(icp.ICP(np.eye(n) - B, np.zeros(n), icp.Affine(G))).h_plus
             assert isinstance(found, str) == (radius >= 1)
 
 
@@ -354,192 +353,3 @@ def test_the_active_set_wants_the_bound_of_this_problem():
     other = icp.error_bound(icp.ICP(np.eye(2), [1.0, 1.0]), [0.0, 0.0])
     with pytest.raises(icp.InputError, match="bound is that of 2 unknowns; 1 were expected"):
         icp.theory.active_set(problem, [0.0], other)
-
-
-class TestPolish:
-    @pytest.mark.parametrize("name", [n for n in icp.scenes.names() if icp.scenes.scene(n).z_exact is not None])
-    def test_a_rough_answer_becomes_exact_to_rounding(self, name):
-        scene = icp.scenes.scene(name, 100 if "n" in icp.scenes.parameters(name) else None)
-        rough = scene.problem.solve(rtol=1e-3, raise_on_failure=False)
-        fine = rough.polish()
-        size = max(1.0, np.abs(scene.z_exact).max())
-        if not rough.active_set.undecided.any() or name == "hand-degenerate":
-            assert np.abs(fine.z - scene.z_exact).max() <= 1e-13 * size
-            if fine.error_bound is not None and name != "hard-scaled":  # there rounding alone is more than that
-                assert fine.error_bound <= 1e-11 * size
-        assert fine.residual <= rough.residual
-        assert fine.solved
-
-    def test_it_says_what_it_did_and_leaves_a_good_answer_alone(self):
-        problem = icp.ICP([[2, -1], [-1, 2]], [-1, 3])
-        rough = problem.solve("mnmgs", rtol=0.1)
-        fine = rough.polish()
-        assert "polished by one linear solve" in fine.why
-        assert fine.polish() is fine
-        assert not fine.z.flags.writeable
-
-    def test_a_run_that_failed_is_solved_where_the_polished_answer_is(self):
-        rough = icp.scenes.membrane(n=400).problem.solve("mnmgs", max_iter=150, raise_on_failure=False)
-        assert rough.status is icp.Status.ITERATION_LIMIT
-        assert rough.polish().status is icp.Status.SOLVED
-
-    def test_what_it_cannot_finish_it_says(self):
-        problem = icp.scenes.manufactured_elementwise(n=100).problem
-        rough = problem.solve("mnmgs", rtol=0.0, atol=0.0, max_iter=2, raise_on_failure=False)
-        fine = rough.polish()
-        assert fine.status is icp.Status.ITERATION_LIMIT
-        assert fine.residual < rough.residual
-        assert f"polished to a residual of {fine.residual:.3g}" in fine.message
-
-    def test_it_computes_no_bound_where_none_was_wanted(self, monkeypatch):
-        rough = icp.ICP([[2, -1], [-1, 2]], [-1, 3]).solve("mnmgs", rtol=0.1).without_bound()
-        monkeypatch.setattr("icpmodel.solve.solution.error_bound", None)
-        fine = rough.polish()
-        assert fine.residual < rough.residual
-        assert fine.certificate.bound.reason == "it was not computed"
-        assert "it was not computed" in str(fine)
-
-    @pytest.mark.parametrize("size", [1e-150, 1.0, 1e10, 1e150, 1e250])
-    def test_large_units_of_p_do_not_hide_the_better_answer(self, size):
-        """Rounding may make |p| larger than any r, so that the residual grows while the certified error falls."""
-        rng = np.random.default_rng(0)
-        for _ in range(20):
-            A = np.array([[4.0, -1.0], [-2.0, 4.0]]) + rng.uniform(-0.3, 0.3, (2, 2))
-            problem = icp.ICP(size * A, size * np.array([-3.0, 2.0]), 0.1)
-            rough = problem.solve("mnmgs", max_iter=2, raise_on_failure=False)
-            assert not rough.active_set.undecided.any()
-            assert rough.error_bound > 1e-4
-            assert rough.polish().error_bound < 1e-14
-
-    def test_a_row_that_is_proved_takes_its_side_though_z_is_nearer_to_the_other(self):
-        """z* = 0 touches with p* = 1; at z = 2 r = 3.8 > p = 3, and p > 2 proves p* > 0."""
-        rough = icp.ICP([[1.0]], [1.0], icp.Affine([[-0.9]])).solve(z0=[2.0], max_iter=0, raise_on_failure=False)
-        assert rough.active_set.active.tolist() == [True]
-        assert rough.polish().z == pytest.approx([0.0], abs=1e-15)
-
-    @pytest.mark.parametrize(("accuracy", "status"), [(1e-20, "ITERATION_LIMIT"), (1e-9, "SOLVED")])
-    def test_it_is_solved_only_where_the_accuracy_is_reached(self, accuracy, status):
-        problem = icp.scenes.membrane(n=100).problem
-        rough = problem.solve("mnmgs", accuracy=accuracy, max_iter=40, raise_on_failure=False)
-        assert rough.status.name == "ITERATION_LIMIT"
-        fine = rough.polish()
-        assert fine.error_bound < 1e-12
-        assert fine.status.name == status
-
-    def test_an_answer_that_is_solved_stays_solved(self):
-        """In units of p that make any rounding larger than `atol`, the better z is not what was asked for."""
-        rng = np.random.default_rng(0)
-        for _ in range(20):
-            A = np.array([[4.0, -1.0], [-2.0, 4.0]]) + rng.uniform(-0.3, 0.3, (2, 2))
-            problem = icp.ICP(1e150 * A, np.array([-3e150, 2e150]), 0.1)
-            fine = problem.solve("mnmgs", rtol=0.0, atol=1.0).polish()
-            assert fine.solved
-            assert fine.residual <= 1.0
-
-    def test_a_singular_active_set_is_no_candidate(self):
-        with pytest.raises(icp.SingularOperator):
-            solve_on(icp.ICP([[0.0]], [1.0]), np.zeros(1), np.array([False]))
-        rough = icp.ICP([[0.0]], [-1.0]).solve("mnmgs", phi2=1.0, max_iter=3, raise_on_failure=False)
-        fine = rough.polish()
-        assert fine.z is rough.z
-        assert "not polished: " in fine.why
-
-    def test_a_derivative_that_fails_is_named_and_the_answer_kept(self):
-        psi = icp.Elementwise(lambda z: 0.3 * np.sin(z), lambda z: z[:1], 0.3)
-        rough = icp.ICP([[2, -1], [-1, 2]], [-1, -2], psi).solve("mnmgs", rtol=0.1)
-        fine = rough.polish()
-        assert (fine.z is rough.z, fine.status) == (True, rough.status)
-        assert "not polished: psi.derivative(z) has shape (1,)" in str(fine)
-
-    def test_what_is_hardly_better_is_not_called_polished(self):
-        """The cycled run of a P-matrix: the other candidate has the same residual, and a bound smaller by 1e-15."""
-        rough = icp.scenes.hand_cyclic().problem.solve("mnmgs", raise_on_failure=False)
-        assert rough.status is icp.Status.CYCLED
-        assert rough.polish() is rough
-
-
-class TestAccuracy:
-    @pytest.mark.parametrize("name", ["bai-symmetric", "manufactured-affine", "manufactured-elementwise", "hand-lcp"])
-    @pytest.mark.parametrize("accuracy", [1e-2, 1e-6, 1e-10])
-    def test_the_error_is_below_what_was_asked_for(self, name, accuracy):
-        scene = icp.scenes.scene(name)
-        solution = scene.problem.solve(accuracy=accuracy)
-        assert solution.error_bound <= accuracy
-        assert np.abs(solution.z - scene.z_exact).max() <= accuracy
-
-    def test_it_stops_earlier_for_less(self):
-        problem = icp.scenes.membrane(n=20**2, mu=0).problem
-        steps = [problem.solve("mnmgs", accuracy=a).iterations for a in (1e-2, 1e-5, 1e-8)]
-        assert steps == sorted(set(steps))
-
-    def test_what_rounding_forbids_is_a_precision_limit(self):
-        solution = icp.scenes.bai_symmetric().problem.solve(accuracy=1e-17, raise_on_failure=False)
-        assert solution.status is icp.Status.PRECISION_LIMIT
-        assert "1e-17 was wanted" in solution.message
-
-    @pytest.mark.parametrize("steps", range(10))
-    def test_an_error_below_it_is_a_success_wherever_the_run_ends(self, steps):
-        """The loop does not look at every z, but the last word is a look."""
-        problem = icp.ICP([[1.0, -0.9], [-0.9, 1.0]], [-1.0, -1.0])
-        solution = problem.solve("mnmj", accuracy=7.0, max_iter=steps, raise_on_failure=False)
-        assert solution.solved == (solution.error_bound <= 7.0)
-
-    def test_it_looks_once_at_a_point_that_does_not_move(self, monkeypatch):
-        looks, real = [], icp.goal.error_bound
-        monkeypatch.setattr("icpmodel.solve.goal.error_bound", lambda *args: looks.append(1) or real(*args))
-        problem = icp.ICP([[2, -1], [-1, 2]], [-1, 3])
-        assert problem.solve(accuracy=1e-17, raise_on_failure=False).status is icp.Status.PRECISION_LIMIT
-        assert len(looks) <= 20
-        exact = problem.solve().polish()
-        looks.clear()
-        assert problem.solve(accuracy=1e-3, z0=exact).iterations == 0
-        assert len(looks) == 1
-
-    def test_it_stops_soon_after_the_bound_allows_it(self):
-        """Not every z is looked at, but few more steps are made than are needed."""
-        problem = icp.scenes.membrane(n=100).problem
-        for accuracy in 10.0 ** -np.arange(1, 11):
-            path = enumerate(icp.MNMGS().iterates(problem, np.zeros(problem.n)))
-            first = next(k for k, (z, _) in path if icp.error_bound(problem, z).value <= accuracy)
-            assert first <= problem.solve("mnmgs", accuracy=accuracy).iterations <= 1.3 * first + 5
-
-    @pytest.mark.parametrize("patience", [25, 30, 35, 40, 45])
-    def test_a_psi_that_fails_late_leaves_the_best_iterate(self, patience):
-        calls = []
-
-        def tiring(z):
-            calls.append(1)
-            if len(calls) > patience:
-                raise ValueError("tired")
-            return 0.3 * z[::-1]
-
-        psi = icp.Function(tiring, lipschitz=[[0, 0.3], [0.3, 0]])
-        solution = icp.ICP([[2, -1], [-1, 2]], [-1, 3], psi).solve(accuracy=1e-12, raise_on_failure=False)
-        assert solution.status is icp.Status.MAP_FAILED
-        assert "tired" in solution.message
-        assert solution.residual < 0.1
-
-    def test_the_bound_of_one_point_is_not_that_of_another_where_psi_fails(self):
-        def psi(z):
-            if z[0] > 5:
-                raise ValueError("too far")
-            return 0.3 * z
-
-        problem = icp.ICP([[2.0]], [-2.0], icp.Function(psi, lipschitz=0.3))
-        goal = icp.goal.AccuracyGoal(problem, 1e-3, np.array([1.0]))
-        assert goal.judge(np.array([1.0]), 0.0)
-        assert not goal.judge(np.array([10.0]), 0.0)
-
-    def test_without_a_certificate_it_is_refused_with_the_reason(self):
-        with pytest.raises(icp.NotApplicable, match=r"nothing bounds the error .* Lipschitz .* give rtol"):
-            icp.ICP([[1.0]], [-1.0], np.sin).solve(accuracy=1e-3)
-
-    @pytest.mark.parametrize("options", [{"rtol": 1e-3}, {"atol": 0.0}])
-    def test_it_does_not_go_with_a_residual_tolerance(self, options):
-        with pytest.raises(icp.InputError, match="give accuracy alone"):
-            icp.ICP([[1.0]], [-1.0]).solve(accuracy=1e-3, **options)
-
-    @pytest.mark.parametrize("accuracy", [0.0, -1.0, np.nan, np.inf, "x"])
-    def test_it_is_a_positive_number(self, accuracy):
-        with pytest.raises(icp.InputError, match="accuracy is"):
-            icp.ICP([[1.0]], [-1.0]).solve(accuracy=accuracy)

@@ -9,10 +9,9 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.errors import InputError
-from icpmodel.numerics.kernels.pivots import search_pivots
+from icpmodel.theory import p_matrix
 from icpmodel.theory.matrices import p_matrix as pmatrix
 from icpmodel.theory.matrices.classes import MatrixClasses, classify
-from icpmodel.theory.matrices.p_matrix import p_matrix
 
 CYCLE = [[1, 0, 2], [2, 1, 0], [0, 2, 1]]
 
@@ -268,6 +267,16 @@ class TestInvariance:
         assert classify(good).reducible.number == 15
 
 
+def test_two_blocks_that_stay_open_leave_the_whole_open():
+    """n = 30, not H₊, not definite, no small minor ≤ 0."""
+    rng = np.random.default_rng(0)
+    A = np.eye(30) + 0.3 * np.triu(rng.normal(size=(30, 30)), 1) + 0.02 * rng.normal(size=(30, 30))
+    np.fill_diagonal(A, 1.0)
+    for found in (p_matrix(A), p_matrix(sp.block_diag([A, A]))):
+        assert found.holds is None
+        assert "beyond the exact test" in found.reason
+
+
 class TestSoundness:
     def test_one_unit_in_the_last_place_around_singularity(self):
         """Entries moved by one ulp from an exactly singular matrix: never a wrong answer, and here always one."""
@@ -322,18 +331,18 @@ class TestSoundness:
         """1.05 − 1·1/1 is positive, and negative somewhere within ±0.1 of any entry."""
         rad = np.zeros((2, 2))
         rad[place] = 0.1
-        found, undecided = pmatrix._run(search_pivots, np.array([[1.0, 1.0], [1.0, 1.05]]), rad, 4)
+        found, undecided = pmatrix.search_minors(np.array([[1.0, 1.0], [1.0, 1.05]]), rad, 4)
         assert (found, undecided.tolist()) == (0, [3])
 
     def test_both_radii_of_a_product_count(self):
         """1.205 − (1 ± 0.1)² may be negative, and only just."""
         rad = np.array([[0.0, 0.1], [0.1, 0.0]])
-        found, undecided = pmatrix._run(search_pivots, np.array([[1.0, 1.0], [1.0, 1.205]]), rad, 4)
+        found, undecided = pmatrix.search_minors(np.array([[1.0, 1.0], [1.0, 1.205]]), rad, 4)
         assert (found, undecided.tolist()) == (0, [3])
 
     def test_overflow_is_undecided(self):
         mid = np.array([[1.0, 1e200], [1e200, 1.0]])
-        assert pmatrix._run(search_pivots, mid, np.zeros((2, 2)), 4)[0] == 0
+        assert pmatrix.search_minors(mid, np.zeros((2, 2)), 4)[0] == 0
 
     def test_perrons_vector_spares_the_linear_solve(self):
         answer = check([[1.0, -0.5, 0.0], [-3.0, 1.0, -3.0], [0.0, -0.5, 1.0]]).h

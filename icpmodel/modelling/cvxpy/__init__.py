@@ -1,0 +1,1 @@
+"""CVXPY: complementarity problems in its terms, and icpmodel as its solver for quadratic programs."""

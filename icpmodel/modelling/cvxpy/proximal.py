@@ -31,7 +31,7 @@ _STEPS, _FEW = 100, 20
 
 
 @dataclass(frozen=True)
-class Point:
+class ProximalPoint:
     """One proximal point: `z`, the step `direction` = z⁺ − z that led to it, its `residual` and Newton's `steps`."""
 
     z: Vector
@@ -40,7 +40,7 @@ class Point:
     steps: int
 
 
-def points(problem: ICP, tolerance: float, time_limit: float = np.inf) -> Iterator[Point]:
+def proximal_points(problem: ICP, tolerance: float, time_limit: float = np.inf) -> Iterator[ProximalPoint]:
     """The proximal points of `problem`, an LCP with positive semidefinite A of entries about 1, from its obstacle on.
 
     Parameters: `tolerance` of the residual, from which that of Newton's method follows; `time_limit` in seconds.
@@ -63,7 +63,7 @@ def points(problem: ICP, tolerance: float, time_limit: float = np.inf) -> Iterat
         if found.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         if found.status in (Status.SOLVED, Status.PRECISION_LIMIT):
-            yield Point(found.z, found.z - z, problem.residual(found.z), found.iterations)
+            yield ProximalPoint(found.z, found.z - z, problem.residual(found.z), found.iterations)
             z, following = found.z, max(sigma / _CHANGE, _LEAST) if found.iterations <= _FEW else sigma
         elif sigma < _MOST:
             following = sigma * _CHANGE

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import cache, reduce
 from typing import Any
 
 import numpy as np
+import pyomo.environ as pyo
 import scipy.sparse as sp
+from pyomo.common.numeric_types import native_numeric_types
+from pyomo.core.expr import numeric_expr
+from pyomo.core.expr.calculus.derivatives import Modes, differentiate
 
 from ...errors import InputError
 from ...numerics.arrays import Vector
@@ -38,18 +41,17 @@ _WORDS: dict[str, Callable[..., Any]] = {
     "minus": operator.neg,
     "abs": abs,
 }
+#: what the nodes of an expression do
+_NODES = (
+    (numeric_expr.SumExpression, "sum"),
+    (numeric_expr.ProductExpression, "product"),
+    (numeric_expr.DivisionExpression, "quotient"),
+    (numeric_expr.NegationExpression, "minus"),
+    (numeric_expr.PowExpression, "power"),
+    (numeric_expr.UnaryFunctionExpression, "function"),
+)
 #: a shape, with the variables and constants of one row in order of appearance
 Flat = tuple[tuple[Any, ...], list[Any], list[float]]
-
-
-@dataclass
-class _Shape:
-    """The rows that differ in their variables and constants only."""
-
-    tokens: tuple[Any, ...]
-    rows: list[int] = field(default_factory=list)
-    variables: list[list[int]] = field(default_factory=list)
-    constants: list[list[float]] = field(default_factory=list)
 
 
 class NonlinearRows:
@@ -62,26 +64,24 @@ class NonlinearRows:
 
     def __init__(self, flat: dict[int, Flat], columns: dict[int, int], shape: tuple[int, int]) -> None:
         self.shape = shape
-        shapes: dict[tuple[Any, ...], _Shape] = {}
+        found: dict[tuple[Any, ...], tuple[list[Any], list[Any], list[Any]]] = {}
         for row, (tokens, variables, constants) in flat.items():
-            one = shapes.setdefault(tokens, _Shape(tokens))
-            one.rows.append(row)
-            one.variables.append([columns[id(variable)] for variable in variables])
-            one.constants.append(constants)
-        self._shapes = list(shapes.values())
-        self._compiled = [_Compiled(one) for one in self._shapes]
+            of_shape = found.setdefault(tokens, ([], [], []))
+            for kept, one in zip(of_shape, (row, [columns[id(x)] for x in variables], constants), strict=True):
+                kept.append(one)
+        self.compiled = [_Compiled(tokens, *of_shape) for tokens, of_shape in found.items()]
 
     def value(self, x: Vector) -> Vector:
         """N(x), 0 in rows without an expression, for `x` of shape (columns,)."""
         result = np.zeros(self.shape[0])
-        for one in self._compiled:
+        for one in self.compiled:
             result[one.rows] = one.value(x)
         return result
 
     def jacobian(self, x: Vector) -> sp.csr_array:
         """N′(x), CSR."""
         rows, columns, data = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
-        for one in self._compiled:
+        for one in self.compiled:
             for k, derivative in enumerate(one.derivatives(x)):
                 rows.append(one.rows)
                 columns.append(one.variables[k])
@@ -92,9 +92,11 @@ class NonlinearRows:
     def expressions(self, x: Sequence[Any]) -> dict[int, Any]:
         """The rows as Pyomo expressions of `x`, Pyomo variables or expressions by column."""
         return {
-            row: _rebuilt(shape.tokens, [x[j] for j in variables], constants)
-            for shape in self._shapes
-            for row, variables, constants in zip(shape.rows, shape.variables, shape.constants, strict=True)
+            row: _rebuilt(one.tokens, [x[j] for j in variables], constants)
+            for one in self.compiled
+            for row, variables, constants in zip(
+                one.rows.tolist(), one.variables.T.tolist(), one.constants.T.tolist(), strict=True
+            )
         }
 
 
@@ -106,8 +108,6 @@ def flattened(expression: Any, owner: Any) -> Flat:
     belong to the shape.
     Raises InputError where Pyomo cannot differentiate an operation.
     """
-    from pyomo.common.numeric_types import native_numeric_types
-
     tokens: list[Any] = []
     variables: list[Any] = []
     place: dict[int, int] = {}
@@ -145,25 +145,11 @@ def _operation(node: Any, owner: Any) -> tuple[str, tuple[Any, ...]]:
 @cache
 def _word(kind: type) -> str:
     """What the nodes of a class do."""
-    from pyomo.core.expr import numeric_expr
-
-    for one, word in (
-        ("Sum", "sum"),
-        ("Product", "product"),
-        ("Division", "quotient"),
-        ("Negation", "minus"),
-        ("Pow", "power"),
-        ("UnaryFunction", "function"),
-    ):
-        if issubclass(kind, getattr(numeric_expr, f"{one}Expression")):
-            return word
-    return "unknown"
+    return next((word for one, word in _NODES if issubclass(kind, one)), "unknown")
 
 
 def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Sequence[Any]) -> Any:
     """The Pyomo expression of this shape with these variables and constants."""
-    import pyomo.environ as pyo
-
     left = list(constants)
     done: list[Any] = []
     for token in reversed(tokens):
@@ -184,17 +170,14 @@ def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Seque
 class _Compiled:
     """A shape as NumPy calls: its value and its derivatives, for all its rows at once."""
 
-    def __init__(self, shape: _Shape) -> None:
-        import pyomo.environ as pyo
-        from pyomo.core.expr.calculus.derivatives import Modes, differentiate
-
-        self.rows = np.array(shape.rows)
-        self.variables = np.array(shape.variables, dtype=np.int64).reshape(self.rows.size, -1).T
-        self.constants = np.array(shape.constants, dtype=np.float64).reshape(self.rows.size, -1).T
+    def __init__(self, tokens: tuple[Any, ...], rows: list[Any], variables: list[Any], constants: list[Any]) -> None:
+        self.tokens, self.rows = tokens, np.array(rows)
+        self.variables = np.array(variables, dtype=np.int64).reshape(self.rows.size, -1).T
+        self.constants = np.array(constants, dtype=np.float64).reshape(self.rows.size, -1).T
         stand_in = pyo.ConcreteModel()
         stand_in.x, stand_in.c = pyo.Var(range(len(self.variables))), pyo.Var(range(len(self.constants)))
         x, c = list(stand_in.x.values()), list(stand_in.c.values())
-        template = _rebuilt(shape.tokens, x, c)
+        template = _rebuilt(tokens, x, c)
         #: position of every known quantity in the list that a run fills: first x and c, then one per step
         self._place = {id(leaf): k for k, leaf in enumerate([*x, *c])}
         self._steps: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
@@ -206,8 +189,6 @@ class _Compiled:
 
     def _compile(self, root: Any) -> Any:
         """Append the steps that `root` needs; where its value will stand, or a number."""
-        from pyomo.common.numeric_types import native_numeric_types
-
         stack = [root]
         while stack:
             node = stack[-1]
@@ -250,3 +231,27 @@ def _ufunc(word: str) -> Callable[..., Any]:
         exponent = float(word.split()[1])
         return lambda x: x**exponent
     return _WORDS.get(word) or _FUNCTIONS[word]
+
+
+class PyomoObstacle:
+    """ψ(z) = Gz + c − N(x)/s with x = σz, the obstacle that a nonlinear Pyomo model has.
+
+    Parameters: `G` CSR and `c` the affine part; `rows` the nonlinear one, N; `signs` σ and `scale` s, shape (n,).
+    """
+
+    def __init__(self, G: sp.csr_array, c: Vector, rows: NonlinearRows, signs: Vector, scale: Vector) -> None:
+        self.G, self.c, self.rows, self.signs, self.scale = G, c, rows, signs, scale
+
+    def __call__(self, z: Vector) -> Vector:
+        value: Vector = self.G @ z + self.c - self.rows.value(self.signs * z) / self.scale
+        return value
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        """ψ′(z) = G − s⁻¹N′(σz)σ, CSR."""
+        slope = sp.diags_array(1 / self.scale) @ self.rows.jacobian(self.signs * z) @ sp.diags_array(self.signs)
+        return sp.csr_array(self.G - slope)
+
+    def expressions(self, z: list[Any]) -> dict[int, Any]:
+        """−N(σz)/s, row by row, as Pyomo expressions of the variables `z`."""
+        x = [variable if sign > 0 else -variable for variable, sign in zip(z, self.signs, strict=False)]
+        return {row: -one / float(self.scale[row]) for row, one in self.rows.expressions(x).items()}

@@ -6,6 +6,8 @@ for the combination. Those products may be summed in any order ("reassoc").
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from . import compiled
@@ -13,7 +15,8 @@ from . import compiled
 _BLOCK = 512
 
 
-def _combine(F, G, known, newest, weight, least, out):
+@partial(compiled, reassociate=True)
+def combine(F, G, known, newest, weight, least, out):
     # rows 0 ... known - 1 of F and G are values of f and g, and out = G[newest] - gamma dG with gamma as in
     # `methods.accelerated`, the differences those of the other rows to the newest; False where a product is not
     # finite, and then `out` is nothing
@@ -57,7 +60,8 @@ def _combine(F, G, known, newest, weight, least, out):
     return True
 
 
-def _solve_products(products, right, known, least, gamma):
+@compiled
+def _solve(products, right, known, least, gamma):
     # products gamma = right by Cholesky elimination of the equilibrated matrix, the largest pivot first; directions
     # whose pivot is at most `least` are left out
     scale = np.empty(known)
@@ -97,7 +101,3 @@ def _solve_products(products, right, known, least, gamma):
     for j in range(known):
         gamma[j] /= scale[j]
     return True
-
-
-_solve = compiled(_solve_products)
-combine = compiled(_combine, reassociate=True)

@@ -22,7 +22,8 @@ _ZERO, _TIE = 1e-11, 1e-13
 _TAME, _PIVOTS = 40, 50
 
 
-def _exchange(D, r, e, basic, nonbasic, place):
+@compiled
+def exchange(D, r, e, basic, nonbasic, place):
     # the variable of column e becomes basic in row r, and that of the row nonbasic
     pivot = D[r, e]
     D[r, e] = -1.0
@@ -38,10 +39,8 @@ def _exchange(D, r, e, basic, nonbasic, place):
     place[basic[r]], place[nonbasic[e]] = r, -1 - e
 
 
-exchange = compiled(_exchange)
-
-
-def _leaving(D, e, free, basic, place, ties):
+@compiled
+def leaving(D, e, free, basic, place, ties):
     # the row whose variable reaches 0 first as that of column e grows, or -1; ties are broken by the inverse of the
     # basis, in the columns of w: the lexicographically least ratio is unique. y of a row without obstacle never leaves
     n, count, largest, least = D.shape[0], 0, 0.0, np.inf
@@ -81,18 +80,16 @@ def _leaving(D, e, free, basic, place, ties):
     return ties[0]
 
 
-def _entry_of_inverse(D, i, k, place):
+@compiled
+def _of_inverse(D, i, k, place):
     # entry (i, k) of the inverse of the basis: the column of w_k, with the sign of the equations
     if place[k] >= 0:
         return 1.0 if place[k] == i else 0.0
     return -D[i, -1 - place[k]]
 
 
-_of_inverse = compiled(_entry_of_inverse)
-leaving = compiled(_leaving)
-
-
-def _eliminate_free(D, free, basic, nonbasic, place):
+@compiled
+def eliminate_free(D, free, basic, nonbasic, place):
     # rows without obstacle: w_i = 0 leaves for good and y_i, of either sign, enters; the largest pivot each time
     n, first = D.shape[0], 0.0
     while True:
@@ -112,10 +109,8 @@ def _eliminate_free(D, free, basic, nonbasic, place):
         exchange(D, row, column, basic, nonbasic, place)
 
 
-eliminate_free = compiled(_eliminate_free)
-
-
-def _start(S, q, free, D, basic, nonbasic, place):
+@compiled
+def start(S, q, free, D, basic, nonbasic, place):
     # the first dictionary; returns the label of the variable that is to enter, or -1 - code where the run has ended
     n = S.shape[0]
     for i in range(n):
@@ -137,10 +132,8 @@ def _start(S, q, free, D, basic, nonbasic, place):
     return entering
 
 
-start = compiled(_start)
-
-
-def _pivot(D, free, basic, nonbasic, place, ties, entering, limit):
+@compiled
+def pivot(D, free, basic, nonbasic, place, ties, entering, limit):
     # up to `limit` pivots; returns how they ended, and the label of the variable that is to enter
     n = D.shape[0]
     for _ in range(limit):
@@ -156,10 +149,8 @@ def _pivot(D, free, basic, nonbasic, place, ties, entering, limit):
     return UNFINISHED, entering
 
 
-pivot = compiled(_pivot)
-
-
-def _refined(S, f, D, basic, nonbasic, y, work):
+@compiled
+def refined(S, f, D, basic, nonbasic, y, work):
     # y of the dictionary, with a step of iterative refinement: it holds the inverse of its own equations
     n = S.shape[0]
     for i in range(n):
@@ -178,10 +169,8 @@ def _refined(S, f, D, basic, nonbasic, y, work):
                 y[basic[i] - n] -= D[i, e] * work[e]
 
 
-refined = compiled(_refined)
-
-
-def _go_on(S, f, free, units, D, labels, work, entering, limit):
+@compiled
+def go_on(S, f, free, units, D, labels, work, entering, limit):
     # a start (entering = -1), up to `limit` pivots: how they ended, what is to enter, y, and of a ray its direction
     n = S.shape[0]
     basic, nonbasic = labels[:n], labels[n : 2 * n + 1]
@@ -208,10 +197,8 @@ def _go_on(S, f, free, units, D, labels, work, entering, limit):
     return code, entering, y, ray
 
 
-go_on = compiled(_go_on)
-
-
-def _right(q, r, c, f, units):
+@compiled
+def right(q, r, c, f, units):
     # q in units in which its largest entry is about 1, and the units of y that come with it
     size = -5000
     for i in range(q.size):
@@ -223,10 +210,8 @@ def _right(q, r, c, f, units):
         units[i] = c[i] + size
 
 
-right = compiled(_right)
-
-
-def _begin(S, r, c, q, free):
+@compiled
+def begin(S, r, c, q, free):
     # all that `go_on` takes but for the last two arguments
     n = S.shape[0]
     f, units = np.empty(n), np.empty(n, np.int64)
@@ -234,10 +219,8 @@ def _begin(S, r, c, q, free):
     return S, f, free, units, np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
 
 
-begin = compiled(_begin)
-
-
-def _many(S, r, c, M, Q, C, limit, Z):
+@compiled
+def many(S, r, c, M, Q, C, limit, Z):
     # the LCPs with the rows of Q over the obstacles in the rows of C, each from its own start, to the rows of Z
     n = S.shape[0]
     f, units = np.empty(n), np.empty(n, np.int64)
@@ -251,10 +234,8 @@ def _many(S, r, c, M, Q, C, limit, Z):
         Z[k] = base + go_on(S, f, free, units, D, labels, work, -1, limit)[2]
 
 
-many = compiled(_many)
-
-
-def _row(indptr, indices, data, i, z):
+@compiled
+def row(indptr, indices, data, i, z):
     # (the diagonal entry of row i, the sum over its other columns of the entry times z)
     own, others = 0.0, 0.0
     for k in range(indptr[i], indptr[i + 1]):
@@ -265,10 +246,8 @@ def _row(indptr, indices, data, i, z):
     return own, others
 
 
-row = compiled(_row)
-
-
-def _apart(indptr, indices, data, q, c, slopes, rows, starts, wanted, z):
+@compiled
+def apart(indptr, indices, data, q, c, slopes, rows, starts, wanted, z):
     # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
     # having no entry there. Returns which may be solved: none that needs units of its own, or need not have one answer
     solved, place = np.zeros_like(wanted), np.full(z.size, -1, np.int32)
@@ -301,6 +280,3 @@ def _apart(indptr, indices, data, q, c, slopes, rows, starts, wanted, z):
         solved[k] = code == SOLVED
         z[block] += y
     return solved
-
-
-apart = compiled(_apart)

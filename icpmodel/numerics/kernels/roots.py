@@ -9,7 +9,8 @@ import numpy as np
 from . import compiled
 
 
-def _settled(c, value, tolerance):
+@compiled
+def settled(c, value, tolerance):
     # whether |c - psi(c)| <= tolerance |c| in all rows that have an obstacle
     i = 0
     while i < c.size and (value[i] == -np.inf or abs(c[i] - value[i]) <= tolerance * abs(c[i])):
@@ -17,10 +18,8 @@ def _settled(c, value, tolerance):
     return i == c.size
 
 
-settled = compiled(_settled)
-
-
-def _improve(c, value, slope, own, low, high, out):
+@compiled
+def improve(c, value, slope, own, low, high, out):
     # Newton's step for c - psi(c) = 0 where it stays in the bracket, low ... high, that |psi'| <= slope < 1 gives, else
     # the middle of it; `own` is psi' or empty. Returns whether anything moved
     moved = False
@@ -34,6 +33,3 @@ def _improve(c, value, slope, own, low, high, out):
             out[i] = math.nan
         moved = moved or out[i] != c[i]
     return moved
-
-
-improve = compiled(_improve)

@@ -136,38 +136,12 @@ def _some_in_order(indptr, indices, data, diag, q, psi, par, forward, Z, squares
         squares[k] = _sweep(indptr, indices, data, diag, q, psi, par, forward, Z[k], Z[k + 1])
 
 
-def _still_needed(half, last, goal, steps):
+@compiled
+def still_needed(half, last, goal, steps):
     # how many more sweeps it takes from the residual `last` to `goal` at the rate of the `steps` since `half`; the same
     # number for three squares
     speed = math.log(half / last) / steps
     return math.log(last / goal) / speed if speed > 0.0 else np.inf
-
-
-still_needed = compiled(_still_needed)
-
-
-def _watched_in_order(indptr, indices, data, diag, q, psi, par, forward, first, share, look, most, z, out):
-    # sweeps from z until one of them begins with at most `share` of the `first` residual (0: that of z), or a look at
-    # their rate says that more than `most` would follow: Res² of `out`, where the last one began, and whether they are
-    # quick
-    old, new = z.copy(), np.empty(z.size)
-    squares = _sweep(indptr, indices, data, diag, q, psi, par, forward, old, new)
-    goal = share * share * (first * first if 0.0 < first * first < np.inf else squares)
-    half, count, quick = squares, 0, True
-    while quick:
-        old, new = new, old
-        squares = _sweep(indptr, indices, data, diag, q, psi, par, forward, old, new)
-        count += 1
-        if squares <= goal:
-            break
-        if count == (look + 1) // 2:
-            half = squares
-        if count == look:
-            needed = still_needed(half, squares, goal, look - (look + 1) // 2)
-            quick = needed <= most and needed < np.inf
-            look, half = 2 * look, squares
-    out[:] = old
-    return squares, quick
 
 
 def _two_in_order(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low, high):
@@ -242,7 +216,8 @@ def _sweep_triangular(indptr, indices, data, q, psi, omega, start, stop, x_indic
     return squares
 
 
-def _substitute(start, stop, indices, data, tau, inverse, forward, f, out):
+@compiled
+def substitute(start, stop, indices, data, tau, inverse, forward, f, out):
     # X out = f for X = diag(1/inverse) + tau * T, row i of the strictly triangular T at start[i] ... stop[i]
     n = f.size
     for step in range(n):
@@ -256,14 +231,12 @@ def _substitute(start, stop, indices, data, tau, inverse, forward, f, out):
 
 
 class Sweeps:
-    """The sweeps, compiled alike: in the order of the rows, some in turn, two in one pass, or as many as it takes; the
-    others."""
+    """The sweeps, compiled alike: in the order of the rows, some one after the other, two in one pass; the others."""
 
     def __init__(self, *, cache: bool) -> None:
         self.in_order = compiled(_in_order, cache=cache)
         self.some_in_order = compiled(_some_in_order, cache=cache)
         self.two_in_order = compiled(_two_in_order, cache=cache)
-        self.watched_in_order = compiled(_watched_in_order, cache=cache)
         self.diagonal = compiled(_sweep_diagonal, cache=cache)
         self.triangular = compiled(_sweep_triangular, cache=cache)
 
@@ -272,6 +245,3 @@ class Sweeps:
 SWEEPS = Sweeps(cache=True)
 #: for ψ that calls a user's compiled function: numba cannot find those again in its cache
 USER_SWEEPS = Sweeps(cache=False)
-
-
-substitute = compiled(_substitute)

@@ -1,17 +1,56 @@
-"""One way to write a figure: as PNG and SVG, with its data as CSV beside it and the command that makes it again."""
+"""What all figures have in common: colours, markers, axes, and one way to write them, with their data beside them.
+
+The colours can be told apart by colour-blind readers; markers and dashes help all others.
+Reference: Okabe and Ito, Color Universal Design (2008), for the colours.
+"""
 
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Iterable
+from itertools import chain, cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 from ...errors import FileError, InputError
 from ...numerics.arrays import described
 from ...present.table import Table
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+Name = TypeVar("Name", bound=Hashable)
+
+#: a matplotlib figure: matplotlib is loaded when the first one is drawn
+Figure = Any
+
+BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
+#: one more than the colours, so that no pair comes twice in 42
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+DASHES = ("solid", "dashed", "dotted", "dashdot")
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, in inches, that belongs to no window."""
+    from matplotlib.figure import Figure as Empty
+
+    return Empty(figsize=(width, height), layout="constrained")
+
+
+def looks(names: Iterable[Name]) -> dict[Name, tuple[str, str]]:
+    """name → (colour, marker); "solve()" is always a black circle."""
+    pairs = zip(cycle(COLOURS), cycle(MARKERS), strict=False)
+    return {name: ("black", "o") if name == "solve()" else next(pairs) for name in names}
+
+
+def dashed(names: list[str]) -> dict[str, tuple[str, str]]:
+    """name → (colour, dashes) for lines without markers; the first one is black and solid."""
+    pairs = ((colour, dash) for dash in DASHES for colour in COLOURS)
+    return dict(zip(names, chain([("black", "solid")], cycle(pairs)), strict=False))
+
+
+def legend_below(figure: Figure, columns: int, **more: Any) -> None:
+    """One legend for all axes, below them."""
+    figure.legend(loc="outside lower center", ncols=columns, frameon=False, **({"fontsize": 8} | more))
 
 
 def save(figure: Figure, path: Any, table: Table, command: str) -> list[Path]:
@@ -35,3 +74,25 @@ def save(figure: Figure, path: Any, table: Table, command: str) -> list[Path]:
     except OSError as error:
         raise FileError(f"{error.filename or stem} cannot be written: {error.strerror}") from error
     return paths
+
+
+class Charted(ABC):
+    """What a study found: a table, a figure, and the `command` that makes both again."""
+
+    command: str
+
+    @abstractmethod
+    def table(self) -> Table:
+        """The numbers."""
+
+    @abstractmethod
+    def figure(self) -> Figure:
+        """The picture, a matplotlib figure."""
+
+    def plot(self, path: Any) -> list[Path]:
+        """Write the picture, PNG and SVG, and the numbers, CSV with the command in its first line.
+
+        Parameters: `path` a file name, whose suffix, if any of these three, is left out. Returns the three paths.
+        Raises InputError where `path` is no file name, FileError where it cannot be written.
+        """
+        return save(self.figure(), path, self.table(), self.command)

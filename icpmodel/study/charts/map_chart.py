@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..planes import Axis
-from ..stability_map import StabilityMap
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from ..planes import Axis, Plane
+from .figures import BLUE, ORANGE, PURPLE, SKY, YELLOW, Figure, legend_below, new_figure
 
 #: how a run ended → the sign for it and its words; solved points have colours
 _SIGNS = {
@@ -25,53 +22,58 @@ _SIGNS = {
 }
 #: theorem → colour and dashes: they often bound the same region
 _LINES: dict[str, tuple[str, Any]] = {
-    "4.1": ("#0072B2", (0, (6, 2))),
-    "4.2": ("#D55E00", (0, (4, 2))),
-    "4.3": ("#CC79A7", (0, (2, 2))),
-    "4.4": ("#56B4E9", (0, (1, 1))),
+    "4.1": (BLUE, (0, (6, 2))),
+    "4.2": (ORANGE, (0, (4, 2))),
+    "4.3": (PURPLE, (0, (2, 2))),
+    "4.4": (SKY, (0, (1, 1))),
     "sharper": ("black", "solid"),
-    "definite": ("#E69F00", (0, (5, 1, 1, 1))),
+    "definite": (YELLOW, (0, (5, 1, 1, 1))),
 }
+_FALSE = "#C00000"
 
 
-def map_figure(found: StabilityMap) -> Figure:
+def map_figure(
+    plane: Plane, ends: Any, steps: Any, proved: dict[str, Any], printed: Any, max_iter: int, rtol: float
+) -> Figure:
     """Steps as colours, failures as signs on white, and a line around the points where each theorem proves convergence.
 
     A red line encloses what the paper, as printed, says to converge, where that is more than is proved.
-    Returns a matplotlib figure.
+    Parameters: as `StabilityMap` has them, `printed` of all theorems together. Returns a matplotlib figure.
     """
     from matplotlib.colors import LogNorm
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    figure = Figure(figsize=(8.2, 5.4), layout="constrained")
+    figure = new_figure(8.2, 5.4)
     axes = figure.subplots()
-    x, y = found.plane.x, found.plane.y
-    steps = np.ma.masked_where(found.ends != "solved", np.maximum(found.steps, 1))
-    mesh = axes.pcolormesh(_edges(x), _edges(y), steps, cmap="viridis_r", norm=LogNorm(*_range(found)))
-    figure.colorbar(mesh, ax=axes, label=f"steps to Res(z) ≤ {found.rtol:g} Res(0)", pad=0.01)
+    x, y = plane.x, plane.y
+    solved = ends == "solved"
+    counts = np.ma.masked_where(~solved, np.maximum(steps, 1))
+    least = int(counts.min()) if solved.any() else max_iter
+    norm = LogNorm(least, max(int(counts.max()) if solved.any() else 1, 10 * least))  # at least a factor of ten apart
+    mesh = axes.pcolormesh(_edges(x), _edges(y), counts, cmap="viridis_r", norm=norm)
+    figure.colorbar(mesh, ax=axes, label=f"steps to Res(z) ≤ {rtol:g} Res(0)", pad=0.01)
     handles = []
     X, Y = np.meshgrid(x.values, y.values)
     for end, (sign, words) in _SIGNS.items():
-        here = found.ends == end
+        here = ends == end
         if here.any():
-            axes.plot(X[here], Y[here], linestyle="", marker=sign, color="0.25", markersize=5)
-            text = words.format(max_iter=found.max_iter)
-            handles.append(Line2D([], [], linestyle="", marker=sign, color="0.25", markersize=7, label=text))
-    for names, mask in _alike(found.proved):
+            style: dict[str, Any] = {"linestyle": "", "marker": sign, "color": "0.25"}
+            axes.plot(X[here], Y[here], markersize=5, **style)
+            handles.append(Line2D([], [], markersize=7, label=words.format(max_iter=max_iter), **style))
+    for names, mask in _alike(proved):
         colour, dashes = _LINES[names[-1]]
         if _outline(axes, x, y, mask, colors=[colour], linestyles=[dashes], linewidths=2.0):
             label = f"proved: {', '.join(names)}"
             handles.append(Line2D([], [], color=colour, linestyle=dashes, linewidth=2.0, label=label))
-    if (found.any_printed & ~found.any_proved).any():
-        _outline(axes, x, y, found.any_printed, colors=["#C00000"], linewidths=3.0, zorder=1.5)
-        handles.append(Line2D([], [], color="#C00000", linewidth=3.0, label="said to converge, as printed (false)"))
-    for axis, set_scale in ((x, axes.set_xscale), (y, axes.set_yscale)):
-        set_scale("log" if axis.log else "linear")
+    if (printed & ~np.any([*proved.values()], axis=0)).any():
+        _outline(axes, x, y, printed, colors=[_FALSE], linewidths=3.0, zorder=1.5)
+        handles.append(Line2D([], [], color=_FALSE, linewidth=3.0, label="said to converge, as printed (false)"))
+    axes.set_xscale("log" if x.log else "linear")
+    axes.set_yscale("log" if y.log else "linear")
     axes.set_xlabel(x.label)
     axes.set_ylabel(y.label)
-    axes.set_title(found.plane.title, fontsize=10)
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=8)
+    axes.set_title(plane.title, fontsize=10)
+    legend_below(figure, 3, handles=handles)
     return figure
 
 
@@ -86,13 +88,6 @@ def _alike(masks: dict[str, Any]) -> list[tuple[list[str], Any]]:
         else:
             groups.append(([name], mask))
     return groups
-
-
-def _range(found: StabilityMap) -> tuple[int, int]:
-    """The fewest and most steps of the solved points, at least a factor of ten apart."""
-    steps = np.maximum(found.steps[found.ends == "solved"], 1)
-    least = int(steps.min(initial=found.max_iter))
-    return least, max(int(steps.max(initial=1)), 10 * least)
 
 
 def _edges(axis: Axis) -> Any:
@@ -111,13 +106,8 @@ def _outline(axes: Any, x: Axis, y: Axis, mask: Any, **style: Any) -> bool:
 
     ex, ey = _edges(x), _edges(y)
     wide = np.pad(mask, 1)
-    pieces = [
-        [(ex[i], ey[j]), (ex[i], ey[j + 1])]
-        for j, i in zip(*np.nonzero(wide[1:-1, 1:] != wide[1:-1, :-1]), strict=True)
-    ]
-    pieces += [
-        [(ex[i], ey[j]), (ex[i + 1], ey[j])]
-        for j, i in zip(*np.nonzero(wide[1:, 1:-1] != wide[:-1, 1:-1]), strict=True)
+    pieces = [[(ex[i], ey[j]), (ex[i], ey[j + 1])] for j, i in np.argwhere(wide[1:-1, 1:] != wide[1:-1, :-1])] + [
+        [(ex[i], ey[j]), (ex[i + 1], ey[j])] for j, i in np.argwhere(wide[1:, 1:-1] != wide[:-1, 1:-1])
     ]
     axes.add_collection(LineCollection(pieces, **style))
     return True

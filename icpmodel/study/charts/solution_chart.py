@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,11 +10,8 @@ from ...algebra.equations import nearer_to_obstacle
 from ...errors import InputError
 from ...numerics.arrays import Vector, described
 from ...solve.solution import Solution
+from .figures import BLUE, GREEN, ORANGE, Figure, new_figure
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
 #: more points than this are thinned out before they are drawn: a figure has fewer pixels
 _DRAWN = 200_000
 
@@ -26,13 +23,10 @@ def solution_figure(solution: Solution, points: Vector | None = None) -> Figure:
     plane. Parameters: `solution`; `points` the coordinates of the unknowns, shape (n,), (n, 2) or None, as
     `Scene.points` has them. Returns a matplotlib figure. Raises InputError for points of another shape.
 
-    >>> from icpmodel.scenes import membrane
-    >>> square = membrane(n=100)
-    >>> [axes.get_title() for axes in solution_figure(square.problem.solve(), square.points).axes[:2]]
+    >>> square = icp.scenes.membrane(n=100)
+    >>> [axes.get_title() for axes in icp.study.solution_figure(square.problem.solve(), square.points).axes[:2]]
     ['z, contact set outlined', 'p']
     """
-    from matplotlib.figure import Figure
-
     if not isinstance(solution, Solution):
         raise InputError(f"solution is {described(solution)}; a Solution was expected")
     n = solution.problem.n
@@ -40,10 +34,10 @@ def solution_figure(solution: Solution, points: Vector | None = None) -> Figure:
         raise InputError(f"points has shape {np.shape(points)}; ({n},) or ({n}, 2) was expected")
     contact = nearer_to_obstacle(solution.problem, solution.z)
     if points is not None and np.ndim(points) == 2:
-        figure = Figure(figsize=(9.6, 4.2), layout="constrained")
+        figure = new_figure(9.6, 4.2)
         _plane(figure, solution, points, contact)
     else:
-        figure = Figure(figsize=(8.2, 5.0), layout="constrained")
+        figure = new_figure(8.2, 5.0)
         _line(figure, solution, points, contact)
     return figure
 
@@ -58,9 +52,9 @@ def _line(figure: Figure, solution: Solution, points: Vector | None, contact: An
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     psi = solution.problem.psi.value(solution.z)
     psi = np.where(np.isfinite(psi), psi, np.nan)
-    above.plot(x[keep], psi[keep], color=_ORANGE, label="obstacle ψ(z)", linewidth=2.5, markersize=5, **style)
-    above.plot(x[keep], solution.z[keep], color=_BLUE, label="z", linewidth=1.5, markersize=3, **style)
-    below.plot(x[keep], solution.p[keep], color=_GREEN, markersize=3, **style)
+    above.plot(x[keep], psi[keep], color=ORANGE, label="obstacle ψ(z)", linewidth=2.5, markersize=5, **style)
+    above.plot(x[keep], solution.z[keep], color=BLUE, label="z", linewidth=1.5, markersize=3, **style)
+    below.plot(x[keep], solution.p[keep], color=GREEN, markersize=3, **style)
     for k, axes in enumerate((above, below)):
         across = {"transform": axes.get_xaxis_transform(), "color": "0.85", "linewidth": 0, "zorder": 0}
         axes.fill_between(x, 0.0, 1.0, where=contact, step="mid", **across)

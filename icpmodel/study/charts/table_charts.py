@@ -1,24 +1,30 @@
-"""Figures of the tables, in colours that colour-blind readers can tell apart, and with markers for all others.
-
-Reference: Okabe and Ito, Color Universal Design (2008), for the colours.
-"""
+"""Figures of the tables of the benchmarks, by name, as they are written to a folder."""
 
 from __future__ import annotations
 
-from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ...numerics.arrays import Vector
 from ...present.table import Table
-from ..competitors import WORST
+from .figures import Figure, dashed, legend_below, looks, new_figure
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+#: what is so many times as slow as the best single method makes `solve()` look bad
+WORST = 1.5
+#: the largest factor of a profile that is drawn
+_LARGEST = 1000.0
+#: more profiles than these cannot be told apart
+_SHOWN = 12
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-#: one more than the colours, so that no pair comes twice in 42
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+
+def benchmark_figures(table: Table) -> dict[str, tuple[Figure, Table]]:
+    """File name → (figure, its data): the profiles of a `benchmark`, and time against n of each scene."""
+    found = {"benchmark": (profile_figure(table), table)}
+    for scene, figure in scaling(table).items():
+        rows = tuple(row for row in table.rows if row[0] == scene)
+        found[scene.replace(",", "-").replace("=", "")] = figure, Table(scene, table.heads, rows)
+    return found
 
 
 def scaling(table: Table) -> dict[str, Figure]:
@@ -28,13 +34,11 @@ def scaling(table: Table) -> dict[str, Figure]:
     residual are shown. The label has the exponent of n, fitted through the three largest sizes.
     Returns scene → figure.
     """
-    from matplotlib.figure import Figure
-
     found: dict[str, Figure] = {}
     for scene, lines in _lines(table).items():
         if len({n for points in lines.values() for n, _ in points}) < 2:
             continue
-        figure = Figure(figsize=(10, 6.2), layout="constrained")
+        figure = new_figure(10, 6.2)
         left, right = figure.subplots(1, 2, sharey=True)
         _draw(left, {key: points for key, points in lines.items() if key[0] != "own"})
         _draw(right, {key: points for key, points in lines.items() if key[0] in ("solve", "own")})
@@ -48,41 +52,36 @@ def scaling(table: Table) -> dict[str, Figure]:
 
 def memory_figure(table: Table) -> Figure:
     """Memory against n of a `memory`, one line for each scene, and the bytes of A; exponents as in `scaling`."""
-    from matplotlib.figure import Figure
-
     lines: dict[str, list[tuple[int, float]]] = {}
     sizes: dict[str, list[tuple[int, float]]] = {}
     for scene, n, _, size, peak, *_ in table.rows:
         sizes.setdefault(scene, []).append((n, size))
         if peak > 0:
             lines.setdefault(scene, []).append((n, peak))
-    figure = Figure(figsize=(7, 4.6), layout="constrained")
+    figure = new_figure(7, 4.6)
     axes = figure.subplots()
     for kind, found, dash in (("solve()", lines, "-"), ("A", sizes, "--")):
-        for (scene, points), colour, marker in zip(found.items(), cycle(COLOURS), cycle(MARKERS), strict=False):
-            power = exponent(points)
-            label = f"{kind}, {scene}" + ("" if power is None else f": $n^{{{power:.2f}}}$")
-            axes.plot(*zip(*points, strict=True), dash, marker=marker, color=colour, label=label, linewidth=1.2)
+        for scene, (colour, marker) in looks(found).items():
+            label, points = _labelled(f"{kind}, {scene}", found[scene]), zip(*found[scene], strict=True)
+            axes.plot(*points, dash, marker=marker, color=colour, label=label, linewidth=1.2)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("number of unknowns n")
     axes.set_ylabel("memory, MiB")
     axes.grid(alpha=0.3)
-    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=8)
+    legend_below(figure, 2)
     return figure
 
 
 def choice(table: Table) -> Figure:
     """The ratios of a `dispatch`: one line for each scene, one marker for each size, and the bound of 1.5."""
-    from matplotlib.figure import Figure
-
     rows = [dict(zip(table.heads, row, strict=True)) for row in table.rows]
     rows = [row for row in rows if row["ratio"] is not None]
     scenes = list(dict.fromkeys(row["scene"] for row in rows))[::-1]
     sizes = sorted({10 ** round(float(np.log10(row["n"]))) for row in rows})
-    figure = Figure(figsize=(8, 1.6 + 0.28 * len(scenes)), layout="constrained")
+    figure = new_figure(8, 1.6 + 0.28 * len(scenes))
     axes = figure.subplots()
-    for size, colour, marker in zip(sizes, cycle(COLOURS), cycle(MARKERS), strict=False):
+    for size, (colour, marker) in looks(sizes).items():
         here = [row for row in rows if 10 ** round(float(np.log10(row["n"]))) == size]
         x, y = [row["ratio"] for row in here], [scenes.index(row["scene"]) for row in here]
         label = f"n ≈ {size}" if size > 1 else "n < 4"
@@ -95,9 +94,10 @@ def choice(table: Table) -> Figure:
     ratios = [row["ratio"] for row in rows] or [1.0]
     axes.set_xlim(0.9 * min(0.5, *ratios), 1.1 * max(2.0, *ratios))
     axes.set_yticks(range(len(scenes)), scenes)
+    axes.set_ylim(-0.6, len(scenes) - 0.4)
     axes.grid(axis="x", alpha=0.3)
     axes.set_xlabel("time of solve() / time of the quickest single method")
-    figure.legend(loc="outside lower center", ncols=6, frameon=False)
+    legend_below(figure, 6, fontsize=10)
     return figure
 
 
@@ -123,18 +123,20 @@ def _lines(table: Table) -> dict[str, dict[tuple[str, str], list[tuple[int, floa
     return lines
 
 
+def _labelled(name: str, points: list[tuple[int, float]]) -> str:
+    """The name, with the exponent of n where there is one."""
+    power = exponent(points)
+    return name if power is None else f"{name}: $n^{{{power:.2f}}}$"
+
+
 def _draw(axes: Any, lines: dict[tuple[str, str], list[tuple[int, float]]]) -> None:
-    styles = zip(cycle(COLOURS), cycle(MARKERS), strict=False)
+    shown = looks([name for _, name in lines])
     for (kind, name), points in lines.items():
-        n, seconds = zip(*points, strict=True)
-        power = exponent(points)
-        label = name if power is None else f"{name}: $n^{{{power:.2f}}}$"
-        if kind == "solve":
-            axes.plot(n, seconds, "-o", color="black", linewidth=2.5, label=label, zorder=3)
-        else:
-            colour, marker = next(styles)
-            line = "--" if kind == "limit" else "-"
-            axes.plot(n, seconds, line, marker=marker, color=colour, linewidth=1.2, markersize=5, label=label)
+        colour, marker = shown[name]
+        width, size = (2.5, 6) if kind == "solve" else (1.2, 5)
+        style = {"color": colour, "marker": marker, "linewidth": width, "markersize": size}
+        dash = "--" if kind == "limit" else "-"
+        axes.plot(*zip(*points, strict=True), dash, label=_labelled(name, points), zorder=1 + width, **style)
     axes.set_xscale("log")
     axes.set_yscale("log")
     sizes = sorted({n for points in lines.values() for n, _ in points})
@@ -144,3 +146,55 @@ def _draw(axes: Any, lines: dict[tuple[str, str], list[tuple[int, float]]]) -> N
     axes.set_xlabel("number of unknowns n")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, frameon=False, fontsize=8)
+
+
+def profiles(table: Table) -> dict[str, Vector]:
+    """Method → its factors t/t_best, increasing, on the problems that it solved; infinite on the others.
+
+    Parameters: `table` of a `benchmark`; a problem is a scene at a size which someone solved, linear solves do not take
+    part. The share ρ(τ) of factors ≤ τ is the performance profile.
+    Reference: Dolan and Moré, Math. Program. 91 (2002), doi:10.1007/s101070100263.
+    """
+    times: dict[str, dict[tuple[str, int], float]] = {}
+    for row in table.rows:
+        cells = dict(zip(table.heads, row, strict=True))
+        if cells["method"] and cells["kind"] != "limit":
+            mine = times.setdefault(cells["method"], {})
+            if cells["time, s"] is not None:
+                mine[cells["scene"], cells["n"]] = cells["time, s"]
+    best: dict[tuple[str, int], float] = {}
+    for mine in times.values():
+        for problem, seconds in mine.items():
+            best[problem] = min(seconds, best.get(problem, np.inf))
+    return {
+        name: np.sort([mine.get(problem, np.inf) / seconds for problem, seconds in best.items()])
+        for name, mine in times.items()
+    }
+
+
+def profile_figure(table: Table) -> Figure:
+    """The twelve best profiles of a `benchmark`, best first in the legend. Returns a matplotlib figure."""
+    found = profiles(table)
+    figure = new_figure(9, 5.4)
+    axes = figure.subplots()
+    ranked = sorted(found, key=lambda name: (name != "solve()", -_area(found[name])))[:_SHOWN]
+    for name, (colour, dash) in dashed(ranked).items():
+        factors = found[name]
+        solved = factors[factors <= _LARGEST]
+        x = np.concatenate([[1.0], solved, [_LARGEST]])
+        y = np.concatenate([[0.0], np.arange(1, solved.size + 1), [solved.size]]) / max(factors.size, 1)
+        width = 2.5 if name == "solve()" else 1.3
+        axes.plot(x, y, drawstyle="steps-post", color=colour, linestyle=dash, linewidth=width, label=name)
+    axes.set_xscale("log")
+    axes.set_xlim(1.0, _LARGEST)
+    axes.set_ylim(0.0, 1.02)
+    axes.set_xlabel("time within this factor of the quickest")
+    axes.set_ylabel("share of the problems")
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside right center", frameon=False, fontsize=8)
+    return figure
+
+
+def _area(factors: Vector) -> float:
+    """The area under the profile over log τ."""
+    return float(np.log(_LARGEST / np.clip(factors, 1.0, _LARGEST)).sum())

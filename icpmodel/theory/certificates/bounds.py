@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,20 +12,10 @@ import numpy as np
 from ...errors import MapError
 from ...numerics.arrays import Vector, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most
-from ...problem.affine import Affine, Constant
 from ...problem.data import ProblemData, as_problem
-from ...problem.intervention import Intervention
-from ...problem.map import Map
-from . import definite, h_plus, representatives, supersolution
+from ..proofs import proofs_of
 from .proof import Proof, norm_up
 
-#: the proofs in the order in which they are tried, cheapest and sharpest first, each with the maps ψ that it is about
-_PROOFS = (
-    (h_plus.prove, Map),
-    (representatives.prove, Constant | Affine),
-    (definite.prove, Map),
-    (supersolution.prove, Intervention),
-)
 #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
 _SHARPEN_UP_TO = 10_000
 #: a share of the bound that is not worth another step
@@ -92,7 +83,7 @@ class ErrorBound:
 
 
 def listed(reason: str) -> str:
-    """The reasons why nothing is proved, as `ErrorBound.reason` strings them together: one a line if there are several."""
+    """The reasons why nothing is proved, strung together in `ErrorBound.reason`: one a line if there are several."""
     several = reason.split("; ")
     return f" {reason}" if len(several) == 1 else "".join(f"\n- {one}" for one in several)
 
@@ -123,10 +114,7 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
     if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:
         return ErrorBound.none("psi is computed by a user's function, whose rounding errors are not known")
     reasons = []
-    for prove, kind in _PROOFS:
-        if not isinstance(problem.psi, kind):
-            continue
-        proof = prove(problem)
+    for proof in _proofs(problem):
         if isinstance(proof, str):
             reasons.append(proof.replace("; ", ", "))
             continue
@@ -146,11 +134,22 @@ def bound_of_change(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vecto
 
     Parameters: `z`, `for_p` ≥ 0 and `for_r` ≥ 0, all of shape (n,). Returns None where nothing is proved.
     """
-    for prove, kind in _PROOFS:
-        if isinstance(problem.psi, kind) and not isinstance(proof := prove(problem), str):
+    for proof in _proofs(problem):
+        if not isinstance(proof, str):
             largest = float(proof.bound(problem, z, for_p, for_r)[0].max())
             return largest if np.isfinite(largest) else None
     return None
+
+
+def _proofs(problem: ProblemData) -> Iterator[Proof | str]:
+    """The proofs, or why there is none, as they are tried: the cheapest and sharpest first, those that ψ may have."""
+    known = proofs_of(problem)
+    yield known.h_plus
+    if problem.psi.linear is not None:
+        yield known.representatives
+    yield known.definite
+    if problem.psi.takes_best:
+        yield known.supersolution(problem)
 
 
 def _sharpened(problem: ProblemData, z: Vector, proof: Proof, delta: Vector, euclidean: float) -> tuple[Vector, float]:

@@ -27,17 +27,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import Vector, row_of
+from ...numerics.arrays import Vector
+from ...numerics.equilibration import in_units_exactly, symmetric_exponents
+from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, at_most, upper
-from ...problem.affine import Affine, Constant
 from ...problem.data import ProblemData
-from ..matrices.eigenvalue import largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
-from ..proofs import made_once
+from ...problem.map import Map
+from ...problem.matrix import Matrix
+from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
 from .proof import Proof, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
@@ -121,38 +122,27 @@ def _split(p: Vector, r: Vector, balance: np.ndarray) -> tuple[Vector, Vector]:
     return np.where(balance, p, np.minimum(p, 0.0)), np.where(balance, np.minimum(r, 0.0), r)
 
 
-def prove(problem: ProblemData) -> DefiniteProof | str:
+def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     """λ by factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds.
 
-    Returns the proof, or the reason why there is none. It is made of A and ψ alone and remembered for all problems
-    that share them.
+    Returns the proof, or the reason why there is none.
     """
-    found: DefiniteProof | str = _once(problem)
-    return found
-
-
-@made_once
-def _once(problem: ProblemData) -> Any:
-    return _prove(problem)
-
-
-def _prove(problem: ProblemData) -> DefiniteProof | str:
-    A, n = problem.A, problem.n
+    A, n = matrix.sparse, matrix.n
     diagonal = A.diagonal()
     if (diagonal <= 0).any():
         i = int(np.argmax(diagonal <= 0))
         return f"A is not positive definite: A[{i}, {i}] = {diagonal[i]:g} is not positive"
-    if problem.psi.lipschitz is None:
+    if psi.lipschitz is None:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
-    B, L = _slopes(problem)
+    B, L = _slopes(psi, n)
     work = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
     if n > LARGEST or work > _LARGEST_WORK:
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
-    exponent = unit_exponents(diagonal)
-    scaled = [_scaled(X, left, exponent) for X, left in ((A, exponent), (B, -exponent), (L, -exponent))]
-    if not all(exact for _, exact in scaled):
+    exponent = symmetric_exponents(diagonal)
+    scaled = [in_units_exactly(X, left, exponent) for X, left in ((A, exponent), (B, -exponent), (L, -exponent))]
+    if any(X is None for X in scaled):
         return "A is not tested for definiteness: scaled to a diagonal of 1, its entries or those of psi underflow"
-    A, B, L = (X for X, _ in scaled)
+    A, B, L = scaled
     At, coupled = sp.csr_array(A.T), (sp.eye_array(n) != B).nnz > 0
     widest = int(np.diff(At.indptr).max()) + 4
     gamma, underflow = 2 * widest * UNIT_ROUNDOFF, n * widest * SMALLEST
@@ -166,7 +156,7 @@ def _prove(problem: ProblemData) -> DefiniteProof | str:
     slack += 4 * UNIT_ROUNDOFF * float(abs(H).sum(axis=1).max()) + underflow
     if not within_reach(H):
         return f"{name} is not tested for definiteness: with n = {n} it is too large to be factorised"
-    lu = symmetric_lu(H)
+    lu = factorise(H, diagonal_pivots=True)
     smallest = smallest_below(H, slack, lu)
     if lu is None or not smallest > 0:
         return f"{name} is not proved positive definite: its symmetric part has no eigenvalue bound above 0"
@@ -180,16 +170,14 @@ def _prove(problem: ProblemData) -> DefiniteProof | str:
     return DefiniteProof(sentence, smallest, gap, exponent, *transposed, H, slack, lu.solve)
 
 
-def _slopes(problem: ProblemData) -> tuple[sp.csr_array, sp.csr_array]:
+def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:
     """B and L with r(x) − r(y) = B(x − y) − g, |g| ≤ L|x − y|; L takes up the rounding of I − G."""
-    psi, n = problem.psi, problem.n
     identity = sp.csr_array(sp.eye_array(n))
-    if isinstance(psi, Constant):
-        return identity, sp.csr_array((n, n))
-    if not isinstance(psi, Affine):
+    if psi.linear is None:
         assert psi.lipschitz is not None
         return identity, psi.lipschitz
-    bound = sp.csr_array(sp.diags_array(np.isfinite(psi.c).astype(float)) @ psi.G)
+    G, c = psi.linear
+    bound = sp.csr_array(sp.diags_array(np.isfinite(c).astype(float)) @ G)
     bound.eliminate_zeros()
     B = sp.csr_array(identity - bound)
     g, b = bound.diagonal(), B.diagonal()
@@ -198,12 +186,3 @@ def _slopes(problem: ProblemData) -> tuple[sp.csr_array, sp.csr_array]:
     L = sp.csr_array(sp.diags_array(lost))
     L.eliminate_zeros()
     return B, L
-
-
-def _scaled(X: sp.csr_array, left: np.ndarray, right: np.ndarray) -> tuple[sp.csr_array, bool]:
-    """X with its rows scaled by 2^left and its columns by 2^right, and whether that is exact."""
-    exponent = left[row_of(X)] + right[X.indices]
-    with np.errstate(over="ignore", under="ignore"):
-        data = np.ldexp(X.data, exponent)
-        exact = np.array_equal(np.ldexp(data, -exponent), X.data)
-    return sp.csr_array((data, X.indices, X.indptr), shape=X.shape), exact

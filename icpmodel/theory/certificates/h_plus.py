@@ -16,18 +16,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ...numerics.arrays import Vector
-from ...numerics.equilibration import in_units, natural_units
+from ...numerics.equilibration import in_units, natural_exponents
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
 from ...problem.data import ProblemData
-from ..comparison import comparison_matrix, scaling_vectors
-from ..proofs import made_once
+from ...problem.map import Map
+from ...problem.matrix import Matrix
+from ..matrices.comparison_matrix import comparison_matrix, scaling_vectors
 from .proof import Proof, norm_up
 
 #: beyond this size a factorisation for every choice of rows is too dear
@@ -53,26 +53,15 @@ class HPlusProof(Proof):
         return delta, norm_up(delta)
 
 
-def prove(problem: ProblemData) -> HPlusProof | str:
+def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     """Look for v: `scaling_vectors` in turn, then, where ψ needs another one, policy iteration; again in natural units.
 
     The best v solves v = max(D⁻¹|B|v, Gv) + 1, B the off-diagonal part of A: in each row one of two equations. A
     choice of rows is a linear system; its solution is positive for every choice if and only if some v serves both, and
     grows from choice to choice (Howard's policy iteration). The signs of α and β are checked, rounding included.
-    Returns the proof, or the reason why no v was found. It is made of A and ψ alone and remembered for all problems
-    that share them.
+    Returns the proof, or the reason why no v was found.
     """
-    found: HPlusProof | str = _once(problem)
-    return found
-
-
-@made_once
-def _once(problem: ProblemData) -> Any:
-    return _prove(problem)
-
-
-def _prove(problem: ProblemData) -> HPlusProof | str:
-    A, G = problem.A, problem.psi.lipschitz
+    A, G = matrix.sparse, psi.lipschitz
     diagonal = A.diagonal()
     if (diagonal <= 0).any():
         i = int(np.argmax(diagonal <= 0))
@@ -81,7 +70,7 @@ def _prove(problem: ProblemData) -> HPlusProof | str:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
     comparison = comparison_matrix(A)
     dominated = False
-    for name, v in chain(_candidates(comparison, G), _in_natural_units(comparison, G)):
+    for name, v in chain(_candidates(comparison, G), _in_natural_exponents(comparison, G)):
         alpha = lower(comparison, v)
         if not (alpha > 0).all():
             continue
@@ -102,13 +91,13 @@ def _candidates(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str
         yield from _policy_iteration(comparison, G)
 
 
-def _in_natural_units(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
+def _in_natural_exponents(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
     """The same in the units of z that A and ψ have of themselves: in others ⟨A⟩v may drown in its rounding error."""
     diagonal = comparison.diagonal()
     if (diagonal < np.finfo(np.float64).tiny).any():
         return
     rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ comparison)
-    c = natural_units(sp.csr_array(abs(rows) + G))[1]
+    c = natural_exponents(sp.csr_array(abs(rows) + G))[1]
     if not c.any():
         return
     with np.errstate(over="ignore", under="ignore"):  # a v that is not positive and finite is refused

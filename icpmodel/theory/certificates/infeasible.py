@@ -1,4 +1,12 @@
-"""A proof that no z has p(z) ≥ 0 and r(z) ≥ 0: a combination of the rows that says 0 < 0."""
+"""A proof that no z has p(z) ≥ 0 and r(z) ≥ 0, for constant ψ = c: a combination of the rows that says 0 < 0.
+
+With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
+obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Where it is known of
+some unknowns in which interval every solution has them, (Aᵀy)_j z_j is at most its largest value there, whatever the
+sign of (Aᵀy)_j. That no z solves the problem is then proved, though one may have p ≥ 0 and r ≥ 0.
+
+Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +16,8 @@ from fractions import Fraction
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics import rational as exact
 from ...numerics.arrays import Vector
-from ...problem.affine import Constant
+from ...numerics.rational import as_witness, nearest, rationals
 from ...problem.data import ProblemData
 from ..answers import Answer
 
@@ -34,27 +41,18 @@ class Known:
 
 
 def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> Answer:
-    """Whether `y`, or an exact y next to it, proves that no z has p ≥ 0 and r ≥ 0, for constant ψ = c.
+    """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale says nothing.
 
-    With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
-    obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Often Aᵀy is 0
-    in many rows, which floats seldom hold: tried are the simple fractions next to `y`, `y` itself, and where up to 30
-    of its entries are not 0 the exact solution of these equations. All is checked in rational arithmetic, so that yes
-    is proved for the A, q and c that the floats are.
+    Often Aᵀy is 0 in many rows, which floats seldom hold: tried are the simple fractions next to `y`, `y` itself, and
+    where up to 30 of its entries are not 0 the exact solution of these equations. All is checked in rational
+    arithmetic, so that yes is proved for the A, q and c that the floats are.
 
-    Where it is `known` of some unknowns in which interval every solution has them, (Aᵀy)_j z_j is at most its largest
-    value there, whatever the sign of (Aᵀy)_j. That no z solves the problem is then proved, though one may have p ≥ 0
-    and r ≥ 0.
-
-    Parameters: `y` shape (n,), such as the direction of a ray in which Lemke's method ends, or what `multipliers`
-    finds; its scale says nothing.
     Returns True with the witness y, shape (n,), floats or fractions, and `number` = (q + Ac)ᵀy; else None.
-    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
     """
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
-    if not isinstance(problem.psi, Constant) or not np.isfinite(y).all() or not y.any():
+    if not problem.is_lcp or not np.isfinite(y).all() or not y.any():
         return unknown
-    free = np.isneginf(problem.psi.c)
+    free = np.isneginf(problem.facts.obstacle)
     y = y / np.abs(y).max()
     y = np.where((y > _ZERO) | (free & (y < -_ZERO)), y, 0.0)
     support = np.flatnonzero((y != 0) | free)
@@ -74,20 +72,18 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> A
     named = ", ".join(map(str, rows[:5])) + (f" and {len(rows) - 5} more" if len(rows) > 5 else "")
     sign = "y >= 0 where there is an obstacle" if free.any() else "y >= 0"
     where = f"for a y that is not 0 in row{'s' if len(rows) > 1 else ''} {named}"
-    reason = (
-        f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {exact.nearest(number):.3g} {where}"
-    )
+    reason = f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {nearest(number):.3g} {where}"
     if known is not None:
         count = np.count_nonzero(np.isfinite(known.high))
         reason = (
             f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {count} unknowns are proved to be what they are "
-            f"({known.proof}), and then (Az + q)'y <= {exact.nearest(number):.3g}, {sign}, {where}"
+            f"({known.proof}), and then (Az + q)'y <= {nearest(number):.3g}, {sign}, {where}"
         )
     return Answer(
         True,
         reason,
-        exact.as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x)), known) is not None),
-        exact.nearest(number),
+        as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x)), known) is not None),
+        nearest(number),
     )
 
 
@@ -98,12 +94,13 @@ def multipliers(problem: ProblemData) -> Vector | None:
     one with the most room. By linear programming (HiGHS). Returns shape (n,), or None where there is no such y, as
     where some z has p ≥ 0 and r ≥ 0, or none is found within a second.
     """
-    if not isinstance(problem.psi, Constant):
+    if not problem.is_lcp:
         return None
     from scipy.optimize import linprog
 
-    free, A, n = np.isneginf(problem.psi.c), problem.A.tocsc(), problem.n
-    load = problem.p(np.where(free, 0.0, problem.psi.c))
+    c, A, n = problem.facts.obstacle, problem.A.tocsc(), problem.n
+    free = np.isneginf(c)
+    load = problem.p(np.where(free, 0.0, c))
     size, sums = np.abs(load).sum(), abs(A).sum(axis=0)
     found = linprog(
         np.append(load, -10.0 * size),  # the last unknown is the room, in shares of what the rows could be
@@ -121,8 +118,7 @@ def _contradiction(
     problem: ProblemData, free: np.ndarray, y: dict[int, Fraction], known: Known | None
 ) -> Fraction | None:
     """(q + Ac)ᵀy where it is negative and y has the right signs, in exact arithmetic; else None."""
-    assert isinstance(problem.psi, Constant)
-    A, c = problem.A, problem.psi.c
+    A, c = problem.A, problem.facts.obstacle
     columns: dict[int, Fraction] = {}
     total = Fraction(0)
     for i, weight in y.items():
@@ -155,7 +151,7 @@ def _exact(problem: ProblemData, support: np.ndarray, y: Vector, known: Known | 
     tight[support] = True
     if known is not None:
         tight &= ~np.isfinite(known.high)
-    rows = [row for row in exact.rationals(problem.A[support][:, tight].T) if any(row)]
+    rows = [row for row in rationals(problem.A[support][:, tight].T) if any(row)]
     x = [Fraction(float(y[i])) for i in support]
     done: list[int] = []
     for column in range(len(x)):

@@ -17,8 +17,8 @@ from ...problem.data import ProblemData
 class Proof(ABC):
     """A proof that an ICP has exactly one solution z*, which also bounds |z − z*| for every z.
 
-    `sentence` says what was proved, for the user. Each proof is one file of this room, with a function
-    `prove(problem)` that returns a `Proof` or the reason, one sentence, why there is none.
+    `sentence` says what was proved, for the user. Each proof is one file of this room, with a function `prove` that
+    returns a `Proof` or the reason, one sentence, why there is none.
     """
 
     sentence: str

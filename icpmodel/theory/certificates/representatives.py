@@ -23,15 +23,15 @@ Combin. Theory 8 (1970); Chen and Xiang, Math. Program. 106 (2006), for the norm
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ...numerics.arrays import Vector
+from ...numerics.equilibration import in_units_exactly, mean_exponents, row_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
-from ...problem.affine import Affine, Constant
 from ...problem.data import ProblemData
-from ..proofs import made_once
+from ...problem.map import Map
+from ...problem.matrix import Matrix
 from .proof import Proof, norm_up
 
 #: with so many unknowns there are 4096 representatives, inverted within a tenth of a second
@@ -63,33 +63,21 @@ class RepresentativesProof(Proof):
         return delta, norm_up(delta)
 
 
-def prove(problem: ProblemData) -> RepresentativesProof | str:
+def prove(matrix: Matrix, psi: Map) -> RepresentativesProof | str:
     """All 2ⁿ representatives are inverted, n ≤ 12, and the inverses enclosed.
 
-    Returns the proof, or the reason why there is none. It is made of A and ψ alone and remembered for all problems
-    that share them.
+    Returns the proof, or the reason why there is none.
     """
-    found: RepresentativesProof | str = _once(problem)
-    return found
-
-
-@made_once
-def _once(problem: ProblemData) -> Any:
-    return _prove(problem)
-
-
-def _prove(problem: ProblemData) -> RepresentativesProof | str:
-    n, psi = problem.n, problem.psi
-    free = np.isneginf(psi.c) if isinstance(psi, Affine | Constant) else np.zeros(n, dtype=bool)
-    is_lcp = problem.is_lcp and not free.any()
-    other = "I" if problem.is_lcp else "I - G"
+    n, other = matrix.n, "I" if psi.is_constant else "I - G"
     if n > LIMIT:
         return f"n = {n} is too large to try all choices of rows from A and {other}, which is done up to n = {LIMIT}"
-    if not isinstance(psi, Affine | Constant):
+    if psi.linear is None:
         return "psi is neither constant nor affine, so I - G has no rows to be compared with those of A"
-    A = problem.A.toarray()
-    B = np.where(free[:, None], A, np.eye(n) - psi.jacobian(np.zeros(n)).toarray())
-    column = _column_scale(np.vstack([A, B]))
+    A, (G, c) = matrix.sparse.toarray(), psi.linear
+    free = np.isneginf(c)
+    is_lcp = psi.is_constant and not free.any()
+    B = np.where(free[:, None], A, np.eye(n) - G.toarray())
+    column = mean_exponents(np.vstack([A, B]))
     rows_A, rows_B = _unit_rows(A, column), _unit_rows(B, column)
     if rows_A is None or rows_B is None:
         return f"choices of rows from A and {other} are not compared: a row is zero or has entries of too many sizes"
@@ -140,24 +128,8 @@ def _enclosed_inverses(A: np.ndarray, B: np.ndarray, from_B: np.ndarray) -> tupl
     return R, radius, sign
 
 
-def _column_scale(X: np.ndarray) -> np.ndarray:
-    """Exponents of two for the columns of X that, with others for its rows, bring its entries towards the size 1.
-
-    Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972), by alternating means of the logarithms.
-    """
-    there = X != 0
-    logarithm = np.log2(np.abs(X), out=np.zeros(X.shape), where=there)
-    columns = np.zeros(X.shape[1])
-    for _ in range(50):
-        rows = -((logarithm + columns) * there).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
-        columns = -((logarithm + rows[:, None]) * there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
-    return np.rint(columns).astype(np.int64)
-
-
 def _unit_rows(X: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """X scaled by 2^`columns`, its rows by powers of two to the size 1, and their exponents; None where inexact."""
-    exponent = np.where(X != 0, np.frexp(X)[1] + columns, -(2**20)).max(axis=1)
-    with np.errstate(over="ignore", under="ignore"):
-        scaled = np.ldexp(X, columns - exponent[:, None])
-        back = np.ldexp(scaled, exponent[:, None] - columns)
-    return (scaled, -exponent) if X.any(axis=1).all() and np.array_equal(back, X) else None
+    exponents = row_exponents(X, columns)
+    scaled = in_units_exactly(X, exponents, columns)
+    return None if scaled is None or not X.any(axis=1).all() else (scaled, exponents)

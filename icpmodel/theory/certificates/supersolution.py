@@ -21,18 +21,19 @@ J. Numer. Anal. 54 (2016), for policy iteration; the proof above.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 from ...errors import MapError
-from ...numerics.arrays import Vector, row_of
+from ...numerics.arrays import Vector
 from ...numerics.factorisation import factorise
+from ...numerics.rational import exact_sum, nearest
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, lower
 from ...problem.data import ProblemData
 from ...problem.intervention import Intervention
+from ..matrices.h_matrix import z_matrix
 from .proof import Proof, norm_up
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z, small ones
@@ -76,10 +77,9 @@ class SupersolutionProof(Proof):
 
 
 def prove(problem: ProblemData) -> SupersolutionProof | str:
-    """Policy iteration for a few margins m, each s checked with rounding included.
+    """Policy iteration for a few margins m, each s checked with rounding included. It depends on q as well.
 
-    Returns the proof, or the reason why there is none. It depends on q as well, so that it is remembered together
-    with the q that it was made for.
+    Returns the proof, or the reason why there is none.
     """
     try:
         return _prove(problem)
@@ -127,13 +127,11 @@ def _prove(problem: ProblemData) -> SupersolutionProof | str:
 
 def _no_z_matrix(A: sp.csr_array) -> str:
     """Why A is no Z-matrix with A1 ≥ 0, or nothing."""
-    rows = row_of(A)
-    wrong = np.flatnonzero((A.data > 0) & (rows != A.indices))
-    if wrong.size:
-        k = int(wrong[0])
-        return f"A is no Z-matrix: A[{rows[k]}, {A.indices[k]}] = {A.data[k]:g} is positive"
+    found = z_matrix(A)
+    if not found.holds:
+        return f"A is no Z-matrix: {found.reason}"
     for i in np.flatnonzero(~(lower(A, np.ones(A.shape[0])) >= 0)):
-        total = math.fsum(A.data[A.indptr[i] : A.indptr[i + 1]].tolist())  # rounded correctly, so of the right sign
+        total = nearest(exact_sum(A.data[A.indptr[i] : A.indptr[i + 1]]))
         if not total >= 0:
             return f"A1 >= 0 is needed: row {i} of A has the sum {total:.3g}"
     return ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -12,43 +11,21 @@ import scipy.sparse as sp
 from ...algebra.splittings import Given
 from ...errors import SingularOperator
 from ...numerics.arrays import Vector, row_of
+from ...numerics.equilibration import equilibrated, in_units
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
-from ..comparison import comparison_matrix
+from ..matrices.comparison_matrix import comparison_matrix
 
 #: up to this n the inverse of an X that is no M-matrix is computed densely, and so is known from both sides
 DENSE = 300
 
 
-class AbsoluteInverse(ABC):
-    """|X⁻¹| of a matrix X. `exact` says whether `lower` and `upper` meet but for rounding."""
-
-    exact: bool
-
-    @abstractmethod
-    def upper(self, w: Vector) -> Vector:
-        """y ≥ |X⁻¹|w for `w` > 0 of shape (n,), entry by entry; +inf where nothing is proved."""
-
-    @abstractmethod
-    def lower(self, w: Vector) -> Vector:
-        """0 ≤ y ≤ |X⁻¹|w for `w` ≥ 0 of shape (n,), entry by entry; zero where nothing is proved.
-
-        What `upper` found before helps: it proves that X is an M-matrix.
-        """
-
-    @abstractmethod
-    def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
-        """About (μI − |X⁻¹|F)⁻¹v for F ≥ 0 (CSR), without any proof; None where that is singular."""
-
-
-def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> AbsoluteInverse:
+def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Comparison | Dense:
     """The best that is known of |X⁻¹|.
 
     |X⁻¹| ≤ ⟨X⟩⁻¹ for an H-matrix, with equality for an M-matrix; for other X with n ≤ 300 a computed inverse R and
-    |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX.
-    Parameters: `X` CSR, shape (n, n), every diagonal entry stored; `size` ≥ 0, CSR, such that X itself is known to a
-    few units of roundoff of it, default |X|. Reference: Berman and Plemmons (1979), chapter 6; Neumaier, Interval
-    Methods for Systems of Equations (1990), section 3.7.
+    |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX. X itself is known to a few units of roundoff of `size`, default |X|.
+    Reference: Berman and Plemmons (1979), chapter 6; Neumaier, Interval Methods (1990), section 3.7.
     """
     size = sp.csr_array(abs(X)) if size is None else size
     comparison = Comparison(X, size)
@@ -69,8 +46,8 @@ def slack(size: sp.csr_array, v: Vector) -> Vector:
     return result
 
 
-class Comparison(AbsoluteInverse):
-    """|X⁻¹| ≤ ⟨X⟩⁻¹ by substitution or one factorisation; `exact` where X = ⟨X⟩.
+class Comparison:
+    """|X⁻¹| ≤ ⟨X⟩⁻¹ by substitution or one factorisation; `exact`, `lower` and `upper` meet, where X = ⟨X⟩.
 
     y ≥ ⟨X⟩⁻¹w is proved by ⟨X⟩y ≥ w > 0, y > 0, which also proves that ⟨X⟩ is an M-matrix.
     """
@@ -85,6 +62,7 @@ class Comparison(AbsoluteInverse):
             self._solve = Given(self._C).operator(self._C, np.zeros(X.shape[0])).solve
 
     def upper(self, w: Vector) -> Vector:
+        """y ≥ |X⁻¹|w for `w` > 0, entry by entry; +inf where nothing is proved."""
         unknown = np.full(w.size, np.inf)
         if self._solve is None or not np.isfinite(w).all():
             return unknown
@@ -100,6 +78,7 @@ class Comparison(AbsoluteInverse):
         return unknown
 
     def lower(self, w: Vector) -> Vector:
+        """0 ≤ y ≤ |X⁻¹|w for `w` ≥ 0; zero where nothing is proved. What `upper` found before helps."""
         if not self.exact or self._proof is None or not w.any():
             return np.zeros(w.size)
         # y with ⟨X⟩y ≤ w lies below ⟨X⟩⁻¹w whatever its signs; a little of the proof brings it below where w = 0
@@ -110,12 +89,12 @@ class Comparison(AbsoluteInverse):
         return np.maximum(y, 0.0) if good else np.zeros(w.size)
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
-        """See `AbsoluteInverse.resolvent`: (μ⟨X⟩ − F)y = ⟨X⟩v."""
+        """About (μI − |X⁻¹|F)⁻¹v, F ≥ 0, by (μ⟨X⟩ − F)y = ⟨X⟩v, without any proof; None where that is singular."""
         lu = factorise(sp.csr_array(mu * self._C - F))
         return None if lu is None else lu.solve(self._C @ v)
 
 
-class Dense(AbsoluteInverse):
+class Dense:
     """`below` ≤ |X⁻¹| ≤ `above`, dense, shape (n, n)."""
 
     exact = True
@@ -128,11 +107,9 @@ class Dense(AbsoluteInverse):
         """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
         n, errstate = X.shape[0], np.errstate(all="ignore")
         with errstate:
-            # rows and columns of size 1, by powers of two, so that units cost no accuracy
-            rows = _power_of_two(abs(size).max(axis=1).toarray().reshape(-1))
-            scaled = (size.toarray().T / rows).T
-            columns = _power_of_two(scaled.max(axis=0))
-            S, Y = scaled / columns, (X.toarray().T / rows).T / columns
+            # so that units cost no accuracy
+            S, rows, columns = equilibrated(size.toarray())
+            Y = in_units(X.toarray(), rows, columns)
             try:
                 R = np.linalg.inv(Y)
             except np.linalg.LinAlgError:
@@ -143,8 +120,8 @@ class Dense(AbsoluteInverse):
             if not e < 0.5:
                 return None
             error = absolute.max(axis=0) * (e / (1 - e)) * (1 + 8 * UNIT_ROUNDOFF)
-            back = np.outer(1 / columns, 1 / rows)
-            below, above = np.maximum(absolute - error, 0.0) * back, (absolute + error) * back
+            below = in_units(np.maximum(absolute - error, 0.0), columns, rows)
+            above = in_units(absolute + error, columns, rows)
         return cls(below, above) if np.isfinite(above).all() else None
 
     def upper(self, w: Vector) -> Vector:
@@ -165,7 +142,3 @@ class Dense(AbsoluteInverse):
 def is_diagonal(matrix: sp.csr_array) -> bool:
     """Whether every nonzero entry of `matrix` (CSR) is on its diagonal."""
     return bool((matrix.data[matrix.indices != row_of(matrix)] == 0).all())
-
-
-def _power_of_two(x: Any) -> Any:
-    return np.exp2(np.round(np.log2(np.where(x > 0, x, 1.0))))

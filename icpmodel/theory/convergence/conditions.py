@@ -43,107 +43,107 @@ from ...numerics.arrays import Vector
 from ...numerics.rounding import UNIT_ROUNDOFF
 from .absolute import Comparison, absolute_inverse
 from .contraction import MonotoneMap
-from .parts import Parts, off_diagonal
+from .step import StepMatrices, off_diagonal
 
 #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
 _EQUAL = 1.0 - 2.0**-50
 
 
-def sharper(parts: Parts) -> MonotoneMap:
+def sharper(step: StepMatrices) -> MonotoneMap:
     """T(v) = |X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v)."""
-    X, omega = parts.X, sp.diags_array(parts.omega)
-    first = sp.csr_array(abs(X - 2.0 * parts.A))
-    second = sp.csr_array(abs(X - 2.0 * omega) + 2.0 * parts.omega_G)
-    return MonotoneMap(absolute_inverse(X, parts.size), (first, second), parts.size)
+    X, omega = step.X, sp.diags_array(step.omega)
+    first = sp.csr_array(abs(X - 2.0 * step.A))
+    second = sp.csr_array(abs(X - 2.0 * omega) + 2.0 * step.omega_G)
+    return MonotoneMap(absolute_inverse(X, step.size), (first, second), step.size)
 
 
-def theorem_41(parts: Parts) -> MonotoneMap:
+def theorem_41(step: StepMatrices) -> MonotoneMap:
     """v ↦ Lv, L = |X⁻¹|(|N̂| + |A − Ω| + 2ΩG)."""
-    F = abs(parts.N) + abs(parts.A - sp.diags_array(parts.omega)) + 2.0 * parts.omega_G
-    return MonotoneMap(absolute_inverse(parts.X, parts.size), (sp.csr_array(F),), parts.size)
+    F = abs(step.N) + abs(step.A - sp.diags_array(step.omega)) + 2.0 * step.omega_G
+    return MonotoneMap(absolute_inverse(step.X, step.size), (sp.csr_array(F),), step.size)
 
 
-def theorem_42(parts: Parts) -> MonotoneMap | str:
+def theorem_42(step: StepMatrices) -> MonotoneMap | str:
     """v ↦ min(m̂, D)⁻¹(½off(|M̂| + |N̂| + |A|) + ΩG + (D − Ω)⁺)v, or why min(m̂, D) is not positive."""
-    half = 0.5 * (off_diagonal(parts.M) + off_diagonal(parts.N) + off_diagonal(parts.A))
-    diagonal = np.minimum(parts.M.diagonal(), parts.D)
-    return _jacobi(parts, "min(m, a)", diagonal, half + parts.omega_G + parts.short)
+    half = 0.5 * (off_diagonal(step.M) + off_diagonal(step.N) + off_diagonal(step.A))
+    diagonal = np.minimum(step.M.diagonal(), step.D)
+    return _jacobi(step, "min(m, a)", diagonal, half + step.omega_G + step.short)
 
 
-def theorem_43(parts: Parts, *, as_printed: bool = False) -> MonotoneMap | str:
+def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap | str:
     """v ↦ (max(θ₁, θ₂)/min(1, θ₁))·D⁻¹(|B| + ΩG + (D − Ω)⁺)v, as printed D⁻¹|B| + φ₂G, or which sign is wrong."""
-    theta = parts.splitting
+    theta = step.splitting
     if not isinstance(theta, AOR):
         return "it is about AOR splittings only"
-    B, factor = off_diagonal(parts.A), theta_factor(theta)
+    B, factor = off_diagonal(step.A), theta_factor(theta)
     if as_printed:
-        if not (parts.D > 0).all():
-            return f"A is not an H+-matrix: its diagonal has the entry {parts.D.min():g}"
-        if not (parts.omega >= parts.D * _EQUAL).all():
+        if not (step.D > 0).all():
+            return f"A is not an H+-matrix: its diagonal has the entry {step.D.min():g}"
+        if not (step.omega >= step.D * _EQUAL).all():
             return "phi2 >= phi1 D does not hold"
-        phi2_G = sp.diags_array(parts.phi1 * parts.omega) @ parts.G
-        return _plain(factor * (sp.diags_array(1.0 / parts.D) @ B + phi2_G), np.ones(parts.n))
-    if (parts.phi < 0).any():
-        return f"phi has the negative entry {parts.phi.min():g}"
+        phi2_G = sp.diags_array(step.phi1 * step.omega) @ step.G
+        return _plain(factor * (sp.diags_array(1.0 / step.D) @ B + phi2_G), np.ones(step.n))
+    if (step.phi < 0).any():
+        return f"phi has the negative entry {step.phi.min():g}"
     if theta.theta2 < 0:
         return f"theta2 = {theta.theta2:g} is negative"
-    return _jacobi(parts, "D", parts.D, factor * (B + parts.omega_G + parts.short))
+    return _jacobi(step, "D", step.D, factor * (B + step.omega_G + step.short))
 
 
-def theorem_44(parts: Parts) -> MonotoneMap | str:
+def theorem_44(step: StepMatrices) -> MonotoneMap | str:
     """v ↦ m̂⁻¹(off(|M̂|) + |N̂| + (D − Ω)⁺ + ΩG)v, or which diagonal is not positive."""
-    if not (parts.D > 0).all():
-        return f"the diagonal of A has the entry {parts.D.min():g}, not positive"
-    F = off_diagonal(parts.M) + abs(parts.N) + parts.short + parts.omega_G
-    return _jacobi(parts, "the diagonal of M1 + phi", parts.M.diagonal(), F)
+    if not (step.D > 0).all():
+        return f"the diagonal of A has the entry {step.D.min():g}, not positive"
+    F = off_diagonal(step.M) + abs(step.N) + step.short + step.omega_G
+    return _jacobi(step, "the diagonal of M1 + phi", step.M.diagonal(), F)
 
 
-def printed_42(parts: Parts) -> MonotoneMap | str:
+def printed_42(step: StepMatrices) -> MonotoneMap | str:
     """The H-splitting condition v ↦ |m̂|⁻¹(off(|M̂|) + |N̂|)v where the bounds on g_ij hold, or which fails.
 
     g_ii ≤ (|n_ii + φ_ii| − n_ii − |φ_ii|)/2ω_ii and g_ij ≤ (|m_ij| + |n_ij| − |a_ij|)/2ω_ii (φ₁ cancels), read up to
     rounding.
     """
-    if not (parts.D > 0).all():
-        return f"A is not an H+-matrix: its diagonal has the entry {parts.D.min():g}"
-    if not (parts.omega >= parts.D * _EQUAL).all():
+    if not (step.D > 0).all():
+        return f"A is not an H+-matrix: its diagonal has the entry {step.D.min():g}"
+    if not (step.omega >= step.D * _EQUAL).all():
         return "phi2 >= phi1 D does not hold"
-    n1 = parts.M1.diagonal() - parts.D
-    N1 = sp.csr_array(parts.M1 - parts.A)
-    bound = off_diagonal(parts.M1) + off_diagonal(N1) - off_diagonal(parts.A)
-    bound = sp.csr_array(bound + sp.diags_array(np.abs(n1 + parts.phi) - n1 - np.abs(parts.phi)))
-    half = sp.diags_array(0.5 / parts.omega)
+    n1 = step.M1.diagonal() - step.D
+    N1 = sp.csr_array(step.M1 - step.A)
+    bound = off_diagonal(step.M1) + off_diagonal(N1) - off_diagonal(step.A)
+    bound = sp.csr_array(bound + sp.diags_array(np.abs(n1 + step.phi) - n1 - np.abs(step.phi)))
+    half = sp.diags_array(0.5 / step.omega)
     # up to rounding: for most splittings the bounds are zero
-    excess = sp.coo_array(parts.G - half @ (bound + (16 * UNIT_ROUNDOFF) * parts.size))
+    excess = sp.coo_array(step.G - half @ (bound + (16 * UNIT_ROUNDOFF) * step.size))
     if excess.nnz and excess.data.max() > 0:
         k = int(np.argmax(excess.data))
         i, j = int(excess.coords[0][k]), int(excess.coords[1][k])
-        return f"g[{i}, {j}] = {parts.G[i, j]:g} exceeds its bound {0.5 * bound[i, j] / parts.omega[i]:.3g}"
-    return _h_splitting(parts)
+        return f"g[{i}, {j}] = {step.G[i, j]:g} exceeds its bound {0.5 * bound[i, j] / step.omega[i]:.3g}"
+    return _h_splitting(step)
 
 
-def printed_44(parts: Parts) -> MonotoneMap | str:
+def printed_44(step: StepMatrices) -> MonotoneMap | str:
     """(⟨φ₁M₁ + φ⟩ − |φ₁N₁ + φ| − φ₂G − (φ₁D − φ₂)⁺)v > 0 with an H-splitting that the same v proves.
 
     Case (1) has φ₂ ≥ φ₁D in every row, case (2) φ₂ < φ₁D in every row. φ stands as printed, not multiplied by φ₁.
     """
-    above = parts.omega >= parts.D * _EQUAL
+    above = step.omega >= step.D * _EQUAL
     if above.any() and not above.all():
         return "neither phi2 >= phi1 D nor phi2 < phi1 D holds in every row"
-    splitting = _h_splitting(parts)
+    splitting = _h_splitting(step)
     if isinstance(splitting, str):
         return splitting
-    phi1, phi = sp.diags_array(parts.phi1), sp.diags_array(parts.phi)
-    M, N = phi1 @ parts.M1 + phi, phi1 @ (parts.M1 - parts.A) + phi
-    F = off_diagonal(sp.csr_array(M)) + abs(N) + phi1 @ parts.omega_G
+    phi1, phi = sp.diags_array(step.phi1), sp.diags_array(step.phi)
+    M, N = phi1 @ step.M1 + phi, phi1 @ (step.M1 - step.A) + phi
+    F = off_diagonal(sp.csr_array(M)) + abs(N) + phi1 @ step.omega_G
     diagonal = np.abs(M.diagonal())
     if not above.all():
-        F = F + phi1 @ parts.short
+        F = F + phi1 @ step.short
     if not (diagonal > 0).all():
         return "phi1 m + phi has a zero on its diagonal"
     both = (splitting.parts[0], sp.csr_array(sp.diags_array(1.0 / diagonal) @ F))
-    size = sp.csr_array(both[0] + both[1] + sp.eye_array(parts.n))
-    return MonotoneMap(absolute_inverse(sp.csr_array(sp.eye_array(parts.n)), size), both, size)
+    size = sp.csr_array(both[0] + both[1] + sp.eye_array(step.n))
+    return MonotoneMap(absolute_inverse(sp.csr_array(sp.eye_array(step.n)), size), both, size)
 
 
 def theta_factor(theta: AOR) -> float:
@@ -154,12 +154,12 @@ def theta_factor(theta: AOR) -> float:
     return factor if exact else float(np.nextafter(factor, np.inf))
 
 
-def _h_splitting(parts: Parts) -> MonotoneMap | str:
+def _h_splitting(step: StepMatrices) -> MonotoneMap | str:
     """⟨M̂⟩ − |N̂| is a nonsingular M-matrix."""
-    diagonal = np.abs(parts.M.diagonal())
-    if not (diagonal > 0).all() or not (parts.D > 0).all():
+    diagonal = np.abs(step.M.diagonal())
+    if not (diagonal > 0).all() or not (step.D > 0).all():
         return "no H-splitting of an H+-matrix: a diagonal entry of A is not positive or one of M1 + phi is zero"
-    return _plain(off_diagonal(parts.M) + abs(parts.N), diagonal)
+    return _plain(off_diagonal(step.M) + abs(step.N), diagonal)
 
 
 def _plain(F: sp.csr_array, diagonal: Vector) -> MonotoneMap:
@@ -169,12 +169,12 @@ def _plain(F: sp.csr_array, diagonal: Vector) -> MonotoneMap:
     return MonotoneMap(Comparison(one, size), (F,), size)
 
 
-def _jacobi(parts: Parts, name: str, diagonal: Vector, F: sp.csr_array) -> MonotoneMap | str:
+def _jacobi(step: StepMatrices, name: str, diagonal: Vector, F: sp.csr_array) -> MonotoneMap | str:
     """v ↦ diag(`diagonal`)⁻¹Fv: below 1 exactly where diag − F is a nonsingular M-matrix."""
     if not (diagonal > 0).all():
         i = int(np.argmin(diagonal > 0))
         return f"{name} is {diagonal[i]:g} in row {i}, not positive"
     F, S = sp.csr_array(F), sp.csr_array(sp.diags_array(diagonal))
     # F is at most a few times the size, which the factor of theorem 4.3 may exceed
-    size = sp.csr_array(parts.size + F)
+    size = sp.csr_array(step.size + F)
     return MonotoneMap(Comparison(S, size), (F,), size)

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...numerics.arrays import Vector
-from .absolute import AbsoluteInverse, slack
+from .absolute import Comparison, Dense, slack
 
 #: entries up to which a step costs a factorisation, and entries that all power steps together may read
 _FACTORISED, _READ = 200_000, 400_000_000
@@ -25,7 +25,7 @@ class MonotoneMap:
     to a few units of roundoff.
     """
 
-    inverse: AbsoluteInverse
+    inverse: Comparison | Dense
     parts: tuple[sp.csr_array, ...]
     size: sp.csr_array
 

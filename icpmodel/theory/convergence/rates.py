@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ...algebra.splittings import Member
 from ...errors import InputError
 from ...numerics.arrays import Vector, as_number, as_vector, described
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most, upper
@@ -17,9 +18,9 @@ from ...problem.data import ProblemData, as_problem
 from ..answers import Answer
 from ..certificates.bounds import error_bound
 from ..certificates.proof import norm_up
-from . import conditions
 from .absolute import slack
-from .parts import Member, Parts
+from .conditions import sharper
+from .step import StepMatrices
 from .theorems import Check, check_all
 
 
@@ -39,7 +40,7 @@ class Rate(ABC):
     factor: float
     v: Vector
     sentence: str
-    _parts: Parts = field(repr=False)
+    _step: StepMatrices = field(repr=False)
     norm: ClassVar[str]
 
     def __str__(self) -> str:
@@ -59,11 +60,11 @@ class Rate(ABC):
         >>> round(predicted_rate(problem, MNMJ()).distance(problem, [0.0, 0.0]), 6)
         2.0
         """
-        z0, parts = as_problem(problem).vector(z0, "z0", finite=True), self._parts
-        if problem.A is not parts.A or problem.psi is not parts.problem.psi:
+        z0, step = as_problem(problem).vector(z0, "z0", finite=True), self._step
+        if problem.A is not step.A or problem.psi is not step.problem.psi:
             raise InputError("problem has another A or psi than the rate; make the rate of this problem")
         with np.errstate(all="ignore"):
-            r, omega = problem.r(z0), parts.omega
+            r, omega = problem.r(z0), step.omega
             F = np.minimum(problem.p(z0), omega * r)
             for_p, for_r = problem.rounding(z0)
             # the smaller side decides; either side may, within its error
@@ -137,17 +138,17 @@ class Contraction(Rate):
         """The same theorem with v = 1, where that proves a factor below 1."""
         ones = np.ones(self.v.size)
         with np.errstate(all="ignore"):
-            factor = float(conditions.sharper(self._parts).upper(ones).max())
-        return Contraction(factor, ones, self.sentence, self._parts) if factor < 1 else None
+            factor = float(sharper(self._step).upper(ones).max())
+        return Contraction(factor, ones, self.sentence, self._step) if factor < 1 else None
 
     def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
         """With d about z⁰ − z¹ = 2X⁻¹F it is |z⁰ − z¹| ≤ |d| + |X⁻¹||Xd − 2F|."""
-        parts = self._parts
-        d = parts.splitting.operator(parts.A, parts.phi + parts.omega).solve(2.0 * F)
-        defect = np.abs(parts.X @ d - 2.0 * F) + 2.0 * for_F + slack(parts.size, d)
+        step = self._step
+        d = step.splitting.operator(step.A, step.phi + step.omega).solve(2.0 * F)
+        defect = np.abs(step.X @ d - 2.0 * F) + 2.0 * for_F + slack(step.size, d)
         defect = defect * (1 + 8 * UNIT_ROUNDOFF) + np.finfo(np.float64).tiny
-        step = np.abs(d) + conditions.sharper(parts).inverse.upper(defect)
-        return float((step / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
+        moved = np.abs(d) + sharper(step).inverse.upper(defect)
+        return float((moved / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
 
 
 class PeacemanRachford(Rate):
@@ -162,7 +163,7 @@ class PeacemanRachford(Rate):
         if found.componentwise is None:
             by_bound = math.inf
         else:
-            by_bound = norm_up(upper(abs(self._parts.X), found.componentwise) * self.v)
+            by_bound = norm_up(upper(abs(self._step.X), found.componentwise) * self.v)
         return min(by_step, by_bound) * (1 + 16 * UNIT_ROUNDOFF)
 
 
@@ -185,6 +186,6 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
     for name, kind in (("sharper", Contraction), ("definite", PeacemanRachford)):
         found = checks[name]
         if found.holds and found.number is not None and found.vector is not None:
-            return kind(found.number, found.vector, f"theorem {name}: {found.sentence}", Parts(problem, member))
+            return kind(found.number, found.vector, f"theorem {name}: {found.sentence}", StepMatrices(problem, member))
     found = checks["sharper"]
     return Answer(found.holds, found.reason, found.witness, found.number)

@@ -24,18 +24,16 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import row_of
-from ...numerics.equilibration import in_units
+from ...numerics.arrays import is_symmetric
+from ...numerics.equilibration import in_units, symmetric_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
-from ...problem.affine import Affine, Constant
-from ...problem.intervention import Intervention
-from ...problem.map import Map
 from ..answers import Answer
 from ..certificates.definite import LARGEST
-from ..matrices.classes import MatrixClasses
-from ..matrices.eigenvalue import is_dense, largest_above, smallest_below, symmetric_lu, unit_exponents, within_reach
+from ..matrices.eigenvalue import is_dense, largest_above, smallest_below, smallest_quotient, within_reach
+from ..matrices.h_matrix import z_matrix
+from ..proofs import proofs_of
 from .absolute import is_diagonal
-from .parts import Parts
+from .step import StepMatrices
 
 #: products in (A + Ω)ᵀ(A + Ω), which has no more entries: up to here σ is sharp, at the price of a second or two
 _LARGEST_WORK = 400_000
@@ -54,22 +52,21 @@ DEFINITE = (
 )
 
 
-def monotone(parts: Parts) -> Answer:
+def monotone(step: StepMatrices) -> Answer:
     """Whether the step is isotone; X ≥ 2D and X ≥ 2Ω are read up to the rounding of φ and Ω."""
-    A = parts.A
-    off = A.data[A.indices != row_of(A)]
-    if (off > 0).any():
-        return Answer(False, f"A is not a Z-matrix: it has the entry {off.max():g} off its diagonal")
-    if not is_diagonal(parts.M1):
+    found = z_matrix(step.A)
+    if not found.holds:
+        return Answer(False, f"A is not a Z-matrix: {found.reason}")
+    if not is_diagonal(step.M1):
         return Answer(False, "M1 is not diagonal")
-    X, least = parts.X.diagonal(), 2.0 * np.maximum(parts.D, parts.omega)
-    size = np.abs(parts.M1.diagonal()) + np.abs(parts.phi) + parts.omega
+    X, least = step.X.diagonal(), 2.0 * np.maximum(step.D, step.omega)
+    size = np.abs(step.M1.diagonal()) + np.abs(step.phi) + step.omega
     short = least - X > 4 * UNIT_ROUNDOFF * size
     if short.any():
         i = int(np.argmax(short))
         need = f"M1 + phi + Omega is {X[i]:g} in row {i}, less than {least[i]:g}"
         return Answer(False, need + ": for M1 = D, phi >= |D - Omega| is needed")
-    isotone = _isotone(parts.problem.psi)
+    isotone = step.problem.psi.isotone()
     if isotone is None:
         return Answer(None, "it is not known whether psi is isotone")
     if not isotone:
@@ -77,50 +74,41 @@ def monotone(parts: Parts) -> Answer:
     return Answer(True, "the step is isotone: monotone convergence from super- and subsolutions")
 
 
-def definite(parts: Parts) -> Answer:
+def definite(step: StepMatrices) -> Answer:
     """Whether A is positive definite and the rest fits.
 
     `number` is a proved σ for n ≤ 50 000, or None; then `witness` is v = Ω^(−½), for which
     |zᵏ − z*| ≤ σᵏ‖Ω^(−½)(A + Ω)(z⁰ − z*)‖₂ v.
     """
-    if not parts.problem.is_lcp:
+    if not step.problem.is_lcp:
         return Answer(False, "psi is not constant")
-    if parts.phi.any():
+    if step.phi.any():
         return Answer(False, "phi is not zero")
-    difference = parts.M1 - parts.A
+    difference = step.M1 - step.A
     if difference.nnz and difference.data.any():
         return Answer(False, "M1 is not A")
-    sigma = _sigma(parts)
+    sigma = contraction_factor(step)
     if sigma is not None:
-        v = (1 + 4 * UNIT_ROUNDOFF) / np.sqrt(parts.omega)
+        v = (1 + 4 * UNIT_ROUNDOFF) / np.sqrt(step.omega)
         return Answer(True, f"A is positive definite and sigma is at most {at_most(sigma, 6, below=1.0)}", v, sigma)
-    found = MatrixClasses(parts.A).definite
+    found = proofs_of(step.problem).classes.definite
     known = {True: "is", False: "is not", None: "is not known to be"}[found.holds]
     # the witness of a theorem that holds is a vector v
     return Answer(found.holds, f"A {known} positive definite: {found.reason}", None if found.holds else found.witness)
 
 
-def _isotone(psi: Map) -> bool | None:
-    """Whether x ≤ y gives ψ(x) ≤ ψ(y); a function that returns the best of its jumps is taken at its word."""
-    if isinstance(psi, Constant | Intervention):
-        return True
-    if isinstance(psi, Affine):
-        return bool((psi.G.data >= 0).all())
-    return None
-
-
-def _sigma(parts: Parts) -> float | None:
+def contraction_factor(step: StepMatrices, largest_work: int = _LARGEST_WORK) -> float | None:
     """An upper bound of ‖(A' − I)(A' + I)⁻¹‖₂, rounding included, or None where none below 1 was found."""
-    if parts.n > LARGEST:
+    if step.n > LARGEST:
         return None
-    half = sp.diags_array(1.0 / np.sqrt(parts.omega))
-    A = sp.csr_array(half @ parts.A @ half)
+    half = sp.diags_array(1.0 / np.sqrt(step.omega))
+    A = sp.csr_array(half @ step.A @ half)
     if not np.isfinite(A.data).all() or not within_reach(sp.csr_array(A + A.T)):
         return None
-    if is_dense(A) or int(np.square(np.diff(A.indptr)).sum()) <= _LARGEST_WORK:
+    if is_dense(A) or int(np.square(np.diff(A.indptr)).sum()) <= largest_work:
         sigma = _from_quotient(A)
     else:
-        sigma = _from_eigenvalues(A, symmetric=(parts.A != parts.A.T).nnz == 0)
+        sigma = _from_eigenvalues(A, symmetric=is_symmetric(step.A))
     return sigma if sigma is not None and sigma < 1 else None
 
 
@@ -145,8 +133,8 @@ def _from_quotient(A: sp.csr_array) -> float | None:
     size, K = sp.csr_array(absolute + identity), sp.csr_array(A + identity)
     H = sp.csr_array(0.5 * (A + A.T))
     KK = sp.csr_array(K.toarray().T @ K.toarray()) if is_dense(K) else sp.csr_array(K.T @ K)
-    tau = _smallest_quotient(H, KK) if np.isfinite(KK.data).all() else None
-    if tau is None or not tau > 0:
+    tau = smallest_quotient(H, KK) if np.isfinite(KK.data).all() else -np.inf
+    if not tau > 0:
         return None
     terms = int(np.bincount(K.indices).max()) + 24
     for share in _SHARES_DENSE if is_dense(K) else _SHARES:
@@ -154,7 +142,7 @@ def _from_quotient(A: sp.csr_array) -> float | None:
         S = sp.csr_array(H - t * KK)
         if not (S.diagonal() > 0).all():
             continue
-        e = unit_exponents(S.diagonal())
+        e = symmetric_exponents(S.diagonal())
         units = np.ldexp(1.0, e)
         # rounding of A', whose skew part H does not show, of the product and of the difference, in the units of S
         error = 0.5 * (absolute @ units + absolute.T @ units) + t * (size.T @ (size @ units))
@@ -162,25 +150,3 @@ def _from_quotient(A: sp.csr_array) -> float | None:
         if smallest_below(in_units(S, e, e), slack) > 0:
             return float(np.sqrt(max(1 - 4 * t, 0.0) + 4 * UNIT_ROUNDOFF)) * (1 + 4 * UNIT_ROUNDOFF)
     return None
-
-
-def _smallest_quotient(H: sp.csr_array, KK: sp.csr_array) -> float | None:
-    """About the smallest xᵀHx/xᵀKᵀKx, or None where it is seen not to be positive. Proves nothing."""
-    if is_dense(KK):
-        from scipy.linalg import eigh
-
-        try:
-            return float(eigh(H.toarray(), KK.toarray(), subset_by_index=(0, 0), eigvals_only=True)[0])
-        except np.linalg.LinAlgError:
-            return None
-    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
-
-    lu = symmetric_lu(H)
-    if lu is None or not lu.U.diagonal().min() > 0:
-        return None
-    inverse = LinearOperator(H.shape, matvec=lu.solve, dtype=np.float64)
-    start = np.random.default_rng(0).random(H.shape[0])
-    try:
-        return float(eigsh(H, 1, KK, 0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
-    except ArpackNoConvergence:
-        return None

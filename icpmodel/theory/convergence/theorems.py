@@ -7,15 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...algebra.splittings import AOR, Member
 from ...errors import InputError, SingularOperator
 from ...numerics.arrays import Vector, described
 from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
 from ...problem.data import ProblemData
 from ..answers import Answer
-from ..certificates import h_plus
-from . import conditions, structural
+from ..proofs import proofs_of
+from .conditions import printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44, theta_factor
 from .contraction import MonotoneMap, Radius, balanced, radius
-from .parts import Member, Parts
+from .step import StepMatrices
+from .structural import DEFINITE, MONOTONE, definite, monotone
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,9 @@ class Check(Answer):
 @dataclass(frozen=True)
 class _Theorem:
     sentence: str
-    decide: Callable[[Parts], Answer]
+    decide: Callable[[StepMatrices], Answer]
     printed_sentence: str = ""
-    printed: Callable[[Parts], Answer] | None = None
+    printed: Callable[[StepMatrices], Answer] | None = None
     counterexample: str = ""
 
 
@@ -79,7 +81,7 @@ def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool =
     >>> print(check("4.3", ICP([[1.0]], [-1.0]), MNMGS(phi=-1.5)))
     no: phi has the negative entry -1.5
     """
-    return _check(theorem, Parts(problem, member), as_printed)
+    return _check(theorem, StepMatrices(problem, member), as_printed)
 
 
 def check_all(problem: ProblemData, member: Member) -> dict[str, Check]:
@@ -89,12 +91,12 @@ def check_all(problem: ProblemData, member: Member) -> dict[str, Check]:
     >>> [name for name, found in check_all(ICP([[2, -1], [-1, 2]], [0, 0]), MNMGS()).items() if found.holds]
     ['4.1', '4.2', '4.3', '4.4', 'sharper']
     """
-    parts = Parts(problem, member)
-    found = {name: _check(name, parts, False) for name in _CHEAPEST_FIRST}
+    step = StepMatrices(problem, member)
+    found = {name: _check(name, step, False) for name in _CHEAPEST_FIRST}
     return {name: found[name] for name in _THEOREMS}
 
 
-def _check(name: str, parts: Parts, as_printed: bool) -> Check:
+def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
     if not isinstance(name, str) or name not in _THEOREMS:
         raise InputError(f"theorem is {described(name)}; one of {', '.join(_THEOREMS)} was expected")
     theorem = _THEOREMS[name]
@@ -103,48 +105,50 @@ def _check(name: str, parts: Parts, as_printed: bool) -> Check:
         if theorem.printed is None:
             raise InputError(f"theorem is {name!r} as printed, but the paper does not print it")
         decide, sentence = theorem.printed, theorem.printed_sentence
-    if not (parts.omega > 0).all():
-        found = Answer(False, f"Omega has the entry {parts.omega.min():g}, not positive")
+    if not (step.omega > 0).all():
+        found = Answer(False, f"Omega has the entry {step.omega.min():g}, not positive")
     else:
         with np.errstate(all="ignore"):  # what overflows proves nothing
-            found = decide(parts)
+            found = decide(step)
     return Check(
         found.holds, found.reason, found.witness, found.number, name, sentence, as_printed, theorem.counterexample
     )
 
 
-def contraction(parts: Parts, T: MonotoneMap) -> Radius:
+def contraction(step: StepMatrices, T: MonotoneMap) -> Radius:
     """ρ(T) from the vectors that served before, v = 1, the certificate's v and, for small n, balanced units."""
 
     def starts() -> Iterator[Vector]:
-        yield from reversed(parts.vectors)
-        yield np.ones(parts.n)
-        proof = h_plus.prove(parts.problem)
+        yield from reversed(step.vectors)
+        yield np.ones(step.n)
+        proof = proofs_of(step.problem).h_plus
         if not isinstance(proof, str):
             yield proof.v
-        yield from balanced(parts.size)
+        yield from balanced(step.size)
 
     found = radius(T, starts())
     if found.holds and found.v is not None:
-        parts.vectors.append(found.v)
+        step.vectors.append(found.v)
     return found
 
 
 def _by_radius(
-    name: str, make: Callable[[Parts], MonotoneMap | str], scale: Callable[[Parts], float] = lambda parts: 1.0
-) -> Callable[[Parts], Answer]:
-    """Decide by ρ(T) < 1, T = make(parts); `name` says what the number, ρ times `scale`, is."""
+    name: str,
+    make: Callable[[StepMatrices], MonotoneMap | str],
+    scale: Callable[[StepMatrices], float] = lambda step: 1.0,
+) -> Callable[[StepMatrices], Answer]:
+    """Decide by ρ(T) < 1, T = make(step); `name` says what the number, ρ times `scale`, is."""
 
-    def decide(parts: Parts) -> Answer:
-        if not parts.reads_psi:
+    def decide(step: StepMatrices) -> Answer:
+        if not step.reads_psi:
             return Answer(None, "no Lipschitz matrix of psi is known: give `lipschitz`")
-        T = make(parts)
+        T = make(step)
         if isinstance(T, str):
             return Answer(False, T)
-        found = contraction(parts, T)
+        found = contraction(step, T)
         if found.v is None:
-            return _without_inverse(parts)
-        factor = scale(parts)
+            return _without_inverse(step)
+        factor = scale(step)
         number = found.upper * factor * (1.0 if factor == 1.0 else 1 + 4 * UNIT_ROUNDOFF)
         limit = f"{factor:.6g}"
         if float(limit) <= number < factor:  # what is proved must not look false for want of digits
@@ -159,17 +163,17 @@ def _by_radius(
     return decide
 
 
-def _without_inverse(parts: Parts) -> Answer:
+def _without_inverse(step: StepMatrices) -> Answer:
     try:
-        parts.splitting.operator(parts.A, parts.phi + parts.omega)
+        step.splitting.operator(step.A, step.phi + step.omega)
     except SingularOperator as error:
         return Answer(False, str(error))
     return Answer(None, "nothing is known of |X^-1|: X is not an H-matrix and too large or ill conditioned")
 
 
-def _limit_43(parts: Parts) -> float:
-    theta = parts.splitting
-    return 1.0 / conditions.theta_factor(theta) if isinstance(theta, conditions.AOR) else 1.0
+def _limit_43(step: StepMatrices) -> float:
+    theta = step.splitting
+    return 1.0 / theta_factor(theta) if isinstance(theta, AOR) else 1.0
 
 
 _CONVERGES = "then ICP has one solution and the method converges to it from every start"
@@ -177,46 +181,46 @@ _CONVERGES = "then ICP has one solution and the method converges to it from ever
 _THEOREMS = {
     "4.1": _Theorem(
         "If ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), " + _CONVERGES + ", |zᵏ − z*| ≤ Lᵏ(I − L)⁻¹|z¹ − z⁰|",
-        _by_radius("rho(L)", conditions.theorem_41),
+        _by_radius("rho(L)", theorem_41),
         "If A is a P-matrix and ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), then ICP has one solution and the "
         "method converges to it from every nonnegative start, each |zᵏ⁺¹ − z*| < |zᵏ − z*|",
         # that A is a P-matrix follows: for psi = 0 and every q the step has one fixed point
-        _by_radius("rho(L)", conditions.theorem_41),
+        _by_radius("rho(L)", theorem_41),
         "the componentwise decrease: A = [2, −1; −.5, 2], q = −A(1, 1), Gauss–Seidel, Ω = D, z⁰ = (1, 3) has "
         "|e⁰| = (0, 2), |e¹| = (1, .125); convergence holds, and no start need be nonnegative",
     ),
     "4.2": _Theorem(
         "If 2(diag(min(m₁ + φ, d)) − (D − Ω)⁺) − off(|M₁| + |N₁| + |A|) − 2ΩG is a nonsingular M-matrix, " + _CONVERGES,
-        _by_radius("rho of its Jacobi matrix", conditions.theorem_42),
+        _by_radius("rho of its Jacobi matrix", theorem_42),
         "If A is an H₊-matrix with an H-splitting, φ₂ ≥ φ₁D, g_ii ≤ (|n_ii + φ_ii| − n_ii − |φ_ii|)/2ω_ii and "
         "g_ij ≤ (|m_ij| + |n_ij| − |a_ij|)/2ω_ii, " + _CONVERGES,
-        _by_radius("rho(m^-1(off|M| + |N|))", conditions.printed_42),
+        _by_radius("rho(m^-1(off|M| + |N|))", printed_42),
     ),
     "4.3": _Theorem(
         "AOR: if D > 0, φ ≥ 0, θ₁ > 0, θ₂ ≥ 0 and max(θ₁, θ₂)·ρ(D⁻¹(|B| + ΩG + (D − Ω)⁺)) < min(1, θ₁), " + _CONVERGES,
-        _by_radius("rho(D^-1(|B| + Omega G + (D - Omega)+))", conditions.theorem_43, _limit_43),
+        _by_radius("rho(D^-1(|B| + Omega G + (D - Omega)+))", theorem_43, _limit_43),
         "AOR: if A is an H₊-matrix, φ₂ ≥ φ₁D and max(θ₁, θ₂)·ρ(D⁻¹|B| + φ₂G) < min(1, θ₁), " + _CONVERGES,
-        _by_radius("rho(D^-1|B| + phi2 G)", lambda parts: conditions.theorem_43(parts, as_printed=True), _limit_43),
+        _by_radius("rho(D^-1|B| + phi2 G)", lambda step: theorem_43(step, as_printed=True), _limit_43),
         "the parenthesis: A = .1, q = 1, ψ = 6 − 5z, φ₁ = 1, φ₂ = .1 ends in the cycle −10, 56; φ < 0: A = 1, q = −1, "
         "φ = −1.5 has the error factor −3; θ₂ < 0: A = [1, −.5; −.5, 1], θ = (1, −4) has an error matrix of radius "
         "1.151",
     ),
     "4.4": _Theorem(
         "If D > 0 and some v > 0 has (⟨M₁ + φ⟩ − |N₁ + φ| − (D − Ω)⁺ − ΩG)v > 0, " + _CONVERGES,
-        _by_radius("rho(m^-1(off|M| + |N| + (D - Omega)+ + Omega G))", conditions.theorem_44),
+        _by_radius("rho(m^-1(off|M| + |N| + (D - Omega)+ + Omega G))", theorem_44),
         "If the splitting of the H₊-matrix A is an H-splitting proved by v > 0 and, where φ₂ ≥ φ₁D, "
         "(⟨φ₁M₁ + φ⟩ − |φ₁N₁ + φ| − φ₂G)v > 0 or, where φ₂ < φ₁D, (φ₂ − φ₁D + the same)v > 0, " + _CONVERGES,
-        _by_radius("the radius of the printed condition", conditions.printed_44),
+        _by_radius("the radius of the printed condition", printed_44),
         "case (1), φ not multiplied by φ₁: A = 1, M₁ = .1, φ = .5, φ₁ = φ₂ = .1, ψ = 1.9 − .9z, q = 5 has the error "
         "factor −1.375; case (2): A = 1, M₁ = .1, φ = .5, φ₁ = .1, φ₂ = .01, ψ = 0, q = −1 has −1.857",
     ),
     "sharper": _Theorem(
         "If some v > 0 has |X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v) ≤ σv with σ < 1, " + _CONVERGES + ", and "
         "every step leaves at most σ times max_i |z_i − z*_i|/v_i",
-        _by_radius("the contraction factor", conditions.sharper),
+        _by_radius("the contraction factor", sharper),
     ),
-    "monotone": _Theorem(structural.MONOTONE, structural.monotone),
-    "definite": _Theorem(structural.DEFINITE, structural.definite),
+    "monotone": _Theorem(MONOTONE, monotone),
+    "definite": _Theorem(DEFINITE, definite),
 }
 #: cheap conditions first: the v of one is the first that the next tries
 _CHEAPEST_FIRST = ("4.3", "4.4", "4.2", "4.1", "sharper", "monotone", "definite")

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import as_csr, row_of
+from ...numerics.arrays import as_csr, bandwidths
 from ..answers import Answer
-from ..comparison import comparison_matrix
-from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs
+from .comparison_matrix import comparison_matrix
+from .definiteness import definiteness, semidefinite_up_to_rounding
+from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs, without_zeros, z_matrix
+from .p_matrix import LIMIT, by_pivots, by_small_minors, minor_of_order_two, open_blocks
 
 #: the classes in the order of the table, with their names
 NAMES = {
@@ -41,6 +43,21 @@ def classify(A: Any) -> MatrixClasses:
     return MatrixClasses(as_csr(A, "A", keep_diagonal=True))
 
 
+def p_matrix(A: Any) -> Answer:
+    """Whether `A`, shape (n, n), dense or sparse, is a P-matrix.
+
+    The witness of False is the index set, an array, of a principal minor ≤ 0; None where the reason is the proof.
+    Raises InputError where A is no square matrix of finite numbers. Reference: the docstring of the module
+    `icpmodel.theory.matrices.p_matrix`.
+
+    >>> p_matrix([[1, 0, 2], [2, 1, 0], [0, 2, 1]]).holds
+    True
+    >>> p_matrix([[1, 0, -2], [2, 1, 0], [0, -2, 1]]).witness, p_matrix([[1, 2], [2, 1]]).witness
+    (None, array([0, 1]))
+    """
+    return classify(A).p
+
+
 class MatrixClasses:
     """Three-valued answers about the CSR matrix `A`, shape (n, n), with every diagonal entry stored; see `classify`.
 
@@ -63,12 +80,7 @@ class MatrixClasses:
     @cached_property
     def z(self) -> Answer:
         """Z-matrix: no entry off the diagonal is positive. Witness of no: (i, j) with a_ij > 0."""
-        rows = row_of(self.A)
-        found = np.flatnonzero((self.A.data > 0) & (rows != self.A.indices))
-        if not found.size:
-            return Answer(True, "no positive entry off the diagonal")
-        i, j = int(rows[found[0]]), int(self.A.indices[found[0]])
-        return Answer(False, f"A[{i}, {j}] = {self.A.data[found[0]]:g} is positive", (i, j))
+        return z_matrix(self.A)
 
     @cached_property
     def m(self) -> Answer:
@@ -130,8 +142,6 @@ class MatrixClasses:
 
     @cached_property
     def _definiteness(self) -> tuple[Answer, Answer]:
-        from .definiteness import definiteness
-
         return definiteness(self.A)
 
     @cached_property
@@ -152,8 +162,6 @@ class MatrixClasses:
 
         Witness of no: as for `semidefinite`.
         """
-        from .definiteness import semidefinite_up_to_rounding
-
         if self.semidefinite.holds:
             return self.semidefinite
         found = semidefinite_up_to_rounding(self.A)
@@ -161,16 +169,50 @@ class MatrixClasses:
 
     @cached_property
     def p(self) -> Answer:
-        """P-matrix: all principal minors are positive; see `pmatrix`. Witness of no: the indices of one ≤ 0."""
-        from .p_matrix import decide
+        """P-matrix: all principal minors are positive; see `p_matrix`. Witness of no: the indices of one ≤ 0."""
+        diagonal = self.A.diagonal()
+        if (diagonal <= 0).any():
+            i = int(np.argmax(diagonal <= 0))
+            return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", np.array([i]))
+        if self.h_plus.holds:
+            return Answer(True, "H+-matrix")
+        pair = minor_of_order_two(self.A)
+        if pair is not None:
+            return Answer(False, f"the minor of rows and columns {pair[0]} and {pair[1]} is not positive", pair)
+        unknown, work, whole, proved = None, 0, False, ""
+        for rows, part in open_blocks(self.A):
+            whole = rows.size == self.A.shape[0]
+            small = rows.size <= LIMIT
+            work += 2**rows.size if small else 0
+            if small and work > 2 ** (LIMIT + 2):
+                return Answer(None, f"too many irreducible blocks of up to {LIMIT} rows to look at all of their minors")
+            answer = by_pivots(part) if small else (self if whole else MatrixClasses(part))._p_by_theorems()
+            where = "" if whole else f" (irreducible block of {rows.size} rows)"
+            if answer.holds is False:
+                witness = None if answer.witness is None else rows[answer.witness]
+                return Answer(False, answer.reason + where, witness)
+            if answer.holds is None:
+                unknown = unknown if unknown is not None else Answer(None, answer.reason + where)
+            proved = answer.reason
+        if unknown is not None:
+            return unknown
+        return Answer(True, proved if whole else "every irreducible diagonal block is a P-matrix")
 
-        return decide(self)
+    def _p_by_theorems(self) -> Answer:
+        """For blocks beyond LIMIT: theorems first, then small minors."""
+        if self.h_plus.holds:
+            return Answer(True, "H+-matrix")
+        if self.definite.holds:
+            return Answer(True, "the symmetric part is positive definite")
+        if self.z.holds and self.h.holds is False:
+            return Answer(False, "a Z-matrix that is no nonsingular M-matrix")
+        if self.symmetric.holds and self.definite.holds is False:
+            return Answer(False, "symmetric and not positive definite")
+        return by_small_minors(self.A)
 
     @cached_property
     def _bandwidths(self) -> tuple[int, int]:
-        stored = self.A.data != 0
-        distance = (row_of(self.A) - self.A.indices)[stored]
-        return int(distance.max(initial=0)), int(-distance.min(initial=0))
+        return bandwidths(without_zeros(self.A))
 
     @cached_property
     def triangular(self) -> Answer:

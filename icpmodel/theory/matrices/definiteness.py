@@ -15,13 +15,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...numerics import rational as exact
 from ...numerics.arrays import Vector, as_csr, row_of
-from ...numerics.equilibration import in_units
+from ...numerics.equilibration import in_units, row_exponents, symmetric_exponents
+from ...numerics.rational import as_witness, curvature, exact_sum, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
-from ..comparison import comparison_matrix
-from .eigenvalue import above, falling, unit_exponents, within_reach
+from .comparison_matrix import comparison_matrix
+from .eigenvalue import above, falling, within_reach
 from .h_matrix import by_row_sums, row_sum_signs
 
 #: rows up to which rational elimination is asked
@@ -38,7 +38,6 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
     True rests on the row sums of A + Aᵀ, taken without rounding, or on a factorisation with a bound on its error. Up to
     n = 30, what is left open is decided in rational arithmetic; an exactly singular matrix may stay open beyond.
     The witness of False is an x, shape (n,), with xᵀAx ≤ 0 (definite), xᵀAx < 0 (semidefinite), checked.
-    Reference: `eigenvalue.above`.
     """
     n, diagonal = A.shape[0], A.diagonal()
     definite = semidefinite = Answer(None, "")
@@ -67,17 +66,16 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
     return definite, semidefinite
 
 
-def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
+def semidefinite_up_to_rounding(A: sp.csr_array, most: float = _ROUNDING) -> Answer:
     """Whether the symmetric part of `A` (CSR, shape (n, n), diagonal stored) is semidefinite as far as floats can tell.
 
-    True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, a negative number of
-    the size of rounding errors. What is computed as BᵀB is such a matrix, and a convex QP solver takes it. None for all
-    others.
+    True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, above −`most`. What is
+    computed as BᵀB is such a matrix, and a convex QP solver takes it. None for all others.
     """
     T, _, _ = _in_own_units(A)
     if (T.diagonal() >= 0).all() and within_reach(T):
         bound = above(T, -_rounding_of(T))
-        if bound > -_ROUNDING:
+        if bound > -most:
             reason = f"semidefinite up to rounding: no eigenvalue is below {bound:.2g} of its diagonal"
             return Answer(True, reason, None, bound)
     return Answer(None, "not shown to be semidefinite up to rounding")
@@ -101,13 +99,10 @@ def _in_own_units(A: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array, NDArray[
 
     Where both cannot be, the diagonal is far smaller than the other entries of its row or column: A is indefinite.
     """
-    _, size = np.frexp(A.data)
-    largest = np.full(A.shape[0], -1074)
-    np.maximum.at(largest, row_of(A), size)
-    np.maximum.at(largest, A.indices, size)
+    largest = -np.minimum(row_exponents(A), row_exponents(sp.csr_array(A.T)))
     # (900 - E_i)/2 + (900 - E_j)/2 + min(E_i, E_j) is at most 900
     limit, diagonal = (900 - largest) // 2, A.diagonal()
-    e = np.where(diagonal > 0, np.minimum(unit_exponents(diagonal), limit), limit)
+    e = np.where(diagonal > 0, np.minimum(symmetric_exponents(diagonal), limit), limit)
     M = in_units(A, e, e)
     with np.errstate(under="ignore"):
         return sp.csr_array(0.5 * M + 0.5 * M.T), M, e
@@ -133,7 +128,7 @@ def _by_pivots(A: sp.csr_array) -> Answer:
             shift = e - e[x != 0].max()
             x = np.ldexp(x / np.abs(x).max(), shift)
             # what of it is left in the units of A goes back without rounding
-            if _is_negative(M, np.ldexp(x, -shift)):
+            if proves_negative(M, np.ldexp(x, -shift)):
                 return Answer(False, "indefinite: x'Ax < 0 for the witness x", x)
     return Answer(None, "its factorisation met a pivot of either sign within rounding")
 
@@ -162,35 +157,31 @@ def _witness_of_two(T: sp.csr_array) -> Vector | None:
     return x
 
 
-def _is_negative(A: sp.csr_array, x: Vector) -> bool:
+def proves_negative(A: sp.csr_array, x: Vector) -> bool:
     """Whether xᵀAx < 0, rounding included, `A` known to the smallest float; |a_ij| ≤ 2^900 and |x_i| ≤ 1."""
     k = int(np.diff(A.indptr).max()) + 4
     size = fsum(np.abs(x) * (abs(A) @ np.abs(x)))
     return fsum(x * (A @ x)) + 2 * k * UNIT_ROUNDOFF * size + A.shape[0] * k * SMALLEST < 0
 
 
-def _sum_within(A: sp.csr_array, x: Vector) -> Fraction:
-    """xᵀAx for a vector of zeros and ones, exactly."""
-    inside = A.data[(x[row_of(A)] != 0) & (x[A.indices] != 0)]
-    try:
-        return Fraction(fsum(inside))  # of the right sign
-    except OverflowError:
-        return sum(map(Fraction, inside.tolist()), Fraction(0))
+def _sum_within(A: sp.csr_array, x: Vector) -> Fraction | float:
+    """xᵀAx for a vector of zeros and ones, of the right sign."""
+    return exact_sum(A.data[(x[row_of(A)] != 0) & (x[A.indices] != 0)])
 
 
 def _in_fractions(A: sp.csr_array) -> tuple[Answer, Answer]:
-    M = exact.rationals(A)
+    M = rationals(A)
 
     def form(x: list[Fraction]) -> Fraction:
         return sum((x_i * sum(map(mul, row, x)) for x_i, row in zip(x, M, strict=True)), Fraction(0))
 
     S = [[M[i][j] + M[j][i] for j in range(len(M))] for i in range(len(M))]
-    semidefinite, _, x = exact.curvature(S)
+    semidefinite, _, x = curvature(S)
     how = "pivots in rational arithmetic"
     if x is None:
         return (answer := Answer(True, f"positive {how}")), answer
     if semidefinite:
-        witness = exact.as_witness(x, lambda x: form(x) == 0)
+        witness = as_witness(x, lambda x: form(x) == 0)
         return Answer(False, "x'Ax = 0 for the witness x", witness), Answer(True, f"nonnegative {how}")
-    witness = exact.as_witness(x, lambda x: form(x) < 0)
+    witness = as_witness(x, lambda x: form(x) < 0)
     return (answer := Answer(False, "indefinite: x'Ax < 0 for the witness x", witness)), answer

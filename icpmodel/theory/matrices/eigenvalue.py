@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ...numerics.arrays import Vector, row_of
+from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
@@ -29,9 +29,8 @@ def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
     S: P(S − cI)Pᵀ + ΔT = LU by diagonal pivots with |ΔT| ≤ γ|L||U|. With D = diag(U) > 0 and U = DLᵀ + ΔU it is
     LDLᵀ + (LΔU − ΔT), a positive definite matrix and a bracket that is symmetric as the other two are, so that its
     ∞-norm, ‖|L||ΔU|1 + γ|L||U|1‖_∞ at most, bounds its eigenvalues.
-
-    Parameters: `S` symmetric, CSR, shape (n, n), finite, known to one rounding of its entries and, beyond that, to
-    `slack` in norm; not all of it below 1e-280, where underflow would count.
+    `S` is known to one rounding of its entries and to `slack` in norm, and not all of it is below 1e-280, where
+    underflow would count.
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), theorems 9.3, 10.5; Rump, BIT 46 (2006).
     """
     n = S.shape[0]
@@ -41,15 +40,15 @@ def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
     return c - 1.01 * (error + rounding + slack + n * SMALLEST)
 
 
-def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None) -> float:
+def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None, estimate: float | None = None) -> float:
     """A lower bound of λ_min(S), S the symmetric part of a matrix that differs from `M` by at most `slack` in norm.
 
-    `above` at a little less than an estimate of λ_min. Parameters: `M` CSR, shape (n, n), with a diagonal of about the
-    size 1; `lu` its `symmetric_lu`, where it is symmetric and that is at hand. Returns the bound, −inf where none was
-    found; above 0 it proves S positive definite.
+    `above` at a little less than the `estimate` of λ_min, the diagonal of M being about 1; `lu` is its factorisation
+    with diagonal pivots, if at hand. −inf where none was found; above 0 it proves S positive definite.
     """
     S = sp.csr_array(0.5 * (M + M.T))
-    estimate = _estimate(S, lu) if np.isfinite(S.data).all() else -np.inf
+    if estimate is None:
+        estimate = smallest_quotient(S, lu=lu) if np.isfinite(S.data).all() else -np.inf
     if not estimate > 0:
         return -np.inf
     bounds = (above(S, share * estimate, slack) for share in _SHARES)
@@ -59,7 +58,6 @@ def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None) -> float
 def largest_above(N: sp.csr_array) -> float:
     """An upper bound of λ_max of the symmetric part T of `N` ≥ 0: max_i (Tv)_i/v_i for a v > 0 of the power method.
 
-    Parameters: `N` CSR, shape (n, n), with entries ≥ 0. Returns the bound.
     Reference: Collatz, Math. Z. 48 (1942).
     """
     T = sp.csr_array(0.5 * (N + N.T))
@@ -83,7 +81,7 @@ def falling(S: sp.csr_array) -> Vector | None:
         return x[:, 0] if value[0] < 0 else None
     from scipy.sparse.linalg import spsolve_triangular
 
-    lu = symmetric_lu(S)
+    lu = factorise(S, diagonal_pivots=True)
     if lu is None:
         return None
     pivots = lu.U.diagonal()
@@ -117,26 +115,28 @@ def within_reach(S: sp.csr_array) -> bool:
     return bool(np.abs(place[row_of(S)] - place[S.indices]).max() <= _WIDEST)
 
 
-def unit_exponents(diagonal: Vector) -> NDArray[np.int64]:
-    """Whole e with 2^(2e_i)d_i between 1/2 and 2 for the entries d_i > 0 of `diagonal`, shape (n,), and e_i = 0 else."""
-    return -np.rint(np.log2(np.where(diagonal > 0, diagonal, 1.0)) / 2).astype(np.int64)
+def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = None) -> float:
+    """About the smallest xᵀSx/xᵀBx, B = I by default, or something not positive where S is seen to be indefinite.
 
+    By inverse iteration; it proves nothing. `lu` is the factorisation of S with diagonal pivots, if at hand.
+    """
+    if is_dense(S if B is None else B):
+        from scipy.linalg import LinAlgError, eigh
 
-def _estimate(S: sp.csr_array, lu: Any) -> float:
-    """λ_min(S) by inverse iteration, or something not positive where S is seen to be indefinite. Proves nothing."""
-    if is_dense(S):
-        from scipy.linalg import eigh
-
-        return float(eigh(S.toarray(), subset_by_index=(0, 0), eigvals_only=True)[0])
+        try:
+            dense = None if B is None else B.toarray()
+            return float(eigh(S.toarray(), dense, subset_by_index=(0, 0), eigvals_only=True)[0])
+        except LinAlgError:
+            return -np.inf
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-    lu = lu or symmetric_lu(S)
+    lu = lu or factorise(S, diagonal_pivots=True)
     if lu is None or not lu.U.diagonal().min() > 0:
         return -np.inf
     inverse = LinearOperator(S.shape, matvec=lu.solve, dtype=np.float64)
     start = np.random.default_rng(0).random(S.shape[0])
     try:
-        return 1.0 / float(eigsh(inverse, 1, which="LA", v0=start, tol=1e-3, return_eigenvectors=False)[0])
+        return float(eigsh(S, 1, B, 0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
     except ArpackNoConvergence:
         return -np.inf
 
@@ -155,7 +155,7 @@ def _error_of_cholesky(S: sp.csr_array) -> float:
 
 def _distance_from_definite(S: sp.csr_array) -> float:
     """A bound on the norm of S − LDLᵀ with D > 0, inf where a pivot is not positive."""
-    lu = symmetric_lu(S)
+    lu = factorise(S, diagonal_pivots=True)
     if lu is None:
         return np.inf
     D = lu.U.diagonal()
@@ -168,16 +168,3 @@ def _distance_from_definite(S: sp.csr_array) -> float:
     terms = int(np.diff(L.indptr).max()) + 8
     defect = abs(sp.csr_array(U - exact)) @ ones + 2 * terms * UNIT_ROUNDOFF * size
     return float(upper(abs(L), defect).max())
-
-
-def symmetric_lu(S: sp.csr_array) -> Any:
-    """SuperLU of the symmetric matrix `S` (CSR, n × n) with diagonal pivots, None where one is zero or S not finite."""
-    from scipy.sparse.linalg import splu
-
-    if not np.isfinite(S.data).all():
-        return None
-    try:
-        lu = splu(sp.csc_array(S), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    except RuntimeError:
-        return None
-    return lu if np.array_equal(lu.perm_r, lu.perm_c) else None

@@ -16,20 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from fractions import Fraction
-from math import fsum
 from operator import mul
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...numerics import rational as exact
 from ...numerics.arrays import Vector, row_of
-from ...numerics.equilibration import in_units, natural_units
+from ...numerics.equilibration import in_units, natural_exponents, row_exponents
+from ...numerics.rational import as_witness, exact_sum, m_matrix, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
 from ..answers import Answer
-from ..comparison import comparison_matrix, scaling_vectors, solve_for_diagonal
+from .comparison_matrix import comparison_matrix, scaling_vectors, solve_for_diagonal
 
 #: so many steps of the power method cost less than a linear solve
 _POWER_STEPS = 30
@@ -59,9 +57,7 @@ def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
     """The sign of each row sum of `C` (CSR, shape (n, n), no row empty), without rounding: −1, 0 or 1, shape (n,)."""
     data, rows, n = C.data, row_of(C), C.shape[0]
     # in units of each row's largest entry, whole multiples of 2^-40 add up without rounding
-    shift = -np.frexp(np.maximum.reduceat(np.abs(data), C.indptr[:-1]))[1]
-    with np.errstate(under="ignore"):
-        scaled = np.ldexp(data, shift[rows])
+    scaled = in_units(C, row_exponents(C)).data
     multiple = np.ldexp(scaled, 40)
     broken = (multiple != np.rint(multiple)) | ((scaled == 0) != (data == 0))
     k = np.diff(C.indptr) + 2
@@ -69,23 +65,16 @@ def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
     rounded = (np.bincount(rows, broken, n) > 0) | (k >= 2**12)
     signs = np.sign(sums).astype(np.int8)
     for i in np.flatnonzero(rounded & (np.abs(sums) <= 2 * k * UNIT_ROUNDOFF * size + k * SMALLEST)):
-        signs[i] = _exact_sign(data[C.indptr[i] : C.indptr[i + 1]])
+        total = exact_sum(data[C.indptr[i] : C.indptr[i + 1]])
+        signs[i] = (total > 0) - (total < 0)
     return signs
-
-
-def _exact_sign(entries: Vector) -> int:
-    try:
-        total: float | Fraction = fsum(entries)
-    except OverflowError:
-        total = sum(map(Fraction, entries.tolist()), Fraction(0))
-    return (total > 0) - (total < 0)
 
 
 def by_row_sums(A: sp.csr_array) -> tuple[Answer, NDArray[np.bool_]]:
     """Whether A is an H-matrix as far as diagonal entries and exact row sums decide it; no linear solve.
 
-    Parameters: `A` CSR, shape (n, n), every diagonal entry stored. Returns the answer and the rows, as a mask of shape
-    (n,), of the irreducible blocks that stay open. References: Taussky, Amer. Math. Monthly 56 (1949).
+    Returns the answer and the rows, as a mask, of the irreducible blocks that stay open.
+    Reference: Taussky, Amer. Math. Monthly 56 (1949).
     """
     n, diagonal, C = A.shape[0], A.diagonal(), comparison_matrix(A)
     if (diagonal == 0).any():
@@ -111,6 +100,16 @@ def within_blocks(A: sp.csr_array, block: NDArray[np.int32]) -> sp.csr_array:
     """`A` with zeros for the entries between the blocks whose labels, shape (n,), are `block`."""
     data = np.where(block[row_of(A)] == block[A.indices], A.data, 0.0)
     return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
+
+
+def z_matrix(A: sp.csr_array) -> Answer:
+    """Whether no entry off the diagonal is positive; the witness of False is (i, j) with a_ij > 0."""
+    rows = row_of(A)
+    found = np.flatnonzero((A.data > 0) & (rows != A.indices))
+    if not found.size:
+        return Answer(True, "no positive entry off the diagonal")
+    i, j = int(rows[found[0]]), int(A.indices[found[0]])
+    return Answer(False, f"A[{i}, {j}] = {A.data[found[0]]:g} is positive", (i, j))
 
 
 def h_matrix(A: sp.csr_array) -> Answer:
@@ -140,7 +139,7 @@ def dominating_vector(A: sp.csr_array) -> Vector | None:
         for _, v in scaling_vectors(C):
             if (lower(C, v) > 0).all():
                 return v
-    r, c = natural_units(C)
+    r, c = natural_exponents(C)
     S = without_zeros(in_units(C, r, c))
     if not np.isfinite(S.data).all():
         return None
@@ -152,7 +151,7 @@ def dominating_vector(A: sp.csr_array) -> Vector | None:
 def _decide(C: sp.csr_array) -> Answer:
     """Whether `C` = ⟨C⟩ is a nonsingular M-matrix."""
     count, block = irreducible_blocks(C)
-    r, c = natural_units(C)
+    r, c = natural_exponents(C)
     S = without_zeros(in_units(within_blocks(C, block), r, c))
     if np.isfinite(S.data).all():
         for name, y in _candidates(S, block, count):
@@ -219,10 +218,10 @@ def _exactly(C: sp.csr_array, block: NDArray[np.int32], count: int) -> Answer:
     for b in range(count):
         rows = np.flatnonzero(block == b)
         dense = C[rows][:, rows].toarray()
-        _, x = exact.m_matrix(dense)
+        _, x = m_matrix(dense)
         if x is not None:
-            C_exact = exact.rationals(dense)
-            part = exact.as_witness(
+            C_exact = rationals(dense)
+            part = as_witness(
                 x, lambda x, C=C_exact: all(sum(map(mul, row, x)) <= 0 for row in C) and min(x) >= 0 and any(x)
             )
             full = np.zeros(C.shape[0], dtype=part.dtype)

@@ -16,21 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...numerics import rational as exact
 from ...numerics.arrays import row_of
-from ...numerics.equilibration import in_units, natural_units
+from ...numerics.equilibration import in_units, natural_exponents
+from ...numerics.rational import Rationals, eliminate, nearest, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .h_matrix import by_row_sums, irreducible_blocks
-
-if TYPE_CHECKING:
-    from .classes import MatrixClasses
 
 #: irreducible blocks up to this size are decided by all of their minors: a second or two
 LIMIT = 26
@@ -42,56 +39,7 @@ _ROWS, _NEIGHBOURS = 200, 9
 Indices = NDArray[np.intp]
 
 
-def p_matrix(A: Any) -> Answer:
-    """Whether `A`, shape (n, n), dense or sparse, is a P-matrix.
-
-    The witness of False is the index set, an array, of a principal minor ≤ 0; None where the reason is the proof.
-    Raises InputError where A is no square matrix of finite numbers. Reference: the docstring of the module
-    `icpmodel.theory.matrices.p_matrix`.
-
-    >>> p_matrix([[1, 0, 2], [2, 1, 0], [0, 2, 1]]).holds
-    True
-    >>> p_matrix([[1, 0, -2], [2, 1, 0], [0, -2, 1]]).witness, p_matrix([[1, 2], [2, 1]]).witness
-    (None, array([0, 1]))
-    """
-    from .classes import classify
-
-    return classify(A).p
-
-
-def decide(known: MatrixClasses) -> Answer:
-    """`p_matrix` for a matrix of which `known` is what is, or will be, known."""
-    A = known.A
-    diagonal = A.diagonal()
-    if (diagonal <= 0).any():
-        i = int(np.argmax(diagonal <= 0))
-        return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", np.array([i]))
-    if known.h_plus.holds:
-        return Answer(True, "H+-matrix")
-    pair = _minor_of_order_two(A)
-    if pair is not None:
-        return Answer(False, f"the minor of rows and columns {pair[0]} and {pair[1]} is not positive", pair)
-    unknown, work, whole, proved = None, 0, False, ""
-    for rows, part in _open_blocks(A):
-        whole = rows.size == A.shape[0]
-        small = rows.size <= LIMIT
-        work += 2**rows.size if small else 0
-        if small and work > 2 ** (LIMIT + 2):
-            return Answer(None, f"too many irreducible blocks of up to {LIMIT} rows to look at all of their minors")
-        answer = _by_pivots(part) if small else _by_class(known if whole else type(known)(part))
-        where = "" if whole else f" (irreducible block of {rows.size} rows)"
-        if answer.holds is False:
-            witness = None if answer.witness is None else rows[answer.witness]
-            return Answer(False, answer.reason + where, witness)
-        if answer.holds is None:
-            unknown = unknown or Answer(None, answer.reason + where)
-        proved = answer.reason
-    if unknown is not None:
-        return unknown
-    return Answer(True, proved if whole else "every irreducible diagonal block is a P-matrix")
-
-
-def _open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
+def open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
     """The irreducible blocks that their row sums do not show to be H₊, and their rows; small ones first."""
     answer, still_open = by_row_sums(A)
     count, block = irreducible_blocks(A)
@@ -104,9 +52,9 @@ def _open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
         yield rows[start:end], sp.csr_array(permuted[start:end, start:end])
 
 
-def _minor_of_order_two(A: sp.csr_array) -> Indices | None:
+def minor_of_order_two(A: sp.csr_array) -> Indices | None:
     """Indices i < j with a_ii a_jj ≤ a_ij a_ji, or None where no stored pair was found to have that."""
-    S = in_units(A, *natural_units(A))
+    S = in_units(A, *natural_exponents(A))
     with np.errstate(all="ignore"):
         product = sp.csr_array(S * sp.csr_array(S.T))
         i, j = row_of(product), product.indices
@@ -116,30 +64,21 @@ def _minor_of_order_two(A: sp.csr_array) -> Indices | None:
     for k in near[np.argsort(-ratio[near])][:_PAIRS]:
         pair = np.array([i[k], j[k]], dtype=np.intp)
         minor = [[A[row, column] for column in pair] for row in pair]
-        if exact.eliminate(exact.rationals(minor), [0, 1]) is not None:
+        if eliminate(rationals(minor), [0, 1]) is not None:
             return pair
     return None
 
 
-def _by_class(known: MatrixClasses) -> Answer:
-    """For blocks beyond LIMIT: theorems first, then small minors."""
-    if known.h_plus.holds:
-        return Answer(True, "H+-matrix")
-    if known.definite.holds:
-        return Answer(True, "the symmetric part is positive definite")
-    if known.z.holds and known.h.holds is False:
-        return Answer(False, "a Z-matrix that is no nonsingular M-matrix")
-    if known.symmetric.holds and known.definite.holds is False:
-        return Answer(False, "symmetric and not positive definite")
-    A = known.A
-    S = abs(in_units(A, *natural_units(A)))
+def by_small_minors(A: sp.csr_array) -> Answer:
+    """For blocks beyond LIMIT of which no theorem tells anything: not P, with the witness, or unknown."""
+    S = abs(in_units(A, *natural_exponents(A)))
     margin = 2 * S.diagonal() - S.sum(axis=1)
     coupling = sp.csr_array(S + S.T)
     for i in np.argsort(margin, kind="stable")[:_ROWS]:
         entries = slice(coupling.indptr[i], coupling.indptr[i + 1])
         strongest = np.argsort(-coupling.data[entries], kind="stable")[: _NEIGHBOURS + 1]
         rows = np.union1d(coupling.indices[entries][strongest], i)
-        answer = _by_pivots(sp.csr_array(A[rows][:, rows]))
+        answer = by_pivots(sp.csr_array(A[rows][:, rows]))
         if answer.holds is False:
             return Answer(False, answer.reason, rows[answer.witness])
     return Answer(
@@ -149,12 +88,10 @@ def _by_class(known: MatrixClasses) -> Answer:
     )
 
 
-def _by_pivots(A: sp.csr_array) -> Answer:
+def by_pivots(A: sp.csr_array) -> Answer:
     """The exact test, for n ≤ 60 or so; the time doubles with each row."""
-    from ...numerics.kernels.pivots import search_pivots
-
     n = A.shape[0]
-    r, c = natural_units(A)
+    r, c = natural_exponents(A)
     scaled = in_units(A, r, c).toarray()
     # what left the normal range is known up to the smallest float, or not at all
     lost = np.where((A.toarray() != 0) & (np.abs(scaled) < 2.0**-1000), SMALLEST, 0.0)
@@ -163,27 +100,29 @@ def _by_pivots(A: sp.csr_array) -> Answer:
     budget = 10**6 // n**3 + 1
     while tasks:
         mid, rad, before, rest = tasks.pop()
-        found, undecided = _run(search_pivots, mid, rad, budget)
+        found, undecided = search_minors(mid, rad, budget)
         if found:
             return _not_p(before + _members(found, rest))
         for bits in undecided:
             chosen = before + _members(bits, rest)
             later = rest[int(bits).bit_length() :]
             M = _in_rational_units(A, r, c)
-            failed = exact.eliminate(M, chosen, later)
+            failed = eliminate(M, chosen, later)
             if failed is not None:
                 return _not_p(chosen[: failed + 1])
             budget -= 1
             if budget <= 0:
                 return Answer(None, "undecided within rounding: too many of its principal minors are nearly zero")
             if later:
-                mid = np.array([[exact.nearest(M[i][j]) for j in later] for i in later])
+                mid = np.array([[nearest(M[i][j]) for j in later] for i in later])
                 tasks.append((mid, np.abs(mid) * UNIT_ROUNDOFF + SMALLEST, chosen, later))
     return Answer(True, "all principal minors are positive, rounding considered")
 
 
-def _run(search_pivots: Any, mid: Any, rad: Any, most: int) -> tuple[int, NDArray[np.int64]]:
+def search_minors(mid: Any, rad: Any, most: int) -> tuple[int, NDArray[np.int64]]:
     """The compiled search on one matrix of size m: the index set found, as bits, or 0, and the undecided ones."""
+    from ...numerics.kernels.principal_minors import search_pivots  # loads numba
+
     m = mid.shape[0]
     mids, rads = np.empty((m + 1, m, m)), np.empty((m + 1, m, m))
     mids[0], rads[0] = mid, rad
@@ -203,9 +142,9 @@ def _not_p(minor: tuple[int, ...]) -> Answer:
     )
 
 
-def _in_rational_units(A: sp.csr_array, r: Any, c: Any) -> exact.Rationals:
+def _in_rational_units(A: sp.csr_array, r: Any, c: Any) -> Rationals:
     """What `in_units` gives, without its rounding."""
     return [
         [entry * Fraction(2) ** int(r[i] + c[j]) if entry else entry for j, entry in enumerate(row)]
-        for i, row in enumerate(exact.rationals(A))
+        for i, row in enumerate(rationals(A))
     ]

@@ -1,0 +1,279 @@
+"""`solve()` against foreign solvers, its own methods and a linear solve, to the same residual, in one run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..errors import Interrupted
+from ..numerics.arrays import as_number
+from ..present.table import Table
+from ..solve.driver import RTOL
+from ..solve.progress import status_line
+from ..solvers.contract import Claim
+from ..study.cases import Case, as_scenes, as_sizes, cases, gallery
+from ..study.charts.table_charts import WORST
+from ..study.competitors import Competitor, Solve, competitors, own_methods
+from ..study.timing import as_repeats, in_turn, machine, spread
+
+#: one that takes this many times the time of solve(), and more than that many seconds, is timed once
+_FAR, _SHORT = 3.0, 0.25
+#: short runs are timed in more rounds: up to so many times as many, while all of them take less than so many seconds
+_MORE, _ALL = 7, 2.0
+#: a run of fewer seconds is timed with warm caches
+_BRIEF = 0.01
+#: own methods are given so many times the time of solve(), and so many seconds at least
+_HOPELESS, _LEAST_LIMIT = 10.0, 1.0
+#: which share of solve()'s time a peer must need for "faster"; a tie is none
+_TIE = 0.98
+
+
+@dataclass(frozen=True)
+class Record:
+    """What was measured of one competitor on one case. `seconds` one time per round, empty where it was not run;
+    `setup` seconds of the run that counts, at the tolerance `asked`; `residual` Res(z)/Res(0) of the best z; `reached`
+    whether that is small enough; `ratios` to `solve()`, round by round; `note` what else there is to say.
+    """
+
+    scene: str
+    n: int
+    name: str = ""
+    kind: str = ""
+    seconds: tuple[float, ...] = ()
+    setup: float | None = None
+    asked: float = 0.0
+    residual: float | None = None
+    reached: bool = False
+    ratios: tuple[float, ...] = ()
+    note: str = ""
+
+    @property
+    def median(self) -> float:
+        """The median of `seconds`."""
+        return float(np.median(self.seconds))
+
+
+@dataclass(frozen=True)
+class _Past:
+    """What is known of a competitor from smaller sizes of the scene: `runs` are (n, seconds), `rung` the tolerance."""
+
+    runs: tuple[tuple[int, float], ...] = ()
+    rung: int = 0
+
+    def expected(self, n: int) -> float:
+        """Seconds at size `n`: growth as between the last two sizes, at least linear."""
+        if not self.runs:
+            return 0.0
+        (m, seconds), power = self.runs[-1], 1.0
+        if len(self.runs) > 1:
+            k, before = self.runs[-2]
+            power = max(power, float(np.log(seconds / before) / np.log(m / k)))
+        return float(seconds * (n / m) ** power)
+
+
+def benchmark(
+    scenes: Sequence[str] = (),
+    sizes: Sequence[int] = (1_000, 10_000, 100_000),
+    *,
+    repeats: int = 3,
+    time_limit: float = 30.0,
+    entrants: Sequence[Competitor] | None = None,
+    progress: bool = False,
+) -> Table:
+    """solve() against foreign solvers, every own method and one linear solve, to Res(z) ≤ 1e-8·Res(0).
+
+    A peer is run at one tolerance after the other, 1e-3, …, 1e-12 (from one below the one that did at the size before),
+    and the first run whose z is good enough counts, by its own time. What a peer itself says of its answer is not
+    believed: the note tells where it claims success at a z that is not good enough. Then all that take no more
+    than three times as long as `solve()`, or a quarter of a second, are timed in turn, in `repeats` rounds or, if they
+    are short, more, and the ratio is the median over the rounds; the others are timed once. Each round begins with
+    another one, and runs below 10 ms are timed on their second go.
+    One that would take longer than `time_limit`, by its growth at the smaller sizes, is not asked; own methods are
+    given ten times the time of `solve()`, at least a second.
+
+    Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, none for all; `sizes` wanted numbers of unknowns; `repeats`
+    rounds of timings at least, ≥ 3; `time_limit` seconds for one run; `entrants` by default `solve()`, the foreign
+    solvers, the own methods and the linear solves; `progress` shows a line where standard error is a terminal.
+    Returns a `Table` (seconds). Raises InputError, and Interrupted, whose `report` is the table so far.
+
+    >>> icp.benchmarks.benchmark(["hand-lcp"], [2]).heads[:4]
+    ('scene', 'n', 'method', 'kind')
+    """
+    listed = competitors() if entrants is None else list(entrants)
+    return _measured(_Measurement(listed, repeats, time_limit), scenes, sizes, progress, _comparison)
+
+
+def dispatch(
+    scenes: Sequence[str] = (),
+    sizes: Sequence[int] = (100, 1_000, 10_000, 100_000),
+    *,
+    repeats: int = 5,
+    time_limit: float = 30.0,
+    entrants: Sequence[Competitor] | None = None,
+    progress: bool = False,
+) -> Table:
+    """solve() against the quickest of all own methods, on every scene at every size.
+
+    Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, none for all; `sizes` wanted numbers of unknowns; `repeats`
+    rounds of timings at least, ≥ 3; `time_limit` seconds for one run; `entrants` by default `solve()` and the own
+    methods; `progress` shows a line where standard error is a terminal.
+    Returns a `Table` (seconds); the note flags a ratio above 1.5.
+    Raises InputError, and Interrupted, whose `report` is the table so far.
+
+    >>> icp.benchmarks.dispatch(["hand-lcp"], [2]).rows[0][:2]
+    ('hand-lcp', 2)
+    """
+    listed = [Solve(), *own_methods()] if entrants is None else list(entrants)
+    return _measured(_Measurement(listed, repeats, time_limit), scenes, sizes, progress, _choice)
+
+
+def faster_peers(table: Table) -> list[str]:
+    """A line for each row of a `benchmark` in which a peer is faster than `solve()` at equal residual.
+
+    Projected SOR, which this package has as well, counts as a peer. Parameters: `table` of a `benchmark`.
+
+    >>> icp.benchmarks.faster_peers(icp.benchmarks.benchmark(["hand-lcp"], [2], entrants=[]))
+    []
+    """
+    found = []
+    for row in table.rows:
+        cells = dict(zip(table.heads, row, strict=True))
+        ratio = cells["ratio to solve()"]
+        is_peer = cells["kind"] == "peer" or cells["method"].startswith("psor")
+        if is_peer and ratio is not None and ratio < _TIE:
+            found.append(f"{cells['scene']}, n = {cells['n']}: {cells['method']} takes {ratio:.2f} of solve()'s time")
+    return found
+
+
+class _Measurement:
+    """Runs `entrants` on one case after the other, and remembers what each took on the smaller ones."""
+
+    def __init__(self, entrants: list[Competitor], repeats: int, time_limit: float) -> None:
+        self.entrants, self.repeats = entrants, as_repeats(repeats)
+        self.time_limit = as_number(time_limit, "time_limit", above=0.0)
+        self.past: dict[tuple[str, str], _Past] = {}
+        self.records: list[Record] = []
+
+    def add(self, case: Case, say: Callable[[str], None]) -> None:
+        """Add one record for each entrant, `solve()` being the first of them."""
+        own_limit, where, first = self.time_limit, f"{case.scene}, n = {case.problem.n}", len(self.records)
+        for k, one in enumerate(self.entrants):
+            say(f"{where}: {one.name} ({k + 1} of {len(self.entrants)})")
+            self.records.append(self._search(case, one, own_limit if one.kind == "own" else self.time_limit))
+            if k == 0:
+                own_limit = min(self.time_limit, max(_HOPELESS * self.records[first].seconds[0], _LEAST_LIMIT))
+        found = self.records[first:]
+        longest = max(_FAR * found[0].seconds[0], _SHORT) if found else 0.0
+        calls = {
+            k: partial(self.entrants[k].run, case, record.asked, self.time_limit)
+            for k, record in enumerate(found)
+            if record.reached and record.seconds[0] <= longest
+        }
+        brief = {k: found[k].seconds[0] < _BRIEF for k in calls}
+        runs: dict[int, list[Claim]] = {k: [] for k in calls}
+
+        def told(done: int) -> None:
+            say(f"{where}: round {done}")
+
+        turns = in_turn(calls, self.repeats, most=_MORE * self.repeats, within=_ALL, brief=brief, say=told)
+        for k, run in turns:
+            runs[k].append(run)
+        for k, taken in runs.items():
+            setups = [run.setup for run in taken if run.setup is not None]
+            setup = float(np.median(setups)) if setups else None
+            found[k] = replace(found[k], seconds=tuple(run.seconds for run in taken), setup=setup)
+        if found and found[0].reached:
+            solve = np.array(found[0].seconds)
+            for k, record in enumerate(found):  # round by round where both were timed in rounds, else to the median
+                to = solve if len(record.seconds) == solve.size else np.median(solve)
+                found[k] = replace(record, ratios=tuple((np.array(record.seconds) / to).tolist()))
+        self.records[first:] = found
+
+    def _search(self, case: Case, one: Competitor, limit: float) -> Record:
+        """The first run of `one` that is good enough, else the best one."""
+        n, key = case.problem.n, (case.scene, one.name)
+        past, record = self.past.get(key, _Past()), Record(case.scene, n, one.name, one.kind)
+        why_not, expected = one.why_not(case), past.expected(n)
+        if why_not is None and expected > limit and one.kind != "solve":
+            why_not = f"would take about {expected:.2g} s, the limit is {limit:.2g} s"
+        if why_not is not None:
+            return replace(record, note=why_not)
+        if key not in self.past:
+            one.run(case, one.ladder[0], limit)  # imports and compiles
+        liar, best, least = "", record, np.inf
+        for rung in range(max(past.rung - 1, 0), len(one.ladder)):
+            tolerance = one.ladder[rung]
+            run = one.run(case, tolerance, limit)
+            residual = case.judged(run.z)
+            good = run.solved if one.kind == "limit" else residual is not None and residual <= RTOL
+            rank = 0.0 if good else np.inf if residual is None else residual
+            if rank < least or best is record:
+                note = f"not reached in {run.seconds:.2g} s: {run.words}"
+                if good:
+                    at = f"{run.words}, at {tolerance:.0e}"
+                    note = at if one.kind == "peer" else run.words.removeprefix("solved").strip()
+                least, best = rank, replace(record, seconds=(run.seconds,), setup=run.setup, asked=tolerance)
+                best = replace(best, residual=residual, reached=good, note=note)
+            if good or run.seconds > limit:
+                break
+            if run.solved:
+                liar = f'says "{run.words}" at {tolerance:.0e}, Res(z)/Res(0) = {rank:.1e}'
+        self.past[key] = _Past((*past.runs, (n, best.seconds[0])), rung)
+        return replace(best, note=f"{best.note}; {liar}" if liar else best.note)
+
+
+def _measured(
+    measurement: _Measurement,
+    scenes: Sequence[str],
+    sizes: Sequence[int],
+    progress: bool,
+    summary: Callable[[list[Record]], Table],
+) -> Table:
+    texts, wanted = as_scenes(scenes) or gallery(), as_sizes(sizes)
+    try:
+        with status_line(progress) as say:
+            for text, n, case in cases(texts, tuple(sorted(wanted))):
+                if isinstance(case, str):
+                    measurement.records.append(Record(text, n, note=case))
+                else:
+                    measurement.add(case, say)
+    except KeyboardInterrupt:
+        raise Interrupted(summary(measurement.records)) from None
+    return summary(measurement.records)
+
+
+def _comparison(records: list[Record]) -> Table:
+    times_of = ("time, s", "lowest", "highest", "set-up, s")
+    heads = ("scene", "n", "method", "kind", *times_of, "Res(z) / Res(0)", "ratio to solve()", "note")
+    rows = []
+    for one in records:
+        times: tuple[float | None, ...] = (None,) * 4
+        if one.reached:
+            times = (one.median, min(one.seconds), max(one.seconds), one.setup)
+        ratio = float(np.median(one.ratios)) if one.ratios and one.reached else None
+        rows.append((one.scene, one.n, one.name, one.kind, *times, one.residual, ratio, one.note))
+    return Table(f"To Res(z) <= {RTOL:g} Res(0), set-up included ({machine()})", heads, tuple(rows))
+
+
+def _choice(records: list[Record]) -> Table:
+    """One row for each scene and size: what `solve()` took, and the quickest single method."""
+    rows: list[tuple[Any, ...]] = []
+    for scene, n in dict.fromkeys((one.scene, one.n) for one in records):
+        here = [one for one in records if (one.scene, one.n) == (scene, n)]
+        solve, singles = here[0], [one for one in here[1:] if one.reached]
+        best = min(singles, key=lambda one: one.median, default=None)
+        told = ("", None) if best is None else (best.name, best.median)
+        if not solve.reached or best is None:
+            note = f"solve(): {solve.note}" if solve.kind else solve.note
+            rows.append((scene, n, "", None, *told, None, None, None, note))
+            continue
+        ratios = 1.0 / np.array(best.ratios)
+        flag = f"above {WORST:g}" if np.median(ratios) > WORST else ""
+        rows.append((scene, n, solve.note.removeprefix("by "), solve.median, *told, *spread(ratios), flag))
+    title = f"solve() against the quickest single method, to Res(z) <= {RTOL:g} Res(0) ({machine()})"
+    heads = ("scene", "n", "solve() by", "solve(), s", "best method", "its time, s", "ratio", "lowest", "highest")
+    return Table(title, (*heads, "note"), tuple(rows))

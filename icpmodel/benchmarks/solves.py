@@ -1,0 +1,226 @@
+"""What whole solves cost: against one linear solve with A, in units of what they are made of, and against OSQP."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..icp import ICP
+from ..numerics.arrays import Vector, as_number
+from ..numerics.multigrid import linear_solve
+from ..present.table import Table
+from ..problem.affine import Affine
+from ..problem.elementwise import Elementwise
+from ..scenes import scene
+from ..solve.many import solve_many
+from ..solve.solution import Solution
+from ..study.cases import fresh
+from ..study.timing import Timed, Timings, as_repeats, clocked, machine, middle, timed
+
+_Lcps = list[tuple[np.ndarray, Vector]]
+
+#: what OSQP is asked for: its defaults, and what it takes to come near to a pivoting method's residual
+_SETTINGS: dict[str, dict[str, Any]] = {
+    "defaults": {},
+    "eps = 1e-8": {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 100_000},
+    "eps = 1e-8, polishing": {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 100_000, "polishing": True},
+}
+
+
+def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int = 5) -> Table:
+    """solve() to Res ≤ 1e-8·Res(0) against its limit, one linear solve with A to 1e-8, timed in turn.
+
+    Set-up is included on both sides. On the membrane with μ = 0 and its variants: ψ elementwise, ½ sin(z) + c, and
+    affine, a quarter of each of two neighbours; A nonsymmetric (skew ½); A strongly dominant (μ = 4); and the ball. The
+    ratio is the median of the ratios pair by pair. The last column has the time of `solve()` in products A @ z, each
+    time the median of five: it says how the work grows, where the time of a product grows faster than n beyond the
+    cache. Parameters: `sizes` unknowns (the nearest squares); `repeats` pairs of timings, ≥ 3.
+    Returns a `Table` (seconds).
+
+    >>> icp.benchmarks.solve_cost([400], repeats=3).heads[:6]
+    ('problem', 'n', 'method', 'solve, s', 'linear solve, s', 'ratio')
+    """
+    repeats = as_repeats(repeats)
+    rows = []
+    for n in sizes:
+        for name, problem in _variants(n):
+            b = np.ones(problem.n)
+            linear = clocked(partial(linear_solve, problem.A, b))
+            solution, taken = _costs(problem, repeats, solve=linear, product=middle(partial(problem.A.dot, b)))
+            medians = (taken.median("ours"), taken.median("solve"))
+            products = taken.ratio("ours", "product")[0]
+            ratio = taken.ratio("ours", "solve")
+            rows.append((name, problem.n, solution.method.name, *medians, *ratio, products))
+    heads = ("problem", "n", "method", "solve, s", "linear solve, s", "ratio", "lowest", "highest", "solve / (A @ z)")
+    return Table(f"solve() against one linear solve ({machine()})", heads, tuple(rows))
+
+
+def dominant_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int = 9, mu: float = 4.0) -> Table:
+    """solve() on the membrane with a strongly dominant A against sweeps times one SciPy A @ z, timed in turn.
+
+    The problem is a new one in every pair, so that nothing is known of A; making it does not count. The time of a
+    product is the median of five; the ratio is the median of the ratios pair by pair.
+    Parameters: `sizes` unknowns (the nearest squares); `repeats` pairs of timings, ≥ 3; `mu` what is added to the
+    diagonal. Returns a `Table` (milliseconds).
+
+    >>> icp.benchmarks.dominant_cost([400], repeats=3).heads[:6]
+    ('n', 'method', 'sweeps', 'A @ z, ms', 'solve, ms', 'solve / (sweeps * A @ z)')
+    """
+    repeats = as_repeats(repeats)
+    rows = []
+    for n in sizes:
+        problem = scene("membrane", n, mu=mu).problem
+        solution, taken = _costs(problem, repeats, product=middle(partial(problem.A.dot, np.ones(problem.n))))
+        ratio = taken.ratio("ours", "product", per=max(solution.iterations, 1))
+        medians = (taken.median("product", 1e-3), taken.median("ours", 1e-3))
+        rows.append((problem.n, solution.method.name, solution.iterations, *medians, *ratio))
+    heads = ("n", "method", "sweeps", "A @ z, ms", "solve, ms", "solve / (sweeps * A @ z)", "lowest", "highest")
+    return Table(f"A strongly dominant (mu = {mu:g}), to Res <= 1e-8 Res(0) ({machine()})", heads, tuple(rows))
+
+
+def impulse_cost(sizes: Sequence[int] = (961, 6001, 25_601, 100_001), repeats: int = 9) -> Table:
+    """solve() on the dividend scene against one sparse factorisation of its A and a solve with it, timed in turn.
+
+    That is SciPy's `splu` of the tridiagonal A at its defaults; pairs and ratios are as in `dominant_cost`. The error
+    is that of V(1) against the closed form.
+    Parameters: `sizes` unknowns; `repeats` pairs of timings, ≥ 3. Returns a `Table` (milliseconds).
+
+    >>> icp.benchmarks.impulse_cost([61], repeats=3).heads[:5]
+    ('n', 'method', 'steps', 'error', 'factorisation, ms')
+    """
+    repeats = as_repeats(repeats)
+    rows = []
+    for n in sizes:
+        built = scene("dividend", n)
+        solution, taken = _costs(built.problem, repeats, splu=clocked(partial(_splu, sp.csc_array(built.problem.A))))
+        medians = (taken.median("splu", 1e-3), taken.median("ours", 1e-3))
+        told = (solution.method.name, solution.iterations, float(built.errors(solution.z)["V(1)"]))
+        rows.append((built.problem.n, *told, *medians, *taken.ratio("ours", "splu")))
+    heads = ("n", "method", "steps", "error", "factorisation, ms", "solve, ms", "solve / factorisation")
+    return Table(f"Impulse control ({machine()})", (*heads, "lowest", "highest"), tuple(rows))
+
+
+def _costs(problem: ICP, repeats: int, **units: Callable[[], Timed]) -> tuple[Solution, Timings[str]]:
+    """`solve()` of a new problem, "ours", in turn with the `units`, and its solution."""
+    solution = problem.solve()  # compiles
+    for unit in units.values():
+        unit()
+    return solution, timed({"ours": clocked(ICP.solve, partial(fresh, problem)), **units}, repeats, warm=False)
+
+
+def _splu(A: sp.csc_array) -> None:
+    from scipy.sparse.linalg import splu
+
+    splu(A).solve(np.ones(A.shape[0]))
+
+
+def _variants(n: int) -> Iterator[tuple[str, ICP]]:
+    problem = scene("membrane", n).problem
+    m, c = int(np.sqrt(problem.n)), problem.psi.value(np.zeros(problem.n))
+    yield "membrane", problem
+    yield "ball", scene("ball", n).problem
+    half_sine = Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), lipschitz=0.5, c=c)
+    yield "elementwise psi", problem.with_psi(half_sine)
+    neighbours = sp.diags_array([0.25, 0.25], offsets=[-1, 1], shape=(m, m))
+    yield "affine psi", problem.with_psi(Affine(sp.kron(sp.eye_array(m), neighbours), c))
+    yield "skew = 0.5", scene("membrane", n, skew=0.5).problem
+    yield "mu = 4", scene("membrane", n, mu=4.0).problem
+
+
+def small_cost(n: int = 16, k: int = 10_000, repeats: int = 15) -> Table:
+    """Small LCPs against OSQP, one at a time and many with one A, timed in turn.
+
+    A = BBᵀ + I, B and q normal; OSQP solves min ½zᵀAz + qᵀz, z ≥ 0. "one": `ICP(A, q).solve()` against set-up and
+    solve by OSQP, for 20 problems, both from the dense A; "one, arrays ready": without the time that it takes to make
+    the sparse arrays for OSQP. The others: `solve_many` on `k` right-hand sides that share A against a loop over one
+    OSQP object with update(q=…). The ratio, ours over theirs, is the median of the ratios pair by pair, the residuals
+    the largest over all problems, recomputed from A and q for both.
+    Parameters: `n` unknowns; `k` right-hand sides of one A; `repeats` pairs of timings, ≥ 3.
+    Returns a `Table` (microseconds per problem).
+
+    >>> icp.benchmarks.small_cost(n=8, k=3, repeats=3).heads[:6]
+    ('problems', 'n', 'OSQP with', 'ours, us', 'OSQP, us', 'ratio')
+    """
+    repeats = as_repeats(repeats)
+    n, k = (int(as_number(value, name, least=1, whole=True)) for name, value in (("n", n), ("k", k)))
+    random = np.random.default_rng(0)
+    factors = [(random.normal(size=(n, n)), random.normal(size=n)) for _ in range(20)]
+    problems = [(B @ B.T + np.eye(n), q) for B, q in factors]
+    Q = random.normal(size=(k, n))
+    rows = []
+    with contextlib.redirect_stdout(io.StringIO()):  # OSQP prints about polishing whatever one asks
+        for name, settings in _SETTINGS.items():
+            for what, row in _one(problems, settings, repeats).items():
+                rows.append((what, n, name, *row))
+        for name, settings in _SETTINGS.items():
+            rows.append((f"{k} with one A", n, name, *_many(problems[0][0], Q, settings, repeats)))
+    heads = ("problems", "n", "OSQP with", "ours, us", "OSQP, us", "ratio", "our residual", "residual of OSQP")
+    return Table(f"Small LCPs against OSQP ({machine()})", heads, tuple(rows))
+
+
+def _one(problems: _Lcps, settings: dict[str, Any], repeats: int) -> dict[str, tuple[float, ...]]:
+    answers: dict[str, list[Vector]] = {}
+
+    def ours() -> None:
+        answers["ours"] = [ICP(A, q).solve().z for A, q in problems]
+
+    def ready() -> list[tuple[Any, ...]]:
+        return [_arrays(A, q) for A, q in problems]
+
+    def osqp(arrays: list[tuple[Any, ...]]) -> None:
+        answers["osqp"] = [_model(one, settings).solve(raise_error=False).x for one in arrays]
+
+    calls = {
+        "ours": clocked(ours),
+        "one": clocked(lambda: osqp(ready())),
+        "one, arrays ready": clocked(osqp, ready),
+    }
+    taken = timed(calls, repeats)
+    residuals = (_worst(problems, answers["ours"]), _worst(problems, answers["osqp"]))
+    return {what: (*_per_problem(taken, what, len(problems)), *residuals) for what in ("one", "one, arrays ready")}
+
+
+def _many(A: np.ndarray, Q: np.ndarray, settings: dict[str, Any], repeats: int) -> tuple[float, ...]:
+    Z, X = np.empty(Q.shape), np.empty(Q.shape)
+
+    def ours() -> None:
+        Z[:] = solve_many(A, Q).Z
+
+    def osqp() -> None:
+        model = _model(_arrays(A, Q[0]), settings)
+        for i, q in enumerate(Q):
+            model.update(q=q)
+            X[i] = model.solve(raise_error=False).x
+
+    taken = timed({"ours": clocked(ours), "osqp": clocked(osqp)}, repeats)
+    problems = [(A, q) for q in Q]
+    return (*_per_problem(taken, "osqp", len(Q)), _worst(problems, Z), _worst(problems, X))
+
+
+def _per_problem(taken: Timings[str], theirs: str, k: int) -> tuple[float, float, float]:
+    """Microseconds per problem of ours and of theirs, and the ratio."""
+    return taken.median("ours", 1e-6 * k), taken.median(theirs, 1e-6 * k), taken.ratio("ours", theirs)[0]
+
+
+def _arrays(A: np.ndarray, q: Vector) -> tuple[Any, ...]:
+    n = q.size
+    return sp.csc_matrix(np.triu(A)), q, sp.identity(n, format="csc"), np.zeros(n), np.full(n, np.inf)
+
+
+def _model(arrays: tuple[Any, ...], settings: dict[str, Any]) -> Any:
+    import osqp
+
+    model = osqp.OSQP()
+    model.setup(*arrays, verbose=False, **settings)
+    return model
+
+
+def _worst(problems: _Lcps, answers: Iterable[Vector]) -> float:
+    """The largest residual."""
+    return max(float(np.linalg.norm(np.minimum(A @ z + q, z))) for (A, q), z in zip(problems, answers, strict=True))

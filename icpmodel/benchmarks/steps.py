@@ -1,0 +1,213 @@
+"""What a sweep costs, how many steps are needed, with the best relaxation and without, and how the error falls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import pairwise, product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError, NotApplicable
+from ..icp import ICP
+from ..methods.accelerated import Accelerated
+from ..methods.aor import MNMAOR, MNMSOR, overrelaxed
+from ..methods.contract import Method, named
+from ..methods.contract import names as method_names
+from ..methods.factorised import MNMMOD
+from ..numerics.arrays import as_list, as_number
+from ..present.table import Table
+from ..scenes import Scene, names, parameters
+from ..scenes import scene as scene_named
+from ..study.cases import fresh, unbroken
+from ..study.timing import as_repeats, clocked, machine, timed
+
+#: so many sweeps a method makes at most in one pass over A
+_TOGETHER = 4
+#: a run that needs more is given up
+_MOST = 20_000
+
+
+def sweep_cost(n: int = 1_000_000, repeats: int = 15, methods: Sequence[str] = ("mnmgs", "mnmj", "psor")) -> Table:
+    """One sweep with its residual against one SciPy A @ z, on the 5-point matrix of the membrane, timed in turn.
+
+    A sweep is what `Method.iterates` does between two iterates, the new array included. Four products and four sweeps,
+    which two threads may make in one pass over A, are timed in turn; the ratio is the median of those of the pairs.
+    Parameters: `n` unknowns (the nearest square); `repeats` pairs of timings, ≥ 3; `methods` by name.
+    Returns a `Table` (milliseconds).
+
+    >>> icp.benchmarks.sweep_cost(n=100, repeats=3, methods=("mnmgs",)).heads[:5]
+    ('method', 'n', 'A @ z, ms', 'sweep, ms', 'sweep / (A @ z)')
+    """
+    repeats = as_repeats(repeats)
+    problem = scene_named("membrane", n).problem
+    start = np.maximum(problem.psi.value(np.zeros(problem.n)), 0.0)
+    rows = []
+    for name in methods:
+        path = named(name).iterates(problem, start)
+        for _ in range(2):  # the first sweep compiles
+            z, _ = next(path)
+        calls = {"product": partial(problem.A.dot, z), "sweep": partial(next, path)}
+        taken = timed({kind: clocked(partial(_together, call)) for kind, call in calls.items()}, repeats)
+        medians = (taken.median(kind, 1e-3 * _TOGETHER) for kind in calls)
+        rows.append((name, problem.n, *medians, *taken.ratio("sweep", "product")))
+    heads = ("method", "n", "A @ z, ms", "sweep, ms", "sweep / (A @ z)", "lowest", "highest")
+    return Table(f"One sweep with its residual against one product ({machine()})", heads, tuple(rows))
+
+
+def _together(call: Callable[[], object]) -> None:
+    for _ in range(_TOGETHER):
+        call()
+
+
+def sweep_counts(sides: Sequence[int] = (10, 20, 30), methods: Sequence[str] = ("mms", "mnmgs", "mnmj")) -> Table:
+    """Sweeps to Res ≤ 1e-5 on Bai's LCP, against the grid side m.
+
+    From z⁰ = (1, 0, 1, 0, …), A symmetric and not, with μ = 0 and 4.
+    Parameters: `sides` m of the grids, n = m²; `methods` by name. Returns a `Table`; "-" where a run failed.
+    Reference: Bai, Numer. Linear Algebra Appl. 17 (2010).
+
+    >>> icp.benchmarks.sweep_counts(sides=(10,), methods=("mms",)).rows[0]
+    ('bai-symmetric', 0, 'mms', 142)
+    """
+    rows = []
+    for name in ("bai-symmetric", "bai-nonsymmetric"):
+        for mu in (0, 4):
+            problems = [scene_named(name, m * m, mu=mu) for m in sides]
+            for method in methods:
+                runs = [
+                    bai.problem.solve(method, z0=bai.z0, atol=1e-5, rtol=0.0, raise_on_failure=False)
+                    for bai in problems
+                ]
+                rows.append((name, mu, method, *(run.iterations if run.solved else None for run in runs)))
+    heads = ("scene", "mu", "method", *(f"m = {m}" for m in sides))
+    return Table("Sweeps to Res <= 1e-5 from z0 = (1, 0, 1, 0, ...)", heads, tuple(rows))
+
+
+def grid_order(scene: str = "dividend", sizes: Sequence[int] = (61, 241, 961), method: str | None = None) -> Table:
+    """The error of each quantity that SCENE knows in closed form, on finer and finer grids, and the observed order.
+
+    Parameters: `scene` the name of one with quantities; `sizes` numbers of unknowns; `method` by name, without it one
+    is picked. Returns a `Table`. Raises InputError where the scene has no grid or no quantity.
+
+    >>> icp.benchmarks.grid_order("bearing", (50, 100)).heads
+    ('quantity', 'n', 'h', 'error', 'order')
+    """
+    if method is not None and method not in method_names():
+        raise InputError(f"method is {method!r}; one of {', '.join(method_names())} was expected")
+    built = [scene_named(scene, n) for n in sizes]
+    if len({one.problem.n for one in built}) < max(len(built), 2):
+        raise InputError(f"sizes are {[one.problem.n for one in built]}; at least two different ones were expected")
+    if built[0].h is None or not built[0].quantities:
+        raise InputError(f"{scene} has no grid or no quantity with a known value")
+    errors = []
+    for one in built:
+        solution = one.problem.solve(method, z0=one.z0, rtol=1e-10, max_iter=1_000_000)
+        errors.append(one.errors(solution.z))
+    rows: list[tuple[Any, ...]] = []
+    for quantity in built[0].quantities:
+        rows.append((quantity, built[0].problem.n, built[0].h, errors[0][quantity], None))
+        for (coarse, fine), (before, after) in zip(pairwise(built), pairwise(errors), strict=True):
+            assert coarse.h is not None
+            assert fine.h is not None
+            order = float(np.log(before[quantity] / after[quantity]) / np.log(coarse.h / fine.h))
+            rows.append((quantity, fine.problem.n, fine.h, after[quantity], order))
+    return Table(f"Error against the closed form: {scene}", ("quantity", "n", "h", "error", "order"), tuple(rows))
+
+
+def tuned_and_automatic(
+    n: int = 900,
+    repeats: int = 5,
+    methods: Sequence[str] = ("mnmaor", "mnmsor", "mnmmod"),
+    scenes: Sequence[str] = (),
+) -> Table:
+    """The best theta of a grid against theta1="auto", its acceleration and `Accelerated`, on SCENES, by default on all.
+
+    Steps and time of a hand-tuned θ, of the best θ and Ω of a search, and of what needs no θ. Tuned by hand, with Ω as
+    it is: `mnmaor` 10 × 6 pairs θ₁, θ₂, `mnmsor` 0.5 ≤ θ₁ ≤ 3 in steps of 0.1, `mnmmod` θ₁ = 2^(k/2), |k| ≤ 20. The
+    search adds, for `mnmaor`, θ₁ = 1/(2/ω − s), θ₂ = 2θ₁, Ω = sD, s = 2 − ω for 0.8 ≤ ω < 2 in steps of 0.02. Nothing
+    is charged for either, all set-up (estimates, factorisations) to "auto". Runs end at Res ≤ 1e-8·Res(0); those that
+    have not after 20 000 steps are shown as "-". All are timed in turn.
+    Parameters: `n` wanted unknowns of the scenes with a grid in the plane, 4√n of those on a line; `repeats` timings
+    of each run, ≥ 1; `methods` by name; `scenes` by name, by default all. Returns a `Table` (milliseconds).
+
+    >>> table = icp.benchmarks.tuned_and_automatic(n=16, repeats=1, methods=("mnmmod",), scenes=("ball",))
+    >>> table.heads[3:10]
+    ('theta', 'and Omega', 'by hand', 'search', 'auto', 'auto, acc.', 'accelerated')
+    """
+    repeats = int(as_number(repeats, "repeats", least=1, whole=True))
+    methods = as_list(methods, "methods")
+    rows: list[tuple[Any, ...]] = []
+    for one in (_sized(name, n) for name in as_list(scenes, "scenes") or names()):
+        for name in methods:
+            automatic = named(name, theta1="auto")
+            if automatic.why_not(one.problem) is None and one.why_no_solution is None:
+                by_hand = _best(one, _thetas(name))
+                best = _best(one, _omegas(one.problem, name), by_hand)
+                untuned = (automatic, Accelerated(of=automatic), Accelerated())
+                steps, seconds = _timed(one, (by_hand.method, best.method, *untuned), repeats)
+                rows.append((one.name, one.problem.n, name, by_hand.label, best.label, *steps, *seconds))
+    kinds = ("by hand", "search", "auto", "auto, acc.", "accelerated")
+    heads = ("scene", "n", "method", "theta", "and Omega", *kinds, *(f"{kind}, ms" for kind in kinds))
+    return Table(f"Steps and time with the best theta of a grid and without one ({machine()})", heads, tuple(rows))
+
+
+def _sized(name: str, n: int) -> Scene:
+    one = scene_named(name)
+    if "n" not in parameters(name):
+        return one
+    flat = one.points is not None and one.points.ndim == 1
+    return scene_named(name, max(16, round(4 * np.sqrt(n))) if flat else n)
+
+
+class _Tuned(NamedTuple):
+    label: str = "-"
+    method: Method | None = None
+    steps: int = _MOST + 1
+
+
+def _thetas(name: str) -> Iterator[tuple[str, Method]]:
+    if name == "mnmmod":
+        for k in range(-20, 21):
+            yield f"{2 ** (k / 2):.4g}", MNMMOD(theta1=2 ** (k / 2))
+    elif name == "mnmsor":
+        for theta1 in np.arange(5, 31) / 10:
+            yield f"{theta1:.4g}", MNMSOR(theta1=float(theta1))
+    else:
+        for theta1, times in product(
+            (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 3.0, 5.0, 8.0), (0.0, 0.5, 1.0, 1.5, 2.0, 2.5)
+        ):
+            yield f"{theta1:g}, {times * theta1:g}", MNMAOR(theta1=theta1, theta2=times * theta1)
+
+
+def _omegas(problem: ICP, name: str) -> Iterator[tuple[str, Method]]:
+    for omega in np.arange(40, 100) / 50 if name == "mnmaor" else ():
+        yield f"omega={omega:.4g}", overrelaxed(problem, float(omega))
+
+
+def _best(one: Scene, grid: Iterator[tuple[str, Method]], best: _Tuned | None = None) -> _Tuned:
+    """What needs the fewest steps, the first of several, `best` or of the grid; it gives up on the others in time."""
+    best = best or _Tuned()
+    for label, method in grid:
+        if best.steps == 0:
+            break
+        steps = _steps(one, method, best.steps - 1)
+        if steps is not None:
+            best = _Tuned(label, method, steps)
+    return best
+
+
+def _steps(one: Scene, method: Method | None, most: int = _MOST) -> int | None:
+    try:
+        solution = unbroken(fresh(one.problem).solve(method, z0=one.z0, max_iter=most, raise_on_failure=False))
+    except NotApplicable:  # A + Omega is singular
+        return None
+    return solution.iterations if solution.solved else None
+
+
+def _timed(one: Scene, methods: Sequence[Method | None], repeats: int) -> tuple[list[int | None], list[float | None]]:
+    steps = [None if method is None else _steps(one, method) for method in methods]  # compiles
+    calls = {k: clocked(partial(_steps, one, methods[k])) for k, count in enumerate(steps) if count is not None}
+    taken = timed(calls, repeats, warm=False)
+    return steps, [taken.median(k, 1e-3) if k in calls else None for k in range(len(methods))]

@@ -1,0 +1,99 @@
+"""icpmodel as a solver of CVXPY, for convex quadratic programs."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from cvxpy import settings
+from cvxpy.reductions.solution import Solution, failure_solution
+from cvxpy.reductions.solvers import utilities
+from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
+
+from ...errors import InputError
+from ...numerics.arrays import as_number
+from .program_solving import ProgramOutcome, solve_program
+from .quadratic import Program
+
+_OPTIONS = ("tolerance", "time_limit")
+
+
+class IcpSolver(QpSolver):
+    """CVXPY's interface to `solve_program`; `cvxpy_solver` makes one."""
+
+    #: bounds come as rows: CVXPY 1.9.3 hands some expressions wrong ones, as NaN counts as a bound (0 times infinity)
+    BOUNDED_VARIABLES = False
+
+    def name(self) -> str:
+        return "ICPMODEL"
+
+    def import_solver(self) -> None:
+        """Nothing is left to import."""
+
+    def cite(self, data: Any) -> str:
+        return ""
+
+    def solve_via_data(
+        self, data: Any, warm_start: bool, verbose: bool, solver_opts: Any, solver_cache: Any = None
+    ) -> ProgramOutcome:
+        """Solve what CVXPY has compiled. Raises InputError for a wrong option, SolverError where nothing is found."""
+        for option in solver_opts:
+            if option not in _OPTIONS:
+                raise InputError(f"the solver ICPMODEL has no option {option}; it takes {', '.join(_OPTIONS)}")
+        limits: dict[str, Any] = {name: as_number(value, name, above=0) for name, value in solver_opts.items()}
+        outcome = solve_program(program_of(data), **limits)
+        if verbose:
+            print(f"icpmodel: {outcome.status} after {outcome.steps} steps: {outcome.message}")
+        if outcome.status == settings.SOLVER_ERROR:
+            raise cp.SolverError(f"icpmodel: {outcome.message}")
+        return outcome
+
+    def invert(self, solution: ProgramOutcome, inverse_data: Any) -> Solution:
+        attributes = {
+            settings.SOLVE_TIME: solution.seconds,
+            settings.NUM_ITERS: solution.steps,
+            settings.EXTRA_STATS: solution,
+        }
+        if solution.x is None:
+            return failure_solution(solution.status, attributes)
+        assert solution.equality is not None
+        assert solution.inequality is not None
+        duals: dict[Any, Any] = {}
+        for values, constraints in (
+            (solution.equality, inverse_data[self.EQ_CONSTR]),
+            (solution.inequality, inverse_data[self.NEQ_CONSTR]),
+        ):
+            duals |= utilities.get_dual_values(values, utilities.extract_dual_value, constraints)
+        value = solution.objective + inverse_data[settings.OFFSET]
+        return Solution(solution.status, value, {self.VAR_ID: solution.x}, duals, attributes)
+
+
+@cache
+def cvxpy_solver() -> IcpSolver:
+    """icpmodel as a solver for CVXPY's `Problem.solve(solver=…)`: convex quadratic and linear programs.
+
+    Bounds only: the LCP goes to `icpmodel.solve`; with other constraints the KKT system is a monotone LCP, for which
+    see `icpmodel.modelling.cvxpy.quadratic`. P is taken as semidefinite, which CVXPY has checked. Duals are returned.
+    "infeasible" and "unbounded" are proved in exact arithmetic; "infeasible_inaccurate" and "unbounded_inaccurate" up
+    to rounding. `Problem.solve` takes the options `tolerance` (1e-9, of the residual of the LCP, in units in which its
+    data are about 1) and `time_limit` in seconds.
+    Returns always the same object, by which CVXPY knows that a problem with parameters need not be compiled again.
+
+    >>> import cvxpy as cp
+    >>> x = cp.Variable(2)
+    >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x - [3, 0])), [cp.sum(x) == 1, x >= 0])
+    >>> round(problem.solve(solver=icp.cvxpy_solver()), 6), x.value.round(6) + 0.0
+    (4.0, array([1., 0.]))
+    """
+    return IcpSolver()
+
+
+def program_of(data: Any) -> Program:
+    """What CVXPY has compiled, by its own names for the parts."""
+    matrices = (sp.csr_array(data[key]) for key in (settings.P, settings.A, settings.F))
+    vectors = (np.asarray(data[key], dtype=np.float64) for key in (settings.Q, settings.B, settings.G))
+    (P, A, F), (q, b, g) = matrices, vectors
+    return Program(P, q, A, b, F, g)

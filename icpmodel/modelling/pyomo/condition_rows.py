@@ -1,0 +1,249 @@
+"""The conditions of a Pyomo model as rows of two sides, side 0 ≥ 0 ⟂ side 1 ≥ 0, each affine or with a nonlinear rest.
+
+A `Complementarity` has two arguments with two bounds in all; what the bounds mean is Pyomo's own standard form:
+
+    f ≥ a, g ≥ b (or ≤ on either)    f − a ≥ 0 ⟂ g − b ≥ 0 (a − f where f ≤ a)
+    f = a, g without bound           f − a = 0
+    a ≤ f ≤ b, g without bound       f − a ≥ 0 ⟂ g + λ ≥ 0 and b − f ≥ 0 ⟂ λ ≥ 0, λ an unknown more
+
+Equality constraints are rows like f − a = 0. Reference: Ferris, Fourer and Gay, Expressing complementarity problems in
+an algebraic modeling language (1999), doi 10.1137/S105262349833338X.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pyomo.environ as pyo
+import scipy.sparse as sp
+from pyomo.common.gc_manager import PauseGC
+from pyomo.common.numeric_types import native_numeric_types
+from pyomo.core.expr.relational_expr import EqualityExpression, InequalityExpression, RangedExpression
+from pyomo.mpec import Complementarity
+from pyomo.repn.linear import LinearRepnVisitor
+from pyomo.repn.util import VarRecorder, categorize_valid_components
+
+from ...errors import InputError
+from .nonlinear import Flat, flattened
+
+#: how far a condition without variables may be from holding: its constants come from the user's own sums
+_HOLDS = 1e-9
+#: a sum of expressions, each with its factor
+Terms = tuple[tuple[float, Any], ...]
+
+
+@dataclass
+class Side:
+    """One side of all rows: an affine part, M x + c, and what is nonlinear, by row, `flattened`."""
+
+    counts: list[int] = field(default_factory=list)
+    ids: list[int] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+    constants: list[float] = field(default_factory=list)
+    nonlinear: dict[int, Flat] = field(default_factory=dict)
+
+    def matrix(self, column: dict[int, int]) -> sp.coo_array:
+        """M, COO, with the variables in the columns that `column` says by their ids."""
+        rows = np.repeat(np.arange(len(self.counts)), self.counts)
+        columns = np.fromiter((column[one] for one in self.ids), dtype=np.int64, count=len(self.ids))
+        data = np.array(self.values, dtype=np.float64)
+        return sp.coo_array((data, (rows, columns)), shape=(len(self.counts), len(column)))
+
+
+class ConditionRows:
+    """The rows of a model. `owners` says whose each row is, `equation` where side 0 must be zero: there side 1 only
+    tells which variable Pyomo's user had in mind. `multipliers` are the λ above by the number of the row of g + λ.
+
+    Parameters: `model` a concrete Pyomo model or block.
+    Raises InputError, with the component's name, for what is no such condition.
+    """
+
+    def __init__(self, model: Any) -> None:
+        self.sides = (Side(), Side())
+        self.owners: list[Any] = []
+        self.equation: list[bool] = []
+        self.multipliers: dict[int, Any] = {}
+        self._recorder = VarRecorder({}, None)
+        self._walk = LinearRepnVisitor({}, var_recorder=self._recorder).walk_expression
+        with PauseGC():  # as Pyomo's writers do: many small objects come and go
+            self._refuse_what_is_no_icp(model)
+            for condition in _active(model, Complementarity):
+                self._read_condition(condition)
+            for constraint in _active(model, pyo.Constraint):
+                self._read_constraint(constraint)
+
+    def variables(self) -> list[Any]:
+        """The variables that occur, in the order of the model."""
+        seen = {one: None for side in self.sides for one in side.ids}
+        for _, variables, _ in self.nonlinear().values():
+            seen.update((id(variable), None) for variable in variables)
+        return [variable for key, variable in self._recorder.var_map.items() if key in seen]
+
+    def nonlinear(self) -> dict[int, Flat]:
+        """The nonlinear expression of each row that has one; no row has two."""
+        return {row: one for side in self.sides for row, one in side.nonlinear.items()}
+
+    def _refuse_what_is_no_icp(self, model: Any) -> None:
+        data = {pyo.Block, pyo.Var, pyo.Param, pyo.Expression, pyo.Set, pyo.RangeSet, pyo.Suffix}
+        targets = {Complementarity, pyo.Constraint, pyo.Objective}
+        _, unknown = categorize_valid_components(model, valid=data | {pyo.ExternalFunction}, targets=targets)
+        if unknown:
+            names = sorted(f"{kind.__name__} {found[0].name}" for kind, found in unknown.items())
+            raise InputError(f"the model has the active {', '.join(names)}, which no complementarity problem has")
+        for objective in _active(model, pyo.Objective):
+            _, linear, nonlinear = self._read(((1.0, objective.expr),), objective)
+            if linear or nonlinear is not None:
+                raise InputError(
+                    f"{objective.name} is an active Objective: a complementarity problem has nothing to minimise; "
+                    "deactivate it, or take an MPEC solver"
+                )
+
+    def _read_constraint(self, constraint: Any) -> None:
+        lower, body, upper = constraint.to_bounded_expression(evaluate_bounds=True)
+        if lower is None and upper is None:
+            return
+        if lower is None or upper is None or lower != upper:
+            raise InputError(
+                f"{constraint.name} is an active inequality: complementarity problems take inequalities in pairs, "
+                "as Complementarity(expr=complements(..., ...)), and equality constraints"
+            )
+        self._add_equation(constraint, ((1.0, body), (-1.0, lower)), ())
+
+    def _read_condition(self, condition: Any) -> None:
+        arguments = getattr(condition, "_args", None)
+        if arguments is None:
+            raise InputError(f"{condition.name} has no expressions; complements(..., ...) was expected")
+        first, second = (self._bounded(one, condition) for one in arguments)
+        for one, other in ((first, second), (second, first)):
+            if one.equality and not other.bounds:
+                return self._add_equation(condition, one.bounds[0], other.body)
+            if len(one.bounds) == 2 and not one.equality and not other.bounds:
+                return self._add_double(condition, one, other.body)
+        if first.equality or second.equality or (len(first.bounds), len(second.bounds)) != (1, 1):
+            count = [2 if one.equality else len(one.bounds) for one in (first, second)]
+            raise InputError(
+                f"{condition.name} has {count[0]} + {count[1]} bounds (an equality is two); a Complementarity has "
+                "one on each side, or two on one of them"
+            )
+        return self._add(condition, first.bounds[0], second.bounds[0])
+
+    def _bounded(self, expression: Any, condition: Any) -> _Bounded:
+        kind = expression.__class__
+        if kind is EqualityExpression:
+            left, right = expression.args
+            return _Bounded((((1.0, left), (-1.0, right)),), (), equality=True)
+        if kind not in (InequalityExpression, RangedExpression):
+            return _Bounded((), ((1.0, expression),))
+        strict = expression._strict
+        if strict is True or (strict and any(strict)):  # one truth value, or one for each end
+            raise InputError(f"{condition.name} has a strict inequality, {expression}; >= or <= was expected")
+        low, *between, high = expression.args
+        if between:
+            ends: list[Terms] = [((1.0, between[0]), (-1.0, low)), ((1.0, high), (-1.0, between[0]))]
+            return _Bounded(tuple(self._finite(ends)), ((1.0, between[0]),))
+        body = tuple(term for term in ((1.0, high), (-1.0, low)) if term[1].__class__ not in native_numeric_types)
+        return _Bounded(tuple(self._finite([((1.0, high), (-1.0, low))])), body)
+
+    def _finite(self, bounds: Iterable[Terms]) -> Iterable[Terms]:
+        """Those bounds that are not x ≥ −inf or x ≤ inf."""
+        for terms in bounds:
+            ends = [factor * one for factor, one in terms if one.__class__ in native_numeric_types]
+            if math.inf not in ends:
+                yield terms
+
+    def _add_double(self, condition: Any, ends: _Bounded, body: Terms) -> None:
+        """a ≤ f ≤ b with g: two rows, or the equation f = a where a = b."""
+        low, high = ends.bounds
+        width, linear, nonlinear = self._read((*low, *high), condition)
+        if not linear and nonlinear is None and width == 0:
+            return self._add_equation(condition, low, body)
+        multiplier = pyo.Var(name="multiplier")
+        multiplier.construct()
+        self.multipliers[len(self.owners)] = multiplier
+        self._add(condition, low, (*body, (1.0, multiplier)))
+        return self._add(condition, high, ((1.0, multiplier),))
+
+    def _add_equation(self, owner: Any, zero: Terms, hint: Terms) -> None:
+        constant, linear, nonlinear = self._read(zero, owner)
+        if not linear and nonlinear is None:
+            if not abs(constant) <= _HOLDS:
+                raise InputError(f"{owner.name} has no free variable and cannot hold: 0 = {constant:g}")
+            return
+        if nonlinear is None:
+            self._append(owner, 0, constant, linear, None)
+            self._append(owner, 1, *self._read(hint, owner)[:2], None)
+        else:  # p = 1 > 0 makes r = 0
+            self._append(owner, 0, 1.0, {}, None)
+            self._append(owner, 1, constant, linear, nonlinear)
+        self.owners.append(owner)
+        self.equation.append(True)
+
+    def _add(self, owner: Any, first: Terms, second: Terms) -> None:
+        sides = [self._read(terms, owner) for terms in (first, second)]
+        if not any(linear or nonlinear is not None for _, linear, nonlinear in sides):
+            constants = [constant for constant, _, _ in sides]
+            if not abs(min(constants)) <= _HOLDS:
+                found = f"{constants[0]:g} and {constants[1]:g}, the smaller of which should be 0"
+                raise InputError(f"{owner.name} has no free variable and does not hold: its sides are {found}")
+            return
+        if all(nonlinear is not None for _, _, nonlinear in sides):
+            raise InputError(
+                f"{owner.name} is nonlinear on both sides; in an implicit complementarity problem one of them is affine"
+            )
+        for k, side in enumerate(sides):
+            self._append(owner, k, *side)
+        self.owners.append(owner)
+        self.equation.append(False)
+
+    def _append(self, owner: Any, k: int, constant: float, linear: dict[int, float], nonlinear: Any) -> None:
+        side = self.sides[k]
+        if nonlinear is not None:
+            side.nonlinear[len(self.owners)] = flattened(nonlinear, owner)
+        side.counts.append(len(linear))
+        side.ids.extend(linear)
+        side.values.extend(linear.values())
+        side.constants.append(constant)
+
+    def _read(self, terms: Terms, owner: Any) -> tuple[float, dict[int, float], Any]:
+        """(constant, coefficients by the variable's id, nonlinear rest or None) of a sum."""
+        constant, nonlinear = 0.0, None
+        linear: dict[int, float] = {}
+        for factor, expression in terms:
+            if expression.__class__ in native_numeric_types:
+                constant += factor * expression
+                continue
+            found = self._walk(expression)
+            constant += factor * found.constant
+            for key, value in found.linear.items():
+                linear[key] = linear.get(key, 0.0) + factor * value
+            if found.nonlinear is not None:
+                rest = factor * found.nonlinear
+                nonlinear = rest if nonlinear is None else nonlinear + rest
+        try:
+            finite = math.isfinite(constant) and all(map(math.isfinite, linear.values()))
+        except ValueError:  # Pyomo's InvalidNumber, which says where it comes from
+            finite = False
+        if not finite:
+            raise InputError(
+                f"{owner.name} has a number that is not finite: a fixed variable or parameter without value?"
+            )
+        if 0.0 in linear.values():
+            linear = {key: value for key, value in linear.items() if value}
+        return float(constant), linear, nonlinear
+
+
+@dataclass(frozen=True)
+class _Bounded:
+    """One argument of a condition: what must be ≥ 0 (or, of an equality, = 0), and the expression itself."""
+
+    bounds: tuple[Terms, ...]
+    body: Terms
+    equality: bool = False
+
+
+def _active(model: Any, kind: type) -> Iterable[Any]:
+    return model.component_data_objects(kind, active=True, descend_into=True)

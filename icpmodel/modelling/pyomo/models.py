@@ -1,0 +1,205 @@
+"""A Pyomo model with `Complementarity` components, read as an implicit complementarity problem.
+
+Every row has two sides of which at least one is affine. It is given one variable x_j as its own; one side becomes
+p_i = (Az + q)_i and the other r_i = z_i − ψ_i(z), divided by the size of its own coefficient, with z_i = ±x_j so that
+z_i appears with a plus. The answer does not depend on these choices, the methods do: they want a large positive
+diagonal of A and a small slope of ψ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from pyomo.core.base.block import BlockData
+
+from ...errors import InputError
+from ...icp import ICP
+from ...numerics.arrays import Vector, described
+from ...problem.affine import Affine
+from ...problem.function import Function
+from .condition_rows import ConditionRows
+from .nonlinear import NonlinearRows, PyomoObstacle
+from .ownership import Ownership
+
+
+@dataclass(frozen=True, eq=False)
+class PyomoReading:
+    """What was read, a `Reading`: `problem`, the ICP, and how its z stands to the model.
+
+    z_i = `signs`[i] · `variables`[i]; row i is that of `owners`[i], a Complementarity or equality Constraint. A
+    condition with two bounds on one side has two rows, one after the other, and `added` says by the number of the first
+    which of the two owns the λ of `ConditionRows`.
+    """
+
+    problem: ICP
+    variables: tuple[Any, ...]
+    signs: Vector
+    owners: tuple[Any, ...]
+    #: rows that are equations, shape (n,), bool
+    equation: np.ndarray
+    added: dict[int, int]
+    #: which side of a row is r, and what it was divided by
+    which_r: np.ndarray
+    scale: Vector
+    #: rows whose variable has bounds of its own that no condition implies: (row, lower, upper)
+    bounds: tuple[tuple[int, float, float], ...]
+
+    def start(self) -> Vector:
+        """The values that the variables have now, as z, shape (n,); 0 for a variable without value.
+
+        Raises InputError where a condition has no finite value there.
+        """
+        values = [variable.value for variable in self.variables]
+        z: Vector = self.signs * np.array([0.0 if value is None else value for value in values], dtype=np.float64)
+        bad = ~np.isfinite(z)
+        if not bad.any():
+            psi = self.problem.psi.value(z)
+            bad = ~(np.isfinite(psi) | np.isneginf(psi))
+        if bad.any():
+            row = int(np.argmax(bad))
+            at = f"{self.variables[row].name} = {self.signs[row] * z[row] + 0.0:g}"
+            raise InputError(
+                f"{self.owners[row].name} has no finite value at the start, where {at}: give its variables other values"
+            )
+        return z
+
+    def values(self, z: Vector) -> list[tuple[Any, Any]]:
+        added = set(self.added.values())
+        pairs = zip(self.variables, (self.signs * z + 0.0).tolist(), strict=True)
+        return [pair for row, pair in enumerate(pairs) if row not in added]
+
+    def multipliers(self, z: Vector) -> list[tuple[Any, Any]]:
+        """The conditions, each with p at `z`: of a condition a ≤ f ≤ b ⟂ g it is g. Equations have none."""
+        return [(owner, p) for owner, p, _, _ in self._forces(z)]
+
+    def marginals(self, z: Vector) -> list[tuple[Any, Any]]:
+        """The variables of the conditions, each with p in its own direction: positive at a lower bound, negative at an
+        upper one.
+        """
+        return [(variable, sign * p) for _, p, variable, sign in self._forces(z)]
+
+    def _forces(self, z: Vector) -> list[tuple[Any, float, Any, float]]:
+        p, r, found = self.problem.p(z), self.problem.r(z), []
+        skipped = {row + 1 for row in self.added} | set(np.flatnonzero(self.equation).tolist())
+        for row, owner in enumerate(self.owners):
+            if row in skipped:
+                continue
+            own, force, sign = row, float(p[row]), float(self.signs[row])
+            if row in self.added:
+                added = self.added[row]
+                own, sign = 2 * row + 1 - added, 1.0
+                side_1 = p[row] if self.which_r[row] == 0 else r[row] * self.scale[row]
+                force = float(side_1 - self.signs[added] * z[added])
+            found.append((owner, force, self.variables[own], sign))
+        return found
+
+    def out_of_bounds(self, z: Vector, tolerance: float) -> str:
+        """Which variable violates a bound of its own that no condition implies by more than `tolerance`, or ""."""
+        for row, lower, upper in self.bounds:
+            value = float(self.signs[row] * z[row])
+            if not lower - tolerance <= value <= upper + tolerance:
+                found = f"{self.variables[row].name} = {value:g} is not in its bounds [{lower:g}, {upper:g}]"
+                return f"{found}, which no condition of the model implies"
+        return ""
+
+
+def read_pyomo(model: Any) -> PyomoReading:
+    """Read a Pyomo model, or block, as an ICP.
+
+    Parameters: `model` with active `Complementarity` components, one side of each affine, equality constraints and no
+    other active constraint or objective, and as many of these as variables that are not fixed.
+    Returns a `PyomoReading`, of which `problem` is the ICP, `start()` its z at the values of the variables and
+    `values(z)` the variables with what z says of them.
+    Raises InputError, with the component's name, where the model has no such form.
+
+    >>> import pyomo.environ as pyo
+    >>> from pyomo.mpec import Complementarity, complements
+    >>> model = pyo.ConcreteModel()
+    >>> model.x = pyo.Var()
+    >>> model.c = Complementarity(expr=complements(model.x >= 0, 2 * model.x >= 3))
+    >>> read_pyomo(model).problem
+    ICP(n=1, nnz=1, psi=Constant(0))
+    """
+    if not isinstance(model, BlockData):
+        raise InputError(f"model is {described(model)}; a Pyomo model or block was expected")
+    if not model.is_constructed():
+        raise InputError(f"model {model.name} is abstract; its create_instance() was expected")
+    rows = ConditionRows(model)
+    if not rows.owners:
+        raise InputError(f"{model.name} has no active Complementarity with a free variable")
+    return _reading(rows, Ownership(rows))
+
+
+def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
+    """The ICP in which row i has the variable own[i], and its side which_r[i] is r."""
+    own, which_r, free, m = owned.own, owned.which_r, owned.free, owned.m
+    every, position = np.arange(m), np.argsort(own)
+    both = np.array([owned.own_coefficient(k) for k in (0, 1)])
+    in_r, in_p = both[which_r, every], both[1 - which_r, every]
+    plain = (in_r == 0) | free
+    scale = np.where(plain, 1.0, np.abs(in_r))
+    signs = np.where(free, 1.0, np.where(plain, np.where(in_p < 0, -1.0, 1.0), np.sign(in_r)))
+    flip = np.where(free & (in_p < 0), -1.0, 1.0)
+    parts: list[list[tuple[Any, ...]]] = [[], []]
+    for k, side in enumerate(owned.sides):
+        is_r, column = which_r[side.row] == k, position[side.col]
+        data = side.data * signs[column]
+        kept = is_r & (column != side.row) & ~free[side.row]
+        parts[0].append((data * flip[side.row], side.row, column, ~is_r))
+        parts[1].append((-data / scale[side.row], side.row, column, kept))
+    missing = every[plain & ~free]
+    parts[1].append((np.ones(missing.size), missing, missing, np.ones(missing.size, dtype=bool)))
+    A, G = (_assembled(part, m) for part in parts)
+    q = owned.constants[1 - which_r, every] * flip
+    c = np.where(free, -np.inf, -owned.constants[which_r, every] / scale)
+    psi: Any = Affine(G, c) if G.nnz else c + 0.0
+    if flat := rows.nonlinear():
+        columns = {key: int(position[j]) for key, j in owned.column.items()}
+        obstacle = PyomoObstacle(G, c, NonlinearRows(flat, columns, (m, m)), signs, scale)
+        psi = Function(obstacle, obstacle.jacobian)
+    variables = tuple(owned.variables[j] for j in own)
+    of = {id(variable): row for row, variable in enumerate(variables)}
+    return PyomoReading(
+        problem=ICP(A, q, psi),
+        variables=variables,
+        signs=signs,
+        owners=tuple(rows.owners),
+        equation=np.array(rows.equation),
+        added={row: of[id(multiplier)] for row, multiplier in rows.multipliers.items()},
+        which_r=which_r,
+        scale=scale,
+        bounds=_bounds(owned),
+    )
+
+
+def _assembled(parts: list[tuple[Any, ...]], m: int) -> sp.csr_array:
+    """The m × m matrix of those (data, rows, columns) that are kept."""
+    data, rows, columns = (np.concatenate([part[k][part[3]] for part in parts]) for k in range(3))
+    return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=(m, m)))
+
+
+def _bounds(owned: Ownership) -> tuple[tuple[int, float, float], ...]:
+    """The bounds of variables that no side says: row, lower, upper. Raises InputError for discrete variables."""
+    lower, upper = np.full(owned.n, -np.inf), np.full(owned.n, np.inf)
+    for k, side in enumerate(owned.sides):
+        alone = (np.bincount(side.row, minlength=owned.m) == 1)[side.row] & ~owned.bent[k, side.row]
+        if k == 1:
+            alone &= ~owned.free[side.row]
+        column, slope = side.col[alone], side.data[alone]
+        ends = -owned.constants[k, side.row[alone]] / slope
+        both = owned.free[side.row[alone]]
+        np.maximum.at(lower, column[(slope > 0) | both], ends[(slope > 0) | both])
+        np.minimum.at(upper, column[(slope < 0) | both], ends[(slope < 0) | both])
+    found = []
+    for row, j in enumerate(owned.own.tolist()):
+        variable = owned.variables[j]
+        if not variable.is_continuous():
+            raise InputError(f"{variable.name} is in {variable.domain.name}; a continuous variable was expected")
+        low, high = variable.bounds
+        low, high = -np.inf if low is None else low, np.inf if high is None else high
+        if low > lower[j] or high < upper[j]:
+            found.append((row, float(low), float(high)))
+    return tuple(found)

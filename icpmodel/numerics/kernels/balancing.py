@@ -1,0 +1,66 @@
+"""Units for a dense linear complementarity problem: powers of two for its rows and columns, which cost no digit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from . import compiled
+
+#: entries within 2^±so many of each other need no balancing; passes of balancing; the exponent of 0
+_TAME, _PASSES, _NONE = 20, 60, -5000
+
+
+@compiled
+def _exponents(M):
+    # exponents (r, c) such that the 2^(r_i + c_j) m_ij are near 1: geometric means of rows and columns in turn, where
+    # the largest entries of rows or columns differ much; else all are divided by the largest of all. (Entries that are
+    # small in their row and in their column are no reason: those of an inverse fade with the distance, and units in
+    # which they do not would make q grow as fast.)
+    n = M.shape[0]
+    r, c = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    size = np.zeros((n, n), np.int64)
+    rows, columns = np.full(n, _NONE), np.full(n, _NONE)
+    for i in range(n):
+        for j in range(n):
+            if M[i, j] != 0.0:
+                size[i, j] = math.frexp(M[i, j])[1]
+                rows[i], columns[j] = max(rows[i], size[i, j]), max(columns[j], size[i, j])
+    high = rows.max()
+    low = min(np.where(rows > _NONE, rows, high).min(), np.where(columns > _NONE, columns, high).min())
+    if high - low <= 2 * _TAME:
+        r[:] = -high if high > _NONE else 0
+        return r, c
+    for _ in range(_PASSES):
+        moved = 0
+        for i in range(n):
+            total, count = 0, 0
+            for j in range(n):
+                if M[i, j] != 0.0:
+                    total += size[i, j] + c[j]
+                    count += 1
+            to = -round(total / count) if count else 0
+            moved, r[i] = max(moved, abs(to - r[i])), to
+        for j in range(n):
+            total, count = 0, 0
+            for i in range(n):
+                if M[i, j] != 0.0:
+                    total += size[i, j] + r[i]
+                    count += 1
+            to = -round(total / count) if count else 0
+            moved, c[j] = max(moved, abs(to - c[j])), to
+        if moved <= 1:
+            break
+    return r, c
+
+
+@compiled
+def scale(M):
+    # (S, r, c) with S the matrix in these units
+    r, c = _exponents(M)
+    S = np.empty_like(M)
+    for i in range(M.shape[0]):
+        for j in range(M.shape[0]):
+            S[i, j] = math.ldexp(M[i, j], r[i] + c[j])
+    return S, r, c

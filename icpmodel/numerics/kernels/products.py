@@ -1,0 +1,124 @@
+"""Products with a matrix, natural residuals, and what is asked of the rows before the first sweep."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+
+from . import compiled, one
+from . import position as _at
+
+
+@compiled
+def look(indptr, indices, data, low, high, diag, diagonal, rest):
+    # rows low <= i < high: where the diagonal entry stands, its value, the sum of the other |entries|; returns how far
+    # the entries reach below the diagonal and above it, and the sums of those there. Rows are sorted, and every
+    # diagonal entry is stored.
+    below, above, lower, whole = 0, 0, 0.0, 0.0
+    start = _at(indptr[low])
+    for i in range(low, high):
+        end = _at(indptr[i + 1])
+        below = max(below, i - indices[start])
+        above = max(above, indices[end - _at(1)] - i)
+        total, first, left = 0.0, 0.0, 0
+        k = start
+        while k < end:
+            total += abs(data[k])
+            first += abs(data[k]) * (indices[k] < i)  # no branch
+            left += indices[k] < i
+            k += one()
+        own = data[start + _at(left)]
+        diag[i], diagonal[i], rest[i] = start + _at(left), own, total - abs(own)
+        lower += first
+        whole += rest[i]
+        start = end
+    return below, above, lower, whole - lower
+
+
+@compiled
+def product(indptr, indices, data, z, low, high, out):
+    # rows low <= i < high of Az
+    for i in range(_at(low), _at(high)):
+        total = 0.0
+        k, stop = _at(indptr[i]), _at(indptr[i + _at(1)])
+        while k < stop:
+            total += data[k] * z[_at(indices[k])]
+            k += one()
+        out[i] = total
+
+
+@compiled
+def natural(indptr, indices, data, q, psi, z, low, high):
+    # the sum of min(p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is
+    squares = 0.0
+    for i in range(_at(low), _at(high)):
+        p = q[i]
+        k, stop = _at(indptr[i]), _at(indptr[i + _at(1)])
+        while k < stop:
+            p += data[k] * z[_at(indices[k])]
+            k += one()
+        r = z[i] - psi[i]
+        least = r if r <= p or r != r else p
+        squares += least * least
+    return squares
+
+
+@partial(compiled, reassociate=True)
+def natural_at_0(q, psi):
+    # the same for z = 0, where A does not matter, over all rows
+    squares = 0.0
+    for i in range(_at(q.size)):
+        p, r = q[i], -psi[i]
+        least = r if r <= p or r != r else p
+        squares += least * least
+    return squares
+
+
+@compiled
+def couple(indptr, indices, data, weight):
+    # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: what row j > i is asked
+    # for is at or behind what it was asked for last, so that `at` only ever moves on
+    n = indptr.size - 1
+    at, out = indptr[:-1].copy(), np.zeros(data.size)
+    for i in range(n):
+        k, stop = _at(indptr[i]), _at(indptr[i + 1])
+        while k < stop:
+            j = _at(indices[k])
+            if j > _at(i):
+                end, here = indptr[j + _at(1)], at[j]
+                while here < end and indices[_at(here)] < i:
+                    here += 1
+                at[j] = here
+                if here < end and indices[_at(here)] == i:
+                    size = weight[i] * weight[j]
+                    out[k] = np.sqrt(abs(data[k]) * size) * np.sqrt(abs(data[_at(here)]) * size)
+                    out[_at(here)] = out[k]
+            k += one()
+    return out
+
+
+@compiled
+def judge(M, Q, C, Z, norms):
+    # the norms of min(z - c, Mz + q) for the rows of Q, C and Z: NaN stays NaN, squares do not overflow
+    n = M.shape[0]
+    F = np.empty(n)
+    for k in range(Q.shape[0]):
+        largest = 0.0
+        for i in range(n):
+            p = Q[k, i]
+            for j in range(n):
+                p += M[i, j] * Z[k, j]
+            r = Z[k, i] - C[k, i]
+            if math.isnan(p) or math.isnan(r):
+                largest = math.nan
+                break
+            F[i] = abs(p if p < r else r)
+            largest = max(largest, F[i])
+        total = 0.0
+        if 0.0 < largest < np.inf:
+            for i in range(n):
+                total += (F[i] / largest) ** 2
+            largest *= math.sqrt(total)
+        norms[k] = largest

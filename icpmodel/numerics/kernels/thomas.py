@@ -1,0 +1,180 @@
+"""Tridiagonal linear complementarity problems in O(n): `methods.tridiagonal` says what for.
+
+Row i of A is (lower_i, diagonal_i, upper_i), entries outside the matrix being 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import compiled
+
+#: how Newton's steps ended: there is nothing left to change, too many were needed, or a pivot is not positive
+SETTLED, UNSETTLED, NO_PIVOT = 0, 1, 2
+
+
+@compiled
+def bands(indptr, indices, data):
+    # the three diagonals of a CSR matrix
+    n = indptr.size - 1
+    lower, diagonal, upper = np.zeros(n), np.zeros(n), np.zeros(n)
+    for i in range(n):
+        for k in range(indptr[i], indptr[i + 1]):
+            if indices[k] < i:
+                lower[i] = data[k]
+            elif indices[k] > i:
+                upper[i] = data[k]
+            else:
+                diagonal[i] = data[k]
+    return lower, diagonal, upper
+
+
+@compiled
+def solve(lower, diagonal, upper, free, f, fixed, x):
+    # (Ax)_i = f_i in the free rows, x_i = fixed_i in the others: elimination from the top, substitution from below.
+    # Returns whether all pivots are positive, as they are where A is a P-matrix
+    n = free.size
+    above = np.empty(n)
+    carried, value, sound = 0.0, 0.0, True
+    for i in range(n):
+        if free[i]:
+            pivot = diagonal[i] - lower[i] * carried
+            sound &= pivot > 0.0
+            value = (f[i] - lower[i] * value) / pivot
+            carried = upper[i] / pivot
+        else:
+            value, carried = fixed[i], 0.0
+        x[i], above[i] = value, carried
+    for i in range(n - 2, -1, -1):
+        x[i] -= above[i] * x[i + 1]
+    return sound
+
+
+@compiled
+def product(lower, diagonal, upper, q, z, p):
+    # p = Az + q
+    n = z.size
+    for i in range(n):
+        p[i] = q[i] + diagonal[i] * z[i]
+        if i > 0:
+            p[i] += lower[i] * z[i - 1]
+        if i < n - 1:
+            p[i] += upper[i] * z[i + 1]
+
+
+@compiled
+def newton(lower, diagonal, upper, q, c, free, limit):
+    # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). `free` is changed. Returns the
+    # last z, and how the steps ended
+    n = free.size
+    z, p, f = np.empty(n), np.empty(n), -q
+    for _ in range(limit):
+        if not solve(lower, diagonal, upper, free, f, c, z):
+            return z, NO_PIVOT
+        product(lower, diagonal, upper, q, z, p)
+        changed = False
+        for i in range(n):
+            opens = p[i] < diagonal[i] * (z[i] - c[i])
+            changed |= opens != free[i]
+            free[i] = opens
+        if not changed:
+            return z, SETTLED
+    return z, UNSETTLED
+
+
+@compiled
+def refine(lower, diagonal, upper, q, free, z):
+    # z after a step of iterative refinement in the free rows
+    n = free.size
+    p, step = np.empty(n), np.empty(n)
+    product(lower, diagonal, upper, q, z, p)
+    solve(lower, diagonal, upper, free, -p, np.zeros(n), step)
+    return z + step
+
+
+@compiled
+def join(one, two, to, back):
+    # the run of rows that two runs with no row between them make: `to` couples the last row of `one` to the first of
+    # `two`, `back` that one to it. Without a positive determinant A is no M-matrix
+    first, top, bottom, up, down, y_top, y_bottom = one
+    _, top2, bottom2, up2, down2, y_top2, y_bottom2 = two
+    determinant = 1.0 - (to * back) * (bottom * top2)
+    here = (y_bottom - bottom * to * y_top2) / determinant
+    there = (y_top2 - top2 * back * y_bottom) / determinant
+    return determinant > 0.0, (
+        first,
+        top + (up * to) * (back * down) * (top2 / determinant),
+        bottom2 + (down2 * back) * (to * up2) * (bottom / determinant),
+        -(up * to) * up2 / determinant,
+        -(down2 * back) * down / determinant,
+        y_top - up * to * there,
+        y_bottom2 - down2 * back * here,
+    )
+
+
+@compiled
+def top_down(lower, diagonal, upper, f):
+    # Which rows leave the obstacle in the LCP with the M-matrix A, rows divided by the diagonal, and f. From the top,
+    # one row after the other is added to a problem that is solved; once open, a row stays open. What is known of a run
+    # of open rows: its first row; of its inverse the corners top (first, first), bottom (last, last), up (first, last)
+    # and down (last, first); y at both ends, as long as the rows around it are at 0
+    n = f.size
+    free, runs, count = np.zeros(n, np.bool_), np.empty((n // 2 + 2, 7)), 0
+    for i in range(n):
+        run = (float(i), 1.0, 1.0, 1.0, 1.0, -f[i], -f[i])
+        meets = i > 0 and free[i - 1]
+        back = lower[i] / diagonal[i]
+        if f[i] + (back * runs[count - 1, 6] if meets else 0.0) >= 0.0:
+            continue
+        free[i], k = True, i - 1
+        # the row above the run has to follow where it is pulled below 0
+        while True:
+            if meets:
+                count -= 1
+                first, top, bottom, up, down, y_top, y_bottom = runs[count]
+                above = (first, top, bottom, up, down, y_top, y_bottom)
+                sound, run = join(above, run, upper[k] / diagonal[k], back)
+                if not sound:
+                    return free, False
+            k = int(run[0]) - 1
+            if k < 0:
+                break
+            to, back = upper[k] / diagonal[k], lower[k + 1] / diagonal[k + 1]
+            meets = k > 0 and free[k - 1]
+            pull = lower[k] / diagonal[k] * runs[count - 1, 6] if meets else 0.0
+            if f[k] + pull + to * run[5] >= 0.0:
+                break
+            free[k] = True
+            sound, run = join((float(k), 1.0, 1.0, 1.0, 1.0, -f[k], -f[k]), run, to, back)
+            if not sound:
+                return free, False
+            back, k = lower[k] / diagonal[k], k - 1
+        runs[count] = run
+        count += 1
+    return free, True
+
+
+@compiled
+def release(lower, diagonal, upper, q, c):
+    # the rows that Newton's steps begin with. Where there is no obstacle, a lower bound of z is one: what it would be
+    # if there were none anywhere. Where a determinant says that A is no M-matrix, all rows begin on their obstacles
+    n = q.size
+    bounded = c != -np.inf
+    if not bounded.all():
+        below = np.empty(n)
+        solve(lower, diagonal, upper, np.ones(n, np.bool_), -q, c, below)
+        c = np.where(bounded, c, below)
+    f = np.empty(n)
+    product(lower, diagonal, upper, q, c, f)
+    free, sound = top_down(lower, diagonal, upper, f / diagonal)
+    for i in range(n):
+        free[i] = (free[i] and sound) or not bounded[i]
+    return free
+
+
+@compiled
+def many(lower, diagonal, upper, Q, C, limit, Z):
+    # the LCPs with the rows of Q and the obstacles in those of C; z goes to the rows of Z, for the judge to look at
+    for k in range(Q.shape[0]):
+        free = release(lower, diagonal, upper, Q[k], C[k])
+        Z[k] = newton(lower, diagonal, upper, Q[k], C[k], free, limit)[0]

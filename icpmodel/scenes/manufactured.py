@@ -1,0 +1,105 @@
+"""Manufactured solutions: z is chosen first, and the data follows from it. Made to measure methods."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..icp import ICP
+from ..numerics.arrays import Vector, as_number
+from ..problem.affine import Affine
+from ..problem.elementwise import Elementwise
+from .grid import adjacency, five_point, side, square_points
+from .registry import Scene, register
+
+
+def complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Vector, Vector, Vector]:
+    """Random z* in [−1, 1] and p*, r* ≥ 0 with p*ᵀr* = 0: half of the rows at the obstacle.
+
+    Parameters: `n` the number of rows; `seed` an integer ≥ 0; `degenerate` the share of all rows with p* = r* = 0, the
+    entries of the others lie in [.5, 1.5]. Returns z, p, r, shape (n,). Raises InputError for a bad seed.
+    """
+    random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
+    z, size = random.uniform(-1.0, 1.0, n), random.uniform(0.5, 1.5, n)
+    place = random.permutation(n)
+    size[place >= round((1.0 - degenerate) * n)] = 0.0
+    at_obstacle = place < round((1.0 - degenerate) * n) // 2
+    return z, np.where(at_obstacle, size, 0.0), np.where(at_obstacle, 0.0, size)
+
+
+def manufactured(A: Any, z: Vector, p: Any, psi: Any, models: str, **known: Any) -> Scene:
+    """The scene whose solution is `z`, where p(z) = `p`: q = p − Az; `psi` has to fit."""
+    return Scene(problem=ICP(A, p - A @ z, psi), models=models, z_exact=z, **known)
+
+
+@register
+def bai_symmetric(n: int = 900, mu: float = 4.0) -> Scene:
+    """Bai's symmetric LCP, the yardstick of the modulus literature.
+
+    A = Tridiag(−I, S, −I) + μI, S = tridiag(−1, 4, −1), m × m blocks; ψ = 0; z* = (1, 2, 1, 2, …), q = −Az*, so that
+    p* = 0 in every row. `z0` = (1, 0, 1, 0, …) is the start of the literature, which stops at Res ≤ 1e−5.
+    Parameters: `n` ≈ m²; `mu` ≥ 0, where μ = 0 is the hard case.
+    Reference: Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680.
+    """
+    return _bai(n, mu, 0.0)
+
+
+@register
+def bai_nonsymmetric(n: int = 900, mu: float = 4.0) -> Scene:
+    """Bai's nonsymmetric LCP: the same with transport.
+
+    A = Tridiag(−1.5I, S, −.5I) + μI, S = tridiag(−1.5, 4, −.5), m × m blocks; ψ = 0; z* = (1, 2, 1, 2, …), q = −Az*;
+    `z0` = (1, 0, 1, 0, …). Parameters: `n` ≈ m²; `mu` ≥ 0.
+    Reference: Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680.
+    """
+    return _bai(n, mu, 0.5)
+
+
+@register
+def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
+    """A random ICP with an affine map and a known solution.
+
+    A = Tridiag(−I, S, −I) + μI as in Bai's LCP; ψ(z) = Gz + c, G = (.9/4)·adjacency of the m × m grid: each obstacle
+    hangs on the four neighbours, ‖G‖∞ = .9. z* is random in [−1, 1], a random half of the rows has p* in [.5, 1.5] and
+    r* = 0, the other half r* in [.5, 1.5] and p* = 0; c = z* − r* − Gz* and q = p* − Az* make z* exact to rounding.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0.
+    Reference: the construction of icpmodel's own tests; A from Bai (2010), doi:10.1002/nla.680.
+    """
+    m, mu = side(n), as_number(mu, "mu", least=0)
+    z, p, r = complementary(m * m, seed)
+    G = (0.9 / 4.0) * adjacency(m)
+    models = "A grid of cells, each resting on its own neighbours, with forces chosen so that the answer is known."
+    psi = Affine(G, z - r - G @ z)
+    return manufactured(five_point(m, mu), z, p, psi, models, points=square_points(0.0, 1.0, m))
+
+
+@register
+def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
+    """A random ICP with a nonlinear map and a known solution.
+
+    As manufactured-affine with ψ_i(z) = .3 sin z_i + c_i, c = z* − r* − .3 sin z*; |ψ′| ≤ .3.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0.
+    Reference: the construction of icpmodel's own tests; A from Bai (2010), doi:10.1002/nla.680.
+    """
+    m, mu = side(n), as_number(mu, "mu", least=0)
+    z, p, r = complementary(m * m, seed)
+    models = "A grid of cells whose obstacles bend with them, with forces chosen so that the answer is known."
+    psi = Elementwise(_sine, _sine_derivative, lipschitz=0.3, c=z - r - _sine(z))
+    return manufactured(five_point(m, mu), z, p, psi, models, points=square_points(0.0, 1.0, m))
+
+
+def _bai(n: int, mu: Any, skew: float) -> Scene:
+    m = side(n)
+    A = five_point(m, as_number(mu, "mu", least=0), skew)
+    odd: Vector = np.arange(m * m, dtype=np.float64) % 2.0
+    models = "A grid of cells under forces chosen so that the answer is 1 and 2 in turn, off every obstacle."
+    return manufactured(A, 1.0 + odd, 0.0, 0.0, models, z0=1.0 - odd, points=square_points(0.0, 1.0, m))
+
+
+def _sine(z: Vector) -> Vector:
+    return 0.3 * np.sin(z)
+
+
+def _sine_derivative(z: Vector) -> Vector:
+    return 0.3 * np.cos(z)

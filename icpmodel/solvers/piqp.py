@@ -1,0 +1,51 @@
+"""PIQP: a proximal interior-point method. Reference: Schwan, Jiang, Kuhn and Jones (2023), arXiv 2304.00290."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from .contract import Claim, ForeignSolver
+from .formulations import Target
+
+#: a matrix with a larger share of entries is given to its dense solver
+_DENSE = 0.1
+
+
+class Piqp(ForeignSolver):
+    """PIQP. It has no time limit of its own, but stops after 250 iterations."""
+
+    name = package = "piqp"
+    asked_by = ("race", "benchmark")
+
+    def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
+        """Rows that bound one unknown are given as bounds."""
+        import piqp
+
+        qp = self.pose(target)
+        dense = qp.P.nnz > _DENSE * qp.q.size**2
+        model = piqp.DenseSolver() if dense else piqp.SparseSolver()
+        settings = model.settings
+        settings.verbose = False
+        settings.eps_abs = settings.eps_rel = tolerance
+        settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = tolerance
+        K, equal = sp.csr_array(qp.K), qp.lower == qp.upper
+        single = (np.diff(K.indptr) == 1) & ~equal
+        single[single] = K.data[K.indptr[:-1][single]] == 1.0
+        bounds = np.full(qp.q.size, -np.inf)
+        np.maximum.at(bounds, K.indices[K.indptr[:-1][single]], qp.lower[single])
+        rows = ~equal & ~single
+
+        def matrix(of: Any) -> Any:
+            return of.toarray() if dense else sp.csc_matrix(of)
+
+        A, b = (matrix(K[equal]), qp.lower[equal]) if equal.any() else (None, None)
+        G, h = (matrix(K[rows]), qp.lower[rows]) if rows.any() else (None, None)
+        model.setup(matrix(qp.P), qp.q, A, b, G, h, None, bounds, None)
+        return model
+
+    def run(self, model: Any) -> Claim:
+        status = model.solve().name
+        return Claim(np.array(model.result.x), status.removeprefix("PIQP_").lower(), status == "PIQP_SOLVED")

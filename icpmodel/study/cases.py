@@ -1,0 +1,121 @@
+"""The problems of a comparison: scenes by their text, and the one judge of all, the residual of the problem."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import IcpError, InputError
+from ..icp import ICP
+from ..numerics.arrays import as_list, as_number
+from ..problem.data import ProblemData
+from ..scenes import Scene, names, parameters, scene
+from ..solve.solution import Solution, Status
+from ..solvers.formulations import Target, in_handy_units
+
+#: scenes with other parameters, which make them harder or of another kind
+VARIANTS = (
+    "membrane,mu=4",
+    "membrane,skew=0.5",
+    "bai-symmetric,mu=0",
+    "bai-nonsymmetric,mu=0",
+    "manufactured-affine,mu=0",
+    "manufactured-elementwise,mu=0",
+)
+
+
+def gallery() -> tuple[str, ...]:
+    """Every scene, and `VARIANTS`."""
+    return tuple(sorted([*names(), *VARIANTS]))
+
+
+def built(text: str, n: int | None) -> Scene:
+    """The scene that `text`, NAME or NAME,PARAMETER=NUMBER,…, stands for, of about `n` unknowns if it can."""
+    name, *pairs = text.split(",")
+    given: dict[str, Any] = {}
+    for pair in pairs:
+        key, _, value = pair.partition("=")
+        try:
+            given[key] = json.loads(value)
+        except ValueError:
+            raise InputError(f"{text!r} is not of the form NAME,PARAMETER=NUMBER") from None
+    return scene(name, n if "n" in parameters(name) else None, **given)
+
+
+def as_scenes(texts: Any) -> tuple[str, ...]:
+    """The `texts` that `built` understands, found out before anything is measured. Raises InputError."""
+    listed = tuple(as_list(texts, "scenes"))
+    for text in listed:
+        built(text, None)
+    return listed
+
+
+def as_sizes(sizes: Any) -> tuple[int, ...]:
+    """Wanted numbers of unknowns. Raises InputError."""
+    return tuple(int(as_number(n, "sizes", least=1, whole=True)) for n in as_list(sizes, "sizes"))
+
+
+def fresh(problem: ProblemData) -> ICP:
+    """The problem, nothing of which is known yet."""
+    return ICP(problem.A, problem.q, problem.psi)
+
+
+def unbroken(solution: Solution) -> Solution:
+    """The solution of a run that Ctrl-C did not end: such an end is that of the whole study, not of one run."""
+    if solution.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return solution
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One problem of a comparison: its `scene`'s text, and the `problem`."""
+
+    scene: str
+    problem: ProblemData
+
+    @cached_property
+    def scale(self) -> float:
+        """Res(0), by which residuals are divided. Raises InputError where z = 0 is a solution."""
+        scale = self.problem.residual_at_0()
+        if not 0 < scale < np.inf:
+            raise InputError(f"{self.scene}: Res(0) = {scale:g}, there is nothing to measure")
+        return scale
+
+    @cached_property
+    def posed(self) -> tuple[Target, float] | None:
+        """The problem as foreign solvers get it, and the unit of its z; None where ψ is not constant or affine."""
+        if self.problem.psi.linear is None:
+            return None
+        problem, unit = in_handy_units(self.problem)
+        return Target(problem), unit
+
+    def judged(self, z: Any) -> float | None:
+        """Res(z)/Res(0), None where z is no finite vector of shape (n,)."""
+        try:
+            ratio = self.problem.residual(np.asarray(z, dtype=np.float64)) / self.scale
+        except (IcpError, TypeError, ValueError):
+            return None
+        return ratio if np.isfinite(ratio) else None
+
+
+def cases(texts: tuple[str, ...], sizes: tuple[int, ...]) -> Iterator[tuple[str, int, Case | str]]:
+    """(text, n, the case or why there is none) for every scene and every size that it can have, each size once."""
+    for text in texts:
+        seen: set[int] = set()
+        for wanted in sizes:
+            try:
+                made = Case(text, built(text, wanted).problem)
+                case: Case | str = made
+                n = made.problem.n
+                _ = made.scale
+            except (IcpError, MemoryError) as error:
+                case, n = str(error) or "not enough memory", wanted
+            if n not in seen:
+                seen.add(n)
+                yield text, n, case

@@ -1,0 +1,265 @@
+"""Speed against accuracy: every competitor at every tolerance, timed in turn, judged by one measure of error."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..errors import IcpError, InputError, Interrupted
+from ..methods.contract import Method, named
+from ..numerics.arrays import Vector, as_list, as_number
+from ..present.table import Table
+from ..problem.data import ProblemData, as_problem
+from ..solve.driver import RTOL, solve
+from ..solve.progress import status_line
+from ..solvers.contract import Claim, ForeignSolver, chosen_solvers
+from .cases import Case, fresh, unbroken
+from .charts.figures import Charted, Figure
+from .charts.race_chart import race_figure
+from .competitors import Competitor, Foreign, Own, Solve, limits, own_methods
+from .timing import in_turn, machine, timed
+
+#: the tolerances that each competitor is asked for
+TOLERANCES = tuple(10.0**-k for k in range(2, 13))
+#: own methods of which a chart is made where none are named
+METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
+#: a claim of success is wrong where the residual, relative to Res(0), is so many times the tolerance that was asked for
+_WRONG = 10.0
+#: a run that takes so many seconds is timed once
+_ONCE = 1.0
+#: how often what a competitor is given is made, for the median
+_BUILDS = 3
+#: after iterate k of a run the error is next computed at so many times k
+_TRACED = 1.2
+
+#: z ↦ its error, None where it has none
+_Error = Callable[[Any], float | None]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One competitor at one `tolerance`: `seconds` of each round, and among them `build` seconds to make the ICP or the
+    QP and `setup` seconds of the solver (None: not known apart); `error` in the race's measure, `residual`
+    Res(z)/Res(0), its `claim`, and whether that is `wrong`: success, at a residual of ten times the tolerance or more.
+    """
+
+    name: str
+    kind: str
+    tolerance: float
+    seconds: tuple[float, ...] = ()
+    build: float = 0.0
+    setup: float | None = None
+    error: float | None = None
+    residual: float | None = None
+    claim: str = ""
+    wrong: bool = False
+
+    def row(self) -> tuple[Any, ...]:
+        """Its row of the table."""
+        times = (float(np.median(self.seconds)), min(self.seconds), max(self.seconds), self.build, self.setup)
+        said = (self.claim, "wrong" if self.wrong else "")
+        return (self.name, self.kind, self.tolerance, *times, self.error, self.residual, *said)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Race(Charted):
+    """What a race found: `entries`, one per competitor and tolerance; `traces`, name → (seconds, errors) of one run
+    of each own method; `measure` what "error" is, in words; `limit` the seconds of one linear solve with A, None where
+    PyAMG could not do it; `skipped` pairs (name, reason); `command` what makes the race again.
+
+    >>> found = icp.race(ICP([[2.0]], [-3.0]), methods=["mnmgs"], solvers=[], repeats=1)
+    >>> found.measure, found.table().heads[:4]
+    ('certified bound on max |z - z*|', ('competitor', 'kind', 'tolerance', 'time, s'))
+    >>> found.plot("no-such-folder/race.png")
+    Traceback (most recent call last):
+    icpmodel.errors.FileError: no-such-folder/race.png: the folder no-such-folder does not exist
+    """
+
+    title: str
+    measure: str
+    entries: tuple[Entry, ...]
+    traces: dict[str, tuple[Vector, Vector]] = field(default_factory=dict)
+    limit: float | None = None
+    skipped: tuple[tuple[str, str], ...] = ()
+    command: str = ""
+
+    def table(self) -> Table:
+        """One row per competitor and tolerance, times in seconds."""
+        heads = ("competitor", "kind", "tolerance", "time, s", "lowest", "highest", "build, s", "set-up, s")
+        rows = [entry.row() for entry in self.entries]
+        if self.limit is not None:
+            rows.append(("PyAMG, one solve", "limit", RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
+        return Table(self.title, (*heads, self.measure, "Res(z) / Res(0)", "claim", "is"), tuple(rows))
+
+    def figure(self) -> Figure:
+        """Left: time against error; right: where the time to Res ≤ 1e-8·Res(0) goes. Returns a matplotlib figure."""
+        return race_figure(self.table(), self.traces)
+
+    def __str__(self) -> str:
+        return "\n".join([str(self.table()), *(f"{name}: left out, {reason}" for name, reason in self.skipped)])
+
+
+def race(
+    problem: ProblemData,
+    methods: Sequence[str | Method] | None = None,
+    solvers: Sequence[str | ForeignSolver] | None = None,
+    *,
+    z_exact: Any = None,
+    tolerances: Sequence[float] = TOLERANCES,
+    repeats: int = 3,
+    time_limit: float = 10.0,
+    progress: bool = False,
+    command: str = "",
+) -> Race:
+    """Own methods and foreign solvers at every tolerance, build and set-up included, in turn, `repeats` times.
+
+    A competitor whose answer is already as good as a smaller tolerance asks for is not run at that one again.
+
+    The error is max|z − z*| where `z_exact` is given; else |z − ẑ| + β, a certified bound, with a polished answer ẑ and
+    its own error bound β; else, where there is no bound, Res(z)/Res(0). One measure holds for all of a race.
+    Parameters: `methods` by name ("mnmaor, tuned" and "psor, tuned" have the ω of the estimated Jacobi radius) or as
+    objects, beside `solve()` itself; `solvers`, any foreign solver by name or as an object, both by default what the
+    problem admits; `z_exact` shape (n,); `tolerances`, to each competitor in its own sense; `repeats` ≥ 1, one for runs
+    of a second or more; `time_limit` seconds for a run, after which a competitor is not asked for more; `progress`
+    shows a line where standard error is a terminal; `command` is noted.
+    Returns a `Race`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the race as far as it was.
+
+    >>> found = icp.race(ICP([[2, -1], [-1, 2]], [-1, 3]), ["mnmgs"], ["osqp"], z_exact=[0.5, 0.0], repeats=1)
+    >>> sorted({entry.name for entry in found.entries}), found.measure
+    (['mnmgs', 'osqp', 'solve()'], 'max |z - z*|')
+    """
+    case = Case("this problem", as_problem(problem))
+    repeats = int(as_number(repeats, "repeats", least=1, whole=True))
+    limit = as_number(time_limit, "time_limit", above=0.0)
+    asked = sorted(
+        {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}, reverse=True
+    )
+    if not asked:
+        raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
+    wanted = [
+        (one, one.why_not(case)) for one in (Solve(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race")))
+    ]
+    entered = [one for one, reason in wanted if reason is None]
+    skipped = tuple((one.name, reason) for one, reason in wanted if reason is not None)
+    found = Race(title=f"{problem!r} ({machine()})", measure="", entries=(), skipped=skipped, command=command)
+    entries: dict[tuple[str, float], Entry] = {}
+    try:
+        with status_line(progress) as say:
+            say("the measure of error")
+            measure, error = _measure(case, z_exact)
+            found = replace(found, measure=measure)
+            say("one linear solve")
+            found = replace(found, limit=_linear(case, repeats, limit))
+            _fill(entries, case, entered, asked, repeats, limit, error, say)
+            for one in entered:
+                if isinstance(one, Own):
+                    say(f"{one.name}: its path")
+                    with contextlib.suppress(IcpError):
+                        found.traces[one.name] = _path(case, one, asked[-1], limit, error)
+    except KeyboardInterrupt:
+        raise Interrupted(replace(found, entries=tuple(entries.values()))) from None
+    return replace(found, entries=tuple(entries.values()))
+
+
+def _own(methods: Sequence[str | Method] | None) -> list[Competitor]:
+    """The own methods that take part; what was asked for by name must be known."""
+    known = {one.name: one for one in own_methods()}
+    found: list[Competitor] = []
+    for name in METHODS if methods is None else as_list(methods, "methods"):
+        if isinstance(name, Method):
+            found.append(Own(repr(name), name))
+        else:
+            found.append(known.get(name) or Own(name, named(name)))
+    return found
+
+
+def _measure(case: Case, z_exact: Any) -> tuple[str, _Error]:
+    """What "error" is in words, and the function of z that gives it."""
+    problem = case.problem
+    if z_exact is not None:
+        exact, known, words = problem.vector(z_exact, "z_exact", finite=True), 0.0, "max |z - z*|"
+    else:
+        best = unbroken(solve(problem, rtol=1e-12, raise_on_failure=False)).polish()
+        if best.error_bound is None:
+            return "Res(z) / Res(0)", case.judged
+        exact, known, words = best.z, best.error_bound, "certified bound on max |z - z*|"
+
+    def error(z: Any) -> float | None:
+        distance = float(np.abs(np.asarray(z, dtype=np.float64) - exact).max()) + known
+        return distance if np.isfinite(distance) else None
+
+    return words, error
+
+
+def _linear(case: Case, repeats: int, limit: float) -> float | None:
+    run = partial(limits()[-1].run, case, RTOL, limit)
+    return timed({"solve": run}, repeats, warm=False).median("solve") if run().solved else None
+
+
+def _fill(
+    entries: dict[tuple[str, float], Entry],
+    case: Case,
+    entered: list[Competitor],
+    tolerances: list[float],
+    repeats: int,
+    limit: float,
+    error: _Error,
+    say: Callable[[str], None],
+) -> None:
+    """In the first round it turns out who needs which tolerances and how long; the short runs are then repeated."""
+    enough, builds = {}, {}  # name → tolerances from this one on need no run of their own, 0 for none at all
+    for one in entered:
+        say(f"{one.name}: warming up")
+        one.run(case, tolerances[0], limit)  # imports and compiles
+        enough[one.name], builds[one.name] = 1.0, float(np.median([one.build(case) for _ in range(_BUILDS)]))
+    again = {}
+    for tolerance in tolerances:
+        for one in (one for one in entered if tolerance < enough[one.name]):
+            say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}")
+            run = one.run(case, tolerance, limit)
+            entry = entries[one.name, tolerance] = _entry(case, one, tolerance, run, builds[one.name], error)
+            if run.seconds > limit or run.z is None:
+                enough[one.name] = 0.0
+            elif entry.residual is not None:  # it has reached more than it was asked for
+                enough[one.name] = entry.residual
+            if entry.seconds[0] < _ONCE:
+                again[one.name, tolerance] = partial(one.run, case, tolerance, limit)
+    for key, run in in_turn(again, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
+        seconds = builds[key[0]] + run.seconds
+        entries[key] = replace(entries[key], seconds=(*entries[key].seconds, seconds))
+
+
+def _entry(case: Case, one: Competitor, tolerance: float, claim: Claim, build: float, error: _Error) -> Entry:
+    residual = None if claim.z is None else case.judged(claim.z)
+    off = None if claim.z is None else error(claim.z)
+    wrong = claim.solved and (residual is None or residual > _WRONG * tolerance)
+    seconds = (build + claim.seconds,)
+    return Entry(one.name, one.kind, tolerance, seconds, build, claim.setup, off, residual, claim.words, wrong)
+
+
+def _path(case: Case, one: Own, tolerance: float, limit: float, error: _Error) -> tuple[Vector, Vector]:
+    """(seconds, errors) along one run, at iterates in geometric progression; what the errors take is not counted."""
+    seen: list[tuple[float, float | None]] = []
+    following, lost, unseen = 0, 0.0, None
+
+    def look(state: Any) -> None:
+        nonlocal following, lost, unseen
+        unseen = state if state.iteration < following else None
+        if unseen is None:
+            begin = time.perf_counter()
+            seen.append((state.seconds - lost, error(state.z)))
+            following = max(state.iteration + 1, int(_TRACED * state.iteration))
+            lost += time.perf_counter() - begin
+
+    problem, options = fresh(case.problem), {"rtol": tolerance, "time_limit": limit, "raise_on_failure": False}
+    unbroken(problem.solve(one.method(problem), callback=look, **options))
+    if unseen is not None:  # the last iterate
+        seen.append((unseen.seconds - lost, error(unseen.z)))
+    seconds, errors = np.array([(t, e) for t, e in seen if e is not None]).reshape(-1, 2).T
+    return seconds, errors

@@ -1,0 +1,103 @@
+"""The comparison matrix ⟨A⟩ and a scaling vector v > 0 with ⟨A⟩v > 0, which proves that A is an H-matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...numerics.arrays import Vector, as_csr, diagonal_positions
+from ...numerics.factorisation import factorise
+from ...numerics.multigrid import KrylovMultigrid
+
+#: up to this size a factorisation costs less than looking for a cheaper way
+_FACTORISE_FIRST = 20_000
+
+
+def comparison_matrix(A: Any) -> sp.csr_array:
+    """⟨A⟩: |a_ii| on the diagonal and −|a_ij| off it.
+
+    Parameters: `A` dense or sparse, shape (n, n). Returns CSR, of the same pattern where `A` is CSR with every diagonal
+    entry stored. Raises InputError where it is no square matrix of numbers.
+
+    >>> comparison_matrix([[-2.0, 1.0], [-1.0, 3.0]]).toarray()
+    array([[ 2., -1.],
+           [-1.,  3.]])
+    """
+    if not isinstance(A, sp.csr_array):
+        A = as_csr(A, "A", keep_diagonal=True)
+    data = -np.abs(A.data)
+    diagonal = diagonal_positions(A)
+    data[diagonal] = -data[diagonal]
+    return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
+
+
+def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
+    """Candidates for v > 0 with ⟨A⟩v > 0, each with its name, cheapest first; the last is (nearly) ⟨A⟩⁻¹D1.
+
+    v = 1 serves strictly dominant rows. ⟨A⟩v = D1 makes (D⁻¹⟨A⟩)v = 1, which no change of the units of p alters.
+    Large matrices get `layered` before `solve_for_diagonal`. ⟨A⟩ has a positive diagonal; the vectors are positive,
+    whether ⟨A⟩v is as well is for the caller to check, with rounding.
+    """
+    n = comparison.shape[0]
+    yield "v = 1", np.ones(n)
+    if n > _FACTORISE_FIRST:
+        v = layered(comparison)
+        if v is not None:
+            yield "v = f(layer)", v
+    v = solve_for_diagonal(comparison)
+    if v is not None and (v > 0).all():
+        yield "v = <A>^-1 D1", v
+
+
+def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
+    """v with Mv ≈ D1, D the diagonal of the Z-matrix M, of any sign; None where M or D is singular.
+
+    Large M get a few Krylov steps with multigrid, which leave a residual of at most 1/2 in every row of D⁻¹M, and a
+    factorisation where those do not give a v > 0 with Mv > 0.
+    """
+    diagonal = M.diagonal()
+    if (np.abs(diagonal) < np.finfo(np.float64).tiny).any():
+        return None
+    rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ M)  # so that units do not look like singularity
+    ones = np.ones(M.shape[0])
+    if M.shape[0] > _FACTORISE_FIRST and (diagonal > 0).all():
+        v = KrylovMultigrid(rows).best(ones, 0.5 / np.sqrt(ones.size))
+        if v is not None and (v > 0).all() and (rows @ v > 0).all():
+            return v
+    lu = factorise(rows)
+    v = None if lu is None else lu.solve(ones)
+    return v if v is not None and np.isfinite(v).all() else None
+
+
+def layered(comparison: sp.csr_array) -> Vector | None:
+    """v = f(layer) with ⟨A⟩v ≥ D1, in one pass over the matrix, where its rows are weakly dominant.
+
+    Layer 0 are the rows with Σ_j≠i|a_ij| < |a_ii|, layer k those joined to layer k − 1 and to none before. With the
+    increments g_k = f(k) − f(k−1) > 0, row i of layer k reads Σ_below|a_ij|(f(k) − f(layer j)) −
+    Σ_above|a_ij|(f(layer j) − f(k)) ≥ a_ii, which gives g_k from g_k+1, g_k+2, …, beginning with the last layer. On a
+    grid with zero boundary values f is the parabola of the distance to the edge. Where rows pull outwards, as with
+    transport against the layers, f grows without need: it is refused where more than a tenth of ⟨A⟩v/a_ii is above 4.
+    None as well where a row is not weakly dominant, or not joined to a strictly dominant one.
+    """
+    from ...numerics.kernels.graph import layer_increments, layers
+
+    diagonal = comparison.diagonal()
+    # exactly 0 where the entries cancel exactly; a row that is dominant by rounding only makes a bad v, no wrong one
+    with np.errstate(over="ignore", invalid="ignore"):
+        surplus = np.asarray(comparison.sum(axis=1)).reshape(-1) / diagonal
+    surplus[np.abs(surplus) < 1e-14] = 0.0
+    if not (surplus >= 0).all() or not (surplus > 0).any():
+        return None
+    T = comparison.T.tocsr()
+    layer, order = layers(T.indptr, T.indices, T.data, surplus > 0)
+    if order.size < surplus.size:
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        f = layer_increments(comparison.indptr, comparison.indices, comparison.data, surplus, layer, order).cumsum()
+        v = f[layer]
+        if not np.isfinite(v).all() or not np.quantile(comparison @ v / diagonal, 0.9) <= 4.0:
+            return None
+    return np.asarray(v)

@@ -1,0 +1,51 @@
+"""What is public can be sent to another process and back, errors with what they carry included."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import icpmodel as icp
+
+PROBLEM = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0])
+
+
+def again(value):
+    return pickle.loads(pickle.dumps(value))
+
+
+def failed():
+    with pytest.raises(icp.NotSolved) as caught:
+        PROBLEM.solve("mnmgs", max_iter=1)
+    return caught.value
+
+
+def test_an_error_carries_the_solution_there_too():
+    error = failed()
+    assert str(again(error)) == str(error)
+    assert np.array_equal(again(error).solution.z, error.solution.z)
+    assert again(error).solution.status is icp.Status.ITERATION_LIMIT
+
+
+def test_a_singular_operator_tells_its_row_there_too():
+    with pytest.raises(icp.SingularOperator) as caught:
+        icp.ICP([[1.0]], [1.0]).solve("mnmgs", phi=-2.0)
+    assert (str(again(caught.value)), again(caught.value).row) == (str(caught.value), 0)
+
+
+def test_a_report_that_was_interrupted_is_sent_along():
+    assert again(icp.Interrupted({"rows": 1})).report == {"rows": 1}
+
+
+@pytest.mark.parametrize(
+    "psi", [0.0, [1.0, -np.inf], icp.Affine(np.eye(2) / 4, 1.0), icp.Elementwise(np.tanh, lipschitz=1)]
+)
+def test_a_problem_and_its_solution_are_the_same_there(psi):
+    problem = PROBLEM.with_psi(psi)
+    solution = problem.solve(raise_on_failure=False)
+    there = again(solution)
+    assert np.array_equal(there.z, solution.z)
+    assert repr(there.problem) == repr(problem)
+    assert np.array_equal(there.problem.solve(raise_on_failure=False).z, solution.z)
+    assert repr(there.method) == repr(solution.method)
+    assert there.certificate.error_bound == solution.certificate.error_bound

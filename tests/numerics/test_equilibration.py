@@ -1,0 +1,86 @@
+"""Powers of two for rows and columns: sizes, exactness, and what cannot be scaled."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from icpmodel.numerics.equilibration import (
+    equilibrated,
+    in_units,
+    in_units_exactly,
+    mean_exponents,
+    natural_exponents,
+    row_exponents,
+    symmetric_exponents,
+)
+from icpmodel.numerics.kernels.balancing import scale
+
+
+def random_matrix(seed, decades=200):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 8))
+    X = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.6)
+    return X * 2.0 ** rng.integers(-decades, decades + 1, size=(n, 1)) * 2.0 ** rng.integers(-decades, decades + 1, n)
+
+
+@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("made", [np.asarray, sp.csr_array])
+def test_the_largest_entries_of_rows_and_columns_get_one_size(seed, made):
+    X = random_matrix(seed)
+    rows = np.abs(np.ldexp(X, row_exponents(made(X))[:, None])).max(axis=1)
+    assert ((rows == 0) | ((rows >= 0.5) & (rows < 1))).all()
+    S, r, c = equilibrated(made(X))
+    dense = S.toarray() if sp.issparse(S) else S
+    assert np.array_equal(dense, np.ldexp(X, r[:, None] + c))
+    columns = np.abs(dense).max(axis=0)
+    assert ((columns == 0) | ((columns >= 0.5) & (columns < 1))).all()
+    assert np.abs(dense).max() < 1
+
+
+@pytest.mark.parametrize("made", [np.asarray, sp.csr_array])
+def test_dense_and_sparse_rows_have_the_same_exponents(made):
+    X = np.array([[0.0, 3.0], [0.0, 0.0], [-1e-310, 0.0]])
+    assert row_exponents(made(X), np.array([5, 1])).tolist() == [-3, 0, 1029 - 5]
+
+
+def test_scaling_is_exact_or_refused():
+    X = sp.csr_array([[1.0, 3e-308], [0.0, 1.0 + 2.0**-52]])
+    shift, none = np.array([-1, 0]), np.zeros(2, dtype=int)
+    scaled = in_units_exactly(X, -shift, shift)
+    assert np.array_equal(in_units(scaled, shift, -shift).toarray(), X.toarray())
+    for made in (X, X.toarray()):
+        assert in_units_exactly(made, np.array([-60, 0]), none) is None  # the last digits of 3e-308 are lost
+        assert in_units_exactly(made, none, np.array([1030, 0])) is None  # 2^1030 is infinite
+    assert np.isinf(in_units(X, none, np.array([1030, 0])).data).any()
+
+
+def test_symmetric_exponents_bring_the_diagonal_to_one():
+    d = np.array([1e-300, 0.3, 1.0, 7.0, 1e300, 0.0, -2.0])
+    e = symmetric_exponents(d)
+    assert (np.abs(np.log2(np.ldexp(d[:5], 2 * e[:5]))) <= 1).all()
+    assert e[5:].tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_natural_exponents_find_the_units_that_a_matrix_was_given(seed):
+    """D₁SD₂ with entries of S near 1 and a diagonal of S in [1, 2)."""
+    rng = np.random.default_rng(seed)
+    n = 6
+    S = rng.choice([-1.0, 1.0], size=(n, n)) * rng.uniform(1.0, 2.0, size=(n, n))
+    rows, columns = rng.integers(-200, 200, size=(2, n))
+    A = sp.csr_array(np.ldexp(S, rows[:, None] + columns))
+    back = np.abs(in_units(A, *natural_exponents(A)).toarray())
+    assert ((back.diagonal() >= 1) & (back.diagonal() < 2)).all()
+    assert (np.abs(np.log2(back)) <= 3).all()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_mean_exponents_and_balancing_bring_all_entries_together(seed):
+    rng = np.random.default_rng(seed)
+    S, (rows, columns) = rng.uniform(1.0, 2.0, size=(5, 5)), rng.integers(-200, 200, size=(2, 5))
+    X = np.ldexp(S, rows[:, None] + columns)
+    c = mean_exponents(X)
+    assert np.abs(np.log2(in_units(X, row_exponents(X, c), c))).max() <= 4
+    balanced, r, c = scale(X)
+    assert np.array_equal(balanced, in_units(X, r, c))
+    assert np.abs(np.log2(balanced)).max() <= 4

@@ -1,0 +1,69 @@
+"""The solver that fits a matrix: bands, borders, dense, sparse and large ones."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel.numerics.linear import solver_of
+
+
+def band(n):
+    return sp.diags_array([-np.ones(n - 1), 3.0 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1]).tocsr()
+
+
+def bordered(n):
+    A = band(n).tolil()
+    A[n // 2, :] = 0.01
+    A[n // 2, n // 2] = 5.0
+    return sp.csr_array(A)
+
+
+@pytest.mark.parametrize(
+    "M",
+    [
+        band(50),
+        bordered(300),
+        np.random.default_rng(0).normal(size=(20, 20)),
+        icp.scenes.membrane(n=900, skew=0.3).problem.A,
+        icp.scenes.membrane(n=230**2).problem.A,
+        icp.scenes.membrane(n=230**2, skew=0.3).problem.A,
+    ],
+    ids=["band", "border", "dense", "sparse", "multigrid", "multigrid, not symmetric"],
+)
+def test_the_solution_does_not_depend_on_the_units_of_the_rows(M):
+    M = sp.csr_array(M)
+    rng = np.random.default_rng(1)
+    f, units = rng.normal(size=M.shape[0]), rng.integers(-300, 300, size=M.shape[0])
+    scaled = sp.csr_array(sp.diags_array(np.ldexp(1.0, units)) @ M)
+    for A, right in ((M, f), (scaled, np.ldexp(f, units))):
+        assert np.allclose(M @ solver_of(A)(right, 1e-10), f, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "M",
+    [
+        np.zeros((3, 3)),
+        [[1.0, 1.0], [1.0, 1.0]],
+        [[np.nan, 0.0], [0.0, 1.0]],
+        sp.block_diag([band(40), np.zeros((2, 2))]),
+        sp.block_diag([bordered(300), np.ones((2, 2))]),
+    ],
+)
+def test_a_singular_matrix_has_no_solution(M):
+    M = sp.csr_array(M)
+    with np.errstate(all="ignore"):
+        assert solver_of(M)(np.ones(M.shape[0]), 1e-8) is None
+
+
+def test_no_equations_have_the_empty_solution():
+    assert solver_of(sp.csr_array((0, 0)))(np.zeros(0), 1e-8).size == 0
+
+
+def test_what_multigrid_cannot_do_is_factorised():
+    """No Krylov method gets to a residual of 0, and positive entries off the diagonal are not given to it."""
+    M = icp.scenes.membrane(n=900).problem.A
+    f = np.sin(np.arange(900.0))
+    for matrix in (M, abs(M)):
+        x = solver_of(sp.csr_array(matrix), multigrid_from=100)(f, 0.0)
+        assert np.linalg.norm(matrix @ x - f) <= 1e-9 * np.linalg.norm(f)

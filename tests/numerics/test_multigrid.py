@@ -1,0 +1,35 @@
+"""Krylov steps with multigrid: to the tolerance, or None."""
+
+import warnings
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel.numerics.multigrid import KrylovMultigrid, linear_solve
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.5])
+def test_it_reaches_the_tolerance_for_many_right_hand_sides(skew):
+    A = icp.scenes.membrane(n=2500, skew=skew).problem.A
+    solver = KrylovMultigrid(A)
+    for seed, tolerance in enumerate((1e-2, 1e-6, 1e-10)):
+        f = np.random.default_rng(seed).normal(size=2500)
+        assert np.linalg.norm(A @ solver.solve(f, tolerance) - f) <= 2 * tolerance * np.linalg.norm(f)
+
+
+def test_what_is_not_reached_is_none():
+    A = icp.scenes.membrane(n=2500).problem.A
+    f = np.random.default_rng(0).normal(size=2500)
+    assert KrylovMultigrid(A).solve(f, 1e-10, maxiter=2) is None
+
+
+@pytest.mark.parametrize("A", [[[1.0, -1.0], [-1.0, 1.0]], [[1.0, 2.0], [2.0, 1.0]], [[-1.0]]])
+def test_singular_and_indefinite_matrices_warn_of_nothing(A):
+    A, f = sp.csr_array(A), np.arange(1.0, 1.0 + len(A))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        x = KrylovMultigrid(A).solve(f, 1e-8)
+        linear_solve(A, f)
+    assert x is None or np.allclose(A @ x, f, rtol=1e-7)

@@ -1,0 +1,84 @@
+"""Tables and cards: nothing is lost, numbers align, HTML is escaped, CSV goes through without loss."""
+
+import csv
+import io
+import re
+
+from icpmodel.present import Card, Table
+from icpmodel.present import terminal as of_terminal
+
+TABLE = Table(
+    "Times [s] of <all>",
+    ("who", "n", "time, s", "note"),
+    (
+        ("psor", 900, 0.123456789, 'says "solved" & is not, which is told at some length'),
+        ("multilevel", 1_000_000, None, ""),
+        ("[bold]x[/bold]", 7, 1e-20, "ok"),
+    ),
+)
+
+
+class Screen(io.StringIO):
+    """A terminal."""
+
+    def isatty(self):
+        return True
+
+
+def test_numbers_end_and_texts_begin_in_one_column():
+    title, heads, *rows = str(TABLE).splitlines()
+    assert title == TABLE.title
+    assert rows[0].index("says") == heads.index("note")
+    assert {row.index(n) + len(n) for row, n in zip(rows, ("900", "1000000", "7"), strict=True)} == {
+        heads.index("n ") + 1
+    }
+    assert rows[1].split() == ["multilevel", "1000000", "-"]
+    assert rows[2].startswith("[bold]x[/bold]")
+
+
+def test_in_a_file_no_line_is_wrapped():
+    long = Table("t", ("a", "b"), (("x" * 500, "y " * 500),))
+    assert len(str(long).splitlines()) == 3
+    assert "x" * 500 in str(long)
+
+
+def test_on_a_terminal_lines_fit_and_nothing_is_lost(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    monkeypatch.setattr("sys.stdout", Screen())
+    lines = str(TABLE).splitlines()
+    assert max(map(len, lines)) <= 60
+    for row in TABLE.rows:
+        for word in str(row[3]).split():
+            assert any(word in line for line in lines)
+    assert any("0.1235" in line for line in lines)
+    assert max(map(len, str(Card({"row": "word " * 80})).splitlines())) <= 60
+
+
+def test_where_there_is_no_standard_output_texts_are_still_made(monkeypatch):
+    monkeypatch.setattr("sys.stdout", None)
+    assert of_terminal.width(77) == 77
+    assert str(TABLE)
+
+
+def test_html_has_all_cells_escaped():
+    page = TABLE.to_html()
+    assert "<caption>Times [s] of &lt;all&gt;</caption>" in page
+    assert "says &#34;solved&#34; &amp; is not" in page
+    cells = re.findall(r"<td[^>]*>([^<]*)</td>", page)
+    assert len(cells) == 12
+    assert cells[1:3] == ["900", "0.1235"]
+    assert page.count("text-align:right") == 6
+    assert "&lt;b&gt;" in Card({"x": "<b>"}).to_html()
+
+
+def test_csv_has_numbers_in_full():
+    heads, *rows = csv.reader(io.StringIO(TABLE.to_csv()))
+    assert tuple(heads) == TABLE.heads
+    assert float(rows[0][2]) == 0.123456789
+    assert rows[0][3] == TABLE.rows[0][3]
+    assert rows[1][2] == ""
+
+
+def test_a_table_without_rows_and_a_card_without_text_are_shown():
+    assert str(Table("", ("a", "b"), ())).split() == ["a", "b"]
+    assert str(Card({"empty": ""})) == "empty"

@@ -1,0 +1,108 @@
+"""`Solution.polish`: the answer to rounding accuracy from the certified active set."""
+
+import numpy as np
+import pytest
+
+import icpmodel as icp
+from icpmodel.algebra.equations import solve_on
+
+
+class TestPolish:
+    @pytest.mark.parametrize("name", [n for n in icp.scenes.names() if icp.scenes.scene(n).z_exact is not None])
+    def test_a_rough_answer_becomes_exact_to_rounding(self, name):
+        scene = icp.scenes.scene(name, 100 if "n" in icp.scenes.parameters(name) else None)
+        rough = scene.problem.solve(rtol=1e-3, raise_on_failure=False)
+        fine = rough.polish()
+        size = max(1.0, np.abs(scene.z_exact).max())
+        if not rough.active_set.undecided.any() or name == "hand-degenerate":
+            assert np.abs(fine.z - scene.z_exact).max() <= 1e-13 * size
+            if fine.error_bound is not None and name != "hard-scaled":  # there rounding alone is more than that
+                assert fine.error_bound <= 1e-11 * size
+        assert fine.residual <= rough.residual
+        assert fine.solved
+
+    def test_it_says_what_it_did_and_leaves_a_good_answer_alone(self):
+        problem = icp.ICP([[2, -1], [-1, 2]], [-1, 3])
+        rough = problem.solve("mnmgs", rtol=0.1)
+        fine = rough.polish()
+        assert "polished by one linear solve" in fine.why
+        assert fine.polish() is fine
+        assert not fine.z.flags.writeable
+
+    def test_a_run_that_failed_is_solved_where_the_polished_answer_is(self):
+        rough = icp.scenes.membrane(n=400).problem.solve("mnmgs", max_iter=150, raise_on_failure=False)
+        assert rough.status is icp.Status.ITERATION_LIMIT
+        assert rough.polish().status is icp.Status.SOLVED
+
+    def test_what_it_cannot_finish_it_says(self):
+        problem = icp.scenes.manufactured_elementwise(n=100).problem
+        rough = problem.solve("mnmgs", rtol=0.0, atol=0.0, max_iter=2, raise_on_failure=False)
+        fine = rough.polish()
+        assert fine.status is icp.Status.ITERATION_LIMIT
+        assert fine.residual < rough.residual
+        assert f"polished to a residual of {fine.residual:.3g}" in fine.message
+
+    def test_it_computes_no_bound_where_none_was_wanted(self):
+        rough = icp.ICP([[2, -1], [-1, 2]], [-1, 3]).solve("mnmgs", rtol=0.1).without_bound()
+        fine = rough.polish()
+        assert fine.residual < rough.residual
+        assert fine.certificate.bound.reason == "it was not computed"
+        assert "it was not computed" in str(fine)
+
+    @pytest.mark.parametrize("size", [1e-150, 1.0, 1e10, 1e150, 1e250])
+    def test_large_units_of_p_do_not_hide_the_better_answer(self, size):
+        """Rounding may make |p| larger than any r, so that the residual grows while the certified error falls."""
+        rng = np.random.default_rng(0)
+        for _ in range(20):
+            A = np.array([[4.0, -1.0], [-2.0, 4.0]]) + rng.uniform(-0.3, 0.3, (2, 2))
+            problem = icp.ICP(size * A, size * np.array([-3.0, 2.0]), 0.1)
+            rough = problem.solve("mnmgs", max_iter=2, raise_on_failure=False)
+            assert not rough.active_set.undecided.any()
+            assert rough.error_bound > 1e-4
+            assert rough.polish().error_bound < 1e-14
+
+    def test_a_row_that_is_proved_takes_its_side_though_z_is_nearer_to_the_other(self):
+        """z* = 0 touches with p* = 1; at z = 2 r = 3.8 > p = 3, and p > 2 proves p* > 0."""
+        rough = icp.ICP([[1.0]], [1.0], icp.Affine([[-0.9]])).solve(z0=[2.0], max_iter=0, raise_on_failure=False)
+        assert rough.active_set.active.tolist() == [True]
+        assert rough.polish().z == pytest.approx([0.0], abs=1e-15)
+
+    @pytest.mark.parametrize(("accuracy", "status"), [(1e-20, "ITERATION_LIMIT"), (1e-9, "SOLVED")])
+    def test_it_is_solved_only_where_the_accuracy_is_reached(self, accuracy, status):
+        problem = icp.scenes.membrane(n=100).problem
+        rough = problem.solve("mnmgs", accuracy=accuracy, max_iter=40, raise_on_failure=False)
+        assert rough.status.name == "ITERATION_LIMIT"
+        fine = rough.polish()
+        assert fine.error_bound < 1e-12
+        assert fine.status.name == status
+
+    def test_an_answer_that_is_solved_stays_solved(self):
+        """In units of p that make any rounding larger than `atol`, the better z is not what was asked for."""
+        rng = np.random.default_rng(0)
+        for _ in range(20):
+            A = np.array([[4.0, -1.0], [-2.0, 4.0]]) + rng.uniform(-0.3, 0.3, (2, 2))
+            problem = icp.ICP(1e150 * A, np.array([-3e150, 2e150]), 0.1)
+            fine = problem.solve("mnmgs", rtol=0.0, atol=1.0).polish()
+            assert fine.solved
+            assert fine.residual <= 1.0
+
+    def test_a_singular_active_set_is_no_candidate(self):
+        with pytest.raises(icp.SingularOperator):
+            solve_on(icp.ICP([[0.0]], [1.0]), np.zeros(1), np.array([False]))
+        rough = icp.ICP([[0.0]], [-1.0]).solve("mnmgs", phi2=1.0, max_iter=3, raise_on_failure=False)
+        fine = rough.polish()
+        assert fine.z is rough.z
+        assert "not polished: " in fine.why
+
+    def test_a_derivative_that_fails_is_named_and_the_answer_kept(self):
+        psi = icp.Elementwise(lambda z: 0.3 * np.sin(z), lambda z: z[:1], 0.3)
+        rough = icp.ICP([[2, -1], [-1, 2]], [-1, -2], psi).solve("mnmgs", rtol=0.1)
+        fine = rough.polish()
+        assert (fine.z is rough.z, fine.status) == (True, rough.status)
+        assert "not polished: psi.derivative(z) has shape (1,)" in str(fine)
+
+    def test_what_is_hardly_better_is_not_called_polished(self):
+        """The cycled run of a P-matrix: the other candidate has the same residual, and a bound smaller by 1e-15."""
+        rough = icp.scenes.hand_cyclic().problem.solve("mnmgs", raise_on_failure=False)
+        assert rough.status is icp.Status.CYCLED
+        assert rough.polish() is rough

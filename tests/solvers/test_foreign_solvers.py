@@ -1,0 +1,186 @@
+"""Every foreign solver finds what is known, in any units, and says why it does not."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import icpmodel as icp
+from icpmodel.errors import InputError
+from icpmodel.solvers import Claim, ForeignSolver, Target, ask, chosen_solvers, foreign_solvers
+from icpmodel.solvers.active_set import ColdActiveSet
+from icpmodel.solvers.formulations import in_handy_units
+
+NATIVE = ("osqp", "osqp, not polished", "clarabel", "piqp", "scs", "active set, cold", "highs")
+NAMES = (*NATIVE, "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs", "pyomo-ipopt")
+
+
+def solved(name: str, problem: icp.ICP, tolerance: float = 1e-11) -> np.ndarray | str:
+    """The solver's z for `problem` in its own units, or the reason why it has none."""
+    handy, unit = in_handy_units(problem)
+    solver, target = foreign_solvers()[name], Target(handy)
+    if solver.package is not None and name in NATIVE:
+        pytest.importorskip(solver.package)
+    reason = solver.why_not(target)
+    if reason is not None:
+        return reason
+    claim = ask(solver, target, tolerance, 20.0)
+    assert claim.solved, claim.words
+    assert claim.setup is not None
+    assert 0 <= claim.setup <= claim.seconds
+    return np.asarray(claim.z) * unit
+
+
+def random_lcp(seed: int, n: int = 12, symmetric: bool = False) -> tuple[icp.ICP, np.ndarray]:
+    """A positive definite, an obstacle, −inf in two rows, and the solution by construction."""
+    random = np.random.default_rng(seed)
+    B = random.normal(size=(n, n))
+    A = B @ B.T / n + np.eye(n)
+    if not symmetric:
+        A += np.triu(random.normal(size=(n, n)), 1) / n
+    z, touches = random.normal(size=n), random.permutation(n) < n // 2
+    force, gap = random.uniform(0.5, 2, n), random.uniform(0.5, 2, n)
+    psi = np.where(touches, z, z - gap)
+    psi[np.flatnonzero(~touches)[:2]] = -np.inf
+    return icp.ICP(A, np.where(touches, force, 0.0) - A @ z, psi), z
+
+
+@pytest.mark.parametrize("solver", [name for name in NATIVE if name != "osqp, not polished"])
+@pytest.mark.parametrize("name", ["hand-lcp", "hand-free", "hand-degenerate", "hand-negative", "hand-affine"])
+def test_a_solver_finds_what_was_found_by_hand(solver: str, name: str) -> None:
+    scene = icp.scenes.scene(name)
+    z = solved(solver, scene.problem)
+    if isinstance(z, str):
+        assert solver == "active set, cold"
+        assert not scene.problem.is_lcp
+    else:
+        # where p = r = 0 an interior point is off by the root of its tolerance
+        assert z == pytest.approx(scene.z_exact, abs=1e-5 if name == "hand-degenerate" else 1e-6)
+
+
+@pytest.mark.parametrize("solver", ["osqp", "clarabel", "piqp", "scs", "active set, cold"])
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("unit", [1.0, 1e80])
+def test_a_solver_finds_the_solution_by_construction_in_any_units(solver: str, symmetric: bool, unit: float) -> None:
+    """Free rows, obstacles of any sign; A times u, q times u² and ψ times u have the solution uz."""
+    for seed in range(3):
+        problem, z = random_lcp(seed, symmetric=symmetric)
+        found = solved(solver, icp.ICP(unit * problem.A, unit**2 * problem.q, unit * problem.psi.c))
+        assert not isinstance(found, str)
+        assert found / unit == pytest.approx(z, abs=1e-7)
+
+
+def test_the_cold_active_set_says_why_it_stops() -> None:
+    """No claim of success where its time is up, its set repeats, or its system has no solution."""
+
+    def asked(problem: icp.ICP, tolerance: float = 1e-9, time_limit: float = 1.0) -> Claim:
+        return ask(ColdActiveSet(), Target(problem), tolerance, time_limit)
+
+    assert asked(icp.scenes.hand_lcp().problem, time_limit=0.0).words == "time limit"
+    third = asked(icp.ICP([[3.0]], [-0.7]), 1e-300)
+    assert third.solved or third.words == "the active set repeats"
+    assert "singular" in asked(icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, -2.0])).words
+
+
+# --- the contract ------------------------------------------------------------------------------------------------
+
+
+def test_every_solver_of_the_room_is_found_by_name_and_asked_by_those_that_it_names() -> None:
+    known = foreign_solvers()
+    assert set(NAMES) <= set(known)
+    assert list(known) == sorted(known)
+
+    def asked(asker: str) -> set[str]:
+        return {one.name for one in chosen_solvers(None, asker)} & set(NAMES)
+
+    assert asked("crosscheck") == {"osqp", *(name for name in NAMES if name.startswith(("cvxpy", "pyomo")))}
+    assert asked("benchmark") == {"osqp", "clarabel", "piqp", "scs", "active set, cold"}
+    assert asked("race") == set(NATIVE)
+
+
+def test_finding_the_solvers_loads_no_foreign_package() -> None:
+    code = (
+        "import sys, icpmodel as icp; icp.solvers.foreign_solvers();"
+        "print([m for m in ('osqp', 'cvxpy', 'pyomo', 'highspy', 'clarabel', 'scs', 'piqp') if m in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+class Exact(ForeignSolver):
+    """A solver from outside of the package: it knows the answer of z ↦ 2z − 1, in any units."""
+
+    name, forms, asked_by = "test-exact", ("mpec",), ()
+    tight = (1e-3,)
+
+    def set_up(self, target: Target, tolerance: float, time_limit: float) -> icp.problem.data.ProblemData:
+        return target.problem
+
+    def run(self, model: icp.problem.data.ProblemData) -> Claim:
+        return Claim(-model.q / model.A.diagonal(), "by heart", True)
+
+
+def test_a_solver_from_outside_is_found_by_its_name() -> None:
+    assert isinstance(foreign_solvers()["test-exact"], Exact)
+    assert [one.name for one in chosen_solvers(["test-exact", "osqp", "test-exact"])] == ["test-exact", "osqp"]
+    row = icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["test-exact"]).rows[0]
+    assert (row.solver, row.formulation, row.claim, row.verdict.value) == ("test-exact", "MPEC", "by heart", "agrees")
+    assert "test-exact" not in {row.solver for row in icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5]).rows}
+
+
+def test_an_unknown_name_is_told_the_known_ones() -> None:
+    with pytest.raises(InputError, match=r"solvers has 'gurobi'; one of .*'osqp, not polished', .* was expected"):
+        chosen_solvers(["gurobi"])
+    with pytest.raises(InputError, match="solvers has a int; names or ForeignSolver objects"):
+        chosen_solvers([3])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize("name", ["osqp", "clarabel", "scs", "piqp", "highs", "cvxpy-clarabel", "pyomo-highs"])
+def test_a_missing_package_is_a_sentence(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    solver = foreign_solvers()[name]
+    assert solver.package is not None
+    monkeypatch.setitem(sys.modules, solver.package, None)
+    reason = solver.why_not(Target(icp.ICP([[2.0]], [-1.0])))
+    assert reason == f"{solver.package} is not installed: pip install {solver.package}"
+
+
+def test_what_a_solver_raises_becomes_its_words_and_an_interruption_passes() -> None:
+    class Broken(Exact):
+        error: BaseException = KeyError("no such key")
+
+        def run(self, model: object) -> Claim:
+            raise self.error
+
+    target = Target(icp.ICP([[2.0]], [-1.0]))
+    claim = ask(Broken(), target, 1e-3, 1.0)
+    assert (claim.z, claim.words, claim.solved) == (None, "KeyError: 'no such key'", False)
+    Broken.error = KeyboardInterrupt()
+    with pytest.raises(KeyboardInterrupt):
+        ask(Broken(), target, 1e-3, 1.0)
+
+
+class Picky(Exact):
+    """Succeeds at the last of its tolerances only, as HiGHS, which calls a problem infeasible at a tight one."""
+
+    tight = (1e-12, 1e-9, 1e-6)
+    asked: list[float]
+
+    def set_up(self, target: Target, tolerance: float, time_limit: float) -> object:
+        self.asked = [*getattr(self, "asked", []), tolerance]
+        return target.problem, tolerance
+
+    def run(self, model: object) -> Claim:
+        problem, tolerance = model  # type: ignore[misc]
+        found = super().run(problem)
+        return found if tolerance == 1e-6 else replace(found, words="infeasible", solved=False)
+
+
+def test_a_failure_at_a_tight_tolerance_is_repeated_more_loosely_and_told() -> None:
+    solver = Picky()
+    report = icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], [solver])
+    assert solver.asked == [1e-12, 1e-9, 1e-6]
+    assert report.agrees
+    assert report.rows[0].claim == "by heart, at 1e-06"

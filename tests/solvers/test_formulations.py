@@ -1,0 +1,79 @@
+"""What foreign solvers are given: units without rounding, bounds that hold, and QPs."""
+
+import numpy as np
+import pytest
+
+import icpmodel as icp
+from icpmodel.solvers.formulations import Target, in_handy_units, targets
+
+
+def test_the_bounds_of_the_big_m_form_come_from_the_certificate_at_zero():
+    """p ≤ |q| + |A|δ and r ≤ δ + |G|δ + |c| with |z*| ≤ δ, and they hold for the solution."""
+    pyomo = pytest.importorskip("pyomo.environ")
+    scene = icp.scenes.manufactured_affine(n=25)
+    problem, psi, target = scene.problem, scene.problem.psi, Target(scene.problem)
+    delta = target.at_zero.componentwise
+    z_max, p_max, r_max = target.bounds
+    assert z_max == pytest.approx(delta, rel=1e-6)
+    assert p_max == pytest.approx(np.abs(problem.q) + abs(problem.A) @ delta, rel=1e-6)
+    assert (r_max <= (delta + abs(psi.G) @ delta + np.abs(psi.c)) * (1 + 1e-6)).all()
+    assert (problem.p(scene.z_exact) <= p_max).all()
+    assert (problem.r(scene.z_exact) <= r_max).all()
+    model, _ = icp.solvers.foreign_solvers()["pyomo-highs"].set_up(target, 1e-8, 1.0)
+    for variables, bound in ((model.z, z_max), (model.p, p_max), (model.r, r_max)):
+        assert [pyomo.value(one.ub) for one in variables.values()] == bound.tolist()
+
+
+def test_handy_units_keep_the_lipschitz_matrix():
+    handy, unit = in_handy_units(icp.ICP([[4e6]], [-3e9], psi=icp.Elementwise(np.sin, lipschitz=0.5)))
+    assert unit != 1.0
+    assert handy.psi.lipschitz is not None
+    assert handy.psi.lipschitz.toarray() == [[0.5]]
+
+
+@pytest.mark.parametrize("psi", [0.25, icp.Affine([[0.0, 0.5], [0.0, 0.0]], [1.0, -np.inf]), lambda z: 0.5 * z[::-1]])
+def test_handy_units_are_another_way_to_write_the_same_problem(psi):
+    problem = icp.ICP([[4e6, 1e6], [0.0, 3e6]], [-3e9, 1e9], psi)
+    handy, unit = in_handy_units(problem)
+    z = np.array([700.0, -300.0])
+    scale = problem.A[0, 0] / handy.A[0, 0]
+    assert np.log2(unit).is_integer()
+    assert np.log2(scale).is_integer()
+    assert (handy.p(z / unit) * scale * unit == problem.p(z)).all()
+    assert (handy.r(z / unit) * unit == problem.r(z)).all()
+
+
+@pytest.mark.parametrize("size", [1e-300, 1.7e308])
+def test_data_at_the_edge_of_the_floats_has_units(size):
+    handy, unit = in_handy_units(icp.ICP([[1.0]], [-size]))
+    assert np.isfinite(handy.q).all()
+    assert 0 < unit < np.inf
+
+
+def test_a_qp_is_made_once_and_its_optimum_is_the_solution():
+    target = Target(icp.ICP([[2.0, 1.0], [0.0, 2.0]], [-1.0, 0.0]))
+    qp = target.qp("gap")
+    assert qp is target.qp("gap")
+    z = np.array([0.5, 0.0])
+    assert (qp.K @ z >= qp.lower).all()
+    assert 0.5 * z @ qp.P @ z + qp.q @ z == 0.0
+
+
+def test_the_equations_of_a_qp_come_first_in_its_conic_form():
+    qp = Target(icp.ICP(np.diag([1.0, 2.0, 3.0]), [1.0, 2.0, 3.0], [0.0, -np.inf, 0.0])).qp("gap")
+    M, b, equations = qp.conic()
+    assert equations == 1
+    assert M.toarray()[0].tolist() == [0.0, -2.0, 0.0]
+    assert b[0] == 2.0
+    assert sorted(map(tuple, np.c_[M.toarray(), b])) == sorted(map(tuple, np.c_[-qp.K.toarray(), -qp.lower]))
+
+
+def test_a_moving_obstacle_that_is_not_finite_cannot_be_frozen():
+    problem = icp.ICP([[1.0]], [-1.0], icp.Affine([[0.5]], 1.0))
+    assert [target.frozen for target in targets(problem, np.array([1.0]))] == [False, True]
+    assert [target.frozen for target in targets(problem, np.array([np.inf]))] == [False]
+
+
+def test_uniqueness_is_proved_or_not_claimed():
+    assert not Target(icp.ICP([[1.0, 2.0], [2.0, 1.0]], [-1.0, -1.0])).unique
+    assert Target(icp.ICP([[1.0, 0.9, 0.9], [0.9, 1.0, 0.9], [0.9, 0.9, 1.0]], [-1.0, -1.0, -1.0])).unique
