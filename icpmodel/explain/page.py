@@ -13,7 +13,7 @@ from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import as_number
 from ..numerics.rounding import UNIT_ROUNDOFF, at_most
-from ..present.sections import Sections, inner_width
+from ..present.card import Sections, inner_width
 from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.choice import candidates

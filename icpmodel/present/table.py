@@ -59,6 +59,10 @@ class Table:
         console.print(grid, crop=False)
         return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
 
+    def records(self) -> list[dict[str, Any]]:
+        """The rows as head → cell."""
+        return [dict(zip(self.heads, row, strict=True)) for row in self.rows]
+
     def to_html(self) -> str:
         """The table as HTML, with the title as its caption."""
         numbers = [not self._is_text(k) for k in range(len(self.heads))]

@@ -25,25 +25,14 @@ from .charts.map_chart import map_figure
 from .planes import PLANES, Plane
 from .planes import plane as plane_named
 
+#: a proof is contradicted by these; "slow" and "precision limit" are what a factor near 1 and rounding do to it
+_AGAINST = ("stagnated", "cycled", "diverged", "overflowed")
 #: how a run can end, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
-ENDS = (
-    "solved",
-    "slow",
-    "precision limit",
-    "psi failed",
-    "stagnated",
-    "cycled",
-    "diverged",
-    "overflowed",
-    "refused",
-    "not run",
-)
+ENDS = ("solved", "slow", "precision limit", "psi failed", *_AGAINST, "refused", "not run")
 #: the theorems that prove convergence from every start; "monotone" needs a special one
 GLOBAL = tuple(name for name in theorems() if name != "monotone")
 #: those that the paper prints otherwise
 PRINTED = ("4.2", "4.3", "4.4")
-#: a proof is contradicted by these; "slow" and "precision limit" are what a factor near 1 and rounding do to it
-_AGAINST = ("stagnated", "cycled", "diverged", "overflowed")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

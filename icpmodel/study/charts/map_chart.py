@@ -37,8 +37,8 @@ def map_figure(
 ) -> Figure:
     """Steps as colours, failures as signs on white, and a line around the points where each theorem proves convergence.
 
-    A red line encloses what the paper, as printed, says to converge, where that is more than is proved.
-    Parameters: as `StabilityMap` has them, `printed` of all theorems together. Returns a matplotlib figure.
+    A red line encloses what the paper, as printed, says to converge, where that is more than is proved; `printed` is
+    the mask of all its theorems together.
     """
     from matplotlib.colors import LogNorm
     from matplotlib.lines import Line2D
@@ -60,41 +60,28 @@ def map_figure(
             style: dict[str, Any] = {"linestyle": "", "marker": sign, "color": "0.25"}
             axes.plot(X[here], Y[here], markersize=5, **style)
             handles.append(Line2D([], [], markersize=7, label=words.format(max_iter=max_iter), **style))
-    for names, mask in _alike(proved):
-        colour, dashes = _LINES[names[-1]]
+    alike: dict[bytes, list[str]] = {}  # theorems that prove the same points have one line
+    for name, mask in proved.items():
+        alike.setdefault(mask.tobytes(), []).append(name)
+    for names in alike.values():
+        mask, (colour, dashes) = proved[names[0]], _LINES[names[-1]]
         if _outline(axes, x, y, mask, colors=[colour], linestyles=[dashes], linewidths=2.0):
             label = f"proved: {', '.join(names)}"
             handles.append(Line2D([], [], color=colour, linestyle=dashes, linewidth=2.0, label=label))
     if (printed & ~np.any([*proved.values()], axis=0)).any():
         _outline(axes, x, y, printed, colors=[_FALSE], linewidths=3.0, zorder=1.5)
         handles.append(Line2D([], [], color=_FALSE, linewidth=3.0, label="said to converge, as printed (false)"))
-    axes.set_xscale("log" if x.log else "linear")
-    axes.set_yscale("log" if y.log else "linear")
-    axes.set_xlabel(x.label)
-    axes.set_ylabel(y.label)
+    axes.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear", xlabel=x.label, ylabel=y.label)
     axes.set_title(plane.title, fontsize=10)
     legend_below(figure, 3, handles=handles)
     return figure
-
-
-def _alike(masks: dict[str, Any]) -> list[tuple[list[str], Any]]:
-    """Theorems that prove the same points, together."""
-    groups: list[tuple[list[str], Any]] = []
-    for name, mask in masks.items():
-        for names, other in groups:
-            if (mask == other).all():
-                names.append(name)
-                break
-        else:
-            groups.append(([name], mask))
-    return groups
 
 
 def _edges(axis: Axis) -> Any:
     """The borders of the cells around the values."""
     t = np.log(axis.values) if axis.log else axis.values
     middle = 0.5 * (t[1:] + t[:-1])
-    edges = np.concatenate([[t[0] - (middle[0] - t[0])], middle, [t[-1] + (t[-1] - middle[-1])]])
+    edges = np.concatenate([[2.0 * t[0] - middle[0]], middle, [2.0 * t[-1] - middle[-1]]])
     return np.exp(edges) if axis.log else edges
 
 

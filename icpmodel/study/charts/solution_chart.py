@@ -33,17 +33,12 @@ def solution_figure(solution: Solution, points: Vector | None = None) -> Figure:
     if points is not None and np.shape(points) not in ((n,), (n, 2)):
         raise InputError(f"points has shape {np.shape(points)}; ({n},) or ({n}, 2) was expected")
     contact = nearer_to_obstacle(solution.problem, solution.z)
-    if points is not None and np.ndim(points) == 2:
-        figure = new_figure(9.6, 4.2)
-        _plane(figure, solution, points, contact)
-    else:
-        figure = new_figure(8.2, 5.0)
-        _line(figure, solution, points, contact)
-    return figure
+    flat = points is None or np.ndim(points) == 1
+    return _line(solution, points, contact) if flat else _plane(solution, points, contact)
 
 
-def _line(figure: Figure, solution: Solution, points: Vector | None, contact: Any) -> None:
-    n = solution.problem.n
+def _line(solution: Solution, points: Vector | None, contact: Any) -> Figure:
+    figure, n = new_figure(8.2, 5.0), solution.problem.n
     x = np.arange(n, dtype=np.float64) if points is None else points
     style = {"drawstyle": "steps-mid"} if points is None else {}
     if n <= 60:
@@ -66,29 +61,30 @@ def _line(figure: Figure, solution: Solution, points: Vector | None, contact: An
     below.set_xlabel("row" if points is None else "x")
     if points is None:
         below.locator_params(axis="x", integer=True)
+    return figure
 
 
-def _plane(figure: Figure, solution: Solution, points: Vector, contact: Any) -> None:
+def _plane(solution: Solution, points: Any, contact: Any) -> Figure:
+    figure = new_figure(9.6, 4.2)
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     x, y = points[:, 0], points[:, 1]
     columns, rows = np.unique(x), np.unique(y)
     regular = columns.size * rows.size == x.size
-    for axes, values, title, colours in (
-        (left, solution.z, "z, contact set outlined", "viridis"),
-        (right, solution.p, "p", "cividis"),
-    ):
+
+    def field(values: Any) -> Any:
+        found = np.empty((rows.size, columns.size))
+        found[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
+        return found
+
+    halves = (left, solution.z, "z, contact set outlined", "viridis"), (right, solution.p, "p", "cividis")
+    for axes, values, title, colours in halves:
         if regular:
-            field = np.empty((rows.size, columns.size))
-            field[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
-            shown = axes.pcolormesh(columns, rows, field, cmap=colours, shading="nearest", rasterized=True)
+            shown = axes.pcolormesh(columns, rows, field(values), cmap=colours, shading="nearest", rasterized=True)
         else:
             shown = axes.scatter(x, y, c=values, cmap=colours, s=4, rasterized=True)
         figure.colorbar(shown, ax=axes, pad=0.01)
-        axes.set_title(title)
-        axes.set_aspect("equal")
-        axes.set_xlabel("x")
+        axes.set(title=title, aspect="equal", xlabel="x")
     left.set_ylabel("y")
     if regular and contact.any() and not contact.all() and min(columns.size, rows.size) > 1:
-        mask = np.zeros((rows.size, columns.size))
-        mask[np.searchsorted(rows, y), np.searchsorted(columns, x)] = contact
-        left.contour(columns, rows, mask, [0.5], colors="white", linewidths=1.5)
+        left.contour(columns, rows, field(contact), [0.5], colors="white", linewidths=1.5)
+    return figure
