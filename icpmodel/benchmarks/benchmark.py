@@ -13,10 +13,11 @@ import numpy as np
 from ..errors import Interrupted
 from ..numerics.arrays import as_number
 from ..present.table import Table
+from ..scenes import names
 from ..solve.driver import RTOL
 from ..solve.progress import status_line
 from ..solvers.contract import Claim, chosen_solvers
-from ..study.cases import Case, as_scenes, as_sizes, cases, gallery
+from ..study.cases import VARIANTS, Case, as_scenes, as_sizes, cases
 from ..study.charts.table_charts import WORST
 from ..study.competitors import Competitor, Foreign, Solve, limits, own_methods
 from ..study.timing import as_repeats, in_turn, machine, spread
@@ -224,7 +225,7 @@ def _measured(
     progress: bool,
     summary: Callable[[list[Record]], Table],
 ) -> Table:
-    texts, wanted = as_scenes(scenes) or gallery(), as_sizes(sizes)
+    texts, wanted = as_scenes(scenes) or tuple(sorted([*names(), *VARIANTS])), as_sizes(sizes)
     try:
         with status_line(progress) as say:
             for text, n, case in cases(texts, tuple(sorted(wanted))):

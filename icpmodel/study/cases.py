@@ -14,7 +14,7 @@ from ..errors import IcpError, InputError
 from ..icp import ICP
 from ..numerics.arrays import as_list, as_number
 from ..problem.data import ProblemData
-from ..scenes import Scene, names, parameters, scene
+from ..scenes import Scene, parameters, scene
 from ..solve.solution import Solution, Status
 from ..solvers.formulations import Target, in_handy_units
 
@@ -27,11 +27,6 @@ VARIANTS = (
     "manufactured-affine,mu=0",
     "manufactured-elementwise,mu=0",
 )
-
-
-def gallery() -> tuple[str, ...]:
-    """Every scene, and `VARIANTS`."""
-    return tuple(sorted([*names(), *VARIANTS]))
 
 
 def built(text: str, n: int | None) -> Scene:

@@ -77,11 +77,11 @@ def in_turn(
             yield name, calls[name]()
 
 
+@dataclass(frozen=True)
 class Timings(Generic[Name]):
     """`seconds` of named calls, one for each round."""
 
-    def __init__(self, seconds: Mapping[Name, list[float]]) -> None:
-        self.seconds = {name: np.array(taken) for name, taken in seconds.items()}
+    seconds: dict[Name, Vector]
 
     def median(self, name: Name, unit: float = 1.0) -> float:
         """The median of the seconds, in units of `unit` seconds."""
@@ -93,17 +93,14 @@ class Timings(Generic[Name]):
 
 
 def timed(calls: Mapping[Name, Callable[[], Any]], rounds: int, *, warm: bool = True) -> Timings[Name]:
-    """The `calls` in turn for `rounds`, if `warm` after a first one, which compiles and pays for fresh memory.
-
-    Each returns something that has `seconds`.
+    """The `calls`, whose results have `seconds`, in turn; if `warm` after a first one, which compiles and pays for
+    fresh memory.
     """
     if warm:
         for call in calls.values():
             call()
-    seconds: dict[Name, list[float]] = {name: [] for name in calls}
-    for name, run in in_turn(calls, rounds):
-        seconds[name].append(run.seconds)
-    return Timings(seconds)
+    runs = list(in_turn(calls, rounds))
+    return Timings({name: np.array([run.seconds for one, run in runs if one == name]) for name in calls})
 
 
 def as_repeats(repeats: int) -> int:

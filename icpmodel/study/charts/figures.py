@@ -71,12 +71,10 @@ class Charted(ABC):
     command: str
 
     @abstractmethod
-    def table(self) -> Table:
-        """The numbers."""
+    def table(self) -> Table: ...
 
     @abstractmethod
-    def figure(self) -> Figure:
-        """The picture, a matplotlib figure."""
+    def figure(self) -> Figure: ...
 
     def plot(self, path: Any) -> list[Path]:
         """Write the picture, PNG and SVG, and the numbers, CSV with the command in its first line.
