@@ -59,6 +59,9 @@ class Record:
         return float(np.median(self.seconds))
 
 
+_Summary = Callable[[list[Record]], Table]
+
+
 def benchmark(
     scenes: Sequence[str] = (),
     sizes: Sequence[int] = (1_000, 10_000, 100_000),
@@ -88,7 +91,7 @@ def benchmark(
     """
     if entrants is None:
         entrants = [Solve(), *map(Foreign, chosen_solvers(None, "benchmark")), *own_methods(), *limits()]
-    return _measured(_Measurement(entrants, repeats, time_limit), scenes, sizes, progress, _comparison)
+    return _Measurement(entrants, repeats, time_limit).over(scenes, sizes, progress, _comparison)
 
 
 def dispatch(
@@ -113,7 +116,7 @@ def dispatch(
     """
     if entrants is None:
         entrants = [Solve(), *own_methods()]
-    return _measured(_Measurement(entrants, repeats, time_limit), scenes, sizes, progress, _choice)
+    return _Measurement(entrants, repeats, time_limit).over(scenes, sizes, progress, _choice)
 
 
 def faster_peers(table: Table) -> list[str]:
@@ -142,6 +145,20 @@ class _Measurement:
         #: (scene, name) → (n, seconds, rung of the ladder) of each size so far
         self.past: defaultdict[tuple[str, str], list[tuple[int, float, int]]] = defaultdict(list)
         self.records: list[Record] = []
+
+    def over(self, scenes: Sequence[str], sizes: Sequence[int], progress: bool, summary: _Summary) -> Table:
+        """The `summary` of all records, also in Interrupted."""
+        texts, wanted = as_scenes(scenes) or tuple(sorted([*names(), *VARIANTS])), tuple(sorted(as_sizes(sizes)))
+        try:
+            with status_line(progress) as say:
+                for text, n, case in cases(texts, wanted):
+                    if isinstance(case, str):
+                        self.records.append(Record(text, n, note=case))
+                    else:
+                        self.add(case, say)
+        except KeyboardInterrupt:
+            raise Interrupted(summary(self.records)) from None
+        return summary(self.records)
 
     def add(self, case: Case, say: Callable[[str], None]) -> None:
         """Add one record for each entrant, `solve()` being the first of them."""
@@ -185,24 +202,24 @@ class _Measurement:
             return replace(record, note=why_not)
         if not past:
             one.run(case, one.ladder[0], limit)  # imports and compiles
-        liar, best, least = "", record, np.inf
+        liar, tried = "", []
         for rung in range(max(past[-1][2] - 1, 0) if past else 0, len(one.ladder)):
             tolerance = one.ladder[rung]
             run = one.run(case, tolerance, limit)
             residual = case.judged(run.z)
             good = run.solved if one.kind == "limit" else residual is not None and residual <= RTOL
             rank = 0.0 if good else np.inf if residual is None else residual
-            if rank < least or best is record:
-                note = f"not reached in {run.seconds:.2g} s: {run.words}"
-                if good:
-                    at = f"{run.words}, at {tolerance:.0e}"
-                    note = at if one.kind == "peer" else run.words.removeprefix("solved").strip()
-                least, best = rank, replace(record, seconds=(run.seconds,), setup=run.setup, asked=tolerance)
-                best = replace(best, residual=residual, reached=good, note=note)
+            note = f"not reached in {run.seconds:.2g} s: {run.words}"
+            if good:
+                at = f"{run.words}, at {tolerance:.0e}"
+                note = at if one.kind == "peer" else run.words.removeprefix("solved").strip()
+            told = replace(record, seconds=(run.seconds,), setup=run.setup, asked=tolerance, residual=residual)
+            tried.append((rank, replace(told, reached=good, note=note)))
             if good or run.seconds > limit:
                 break
             if run.solved:
                 liar = f'; says "{run.words}" at {tolerance:.0e}, Res(z)/Res(0) = {rank:.1e}'
+        _, best = min(tried, key=lambda pair: pair[0])
         past.append((n, best.seconds[0], rung))
         return replace(best, note=best.note + liar)
 
@@ -216,26 +233,6 @@ def _expected(past: list[tuple[int, float, int]], n: int) -> float:
         k, before, _ = past[-2]
         power = max(power, float(np.log(seconds / before) / np.log(m / k)))
     return float(seconds * (n / m) ** power)
-
-
-def _measured(
-    measurement: _Measurement,
-    scenes: Sequence[str],
-    sizes: Sequence[int],
-    progress: bool,
-    summary: Callable[[list[Record]], Table],
-) -> Table:
-    texts, wanted = as_scenes(scenes) or tuple(sorted([*names(), *VARIANTS])), as_sizes(sizes)
-    try:
-        with status_line(progress) as say:
-            for text, n, case in cases(texts, tuple(sorted(wanted))):
-                if isinstance(case, str):
-                    measurement.records.append(Record(text, n, note=case))
-                else:
-                    measurement.add(case, say)
-    except KeyboardInterrupt:
-        raise Interrupted(summary(measurement.records)) from None
-    return summary(measurement.records)
 
 
 def _comparison(records: list[Record]) -> Table:

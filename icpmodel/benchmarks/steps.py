@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import pairwise, product
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,13 +100,11 @@ def grid_order(scene: str = "dividend", sizes: Sequence[int] = (61, 241, 961), m
     if grids[0].h is None or not grids[0].quantities:
         raise InputError(f"{scene} has no grid or no quantity with a known value")
     errors = [one.errors(one.problem.solve(method, z0=one.z0, rtol=1e-10, max_iter=1_000_000).z) for one in grids]
-    rows: list[tuple[Any, ...]] = []
+    spacing, rows = np.log(np.array([one.h for one in grids], dtype=np.float64)), []
     for quantity in grids[0].quantities:
-        rows.append((quantity, grids[0].problem.n, grids[0].h, errors[0][quantity], None))
-        for (coarse, fine), (before, after) in zip(pairwise(grids), pairwise(errors), strict=True):
-            assert coarse.h is not None and fine.h is not None  # noqa: PT018
-            order = float(np.log(before[quantity] / after[quantity]) / np.log(coarse.h / fine.h))
-            rows.append((quantity, fine.problem.n, fine.h, after[quantity], order))
+        off = [one[quantity] for one in errors]
+        orders = [None, *(np.diff(np.log(off)) / np.diff(spacing)).tolist()]
+        rows += [(quantity, one.problem.n, one.h, *pair) for one, *pair in zip(grids, off, orders, strict=True)]
     return Table(f"Error against the closed form: {scene}", ("quantity", "n", "h", "error", "order"), tuple(rows))
 
 
@@ -134,7 +132,8 @@ def tuned_and_automatic(
     rows: list[tuple[Any, ...]] = []
     for scene in as_list(scenes, "scenes") or names():
         places = scene_named(scene).points
-        one = built(scene, max(16, round(4 * np.sqrt(n))) if np.ndim(places) == 1 else n)
+        on_line = places is not None and places.ndim == 1
+        one = built(scene, max(16, round(4 * np.sqrt(n))) if on_line else n)
         for name in methods:
             automatic = named(name, theta1="auto")
             if automatic.why_not(one.problem) is None and one.why_no_solution is None:

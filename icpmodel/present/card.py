@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Mapping
 
 from .page import render
-from .terminal import width
+from .table import width
 
 #: the longest lines of a card, the columns of its names, and the longest lines of sections
 _WIDTH, _NAMES, _PAGE = 100, 9, 116

@@ -69,11 +69,10 @@ def html_report(
     sections = []
     for heading, make in makers.items():
         say(heading)
-        section = {"heading": heading, "missing": "", "picture": "", "page": "", "text": ""}
         try:
-            sections.append(section | make())
+            sections.append({"heading": heading} | make())
         except IcpError as error:
-            sections.append(section | {"missing": str(error)})
+            sections.append({"heading": heading, "missing": str(error)})
     return render("report.html", title=title, about=about, machine=machine(), command=command, sections=sections)
 
 

@@ -124,10 +124,10 @@ PLANES = (*_OF_METHOD, *_OF_PROBLEM)
 
 def plane(name: str, points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
     """The plane called `name`, one of `PLANES`, on the `problem` or with the `method`, None for the default ones."""
-    if name in _OF_METHOD:
-        if method is not None:
-            raise InputError(f"method is {method!r}; this plane varies the parameters of its own method: leave it out")
-        return _OF_METHOD[name](points, problem or scene("manufactured-affine", n, mu=0.5).problem)
-    if problem is not None:
-        raise InputError("problem: this plane varies the problem; only relaxation and shift take one of yours")
-    return _OF_PROBLEM[name](points, n, named(method or "mnmgs"))
+    if name in _OF_PROBLEM:
+        if problem is not None:
+            raise InputError("problem: this plane varies the problem; only relaxation and shift take one of yours")
+        return _OF_PROBLEM[name](points, n, named(method or "mnmgs"))
+    if method is not None:
+        raise InputError(f"method is {method!r}; this plane varies the parameters of its own method: leave it out")
+    return _OF_METHOD[name](points, problem or scene("manufactured-affine", n, mu=0.5).problem)

@@ -40,6 +40,7 @@ _TRACED = 1.2
 
 #: z ↦ its error, None where it has none
 _Error = Callable[[Any], float | None]
+_Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -175,22 +176,16 @@ def _measure(case: Case, z_exact: Any) -> tuple[str, _Error]:
 
 
 def _run(
-    case: Case,
-    entered: list[Competitor],
-    tolerances: list[float],
-    repeats: int,
-    limit: float,
-    error: _Error,
-    say: Callable[[str], None],
+    case: Case, entered: list[Competitor], asked: list[float], repeats: int, limit: float, error: _Error, say: _Say
 ) -> Iterator[Entry]:
     """In the first round it turns out who needs which tolerances and how long; the short runs are then repeated."""
     enough, builds = {}, {}  # name → tolerances from this one on need no run of their own, 0 for none at all
     for one in entered:
         say(f"{one.name}: warming up")
-        one.run(case, tolerances[0], limit)  # imports and compiles
+        one.run(case, asked[0], limit)  # imports and compiles
         enough[one.name], builds[one.name] = 1.0, float(np.median([one.build(case) for _ in range(_BUILDS)]))
     again, entries = {}, {}
-    for tolerance in tolerances:
+    for tolerance in asked:
         for one in (one for one in entered if tolerance < enough[one.name]):
             say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}")
             run, build = one.run(case, tolerance, limit), builds[one.name]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,8 +143,7 @@ def stability(
             raise InputError(f"plane is {plane!r}; one of {', '.join(PLANES)} was expected")
         points = int(as_number(points, "points", least=2, whole=True))
         n = int(as_number(n, "n", least=1, whole=True))
-        problem = None if problem is None else as_problem(problem)
-        plane = plane_named(plane, points, n, problem, method)
+        plane = plane_named(plane, points, n, None if problem is None else as_problem(problem), method)
     elif not isinstance(plane, Plane):
         raise InputError(f"plane is {described(plane)}; one of {', '.join(PLANES)} or a Plane was expected")
     elif problem is not None or method is not None:
@@ -190,9 +189,9 @@ def _fill(found: StabilityMap, starts: int, progress: bool) -> None:
 def _run(problem: ProblemData, method: Method, k: int, max_iter: int, rtol: float) -> tuple[str, int]:
     """How the run from the k-th start ended, and after how many steps."""
     z0: Vector = 10.0 * np.random.default_rng(k).standard_normal(problem.n) if k else np.zeros(problem.n)
-    options: dict[str, Any] = {"max_iter": max_iter, "rtol": rtol, "history": True, "raise_on_failure": False}
+    asked = partial(solve, max_iter=max_iter, rtol=rtol, history=True, raise_on_failure=False)
     try:
-        solution = unbroken(solve(problem, method, z0=z0, **options))
+        solution = unbroken(asked(problem, method, z0=z0))
     except MapError:
         return Status.MAP_FAILED.value, 0  # at the start
     except IcpError:

@@ -1,8 +1,4 @@
-"""What all figures have in common: colours, markers, axes, and one way to write them, with their data beside them.
-
-The colours can be told apart by colour-blind readers; markers and dashes help all others.
-Reference: Okabe and Ito, Color Universal Design (2008), for the colours.
-"""
+"""What all figures have in common: colours, markers, axes, and one way to write them, with their data beside them."""
 
 from __future__ import annotations
 
@@ -22,6 +18,7 @@ Name = TypeVar("Name", bound=Hashable)
 #: a matplotlib figure: matplotlib is loaded when the first one is drawn
 Figure = Any
 
+#: which colour-blind readers can tell apart: Okabe and Ito, Color Universal Design (2008)
 BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
 #: one more than the colours, so that no pair comes twice in 42

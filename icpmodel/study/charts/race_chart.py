@@ -17,11 +17,7 @@ _EXACT = 0.1
 
 
 def race_figure(
-    title: str,
-    measure: str,
-    entries: Sequence[Entry],
-    traces: Mapping[str, tuple[Vector, Vector]],
-    limit: float | None,
+    title: str, measure: str, entries: Sequence[Entry], traces: Mapping[str, tuple[Vector, Vector]], limit: float | None
 ) -> Figure:
     """Left: time against error, more accurate to the right; right: build, set-up and the rest, to Res ≤ 1e-8·Res(0).
 
