@@ -19,7 +19,7 @@ from ..solve.progress import status_line
 from ..solvers.contract import Claim, chosen_solvers
 from ..study.cases import VARIANTS, Case, as_scenes, as_sizes, cases
 from ..study.charts.table_charts import WORST
-from ..study.competitors import Competitor, Foreign, Solve, limits, own_methods
+from ..study.competitors import Competitor, Foreign, Own, limits, own_methods
 from ..study.timing import as_repeats, in_turn, machine, spread
 
 #: one that takes this many times the time of solve(), and more than that many seconds, is timed once
@@ -90,7 +90,7 @@ def benchmark(
     ('scene', 'n', 'method', 'kind')
     """
     if entrants is None:
-        entrants = [Solve(), *map(Foreign, chosen_solvers(None, "benchmark")), *own_methods(), *limits()]
+        entrants = [Own(), *map(Foreign, chosen_solvers(None, "benchmark")), *own_methods(), *limits()]
     return _Measurement(entrants, repeats, time_limit).over(scenes, sizes, progress, _comparison)
 
 
@@ -115,7 +115,7 @@ def dispatch(
     ('hand-lcp', 2)
     """
     if entrants is None:
-        entrants = [Solve(), *own_methods()]
+        entrants = [Own(), *own_methods()]
     return _Measurement(entrants, repeats, time_limit).over(scenes, sizes, progress, _choice)
 
 

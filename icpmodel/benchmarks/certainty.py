@@ -131,10 +131,8 @@ def false_success(seeds: int = 10, n: int = 100, scenes: Sequence[str] = (), pro
 
 
 def _run(one: Scene, method: str | None, seed: int) -> list[str]:
-    size = 1.0 if one.z_exact is None else np.abs(one.z_exact)
+    size = 0.0 if seed == 0 else 1.0 if one.z_exact is None else np.abs(one.z_exact)  # the first start is the default
     z0 = size * np.random.default_rng(seed).standard_normal(one.problem.n)
-    if seed == 0:
-        z0 = np.zeros_like(z0)  # the default start
     try:
         solution = unbroken(one.problem.solve(method, z0=z0, max_iter=5000, raise_on_failure=False))
     except NotApplicable:

@@ -6,7 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +52,7 @@ class Entry:
 class Competitor(ABC):
     """One that takes part: its `kind` is "solve", "own", "peer" or "limit", `ladder` the tolerances to try in turn."""
 
-    kind: ClassVar[str]
+    kind: str
     name: str
     ladder: tuple[float, ...] = (RTOL,)
 
@@ -60,11 +60,9 @@ class Competitor(ABC):
         """Why it cannot take `case`, or None."""
         return None
 
-    def build(self, case: Case) -> float:
-        """Seconds to make what it is given, outside of the time of `run`: the ICP, and for a peer the QP from it."""
-        begin = time.perf_counter()
-        fresh(case.problem)
-        return time.perf_counter() - begin
+    def build(self, case: Case) -> Any:
+        """What it is given, made outside of the time of `run`: the ICP, and for a peer the QP from it."""
+        return fresh(case.problem)
 
     def run(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         """Solve `case` from scratch; call it only where `why_not` is None."""
@@ -80,12 +78,13 @@ class Competitor(ABC):
 
 
 class Own(Competitor):
-    """A `method` of this package, None for that of `solve()`; with `tune` it is tune(problem), as part of its time."""
+    """A `method` of this package, without one `solve()` itself; with `tune` it is tune(problem), as part of its time."""
 
-    kind: ClassVar[str] = "own"
-
-    def __init__(self, name: str, method: Method | None, tune: Callable[[ICP], Method] | None = None) -> None:
+    def __init__(
+        self, name: str = "solve()", method: Method | None = None, tune: Callable[[ICP], Method] | None = None
+    ) -> None:
         self.name, self._method, self._tune = name, method, tune
+        self.kind = "solve" if method is None else "own"
 
     def method(self, problem: ICP) -> Method | None:
         """The method for `problem`."""
@@ -105,19 +104,10 @@ class Own(Competitor):
         return Claim(solution.z, words, solution.solved, seconds, setup)
 
 
-class Solve(Own):
-    """`solve()` without a method."""
-
-    kind: ClassVar[str] = "solve"
-
-    def __init__(self) -> None:
-        super().__init__("solve()", None)
-
-
 class Foreign(Competitor):
     """A foreign `solver`. Its QP is made before the clock starts, turning that into its own format is its own time."""
 
-    kind: ClassVar[str] = "peer"
+    kind = "peer"
 
     def __init__(self, solver: ForeignSolver) -> None:
         self.name, self.solver, self.ladder = solver.name, solver, solver.ladder
@@ -127,12 +117,9 @@ class Foreign(Competitor):
             return "psi is neither constant nor affine: no QP"
         return self.solver.why_not(case.posed[0])
 
-    def build(self, case: Case) -> float:
-        begin = time.perf_counter()
+    def build(self, case: Case) -> Any:
         posed = Case(case.scene, fresh(case.problem)).posed
-        if posed is not None:
-            self.solver.pose(posed[0])
-        return time.perf_counter() - begin
+        return None if posed is None else self.solver.pose(posed[0])
 
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         assert case.posed is not None
@@ -144,7 +131,7 @@ class Foreign(Competitor):
 class Limit(Competitor):
     """One linear solve with A, `solve`(A, b) to ‖Ax − b‖ ≤ 1e-8‖b‖ or as rounding allows: what bounds every method."""
 
-    kind: ClassVar[str] = "limit"
+    kind = "limit"
 
     def __init__(self, name: str, solve: Callable[[Any, Vector], Vector]) -> None:
         self.name, self.solve = name, solve

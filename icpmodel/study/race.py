@@ -22,8 +22,8 @@ from ..solvers.contract import ForeignSolver, chosen_solvers
 from .cases import Case, fresh, unbroken
 from .charts.figures import Charted, Figure
 from .charts.race_chart import race_figure
-from .competitors import Competitor, Entry, Foreign, Own, Solve, limits, own_methods
-from .timing import in_turn, machine, timed
+from .competitors import Competitor, Entry, Foreign, Own, limits, own_methods
+from .timing import clocked, in_turn, machine, timed
 
 #: the tolerances that each competitor is asked for
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
@@ -121,7 +121,7 @@ def race(
     if not asked:
         raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
     reasons = {
-        one: one.why_not(case) for one in (Solve(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race")))
+        one: one.why_not(case) for one in (Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race")))
     }
     entered = [one for one, reason in reasons.items() if reason is None]
     skipped = tuple((one.name, reason) for one, reason in reasons.items() if reason is not None)
@@ -179,11 +179,12 @@ def _run(
     case: Case, entered: list[Competitor], asked: list[float], repeats: int, limit: float, error: _Error, say: _Say
 ) -> Iterator[Entry]:
     """In the first round it turns out who needs which tolerances and how long; the short runs are then repeated."""
-    enough, builds = {}, {}  # name → tolerances from this one on need no run of their own, 0 for none at all
     for one in entered:
         say(f"{one.name}: warming up")
         one.run(case, asked[0], limit)  # imports and compiles
-        enough[one.name], builds[one.name] = 1.0, float(np.median([one.build(case) for _ in range(_BUILDS)]))
+    built = timed({one.name: clocked(partial(one.build, case)) for one in entered}, _BUILDS, warm=False)
+    builds = {one.name: built.median(one.name) for one in entered}
+    enough = dict.fromkeys(builds, 1.0)  # tolerances from this one on need no run of their own, 0 for none at all
     again, entries = {}, {}
     for tolerance in asked:
         for one in (one for one in entered if tolerance < enough[one.name]):

@@ -15,6 +15,7 @@ from ..errors import IcpError, InputError
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
+from ..present.card import Card
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
 from ..theory.certificates.bounds import bound_of_change
@@ -49,19 +50,17 @@ class Sensitivity:
     undecided: int
 
     def __str__(self) -> str:
-        kind = "" if self.exact else " (estimated)"
         local = "not known: the equations of the active set are singular" if self.local is None else f"{self.local:.3g}"
         seen = "not known: a changed problem was not solved" if self.observed is None else f"{self.observed:.3g}"
-        proved = "no proof" if self.certified is None else f"<= {at_most(self.certified)}"
-        lines = [
-            f"condition number, to first order{kind}  {local}",
-            f"the same from the certificate  {proved}",
-            f"largest of {self.trials} random changes of {self.change:g}  {seen}",
-            f"undecided rows  {self.undecided}",
-        ]
+        rows = {
+            "condition number, to first order" + ("" if self.exact else " (estimated)"): local,
+            "the same from the certificate": "no proof" if self.certified is None else f"<= {at_most(self.certified)}",
+            f"largest of {self.trials} random changes of {self.change:g}": seen,
+            "undecided rows": str(self.undecided),
+        }
         if self.local:
-            lines.append(f"digits of the data that the answer loses  {max(np.log10(self.local), 0.0):.1f}")
-        return "\n".join(lines)
+            rows["digits of the data that the answer loses"] = f"{max(np.log10(self.local), 0.0):.1f}"
+        return str(Card(rows))
 
 
 def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, seed: int = 0) -> Sensitivity:

@@ -196,10 +196,7 @@ def _run(problem: ProblemData, method: Method, k: int, max_iter: int, rtol: floa
         return Status.MAP_FAILED.value, 0  # at the start
     except IcpError:
         return "refused", 0
-    end = solution.status.value
-    if solution.status is Status.ITERATION_LIMIT:
-        end = "slow"
-    elif solution.status is Status.DIVERGED:
-        assert solution.history is not None
-        end = "diverged" if np.isfinite(solution.history.residual[-1]) else "overflowed"
+    end = "slow" if solution.status is Status.ITERATION_LIMIT else solution.status.value
+    if solution.history is not None and end == "diverged" and not np.isfinite(solution.history.residual[-1]):
+        end = "overflowed"
     return end, solution.iterations

@@ -65,7 +65,8 @@ def map_figure(
         alike.setdefault(mask.tobytes(), []).append(name)
     for names in alike.values():
         mask, (colour, dashes) = proved[names[0]], _LINES[names[-1]]
-        if _outline(axes, x, y, mask, colors=[colour], linestyles=[dashes], linewidths=2.0):
+        if mask.any():
+            _outline(axes, x, y, mask, colors=[colour], linestyles=[dashes], linewidths=2.0)
             label = f"proved: {', '.join(names)}"
             handles.append(Line2D([], [], color=colour, linestyle=dashes, linewidth=2.0, label=label))
     if (printed & ~np.any([*proved.values()], axis=0)).any():
@@ -85,10 +86,8 @@ def _edges(axis: Axis) -> Any:
     return np.exp(edges) if axis.log else edges
 
 
-def _outline(axes: Any, x: Axis, y: Axis, mask: Any, **style: Any) -> bool:
-    """A line along the borders of the cells where `mask` holds; whether there are any."""
-    if not mask.any():
-        return False
+def _outline(axes: Any, x: Axis, y: Axis, mask: Any, **style: Any) -> None:
+    """A line along the borders of the cells where `mask` holds."""
     from matplotlib.collections import LineCollection
 
     ex, ey = _edges(x), _edges(y)
@@ -97,4 +96,3 @@ def _outline(axes: Any, x: Axis, y: Axis, mask: Any, **style: Any) -> bool:
         [(ex[i], ey[j]), (ex[i + 1], ey[j])] for j, i in np.argwhere(wide[1:, 1:-1] != wide[:-1, 1:-1])
     ]
     axes.add_collection(LineCollection(pieces, **style))
-    return True
