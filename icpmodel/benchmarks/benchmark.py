@@ -76,10 +76,9 @@ def benchmark(
     A peer is run at one tolerance after the other, 1e-3, …, 1e-12 (from one below the one that did at the size before),
     and the first run whose z is good enough counts, by its own time; the note tells where it claims success at a z that
     is not good enough. Then all that take no more than three times as long as `solve()`, or a quarter of a second, are
-    timed in turn, in `repeats` rounds or, if they are short, more, and the ratio is the median over the rounds; the
-    others are timed once. Runs below 10 ms are timed on their second go. One that would take longer than `time_limit`,
-    by its growth at the smaller sizes, is not asked; own methods are given ten times the time of `solve()`, at least a
-    second.
+    timed in turn, in `repeats` rounds or, if they are short, more, and the ratio is the median over the rounds. Runs
+    below 10 ms are timed on their second go. One that would take longer than `time_limit`, by its growth at the smaller
+    sizes, is not asked; own methods are given ten times the time of `solve()`, at least a second.
 
     Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, none for all; `sizes` wanted numbers of unknowns; `repeats`
     rounds of timings at least, ≥ 3; `time_limit` seconds for one run; `entrants` by default `solve()`, the foreign

@@ -22,7 +22,7 @@ from ..scenes import scene
 from ..solve.many import solve_many
 from ..solve.solution import Solution
 from ..study.cases import fresh
-from ..study.timing import Timed, Timings, as_repeats, clocked, machine, middle, timed
+from ..study.timing import Timings, as_repeats, clocked, machine, middle, timed
 
 _Lcps = list[tuple[np.ndarray, Vector]]
 #: language, model, n, what reads the model from scratch, and what writes the same expressions for another solver
@@ -108,7 +108,7 @@ def impulse_cost(sizes: Sequence[int] = (961, 6001, 25_601, 100_001), repeats: i
     return Table(f"Impulse control ({machine()})", (*heads, "lowest", "highest"), tuple(rows))
 
 
-def _costs(problem: ICP, repeats: int, **units: Callable[[], Timed]) -> tuple[Solution, Timings[str]]:
+def _costs(problem: ICP, repeats: int, **units: Callable[[], float]) -> tuple[Solution, Timings[str]]:
     """`solve()` of a new problem, "ours", in turn with the `units`, and its solution."""
     solution = problem.solve()  # compiles
     for unit in units.values():
@@ -172,28 +172,23 @@ def small_cost(n: int = 16, k: int = 10_000, repeats: int = 15) -> Table:
 
 
 def _one(problems: _Lcps, settings: dict[str, Any], repeats: int) -> dict[str, tuple[float, ...]]:
-    answers: dict[str, list[Vector]] = {}
-
-    def ours() -> None:
-        answers["ours"] = [ICP(A, q).solve().z for A, q in problems]
+    def ours() -> list[Vector]:
+        return [ICP(A, q).solve().z for A, q in problems]
 
     def ready() -> list[tuple[Any, ...]]:
         return [_arrays(A, q) for A, q in problems]
 
-    def osqp(arrays: list[tuple[Any, ...]]) -> None:
-        answers["osqp"] = [_model(one, settings).solve(raise_error=False).x for one in arrays]
+    def osqp(arrays: list[tuple[Any, ...]]) -> list[Vector]:
+        return [_model(one, settings).solve(raise_error=False).x for one in arrays]
 
     theirs = {"one": clocked(lambda: osqp(ready())), "one, arrays ready": clocked(osqp, ready)}
     taken = timed({"ours": clocked(ours), **theirs}, repeats)
-    residuals = [_worst(problems, answers[who]) for who in ("ours", "osqp")]
+    residuals = _worst(problems, ours()), _worst(problems, osqp(ready()))
     return {what: (*_per_problem(taken, what, len(problems)), *residuals) for what in theirs}
 
 
 def _many(A: np.ndarray, Q: np.ndarray, settings: dict[str, Any], repeats: int) -> tuple[float, ...]:
-    Z, X = np.empty(Q.shape), np.empty(Q.shape)
-
-    def ours() -> None:
-        Z[:] = solve_many(A, Q).Z
+    X, problems = np.empty(Q.shape), [(A, q) for q in Q]
 
     def osqp() -> None:
         model = _model(_arrays(A, Q[0]), settings)
@@ -201,9 +196,9 @@ def _many(A: np.ndarray, Q: np.ndarray, settings: dict[str, Any], repeats: int) 
             model.update(q=q)
             X[i] = model.solve(raise_error=False).x
 
-    taken = timed({"ours": clocked(ours), "osqp": clocked(osqp)}, repeats)
-    problems = [(A, q) for q in Q]
-    return (*_per_problem(taken, "osqp", len(Q)), _worst(problems, Z), _worst(problems, X))
+    taken = timed({"ours": clocked(partial(solve_many, A, Q)), "osqp": clocked(osqp)}, repeats)
+    residuals = _worst(problems, solve_many(A, Q).Z), _worst(problems, X)
+    return (*_per_problem(taken, "osqp", len(Q)), *residuals)
 
 
 def _per_problem(taken: Timings[str], theirs: str, k: int) -> tuple[float, float, float]:

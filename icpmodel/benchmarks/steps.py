@@ -141,8 +141,11 @@ def tuned_and_automatic(
                 omegas = np.arange(40, 100) / 50 if name == "mnmaor" else ()
                 adapted = ((f"omega={omega:.4g}", overrelaxed(one.problem, float(omega))) for omega in omegas)
                 best = _best(one, adapted, by_hand)
-                untuned = (automatic, Accelerated(of=automatic), Accelerated())
-                steps, seconds = _timed(one, (by_hand.method, best.method, *untuned), repeats)
+                compared = (by_hand.method, best.method, automatic, Accelerated(of=automatic), Accelerated())
+                steps = [None if method is None else _steps(one, method) for method in compared]  # compiles
+                calls = {k: clocked(partial(_steps, one, compared[k])) for k in range(5) if steps[k] is not None}
+                taken = timed(calls, repeats, warm=False)
+                seconds = [taken.median(k, 1e-3) if k in calls else None for k in range(5)]
                 rows.append((one.name, one.problem.n, name, by_hand.label, best.label, *steps, *seconds))
     kinds = ("by hand", "search", "auto", "auto, acc.", "accelerated")
     heads = ("scene", "n", "method", "theta", "and Omega", *kinds, *(f"{kind}, ms" for kind in kinds))
@@ -181,10 +184,3 @@ def _steps(one: Scene, method: Method | None, most: int = _MOST) -> int | None:
     except NotApplicable:  # A + Omega is singular
         return None
     return solution.iterations if solution.solved else None
-
-
-def _timed(one: Scene, methods: Sequence[Method | None], repeats: int) -> tuple[list[int | None], list[float | None]]:
-    steps = [None if method is None else _steps(one, method) for method in methods]  # compiles
-    calls = {k: clocked(partial(_steps, one, methods[k])) for k, count in enumerate(steps) if count is not None}
-    taken = timed(calls, repeats, warm=False)
-    return steps, [taken.median(k, 1e-3) if k in calls else None for k in range(len(methods))]

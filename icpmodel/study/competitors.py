@@ -78,7 +78,7 @@ class Competitor(ABC):
 
 
 class Own(Competitor):
-    """A `method` of this package, without one `solve()` itself; with `tune` it is tune(problem), as part of its time."""
+    """A `method` of this package, without one `solve()` itself; with `tune` it is tune(problem), part of its time."""
 
     def __init__(
         self, name: str = "solve()", method: Method | None = None, tune: Callable[[ICP], Method] | None = None

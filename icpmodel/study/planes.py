@@ -101,7 +101,7 @@ def _condition(points: int, n: int, sweep: Method) -> Plane:
 
 
 def _units(points: int, n: int, sweep: Method) -> Plane:
-    """Scale of A × norm of G: no method with Ω = D feels the scale, but the conditions as printed do."""
+    """No method with Ω = D feels the scale, but the conditions as printed do."""
     scale = Axis("scale of A", "diagonal of A", np.geomspace(0.1, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 4.0, points))
     title = f"{sweep!r}: a change of units against coupling of the obstacle"

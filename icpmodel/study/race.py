@@ -21,7 +21,7 @@ from ..solve.progress import status_line
 from ..solvers.contract import ForeignSolver, chosen_solvers
 from .cases import Case, fresh, unbroken
 from .charts.figures import Charted, Figure
-from .charts.race_chart import race_figure
+from .charts.study_charts import race_figure
 from .competitors import Competitor, Entry, Foreign, Own, limits, own_methods
 from .timing import clocked, in_turn, machine, timed
 
@@ -135,7 +135,9 @@ def race(
             say("one linear solve")
             linear = partial(limits()[-1].run, case, RTOL, limit)
             if linear().solved:
-                found = replace(found, limit=timed({"solve": linear}, repeats, warm=False).median("solve"))
+                found = replace(
+                    found, limit=timed({"solve": lambda: linear().seconds}, repeats, warm=False).median("solve")
+                )
             for entry in _run(case, entered, sorted(asked, reverse=True), repeats, limit, error, say):
                 entries[entry.name, entry.tolerance] = entry
             for one in entered:

@@ -21,7 +21,7 @@ from ..solve.solution import Status
 from ..theory import check, check_all, theorems
 from .cases import unbroken
 from .charts.figures import Charted, Figure
-from .charts.map_chart import map_figure
+from .charts.study_charts import map_figure
 from .planes import PLANES, Plane
 from .planes import plane as plane_named
 

@@ -18,37 +18,30 @@ Name = TypeVar("Name", bound=Hashable)
 Run = TypeVar("Run")
 
 
-@dataclass(frozen=True)
-class Timed:
-    """A run of which nothing but its `seconds` is kept."""
-
-    seconds: float
-
-
-def clocked(call: Callable[..., Any], given: Callable[[], Any] | None = None) -> Callable[[], Timed]:
-    """What runs `call` on the clock, with what `given` makes before the clock starts, if anything.
+def clocked(call: Callable[..., Any], given: Callable[[], Any] | None = None) -> Callable[[], float]:
+    """What tells the seconds of `call`, with what `given` makes before the clock starts, if anything.
 
     What it returns is freed at once: kept, it would make the next run pay for fresh memory.
     """
 
-    def run() -> Timed:
+    def run() -> float:
         arguments = () if given is None else (given(),)
         begin = time.perf_counter()
         call(*arguments)
-        return Timed(time.perf_counter() - begin)
+        return time.perf_counter() - begin
 
     return run
 
 
-def middle(call: Callable[[], Any], times: int = 5) -> Callable[[], Timed]:
-    """What runs a short `call` so often in a row and takes the median, which has warm caches."""
+def middle(call: Callable[[], Any], times: int = 5) -> Callable[[], float]:
+    """What tells the median of the seconds of a short `call`, so often in a row, which has warm caches."""
 
-    def run() -> Timed:
+    def run() -> float:
         marks = [time.perf_counter()]
         for _ in range(times):
             call()
             marks.append(time.perf_counter())
-        return Timed(float(np.median(np.diff(marks))))
+        return float(np.median(np.diff(marks)))
 
     return run
 
@@ -92,15 +85,13 @@ class Timings(Generic[Name]):
         return spread(self.seconds[name] / self.seconds[to] / per)
 
 
-def timed(calls: Mapping[Name, Callable[[], Any]], rounds: int, *, warm: bool = True) -> Timings[Name]:
-    """The `calls`, whose results have `seconds`, in turn; if `warm` after a first one, which compiles and pays for
-    fresh memory.
-    """
+def timed(calls: Mapping[Name, Callable[[], float]], rounds: int, *, warm: bool = True) -> Timings[Name]:
+    """The `calls`, which tell seconds, in turn; if `warm` after a first run, which compiles and takes fresh memory."""
     if warm:
         for call in calls.values():
             call()
     runs = list(in_turn(calls, rounds))
-    return Timings({name: np.array([run.seconds for one, run in runs if one == name]) for name in calls})
+    return Timings({name: np.array([seconds for one, seconds in runs if one == name]) for name in calls})
 
 
 def as_repeats(repeats: int) -> int:
