@@ -14,7 +14,7 @@ from ..methods.modulus import ModulusMember
 from ..methods.newton import Newton
 from ..numerics.arrays import as_number
 from ..numerics.rounding import UNIT_ROUNDOFF, at_most
-from ..present.sections import Sections, inner_width
+from ..present.card import Sections, inner_width
 from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.choice import candidates

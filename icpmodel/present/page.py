@@ -16,10 +16,5 @@ def render(template: str, **values: Any) -> str:
 def _environment() -> Any:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    return Environment(
-        loader=PackageLoader("icpmodel.present"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
+    spaces: Any = {"trim_blocks": True, "lstrip_blocks": True}
+    return Environment(loader=PackageLoader("icpmodel.present"), autoescape=True, undefined=StrictUndefined, **spaces)
