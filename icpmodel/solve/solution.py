@@ -17,9 +17,8 @@ from ..numerics.arrays import Vector
 from ..present.card import Card
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
-from ..theory.certificates.active_set import ActiveSet, active_set
 from ..theory.certificates.bounds import ErrorBound, error_bound
-from ..theory.certificates.certificate import NOT_COMPUTED, Certificate, certify
+from ..theory.certificates.certificate import NOT_COMPUTED, ActiveSet, Certificate, active_set, certify
 
 
 class Status(Enum):

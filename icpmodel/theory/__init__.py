@@ -1,8 +1,8 @@
 """What is certain: matrix classes, convergence theorems and predicted rates before a solve, error bounds after it."""
 
 from .answers import Answer
-from .certificates.active_set import ActiveSet, active_set
 from .certificates.bounds import ErrorBound, error_bound
+from .certificates.certificate import ActiveSet, active_set
 from .convergence.rates import Rate, predicted_rate
 from .convergence.theorems import Check, check, check_all, theorems
 from .matrices.classes import MatrixClasses, classify, p_matrix

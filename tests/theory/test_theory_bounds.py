@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.theory import comparison_matrix
+from icpmodel.theory.certificates.bounds import proofs_of
 from icpmodel.theory.certificates.proof import norm_up
 from icpmodel.theory.matrices.comparison_matrix import layered, scaling_vectors
-from icpmodel.theory.proofs import proofs_of
 
 #: how far z lies from z*, relative to its size: from next to nothing to far away
 DISTANCES = [0.0, 1e-16, 1e-15, 1e-12, 1e-8, 1e-4, 1.0, 1e3, 1e8]

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.theory.certificates import supersolution
+from icpmodel.theory.certificates.bounds import proofs_of
 from icpmodel.theory.certificates.proof import Proof
 from icpmodel.theory.certificates.representatives import LIMIT
 from icpmodel.theory.matrices.eigenvalue import largest_above, smallest_below
-from icpmodel.theory.proofs import proofs_of
 
 SEEDS = st.integers(0, 10**9)
 #: how far z is from the solution

@@ -391,7 +391,7 @@ def test_nothing_is_computed_that_is_not_asked_for():
     classes = classify(CYCLE)
     assert set(vars(classes)) == {"A"}
     assert classes.triangular.holds is False
-    assert set(vars(classes)) == {"A", "_bandwidths", "triangular"}
+    assert set(vars(classes)) == {"A", "triangular"}
     assert isinstance(classes, MatrixClasses)
 
 

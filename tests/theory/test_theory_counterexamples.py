@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 import icpmodel as icp
 from icpmodel.numerics.arrays import as_csr
 from icpmodel.theory import check, classify
+from icpmodel.theory.certificates.bounds import proofs_of
 from icpmodel.theory.matrices import definiteness, eigenvalue
-from icpmodel.theory.proofs import proofs_of
 
 
 def iterate(method, problem, z, steps):

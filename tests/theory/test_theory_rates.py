@@ -9,8 +9,8 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
+from icpmodel.theory.convergence.conditions import StepMatrices
 from icpmodel.theory.convergence.rates import Contraction, PeacemanRachford, Rate, predicted_rate
-from icpmodel.theory.convergence.step import StepMatrices
 from icpmodel.theory.convergence.theorems import check, check_all
 
 MEMBERS = {

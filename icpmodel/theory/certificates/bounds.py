@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,8 +15,16 @@ from ...errors import MapError
 from ...numerics.arrays import Vector, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most
 from ...problem.data import ProblemData, as_problem
-from ..proofs import proofs_of
+from ...problem.facts import Facts
+from ...problem.map import Map
+from ...problem.matrix import Matrix
+from ..matrices.classes import MatrixClasses
+from .definite import prove as prove_definite
+from .h_plus import HPlusProof
+from .h_plus import prove as prove_h_plus
 from .proof import Proof, norm_up
+from .representatives import prove as prove_representatives
+from .supersolution import prove as prove_supersolution
 
 #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
 _SHARPEN_UP_TO = 10_000
@@ -47,28 +57,16 @@ class ErrorBound:
 
     @classmethod
     def none(cls, reason: str, proof: str = "") -> ErrorBound:
-        """No bound, and why; `proof` where uniqueness is proved all the same.
-
-        >>> ErrorBound.none("nobody asked").value is None
-        True
-        """
+        """No bound, and why; `proof` where uniqueness is proved all the same."""
         return cls(None, None, None, proof, reason)
 
     @property
     def unique(self) -> bool:
-        """Whether it is proved that the solution exists and is the only one.
-
-        >>> error_bound(ICP([[0.0]], [1.0]), [0.0]).unique
-        False
-        """
+        """Whether it is proved that the solution exists and is the only one."""
         return bool(self.proof)
 
     def in_words(self, accuracy: float | None = None) -> str:
-        """What is known of the error, `accuracy` being what was asked for, or None; several reasons on a line each.
-
-        >>> print(error_bound(ICP([[2.0]], [-2.0]), [1.25]).in_words())
-        |z - z*| <= 0.251 in every entry; z* is the only solution
-        """
+        """What is known of the error, `accuracy` being what was asked for, or None; several reasons on a line each."""
         given = _WORD if self.proof.endswith(_WORD) else ""
         if self.value is not None:
             wanted = "" if accuracy is None else f" ({accuracy:g} was asked for)"
@@ -98,9 +96,7 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
     Parameters: `z` shape (n,), or a `Solution`. `sharp`: look for a better point ẑ by a few active-set Newton steps (a
     factorisation each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error where the
     bound of z itself may be a hundred times too wide; by default where A has at most 10 000 entries or the proof is a
-    wide one.
-    `rigorous`: no bound where it would rest on a user's word. Returns an `ErrorBound`. Raises MapError where ψ fails at
-    z.
+    wide one. `rigorous`: no bound where it would rest on a user's word. Raises MapError where ψ fails at z.
     Reference: the files of `icpmodel.theory.certificates`: `h_plus`, `representatives`, `definite`, `supersolution`.
 
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, -1])
@@ -114,7 +110,7 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
     if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:
         return ErrorBound.none("psi is computed by a user's function, whose rounding errors are not known")
     reasons = []
-    for proof in _proofs(problem):
+    for proof in proofs_of(problem).tried(problem):
         if isinstance(proof, str):
             reasons.append(proof.replace("; ", ", "))
             continue
@@ -130,26 +126,68 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
 
 
 def bound_of_change(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> float | None:
-    """How far, at most, z is from z* in any entry if p and r are wrong at z by up to `for_p` and `for_r`.
-
-    Parameters: `z`, `for_p` ≥ 0 and `for_r` ≥ 0, all of shape (n,). Returns None where nothing is proved.
-    """
-    for proof in _proofs(problem):
+    """How far, at most, z is from z* in any entry if p and r are wrong at z by up to `for_p` and `for_r`, or None."""
+    for proof in proofs_of(problem).tried(problem):
         if not isinstance(proof, str):
             largest = float(proof.bound(problem, z, for_p, for_r)[0].max())
             return largest if np.isfinite(largest) else None
     return None
 
 
-def _proofs(problem: ProblemData) -> Iterator[Proof | str]:
-    """The proofs, or why there is none, as they are tried: the cheapest and sharpest first, those that ψ may have."""
-    known = proofs_of(problem)
-    yield known.h_plus
-    if problem.psi.linear is not None:
-        yield known.representatives
-    yield known.definite
-    if problem.psi.takes_best:
-        yield known.supersolution(problem)
+class Proofs:
+    """The classes of A, and the proofs of uniqueness for A and ψ, each made when it is first asked for.
+
+    Each is a `Proof`, or the reason why there is none. Problems of one A and ψ share them.
+    """
+
+    def __init__(self, matrix: Matrix, psi: Map) -> None:
+        self.matrix, self.psi = matrix, psi
+        # that of a supersolution rests on q as well
+        self._of_problem: WeakKeyDictionary[ProblemData, Proof | str] = WeakKeyDictionary()
+
+    @cached_property
+    def classes(self) -> MatrixClasses:
+        """Those of A are made once whatever ψ is."""
+        if self.matrix not in _CLASSES:
+            _CLASSES[self.matrix] = MatrixClasses(self.matrix.sparse)
+        return _CLASSES[self.matrix]
+
+    @cached_property
+    def h_plus(self) -> HPlusProof | str:
+        return prove_h_plus(self.matrix, self.psi)
+
+    @cached_property
+    def representatives(self) -> Proof | str:
+        return prove_representatives(self.matrix, self.psi)
+
+    @cached_property
+    def definite(self) -> Proof | str:
+        return prove_definite(self.matrix, self.psi)
+
+    def supersolution(self, problem: ProblemData) -> Proof | str:
+        if problem not in self._of_problem:
+            self._of_problem[problem] = prove_supersolution(problem)
+        return self._of_problem[problem]
+
+    def tried(self, problem: ProblemData) -> Iterator[Proof | str]:
+        """Those that ψ may have, the cheapest and sharpest first."""
+        yield self.h_plus
+        if self.psi.linear is not None:
+            yield self.representatives
+        yield self.definite
+        if self.psi.takes_best:
+            yield self.supersolution(problem)
+
+
+_CLASSES: WeakKeyDictionary[Matrix, MatrixClasses] = WeakKeyDictionary()
+_PROOFS: WeakKeyDictionary[Facts, Proofs] = WeakKeyDictionary()
+
+
+def proofs_of(problem: ProblemData) -> Proofs:
+    """The proofs that `problem` shares with all others of the same A and ψ."""
+    if problem.facts not in _PROOFS:
+        _PROOFS[problem.facts] = Proofs(problem.matrix, problem.psi)
+    return _PROOFS[problem.facts]
 
 
 def _sharpened(problem: ProblemData, z: Vector, proof: Proof, delta: Vector, euclidean: float) -> tuple[Vector, float]:

@@ -38,6 +38,7 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, at_most, upp
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
+from ..matrices.comparison_matrix import positive_diagonal
 from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
 from .proof import Proof, norm_up
 
@@ -56,7 +57,6 @@ class DefiniteProof(Proof):
     `H` differs from the symmetric part of AᵀB by at most `slack` in norm, and `solve` is about H⁻¹.
     """
 
-    sentence: str
     smallest: float
     gap: float
     exponent: np.ndarray
@@ -98,10 +98,9 @@ class DefiniteProof(Proof):
             b += norm_up(upper(self.L, U))
         errors = float(np.sum(U * for_w + W * for_u)) + (u.size + 4) * UNIT_ROUNDOFF * float(np.sum(U * W))
         product = float(u @ w) - 2 * errors - 4 * u.size * SMALLEST
-        discriminant = max(b * b - 4 * self.gap * product, 0.0) + 8 * UNIT_ROUNDOFF * (
-            b * b + 4 * self.gap * abs(product)
-        )
-        return (b + float(np.sqrt(discriminant))) / (2 * self.gap) * (1 + 8 * UNIT_ROUNDOFF)
+        square, rest = b * b, 4 * self.gap * product
+        root = float(np.sqrt(max(square - rest, 0.0) + 8 * UNIT_ROUNDOFF * (square + abs(rest))))
+        return (b + root) / (2 * self.gap) * (1 + 8 * UNIT_ROUNDOFF)
 
     def _dual(self, g: Vector) -> float:
         """An upper bound of √λ·√(gᵀH⁻¹g), not above that of ‖g‖₂."""
@@ -113,8 +112,7 @@ class DefiniteProof(Proof):
         lost = 2 * self.slack * norm_up(y)
         energy += lost * norm_up(y)
         dual = float(np.sqrt(max(self.smallest * energy, 0.0))) * (1 + 8 * UNIT_ROUNDOFF) + rest + lost
-        plain = norm_up(g)
-        return dual if dual < plain else plain
+        return float(np.fmin(dual, norm_up(g)))
 
 
 def _split(p: Vector, r: Vector, balance: np.ndarray) -> tuple[Vector, Vector]:
@@ -123,22 +121,18 @@ def _split(p: Vector, r: Vector, balance: np.ndarray) -> tuple[Vector, Vector]:
 
 
 def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
-    """λ by factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds.
-
-    Returns the proof, or the reason why there is none.
-    """
+    """λ by factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds."""
     A, n = matrix.sparse, matrix.n
-    diagonal = A.diagonal()
-    if (diagonal <= 0).any():
-        i = int(np.argmax(diagonal <= 0))
-        return f"A is not positive definite: A[{i}, {i}] = {diagonal[i]:g} is not positive"
+    positive = positive_diagonal(A)
+    if not positive.holds:
+        return f"A is not positive definite: {positive.reason}"
     if psi.lipschitz is None:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
     B, L = _slopes(psi, n)
     work = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
     if n > LARGEST or work > _LARGEST_WORK:
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
-    exponent = symmetric_exponents(diagonal)
+    exponent = symmetric_exponents(A.diagonal())
     scaled = [in_units_exactly(X, left, exponent) for X, left in ((A, exponent), (B, -exponent), (L, -exponent))]
     if any(X is None for X in scaled):
         return "A is not tested for definiteness: scaled to a diagonal of 1, its entries or those of psi underflow"

@@ -27,7 +27,7 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
-from ..matrices.comparison_matrix import comparison_matrix, scaling_vectors
+from ..matrices.comparison_matrix import comparison_matrix, positive_diagonal, scaling_vectors
 from .proof import Proof, norm_up
 
 #: beyond this size a factorisation for every choice of rows is too dear
@@ -39,7 +39,6 @@ _POLICY_STEPS = 30
 class HPlusProof(Proof):
     """`v` > 0 with `alpha` ≤ ⟨A⟩v, `beta` ≤ (I − G)v, both positive; all of shape (n,)."""
 
-    sentence: str
     v: Vector
     alpha: Vector
     beta: Vector
@@ -59,18 +58,16 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     The best v solves v = max(D⁻¹|B|v, Gv) + 1, B the off-diagonal part of A: in each row one of two equations. A
     choice of rows is a linear system; its solution is positive for every choice if and only if some v serves both, and
     grows from choice to choice (Howard's policy iteration). The signs of α and β are checked, rounding included.
-    Returns the proof, or the reason why no v was found.
     """
     A, G = matrix.sparse, psi.lipschitz
-    diagonal = A.diagonal()
-    if (diagonal <= 0).any():
-        i = int(np.argmax(diagonal <= 0))
-        return f"A is not an H+-matrix: A[{i}, {i}] = {diagonal[i]:g} is not positive"
+    positive = positive_diagonal(A)
+    if not positive.holds:
+        return f"A is not an H+-matrix: {positive.reason}"
     if G is None:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
     comparison = comparison_matrix(A)
     dominated = False
-    for name, v in chain(_candidates(comparison, G), _in_natural_exponents(comparison, G)):
+    for name, v in _candidates(comparison, G):
         alpha = lower(comparison, v)
         if not (alpha > 0).all():
             continue
@@ -85,32 +82,30 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
 
 
 def _candidates(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """Vectors that may serve A, then vectors that may serve A and ψ, each with its name."""
+    """Vectors that may serve A, then such that may serve A and ψ, then the same in the units that A and ψ have.
+
+    In other units ⟨A⟩v may drown in its rounding error.
+    """
     yield from scaling_vectors(comparison)
-    if G.nnz:
-        yield from _policy_iteration(comparison, G)
-
-
-def _in_natural_exponents(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """The same in the units of z that A and ψ have of themselves: in others ⟨A⟩v may drown in its rounding error."""
     diagonal = comparison.diagonal()
     if (diagonal < np.finfo(np.float64).tiny).any():
         return
     rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ comparison)
+    yield from _policy_iteration(rows, G)
     c = natural_exponents(sp.csr_array(abs(rows) + G))[1]
     if not c.any():
         return
     with np.errstate(over="ignore", under="ignore"):  # a v that is not positive and finite is refused
-        for name, v in _candidates(in_units(rows, -c, c), in_units(G, -c, c)):
+        rows, G = in_units(rows, -c, c), in_units(G, -c, c)
+        for name, v in chain(scaling_vectors(rows), _policy_iteration(rows, G)):
             yield f"{name} in natural units", np.ldexp(v, c)
 
 
-def _policy_iteration(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """The solutions v of v = max(D⁻¹|B|v, Gv) + 1 choice by choice, while they are positive."""
-    n = comparison.shape[0]
-    if n > _POLICY_UP_TO or (comparison.diagonal() < np.finfo(np.float64).tiny).any():
+def _policy_iteration(rows: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
+    """The solutions v of v = max(D⁻¹|B|v, Gv) + 1 choice by choice, while they are positive; `rows` = D⁻¹⟨A⟩."""
+    n = rows.shape[0]
+    if not G.nnz or n > _POLICY_UP_TO:
         return
-    rows = sp.csr_array(sp.diags_array(1.0 / comparison.diagonal()) @ comparison)
     moving = sp.csr_array(sp.eye_array(n) - G)
     v, before = np.ones(n), None
     for _ in range(_POLICY_STEPS):
@@ -120,9 +115,6 @@ def _policy_iteration(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tup
         before = choice
         by_psi = sp.diags_array(choice.astype(np.float64))
         lu = factorise(sp.csr_array(rows + by_psi @ (moving - rows)))
-        if lu is None:
-            return
-        v = np.asarray(lu.solve(np.ones(n)))
-        if not (v > 0).all():
+        if lu is None or not ((v := lu.solve(np.ones(n))) > 0).all():
             return
         yield "v from A and G", v

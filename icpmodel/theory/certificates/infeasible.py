@@ -10,6 +10,7 @@ Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), se
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -20,6 +21,8 @@ from ...numerics.arrays import Vector
 from ...numerics.rational import as_witness, nearest, rationals
 from ...problem.data import ProblemData
 from ..answers import Answer
+
+Combination = dict[int, Fraction]
 
 #: rows up to which a system is solved in rational arithmetic
 _RATIONAL = 30
@@ -45,9 +48,7 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> A
 
     Often Aᵀy is 0 in many rows, which floats seldom hold: tried are the simple fractions next to `y`, `y` itself, and
     where up to 30 of its entries are not 0 the exact solution of these equations. All is checked in rational
-    arithmetic, so that yes is proved for the A, q and c that the floats are.
-
-    Returns True with the witness y, shape (n,), floats or fractions, and `number` = (q + Ac)ᵀy; else None.
+    arithmetic. Returns True with the witness y, floats or fractions, and `number` = (q + Ac)ᵀy; else None.
     """
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
     if not problem.is_lcp or not np.isfinite(y).all() or not y.any():
@@ -55,44 +56,39 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> A
     free = np.isneginf(problem.facts.obstacle)
     y = y / np.abs(y).max()
     y = np.where((y > _ZERO) | (free & (y < -_ZERO)), y, 0.0)
-    support = np.flatnonzero((y != 0) | free)
-    simple = {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
-    number = _contradiction(problem, free, simple, known)
-    found = simple
-    if number is None:
-        found = {int(i): Fraction(float(y[i])) for i in support}
-        number = _contradiction(problem, free, found, known)
-    if number is None and support.size <= _RATIONAL:
-        found = _exact(problem, support, y, known)
-        number = _contradiction(problem, free, found, known)
-    if number is None:
+    for found in _tried(problem, y, np.flatnonzero((y != 0) | free), known):
+        exact = _contradiction(problem, free, found, known)
+        if exact is not None:
+            break
+    else:
         return unknown
-    witness = [found.get(i, Fraction(0)) for i in range(problem.n)]
+    witness, number = [found.get(i, Fraction(0)) for i in range(problem.n)], nearest(exact)
     rows = [i for i in range(problem.n) if witness[i]]
     named = ", ".join(map(str, rows[:5])) + (f" and {len(rows) - 5} more" if len(rows) > 5 else "")
     sign = "y >= 0 where there is an obstacle" if free.any() else "y >= 0"
     where = f"for a y that is not 0 in row{'s' if len(rows) > 1 else ''} {named}"
-    reason = f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {nearest(number):.3g} {where}"
-    if known is not None:
-        count = np.count_nonzero(np.isfinite(known.high))
-        reason = (
-            f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {count} unknowns are proved to be what they are "
-            f"({known.proof}), and then (Az + q)'y <= {nearest(number):.3g}, {sign}, {where}"
-        )
-    return Answer(
-        True,
-        reason,
-        as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x)), known) is not None),
-        nearest(number),
-    )
+    if known is None:
+        reason = f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {number:.3g} {where}"
+    else:
+        proved = f"{np.count_nonzero(np.isfinite(known.high))} unknowns are proved to be what they are ({known.proof})"
+        then = f"{proved}, and then (Az + q)'y <= {number:.3g}, {sign}, {where}"
+        reason = f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {then}"
+    y = as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x)), known) is not None)
+    return Answer(True, reason, y, number)
+
+
+def _tried(problem: ProblemData, y: Vector, support: np.ndarray, known: Known | None) -> Iterator[Combination]:
+    yield {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
+    yield {int(i): Fraction(float(y[i])) for i in support}
+    if support.size <= _RATIONAL:
+        yield _exact(problem, support, y, known)
 
 
 def multipliers(problem: ProblemData) -> Vector | None:
     """A candidate y for `infeasible`: (q + Ac)ᵀy < 0, Aᵀy ≤ 0 and 0 ≤ y ≤ 1 in floats, for constant ψ = c.
 
-    In rows without an obstacle −1 ≤ y ≤ 1 and (Aᵀy)_i = 0. Where there is one that has all this with room for rounding,
-    one with the most room. By linear programming (HiGHS). Returns shape (n,), or None where there is no such y, as
-    where some z has p ≥ 0 and r ≥ 0, or none is found within a second.
+    In rows without an obstacle −1 ≤ y ≤ 1 and (Aᵀy)_i = 0. Of several the one with the most room for rounding, by
+    linear programming (HiGHS); None where there is none, as where some z has p, r ≥ 0, or none is found in a second.
     """
     if not problem.is_lcp:
         return None
@@ -114,9 +110,7 @@ def multipliers(problem: ProblemData) -> Vector | None:
     return np.asarray(found.x[:-1]) if found.status == 0 and load @ found.x[:-1] < 0 else None
 
 
-def _contradiction(
-    problem: ProblemData, free: np.ndarray, y: dict[int, Fraction], known: Known | None
-) -> Fraction | None:
+def _contradiction(problem: ProblemData, free: np.ndarray, y: Combination, known: Known | None) -> Fraction | None:
     """(q + Ac)ᵀy where it is negative and y has the right signs, in exact arithmetic; else None."""
     A, c = problem.A, problem.facts.obstacle
     columns: dict[int, Fraction] = {}
@@ -130,22 +124,18 @@ def _contradiction(
                 j = int(A.indices[k])
                 columns[j] = columns.get(j, Fraction(0)) + weight * Fraction(float(A.data[k]))
     for j, entry in columns.items():
-        end = 0.0 if known is None else float(known.high[j] if entry > 0 else known.low[j])
-        if known is not None and np.isfinite(end):
-            total += entry * Fraction(end)
-            continue
-        if entry > 0 or (entry and free[j]):
-            return None
+        end = np.nan if known is None else float(known.high[j] if entry > 0 else known.low[j])
+        if entry and not np.isfinite(end):
+            if entry > 0 or free[j]:
+                return None
+            end = float(c[j])
         if entry:
-            total += entry * Fraction(float(c[j]))
+            total += entry * Fraction(end)
     return total if total < 0 else None
 
 
-def _exact(problem: ProblemData, support: np.ndarray, y: Vector, known: Known | None) -> dict[int, Fraction]:
-    """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or must be; unknowns left open keep y_i.
-
-    By Gauss and Jordan's elimination.
-    """
+def _exact(problem: ProblemData, support: np.ndarray, y: Vector, known: Known | None) -> Combination:
+    """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or must be; x_i left open is y_i."""
     with np.errstate(over="ignore", invalid="ignore"):
         tight = np.abs(problem.A.T @ y) <= _ZERO * (problem.matrix.absolute.T @ np.abs(y))
     tight[support] = True

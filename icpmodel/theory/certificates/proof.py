@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -14,11 +15,11 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ...problem.data import ProblemData
 
 
+@dataclass(frozen=True, eq=False)
 class Proof(ABC):
-    """A proof that an ICP has exactly one solution z*, which also bounds |z − z*| for every z.
+    """A proof that an ICP has exactly one solution z*: `sentence`, for the user. It bounds |z − z*| for every z.
 
-    `sentence` says what was proved, for the user. Each proof is one file of this room, with a function `prove` that
-    returns a `Proof` or the reason, one sentence, why there is none.
+    Each is one file, whose function `prove` returns a `Proof`, or one sentence that says why there is none.
     """
 
     sentence: str
@@ -26,10 +27,7 @@ class Proof(ABC):
     wide: ClassVar[bool] = False
 
     def nearer(self, problem: ProblemData, z: Vector) -> Vector | None:
-        """A point that is probably nearer to z* than `z`, shape (n,): one step of the active-set Newton iteration.
-
-        None where there is none. |z − z*| is at most the distance to it plus the bound there.
-        """
+        """A point that is probably nearer to z* than `z`, by one step of the active-set Newton iteration, or None."""
         try:
             return solve_on(problem, z, nearer_to_obstacle(problem, z))
         except IcpError:  # the equations are singular, or ψ or its Jacobian fails
@@ -37,11 +35,7 @@ class Proof(ABC):
 
     @abstractmethod
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
-        """(δ, ε) with |z − z*| ≤ δ entry by entry and ‖z − z*‖₂ ≤ ε.
-
-        Parameters: `z` shape (n,), finite; `for_p` and `for_r` bounds on the rounding errors of p(z) and r(z), as
-        `ICP.rounding` gives them. Returns δ of shape (n,), not finite where the proof says nothing about this z.
-        """
+        """(δ, ε), |z − z*| ≤ δ and ‖z − z*‖₂ ≤ ε, p(z) and r(z) known to `for_p` and `for_r`; not finite if unknown."""
 
 
 def norm_up(x: Vector) -> float:

@@ -44,7 +44,6 @@ _CHUNK = 512
 class RepresentativesProof(Proof):
     """K and H of the module's docstring, (n, n), for p, r and z in units of 2^−`row_p`, 2^−`row_r` and 2^`column`."""
 
-    sentence: str
     K: np.ndarray
     H: np.ndarray
     row_p: np.ndarray
@@ -64,10 +63,7 @@ class RepresentativesProof(Proof):
 
 
 def prove(matrix: Matrix, psi: Map) -> RepresentativesProof | str:
-    """All 2ⁿ representatives are inverted, n ≤ 12, and the inverses enclosed.
-
-    Returns the proof, or the reason why there is none.
-    """
+    """All 2ⁿ representatives are inverted, n ≤ 12, and the inverses enclosed."""
     n, other = matrix.n, "I" if psi.is_constant else "I - G"
     if n > LIMIT:
         return f"n = {n} is too large to try all choices of rows from A and {other}, which is done up to n = {LIMIT}"

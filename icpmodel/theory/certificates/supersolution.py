@@ -21,7 +21,9 @@ J. Numer. Anal. 54 (2016), for policy iteration; the proof above.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 import scipy.sparse as sp
@@ -33,7 +35,8 @@ from ...numerics.rational import exact_sum, nearest
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, lower
 from ...problem.data import ProblemData
 from ...problem.intervention import Intervention
-from ..matrices.h_matrix import z_matrix
+from ..matrices.comparison_matrix import positive_diagonal, z_matrix
+from ..matrices.h_matrix import row_sum_signs
 from .proof import Proof, norm_up
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z, small ones
@@ -49,14 +52,13 @@ _STEPS = 100
 class SupersolutionProof(Proof):
     """`pairs` of a margin m > 0 and a supersolution s with min(p(s)/a, r(s)) ≥ m, s of shape (n,)."""
 
-    sentence: str
     weight: Vector
     pairs: tuple[tuple[float, Vector], ...]
 
     wide = True  # F sees the curvature of an error, divided by h² on a grid, and the bound its largest entry only
 
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
-        """The best of the pairs for every entry: see `Proof.bound`. Not finite where F(z) reaches every margin."""
+        """The best of the pairs for every entry; not finite where F(z) reaches every margin."""
         with np.errstate(over="ignore", invalid="ignore"):
             F = np.minimum(problem.p(z) / self.weight, problem.r(z))
             error = np.maximum(for_p / self.weight, for_r) * (1 + 4 * UNIT_ROUNDOFF) + 4 * UNIT_ROUNDOFF * np.abs(F)
@@ -71,33 +73,26 @@ class SupersolutionProof(Proof):
         return delta, norm_up(delta)
 
     def nearer(self, problem: ProblemData, z: Vector) -> Vector | None:
-        """One step of policy iteration: see `Proof.nearer`."""
         with np.errstate(over="ignore", invalid="ignore"):
             return _policy_step(problem, self.weight, 0.0, z)
 
 
 def prove(problem: ProblemData) -> SupersolutionProof | str:
-    """Policy iteration for a few margins m, each s checked with rounding included. It depends on q as well.
-
-    Returns the proof, or the reason why there is none.
-    """
-    try:
-        return _prove(problem)
-    except MapError as error:  # ψ need not have a value where s is sought
-        return f"no strict supersolution was found: {error}"
-
-
-def _prove(problem: ProblemData) -> SupersolutionProof | str:
+    """Policy iteration for a few margins m, each s checked with rounding included. It depends on q as well."""
     A, psi = problem.A, problem.psi
     if not isinstance(psi, Intervention) or psi.best != "max":
         return 'psi is no best jump (an Intervention with best="max"), for which supersolutions are sought'
-    reason = _no_z_matrix(A)
-    if reason:
-        return reason
-    diagonal = A.diagonal()
-    if not (diagonal > 0).all():
-        i = int(np.argmin(diagonal))
-        return f"A is not a nonsingular M-matrix: A[{i}, {i}] = {diagonal[i]:g} is not positive"
+    found = z_matrix(A)
+    if not found.holds:
+        return f"A is no Z-matrix: {found.reason}"
+    positive, diagonal = positive_diagonal(A), A.diagonal()
+    if not positive.holds:
+        return f"A is not a nonsingular M-matrix: {positive.reason}"
+    negative = np.flatnonzero(row_sum_signs(A) < 0)
+    if negative.size:
+        i = int(negative[0])
+        total = nearest(exact_sum(A.data[A.indptr[i] : A.indptr[i + 1]]))
+        return f"A1 >= 0 is needed: row {i} of A has the sum {total:.3g}"
     unit = sp.csr_array(sp.diags_array(1.0 / diagonal) @ A)
     ones, lu = np.ones(problem.n), factorise(unit)
     v = None if lu is None else lu.solve(ones)
@@ -106,45 +101,34 @@ def _prove(problem: ProblemData) -> SupersolutionProof | str:
     # a in the units of p, with A^-1 a about 1: the row sums where they are not small
     weight = np.maximum(unit @ ones, 1.0 / v.max())
     weight *= diagonal / lu.solve(weight).max()
-    start = lu.solve(-problem.q / diagonal)
-    r = problem.r(start)
-    size = max(float(np.abs(start).max()), float(np.abs(r[np.isfinite(r)]).max(initial=0.0))) or 1.0
-    pairs: list[tuple[float, Vector]] = []
-    for share in _SHARES:
-        s = _supersolution(problem, weight, size * share, start if not pairs else pairs[-1][1])
-        if s is not None:
-            m = _margin(problem, weight, s)
-            if m > 0.5 * size * share:
-                pairs.append((m, s))
-        if len(pairs) == _KEPT:
-            break
+    try:
+        pairs = tuple(islice(_supersolutions(problem, weight, lu.solve(-problem.q / diagonal)), _KEPT))
+    except MapError as error:  # ψ need not have a value where s is sought
+        return f"no strict supersolution was found: {error}"
     if not pairs:
         return "no strict supersolution was found by policy iteration"
     margin = f"margin {at_least(pairs[0][0])}"
     sentence = f"A is an M-matrix with A1 >= 0, psi a best jump, and a strict supersolution exists ({margin})"
-    return SupersolutionProof(sentence, weight, tuple(pairs))
+    return SupersolutionProof(sentence, weight, pairs)
 
 
-def _no_z_matrix(A: sp.csr_array) -> str:
-    """Why A is no Z-matrix with A1 ≥ 0, or nothing."""
-    found = z_matrix(A)
-    if not found.holds:
-        return f"A is no Z-matrix: {found.reason}"
-    for i in np.flatnonzero(~(lower(A, np.ones(A.shape[0])) >= 0)):
-        total = nearest(exact_sum(A.data[A.indptr[i] : A.indptr[i + 1]]))
-        if not total >= 0:
-            return f"A1 >= 0 is needed: row {i} of A has the sum {total:.3g}"
-    return ""
-
-
-def _supersolution(problem: ProblemData, weight: Vector, m: float, s: Vector) -> Vector | None:
-    """s with min(p/a, r) = m by policy iteration from `s`, None where it breaks down or does not end."""
-    for _ in range(_STEPS):
-        new = _policy_step(problem, weight, m, s)
-        if new is None or np.abs(new - s).max() <= 1e-9 * m:
-            return new
-        s = new
-    return None
+def _supersolutions(problem: ProblemData, weight: Vector, start: Vector) -> Iterator[tuple[float, Vector]]:
+    """Margins m and s with min(p/a, r) ≥ m, by policy iteration from the one before, at first from `start`."""
+    r = problem.r(start)
+    size = max(float(np.abs(start).max()), float(np.abs(r[np.isfinite(r)]).max(initial=0.0))) or 1.0
+    for target in (size * share for share in _SHARES):
+        s = start
+        for _ in range(_STEPS):
+            new = _policy_step(problem, weight, target, s)
+            if new is None:
+                break
+            step, s = float(np.abs(new - s).max()), new
+            if step <= 1e-9 * target:
+                m = _margin(problem, weight, s)
+                if m > 0.5 * target:
+                    start = s
+                    yield m, s
+                break
 
 
 def _policy_step(problem: ProblemData, weight: Vector, m: float, s: Vector) -> Vector | None:

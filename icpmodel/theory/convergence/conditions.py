@@ -34,19 +34,83 @@ Reference: Kumar, Deepmala and Das, theorems 4.1 to 4.4, corrected; Berman and P
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...algebra.splittings import AOR
-from ...numerics.arrays import Vector
+from ...algebra.splittings import AOR, Member
+from ...errors import InputError
+from ...numerics.arrays import Vector, as_csr, as_vector, described, diagonal_positions
 from ...numerics.rounding import UNIT_ROUNDOFF
-from .absolute import Comparison, absolute_inverse
-from .contraction import MonotoneMap
-from .step import StepMatrices, off_diagonal
+from ...problem.data import ProblemData, as_problem
+from ..matrices.comparison_matrix import positive_diagonal
+from .contraction import Comparison, MonotoneMap, absolute_inverse
 
 #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
 _EQUAL = 1.0 - 2.0**-50
+
+
+class StepMatrices:
+    """M₁, M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω as CSR and D, φ, φ₁, Ω as vectors, of `member` on `problem`.
+
+    M₁, M̂ and X store every diagonal entry. What a theorem makes of all this is at most twice `size` entry by entry, and
+    so are the rounding errors of making it.
+    """
+
+    def __init__(self, problem: ProblemData, member: Member) -> None:
+        as_problem(problem)
+        if isinstance(member, str | type):
+            raise InputError(f"member is {described(member)}; a Method object was expected, such as MNMGS()")
+        if not (hasattr(member, "splitting_of") and hasattr(member, "omega_of")):
+            wanted = "a method of the modulus family, such as icpmodel.MNMGS()"
+            raise InputError(f"member is {member!r}; {wanted}, was expected")
+        self.problem = problem
+        self.A, self.n = problem.A, problem.n
+        self.D = problem.A.diagonal()
+        self.splitting = member.splitting_of()
+        self.omega = member.omega_of(problem)
+        self.phi = as_vector(member.phi, self.n, "phi")
+        self.phi1 = as_vector(getattr(member, "phi1", 1.0), self.n, "phi1")
+        with np.errstate(all="ignore"):  # what overflows proves nothing
+            self.M1 = as_csr(self.splitting.matrix(self.A), "M1", keep_diagonal=True)
+            self.M = _shifted(self.M1, self.phi)
+            self.N = sp.csr_array(self.M - self.A)
+            self.X = _shifted(self.M, self.omega)
+            #: (D − Ω)⁺, the zero matrix where Ω ≥ D
+            self.short = sp.diags_array(np.maximum(self.D - self.omega, 0.0))
+        #: vectors v > 0 that served one theorem and may serve the next
+        self.vectors: list[Vector] = []
+
+    @property
+    def G(self) -> sp.csr_array:
+        """The Lipschitz matrix of ψ, which must be known."""
+        G = self.problem.psi.lipschitz
+        assert G is not None
+        return G
+
+    @cached_property
+    def omega_G(self) -> sp.csr_array:
+        """ΩG."""
+        return sp.csr_array(sp.diags_array(self.omega) @ self.G)
+
+    @cached_property
+    def size(self) -> sp.csr_array:
+        """|M₁| + |φ| + Ω + |A| + ΩG."""
+        diagonal = np.abs(self.phi) + self.omega + np.abs(self.D)
+        return sp.csr_array(abs(self.M1) + abs(self.A) + self.omega_G + sp.diags_array(diagonal))
+
+
+def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
+    """|`matrix`| with a zero diagonal."""
+    result = sp.csr_array(abs(matrix))
+    return sp.csr_array(result - sp.diags_array(result.diagonal()))
+
+
+def _shifted(matrix: sp.csr_array, diagonal: Vector) -> sp.csr_array:
+    data = matrix.data.copy()
+    data[diagonal_positions(matrix)] += diagonal
+    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
 def sharper(step: StepMatrices) -> MonotoneMap:
@@ -77,23 +141,23 @@ def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap |
         return "it is about AOR splittings only"
     B, factor = off_diagonal(step.A), theta_factor(theta)
     if as_printed:
-        if not (step.D > 0).all():
-            return f"A is not an H+-matrix: its diagonal has the entry {step.D.min():g}"
-        if not (step.omega >= step.D * _EQUAL).all():
-            return "phi2 >= phi1 D does not hold"
+        reason = _not_as_printed(step)
+        if reason:
+            return reason
         phi2_G = sp.diags_array(step.phi1 * step.omega) @ step.G
-        return _plain(factor * (sp.diags_array(1.0 / step.D) @ B + phi2_G), np.ones(step.n))
+        return _plain(factor * (sp.diags_array(1.0 / step.D) @ B + phi2_G), np.ones(step.n), 1.0 / factor)
     if (step.phi < 0).any():
         return f"phi has the negative entry {step.phi.min():g}"
     if theta.theta2 < 0:
         return f"theta2 = {theta.theta2:g} is negative"
-    return _jacobi(step, "D", step.D, factor * (B + step.omega_G + step.short))
+    return _jacobi(step, "D", step.D, factor * (B + step.omega_G + step.short), 1.0 / factor)
 
 
 def theorem_44(step: StepMatrices) -> MonotoneMap | str:
     """v ↦ m̂⁻¹(off(|M̂|) + |N̂| + (D − Ω)⁺ + ΩG)v, or which diagonal is not positive."""
-    if not (step.D > 0).all():
-        return f"the diagonal of A has the entry {step.D.min():g}, not positive"
+    positive = positive_diagonal(step.A)
+    if not positive.holds:
+        return positive.reason
     F = off_diagonal(step.M) + abs(step.N) + step.short + step.omega_G
     return _jacobi(step, "the diagonal of M1 + phi", step.M.diagonal(), F)
 
@@ -104,10 +168,9 @@ def printed_42(step: StepMatrices) -> MonotoneMap | str:
     g_ii ≤ (|n_ii + φ_ii| − n_ii − |φ_ii|)/2ω_ii and g_ij ≤ (|m_ij| + |n_ij| − |a_ij|)/2ω_ii (φ₁ cancels), read up to
     rounding.
     """
-    if not (step.D > 0).all():
-        return f"A is not an H+-matrix: its diagonal has the entry {step.D.min():g}"
-    if not (step.omega >= step.D * _EQUAL).all():
-        return "phi2 >= phi1 D does not hold"
+    reason = _not_as_printed(step)
+    if reason:
+        return reason
     n1 = step.M1.diagonal() - step.D
     N1 = sp.csr_array(step.M1 - step.A)
     bound = off_diagonal(step.M1) + off_diagonal(N1) - off_diagonal(step.A)
@@ -136,14 +199,19 @@ def printed_44(step: StepMatrices) -> MonotoneMap | str:
     phi1, phi = sp.diags_array(step.phi1), sp.diags_array(step.phi)
     M, N = phi1 @ step.M1 + phi, phi1 @ (step.M1 - step.A) + phi
     F = off_diagonal(sp.csr_array(M)) + abs(N) + phi1 @ step.omega_G
+    F = F if above.all() else F + phi1 @ step.short
     diagonal = np.abs(M.diagonal())
-    if not above.all():
-        F = F + phi1 @ step.short
     if not (diagonal > 0).all():
         return "phi1 m + phi has a zero on its diagonal"
-    both = (splitting.parts[0], sp.csr_array(sp.diags_array(1.0 / diagonal) @ F))
-    size = sp.csr_array(both[0] + both[1] + sp.eye_array(step.n))
-    return MonotoneMap(absolute_inverse(sp.csr_array(sp.eye_array(step.n)), size), both, size)
+    return _plain(F, diagonal, parts=splitting.parts)
+
+
+def _not_as_printed(step: StepMatrices) -> str:
+    """Which of D > 0 and φ₂ ≥ φ₁D, which 4.2 and 4.3 as printed ask for, does not hold; empty where both do."""
+    positive = positive_diagonal(step.A)
+    if not positive.holds:
+        return f"A is not an H+-matrix: {positive.reason}"
+    return "" if (step.omega >= step.D * _EQUAL).all() else "phi2 >= phi1 D does not hold"
 
 
 def theta_factor(theta: AOR) -> float:
@@ -162,14 +230,15 @@ def _h_splitting(step: StepMatrices) -> MonotoneMap | str:
     return _plain(off_diagonal(step.M) + abs(step.N), diagonal)
 
 
-def _plain(F: sp.csr_array, diagonal: Vector) -> MonotoneMap:
-    F = sp.csr_array(sp.diags_array(1.0 / diagonal) @ F)
+def _plain(F: sp.csr_array, diagonal: Vector, limit: float = 1.0, parts: tuple[sp.csr_array, ...] = ()) -> MonotoneMap:
+    """v ↦ the maximum of diag(`diagonal`)⁻¹Fv and of `parts` times v."""
+    parts = (*parts, sp.csr_array(sp.diags_array(1.0 / diagonal) @ F))
     one = sp.csr_array(sp.eye_array(diagonal.size))
-    size = sp.csr_array(F + one)
-    return MonotoneMap(Comparison(one, size), (F,), size)
+    size = sp.csr_array(sum(parts, one))
+    return MonotoneMap(Comparison(one, size), parts, size, limit)
 
 
-def _jacobi(step: StepMatrices, name: str, diagonal: Vector, F: sp.csr_array) -> MonotoneMap | str:
+def _jacobi(step: StepMatrices, name: str, diagonal: Vector, F: sp.csr_array, limit: float = 1.0) -> MonotoneMap | str:
     """v ↦ diag(`diagonal`)⁻¹Fv: below 1 exactly where diag − F is a nonsingular M-matrix."""
     if not (diagonal > 0).all():
         i = int(np.argmin(diagonal > 0))
@@ -177,4 +246,4 @@ def _jacobi(step: StepMatrices, name: str, diagonal: Vector, F: sp.csr_array) ->
     F, S = sp.csr_array(F), sp.csr_array(sp.diags_array(diagonal))
     # F is at most a few times the size, which the factor of theorem 4.3 may exceed
     size = sp.csr_array(step.size + F)
-    return MonotoneMap(Comparison(S, size), (F,), size)
+    return MonotoneMap(Comparison(S, size), (F,), size, limit)

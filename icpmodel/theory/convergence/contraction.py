@@ -1,20 +1,150 @@
-"""The spectral radius of monotone maps v ↦ |X⁻¹| max_k F_k v, bounded from both sides with rounding included."""
+"""|X⁻¹|w for w ≥ 0, and the spectral radius of monotone maps v ↦ |X⁻¹| max_k F_k v, both bounded from both sides.
+
+Rounding is included.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import contextlib
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import reduce
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
+from ...algebra.splittings import Given
+from ...errors import SingularOperator
 from ...numerics.arrays import Vector
-from .absolute import Comparison, Dense, slack
+from ...numerics.equilibration import equilibrated, in_units
+from ...numerics.factorisation import factorise
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ..matrices.comparison_matrix import comparison_matrix
 
+#: up to this n the inverse of an X that is no M-matrix is computed densely, and so is known from both sides
+DENSE = 300
 #: entries up to which a step costs a factorisation, and entries that all power steps together may read
 _FACTORISED, _READ = 200_000, 400_000_000
 #: a gain of this share of the distance to 1 (or to 0) is worth another step
 _WORTH = 0.01
+
+
+def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Comparison | Dense:
+    """The best that is known of |X⁻¹|.
+
+    |X⁻¹| ≤ ⟨X⟩⁻¹ for an H-matrix, with equality for an M-matrix; for other X with n ≤ 300 a computed inverse R and
+    |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX. X itself is known to a few units of roundoff of `size`, default |X|.
+    Reference: Berman and Plemmons (1979), chapter 6; Neumaier, Interval Methods (1990), section 3.7.
+    """
+    size = sp.csr_array(abs(X)) if size is None else size
+    comparison = Comparison(X, size)
+    if X.shape[0] > DENSE or (comparison.exact and np.isfinite(comparison.upper(X.diagonal())).all()):
+        return comparison
+    return Dense.of(X, size) or comparison
+
+
+def slack(size: sp.csr_array, v: Vector) -> Vector:
+    """More than the rounding errors of a product with `v` of a matrix of at most 2·`size`, and of making it.
+
+    8k(u·`size`|v| + 2⁻¹⁰⁷⁴), k eight more than the entries of the longest row; the second term is for underflow and
+    asks for |v| ≤ 1.
+    Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
+    """
+    k = int(np.diff(size.indptr).max()) + 8
+    return 8 * k * UNIT_ROUNDOFF * (size @ np.abs(v)) + 8 * k * SMALLEST
+
+
+class Comparison:
+    """|X⁻¹| ≤ ⟨X⟩⁻¹ by substitution or one factorisation; `exact`, `lower` and `upper` meet, where X = ⟨X⟩.
+
+    y ≥ ⟨X⟩⁻¹w is proved by ⟨X⟩y ≥ w > 0, y > 0, which also proves that ⟨X⟩ is an M-matrix.
+    """
+
+    def __init__(self, X: sp.csr_array, size: sp.csr_array) -> None:
+        self._C, self._size = comparison_matrix(X), size
+        self.exact = bool((self._C.data == X.data).all())
+        #: the last y > 0 with ⟨X⟩y > 0 that was found
+        self._proof: Vector | None = None
+        self._solve: Any = None
+        with contextlib.suppress(SingularOperator):
+            self._solve = Given(self._C).operator(self._C, np.zeros(X.shape[0])).solve
+
+    def upper(self, w: Vector) -> Vector:
+        """y ≥ |X⁻¹|w for `w` > 0, entry by entry; +inf where nothing is proved."""
+        unknown = np.full(w.size, np.inf)
+        if self._solve is None or not np.isfinite(w).all():
+            return unknown
+        more = slack(self._size, self._solve(w))
+        for _ in range(3):
+            y = self._solve(w + 2 * more)
+            if not (np.isfinite(y).all() and (y > 0).all()):
+                break
+            if (self._C @ y - slack(self._size, y) >= w).all():
+                self._proof = y
+                return y
+            more = 100 * more
+        return unknown
+
+    def lower(self, w: Vector) -> Vector:
+        """0 ≤ y ≤ |X⁻¹|w for `w` ≥ 0; zero where nothing is proved. What `upper` found before helps."""
+        if not self.exact or self._proof is None or not w.any():
+            return np.zeros(w.size)
+        # y with ⟨X⟩y ≤ w lies below ⟨X⟩⁻¹w whatever its signs; a little of the proof brings it below where w = 0
+        y = self._solve(w)
+        little = 2.0**-50 * float((y / self._proof)[w > 0].min())
+        y = self._solve(w - 2 * slack(self._size, y)) - little * self._proof
+        good = np.isfinite(y).all() and (self._C @ y + slack(self._size, y) <= w).all()
+        return np.maximum(y, 0.0) if good else np.zeros(w.size)
+
+    def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
+        """About (μI − |X⁻¹|F)⁻¹v, F ≥ 0, by (μ⟨X⟩ − F)y = ⟨X⟩v, without any proof; None where that is singular."""
+        lu = factorise(sp.csr_array(mu * self._C - F))
+        return None if lu is None else lu.solve(self._C @ v)
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """`below` ≤ |X⁻¹| ≤ `above`, dense, shape (n, n)."""
+
+    below: Any
+    above: Any
+    exact = True
+
+    @classmethod
+    def of(cls, X: sp.csr_array, size: sp.csr_array) -> Dense | None:
+        """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
+        n = X.shape[0]
+        with np.errstate(all="ignore"):
+            # so that units cost no accuracy
+            S, rows, columns = equilibrated(size.toarray())
+            Y = in_units(X.toarray(), rows, columns)
+            try:
+                R = np.linalg.inv(Y)
+            except np.linalg.LinAlgError:
+                return None
+            absolute = np.abs(R)
+            defect = np.abs(np.eye(n) - R @ Y) + 8 * (n + 8) * UNIT_ROUNDOFF * (absolute @ S + np.eye(n))
+            e = float(defect.sum(axis=1).max()) * (1 + n * 4 * UNIT_ROUNDOFF)
+            if not e < 0.5:
+                return None
+            error = absolute.max(axis=0) * (e / (1 - e)) * (1 + 8 * UNIT_ROUNDOFF)
+            below = in_units(np.maximum(absolute - error, 0.0), columns, rows)
+            above = in_units(absolute + error, columns, rows)
+        return cls(below, above) if np.isfinite(above).all() else None
+
+    def upper(self, w: Vector) -> Vector:
+        return (self.above @ w) * (1 + 4 * (w.size + 8) * UNIT_ROUNDOFF) + (w.size + 2) * SMALLEST
+
+    def lower(self, w: Vector) -> Vector:
+        y = (self.below @ w) * (1 - 4 * (w.size + 8) * UNIT_ROUNDOFF) - (w.size + 2) * SMALLEST
+        return np.maximum(y, 0.0)
+
+    def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
+        try:
+            return np.linalg.solve(mu * np.eye(v.size) - self.above @ F, v)
+        except np.linalg.LinAlgError:
+            return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +152,13 @@ class MonotoneMap:
     """T(v) = |X⁻¹| max_k F_k v, the maximum entry by entry; monotone and positively homogeneous on v ≥ 0.
 
     `inverse` is |X⁻¹|, `parts` are the F_k ≥ 0 (CSR, shape (n, n)), `size` a matrix ≥ F_k/2 of which the F_k are known
-    to a few units of roundoff.
+    to a few units of roundoff. `limit`·ρ(T) < `limit` is what a theorem asks for in its own words.
     """
 
     inverse: Comparison | Dense
     parts: tuple[sp.csr_array, ...]
     size: sp.csr_array
+    limit: float = 1.0
 
     def upper(self, v: Vector) -> Vector:
         """At least T(`v`), entry by entry, for `v` > 0 of shape (n,)."""
@@ -50,33 +181,22 @@ class MonotoneMap:
         return self.size.nnz * (2 + len(self.parts))
 
     def _largest(self, v: Vector) -> Vector:
-        result = self.parts[0] @ v
-        for F in self.parts[1:]:
-            result = np.maximum(result, F @ v)
-        return result
+        return reduce(np.maximum, (F @ v for F in self.parts))
 
 
-@dataclass(frozen=True, eq=False)
-class Radius:
-    """ρ(T) ≤ `upper` = max_i T(v)_i/v_i with `v` > 0, both proved; `at_least_one` whether ρ(T) ≥ 1 is proved.
+class Radius(NamedTuple):
+    """ρ(T) ≤ `upper` = max_i T(v)_i/v_i with `v` > 0, both proved, or infinite and None; `holds` whether ρ(T) < 1."""
 
-    ρ(T) < 1 exactly if some v > 0 has T(v) < v. `v` is None and `upper` infinite where no bound was found.
-    """
-
-    upper: float
-    v: Vector | None
-    at_least_one: bool
-
-    @property
-    def holds(self) -> bool | None:
-        """Whether ρ(T) < 1; None where neither that nor the contrary is proved."""
-        return True if self.upper < 1 else False if self.at_least_one else None
+    upper: float = np.inf
+    v: Any = None
+    holds: bool | None = None
 
 
 def radius(T: MonotoneMap, starts: Iterable[Vector]) -> Radius:
     """Bounds on the spectral radius of `T` by Collatz–Wielandt quotients.
 
-    Every v > 0 gives ρ(T) ≤ max_i T(v)_i/v_i; every v ≥ 0, v ≠ 0 with T(v) ≥ v where v > 0 gives ρ(T) ≥ 1. The best
+    Every v > 0 gives ρ(T) ≤ max_i T(v)_i/v_i, and ρ(T) < 1 exactly if some v > 0 has T(v) < v; every v ≥ 0, v ≠ 0
+    with T(v) ≥ v where v > 0 gives ρ(T) ≥ 1. The best
     of `starts` (vectors of shape (n,), asked for only until one gives less than 1) is improved by v ← T(v) + v/4·ρ,
     which never makes the quotient larger, and, where a sparse factorisation is cheap, by Noda's iteration
     v ← (μI − T_v)⁻¹v, μ the quotient, which converges quadratically and keeps v > 0.
@@ -84,17 +204,18 @@ def radius(T: MonotoneMap, starts: Iterable[Vector]) -> Radius:
     Math. 17 (1971); Nussbaum, Linear Algebra Appl. 75 (1986), for maps that are not linear.
     """
     with np.errstate(all="ignore"):
-        best = Radius(np.inf, None, False)
+        best = Radius()
         for v in starts:
             best = _better(T, v, best)
             if best.upper < 1:
                 break
+        if best.v is None:
+            return best
         if T.entries <= _FACTORISED:
             best = _noda(T, best)
         best, last = _power(T, best)
-        if best.upper < 1 or best.v is None or last is None:
-            return best
-        return Radius(best.upper, best.v, _invariant_part(T, last) or _invariant_part(T, best.v))
+        fails = best.upper >= 1 and (_invariant_part(T, last) or _invariant_part(T, best.v))
+        return best._replace(holds=True if best.upper < 1 else False if fails else None)
 
 
 def _quotient(T: MonotoneMap, v: Vector) -> tuple[float, Vector]:
@@ -110,7 +231,7 @@ def _better(T: MonotoneMap, v: Vector | None, best: Radius) -> Radius:
         return best
     v = v / np.abs(v).max()
     quotient, _ = _quotient(T, v)
-    return Radius(quotient, v, False) if quotient < best.upper else best
+    return Radius(quotient, v) if quotient < best.upper else best
 
 
 def _worthwhile(before: float, after: float) -> bool:
@@ -118,34 +239,25 @@ def _worthwhile(before: float, after: float) -> bool:
 
 
 def _noda(T: MonotoneMap, best: Radius) -> Radius:
-    if best.v is None:
-        return best
     # where rho < 1 this start alone proves it: T(v) = v - start
     best = _better(T, T.steeper(1.0, best.v), best)
     for _ in range(20):
-        assert best.v is not None
         before, best = best, _better(T, T.steeper(best.upper, best.v), best)
         if not _worthwhile(before.upper, best.upper):
             break
     return best
 
 
-def _power(T: MonotoneMap, best: Radius) -> tuple[Radius, Vector | None]:
-    """Power steps for as long as they gain; where the quotient stays above 1, until its minimum is above 1 as well.
-
-    Returns the best bound and the vector of the last step.
-    """
+def _power(T: MonotoneMap, best: Radius) -> tuple[Radius, Vector]:
+    """Power steps for as long as they gain, or until T(v) ≥ v: the best bound and the last v."""
     v = best.v
-    if v is None:
-        return best, None
     for step in range(int(np.clip(_READ // T.entries, 3, 100))):
         before = best.upper
         quotient, image = _quotient(T, v)
         if quotient < before:
-            best = Radius(quotient, v, False)
-        if not np.isfinite(quotient) or (step and quotient < 1 and not _worthwhile(before, quotient)):
-            break
-        if (image >= v).all():
+            best = Radius(quotient, v)
+        done = step and quotient < 1 and not _worthwhile(before, quotient)
+        if done or not np.isfinite(quotient) or (image >= v).all():
             break
         v = image + 0.25 * quotient * v
         v = v / v.max()
@@ -161,19 +273,3 @@ def _invariant_part(T: MonotoneMap, v: Vector) -> bool:
             return bool((u > 0).any())
         u[short] = 0.0
     return False
-
-
-def balanced(size: sp.csr_array) -> Iterator[Vector]:
-    """v = 1, and for n ≤ 500 the units of z in which rows and columns of D⁻¹·`size` have like norms.
-
-    Reference: Osborne, J. ACM 7 (1960).
-    """
-    n = size.shape[0]
-    yield np.ones(n)
-    if 1 < n <= 500:
-        from scipy.linalg import matrix_balance
-
-        with np.errstate(all="ignore"):
-            quotients = size.toarray() / size.diagonal()[:, None]
-        if np.isfinite(quotients).all():
-            yield matrix_balance(quotients, permute=False, separate=True)[1][0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,9 +17,8 @@ from ...problem.data import ProblemData, as_problem
 from ..answers import Answer
 from ..certificates.bounds import error_bound
 from ..certificates.proof import norm_up
-from .absolute import slack
-from .conditions import sharper
-from .step import StepMatrices
+from .conditions import StepMatrices, sharper
+from .contraction import slack
 from .theorems import Check, check_all
 
 
@@ -28,13 +26,13 @@ from .theorems import Check, check_all
 class Rate(ABC):
     """Every step of the method, in exact arithmetic, reduces a norm of the error z − z* to `factor` times it, or less.
 
-    |zᵏ − z*| ≤ factorᵏ·‖z⁰ − z*‖·v entry by entry. `factor` < 1 and `v` > 0, shape (n,), are proved; `sentence` is the
-    theorem behind them. They do not depend on q. The norm, `norm` in words, is that of the subclass.
+    |zᵏ − z*| ≤ factorᵏ·‖z⁰ − z*‖·v entry by entry. `factor` < 1 and `v` > 0, shape (n,), are proved, whatever q is;
+    `sentence` is the theorem behind them, `norm` the norm in words.
 
     >>> from icpmodel import MNMJ
     >>> rate = predicted_rate(ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ())
-    >>> round(rate.factor, 6), rate.v
-    (0.5, array([1., 1.]))
+    >>> round(rate.factor, 6), rate.v, rate.steps(ICP([[2, -1], [-1, 2]], [-2, -2]), [0.0, 0.0], 1e-3)
+    (0.5, array([1., 1.]), 11)
     """
 
     factor: float
@@ -54,11 +52,6 @@ class Rate(ABC):
 
         It rests on one step of the method: ‖z¹ − z⁰‖/(1 − factor). Parameters: `problem` with the A and ψ of the rate;
         `z0` shape (n,), finite. Raises InputError for another A or ψ, or another z0.
-
-        >>> from icpmodel import MNMJ
-        >>> problem = ICP([[2, -1], [-1, 2]], [-2, -2])
-        >>> round(predicted_rate(problem, MNMJ()).distance(problem, [0.0, 0.0]), 6)
-        2.0
         """
         z0, step = as_problem(problem).vector(z0, "z0", finite=True), self._step
         if problem.A is not step.A or problem.psi is not step.problem.psi:
@@ -69,20 +62,14 @@ class Rate(ABC):
             for_p, for_r = problem.rounding(z0)
             # the smaller side decides; either side may, within its error
             for_F = np.maximum(for_p, np.where(np.isposinf(r), 0.0, omega * for_r)) + 4 * UNIT_ROUNDOFF * np.abs(F)
-            bound = self._distance(problem, z0, F, for_F)
-        return bound if bound == bound else math.inf
+            return float(np.nan_to_num(self._distance(problem, z0, F, for_F), nan=math.inf, posinf=math.inf))
 
     @abstractmethod
     def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
         """See `distance`; F = min(p, Ωr) at z⁰, known to `for_F`. NaN where nothing is known."""
 
     def error_after(self, k: int, distance: float) -> Vector:
-        """A bound on |zᵏ − z*| entry by entry, shape (n,): factorᵏ·distance·v, `distance` as `distance` gives it.
-
-        >>> from icpmodel import MNMJ
-        >>> predicted_rate(ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ()).error_after(2, 4.0).round(6)
-        array([1., 1.])
-        """
+        """A bound on |zᵏ − z*| entry by entry, shape (n,): factorᵏ·distance·v, `distance` as `distance` gives it."""
         k = int(as_number(k, "k", least=0, whole=True))
         with np.errstate(over="ignore"):
             size = max(self.factor**k, SMALLEST) * distance * (1 + 16 * UNIT_ROUNDOFF)
@@ -94,18 +81,12 @@ class Rate(ABC):
         Parameters: `problem` and `z0` as in `distance`; `accuracy` a positive number or vector of shape (n,), in the
         units of z. Rounding in the run itself limits what accuracy can be had at all.
         Raises InputError where the accuracy is not positive.
-
-        >>> from icpmodel import MNMJ
-        >>> problem = ICP([[2, -1], [-1, 2]], [-2, -2])
-        >>> predicted_rate(problem, MNMJ()).steps(problem, [0.0, 0.0], 1e-3)
-        11
         """
-        if np.ndim(accuracy):
-            accuracy = as_vector(accuracy, self.v.size, "accuracy")
-            if not (accuracy > 0).all():
-                raise InputError(f"accuracy has the entry {accuracy.min():g}; positive numbers were expected")
-        else:
+        if np.ndim(accuracy) == 0:
             accuracy = as_number(accuracy, "accuracy", above=0)
+        accuracy = as_vector(accuracy, self.v.size, "accuracy")
+        if not (accuracy > 0).all():
+            raise InputError(f"accuracy has the entry {accuracy.min():g}; positive numbers were expected")
         distance = self.distance(problem, z0)
         with np.errstate(over="ignore"):
             wanted = float((accuracy / self.v).min())
@@ -124,22 +105,17 @@ class Contraction(Rate):
     norm = "max_i |z_i - z*_i|/v_i"
 
     def steps(self, problem: ProblemData, z0: Any, accuracy: Any) -> int | None:
-        """See `Rate.steps`: the smaller number of two norms, that of v and the maximum norm.
+        """The smaller number of two norms, that of v and, where it proves a factor below 1, the maximum norm.
 
         The factor in the maximum norm may be larger, but nothing is lost between it and the entries of z.
         """
-        numbers = [Rate.steps(self, problem, z0, accuracy)]
-        if self._in_maximum_norm is not None:
-            numbers.append(Rate.steps(self._in_maximum_norm, problem, z0, accuracy))
-        return min((number for number in numbers if number is not None), default=None)
-
-    @cached_property
-    def _in_maximum_norm(self) -> Contraction | None:
-        """The same theorem with v = 1, where that proves a factor below 1."""
-        ones = np.ones(self.v.size)
+        numbers, ones = [Rate.steps(self, problem, z0, accuracy)], np.ones(self.v.size)
         with np.errstate(all="ignore"):
             factor = float(sharper(self._step).upper(ones).max())
-        return Contraction(factor, ones, self.sentence, self._step) if factor < 1 else None
+        if factor < 1:
+            in_maximum_norm = Contraction(factor, ones, self.sentence, self._step)
+            numbers.append(Rate.steps(in_maximum_norm, problem, z0, accuracy))
+        return min((number for number in numbers if number is not None), default=None)
 
     def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
         """With d about z⁰ − z¹ = 2X⁻¹F it is |z⁰ − z¹| ≤ |d| + |X⁻¹||Xd − 2F|."""
@@ -159,11 +135,8 @@ class PeacemanRachford(Rate):
     def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
         """(A + Ω)(z⁰ − z¹) = 2F gives one bound, |A + Ω| times an error bound of z⁰ another."""
         by_step = norm_up(2 * (np.abs(F) + for_F) * self.v) / (1 - self.factor)
-        found = error_bound(problem, z0, sharp=True)
-        if found.componentwise is None:
-            by_bound = math.inf
-        else:
-            by_bound = norm_up(upper(abs(self._step.X), found.componentwise) * self.v)
+        delta = error_bound(problem, z0, sharp=True).componentwise
+        by_bound = math.inf if delta is None else norm_up(upper(abs(self._step.X), delta) * self.v)
         return min(by_step, by_bound) * (1 + 16 * UNIT_ROUNDOFF)
 
 

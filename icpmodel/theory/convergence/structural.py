@@ -24,16 +24,15 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import is_symmetric
+from ...numerics.arrays import is_symmetric, row_of
 from ...numerics.equilibration import in_units, symmetric_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
 from ..answers import Answer
+from ..certificates.bounds import proofs_of
 from ..certificates.definite import LARGEST
+from ..matrices.comparison_matrix import z_matrix
 from ..matrices.eigenvalue import is_dense, largest_above, smallest_below, smallest_quotient, within_reach
-from ..matrices.h_matrix import z_matrix
-from ..proofs import proofs_of
-from .absolute import is_diagonal
-from .step import StepMatrices
+from .conditions import StepMatrices
 
 #: products in (A + Ω)ᵀ(A + Ω), which has no more entries: up to here σ is sharp, at the price of a second or two
 _LARGEST_WORK = 400_000
@@ -57,7 +56,7 @@ def monotone(step: StepMatrices) -> Answer:
     found = z_matrix(step.A)
     if not found.holds:
         return Answer(False, f"A is not a Z-matrix: {found.reason}")
-    if not is_diagonal(step.M1):
+    if step.M1.data[step.M1.indices != row_of(step.M1)].any():
         return Answer(False, "M1 is not diagonal")
     X, least = step.X.diagonal(), 2.0 * np.maximum(step.D, step.omega)
     size = np.abs(step.M1.diagonal()) + np.abs(step.phi) + step.omega
@@ -66,26 +65,25 @@ def monotone(step: StepMatrices) -> Answer:
         i = int(np.argmax(short))
         need = f"M1 + phi + Omega is {X[i]:g} in row {i}, less than {least[i]:g}"
         return Answer(False, need + ": for M1 = D, phi >= |D - Omega| is needed")
+    reasons = {
+        None: "it is not known whether psi is isotone",
+        False: "psi is not isotone: psi.G has a negative entry",
+        True: "the step is isotone: monotone convergence from super- and subsolutions",
+    }
     isotone = step.problem.psi.isotone()
-    if isotone is None:
-        return Answer(None, "it is not known whether psi is isotone")
-    if not isotone:
-        return Answer(False, "psi is not isotone: psi.G has a negative entry")
-    return Answer(True, "the step is isotone: monotone convergence from super- and subsolutions")
+    return Answer(isotone, reasons[isotone])
 
 
 def definite(step: StepMatrices) -> Answer:
-    """Whether A is positive definite and the rest fits.
+    """Whether A is positive definite and the rest fits, for n ≤ 50 000 with σ and the witness v = Ω^(−½).
 
-    `number` is a proved σ for n ≤ 50 000, or None; then `witness` is v = Ω^(−½), for which
-    |zᵏ − z*| ≤ σᵏ‖Ω^(−½)(A + Ω)(z⁰ − z*)‖₂ v.
+    Then |zᵏ − z*| ≤ σᵏ‖Ω^(−½)(A + Ω)(z⁰ − z*)‖₂ v.
     """
     if not step.problem.is_lcp:
         return Answer(False, "psi is not constant")
     if step.phi.any():
         return Answer(False, "phi is not zero")
-    difference = step.M1 - step.A
-    if difference.nnz and difference.data.any():
+    if (step.M1 != step.A).nnz:
         return Answer(False, "M1 is not A")
     sigma = contraction_factor(step)
     if sigma is not None:

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...algebra.splittings import AOR, Member
+from ...algebra.splittings import Member
 from ...errors import InputError, SingularOperator
 from ...numerics.arrays import Vector, described
 from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
 from ...problem.data import ProblemData
 from ..answers import Answer
-from ..proofs import proofs_of
-from .conditions import printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44, theta_factor
-from .contraction import MonotoneMap, Radius, balanced, radius
-from .step import StepMatrices
+from ..certificates.bounds import proofs_of
+from .conditions import StepMatrices, printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44
+from .contraction import MonotoneMap, radius
 from .structural import DEFINITE, MONOTONE, definite, monotone
 
 
@@ -57,7 +56,7 @@ class _Theorem:
     decide: Callable[[StepMatrices], Answer]
     printed_sentence: str = ""
     printed: Callable[[StepMatrices], Answer] | None = None
-    counterexample: str = ""
+    false: str = ""
 
 
 def theorems() -> dict[str, str]:
@@ -105,60 +104,55 @@ def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
         if theorem.printed is None:
             raise InputError(f"theorem is {name!r} as printed, but the paper does not print it")
         decide, sentence = theorem.printed, theorem.printed_sentence
-    if not (step.omega > 0).all():
-        found = Answer(False, f"Omega has the entry {step.omega.min():g}, not positive")
-    else:
-        with np.errstate(all="ignore"):  # what overflows proves nothing
-            found = decide(step)
-    return Check(
-        found.holds, found.reason, found.witness, found.number, name, sentence, as_printed, theorem.counterexample
-    )
+    with np.errstate(all="ignore"):  # what overflows proves nothing
+        positive = (step.omega > 0).all()
+        found = decide(step) if positive else Answer(False, f"Omega has the entry {step.omega.min():g}, not positive")
+    return Check(**vars(found), theorem=name, sentence=sentence, as_printed=as_printed, false_as_printed=theorem.false)
 
 
-def contraction(step: StepMatrices, T: MonotoneMap) -> Radius:
-    """ρ(T) from the vectors that served before, v = 1, the certificate's v and, for small n, balanced units."""
+def _starts(step: StepMatrices) -> Iterator[Vector]:
+    """The vectors that served before, v = 1, the certificate's v and, for small n, balanced units.
 
-    def starts() -> Iterator[Vector]:
-        yield from reversed(step.vectors)
-        yield np.ones(step.n)
-        proof = proofs_of(step.problem).h_plus
-        if not isinstance(proof, str):
-            yield proof.v
-        yield from balanced(step.size)
+    These are units of z in which rows and columns of D⁻¹·size have like norms: Osborne, J. ACM 7 (1960).
+    """
+    yield from reversed(step.vectors)
+    yield np.ones(step.n)
+    proof = proofs_of(step.problem).h_plus
+    if not isinstance(proof, str):
+        yield proof.v
+    if 1 < step.n <= 500:
+        from scipy.linalg import matrix_balance
 
-    found = radius(T, starts())
-    if found.holds and found.v is not None:
-        step.vectors.append(found.v)
-    return found
+        quotients = step.size.toarray() / step.size.diagonal()[:, None]
+        if np.isfinite(quotients).all():
+            yield matrix_balance(quotients, permute=False, separate=True)[1][0]
 
 
-def _by_radius(
-    name: str,
-    make: Callable[[StepMatrices], MonotoneMap | str],
-    scale: Callable[[StepMatrices], float] = lambda step: 1.0,
-) -> Callable[[StepMatrices], Answer]:
-    """Decide by ρ(T) < 1, T = make(step); `name` says what the number, ρ times `scale`, is."""
+def _by_radius(name: str, make: Callable[[StepMatrices], MonotoneMap | str]) -> Callable[[StepMatrices], Answer]:
+    """Decide by ρ(T) < 1, T = make(step); `name` says what the number, ρ times T.limit, is."""
 
     def decide(step: StepMatrices) -> Answer:
-        if not step.reads_psi:
+        if step.problem.psi.lipschitz is None:
             return Answer(None, "no Lipschitz matrix of psi is known: give `lipschitz`")
         T = make(step)
         if isinstance(T, str):
             return Answer(False, T)
-        found = contraction(step, T)
+        found = radius(T, _starts(step))
         if found.v is None:
             return _without_inverse(step)
-        factor = scale(step)
-        number = found.upper * factor * (1.0 if factor == 1.0 else 1 + 4 * UNIT_ROUNDOFF)
-        limit = f"{factor:.6g}"
-        if float(limit) <= number < factor:  # what is proved must not look false for want of digits
-            limit = repr(factor)
-        size = at_most(number, 6, below=float(limit))
-        if found.holds is None:
-            return Answer(None, f"{name} < {limit} is needed, but no more than {name} <= {size} is known", None, number)
         if found.holds:
-            return Answer(True, f"{name} is at most {size}, below {limit}", found.v, number)
-        return Answer(False, f"{name} is at least {at_least(factor, 6)}, and at most {size}", None, number)
+            step.vectors.append(found.v)
+        number = found.upper * T.limit * (1.0 if T.limit == 1.0 else 1 + 4 * UNIT_ROUNDOFF)
+        limit = f"{T.limit:.6g}"
+        if float(limit) <= number < T.limit:  # what is proved must not look false for want of digits
+            limit = repr(T.limit)
+        size = at_most(number, 6, below=float(limit))
+        reasons = {
+            None: f"{name} < {limit} is needed, but no more than {name} <= {size} is known",
+            True: f"{name} is at most {size}, below {limit}",
+            False: f"{name} is at least {at_least(T.limit, 6)}, and at most {size}",
+        }
+        return Answer(found.holds, reasons[found.holds], found.v if found.holds else None, number)
 
     return decide
 
@@ -169,11 +163,6 @@ def _without_inverse(step: StepMatrices) -> Answer:
     except SingularOperator as error:
         return Answer(False, str(error))
     return Answer(None, "nothing is known of |X^-1|: X is not an H-matrix and too large or ill conditioned")
-
-
-def _limit_43(step: StepMatrices) -> float:
-    theta = step.splitting
-    return 1.0 / theta_factor(theta) if isinstance(theta, AOR) else 1.0
 
 
 _CONVERGES = "then ICP has one solution and the method converges to it from every start"
@@ -198,9 +187,9 @@ _THEOREMS = {
     ),
     "4.3": _Theorem(
         "AOR: if D > 0, φ ≥ 0, θ₁ > 0, θ₂ ≥ 0 and max(θ₁, θ₂)·ρ(D⁻¹(|B| + ΩG + (D − Ω)⁺)) < min(1, θ₁), " + _CONVERGES,
-        _by_radius("rho(D^-1(|B| + Omega G + (D - Omega)+))", theorem_43, _limit_43),
+        _by_radius("rho(D^-1(|B| + Omega G + (D - Omega)+))", theorem_43),
         "AOR: if A is an H₊-matrix, φ₂ ≥ φ₁D and max(θ₁, θ₂)·ρ(D⁻¹|B| + φ₂G) < min(1, θ₁), " + _CONVERGES,
-        _by_radius("rho(D^-1|B| + phi2 G)", lambda step: theorem_43(step, as_printed=True), _limit_43),
+        _by_radius("rho(D^-1|B| + phi2 G)", lambda step: theorem_43(step, as_printed=True)),
         "the parenthesis: A = .1, q = 1, ψ = 6 − 5z, φ₁ = 1, φ₂ = .1 ends in the cycle −10, 56; φ < 0: A = 1, q = −1, "
         "φ = −1.5 has the error factor −3; θ₂ < 0: A = [1, −.5; −.5, 1], θ = (1, −4) has an error matrix of radius "
         "1.151",

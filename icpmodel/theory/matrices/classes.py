@@ -10,9 +10,9 @@ import scipy.sparse as sp
 
 from ...numerics.arrays import as_csr, bandwidths
 from ..answers import Answer
-from .comparison_matrix import comparison_matrix
+from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
-from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs, without_zeros, z_matrix
+from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs, without_zeros
 from .p_matrix import LIMIT, by_pivots, by_small_minors, minor_of_order_two, open_blocks
 
 #: the classes in the order of the table, with their names
@@ -47,8 +47,7 @@ def p_matrix(A: Any) -> Answer:
     """Whether `A`, shape (n, n), dense or sparse, is a P-matrix.
 
     The witness of False is the index set, an array, of a principal minor ≤ 0; None where the reason is the proof.
-    Raises InputError where A is no square matrix of finite numbers. Reference: the docstring of the module
-    `icpmodel.theory.matrices.p_matrix`.
+    Raises InputError where A is no square matrix of finite numbers. Reference: `icpmodel.theory.matrices.p_matrix`.
 
     >>> p_matrix([[1, 0, 2], [2, 1, 0], [0, 2, 1]]).holds
     True
@@ -61,8 +60,7 @@ def p_matrix(A: Any) -> Answer:
 class MatrixClasses:
     """Three-valued answers about the CSR matrix `A`, shape (n, n), with every diagonal entry stored; see `classify`.
 
-    Each is computed when it is first asked for, and what it needs with it; `print` asks for all. Yes and no are proved,
-    rounding included.
+    Each is computed when it is first asked for; `print` asks for all. Yes and no are proved, rounding included.
 
     >>> MatrixClasses(as_csr([[1.0, 2.0], [0.0, 1.0]], "A")).triangular.witness
     'upper'
@@ -96,17 +94,14 @@ class MatrixClasses:
 
         Witness of yes, where there is one: v > 0 with ⟨A⟩v > 0; of no: x ≥ 0, x ≠ 0, with ⟨A⟩x ≤ 0.
         """
-        if self.dominant.holds:
-            return Answer(True, "v = 1", self.dominant.witness)
-        return h_matrix(self.A)
+        return Answer(True, "v = 1", self.dominant.witness) if self.dominant.holds else h_matrix(self.A)
 
     @cached_property
     def h_plus(self) -> Answer:
         """H-matrix with positive diagonal. Witness of no: a row with a_ii ≤ 0, or x as for `h`."""
-        diagonal = self.A.diagonal()
-        if (diagonal <= 0).any():
-            i = int(np.argmax(diagonal <= 0))
-            return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", i)
+        positive = positive_diagonal(self.A)
+        if not positive.holds:
+            return positive
         return Answer(self.h.holds, ("D > 0; " if self.h.holds else "") + self.h.reason, self.h.witness)
 
     @cached_property
@@ -120,16 +115,11 @@ class MatrixClasses:
 
     @cached_property
     def generalised_dominant(self) -> Answer:
-        """Strictly diagonally dominant after a scaling of the columns: the same as H, but asked for v itself.
-
-        Witness of yes, where floats can hold one: v > 0 with ⟨A⟩v > 0; of no: x as for `h`.
-        """
+        """H, but asked for v itself. Witness of yes, where floats can hold one: v > 0 with ⟨A⟩v > 0; of no: as `h`."""
         if not self.h.holds or self.h.witness is not None:
             return self.h
         v = dominating_vector(self.A)
-        if v is None:
-            return Answer(True, f"{self.h.reason}; a vector v was not found")
-        return Answer(True, "<A>v > 0 with the vector v", v)
+        return Answer(True, f"{self.h.reason}; a vector v was not found" if v is None else "<A>v > 0", v)
 
     @cached_property
     def symmetric(self) -> Answer:
@@ -158,10 +148,7 @@ class MatrixClasses:
 
     @cached_property
     def semidefinite_up_to_rounding(self) -> Answer:
-        """Semidefinite, or within rounding errors of a matrix that is, such as a computed BᵀB; the reason says which.
-
-        Witness of no: as for `semidefinite`.
-        """
+        """Semidefinite, or within rounding errors of a matrix that is, such as a computed BᵀB; `reason` says which."""
         if self.semidefinite.holds:
             return self.semidefinite
         found = semidefinite_up_to_rounding(self.A)
@@ -170,33 +157,28 @@ class MatrixClasses:
     @cached_property
     def p(self) -> Answer:
         """P-matrix: all principal minors are positive; see `p_matrix`. Witness of no: the indices of one ≤ 0."""
-        diagonal = self.A.diagonal()
-        if (diagonal <= 0).any():
-            i = int(np.argmax(diagonal <= 0))
-            return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", np.array([i]))
+        positive = positive_diagonal(self.A)
+        if not positive.holds:
+            return Answer(False, positive.reason, np.array([positive.witness]))
         if self.h_plus.holds:
             return Answer(True, "H+-matrix")
         pair = minor_of_order_two(self.A)
         if pair is not None:
             return Answer(False, f"the minor of rows and columns {pair[0]} and {pair[1]} is not positive", pair)
-        unknown, work, whole, proved = None, 0, False, ""
+        unknown, work, proved = None, 0, "every irreducible diagonal block is a P-matrix"
         for rows, part in open_blocks(self.A):
-            whole = rows.size == self.A.shape[0]
-            small = rows.size <= LIMIT
+            whole, small = rows.size == self.A.shape[0], rows.size <= LIMIT
             work += 2**rows.size if small else 0
             if small and work > 2 ** (LIMIT + 2):
                 return Answer(None, f"too many irreducible blocks of up to {LIMIT} rows to look at all of their minors")
             answer = by_pivots(part) if small else (self if whole else MatrixClasses(part))._p_by_theorems()
-            where = "" if whole else f" (irreducible block of {rows.size} rows)"
+            reason = answer.reason if whole else f"{answer.reason} (irreducible block of {rows.size} rows)"
             if answer.holds is False:
-                witness = None if answer.witness is None else rows[answer.witness]
-                return Answer(False, answer.reason + where, witness)
+                return Answer(False, reason, None if answer.witness is None else rows[answer.witness])
             if answer.holds is None:
-                unknown = unknown if unknown is not None else Answer(None, answer.reason + where)
-            proved = answer.reason
-        if unknown is not None:
-            return unknown
-        return Answer(True, proved if whole else "every irreducible diagonal block is a P-matrix")
+                unknown = unknown or reason
+            proved = reason if whole else proved
+        return Answer(True, proved) if unknown is None else Answer(None, unknown)
 
     def _p_by_theorems(self) -> Answer:
         """For blocks beyond LIMIT: theorems first, then small minors."""
@@ -211,13 +193,9 @@ class MatrixClasses:
         return by_small_minors(self.A)
 
     @cached_property
-    def _bandwidths(self) -> tuple[int, int]:
-        return bandwidths(without_zeros(self.A))
-
-    @cached_property
     def triangular(self) -> Answer:
         """Nothing below, or nothing above, the diagonal. Witness of yes: "lower", "upper" or "diagonal"."""
-        below, above = self._bandwidths
+        below, above = bandwidths(without_zeros(self.A))
         if below and above:
             return Answer(False, "there are entries on both sides of the diagonal")
         kind = "lower" if below else "upper" if above else "diagonal"
@@ -229,11 +207,9 @@ class MatrixClasses:
 
         Witness: (lower, upper); number: w.
         """
-        below, above = self._bandwidths
-        width = below + above + 1
-        limit = max(3.0, float(np.sqrt(self.A.shape[0])))
-        sign = "<=" if width <= limit else ">"
-        reason = f"bandwidth {below} + {above} + 1 {sign} max(3, sqrt(n)) = {limit:g}"
+        below, above = bandwidths(without_zeros(self.A))
+        width, limit = below + above + 1, max(3.0, float(np.sqrt(self.A.shape[0])))
+        reason = f"bandwidth {below} + {above} + 1 {'<=' if width <= limit else '>'} max(3, sqrt(n)) = {limit:g}"
         return Answer(width <= limit, reason, (below, above), width)
 
     @cached_property

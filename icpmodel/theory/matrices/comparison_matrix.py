@@ -1,4 +1,4 @@
-"""The comparison matrix ⟨A⟩ and a scaling vector v > 0 with ⟨A⟩v > 0, which proves that A is an H-matrix."""
+"""The comparison matrix ⟨A⟩, whether the signs of A are its signs, and vectors v > 0 with ⟨A⟩v > 0."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import Vector, as_csr, diagonal_positions
+from ...numerics.arrays import Vector, as_csr, diagonal_positions, row_of
 from ...numerics.factorisation import factorise
 from ...numerics.multigrid import KrylovMultigrid
+from ..answers import Answer
 
 #: up to this size a factorisation costs less than looking for a cheaper way
 _FACTORISE_FIRST = 20_000
@@ -34,19 +35,34 @@ def comparison_matrix(A: Any) -> sp.csr_array:
     return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
 
 
-def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """Candidates for v > 0 with ⟨A⟩v > 0, each with its name, cheapest first; the last is (nearly) ⟨A⟩⁻¹D1.
+def z_matrix(A: sp.csr_array) -> Answer:
+    """Whether no entry off the diagonal is positive; the witness of False is (i, j) with a_ij > 0."""
+    rows = row_of(A)
+    found = np.flatnonzero((A.data > 0) & (rows != A.indices))
+    if not found.size:
+        return Answer(True, "no positive entry off the diagonal")
+    i, j = int(rows[found[0]]), int(A.indices[found[0]])
+    return Answer(False, f"A[{i}, {j}] = {A.data[found[0]]:g} is positive", (i, j))
 
-    v = 1 serves strictly dominant rows. ⟨A⟩v = D1 makes (D⁻¹⟨A⟩)v = 1, which no change of the units of p alters.
-    Large matrices get `layered` before `solve_for_diagonal`. ⟨A⟩ has a positive diagonal; the vectors are positive,
-    whether ⟨A⟩v is as well is for the caller to check, with rounding.
+
+def positive_diagonal(A: sp.csr_array) -> Answer:
+    """Whether D > 0; the witness of False is a row with a_ii ≤ 0."""
+    diagonal = A.diagonal()
+    i = int(np.argmax(diagonal <= 0))
+    if diagonal[i] > 0:
+        return Answer(True, "D > 0")
+    return Answer(False, f"A[{i}, {i}] = {diagonal[i]:g} is not positive", i)
+
+
+def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
+    """Candidates v > 0 for ⟨A⟩v > 0 (to be checked), each with its name, cheapest first; D > 0.
+
+    The last is about ⟨A⟩⁻¹D1: ⟨A⟩v = D1 makes (D⁻¹⟨A⟩)v = 1, which no change of the units of p alters.
     """
     n = comparison.shape[0]
     yield "v = 1", np.ones(n)
-    if n > _FACTORISE_FIRST:
-        v = layered(comparison)
-        if v is not None:
-            yield "v = f(layer)", v
+    if n > _FACTORISE_FIRST and (v := layered(comparison)) is not None:
+        yield "v = f(layer)", v
     v = solve_for_diagonal(comparison)
     if v is not None and (v > 0).all():
         yield "v = <A>^-1 D1", v

@@ -35,8 +35,7 @@ _ROUNDING = 2.0**-26
 def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
     """Whether the symmetric part of `A` (CSR, shape (n, n), diagonal stored) is positive definite, and semidefinite.
 
-    True rests on the row sums of A + Aᵀ, taken without rounding, or on a factorisation with a bound on its error. Up to
-    n = 30, what is left open is decided in rational arithmetic; an exactly singular matrix may stay open beyond.
+    An exactly singular matrix may stay open beyond n = 30.
     The witness of False is an x, shape (n,), with xᵀAx ≤ 0 (definite), xᵀAx < 0 (semidefinite), checked.
     """
     n, diagonal = A.shape[0], A.diagonal()
@@ -51,10 +50,11 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
     if S is not None:
         rows, _ = by_row_sums(S)
         if rows.holds:
-            return (answer := Answer(True, f"H+-matrix: {rows.reason}")), answer
+            return (Answer(True, f"H+-matrix: {rows.reason}"),) * 2
         if (row_sum_signs(comparison_matrix(S)) >= 0).all():
             semidefinite = Answer(True, "diagonally dominant with nonnegative diagonal")
-        if rows.holds is False and _sum_within(A, rows.witness) <= 0:
+        # x'Ax of a vector of zeros and ones
+        if rows.holds is False and exact_sum(A.data[(rows.witness[[row_of(A), A.indices]] != 0).all(axis=0)]) <= 0:
             definite = Answer(False, "x'Ax <= 0 for the witness x", rows.witness)
     if definite.holds is None or semidefinite.holds is None:
         found = _by_pivots(A)
@@ -67,10 +67,9 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
 
 
 def semidefinite_up_to_rounding(A: sp.csr_array, most: float = _ROUNDING) -> Answer:
-    """Whether the symmetric part of `A` (CSR, shape (n, n), diagonal stored) is semidefinite as far as floats can tell.
+    """Whether the symmetric part of `A` is semidefinite as far as floats can tell, such as a computed BᵀB; or None.
 
-    True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, above −`most`. What is
-    computed as BᵀB is such a matrix, and a convex QP solver takes it. None for all others.
+    True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, above −`most`.
     """
     T, _, _ = _in_own_units(A)
     if (T.diagonal() >= 0).all() and within_reach(T):
@@ -164,11 +163,6 @@ def proves_negative(A: sp.csr_array, x: Vector) -> bool:
     return fsum(x * (A @ x)) + 2 * k * UNIT_ROUNDOFF * size + A.shape[0] * k * SMALLEST < 0
 
 
-def _sum_within(A: sp.csr_array, x: Vector) -> Fraction | float:
-    """xᵀAx for a vector of zeros and ones, of the right sign."""
-    return exact_sum(A.data[(x[row_of(A)] != 0) & (x[A.indices] != 0)])
-
-
 def _in_fractions(A: sp.csr_array) -> tuple[Answer, Answer]:
     M = rationals(A)
 
@@ -179,9 +173,8 @@ def _in_fractions(A: sp.csr_array) -> tuple[Answer, Answer]:
     semidefinite, _, x = curvature(S)
     how = "pivots in rational arithmetic"
     if x is None:
-        return (answer := Answer(True, f"positive {how}")), answer
+        return (Answer(True, f"positive {how}"),) * 2
     if semidefinite:
         witness = as_witness(x, lambda x: form(x) == 0)
         return Answer(False, "x'Ax = 0 for the witness x", witness), Answer(True, f"nonnegative {how}")
-    witness = as_witness(x, lambda x: form(x) < 0)
-    return (answer := Answer(False, "indefinite: x'Ax < 0 for the witness x", witness)), answer
+    return (Answer(False, "indefinite: x'Ax < 0 for the witness x", as_witness(x, lambda x: form(x) < 0)),) * 2

@@ -43,8 +43,7 @@ def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
 def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None, estimate: float | None = None) -> float:
     """A lower bound of λ_min(S), S the symmetric part of a matrix that differs from `M` by at most `slack` in norm.
 
-    `above` at a little less than the `estimate` of λ_min, the diagonal of M being about 1; `lu` is its factorisation
-    with diagonal pivots, if at hand. −inf where none was found; above 0 it proves S positive definite.
+    The diagonal of M is about 1, `lu` its factorisation with diagonal pivots, if at hand. −inf where none was found.
     """
     S = sp.csr_array(0.5 * (M + M.T))
     if estimate is None:
@@ -116,10 +115,7 @@ def within_reach(S: sp.csr_array) -> bool:
 
 
 def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = None) -> float:
-    """About the smallest xᵀSx/xᵀBx, B = I by default, or something not positive where S is seen to be indefinite.
-
-    By inverse iteration; it proves nothing. `lu` is the factorisation of S with diagonal pivots, if at hand.
-    """
+    """About the smallest xᵀSx/xᵀBx, B = I by default, or something ≤ 0 where S is seen to be indefinite; no proof."""
     if is_dense(S if B is None else B):
         from scipy.linalg import LinAlgError, eigh
 
@@ -156,13 +152,9 @@ def _error_of_cholesky(S: sp.csr_array) -> float:
 def _distance_from_definite(S: sp.csr_array) -> float:
     """A bound on the norm of S − LDLᵀ with D > 0, inf where a pivot is not positive."""
     lu = factorise(S, diagonal_pivots=True)
-    if lu is None:
+    if lu is None or not ((D := lu.U.diagonal()) > 0).all():
         return np.inf
-    D = lu.U.diagonal()
-    if not (D > 0).all():
-        return np.inf
-    L, U = sp.csr_array(lu.L), sp.csr_array(lu.U)
-    ones = np.ones(S.shape[0])
+    L, U, ones = sp.csr_array(lu.L), sp.csr_array(lu.U), np.ones(S.shape[0])
     exact = sp.csr_array(sp.diags_array(D) @ L.T)
     size = abs(U) @ ones + abs(exact) @ ones
     terms = int(np.diff(L.indptr).max()) + 8

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from fractions import Fraction
+from functools import partial
 from operator import mul
 
 import numpy as np
@@ -24,10 +26,10 @@ from numpy.typing import NDArray
 
 from ...numerics.arrays import Vector, row_of
 from ...numerics.equilibration import in_units, natural_exponents, row_exponents
-from ...numerics.rational import as_witness, exact_sum, m_matrix, rationals
+from ...numerics.rational import Rationals, as_witness, exact_sum, m_matrix, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
 from ..answers import Answer
-from .comparison_matrix import comparison_matrix, scaling_vectors, solve_for_diagonal
+from .comparison_matrix import comparison_matrix, solve_for_diagonal
 
 #: so many steps of the power method cost less than a linear solve
 _POWER_STEPS = 30
@@ -42,8 +44,7 @@ def irreducible_blocks(A: sp.csr_array) -> tuple[int, NDArray[np.int32]]:
     """
     from scipy.sparse.csgraph import connected_components
 
-    count, labels = connected_components(without_zeros(A), connection="strong")
-    return int(count), labels
+    return connected_components(without_zeros(A), connection="strong")
 
 
 def without_zeros(A: sp.csr_array) -> sp.csr_array:
@@ -71,9 +72,8 @@ def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
 
 
 def by_row_sums(A: sp.csr_array) -> tuple[Answer, NDArray[np.bool_]]:
-    """Whether A is an H-matrix as far as diagonal entries and exact row sums decide it; no linear solve.
+    """Whether A is an H-matrix as far as D and exact row sums tell, and the rows, a mask, of the blocks left open.
 
-    Returns the answer and the rows, as a mask, of the irreducible blocks that stay open.
     Reference: Taussky, Amer. Math. Monthly 56 (1949).
     """
     n, diagonal, C = A.shape[0], A.diagonal(), comparison_matrix(A)
@@ -89,11 +89,10 @@ def by_row_sums(A: sp.csr_array) -> tuple[Answer, NDArray[np.bool_]]:
         x = (block == np.argmax(highest <= 0)).astype(np.float64)
         where = "of a whole irreducible block" if count > 1 else "of A"
         return Answer(False, f"no row {where} has |a_ii| > sum of the other |a_ij|", x), np.zeros(n, dtype=bool)
-    if (lowest >= 0).all():
-        return Answer(True, "every irreducible block is diagonally dominant, one row of each strictly"), lowest[
-            block
-        ] < 0
-    return Answer(None, "not diagonally dominant"), lowest[block] < 0
+    still_open = lowest[block] < 0
+    if still_open.any():
+        return Answer(None, "not diagonally dominant"), still_open
+    return Answer(True, "every irreducible block is diagonally dominant, one row of each strictly"), still_open
 
 
 def within_blocks(A: sp.csr_array, block: NDArray[np.int32]) -> sp.csr_array:
@@ -102,55 +101,36 @@ def within_blocks(A: sp.csr_array, block: NDArray[np.int32]) -> sp.csr_array:
     return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
 
 
-def z_matrix(A: sp.csr_array) -> Answer:
-    """Whether no entry off the diagonal is positive; the witness of False is (i, j) with a_ij > 0."""
-    rows = row_of(A)
-    found = np.flatnonzero((A.data > 0) & (rows != A.indices))
-    if not found.size:
-        return Answer(True, "no positive entry off the diagonal")
-    i, j = int(rows[found[0]]), int(A.indices[found[0]])
-    return Answer(False, f"A[{i}, {j}] = {A.data[found[0]]:g} is positive", (i, j))
-
-
 def h_matrix(A: sp.csr_array) -> Answer:
-    """Whether `A` (CSR, shape (n, n), every diagonal entry stored) is an H-matrix.
-
-    The witness of True, where there is one, is v > 0 with ⟨A⟩v > 0; that of False x ≥ 0, x ≠ 0, with ⟨A⟩x ≤ 0.
-    """
+    """Whether `A`, every diagonal entry stored, is an H-matrix: v > 0 with ⟨A⟩v > 0, or x ≥ 0, x ≠ 0, with ⟨A⟩x ≤ 0."""
     answer, still_open = by_row_sums(A)
     if answer.holds is not None:
         return answer
     rows = np.flatnonzero(still_open)
-    part = A if rows.size == A.shape[0] else sp.csr_array(A[rows][:, rows])
-    answer = _decide(comparison_matrix(part))
-    if answer.witness is None or rows.size == A.shape[0]:
+    part = A if still_open.all() else sp.csr_array(A[rows][:, rows])
+    answer = _decide(comparison_matrix(part), *irreducible_blocks(part))
+    if still_open.all():
         return answer
-    if answer.holds:  # v of some blocks is none of A
-        return replace(answer, witness=None)
-    x = np.zeros(A.shape[0], dtype=answer.witness.dtype)
-    x[rows] = answer.witness
+    # v of some blocks is none of A
+    x = None if answer.holds or answer.witness is None else _spread(answer.witness, rows, A.shape[0])
     return replace(answer, witness=x)
+
+
+def _spread(x: Vector, rows: NDArray[np.intp], n: int) -> Vector:
+    """`x` in the `rows`, zeros in the others."""
+    full = np.zeros(n, dtype=x.dtype)
+    full[rows] = x
+    return full
 
 
 def dominating_vector(A: sp.csr_array) -> Vector | None:
     """v > 0 with ⟨A⟩v > 0, shape (n,), for an H-matrix `A` (CSR, diagonal stored); None where none was proved."""
-    C = comparison_matrix(A)
-    if (C.diagonal() > 0).all():
-        for _, v in scaling_vectors(C):
-            if (lower(C, v) > 0).all():
-                return v
-    r, c = natural_exponents(C)
-    S = without_zeros(in_units(C, r, c))
-    if not np.isfinite(S.data).all():
-        return None
-    one_block = np.zeros(A.shape[0], dtype=np.int32)
-    proof = next((v for _, v in _candidates(S, one_block, 1) if _proves(S, v)), None)
-    return None if proof is None else _in_old_units(proof, c)
+    answer = _decide(comparison_matrix(A), 1, np.zeros(A.shape[0], dtype=np.int32))
+    return answer.witness if answer.holds else None
 
 
-def _decide(C: sp.csr_array) -> Answer:
-    """Whether `C` = ⟨C⟩ is a nonsingular M-matrix."""
-    count, block = irreducible_blocks(C)
+def _decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
+    """Whether `C` = ⟨C⟩ is a nonsingular M-matrix: whether its `count` diagonal blocks are."""
     r, c = natural_exponents(C)
     S = without_zeros(in_units(within_blocks(C, block), r, c))
     if np.isfinite(S.data).all():
@@ -214,17 +194,17 @@ def _in_old_units(y: Vector, c: NDArray[np.int64]) -> Vector | None:
         return x if (np.ldexp(x, -exponents) == y).all() else None
 
 
+def _disproves(C: Rationals, x: list[Fraction]) -> bool:
+    return min(x) >= 0 and any(x) and all(sum(map(mul, row, x)) <= 0 for row in C)
+
+
 def _exactly(C: sp.csr_array, block: NDArray[np.int32], count: int) -> Answer:
     for b in range(count):
         rows = np.flatnonzero(block == b)
         dense = C[rows][:, rows].toarray()
         _, x = m_matrix(dense)
         if x is not None:
-            C_exact = rationals(dense)
-            part = as_witness(
-                x, lambda x, C=C_exact: all(sum(map(mul, row, x)) <= 0 for row in C) and min(x) >= 0 and any(x)
-            )
-            full = np.zeros(C.shape[0], dtype=part.dtype)
-            full[rows] = part
-            return Answer(False, "a leading minor of <A> is not positive, in rational arithmetic", full)
+            part = as_witness(x, partial(_disproves, rationals(dense)))
+            reason = "a leading minor of <A> is not positive, in rational arithmetic"
+            return Answer(False, reason, _spread(part, rows, C.shape[0]))
     return Answer(True, "all leading minors of <A> are positive, in rational arithmetic")

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -81,11 +82,9 @@ def by_small_minors(A: sp.csr_array) -> Answer:
         answer = by_pivots(sp.csr_array(A[rows][:, rows]))
         if answer.holds is False:
             return Answer(False, answer.reason, rows[answer.witness])
-    return Answer(
-        None,
-        f"n = {A.shape[0]} is beyond the exact test (n <= {LIMIT}); neither an H+-matrix nor a positive definite "
-        "symmetric part was proved, and the small minors that were looked at are positive",
-    )
+    unproved = "neither an H+-matrix nor a positive definite symmetric part was proved"
+    looked = "the small minors that were looked at are positive"
+    return Answer(None, f"n = {A.shape[0]} is beyond the exact test (n <= {LIMIT}); {unproved}, and {looked}")
 
 
 def by_pivots(A: sp.csr_array) -> Answer:
@@ -136,15 +135,11 @@ def _members(bits: int, rest: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _not_p(minor: tuple[int, ...]) -> Answer:
-    indices = np.array(sorted(minor), dtype=np.intp)
-    return Answer(
-        False, f"the principal minor of the {indices.size} rows and columns of the witness is not positive", indices
-    )
+    reason = f"the principal minor of the {len(minor)} rows and columns of the witness is not positive"
+    return Answer(False, reason, np.array(sorted(minor), dtype=np.intp))
 
 
 def _in_rational_units(A: sp.csr_array, r: Any, c: Any) -> Rationals:
     """What `in_units` gives, without its rounding."""
-    return [
-        [entry * Fraction(2) ** int(r[i] + c[j]) if entry else entry for j, entry in enumerate(row)]
-        for i, row in enumerate(rationals(A))
-    ]
+    powers = [[Fraction(2) ** int(r_i + c_j) for c_j in c] for r_i in r]
+    return [list(map(mul, row, units)) for row, units in zip(rationals(A), powers, strict=True)]
