@@ -13,10 +13,9 @@ from ..solve.progress import status_line
 from ..study import html_report
 from ..study import race as run_race
 from ..study import stability as map_stability
-from .output import exit_code, must_be_writable, typed
-from .signatures import measured
+from .arguments import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, from_signature, named_method, named_problem, options
+from .output import AS_CSV, TO_FIGURE, exit_code, measured, must_be_writable, print_table, typed, wrote
 from .solving import unsolved
-from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, from_signature, named_method, named_problem, options
 
 _RUNS = {
     "points": "Points per axis.",
@@ -25,17 +24,13 @@ _RUNS = {
     "rtol": "Relative tolerance of a run.",
 }
 _TIMINGS = {"repeats": "Rounds of timings.", "time_limit": "Seconds for one run."}
-_FIGURE = (
-    click.option("-o", "--output", type=click.Path(), help="Write the figure (PNG and SVG) and its data (CSV)."),
-    click.option("--csv", "as_csv", is_flag=True, help="Print all of it as CSV."),
-)
 
 
 @click.command(epilog=SOURCE_HELP)
 @click.argument("plane", default="relaxation")
 @options(click.argument("source", required=False), *SOURCE_OPTIONS[1:])
 @click.option("--method", help="For the planes that vary the problem.  [default: mnmgs]")
-@options(*from_signature(map_stability, _RUNS), *_FIGURE)
+@options(*from_signature(map_stability, _RUNS), TO_FIGURE, AS_CSV)
 def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) -> int:
     """Map where a method converges, how fast, how it fails elsewhere, and where the theorems prove what.
 
@@ -60,14 +55,13 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
 @options(*SOURCE_OPTIONS)
 @click.option("--method", "methods", multiple=True, help="An own method beside solve(); repeatable; default: several.")
 @click.option("--solver", "solvers", multiple=True, help="A foreign solver; repeatable; default: all that apply.")
-@options(*from_signature(run_race, _TIMINGS), *_FIGURE)
+@options(*from_signature(run_race, _TIMINGS), TO_FIGURE, AS_CSV)
 def race(methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, as_csv: bool, **arguments: Any) -> int:
     """Time against error on SOURCE: own methods and foreign solvers at every tolerance, in turn."""
     must_be_writable(output)
     problem, scene = named_problem(arguments)
-    asked: dict[str, Any] = {name: arguments[name] for name in _TIMINGS}
-    asked |= {"z_exact": None if scene is None else scene.z_exact, "progress": True, "command": typed()}
-    run = lambda: run_race(problem, methods or None, solvers or None, **asked)  # noqa: E731
+    asked = {name: arguments[name] for name in _TIMINGS} | {"z_exact": scene and scene.z_exact}
+    run = lambda: run_race(problem, methods or None, solvers or None, **asked, progress=True, command=typed())  # noqa: E731
     return _shown(run, output, as_csv, "this is what was measured before")
 
 
@@ -75,9 +69,9 @@ def _shown(run: Callable[[], Any], output: str | None, as_csv: bool, partly: str
     """Measure, print and draw; after Ctrl-C what there is, with the sentence `partly`."""
 
     def show(found: Any) -> None:
-        click.echo(found.table().to_csv() if as_csv else str(found), nl=not as_csv)
+        print_table(found, found.table(), as_csv)
         for path in [] if output is None else found.plot(output):
-            click.echo(f"wrote {path}", err=True)
+            wrote(path)
 
     return measured(run, show, partly)
 
@@ -93,12 +87,12 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     method = named_method(arguments)
     about: dict[str, Any] = {"title": arguments["source"]}
     if scene is not None:
-        about = {"title": f"{scene.name}: {scene.title}", "about": scene.models}
-        about |= {"points": scene.points, "z_exact": scene.z_exact}
+        known = {"points": scene.points, "z_exact": scene.z_exact}
+        about = {"title": f"{scene.name}: {scene.title}", "about": scene.models} | known
     with status_line(True) as say:
         say("solving")
-        solution = problem.solve(method, z0=None if scene is None else scene.z0, raise_on_failure=False)
+        solution = problem.solve(method, z0=scene and scene.z0, raise_on_failure=False)
         page = html_report(solution, **about, command=typed(), time_limit=time_limit, say=say)
     Path(output).write_text(page, encoding="utf-8")
-    click.echo(f"wrote {output}", err=True)
+    wrote(output)
     return exit_code(solution.solved, unsolved(solution))

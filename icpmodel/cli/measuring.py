@@ -9,47 +9,29 @@ from typing import Any
 
 import click
 
-from ..benchmarks import (
-    benchmark,
-    bound_ratios,
-    certificate_cost,
-    dispatch,
-    dominant_cost,
-    false_success,
-    faster_peers,
-    grid_order,
-    impulse_cost,
-    memory,
-    reading_cost,
-    small_cost,
-    solve_cost,
-    sweep_cost,
-    sweep_counts,
-    tuned_and_automatic,
-)
-from ..errors import FileError
+from .. import benchmarks
 from ..present.table import Table
 from ..study.charts.figures import Figure, save
 from ..study.charts.table_charts import benchmark_figures, choice, memory_figure
-from .output import must_be_writable, typed
-from .signatures import decorated, measured, parameters, summary
+from .arguments import options, parameters, summary
+from .output import AS_CSV, TO_FIGURE, make_folder, measured, must_be_writable, print_table, typed
 
 _COMMANDS: dict[str, Callable[..., Table]] = {
-    "sweep": sweep_cost,
-    "counts": sweep_counts,
-    "order": grid_order,
-    "bounds": bound_ratios,
-    "certificate": certificate_cost,
-    "limit": solve_cost,
-    "honesty": false_success,
-    "modelling": reading_cost,
-    "dominant": dominant_cost,
-    "impulse": impulse_cost,
-    "small": small_cost,
-    "benchmark": benchmark,
-    "dispatch": dispatch,
-    "tuning": tuned_and_automatic,
-    "memory": memory,
+    "sweep": benchmarks.sweep_cost,
+    "counts": benchmarks.sweep_counts,
+    "order": benchmarks.grid_order,
+    "bounds": benchmarks.bound_ratios,
+    "certificate": benchmarks.certificate_cost,
+    "limit": benchmarks.solve_cost,
+    "honesty": benchmarks.false_success,
+    "modelling": benchmarks.reading_cost,
+    "dominant": benchmarks.dominant_cost,
+    "impulse": benchmarks.impulse_cost,
+    "small": benchmarks.small_cost,
+    "benchmark": benchmarks.benchmark,
+    "dispatch": benchmarks.dispatch,
+    "tuning": benchmarks.tuned_and_automatic,
+    "memory": benchmarks.memory,
 }
 #: command → the figures of its table, by file name, with their data; no name for the file that --output is
 _FIGURES: dict[str, Callable[[Table], dict[str, tuple[Figure, Table]]]] = {
@@ -57,10 +39,7 @@ _FIGURES: dict[str, Callable[[Table], dict[str, tuple[Figure, Table]]]] = {
     "dispatch": lambda table: {"dispatch": (choice(table), table)},
     "memory": lambda table: {"": (memory_figure(table), table)},
 }
-_OUTPUT = {
-    True: click.option("-o", "--output", type=click.Path(), help="Write the CSV file and the figures to this folder."),
-    False: click.option("-o", "--output", type=click.Path(), help="Write the figure (PNG and SVG) and its data (CSV)."),
-}
+_FOLDER = click.option("-o", "--output", type=click.Path(), help="Write the CSV file and the figures to this folder.")
 
 
 @click.group()
@@ -73,39 +52,26 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
     settings = {"progress": True} if "progress" in inspect.signature(function).parameters else {}
 
     def run(as_csv: bool, output: str | None = None, **arguments: Any) -> int:
-        if into_folder and output is not None:
-            _make(output)
-        else:
+        if not into_folder:
             must_be_writable(output)
+        elif output is not None:
+            make_folder(output)
         asked = {key: value for key, value in arguments.items() if value != ()}  # no scenes: the default ones
-        return measured(
-            lambda: function(**asked, **settings),
-            lambda table: _show(name, table, as_csv, output),
-            "this is what was measured before",
-        )
 
-    options = [*parameters(function), click.option("--csv", "as_csv", is_flag=True, help="Print CSV.")]
-    if name in _FIGURES:
-        options.append(_OUTPUT[into_folder])
-    return click.command(name, help=summary(function))(decorated(run, options))
+        def show(table: Table) -> None:
+            print_table(table, table, as_csv)
+            if output is not None:
+                for file, (figure, data) in _FIGURES[name](table).items():
+                    save(figure, Path(output) / file if file else output, data, typed())
+            if name == "benchmark" and not as_csv:
+                faster = benchmarks.faster_peers(table)
+                title = "A peer is faster than solve():" if faster else "No peer is faster."
+                click.echo("\n".join(["", title, *faster]))
 
+        return measured(lambda: function(**asked, **settings), show, "this is what was measured before")
 
-def _show(name: str, table: Table, as_csv: bool, output: str | None) -> None:
-    click.echo(table.to_csv() if as_csv else str(table), nl=not as_csv)
-    if output is not None:
-        for file, (figure, data) in _FIGURES[name](table).items():
-            save(figure, Path(output) / file if file else output, data, typed())
-    if name == "benchmark" and not as_csv:
-        faster = faster_peers(table)
-        click.echo("\n".join(["", "A peer is faster than solve():", *faster] if faster else ["", "No peer is faster."]))
-
-
-def _make(folder: str) -> None:
-    """Make the folder before the work."""
-    try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{folder}: cannot be made a folder: {error.strerror}") from None
+    output = [_FOLDER if into_folder else TO_FIGURE] if name in _FIGURES else []
+    return click.command(name, help=summary(function))(options(*parameters(function), AS_CSV, *output)(run))
 
 
 for _name, _function in _COMMANDS.items():

@@ -11,8 +11,8 @@ from scipy.io import mmwrite
 
 import icpmodel as icp
 from icpmodel.cli import main
+from icpmodel.cli.arguments import pairs
 from icpmodel.cli.solving import at_their_size, confirmed
-from icpmodel.cli.source import pairs
 from icpmodel.crosscheck.judge import Row, Verdict
 
 
