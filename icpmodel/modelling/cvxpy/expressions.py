@@ -19,8 +19,7 @@ from ...numerics.arrays import Vector, row_of
 from ...problem.affine import Affine
 from ...problem.function import Function
 from ..matching import looks_like_r, own_entries, unowned
-from .atoms import AtomObstacle
-from .compiled import AffineRows, Compiled, unique
+from .compiled import AffineRows, AtomObstacle, Compiled, unique
 from .complementarity import Complementarity, at, named, unstacked
 
 Sides = tuple[cp.Expression, cp.Expression]
@@ -41,8 +40,7 @@ class CvxpyReading:
         _check_variables(unique(x for side in sides for x in side.variables()), self._n)
         self._compiled = Compiled([p for p, _ in self._pairs] + [r for _, r in self._pairs])
         self.variables = self._compiled.variables
-        #: the order in which the compiled rows are those of p, then those of r
-        self._order: np.ndarray | None = None
+        self._order: np.ndarray | None = None  # in which the compiled rows are those of p, then those of r
         self._gradient_holds: bool | None = None
         self._last: ICP | None = None
         self._values: list[Any] = []
@@ -106,14 +104,13 @@ class CvxpyReading:
 
     def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array) -> Function:
         """ψ with atoms; its derivative only where CVXPY's gradients held at the first start."""
-        obstacle = AtomObstacle(list(self._compiled.atoms.values()), self.variables, G, c, V)
+        obstacle = AtomObstacle(self._compiled.atoms.values(), self.variables, G, c, V)
         if self._gradient_holds is None:
             start = self.start()
             self._gradient_holds = obstacle.gradient_holds(np.zeros(self._n) if start is None else start)
         return Function(obstacle, obstacle.jacobian if self._gradient_holds else None)
 
     def _p_and_r(self) -> tuple[AffineRows, AffineRows]:
-        """The rows of p and of r."""
         Z, W, constant = self._compiled.rows()
         n = self._n
         if self._order is None:

@@ -1,20 +1,36 @@
-"""Convex quadratic programs solved as LCPs, with proofs where there is no answer."""
+"""Convex quadratic programs solved as LCPs, with proofs where there is no answer.
+
+The matrix M of such an LCP is positive semidefinite and mostly singular, while Newton's method wants systems that can be
+solved. M + σI is positive definite, so
+
+    z⁺ solves the LCP with M + σI and q − σz        (σ > 0; rows without obstacle stay so)
+
+has exactly one solution, the proximal point. The residual of z⁺ in the LCP itself is at most σ|z⁺ − z|, and z converges
+wherever there is a solution. Where there is none, z⁺ − z tends to the direction of a proof. σ falls where Newton's
+method needs few steps, and rises where it fails.
+Reference: Rockafellar, SIAM J. Control Optim. 14 (1976); Liao-McPherson and Kolmanovsky, FBstab, Automatica 113 (2020).
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
 from ...icp import ICP
+from ...methods.newton import Newton
 from ...numerics.arrays import Vector
-from ...solve.solution import Status
-from .proximal import ProximalPoint, proximal_points
+from ...solve.solution import Solution, Status
 from .quadratic import Program, ProgramLcp
 
+#: the first σ, how it changes, and its range, for a matrix with entries of about 1
+_FIRST, _CHANGE, _LEAST, _MOST = 1e-2, 10.0, 1e-10, 1e2
+#: Newton's steps for one proximal point, at the most and where they are few
+_STEPS, _FEW = 100, 20
 #: so many numerical proofs are tried for one in exact arithmetic
 _PROOFS = 4
 #: so many proximal points without a smaller residual are the last ones
@@ -22,14 +38,61 @@ _PATIENCE = 30
 #: the residual up to which an answer is called inaccurate and not an error
 _INACCURATE = 1e-6
 
+
+class ProximalPoint(NamedTuple):
+    """`z`, the step `direction` = z⁺ − z that led to it, its `residual` and Newton's `steps`."""
+
+    z: Vector
+    direction: Vector
+    residual: float
+    steps: int
+
+
+def proximal_points(problem: ICP, tolerance: float, time_limit: float = np.inf) -> Iterator[ProximalPoint]:
+    """The proximal points of `problem`, an LCP with positive semidefinite A of entries about 1, from its obstacle on.
+
+    It ends when the time is over, or no σ lets Newton's method succeed. Raises KeyboardInterrupt after Ctrl-C.
+    """
+    end = time.perf_counter() + time_limit
+    c = problem.psi.value(np.zeros(problem.n))
+    z = np.where(np.isneginf(c), 0.0, c)
+    sigma, shifted = _FIRST, _shifted(problem, _FIRST)
+    while (left := end - time.perf_counter()) > 0:
+        following, of_z = sigma, shifted.with_q(problem.q - sigma * z)
+        found = _run(of_z, Newton(), 0.1 * tolerance, left, z0=z, max_iter=_STEPS)
+        if found.status in (Status.SOLVED, Status.PRECISION_LIMIT):
+            yield ProximalPoint(found.z, found.z - z, problem.residual(found.z), found.iterations)
+            z = found.z
+            if found.iterations <= _FEW:
+                following = max(sigma / _CHANGE, _LEAST)
+        elif sigma < _MOST:
+            following = sigma * _CHANGE
+        else:
+            return
+        if following != sigma:
+            sigma, shifted = following, _shifted(problem, following)
+
+
+def _shifted(problem: ICP, sigma: float) -> ICP:
+    return ICP(problem.A + sigma * sp.eye_array(problem.n), problem.q, problem.psi)
+
+
+def _run(problem: ICP, method: Newton | None, tolerance: float, left: float, **options: Any) -> Solution:
+    """`solve` with an absolute tolerance and what is left of the time. Raises KeyboardInterrupt after Ctrl-C."""
+    limit = None if np.isinf(left) else max(left, 0.0)
+    found = problem.solve(method, rtol=0.0, atol=tolerance, time_limit=limit, raise_on_failure=False, **options)
+    if found.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return found
+
+
 Points = Callable[[ICP, float, float], Iterator[ProximalPoint]]
 
 
 @dataclass(frozen=True, eq=False)
 class ProgramOutcome:
-    """What `solve_program` found: `status` in CVXPY's words and `message`, what it rests on; `x`, `equality` = ν and
-    `inequality` = λ, None where there is no optimum; the `objective` there; the `residual` in handy units; Newton's
-    `steps`; `seconds`.
+    """`status` in CVXPY's words and `message`, what it rests on; `x`, `equality` = ν and `inequality` = λ, None where
+    there is no optimum; the `objective` there; the `residual` in handy units; Newton's `steps`.
     """
 
     status: str
@@ -54,7 +117,7 @@ def solve_program(
     rounding. "user_limit": the time is over; "solver_error": none of these.
     """
     begin = time.perf_counter()
-    if program.contradicts_itself:
+    if not np.isfinite(program.b).all() or np.isneginf(program.g).any():
         return ProgramOutcome("infeasible", "a right-hand side is infinite")
     outcome = _outcome(program, ProgramLcp(program), tolerance, begin + time_limit, points)
     return replace(outcome, seconds=time.perf_counter() - begin)
@@ -63,11 +126,8 @@ def solve_program(
 def _outcome(program: Program, lcp: ProgramLcp, tolerance: float, end: float, points: Points) -> ProgramOutcome:
     begin, steps, best, residual, waited, proofs = time.perf_counter(), 0, None, np.inf, 0, 0
     if lcp.only_bounds:
-        limit = None if np.isinf(end) else max(end - time.perf_counter(), 0.0)
-        found = lcp.problem.solve(rtol=0.0, atol=tolerance, time_limit=limit, raise_on_failure=False)
+        found = _run(lcp.problem, None, tolerance, end - begin)
         steps, best, residual = found.iterations, found.z, found.residual
-        if found.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
         if found.status is Status.INFEASIBLE:
             return _unbounded(True, steps)
     if residual > tolerance:

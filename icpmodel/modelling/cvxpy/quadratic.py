@@ -49,11 +49,6 @@ class Program:
     F: sp.csr_array
     g: Vector
 
-    @property
-    def contradicts_itself(self) -> bool:
-        """Whether an infinite right-hand side leaves no x at all."""
-        return bool(not np.isfinite(self.b).all() or np.isneginf(self.g).any())
-
 
 class ProgramLcp:
     """The LCP of a `Program` in handy units, and the way back.
