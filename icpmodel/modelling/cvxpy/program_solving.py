@@ -1,7 +1,7 @@
 """Convex quadratic programs solved as LCPs, with proofs where there is no answer.
 
-The matrix M of such an LCP is positive semidefinite and mostly singular, while Newton's method wants systems that can be
-solved. M + σI is positive definite, so
+The matrix M of such an LCP is positive semidefinite and mostly singular, while Newton's method wants systems that can
+be solved. M + σI is positive definite, so
 
     z⁺ solves the LCP with M + σI and q − σz        (σ > 0; rows without obstacle stay so)
 
