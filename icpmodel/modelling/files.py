@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import io
 import json
-import os
+import secrets
 import shutil
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -34,9 +33,10 @@ from ..numerics.arrays import Vector
 from ..problem.affine import Affine
 from ..problem.data import as_problem
 from ..solve.solution import Solution
-from .matrix_market import read_matrix, read_vector
 
 _VERSION = 1
+#: a sparse vector may claim any length in a few bytes
+_LONGEST_VECTOR = 10**9
 #: kind of ψ → what is stored of it
 _KINDS: dict[str, tuple[str, ...]] = {"zero": (), "constant": ("c",), "affine": ("c", "G")}
 
@@ -57,15 +57,13 @@ def save_problem(problem: ICP, path: str | Path) -> None:
         raise InputError(f"psi is {psi!r}; only zero, constant and affine maps can be written to a file")
     G, c = psi.linear
     kind = "affine" if not psi.is_constant else "constant" if c.any() else "zero"
-    parts = {"A": problem.A, "q": problem.q} | {name: {"c": c, "G": G}[name] for name in _KINDS[kind]}
+    stored = {"A": problem.A, "q": problem.q, "c": c, "G": G}
+    parts = {name: stored[name] for name in ("A", "q", *_KINDS[kind])}
     if not str(path):
         raise FileError("the path is empty; the name of a folder or of an .npz file was expected")
     path = Path(path)
     with _writing(path):
-        if path.suffix.lower() == ".npz":
-            _write_npz(path, kind, parts)
-        else:
-            _write_folder(path, kind, parts)
+        (_write_npz if path.suffix.lower() == ".npz" else _write_folder)(path, kind, parts)
 
 
 def load_problem(path: str | Path, q: str | Path | None = None) -> ICP:
@@ -81,17 +79,13 @@ def load_problem(path: str | Path, q: str | Path | None = None) -> ICP:
     path = Path(path)
     if not path.exists():
         raise FileError(f"{path}: no such file or folder")
-    if path.is_dir():
-        if q is not None:
-            raise FileError(f"{path}: is a folder, which holds its own q; drop q")
-        return _problem(path, _read_folder(path))
-    if path.suffix.lower() == ".npz":
+    if path.is_dir() or path.suffix.lower() == ".npz":
         if q is not None:
             raise FileError(f"{path}: holds its own q; drop q")
-        return _problem(path, _read_npz(path))
+        return _problem(path, _read_folder(path) if path.is_dir() else _read_npz(path))
     if q is None:
         raise FileError(f"{path}: is neither an .npz file nor a folder; a Matrix Market file of A needs its q as well")
-    A, vector = read_matrix(path), read_vector(Path(q))
+    A, vector = _read_matrix(path), _read_vector(Path(q))
     if vector.size != A.shape[0]:
         raise FileError(f"{q}: holds {vector.size} numbers; {A.shape[0]} were expected, the rows of {path}")
     return _problem(path, {"A": A, "q": vector})
@@ -160,25 +154,16 @@ def _write_npz(path: Path, kind: str, parts: dict[str, Any]) -> None:
 def _write_whole(path: Path, arrays: dict[str, Any]) -> None:
     """Write beside `path` and rename, so that an interruption leaves the old file or the new one."""
     path = path.resolve()  # of a link, the file behind it
-    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, suffix=".part", delete=False) as file:
-        beside = Path(file.name)
+    beside = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
+    with beside.open("xb") as file:
         try:
-            np.savez_compressed(file, **arrays)
-            file.close()
             if path.exists():
                 shutil.copymode(path, beside)
-            else:
-                beside.chmod(0o666 & ~_umask())
+            np.savez_compressed(file, **arrays)
+            file.close()
             beside.replace(path)
         finally:
             beside.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    """The user's file mode mask, which can be read only by setting it."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _write_folder(path: Path, kind: str, parts: dict[str, Any]) -> None:
@@ -197,9 +182,9 @@ def _write_folder(path: Path, kind: str, parts: dict[str, Any]) -> None:
 
 def _read_folder(path: Path) -> dict[str, Any]:
     declared = path / "psi.json"
-    if not declared.is_file() and not (path / "A.mtx").is_file():
-        raise FileError(f"{path}: the folder holds no saved problem; psi.json, A.mtx and q.mtx were expected")
     if not declared.is_file():
+        if not (path / "A.mtx").is_file():
+            raise FileError(f"{path}: the folder holds no saved problem; psi.json, A.mtx and q.mtx were expected")
         raise FileError(f'{declared}: no such file; it declares psi, for an LCP as {{"psi": "zero"}}')
     try:
         text = declared.read_text()
@@ -209,7 +194,7 @@ def _read_folder(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict) or content.keys() != {"psi"}:
         found = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
         raise FileError(f'{declared}: {found}; the field psi alone was expected, for an LCP {{"psi": "zero"}}')
-    readers = {"A": read_matrix, "q": read_vector, "c": read_vector, "G": read_matrix}
+    readers = {"A": _read_matrix, "q": _read_vector, "c": _read_vector, "G": _read_matrix}
     return {name: readers[name](path / f"{name}.mtx") for name in ("A", "q", *_stored(declared, content["psi"]))}
 
 
@@ -217,9 +202,9 @@ def _read_npz(path: Path) -> dict[str, Any]:
     fields = _load_npz(path, ("format", "psi", "q"))
     if fields["format"].shape != () or fields["format"].dtype.kind != "i" or int(fields["format"]) != _VERSION:
         raise FileError(f"{path}: field format is {fields['format']}; {_VERSION} was expected")
-    of_psi = _stored(path, str(fields["psi"]))
     q = _npz_vector(path, fields, "q", None)
     readers = {"A": _npz_matrix, "c": _npz_vector, "G": _npz_matrix}
+    of_psi = _stored(path, str(fields["psi"]))
     return {"q": q} | {name: readers[name](path, fields, name, q.size) for name in ("A", *of_psi)}
 
 
@@ -246,21 +231,22 @@ def _field(path: Path, fields: dict[str, np.ndarray], name: str) -> np.ndarray:
 
 def _npz_vector(path: Path, fields: dict[str, np.ndarray], name: str, n: int | None) -> Vector:
     vector = _field(path, fields, name)
-    if vector.ndim != 1 or vector.dtype.kind not in "biuf" or (n is not None and vector.size != n):
-        wanted = "a vector of numbers" if n is None else f"{n} numbers"
-        raise FileError(f"{path}: field {name} has shape {vector.shape}, dtype {vector.dtype}; {wanted} expected")
-    return vector
+    wanted = "a vector of numbers" if n is None else f"{n} numbers"
+    return _checked(path, name, vector, vector.size if n is None else n, "biuf", wanted)
+
+
+def _checked(path: Path, name: str, array: np.ndarray, size: int, kinds: str, wanted: str) -> np.ndarray:
+    if array.shape != (size,) or array.dtype.kind not in kinds:
+        raise FileError(f"{path}: field {name} has shape {array.shape}, dtype {array.dtype}; {wanted} expected")
+    return array
 
 
 def _npz_matrix(path: Path, fields: dict[str, np.ndarray], name: str, n: int) -> sp.csr_array:
-    indptr = _field(path, fields, f"{name}_indptr")
-    indices = _field(path, fields, f"{name}_indices")
     data = _npz_vector(path, fields, f"{name}_data", None)
-    for field, array, wanted in ((f"{name}_indptr", indptr, n + 1), (f"{name}_indices", indices, data.size)):
-        if array.shape != (wanted,) or array.dtype.kind not in "iu":
-            raise FileError(
-                f"{path}: field {field} has shape {array.shape}, dtype {array.dtype}; {wanted} integers expected"
-            )
+    indptr, indices = (
+        _checked(path, field, _field(path, fields, field), size, "iu", f"{size} integers")
+        for field, size in ((f"{name}_indptr", n + 1), (f"{name}_indices", data.size))
+    )
     # SciPy's own check lets some of these pass and its compiled code then writes out of bounds
     ordered = indptr[0] == 0 and indptr[-1] == data.size and bool((indptr[1:] >= indptr[:-1]).all())
     if not ordered or ((indices < 0) | (indices >= n)).any():
@@ -268,8 +254,37 @@ def _npz_matrix(path: Path, fields: dict[str, np.ndarray], name: str, n: int) ->
     return sp.csr_array((data, indices.astype(np.int64), indptr.astype(np.int64)), shape=(n, n))
 
 
+def _read_matrix(path: Path) -> Any:
+    """A sparse or dense matrix from a Matrix Market file, whatever that claims to hold."""
+    from scipy.io import mminfo, mmread
+
+    if not path.is_file():
+        raise FileError(f"{path}: no such file")
+    try:
+        path.open("rb").close()  # says so if it may not be read; SciPy would call its banner missing
+        # SciPy allocates what the header promises
+        rows, columns, entries, *_ = mminfo(path)
+        if entries <= path.stat().st_size or path.suffix in (".gz", ".bz2"):
+            return mmread(path, spmatrix=False)
+    except PermissionError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, OverflowError, OSError, EOFError) as error:
+        raise FileError(f"{path}: not a readable Matrix Market file ({error})") from error
+    found = f"its header promises {rows} x {columns} with {entries} entries"
+    raise FileError(f"{path}: {found}, which do not fit into {path.stat().st_size} bytes; is the file truncated?")
+
+
+def _read_vector(path: Path) -> Vector:
+    """A vector, shape (n,), from a Matrix Market file of n × 1 or 1 × n."""
+    matrix = _read_matrix(path)
+    if 1 not in matrix.shape:
+        raise FileError(f"{path}: holds a matrix of shape {matrix.shape}; a vector (n x 1) was expected")
+    if max(matrix.shape) > _LONGEST_VECTOR:
+        raise FileError(f"{path}: holds a vector of shape {matrix.shape}; at most {_LONGEST_VECTOR} entries are read")
+    return np.asarray(matrix.toarray() if sp.issparse(matrix) else matrix).reshape(-1)
+
+
 def _stored(path: Path, kind: Any) -> tuple[str, ...]:
-    """What there is to read of a ψ of this `kind`."""
     if not isinstance(kind, str) or kind not in _KINDS:
         raise FileError(f"{path}: field psi is {kind!r}; one of {', '.join(_KINDS)} was expected")
     return _KINDS[kind]

@@ -23,8 +23,7 @@ def membrane(n: int = 900, mu: float = 0.0, skew: float = 0.0) -> Scene:
     Discretised by the 5-point stencil on m × m interior points, h = 1/(m + 1), rows multiplied by h²: A has 4 and −1.
     `mu` ≥ 0 is added to the diagonal (an elastic bed of stiffness μ/h²); `skew` in [−1, 1] tilts the stencil (a flow
     of velocity (b, b), b = 2·skew/h) and makes A nonsymmetric.
-    Units: lengths in sides of the square; p is h² times the force per area that the obstacle exerts.
-    Returns a scene without reference.
+    Units: lengths in sides of the square; p is h² times the force per area that the obstacle exerts. No reference value.
     Reference: Rodrigues, Obstacle Problems in Mathematical Physics (1987).
     """
     m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
@@ -62,17 +61,12 @@ def ball(n: int = 900) -> Scene:
     psi = np.where(r < 1.0, np.sqrt(np.maximum(1.0 - r**2, 0.0)), -1.0)
     u = _ball_solution(r)
     problem = ICP(five_point(m), -_boundary_sum(m), psi)
-    quantities = {
+    known = {
         "u": Quantity(0.0, lambda z: float(np.max(np.abs(z - u))), order=2.0),
         "contact radius": Quantity(RADIUS, lambda z: _radius(float(problem.p(z).sum())), order=2.0),
     }
-    return Scene(
-        problem=problem,
-        models="A membrane held along the edge of a square and lifted by a ball from below.",
-        quantities=quantities,
-        h=h,
-        points=points,
-    )
+    models = "A membrane held along the edge of a square and lifted by a ball from below."
+    return Scene(problem=problem, models=models, quantities=known, h=h, points=points)
 
 
 def _ball_solution(r: Vector) -> Vector:
@@ -85,8 +79,7 @@ def _boundary_sum(m: int) -> Vector:
     line = np.linspace(-HALF, HALF, m + 2)
     values = _ball_solution(np.hypot(line[:, None], line))
     values[1:-1, 1:-1] = 0.0
-    around = values[:-2, 1:-1] + values[2:, 1:-1] + values[1:-1, :-2] + values[1:-1, 2:]
-    return around.ravel()
+    return (values[:-2, 1:-1] + values[2:, 1:-1] + values[1:-1, :-2] + values[1:-1, 2:]).ravel()
 
 
 def _radius(force: float) -> float:

@@ -27,12 +27,8 @@ def coulomb(alpha: float = 30.0, mu: float = 0.3, mass: float = 1.0, g: float = 
     push = as_number(g, "g", above=0) * as_number(dt, "dt", above=0)
     sine, cosine = float(np.sin(slope)), float(np.cos(slope))
     normal = mass * push * cosine
-    friction = -min(mass * push * sine, mu * normal)
+    z = np.array([normal, -min(mass * push * sine, mu * normal)])
     problem = ICP(np.eye(2) / mass, push * np.array([-cosine, sine]), Affine([[0.0, 0.0], [-mu, 0.0]]))
-    speed = max(0.0, push * (sine - mu * cosine))
-    return Scene(
-        problem=problem,
-        models="Whether a block put on a slope stays or slips within one time step, and the impulses that decide it.",
-        z_exact=np.array([normal, friction]),
-        quantities={"slip speed": Quantity(speed, lambda z: float(problem.p(z)[1]), order=None)},
-    )
+    speed = Quantity(max(0.0, push * (sine - mu * cosine)), lambda z: float(problem.p(z)[1]), order=None)
+    models = "Whether a block put on a slope stays or slips within one time step, and the impulses that decide it."
+    return Scene(problem=problem, models=models, z_exact=z, quantities={"slip speed": speed})

@@ -39,8 +39,7 @@ def neighbours(m: int, left: float, right: float) -> Any:
 
 def tridiagonal(left: Vector, middle: Vector, right: Vector) -> Any:
     """The CSR matrix with these three diagonals; `middle` has shape (n,), the others (n − 1,). Zeros are not stored."""
-    bands: Any = [left, middle, right]
-    matrix = sp.csr_array(sp.diags_array(bands, offsets=(-1, 0, 1)))
+    matrix: Any = sp.csr_array(sp.diags_array([left, middle, right], offsets=(-1, 0, 1)))
     matrix.eliminate_zeros()
     return matrix
 
@@ -48,8 +47,7 @@ def tridiagonal(left: Vector, middle: Vector, right: Vector) -> Any:
 def square_points(low: float, high: float, m: int) -> Vector:
     """Coordinates of the m × m interior points of [low, high]², shape (m², 2), in the order of `five_point`."""
     line = np.linspace(low, high, m + 2)[1:-1]
-    x, y = np.meshgrid(line, line)
-    return np.column_stack([x.ravel(), y.ravel()])
+    return np.column_stack([np.tile(line, m), np.repeat(line, m)])
 
 
 def level_crossing(x: Vector, y: Vector, level: float) -> float:

@@ -25,11 +25,9 @@ def hard_infeasible() -> Scene:
     of the linear programme min 2x, x ≤ −1, x ≥ 0. Honest: INFEASIBLE where that is proved, else anything but solved.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
-    return Scene(
-        problem=ICP([[0.0, 1.0], [-1.0, 0.0]], [-2.0, -1.0]),
-        models="A linear programme without a feasible point, and its dual.",
-        why_no_solution="p[1] = -z[0] - 1 >= 0 and z[0] >= 0 exclude each other",
-    )
+    why = "p[1] = -z[0] - 1 >= 0 and z[0] >= 0 exclude each other"
+    models = "A linear programme without a feasible point, and its dual."
+    return Scene(problem=ICP([[0.0, 1.0], [-1.0, 0.0]], [-2.0, -1.0]), models=models, why_no_solution=why)
 
 
 @register
@@ -37,14 +35,11 @@ def hard_many() -> Scene:
     """Hard: an LCP with a half-line of solutions.
 
     A = [1, −1; −1, 1], q = (1, −1), ψ = 0: p₁ = −p₂, so both are 0 and z = (t, t + 1) for every t ≥ 0. A is singular
-    and semidefinite. Honest: solved, and no claim that the solution is unique.
-    Quantity: "z2 - z1" = 1.
+    and semidefinite. Honest: solved, and no claim that the solution is unique. Quantity: "z2 - z1" = 1.
     """
-    return Scene(
-        problem=ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, -1.0]),
-        models="Two carriages coupled by a spring on a track, free to roll together.",
-        quantities={"z2 - z1": Quantity(1.0, lambda z: float(z[1] - z[0]), order=None)},
-    )
+    models = "Two carriages coupled by a spring on a track, free to roll together."
+    known = {"z2 - z1": Quantity(1.0, lambda z: float(z[1] - z[0]), order=None)}
+    return Scene(problem=ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, -1.0]), models=models, quantities=known)
 
 
 @register
@@ -55,11 +50,9 @@ def hard_steep() -> Scene:
     z = 2 (r = 0) both solve. Honest: solved, and no claim that the solution is unique; sweeps may diverge.
     Quantity: "|z - 1/2|" = 1½.
     """
-    return Scene(
-        problem=ICP([[1.0]], [1.0], Affine([[1.5]], -1.0)),
-        models="A spring under a hand that follows it too eagerly.",
-        quantities={"|z - 1/2|": Quantity(1.5, lambda z: float(abs(z[0] - 0.5)), order=None)},
-    )
+    models = "A spring under a hand that follows it too eagerly."
+    known = {"|z - 1/2|": Quantity(1.5, lambda z: float(abs(z[0] - 0.5)), order=None)}
+    return Scene(problem=ICP([[1.0]], [1.0], Affine([[1.5]], -1.0)), models=models, quantities=known)
 
 
 @register
@@ -67,15 +60,12 @@ def hard_jump() -> Scene:
     """Hard: an obstacle that gives way.
 
     A = 1, q = −½, ψ(z) = 1 for z < ¾ and 0 from there on. Below ¾ r = z − 1 < −¼; from ¾ on r = z > 0 and
-    p = z − ½ > 0: the residual is at least ¼, and there is no solution, though p and r take either sign.
-    Honest: cycled or stagnated.
-    (Were it to give way at 1, just when it is touched, z = 1 − ε would have the residual ε and pass for a solution.)
+    p = z − ½ > 0: the residual is at least ¼, and there is no solution, though p and r take either sign. (Were it to
+    give way at 1, z = 1 − ε would have the residual ε and pass for a solution.) Honest: cycled or stagnated.
     """
-    return Scene(
-        problem=ICP([[1.0]], [-0.5], Function(lambda z: np.where(z < 0.75, 1.0, 0.0))),
-        models="A weight on a trapdoor that opens under it.",
-        why_no_solution="r < 0 below 3/4, and from there on p and r are both positive",
-    )
+    problem = ICP([[1.0]], [-0.5], Function(lambda z: np.where(z < 0.75, 1.0, 0.0)))
+    why = "r < 0 below 3/4, and from there on p and r are both positive"
+    return Scene(problem=problem, models="A weight on a trapdoor that opens under it.", why_no_solution=why)
 
 
 @register
@@ -95,12 +85,10 @@ def hard_domain() -> Scene:
         with np.errstate(invalid="ignore", divide="ignore"):
             return 0.5 / np.sqrt(2.0 - z)
 
-    n = 31
-    A = neighbours(n, -1.0, -1.0) + 2.0 * sp.eye_array(n)
+    problem = ICP(neighbours(31, -1.0, -1.0) + 2.0 * sp.eye_array(31), np.full(31, -0.1), Elementwise(psi, slope))
+    models = "A string pulled up out of the region where the shape of its support is known."
     return Scene(
-        problem=ICP(A, np.full(n, -0.1), Elementwise(psi, slope)),
-        models="A string pulled up out of the region where the shape of its support is known.",
-        why_no_solution="p >= 0 lifts z out of the domain of psi, row 1 already",
+        problem=problem, models=models, why_no_solution="p >= 0 lifts z out of the domain of psi, row 1 already"
     )
 
 
@@ -134,7 +122,7 @@ def hard_semidefinite(n: int = 40, seed: int = 0) -> Scene:
     random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
     B = random.standard_normal((m, m))
     size = random.uniform(0.5, 1.5, 2 * m)
-    basic = np.concatenate([random.permutation(m) < (m + 1) // 2, random.permutation(m) < (m + 1) // 2])
+    basic = np.concatenate([random.permutation(m) < (m + 1) // 2 for _ in range(2)])
     z, p = np.where(basic, size, 0.0), np.where(basic, 0.0, size)
     A = np.block([[np.zeros((m, m)), -B.T], [B, np.zeros((m, m))]])
     return manufactured(A, z, p, 0.0, "A production plan and the prices that support it.")
@@ -196,8 +184,8 @@ def hard_overflow() -> Scene:
     A = [2, −1; −1, 2], q = (−1.5e308, 1.5e308), ψ = 0; z* = (7.5e307, 0), p* = (0, 7.5e307). Sums and squares of such
     numbers overflow though the answer does not. Honest: solved, or diverged; never NaN called solved.
     """
-    models = "Two weights on a string under forces at the end of the scale."
-    return by_hand(PAIR, [-1.5e308, 1.5e308], 0.0, [7.5e307, 0.0], models)
+    q, models = [-1.5e308, 1.5e308], "Two weights on a string under forces at the end of the scale."
+    return by_hand(PAIR, q, 0.0, [7.5e307, 0.0], models)
 
 
 @register

@@ -46,29 +46,22 @@ def dividend(n: int = 241) -> Scene:
     A, q = _operator(x.size, h)
     problem = ICP(A, q, Intervention(lambda z: _best_payment(z, x, k)))
 
-    def free_boundary(z: Vector) -> float:
-        pays = problem.r(z) < problem.p(z)
-        first = int(np.argmax(pays))  # z up to here solves the equation of the reserve at rest
-        cells = slice(max(first - 3, 0), first)
+    def smooth_fit(z: Vector, first: int) -> float:
+        """Where the slope reaches WORTH, by three cells from the `first` on."""
+        cells = slice(max(first, 0), first + 3)
         return level_crossing(x[cells] + h / 2, (np.diff(z) / h)[cells], WORTH)
 
-    def target(z: Vector) -> float:
-        slopes = np.diff(z) / h
-        first = int(np.argmax(slopes < WORTH))
-        cells = slice(max(first - 1, 0), first + 2)
-        return level_crossing(x[cells] + h / 2, slopes[cells], WORTH)
+    # up to where it pays z solves the equation of the reserve at rest
+    boundary = lambda z: smooth_fit(z, int(np.argmax(problem.r(z) < problem.p(z))) - 3)  # noqa: E731
+    target = lambda z: smooth_fit(z, int(np.argmax(np.diff(z) / h < WORTH)) - 1)  # noqa: E731
 
-    return Scene(
-        problem=problem,
-        models="The value of a reserve to its owner, who pays himself dividends at a fixed cost and a tax.",
-        quantities={
-            "V(1)": Quantity(VALUE_AT_1, lambda z: float(z[20 * k]), order=2.0),
-            "x*": Quantity(BOUNDARY, free_boundary, order=2.0),
-            "target": Quantity(TARGET, target, order=2.0),
-        },
-        h=h,
-        points=x,
-    )
+    known = {
+        "V(1)": Quantity(VALUE_AT_1, lambda z: float(z[20 * k]), order=2.0),
+        "x*": Quantity(BOUNDARY, boundary, order=2.0),
+        "target": Quantity(TARGET, target, order=2.0),
+    }
+    models = "The value of a reserve to its owner, who pays himself dividends at a fixed cost and a tax."
+    return Scene(problem=problem, models=models, quantities=known, h=h, points=x)
 
 
 def _operator(n: int, h: float) -> tuple[Any, Vector]:

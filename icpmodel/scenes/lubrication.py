@@ -30,28 +30,17 @@ def bearing(n: int = 300) -> Scene:
     """
     at_least(n, 10)
     h = 2.0 * np.pi / (n + 1)
-    H = _thickness(np.linspace(h / 2, 2.0 * np.pi - h / 2, n + 1))
+    H = 1.0 + ECCENTRICITY * np.cos(np.linspace(h / 2, 2.0 * np.pi - h / 2, n + 1))
     cubes = H**3
-    off = -cubes[1:-1]
-    A = tridiagonal(off, cubes[:-1] + cubes[1:], off)
+    A = tridiagonal(-cubes[1:-1], cubes[:-1] + cubes[1:], -cubes[1:-1])
 
-    def flow(z: Vector) -> float:
-        return float(H[0] - cubes[0] * z[0] / h)
-
-    return Scene(
-        problem=ICP(A, h * np.diff(H)),
-        models="The pressure of the oil between a shaft and its bearing, and where the oil film tears.",
-        quantities={
-            "p_max": Quantity(P_MAX, _top, order=2.0),
-            "cavitation angle": Quantity(CAVITATION, lambda z: _angle(flow(z)), order=2.0),
-        },
-        h=h,
-        points=np.linspace(0.0, 2.0 * np.pi, n + 2)[1:-1],
-    )
-
-
-def _thickness(theta: Vector) -> Vector:
-    return 1.0 + ECCENTRICITY * np.cos(theta)
+    known = {
+        "p_max": Quantity(P_MAX, _top, order=2.0),
+        "cavitation angle": Quantity(CAVITATION, lambda z: _angle(float(H[0] - cubes[0] * z[0] / h)), order=2.0),
+    }
+    models = "The pressure of the oil between a shaft and its bearing, and where the oil film tears."
+    points = np.linspace(0.0, 2.0 * np.pi, n + 2)[1:-1]
+    return Scene(problem=ICP(A, h * np.diff(H)), models=models, quantities=known, h=h, points=points)
 
 
 def _top(z: Vector) -> float:

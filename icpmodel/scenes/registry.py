@@ -21,9 +21,8 @@ from ..numerics.plugins import load_plugins
 class Quantity:
     """A number that can be read off a solution and whose value in the continuous problem is known.
 
-    Parameters: `exact` the known value; `measure` reads it off z of shape (n,) and gives NaN where z does not have it;
-    `order` the power of the grid spacing h with which the difference shrinks, None where the number is exact on every
-    grid.
+    `exact` is that value; `measure` reads it off z, shape (n,), NaN where z does not have it; `order` is the power of
+    the grid spacing h with which the difference shrinks, None where the number is exact on every grid.
 
     >>> Quantity(3.0, lambda z: float(z.sum()), order=None).error(np.array([1.0, 2.5]))
     0.5
@@ -117,23 +116,26 @@ def register(build: Builder) -> Builder:
     Traceback (most recent call last):
     icpmodel.errors.InputError: the scene <lambda> has no docstring; its first line is the scene's title
     """
-    name = build.__name__.replace("_", "-")
+    name, signature = build.__name__.replace("_", "-"), inspect.signature(build)
     if not build.__doc__:
         raise InputError(f"the scene {name} has no docstring; its first line is the scene's title")
     if name in _BUILDERS:
         raise InputError(f"there is already a scene called {name}")
-    title = build.__doc__.strip().splitlines()[0].rstrip(".")
-    signature = inspect.signature(build)
 
     @functools.wraps(build)
     def checked(*args: Any, **kwargs: Any) -> Scene:
         given = signature.bind(*args, **kwargs)
         if "n" in given.arguments:
             given.arguments["n"] = size(given.arguments["n"])
-        return replace(build(*given.args, **given.kwargs), name=name, title=title)
+        return replace(build(*given.args, **given.kwargs), name=name, title=title_of(build))
 
     _BUILDERS[name] = checked
     return checked
+
+
+def title_of(build: Builder) -> str:
+    """The first line of the docstring."""
+    return (build.__doc__ or "").strip().splitlines()[0].rstrip(".")
 
 
 def at_least(n: int, least: int) -> int:

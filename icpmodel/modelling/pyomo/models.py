@@ -27,7 +27,7 @@ from .ownership import Ownership
 
 @dataclass(frozen=True, eq=False)
 class PyomoReading:
-    """A `Reading`: z_i = `signs`[i] · `variables`[i], row i is that of `owners`[i], a Complementarity or equality Constraint.
+    """A `Reading`: z_i = `signs`[i] · `variables`[i]; `owners`[i] is the Complementarity or Constraint of row i.
 
     A condition with two bounds on one side has two rows, one after the other, and `added` says by the number of the
     first which of the two owns the λ of `ConditionRows`. `equation`, shape (n,), tells which rows are equations,
