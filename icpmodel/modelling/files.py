@@ -118,10 +118,9 @@ def load_solution(path: str | Path) -> dict[str, Any]:
     Traceback (most recent call last):
     icpmodel.errors.FileError: nowhere.npz: no such file or folder
     """
-    path = Path(path)
-    fields = _load_npz(path, ("z", "p", "r", "about"))
-    z = _npz_vector(path, fields, "z", None)
-    p, r = (_npz_vector(path, fields, name, z.size) for name in ("p", "r"))
+    fields = _Fields(Path(path))
+    z = fields.vector("z")
+    p, r = (fields.vector(name, z.size) for name in ("p", "r"))
     return {"z": z, "p": p, "r": r, "about": _json(f"{path}: field about", str(fields["about"]))}
 
 
@@ -198,60 +197,53 @@ def _read_folder(path: Path) -> dict[str, Any]:
     return {name: readers[name](path / f"{name}.mtx") for name in ("A", "q", *_stored(declared, content["psi"]))}
 
 
+class _Fields(dict[str, np.ndarray]):
+    """The arrays of an `.npz` file by name; one that is missing is an error of the file."""
+
+    def __init__(self, path: Path) -> None:
+        if not path.is_file():
+            raise FileError(f"{path}: no such file or folder")
+        self.path = path
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                super().__init__({name: archive[name] for name in archive.files})
+        except ValueError as error:  # NumPy would have to unpickle something; its message says how, which must not be
+            raise FileError(f"{path}: not an .npz file of plain arrays") from error
+        except (OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+            raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
+
+    def __missing__(self, name: str) -> np.ndarray:
+        raise FileError(f"{self.path}: field {name} is missing; found {', '.join(sorted(self)) or 'none'}")
+
+    def vector(self, name: str, size: int | None = None, kinds: str = "biuf") -> Vector:
+        """The field `name`, a vector of `size` numbers of the `kinds` that NumPy has letters for."""
+        array = self[name]
+        if array.ndim != 1 or array.dtype.kind not in kinds or size not in (None, array.size):
+            numbers = "integers" if kinds == "iu" else "numbers"
+            wanted = f"a vector of {numbers}" if size is None else f"{size} {numbers}"
+            found = f"shape {array.shape}, dtype {array.dtype}"
+            raise FileError(f"{self.path}: field {name} has {found}; {wanted} expected")
+        return array
+
+    def matrix(self, name: str, n: int) -> sp.csr_array:
+        """The CSR matrix of shape (n, n) in three fields."""
+        data = self.vector(f"{name}_data")
+        indptr, indices = self.vector(f"{name}_indptr", n + 1, "iu"), self.vector(f"{name}_indices", data.size, "iu")
+        # SciPy's own check lets some of these pass and its compiled code then writes out of bounds
+        ordered = indptr[0] == 0 and indptr[-1] == data.size and bool((indptr[1:] >= indptr[:-1]).all())
+        if not ordered or ((indices < 0) | (indices >= n)).any():
+            raise FileError(f"{self.path}: fields {name}_* are not a CSR matrix of shape ({n}, {n})")
+        return sp.csr_array((data, indices.astype(np.int64), indptr.astype(np.int64)), shape=(n, n))
+
+
 def _read_npz(path: Path) -> dict[str, Any]:
-    fields = _load_npz(path, ("format", "psi", "q"))
-    if fields["format"].shape != () or fields["format"].dtype.kind != "i" or int(fields["format"]) != _VERSION:
-        raise FileError(f"{path}: field format is {fields['format']}; {_VERSION} was expected")
-    q = _npz_vector(path, fields, "q", None)
-    readers = {"A": _npz_matrix, "c": _npz_vector, "G": _npz_matrix}
-    of_psi = _stored(path, str(fields["psi"]))
-    return {"q": q} | {name: readers[name](path, fields, name, q.size) for name in ("A", *of_psi)}
-
-
-def _load_npz(path: Path, wanted: tuple[str, ...]) -> dict[str, np.ndarray]:
-    if not path.is_file():
-        raise FileError(f"{path}: no such file or folder")
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            fields = {name: archive[name] for name in archive.files}
-    except ValueError as error:  # NumPy would have to unpickle something; its message says how, which must not be done
-        raise FileError(f"{path}: not an .npz file of plain arrays") from error
-    except (OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
-    for name in wanted:
-        _field(path, fields, name)
-    return fields
-
-
-def _field(path: Path, fields: dict[str, np.ndarray], name: str) -> np.ndarray:
-    if name not in fields:
-        raise FileError(f"{path}: field {name} is missing; found {', '.join(sorted(fields)) or 'none'}")
-    return fields[name]
-
-
-def _npz_vector(path: Path, fields: dict[str, np.ndarray], name: str, n: int | None) -> Vector:
-    vector = _field(path, fields, name)
-    wanted = "a vector of numbers" if n is None else f"{n} numbers"
-    return _checked(path, name, vector, vector.size if n is None else n, "biuf", wanted)
-
-
-def _checked(path: Path, name: str, array: np.ndarray, size: int, kinds: str, wanted: str) -> np.ndarray:
-    if array.shape != (size,) or array.dtype.kind not in kinds:
-        raise FileError(f"{path}: field {name} has shape {array.shape}, dtype {array.dtype}; {wanted} expected")
-    return array
-
-
-def _npz_matrix(path: Path, fields: dict[str, np.ndarray], name: str, n: int) -> sp.csr_array:
-    data = _npz_vector(path, fields, f"{name}_data", None)
-    indptr, indices = (
-        _checked(path, field, _field(path, fields, field), size, "iu", f"{size} integers")
-        for field, size in ((f"{name}_indptr", n + 1), (f"{name}_indices", data.size))
-    )
-    # SciPy's own check lets some of these pass and its compiled code then writes out of bounds
-    ordered = indptr[0] == 0 and indptr[-1] == data.size and bool((indptr[1:] >= indptr[:-1]).all())
-    if not ordered or ((indices < 0) | (indices >= n)).any():
-        raise FileError(f"{path}: fields {name}_* are not a CSR matrix of shape ({n}, {n})")
-    return sp.csr_array((data, indices.astype(np.int64), indptr.astype(np.int64)), shape=(n, n))
+    fields = _Fields(path)
+    version = fields["format"]
+    if version.shape != () or version.dtype.kind != "i" or int(version) != _VERSION:
+        raise FileError(f"{path}: field format is {version}; {_VERSION} was expected")
+    of_psi, q = _stored(path, str(fields["psi"])), fields.vector("q")
+    readers: dict[str, Any] = {"A": fields.matrix, "c": fields.vector, "G": fields.matrix}
+    return {"q": q} | {name: readers[name](name, q.size) for name in ("A", *of_psi)}
 
 
 def _read_matrix(path: Path) -> Any:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import InputError
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..problem.affine import Affine
@@ -14,7 +13,7 @@ from ..problem.function import Function
 from .grid import five_point, neighbours, side, square_points, tridiagonal
 from .hand import PAIR, by_hand
 from .manufactured import complementary, manufactured
-from .registry import Quantity, Scene, at_least, register
+from .registry import Quantity, Scene, register, size
 
 
 @register
@@ -100,7 +99,7 @@ def hard_skew(n: int = 100, skew: float = 10.0, seed: int = 0) -> Scene:
     hence a P-matrix, but far from H₊: sweeps diverge. Honest: one solution; sweeps say that they diverge or cycle.
     Parameters: `n` ≥ 2; `skew` s; `seed` an integer ≥ 0.
     """
-    n, s = at_least(n, 2), as_number(skew, "skew")
+    n, s = size(n, 2), as_number(skew, "skew")
     z, p, r = complementary(n, seed)
     A = neighbours(n, -s, s) + sp.eye_array(n)
     return manufactured(A, z, p, z - r, "A ring of gyroscopes, each turning the next, with little friction and stops.")
@@ -116,14 +115,12 @@ def hard_semidefinite(n: int = 40, seed: int = 0) -> Scene:
     Parameters: `n` ≈ 2m, at most 5000; `seed` an integer ≥ 0.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
-    if n > 5000:
-        raise InputError(f"n is {n}; this scene, whose matrix is dense, takes at most 5000 unknowns")
-    m = max(round(n / 2), 1)
+    m = max(round(size(n, most=5000) / 2), 1)
     random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
     B = random.standard_normal((m, m))
-    size = random.uniform(0.5, 1.5, 2 * m)
+    amount = random.uniform(0.5, 1.5, 2 * m)
     basic = np.concatenate([random.permutation(m) < (m + 1) // 2 for _ in range(2)])
-    z, p = np.where(basic, size, 0.0), np.where(basic, 0.0, size)
+    z, p = np.where(basic, amount, 0.0), np.where(basic, 0.0, amount)
     A = np.block([[np.zeros((m, m)), -B.T], [B, np.zeros((m, m))]])
     return manufactured(A, z, p, 0.0, "A production plan and the prices that support it.")
 
@@ -152,7 +149,7 @@ def hard_singular(n: int = 100) -> Scene:
     residual, and an error bound that says how little that means here.
     Parameters: `n` ≥ 4, odd numbers are raised by 1.
     """
-    n = at_least(n, 4) + n % 2
+    n = size(n, 4) + n % 2
     corners = sp.coo_array(([-1.0, -1.0], ([0, n - 1], [n - 1, 0])), shape=(n, n))
     A = neighbours(n, -1.0, -1.0) + corners + (2.0 + 2.0**-40) * sp.eye_array(n)
     z = np.tile([1.0, 2.0], n // 2)
@@ -169,7 +166,7 @@ def hard_scaled(n: int = 100, decades: float = 75.0, seed: int = 0) -> Scene:
     limit; the bound, which is entry by entry, tells what is known.
     Parameters: `n` ≥ 2; 0 ≤ `decades` ≤ 75; `seed` an integer ≥ 0.
     """
-    n = at_least(n, 2)
+    n = size(n, 2)
     z, p, r = complementary(n, seed)
     most = as_number(decades, "decades", least=0, most=75)
     S = 10.0 ** np.random.default_rng(seed).uniform(-most, most, n)

@@ -10,7 +10,7 @@ from ..icp import ICP
 from ..numerics.arrays import Vector
 from ..problem.intervention import Intervention
 from .grid import level_crossing, tridiagonal
-from .registry import Quantity, Scene, at_least, register
+from .registry import Quantity, Scene, register, size
 
 #: drift and volatility of the reserve, discount rate, tax on a payment and its fixed cost
 DRIFT, VOLATILITY, DISCOUNT, TAX, COST = 0.5, 0.3, 0.2, 0.2, 0.05
@@ -40,15 +40,15 @@ def dividend(n: int = 241) -> Scene:
     Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984); Jeanblanc-Picqué and
     Shiryaev, Russ. Math. Surv. 50 (1995).
     """
-    k = round((at_least(n, 31) - 1) / 30)
+    k = round((size(n, 31) - 1) / 30)
     h = COST / k
     x = np.linspace(0.0, LENGTH, 30 * k + 1)
     A, q = _operator(x.size, h)
     problem = ICP(A, q, Intervention(lambda z: _best_payment(z, x, k)))
 
     def smooth_fit(z: Vector, first: int) -> float:
-        """Where the slope reaches WORTH, by three cells from the `first` on."""
-        cells = slice(max(first, 0), first + 3)
+        """Where the slope reaches WORTH, by three cells from the `first` on; NaN where there are none."""
+        cells = slice(first, first + 3)
         return level_crossing(x[cells] + h / 2, (np.diff(z) / h)[cells], WORTH)
 
     # up to where it pays z solves the equation of the reserve at rest

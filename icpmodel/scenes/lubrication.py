@@ -7,7 +7,7 @@ import numpy as np
 from ..icp import ICP
 from ..numerics.arrays import Vector
 from .grid import tridiagonal
-from .registry import Quantity, Scene, at_least, register
+from .registry import Quantity, Scene, register, size
 
 #: eccentricity, and the solution's greatest pressure and the angle where the film tears
 ECCENTRICITY, P_MAX, CAVITATION = 0.5, 0.745831366621, 3.83438392852963
@@ -28,7 +28,7 @@ def bearing(n: int = 300) -> Scene:
     Raises InputError for n < 10.
     Reference: Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
     """
-    at_least(n, 10)
+    size(n, 10)
     h = 2.0 * np.pi / (n + 1)
     H = 1.0 + ECCENTRICITY * np.cos(np.linspace(h / 2, 2.0 * np.pi - h / 2, n + 1))
     cubes = H**3

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..icp import ICP
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, as_number
 from ..numerics.plugins import load_plugins
 
 
@@ -138,21 +137,6 @@ def title_of(build: Builder) -> str:
     return (build.__doc__ or "").strip().splitlines()[0].rstrip(".")
 
 
-def at_least(n: int, least: int) -> int:
-    """`n`, or InputError where the scene needs more unknowns."""
-    if n < least:
-        raise InputError(f"n is {n}; this scene needs at least {least} unknowns")
-    return n
-
-
-def size(n: Any) -> int:
-    """The wanted number of unknowns as an int ≥ 1. Raises InputError."""
-    try:
-        whole = operator.index(n)
-    except TypeError:
-        whole = 0
-    if whole < 1 or isinstance(n, bool):
-        raise InputError(f"n is {n!r}; the wanted number of unknowns, an integer >= 1, was expected")
-    if whole > LARGEST:
-        raise InputError(f"n is {n!r}; scenes are built up to n = {LARGEST}")
-    return whole
+def size(n: Any, least: int = 1, most: int = LARGEST) -> int:
+    """`n`, a number of unknowns that a scene can have. Raises InputError."""
+    return int(as_number(n, "the number of unknowns n", least=least, most=most, whole=True))

@@ -6,6 +6,8 @@ The affine part is what CVXPY's own compiler makes of it, once; a new value of a
 from __future__ import annotations
 
 import math
+import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -18,9 +20,10 @@ from cvxpy.atoms.elementwise.elementwise import Elementwise
 
 from ...errors import InputError
 from ...numerics.arrays import Vector
-from .complementarity import named, unstacked
 from .qp_solver import cvxpy_solver
 
+#: constants with more entries than this are not printed
+_PRINTED = 20
 #: how far a difference quotient may lie from the gradient
 _SAME = 1e-4
 #: Z, W and the constant of some rows
@@ -130,8 +133,7 @@ class AtomObstacle:
     def gradient_holds(self, z: Vector) -> bool:
         """Whether CVXPY gives a gradient that no difference quotient near `z` contradicts.
 
-        CVXPY 1.9 has none of norm_inf, and a wrong one of a quotient of variables. A point at which nothing can be
-        evaluated contradicts nothing.
+        CVXPY 1.9 has none of norm_inf, and a wrong one of a quotient of variables.
         """
         random = np.random.default_rng(0)
         size = float(np.abs(z).max(initial=0.0)) or 1.0
@@ -213,3 +215,30 @@ def _copied(expression: Any, copies: dict[int, Any]) -> Any:
     if not any(isinstance(x, cp.Expression) for x in data):
         return expression.copy(arguments)
     return type(expression)(*arguments, *(cp.Constant(x.value) if isinstance(x, cp.Expression) else x for x in data))
+
+
+def named(expression: cp.Expression) -> str:
+    """What a message calls `expression`: its label, else its text where that is short enough."""
+    if expression.label is None and any(constant.size > _PRINTED for constant in expression.constants()):
+        names = ", ".join(x.name() for x in expression.variables())
+        return f"an expression of shape {expression.shape}" + (f" in {names}" if names else "")
+    text = re.sub(r"Promote\(([^()]*), \([\d, ]*\)\)", r"\1", expression.format_labeled())
+    return textwrap.shorten(text, 80, placeholder=" ...")
+
+
+def at(stacked: Sequence[cp.Expression], k: int) -> tuple[int, str]:
+    """Which of the `stacked` expressions has the `k`-th of all their numbers, and in which entry, as "[i, j]"; ""
+    where it is the only one."""
+    number = 0
+    while k >= stacked[number].size:
+        k -= stacked[number].size
+        number += 1
+    x = stacked[number]
+    index = np.unravel_index(k, x.shape, order="F")
+    return number, f"[{', '.join(str(int(i)) for i in index)}]" if x.size > 1 else ""
+
+
+def unstacked(z: Vector, like: Sequence[cp.Expression]) -> list[np.ndarray]:
+    """The parts of `z`, one for each expression of `like` and in its shape, column by column."""
+    ends = np.cumsum([x.size for x in like])[:-1]
+    return [part.reshape(x.shape, order="F").copy() for x, part in zip(like, np.split(z, ends), strict=True)]

@@ -24,24 +24,15 @@ from ...numerics.arrays import Vector
 
 #: the functions of one argument that Pyomo can differentiate; NumPy calls them the same
 _FUNCTIONS = ("exp", "log", "log10", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan")
-#: the operations, on arrays and on expressions
-_WORDS: dict[str, Callable[..., Any]] = {
-    "sum": lambda *terms: reduce(operator.add, terms),
-    "product": operator.mul,
-    "quotient": operator.truediv,
-    "power": operator.pow,
-    "minus": operator.neg,
-    "abs": abs,
+#: the operations, on arrays and on expressions, with the nodes that do them
+_OPERATIONS: dict[str, tuple[type, Callable[..., Any]]] = {
+    "sum": (numeric_expr.SumExpression, lambda *terms: reduce(operator.add, terms)),
+    "product": (numeric_expr.ProductExpression, operator.mul),
+    "quotient": (numeric_expr.DivisionExpression, operator.truediv),
+    "minus": (numeric_expr.NegationExpression, operator.neg),
+    "power": (numeric_expr.PowExpression, operator.pow),
+    "abs": (numeric_expr.AbsExpression, abs),
 }
-#: what the nodes of an expression do
-_NODES = (
-    (numeric_expr.SumExpression, "sum"),
-    (numeric_expr.ProductExpression, "product"),
-    (numeric_expr.DivisionExpression, "quotient"),
-    (numeric_expr.NegationExpression, "minus"),
-    (numeric_expr.PowExpression, "power"),
-    (numeric_expr.UnaryFunctionExpression, "function"),
-)
 #: a shape, with the variables and constants of one row in order of appearance
 Flat = tuple[tuple[Any, ...], list[Any], list[float]]
 
@@ -119,19 +110,17 @@ def flattened(expression: Any, owner: Any) -> Flat:
 
 def _operation(node: Any, owner: Any) -> tuple[str, tuple[Any, ...]]:
     """What an expression node does, as a word, and to what. An exponent that is a number is part of the word."""
-    word, arguments = _word(node.__class__), tuple(node.args)
-    if word == "function":
-        word = node.getname()
-    elif word == "power" and not hasattr(arguments[1], "is_expression_type"):
+    word, arguments = _word(node.__class__) or node.getname(), tuple(node.args)
+    if word == "power" and not hasattr(arguments[1], "is_expression_type"):
         return f"power {float(arguments[1])!r}", arguments[:1]
-    if word not in _FUNCTIONS and word not in _WORDS:
+    if word not in _FUNCTIONS and word not in _OPERATIONS:
         raise InputError(f"{owner} has the operation {node.getname()}, which Pyomo cannot differentiate: {node}")
     return word, arguments
 
 
 @cache
 def _word(kind: type) -> str:
-    return next((word for one, word in _NODES if issubclass(kind, one)), "unknown")
+    return next((word for word, (node, _) in _OPERATIONS.items() if issubclass(kind, node)), "")
 
 
 def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Sequence[Any]) -> Any:
@@ -154,7 +143,7 @@ def _called(word: str, functions: Any) -> Callable[..., Any]:
     if word.startswith("power "):
         exponent = float(word.split()[1])
         return lambda x: x**exponent
-    return _WORDS.get(word) or getattr(functions, word)
+    return _OPERATIONS[word][1] if word in _OPERATIONS else getattr(functions, word)
 
 
 class _Compiled:
