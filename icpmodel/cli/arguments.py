@@ -73,9 +73,7 @@ def from_signature(function: Callable[..., Any], told: dict[str, str]) -> list[D
 
 def parameters(function: Callable[..., Any]) -> list[Decorator]:
     """Options for all parameters of `function`, in their order, with its defaults and what its docstring says of them.
-
-    That is the section "Parameters: `name` text; `name` text; …".
-    """
+    That is the section "Parameters: `name` text; `name` text; …"."""
     known = inspect.signature(function).parameters
     text = " ".join(inspect.getdoc(function).split())  # type: ignore[union-attr]
     section = re.search(r"Parameters: (.*?)(?: Returns| Raises|$)", text)

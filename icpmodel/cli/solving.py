@@ -140,9 +140,7 @@ def checks(
     problem: ICP, solution: Solution, solvers: Any, time_limit: float, scene: Scene | None, parameters: dict[str, Any]
 ) -> Iterator[tuple[str, Report]]:
     """The report on `solution`; then, for solvers that the scene is too large for, one at the largest size they take.
-
-    Each comes with its title. After Ctrl-C the report that it cut short is the last one.
-    """
+    Each comes with its title. After Ctrl-C the report that it cut short is the last one."""
     try:
         report = problem.crosscheck(solution, solvers or None, time_limit=time_limit, progress=True)
         yield "", report

@@ -15,18 +15,15 @@ Columns = NDArray[np.intp]
 
 def looks_like_r(R: sp.csr_array) -> int:
     """How much Rz + … looks like z − ψ(z), R without stored zeros: 2 one positive entry alone in each row, no column
-    twice; 1 a 1 in each row; 0 neither.
-    """
+    twice; 1 a 1 in each row; 0 neither."""
     if _is_alone(R) and np.bincount(R.indices, minlength=1).max() == 1:
         return 2
     return int(np.unique(row_of(R)[R.data == 1.0]).size == R.shape[0])
 
 
 def own_entries(R: sp.csr_array) -> Columns | None:
-    """The own column of each row of `R`, CSR (n, n): a permutation with positive entries; None if there is none.
-
-    It costs least in all: 1 for a 1, as z − ψ(z) is mostly written so, else 2 + log(the row's largest / entry).
-    """
+    """The own column of each row of `R`, CSR (n, n): a permutation with positive entries; None if there is none. It
+    costs least in all: 1 for a 1, as z − ψ(z) is mostly written so, else 2 + log(the row's largest / entry)."""
     n = R.shape[0]
     if _is_alone(R):
         return R.indices.astype(np.intp) if np.bincount(R.indices).max() == 1 else None

@@ -43,16 +43,15 @@ def membrane(n: int = 900, mu: float = 0.0, skew: float = 0.0) -> Scene:
 def ball(n: int = 900) -> Scene:
     """A membrane over a ball, with a known contact circle.
 
-    −Δu ≥ 0, u ≥ ψ, (−Δu)(u − ψ) = 0 on [−2, 2]², ψ = √(1 − r²) for r < 1, boundary values from the solution
-    u = √(1 − r²) for r ≤ a, −.680259… ln r + .471519… for r > a, a = .697965… (u and u′ continuous at a, u = 0 at 2).
-    Discretised by the 5-point stencil on m × m interior points, h = 4/(m + 1), rows multiplied by h².
-    For r ≥ 1 the obstacle is −1: u is nowhere below its boundary values (maximum principle), and they are above
-    −.24, so −1 is never touched; unlike −∞ it is a number that every solver takes.
-    Units: lengths in radii of the ball; p is h² times force per area over tension, so Σp is force over tension.
-    Quantities: "u", the largest |z − u| over the grid; "contact radius" from the force Σp = 2πa²/√(1 − a²), which
-    averages over the contact circle where counting contact points would jump. Both are O(h²) (u up to a factor ln h)
-    with a factor that depends on where the circle cuts the cells: measured at most .4h² and .06h².
-    Raises InputError for n < 16.
+    −Δu ≥ 0, u ≥ ψ, (−Δu)(u − ψ) = 0 on [−2, 2]², ψ = √(1 − r²) for r < 1, boundary values from the solution u = √(1 −
+    r²) for r ≤ a, −.680259… ln r + .471519… for r > a, a = .697965… (u and u′ continuous at a, u = 0 at 2).
+    Discretised by the 5-point stencil on m × m interior points, h = 4/(m + 1), rows multiplied by h². For r ≥ 1 the
+    obstacle is −1: u is nowhere below its boundary values (maximum principle), and they are above −.24, so −1 is never
+    touched; unlike −∞ it is a number that every solver takes. Units: lengths in radii of the ball; p is h² times force
+    per area over tension, so Σp is force over tension. Quantities: "u", the largest |z − u| over the grid; "contact
+    radius" from the force Σp = 2πa²/√(1 − a²), which averages over the contact circle where counting contact points
+    would jump. Both are O(h²) (u up to a factor ln h) with a factor that depends on where the circle cuts the cells:
+    measured at most .4h² and .06h². Raises InputError for n < 16.
     Reference: Bueler, PETSc for Partial Differential Equations (2020), chapter 12, doi:10.1137/1.9781611976311.
     """
     m = side(size(n, 16))

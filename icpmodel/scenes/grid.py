@@ -17,10 +17,8 @@ def side(n: int) -> int:
 
 def five_point(m: int, mu: float = 0.0, skew: float = 0.0) -> sp.csr_array:
     """h² times the 5-point operator on m × m interior points, zero boundary values, plus `mu` on the diagonal.
-
-    Tridiag(−(1+s)I, S, −(1−s)I) + μI with S = tridiag(−(1+s), 4, −(1−s)) and s = `skew`. Unknown i·m + j stands at
-    (x, y) = ((j + 1)h, (i + 1)h). s = 0 is h²(−Δ); s ≠ 0 adds a flow of velocity (b, b), s = bh/2.
-    """
+    Tridiag(−(1+s)I, S, −(1−s)I) + μI with S = tridiag(−(1+s), 4, −(1−s)) and s = `skew`. Unknown i·m + j stands at (x,
+    y) = ((j + 1)h, (i + 1)h). s = 0 is h²(−Δ); s ≠ 0 adds a flow of velocity (b, b), s = bh/2."""
     line = neighbours(m, -(1.0 + skew), -(1.0 - skew))
     eye = sp.eye_array(m)
     return sp.csr_array(sp.kron(eye, line) + sp.kron(line, eye) + (4.0 + mu) * sp.eye_array(m * m))

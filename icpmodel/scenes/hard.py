@@ -131,8 +131,7 @@ def hard_degenerate(n: int = 100, seed: int = 0) -> Scene:
 
     A the 5-point matrix on m × m points; z* random; half of the rows have p* = r* = 0, a quarter is pressed and a
     quarter free, ψ = z* − r*, q = p* − Az*. Rounding decides on which side half of the rows are seen. Honest: solved,
-    and those rows are not said to be active or inactive.
-    Parameters: `n` ≈ m²; `seed` an integer ≥ 0.
+    and those rows are not said to be active or inactive. Parameters: `n` ≈ m²; `seed` an integer ≥ 0.
     """
     m = side(n)
     z, p, r = complementary(m * m, seed, degenerate=0.5)
@@ -146,8 +145,7 @@ def hard_singular(n: int = 100) -> Scene:
 
     A = the periodic tridiag(−1, 2, −1) plus 2⁻⁴⁰I, n even; z* = (1, 2, 1, 2, …), ψ = 0, q = −Az* without rounding. An
     H₊-matrix with condition number 4·2⁴⁰: a residual of 1e-8 leaves z undetermined by 1e4. Honest: solved by the
-    residual, and an error bound that says how little that means here.
-    Parameters: `n` ≥ 4, odd numbers are raised by 1.
+    residual, and an error bound that says how little that means here. `n` ≥ 4, odd numbers are raised by 1.
     """
     n = size(n, 4) + n % 2
     corners = sp.coo_array(([-1.0, -1.0], ([0, n - 1], [n - 1, 0])), shape=(n, n))
@@ -161,9 +159,8 @@ def hard_scaled(n: int = 100, decades: float = 75.0, seed: int = 0) -> Scene:
     """Hard: every unknown in a unit of its own.
 
     A = S tridiag(−1, 4, −1) S with S = diag(10^u), u uniform in ± `decades`; z* = S⁻¹z₀, p* = Sp₀ and r* = S⁻¹r₀ for
-    random complementary z₀, p₀, r₀: entries of A from 1e-150 to 1e150. The residual adds quantities of different
-    units, and a small one says nothing of the rows with small entries. Honest: solved by the residual, or a precision
-    limit; the bound, which is entry by entry, tells what is known.
+    random complementary z₀, p₀, r₀: entries of A from 1e-150 to 1e150. A small residual says nothing of the rows with
+    small entries. Honest: solved by the residual, or a precision limit; the bound, entry by entry, tells what is known.
     Parameters: `n` ≥ 2; 0 ≤ `decades` ≤ 75; `seed` an integer ≥ 0.
     """
     n = size(n, 2)

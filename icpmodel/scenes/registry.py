@@ -46,9 +46,9 @@ class Scene:
 
     `name` and `title` (one line for a table) are filled in by `register`; `models` says in one sentence what it models;
     `z_exact` is the solution of the discrete problem, shape (n,), to rounding; `quantities` are numbers known for the
-    continuous problem, or for each of many solutions; `h` is the grid spacing; `why_no_reference` says why there is
-    neither, `why_no_solution` that the problem has none; `z0` is a start that the literature prescribes; `points` are
-    the coordinates of the unknowns, shape (n,) or (n, 2).
+    continuous problem, or for each of many solutions; `why_no_reference` says why there is neither, `why_no_solution`
+    that there is no solution; `h` is the grid spacing; `z0` a start that the literature prescribes; `points` are the
+    coordinates of the unknowns, shape (n,) or (n, 2).
 
     >>> from icpmodel.scenes import scene
     >>> lcp = scene("hand-lcp")
@@ -106,10 +106,9 @@ def register(build: Builder) -> Builder:
 
     It may stand anywhere: it is known once its module is imported, which is done for the files of this room and for
     what packages announce as entry points of the group "icpmodel". Its parameters, all with defaults, are the scene's;
-    one called `n` is the wanted number of unknowns, and the scene takes the nearest size that it can have. A function
-    without `n` has one size only.
-    Returns the function with `n` checked and `name` and `title` filled in. Raises InputError for a second scene of
-    the same name.
+    one called `n` is the wanted number of unknowns, of which it takes the nearest that it can; without `n` it has one
+    size only. Returns the function with `n` checked and `name` and `title` filled in. Raises InputError for a second
+    scene of the same name.
 
     >>> register(lambda: None)
     Traceback (most recent call last):

@@ -31,10 +31,8 @@ AffineRows = tuple[sp.csr_array, sp.csr_array, Vector]
 
 
 class Compiled:
-    """The `sides`, stacked column by column, compiled for all values of their parameters.
-
-    `variables` are those that z stacks, in this order; `atoms` the parts w by the variable that stands for each.
-    """
+    """The `sides`, stacked column by column, compiled for all values of their parameters. `variables` are those that z
+    stacks, in this order; `atoms` the parts w by the variable that stands for each."""
 
     def __init__(self, sides: Sequence[cp.Expression]) -> None:
         self.atoms: dict[cp.Variable, cp.Expression] = {}
@@ -66,10 +64,8 @@ class Compiled:
 
 
 class AtomObstacle:
-    """ψ(z) = Gz + c + Vw(z), w being the `atoms` in the `variables`, at the present values of their parameters.
-
-    It works on copies, so that neither new values of the variables nor of the parameters change it.
-    """
+    """ψ(z) = Gz + c + Vw(z), w being the `atoms` in the `variables`, at the present values of their parameters. It
+    works on copies, so that neither new values of the variables nor of the parameters change it."""
 
     __name__ = "psi of CVXPY"
 
@@ -131,10 +127,8 @@ class AtomObstacle:
         return blocks
 
     def gradient_holds(self, z: Vector) -> bool:
-        """Whether CVXPY gives a gradient that no difference quotient near `z` contradicts.
-
-        CVXPY 1.9 has none of norm_inf, and a wrong one of a quotient of variables.
-        """
+        """Whether CVXPY gives a gradient that no difference quotient near `z` contradicts. CVXPY 1.9 has none of
+        norm_inf, and a wrong one of a quotient of variables."""
         random = np.random.default_rng(0)
         size = float(np.abs(z).max(initial=0.0)) or 1.0
         step = 1e-6 * size * random.choice([-1.0, 1.0], z.size) * random.uniform(0.5, 1.0, z.size)
@@ -154,10 +148,8 @@ class AtomObstacle:
 
 
 def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
-    """`expression` with a new variable for each largest part that is not affine; these go into `atoms`.
-
-    CVXPY's compiler adds variables and rows for `cumsum`, which is therefore written as a product.
-    """
+    """`expression` with a new variable for each largest part that is not affine; these go into `atoms`. CVXPY's
+    compiler adds variables and rows for `cumsum`, which is therefore written as a product."""
     if expression.is_affine() and cp.cumsum not in expression.atoms():
         return expression
     if isinstance(expression, cp.cumsum) and expression.is_affine():
@@ -202,10 +194,8 @@ def unique(items: Iterable[Any]) -> list[Any]:
 
 
 def _copied(expression: Any, copies: dict[int, Any]) -> Any:
-    """`expression` with some of its leaves replaced, also a parameter that is no argument (power, huber).
-
-    What is stretched to the shape of the others is stretched beforehand: CVXPY 1.9 forgets it in gradients.
-    """
+    """`expression` with some of its leaves replaced, also a parameter that is no argument (power, huber). What is
+    stretched to the shape of the others is stretched beforehand: CVXPY 1.9 forgets it in gradients."""
     if id(expression) in copies or not expression.args:
         return copies.get(id(expression), expression)
     arguments = [_copied(argument, copies) for argument in expression.args]

@@ -23,10 +23,8 @@ from .compiled import AffineRows, AtomObstacle, Compiled, at, named, unique, uns
 
 
 class CvxpyReading:
-    """The `conditions`, compiled once: a `Reading`. Raises InputError for what is no ICP.
-
-    `variables` are those that z stacks, in this order, each column by column.
-    """
+    """The `conditions`, compiled once: a `Reading`. Raises InputError for what is no ICP. `variables` are those that z
+    stacks, in this order, each column by column."""
 
     def __init__(self, conditions: Sequence[Any]) -> None:
         self._conditions = conditions
@@ -124,7 +122,6 @@ class CvxpyReading:
         return order
 
     def _misfit(self, R: sp.csr_array, row: int, column: int) -> str:
-        """The sentence on a `row` without an entry of its own, and on a `column` without a row."""
         expressions = [r for _, r in self._pairs]
         k, place = at(expressions, row)
         what = f"r = {named(expressions[k])} is not z - psi(z)" + (f" in entry {place}" if place else "")

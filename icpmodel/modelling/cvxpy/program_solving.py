@@ -50,9 +50,7 @@ class ProximalPoint(NamedTuple):
 
 def proximal_points(problem: ICP, tolerance: float, time_limit: float = np.inf) -> Iterator[ProximalPoint]:
     """The proximal points of `problem`, an LCP with positive semidefinite A of entries about 1, from its obstacle on.
-
-    It ends when the time is over, or no σ lets Newton's method succeed. Raises KeyboardInterrupt after Ctrl-C.
-    """
+    It ends when the time is over, or no σ lets Newton's method succeed. Raises KeyboardInterrupt after Ctrl-C."""
     end = time.perf_counter() + time_limit
     c = problem.psi.value(np.zeros(problem.n))
     z = np.where(np.isneginf(c), 0.0, c)
@@ -92,8 +90,7 @@ Points = Callable[[ICP, float, float], Iterator[ProximalPoint]]
 @dataclass(frozen=True, eq=False)
 class ProgramOutcome:
     """`status` in CVXPY's words and `message`, what it rests on; `x`, `equality` = ν and `inequality` = λ, None where
-    there is no optimum; the `objective` there; the `residual` in handy units; Newton's `steps`.
-    """
+    there is no optimum; the `objective` there; the `residual` in handy units; Newton's `steps`."""
 
     status: str
     message: str
@@ -114,8 +111,7 @@ def solve_program(
     Parameters: `tolerance` of ‖min(p, r)‖₂ of the LCP in units in which its data are about 1; `time_limit` in seconds.
     "optimal": the residual is below the tolerance; "optimal_inaccurate": below 1e-6. "infeasible" and "unbounded" are
     proved in exact arithmetic (for the latter a feasible x was found, too), with "_inaccurate" they are proved up to
-    rounding. "user_limit": the time is over; "solver_error": none of these.
-    """
+    rounding. "user_limit": the time is over; "solver_error": none of these."""
     begin = time.perf_counter()
     if not np.isfinite(program.b).all() or np.isneginf(program.g).any():
         return ProgramOutcome("infeasible", "a right-hand side is infinite")

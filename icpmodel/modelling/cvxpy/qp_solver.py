@@ -8,7 +8,7 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
-from cvxpy import settings
+from cvxpy import settings as s
 from cvxpy.reductions.solution import Solution, failure_solution
 from cvxpy.reductions.solvers import utilities
 from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
@@ -47,27 +47,18 @@ class IcpSolver(QpSolver):
         outcome = solve_program(program_of(data), **limits)
         if verbose:
             print(f"icpmodel: {outcome.status} after {outcome.steps} steps: {outcome.message}")
-        if outcome.status == settings.SOLVER_ERROR:
+        if outcome.status == s.SOLVER_ERROR:
             raise cp.SolverError(f"icpmodel: {outcome.message}")
         return outcome
 
     def invert(self, solution: ProgramOutcome, inverse_data: Any) -> Solution:
-        attributes = {
-            settings.SOLVE_TIME: solution.seconds,
-            settings.NUM_ITERS: solution.steps,
-            settings.EXTRA_STATS: solution,
-        }
+        attributes = {s.SOLVE_TIME: solution.seconds, s.NUM_ITERS: solution.steps, s.EXTRA_STATS: solution}
         if solution.x is None:
             return failure_solution(solution.status, attributes)
-        assert solution.equality is not None
-        assert solution.inequality is not None
         duals: dict[Any, Any] = {}
-        for values, constraints in (
-            (solution.equality, inverse_data[self.EQ_CONSTR]),
-            (solution.inequality, inverse_data[self.NEQ_CONSTR]),
-        ):
-            duals |= utilities.get_dual_values(values, utilities.extract_dual_value, constraints)
-        value = solution.objective + inverse_data[settings.OFFSET]
+        for values, key in ((solution.equality, self.EQ_CONSTR), (solution.inequality, self.NEQ_CONSTR)):
+            duals |= utilities.get_dual_values(values, utilities.extract_dual_value, inverse_data[key])
+        value = solution.objective + inverse_data[s.OFFSET]
         return Solution(solution.status, value, {self.VAR_ID: solution.x}, duals, attributes)
 
 
@@ -93,7 +84,7 @@ def cvxpy_solver() -> IcpSolver:
 
 def program_of(data: Any) -> Program:
     """What CVXPY has compiled, by its own names for the parts."""
-    matrices = (sp.csr_array(data[key]) for key in (settings.P, settings.A, settings.F))
-    vectors = (np.asarray(data[key], dtype=np.float64) for key in (settings.Q, settings.B, settings.G))
+    matrices = (sp.csr_array(data[key]) for key in (s.P, s.A, s.F))
+    vectors = (np.asarray(data[key], dtype=np.float64) for key in (s.Q, s.B, s.G))
     (P, A, F), (q, b, g) = matrices, vectors
     return Program(P, q, A, b, F, g)

@@ -49,8 +49,7 @@ class Program:
 
 class ProgramLcp:
     """The LCP of a `Program` as the ICP `problem` in y, (x, λ, ν) = `unit`·y, its entries about 1 by powers of two, and
-    the way back; `only_bounds` tells whether it has no multipliers.
-    """
+    the way back; `only_bounds` tells whether it has no multipliers."""
 
     def __init__(self, program: Program) -> None:
         n = program.q.size
@@ -122,11 +121,9 @@ def _tightest(n: int, column: Columns, value: Vector, rows: Columns) -> tuple[Ve
 
 
 def _units(M: sp.csr_array, q: Vector, c: Vector, n: int) -> tuple[NDArray[np.int64], int]:
-    """Whole exponents D and size: 2^D M 2^D has entries of about 1, 2^D q and 2^−D c of at most about 2^size.
-
-    D minimises the sum of (log₂|m_ij| + d_i + d_j)² over the entries, whatever the units of the program. Where P = 0
-    the unit of the n rows of x is open; it makes the largest entries of 2^D q for x as large as the others.
-    """
+    """Whole exponents D and size: 2^D M 2^D has entries of about 1, 2^D q and 2^−D c of at most about 2^size. D
+    minimises the sum of (log₂|m_ij| + d_i + d_j)² over the entries, whatever the units of the program. Where P = 0 the
+    unit of the n rows of x is open; it makes the largest entries of 2^D q for x as large as the others."""
     from scipy.sparse.linalg import cg
 
     rows, columns = row_of(M), M.indices

@@ -40,10 +40,8 @@ Side = tuple[float, dict[int, float], Any]
 class ConditionRows:
     """The rows of a model: `sides`, side 0 and side 1 of all rows, with what is nonlinear `flattened`; `owners`, whose
     each row is; `equation` where side 0 must be zero: there side 1 only tells which variable Pyomo's user had in mind.
-    `multipliers` are the λ above by the number of the row of g + λ.
-
-    Raises InputError, with the component's name, for what is no such condition.
-    """
+    `multipliers` are the λ above by the number of the row of g + λ. Raises InputError, with the component's name, for
+    what is no such condition."""
 
     def __init__(self, model: Any) -> None:
         self.sides: tuple[list[Side], list[Side]] = ([], [])

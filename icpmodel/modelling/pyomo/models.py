@@ -32,8 +32,7 @@ class PyomoReading:
     A condition with two bounds on one side has two rows, one after the other, and `added` says by the number of the
     first which of the two owns the λ of `ConditionRows`. `equation`, shape (n,), tells which rows are equations,
     `which_r` which side of a row is r, and `scale` what that was divided by. `bounds` (row, lower, upper) are those
-    that a row's variable has of its own and no condition implies.
-    """
+    that a row's variable has of its own and no condition implies."""
 
     problem: ICP
     variables: tuple[Any, ...]
@@ -47,8 +46,8 @@ class PyomoReading:
 
     def start(self) -> Vector:
         """Raises InputError where a condition has no finite value at the present values, 0 where there is none."""
-        values = [variable.value for variable in self.variables]
-        z: Vector = self.signs * np.array([0.0 if value is None else value for value in values], dtype=np.float64)
+        values = [0.0 if variable.value is None else variable.value for variable in self.variables]
+        z: Vector = self.signs * np.array(values, dtype=np.float64)
         bad = ~np.isfinite(z)
         if not bad.any():
             psi = self.problem.psi.value(z)
@@ -104,8 +103,7 @@ def read_pyomo(model: Any) -> PyomoReading:
     Parameters: `model` with active `Complementarity` components, one side of each affine, equality constraints and no
     other active constraint or objective, and as many of these as variables that are not fixed.
     Returns a `PyomoReading`, of which `problem` is the ICP, `start()` its z at the values of the variables and
-    `values(z)` the variables with what z says of them.
-    Raises InputError, with the component's name, where the model has no such form.
+    `values(z)` the variables with what z says of them. Raises InputError, with the component's name, for other models.
 
     >>> import pyomo.environ as pyo
     >>> from pyomo.mpec import Complementarity, complements

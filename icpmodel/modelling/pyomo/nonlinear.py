@@ -62,14 +62,13 @@ class NonlinearRows:
 
     def jacobian(self, x: Vector) -> sp.csr_array:
         """N′(x), CSR."""
-        rows, columns, data = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
-        for one in self.compiled:
-            for k, derivative in enumerate(one.derivatives(x)):
-                rows.append(one.rows)
-                columns.append(one.variables[k])
-                data.append(np.broadcast_to(derivative, one.rows.shape))
-        place = (np.concatenate(rows), np.concatenate(columns))
-        return sp.csr_array(sp.coo_array((np.concatenate(data), place), shape=self.shape))
+        parts = [
+            (one.rows, columns, np.broadcast_to(derivative, one.rows.shape))
+            for one in self.compiled
+            for columns, derivative in zip(one.variables, one.derivatives(x), strict=True)
+        ]
+        rows, columns, data = map(np.concatenate, zip(*parts, strict=True))
+        return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=self.shape))
 
     def expressions(self, x: Sequence[Any]) -> dict[int, Any]:
         """The rows as Pyomo expressions of `x`, Pyomo variables or expressions by column."""
@@ -81,11 +80,10 @@ class NonlinearRows:
 
 
 def flattened(expression: Any, owner: Any) -> Flat:
-    """The shape of a Pyomo expression, in Polish notation, with its variables and constants in order of appearance.
-
-    In the shape a variable is its number in the order of appearance, a constant None, an operation its name with the
-    number of its arguments. Raises InputError, which names the `owner`, where Pyomo cannot differentiate an operation.
-    """
+    """The shape of a Pyomo expression, in Polish notation, with its variables and constants in order of appearance. In
+    the shape a variable is its number in the order of appearance, a constant None, an operation its name with the
+    number of its arguments. Raises InputError, which names the `owner`, where Pyomo cannot differentiate an
+    operation."""
     tokens: list[Any] = []
     variables: list[Any] = []
     place: dict[int, int] = {}

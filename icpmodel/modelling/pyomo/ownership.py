@@ -18,13 +18,10 @@ _LISTED = 5
 
 
 class Ownership:
-    """The choice, with both sides of all rows as arrays.
-
-    `own` the column of the variable that each row owns, `which_r` the side that becomes r, both of shape (m,); the two
-    `sides` COO (m, n) with their `constants` (2, m); `free` the rows without obstacle; `bent` (2, m) where a side is
-    nonlinear; `column` the column of a variable by its id.
-    Raises InputError where rows and variables cannot be paired.
-    """
+    """The choice, with both sides of all rows as arrays. `own` the column of the variable that each row owns, `which_r`
+    the side that becomes r, both of shape (m,); the two `sides` COO (m, n) with their `constants` (2, m); `free` the
+    rows without obstacle; `bent` (2, m) where a side is nonlinear; `column` the column of a variable by its id. Raises
+    InputError where rows and variables cannot be paired."""
 
     def __init__(self, rows: ConditionRows) -> None:
         self.variables = rows.variables()
