@@ -14,8 +14,7 @@ import click
 
 from ..errors import IcpError
 from ..numerics.plugins import load_plugins
-from .charting import race, report, stability
-from .measuring import measure
+from .charting import measure, race, report, stability
 from .output import complain
 from .solving import crosscheck, explain, scenes, solve
 

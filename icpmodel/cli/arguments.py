@@ -65,6 +65,16 @@ def options(*decorators: Decorator) -> Decorator:
     return decorate
 
 
+def command(*decorators: Decorator) -> Decorator:
+    """A command on a problem, with these options and arguments."""
+    return lambda run: click.command(epilog=SOURCE_HELP)(options(*decorators)(run))
+
+
+def from_docstring(name: str, function: Callable[..., Any], *more: Decorator) -> Decorator:
+    """The command `name` that takes what `function` takes, and says of it what its docstring says."""
+    return lambda run: click.command(name, help=summary(function))(options(*parameters(function), *more)(run))
+
+
 def from_signature(function: Callable[..., Any], told: dict[str, str]) -> list[Decorator]:
     """An option for each parameter that is `told` of, with the type and the default that `function` gives it."""
     known = inspect.signature(function).parameters

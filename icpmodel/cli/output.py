@@ -25,10 +25,7 @@ def show_json(told: dict[str, Any]) -> None:
 
 def print_told(told: dict[str, Any], text: object, as_json: bool) -> None:
     """Print the same thing as JSON or as text."""
-    if as_json:
-        show_json(told)
-    else:
-        click.echo(str(text))
+    show_json(told) if as_json else click.echo(str(text))
 
 
 def print_table(found: Any, table: Table, as_csv: bool) -> None:

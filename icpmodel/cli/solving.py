@@ -22,16 +22,7 @@ from ..solve.driver import solve as run
 from ..solve.progress import status_line
 from ..solve.solution import Solution
 from ..solvers.contract import chosen_solvers
-from .arguments import (
-    METHOD_OPTIONS,
-    SOURCE_HELP,
-    SOURCE_OPTIONS,
-    from_signature,
-    named_method,
-    named_problem,
-    options,
-    pairs,
-)
+from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, from_signature, named_method, named_problem, pairs
 from .output import AS_JSON, exit_code, must_be_writable, print_told, show_json, wrote
 
 #: of `solve`
@@ -53,8 +44,7 @@ _SOLVE_OPTIONS = (
 )
 
 
-@click.command(epilog=SOURCE_HELP)
-@options(*_SOLVE_OPTIONS)
+@command(*_SOLVE_OPTIONS)
 @click.option("-o", "--output", type=click.Path(), help="Write z, p, r and the certificate to this .npz file.")
 @click.option("--polish", is_flag=True, help="Solve once more on the active set, to rounding accuracy.")
 @click.option("--save-problem", "folder", type=click.Path(), help="Write the problem to this folder or .npz file.")
@@ -105,8 +95,7 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
     return solution
 
 
-@click.command(epilog=SOURCE_HELP)
-@options(*_SOLVE_OPTIONS)
+@command(*_SOLVE_OPTIONS)
 @click.option("--solver", "solvers", multiple=True, help="Independent solver to ask; repeatable; default: all.")
 @click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for each of them.")
 @click.option("--csv", "csv_path", type=click.Path(), help="Write the report's rows to this CSV file as well.")
@@ -173,8 +162,7 @@ def at_their_size(scene: Scene, report: Report, parameters: dict[str, Any]) -> l
     return found
 
 
-@click.command(epilog=SOURCE_HELP)
-@options(
+@command(
     *SOURCE_OPTIONS, *METHOD_OPTIONS, *from_signature(ICP.explain, {"accuracy": "To which the numbers of steps refer."})
 )
 @AS_JSON

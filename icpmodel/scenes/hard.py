@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..icp import ICP
-from ..numerics.arrays import Vector, as_number
+from ..numerics.arrays import as_number
 from ..problem.affine import Affine
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
@@ -76,14 +76,8 @@ def hard_domain() -> Scene:
     there after a while only. Honest: ψ failed, with the best iterate before it did.
     """
 
-    def psi(z: Vector) -> Vector:
-        with np.errstate(invalid="ignore"):
-            return -np.sqrt(2.0 - z)
-
-    def slope(z: Vector) -> Vector:
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return 0.5 / np.sqrt(2.0 - z)
-
+    psi = lambda z: -np.sqrt(np.where(z <= 2.0, 2.0 - z, np.nan))  # noqa: E731
+    slope = lambda z: 0.5 / np.sqrt(np.where(z < 2.0, 2.0 - z, np.nan))  # noqa: E731
     problem = ICP(neighbours(31, -1.0, -1.0) + 2.0 * sp.eye_array(31), np.full(31, -0.1), Elementwise(psi, slope))
     models = "A string pulled up out of the region where the shape of its support is known."
     return Scene(

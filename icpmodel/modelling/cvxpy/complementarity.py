@@ -56,9 +56,8 @@ def complements(p: Any, r: Any) -> Complementarity:
     """
     p, r = _expression(p), _expression(r)
     if p.shape != r.shape:
-        raise InputError(
-            f"complements(p, r) goes entry by entry: p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
-        )
+        found = f"p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
+        raise InputError(f"complements(p, r) goes entry by entry: {found}")
     return Complementarity(p, r)
 
 

@@ -148,9 +148,8 @@ def _check_variables(variables: list[cp.Variable], rows: int) -> None:
         given = [name for name, value in x.attributes.items() if value]
         if given:
             advice = f"its bounds are written as r, for example complements(p, {x.name()}) for {x.name()} >= 0"
-            raise InputError(
-                f"the variable {x.name()} has the attribute {given[0]}; z is any vector in an ICP, {advice}"
-            )
+            found = f"the variable {x.name()} has the attribute {given[0]}"
+            raise InputError(f"{found}; z is any vector in an ICP, {advice}")
     unknowns = sum(x.size for x in variables)
     if rows != unknowns or not rows:
         entries = ", ".join(f"{x.name()} with {x.size}" for x in variables) or "no variables"

@@ -141,7 +141,7 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
         parts[0].append((data * flip[side.row], side.row, column, ~is_r))
         parts[1].append((-data / scale[side.row], side.row, column, kept))
     missing = every[plain & ~free]
-    parts[1].append((np.ones(missing.size), missing, missing, np.ones(missing.size, dtype=bool)))
+    parts[1].append((np.ones(missing.size), missing, missing, np.full(missing.size, True)))
     A, G = (_assembled(part, m) for part in parts)
     q = owned.constants[1 - which_r, every] * flip
     c = np.where(free, -np.inf, -owned.constants[which_r, every] / scale)

@@ -50,8 +50,8 @@ _PYOMOS = {
 
 
 class AnswerLoader(SolutionLoader):
-    """Variable values, and the suffixes `dual` and `rc` where they are declared: `dual` has, by Complementarity, p of the
-    row (g of a condition a ≤ f ≤ b ⟂ g), and `rc`, by variable, the same with the sign of MCP solvers' marginals.
+    """Variable values, and the suffixes `dual` and `rc` where they are declared: `dual` has, by Complementarity, p of
+    its row (g of a condition a ≤ f ≤ b ⟂ g), and `rc`, by variable, the same with the sign of MCP solvers' marginals.
     """
 
     def __init__(self, model: Any, reading: PyomoReading, z: np.ndarray) -> None:
