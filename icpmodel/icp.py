@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .crosscheck import check
-from .explain import page
+from .explain import explanation
 from .problem.data import ProblemData
 from .solve import driver
 from .solvers import cvxpy, pyomo
@@ -35,6 +35,6 @@ class ICP(ProblemData):
 
     solve = driver.solve
     crosscheck = check.crosscheck
-    explain = page.explain
+    explain = explanation.explain
     to_pyomo = pyomo.to_pyomo
     to_cvxpy = cvxpy.to_cvxpy

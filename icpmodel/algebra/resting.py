@@ -17,8 +17,8 @@ import numpy as np
 from ..errors import MapError
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
+from .steps import compiled_step
 from .subproblems import Blocks, Mask, resting, with_fixed_obstacle
-from .sweeps import compiled_step
 
 #: more than this share of open rows is not worth the trouble, and more than the second one, before a sweep is made,
 #: not a closer look

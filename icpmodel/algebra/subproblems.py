@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector, row_of
 from ..problem.data import ProblemData
-from .pivoting import PIVOT_UP_TO
+from .affine_lcp import PIVOT_UP_TO
 
 #: so many parts that do not interact get a method each
 _PARTS = 32

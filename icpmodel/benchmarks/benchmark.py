@@ -16,7 +16,7 @@ from ..present.table import Table
 from ..scenes import names
 from ..solve.driver import RTOL
 from ..solve.progress import status_line
-from ..solvers.contract import Claim, chosen_solvers
+from ..solvers.foreign import Claim, chosen_solvers
 from ..study.cases import VARIANTS, Case, as_scenes, as_sizes, cases
 from ..study.charts.table_charts import WORST
 from ..study.competitors import Competitor, Foreign, Own, limits, own_methods

@@ -70,9 +70,7 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
 
 @command(
     *SOURCE_OPTIONS,
-    click.option(
-        "--method", "methods", multiple=True, help="An own method beside solve(); repeatable.; default: some"
-    ),
+    click.option("--method", "methods", multiple=True, help="An own method beside solve(); repeatable.; default: some"),
     click.option("--solver", "solvers", multiple=True, help="A foreign solver; repeatable; default: all that apply."),
     *from_signature(run_race, _TIMINGS),
     TO_FIGURE,

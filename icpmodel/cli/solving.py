@@ -21,7 +21,7 @@ from ..scenes import scene as scene_called
 from ..solve.driver import solve as run
 from ..solve.progress import status_line
 from ..solve.solution import Solution
-from ..solvers.contract import chosen_solvers
+from ..solvers.foreign import chosen_solvers
 from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, from_signature, named_method, named_problem, pairs
 from .output import AS_JSON, exit_code, must_be_writable, print_told, show_json, wrote
 

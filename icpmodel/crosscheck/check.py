@@ -13,7 +13,7 @@ from ..numerics.arrays import as_number
 from ..problem.data import ProblemData, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
-from ..solvers.contract import Claim, ForeignSolver, ask, chosen_solvers
+from ..solvers.foreign import Claim, ForeignSolver, ask, chosen_solvers
 from ..solvers.formulations import Target
 from .judge import Checked, Row, Verdict
 from .report import Report

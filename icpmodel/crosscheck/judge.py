@@ -16,7 +16,7 @@ from ..errors import InputError, MapError
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
-from ..solvers.contract import Claim
+from ..solvers.foreign import Claim
 from ..solvers.formulations import Target, in_handy_units, targets
 from ..theory.certificates.bounds import error_bound
 

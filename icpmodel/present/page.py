@@ -7,7 +7,11 @@ from typing import Any
 
 
 def render(template: str, **values: Any) -> str:
-    """The `template` of the folder `templates` with these `values`, escaped."""
+    """The `template` of the folder `templates` with these `values`, escaped.
+
+    >>> print(icp.present.render("card.html", rows={"a": "b < c"}).split("<td>")[1].split("</td>")[0])
+    b &lt; c
+    """
     text: str = _environment().get_template(template).render(**values)
     return text
 

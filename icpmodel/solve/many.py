@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..algebra.pivoting import PIVOT_UP_TO, PIVOTS, AffineLcp
+from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
 from ..errors import InputError, MapError, NotSolved
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics.arrays import Vector, norm

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..numerics.arrays import norm
 from ..numerics.factorisation import factorise
-from .contract import Claim, ForeignSolver
+from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
 

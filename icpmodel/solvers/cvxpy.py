@@ -15,7 +15,7 @@ from ..errors import InputError, NotApplicable
 from ..numerics.arrays import described
 from ..problem.data import ProblemData
 from .clarabel import clarabel_options
-from .contract import Claim, ForeignSolver, missing
+from .foreign import Claim, ForeignSolver, missing
 from .formulations import Target
 from .highs import highs_options
 from .osqp import osqp_options

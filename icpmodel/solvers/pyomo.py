@@ -22,7 +22,7 @@ from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from ..problem.map import Map
 from ..problem.user_code import is_compiled
-from .contract import Claim, ForeignSolver, missing
+from .foreign import Claim, ForeignSolver, missing
 from .formulations import Target
 
 #: NumPy's functions of one argument that Pyomo has too; it calls arcsin asin

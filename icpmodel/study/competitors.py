@@ -21,7 +21,7 @@ from ..numerics.lanczos import jacobi_radius
 from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..solve.driver import RTOL
-from ..solvers.contract import Claim, ForeignSolver, ask
+from ..solvers.foreign import Claim, ForeignSolver, ask
 from .cases import Case, fresh, unbroken
 
 

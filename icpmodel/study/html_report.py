@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from ..crosscheck.check import crosscheck
 from ..errors import IcpError, InputError
-from ..explain.page import explain
+from ..explain.explanation import explain
 from ..numerics.arrays import Vector, as_number, described
 from ..present.page import render
 from ..problem.data import ProblemData

@@ -18,7 +18,7 @@ from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.driver import RTOL, solve
 from ..solve.progress import status_line
-from ..solvers.contract import ForeignSolver, chosen_solvers
+from ..solvers.foreign import ForeignSolver, chosen_solvers
 from .cases import Case, fresh, unbroken
 from .charts.figures import Charted, Figure
 from .charts.study_charts import race_figure
@@ -223,7 +223,8 @@ def _path(case: Case, one: Own, tolerance: float, limit: float, error: _Error) -
             following = max(state.iteration + 1, int(_TRACED * state.iteration))
             lost += time.perf_counter() - begin
 
-    problem, options = fresh(case.problem), {"rtol": tolerance, "time_limit": limit, "raise_on_failure": False}
+    problem = fresh(case.problem)
+    options: dict[str, Any] = {"rtol": tolerance, "time_limit": limit, "raise_on_failure": False}
     unbroken(problem.solve(one.method(problem), callback=look, **options))
     if unseen is not None:  # the last iterate
         seen.append((unseen.seconds - lost, error(unseen.z)))

@@ -271,7 +271,7 @@ class Outside(Method):
 """
 
 SOLVER = """
-from icpmodel.solvers.contract import ForeignSolver
+from icpmodel.solvers.foreign import ForeignSolver
 
 
 class Pressed(ForeignSolver):

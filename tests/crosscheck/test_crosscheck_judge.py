@@ -5,7 +5,7 @@ import pytest
 
 import icpmodel as icp
 from icpmodel.crosscheck.judge import Checked, Verdict, solves, sum_of_bounds
-from icpmodel.solvers.contract import Claim
+from icpmodel.solvers.foreign import Claim
 from icpmodel.solvers.formulations import Target
 
 

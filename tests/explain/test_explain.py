@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import scenes
-from icpmodel.explain.page import explain, what_to_do
+from icpmodel.explain.explanation import explain, what_to_do
 
 SIZES = {name: {"dividend": 31}.get(name, 49) for name in scenes.names() if "n" in scenes.parameters(name)}
 

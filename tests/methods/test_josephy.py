@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.algebra.pivoting import AffineLcp
+from icpmodel.algebra.affine_lcp import AffineLcp
 from icpmodel.methods.josephy import Josephy
 from icpmodel.methods.lemke import Lemke
 
