@@ -3,8 +3,8 @@
 from .benchmark import benchmark, dispatch, faster_peers
 from .certainty import bound_ratios, certificate_cost, false_success
 from .costs import dominant_cost, impulse_cost, reading_cost, small_cost, solve_cost
-from .memory import memory
 from .iterations import grid_order, sweep_cost, sweep_counts, tuned_and_automatic
+from .memory import memory
 
 __all__ = [
     "benchmark",

@@ -20,7 +20,7 @@ from ..solvers.foreign import Claim, chosen_solvers
 from ..study.cases import VARIANTS, Case, as_scenes, as_sizes, cases
 from ..study.charts.table_charts import WORST
 from ..study.competitors import Competitor, Foreign, Own, limits, own_methods
-from ..study.timing import as_repeats, in_turn, machine, spread
+from ..study.timing import as_repeats, interleaved, machine, spread
 
 #: one that takes this many times the time of solve(), and more than that many seconds, is timed once
 _FAR, _SHORT = 3.0, 0.25
@@ -177,7 +177,7 @@ class _Measurement:
         brief = {k: found[k].seconds[0] < _BRIEF for k in calls}
         runs: dict[int, list[Claim]] = {k: [] for k in calls}
         told = lambda done: say(f"{where}: round {done}")  # noqa: E731
-        for k, run in in_turn(calls, self.repeats, most=_MORE * self.repeats, within=_ALL, brief=brief, say=told):
+        for k, run in interleaved(calls, self.repeats, most=_MORE * self.repeats, within=_ALL, brief=brief, say=told):
             runs[k].append(run)
         for k, taken in runs.items():
             setups = [run.setup for run in taken if run.setup is not None]

@@ -23,7 +23,7 @@ from .cases import Case, fresh, unbroken
 from .charts.figures import Charted, Figure
 from .charts.study_charts import race_figure
 from .competitors import Competitor, Entry, Foreign, Own, limits, own_methods
-from .timing import clocked, in_turn, machine, timed
+from .timing import clocked, interleaved, machine, timed
 
 #: the tolerances that each competitor is asked for
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
@@ -204,7 +204,7 @@ def _run(
                 enough[one.name] = entry.residual
             if entry.seconds[0] < _ONCE:
                 again[one.name, tolerance] = partial(one.run, case, tolerance, limit)
-    for key, run in in_turn(again, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
+    for key, run in interleaved(again, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
         entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
         yield entries[key]
 

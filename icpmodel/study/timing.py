@@ -46,7 +46,7 @@ def middle(call: Callable[[], Any], times: int = 5) -> Callable[[], float]:
     return run
 
 
-def in_turn(
+def interleaved(
     calls: Mapping[Name, Callable[[], Run]],
     rounds: int,
     *,
@@ -90,7 +90,7 @@ def timed(calls: Mapping[Name, Callable[[], float]], rounds: int, *, warm: bool 
     if warm:
         for call in calls.values():
             call()
-    runs = list(in_turn(calls, rounds))
+    runs = list(interleaved(calls, rounds))
     return Timings({name: np.array([seconds for one, seconds in runs if one == name]) for name in calls})
 
 
