@@ -7,7 +7,11 @@ from typing import Any
 
 
 def render(template: str, **values: Any) -> str:
-    """The `template` of the folder `templates` with these `values`, escaped."""
+    """The `template` of the folder `templates` with these `values`, escaped.
+
+    >>> icp.present.render("sentence.html", text="a < b")
+    '<p>a &lt; b</p>'
+    """
     text: str = _environment().get_template(template).render(**values)
     return text
 
