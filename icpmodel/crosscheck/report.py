@@ -10,7 +10,7 @@ from typing import Any
 
 from ..numerics.rounding import at_most
 from ..present.card import Card
-from ..present.page import render
+from ..present.rendering import render
 from ..present.table import Table, width
 from ..solve.solution import Solution, certify
 from .judge import Checked, Row, Verdict, finite

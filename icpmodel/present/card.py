@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Mapping
 
-from .page import render
+from .rendering import render
 from .table import width
 
 #: the longest lines of a card, the columns of its names, and the longest lines of sections

@@ -9,7 +9,7 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-from .page import render
+from .rendering import render
 
 #: in a file or a pipe a line is as long as it needs to be
 _UNBOUNDED = 10_000

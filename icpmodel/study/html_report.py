@@ -11,7 +11,7 @@ from ..crosscheck.check import crosscheck
 from ..errors import IcpError, InputError
 from ..explain.explanation import explain
 from ..numerics.arrays import Vector, as_number, described
-from ..present.page import render
+from ..present.rendering import render
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
 from .charts.figures import Figure

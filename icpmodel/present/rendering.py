@@ -9,8 +9,8 @@ from typing import Any
 def render(template: str, **values: Any) -> str:
     """The `template` of the folder `templates` with these `values`, escaped.
 
-    >>> print(icp.present.render("card.html", rows={"a": "b < c"}).split("<td>")[1].split("</td>")[0])
-    b &lt; c
+    >>> icp.present.render("sentence.html", text="a < b")
+    '<p>a &lt; b</p>'
     """
     text: str = _environment().get_template(template).render(**values)
     return text
