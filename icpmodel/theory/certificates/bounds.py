@@ -20,20 +20,16 @@ from ...problem.map import Map
 from ...problem.matrix import Matrix
 from ..matrices.classes import MatrixClasses
 from .definite import prove as prove_definite
-from .h_plus import HPlusProof
 from .h_plus import prove as prove_h_plus
 from .proof import Proof, norm_up
 from .representatives import prove as prove_representatives
 from .supersolution import prove as prove_supersolution
 
-#: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
-_SHARPEN_UP_TO = 10_000
-#: a share of the bound that is not worth another step
-_NEGLIGIBLE = 0.01
+_SHARPEN_UP_TO = 10_000  #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
+_NEGLIGIBLE = 0.01  #: a share of the bound that is not worth another step
 #: added to the sentence of a proof that rests on what a user says of ψ
 _WORD = ", given that psi is what the user says"
-#: steps of the active-set Newton iteration that looks for a better z
-_STEPS = 8
+_STEPS = 8  #: steps of the active-set Newton iteration that looks for a better z
 
 
 @dataclass(frozen=True)
@@ -81,7 +77,7 @@ class ErrorBound:
 
 
 def listed(reason: str) -> str:
-    """The reasons why nothing is proved, strung together in `ErrorBound.reason`: one a line if there are several."""
+    """The reasons why nothing is proved, as `ErrorBound.reason` strings them together: a line each if several."""
     several = reason.split("; ")
     return f" {reason}" if len(several) == 1 else "".join(f"\n- {one}" for one in several)
 
@@ -152,17 +148,9 @@ class Proofs:
             _CLASSES[self.matrix] = MatrixClasses(self.matrix.sparse)
         return _CLASSES[self.matrix]
 
-    @cached_property
-    def h_plus(self) -> HPlusProof | str:
-        return prove_h_plus(self.matrix, self.psi)
-
-    @cached_property
-    def representatives(self) -> Proof | str:
-        return prove_representatives(self.matrix, self.psi)
-
-    @cached_property
-    def definite(self) -> Proof | str:
-        return prove_definite(self.matrix, self.psi)
+    h_plus = cached_property(lambda self: prove_h_plus(self.matrix, self.psi))
+    representatives = cached_property(lambda self: prove_representatives(self.matrix, self.psi))
+    definite = cached_property(lambda self: prove_definite(self.matrix, self.psi))
 
     def supersolution(self, problem: ProblemData) -> Proof | str:
         if problem not in self._of_problem:

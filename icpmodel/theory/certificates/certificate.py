@@ -19,8 +19,7 @@ from ...present.card import Card
 from ...problem.data import ProblemData, as_problem
 from .bounds import ErrorBound, error_bound
 
-#: the reason of a certificate without a bound that nobody asked for
-NOT_COMPUTED = "it was not computed"
+NOT_COMPUTED = "it was not computed"  #: the reason of a certificate without a bound that nobody asked for
 
 
 @dataclass(frozen=True)

@@ -44,8 +44,7 @@ from .proof import Proof, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
 LARGEST = 50_000
-#: products in AᵀB, which has no more entries: a dense A with n = 1000 has as many
-_LARGEST_WORK = 2_000_000
+_LARGEST_WORK = 2_000_000  #: products in AᵀB, which has no more entries: a dense A with n = 1000 has as many
 #: the row takes u = p where p < θr, in scaled units
 _SPLITS = (0.25, 1.0)
 

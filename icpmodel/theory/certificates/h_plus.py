@@ -30,8 +30,7 @@ from ...problem.matrix import Matrix
 from ..matrices.comparison_matrix import comparison_matrix, positive_diagonal, scaling_vectors
 from .proof import Proof, norm_up
 
-#: beyond this size a factorisation for every choice of rows is too dear
-_POLICY_UP_TO = 200_000
+_POLICY_UP_TO = 200_000  #: beyond this size a factorisation for every choice of rows is too dear
 _POLICY_STEPS = 30
 
 

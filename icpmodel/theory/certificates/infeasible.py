@@ -24,14 +24,10 @@ from ..answers import Answer
 
 Combination = dict[int, Fraction]
 
-#: rows up to which a system is solved in rational arithmetic
-_RATIONAL = 30
-#: what is smaller than this share of the largest entry of a computed y counts as zero
-_ZERO = 1e-9
-#: denominators that are tried first: the rays of problems in small whole numbers have them
-_DENOMINATOR = 1000
-#: for a linear program
-_SECONDS = 1.0
+_RATIONAL = 30  #: rows up to which a system is solved in rational arithmetic
+_ZERO = 1e-9  #: what is smaller than this share of the largest entry of a computed y counts as zero
+_DENOMINATOR = 1000  #: denominators that are tried first: the rays of problems in small whole numbers have them
+_SECONDS = 1.0  #: for a linear program
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,10 +34,8 @@ from ...problem.map import Map
 from ...problem.matrix import Matrix
 from .proof import Proof, norm_up
 
-#: with so many unknowns there are 4096 representatives, inverted within a tenth of a second
-LIMIT = 12
-#: representatives inverted at a time
-_CHUNK = 512
+LIMIT = 12  #: with so many unknowns there are 4096 representatives, inverted within a tenth of a second
+_CHUNK = 512  #: representatives inverted at a time
 
 
 @dataclass(frozen=True, eq=False)

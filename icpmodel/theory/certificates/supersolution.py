@@ -42,10 +42,8 @@ from .proof import Proof, norm_up
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z, small ones
 #: bound that of a good one better
 _SHARES = tuple(4.0**-k for k in range(1, 12))
-#: so many margins are kept
-_KEPT = 3
-#: steps of policy iteration for one margin
-_STEPS = 100
+_KEPT = 3  #: so many margins are kept
+_STEPS = 100  #: steps of policy iteration for one margin
 
 
 @dataclass(frozen=True, eq=False)

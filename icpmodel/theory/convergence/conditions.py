@@ -35,6 +35,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -47,8 +48,7 @@ from ...problem.data import ProblemData, as_problem
 from ..matrices.comparison_matrix import positive_diagonal
 from .contraction import Comparison, MonotoneMap, absolute_inverse
 
-#: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
-_EQUAL = 1.0 - 2.0**-50
+_EQUAL = 1.0 - 2.0**-50  #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
 
 
 class StepMatrices:
@@ -66,6 +66,7 @@ class StepMatrices:
             wanted = "a method of the modulus family, such as icpmodel.MNMGS()"
             raise InputError(f"member is {member!r}; {wanted}, was expected")
         self.problem = problem
+        self.G: Any = problem.psi.lipschitz  # None where it is not known, and then `size` is neither
         self.A, self.n = problem.A, problem.n
         self.D = problem.A.diagonal()
         self.splitting = member.splitting_of()
@@ -81,13 +82,6 @@ class StepMatrices:
             self.short = sp.diags_array(np.maximum(self.D - self.omega, 0.0))
         #: vectors v > 0 that served one theorem and may serve the next
         self.vectors: list[Vector] = []
-
-    @property
-    def G(self) -> sp.csr_array:
-        """The Lipschitz matrix of ψ, which must be known."""
-        G = self.problem.psi.lipschitz
-        assert G is not None
-        return G
 
     @cached_property
     def omega_G(self) -> sp.csr_array:

@@ -26,8 +26,7 @@ from ..matrices.comparison_matrix import comparison_matrix
 DENSE = 300
 #: entries up to which a step costs a factorisation, and entries that all power steps together may read
 _FACTORISED, _READ = 200_000, 400_000_000
-#: a gain of this share of the distance to 1 (or to 0) is worth another step
-_WORTH = 0.01
+_WORTH = 0.01  #: a gain of this share of the distance to 1 (or to 0) is worth another step
 
 
 def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Comparison | Dense:
@@ -175,11 +174,6 @@ class MonotoneMap:
         picked = sum(sp.diags_array((choice == k).astype(float)) @ F for k, F in enumerate(self.parts))
         return self.inverse.resolvent(mu, sp.csr_array(picked), v)
 
-    @property
-    def entries(self) -> int:
-        """How many entries one evaluation reads."""
-        return self.size.nnz * (2 + len(self.parts))
-
     def _largest(self, v: Vector) -> Vector:
         return reduce(np.maximum, (F @ v for F in self.parts))
 
@@ -211,9 +205,10 @@ def radius(T: MonotoneMap, starts: Iterable[Vector]) -> Radius:
                 break
         if best.v is None:
             return best
-        if T.entries <= _FACTORISED:
+        entries = T.size.nnz * (2 + len(T.parts))  # that one evaluation reads
+        if entries <= _FACTORISED:
             best = _noda(T, best)
-        best, last = _power(T, best)
+        best, last = _power(T, best, int(np.clip(_READ // entries, 3, 100)))
         fails = best.upper >= 1 and (_invariant_part(T, last) or _invariant_part(T, best.v))
         return best._replace(holds=True if best.upper < 1 else False if fails else None)
 
@@ -248,10 +243,10 @@ def _noda(T: MonotoneMap, best: Radius) -> Radius:
     return best
 
 
-def _power(T: MonotoneMap, best: Radius) -> tuple[Radius, Vector]:
+def _power(T: MonotoneMap, best: Radius, steps: int) -> tuple[Radius, Vector]:
     """Power steps for as long as they gain, or until T(v) ≥ v: the best bound and the last v."""
     v = best.v
-    for step in range(int(np.clip(_READ // T.entries, 3, 100))):
+    for step in range(steps):
         before = best.upper
         quotient, image = _quotient(T, v)
         if quotient < before:

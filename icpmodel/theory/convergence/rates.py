@@ -60,7 +60,7 @@ class Rate(ABC):
             r, omega = problem.r(z0), step.omega
             F = np.minimum(problem.p(z0), omega * r)
             for_p, for_r = problem.rounding(z0)
-            # the smaller side decides; either side may, within its error
+            # either side may be the smaller one, within its error
             for_F = np.maximum(for_p, np.where(np.isposinf(r), 0.0, omega * for_r)) + 4 * UNIT_ROUNDOFF * np.abs(F)
             return float(np.nan_to_num(self._distance(problem, z0, F, for_F), nan=math.inf, posinf=math.inf))
 
@@ -160,5 +160,4 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
         found = checks[name]
         if found.holds and found.number is not None and found.vector is not None:
             return kind(found.number, found.vector, f"theorem {name}: {found.sentence}", StepMatrices(problem, member))
-    found = checks["sharper"]
-    return Answer(found.holds, found.reason, found.witness, found.number)
+    return checks["sharper"]

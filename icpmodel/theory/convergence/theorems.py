@@ -132,7 +132,7 @@ def _by_radius(name: str, make: Callable[[StepMatrices], MonotoneMap | str]) -> 
     """Decide by ρ(T) < 1, T = make(step); `name` says what the number, ρ times T.limit, is."""
 
     def decide(step: StepMatrices) -> Answer:
-        if step.problem.psi.lipschitz is None:
+        if step.G is None:
             return Answer(None, "no Lipschitz matrix of psi is known: give `lipschitz`")
         T = make(step)
         if isinstance(T, str):

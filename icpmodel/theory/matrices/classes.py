@@ -12,7 +12,7 @@ from ...numerics.arrays import as_csr, bandwidths
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
-from .h_matrix import dominating_vector, h_matrix, irreducible_blocks, row_sum_signs, without_zeros
+from .h_matrix import decide, h_matrix, irreducible_blocks, row_sum_signs, without_zeros
 from .p_matrix import LIMIT, by_pivots, by_small_minors, minor_of_order_two, open_blocks
 
 #: the classes in the order of the table, with their names
@@ -118,7 +118,7 @@ class MatrixClasses:
         """H, but asked for v itself. Witness of yes, where floats can hold one: v > 0 with ⟨A⟩v > 0; of no: as `h`."""
         if not self.h.holds or self.h.witness is not None:
             return self.h
-        v = dominating_vector(self.A)
+        v = decide(comparison_matrix(self.A), 1, np.zeros(self.A.shape[0], dtype=np.int32)).witness
         return Answer(True, f"{self.h.reason}; a vector v was not found" if v is None else "<A>v > 0", v)
 
     @cached_property

@@ -13,8 +13,7 @@ from ...numerics.factorisation import factorise
 from ...numerics.multigrid import KrylovMultigrid
 from ..answers import Answer
 
-#: up to this size a factorisation costs less than looking for a cheaper way
-_FACTORISE_FIRST = 20_000
+_FACTORISE_FIRST = 20_000  #: up to this size a factorisation costs less than looking for a cheaper way
 
 
 def comparison_matrix(A: Any) -> sp.csr_array:

@@ -24,12 +24,9 @@ from .comparison_matrix import comparison_matrix
 from .eigenvalue import above, falling, within_reach
 from .h_matrix import by_row_sums, row_sum_signs
 
-#: rows up to which rational elimination is asked
-_RATIONAL = 30
-#: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
-_SHIFT = 2.0**-38
-#: what may be called rounding in a matrix with a diagonal of about 1
-_ROUNDING = 2.0**-26
+_RATIONAL = 30  #: rows up to which rational elimination is asked
+_SHIFT = 2.0**-38  #: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
+_ROUNDING = 2.0**-26  #: what may be called rounding in a matrix with a diagonal of about 1
 
 
 def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
@@ -118,8 +115,12 @@ def _by_pivots(A: sp.csr_array) -> Answer:
     if x is None:
         if not within_reach(T):
             return Answer(None, f"not diagonally dominant, and with n = {n} too large to be factorised")
-        if (T.diagonal() > 0).all() and _factorises(T):
-            return Answer(True, "all pivots are positive, less a margin for rounding")
+        if (T.diagonal() > 0).all():
+            bound = above(T, _SHIFT)
+            if -np.inf < bound <= 0:  # rounding is larger than the shift: twice as much as rounding does if any does
+                bound = above(T, 2 * (_SHIFT - bound))
+            if bound > 0:
+                return Answer(True, "all pivots are positive, less a margin for rounding")
         # the shift keeps zero pivots away
         x = falling(sp.csr_array(T + _rounding_of(T) * sp.eye_array(n)))
     if x is not None and np.isfinite(x).all():
@@ -130,14 +131,6 @@ def _by_pivots(A: sp.csr_array) -> Answer:
             if proves_negative(M, np.ldexp(x, -shift)):
                 return Answer(False, "indefinite: x'Ax < 0 for the witness x", x)
     return Answer(None, "its factorisation met a pivot of either sign within rounding")
-
-
-def _factorises(T: sp.csr_array) -> bool:
-    """Whether T is proved positive definite."""
-    bound = above(T, _SHIFT)
-    if -np.inf < bound <= 0:  # rounding is larger than the shift: twice as much as rounding does if any does
-        bound = above(T, 2 * (_SHIFT - bound))
-    return bound > 0
 
 
 def _witness_of_two(T: sp.csr_array) -> Vector | None:

@@ -18,8 +18,7 @@ _DENSE, _DENSE_AT_MOST = 64, 2000
 #: rows up to which all is factorised, which takes seconds, and half the bandwidth up to which more are: a factorisation
 #: took (b/1200)³ · 8 s on grids of two and three dimensions
 _SMALL, _WIDEST = 10_000, 1500
-#: steps of the power method; each makes the bound sharper, none makes it false
-_POWER_STEPS = 40
+_POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
 
 
 def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
@@ -144,9 +143,8 @@ def _error_of_cholesky(S: sp.csr_array) -> float:
         factor = np.linalg.cholesky(S.toarray())
     except np.linalg.LinAlgError:
         return np.inf
-    if not np.isfinite(factor).all():  # a pivot NaN stops no factorisation
-        return np.inf
-    return (n + 8) * (UNIT_ROUNDOFF * float(S.diagonal().sum()) + 8 * n * SMALLEST)
+    error = (n + 8) * (UNIT_ROUNDOFF * float(S.diagonal().sum()) + 8 * n * SMALLEST)
+    return error if np.isfinite(factor).all() else np.inf  # a pivot NaN stops no factorisation
 
 
 def _distance_from_definite(S: sp.csr_array) -> float:

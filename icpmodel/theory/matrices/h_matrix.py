@@ -31,8 +31,7 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix, solve_for_diagonal
 
-#: so many steps of the power method cost less than a linear solve
-_POWER_STEPS = 30
+_POWER_STEPS = 30  #: so many steps of the power method cost less than a linear solve
 #: the limits of what rational elimination is asked to decide: stored entries, rows of a block
 _EXACT_ENTRIES, _EXACT_ROWS = 2000, 40
 
@@ -108,7 +107,7 @@ def h_matrix(A: sp.csr_array) -> Answer:
         return answer
     rows = np.flatnonzero(still_open)
     part = A if still_open.all() else sp.csr_array(A[rows][:, rows])
-    answer = _decide(comparison_matrix(part), *irreducible_blocks(part))
+    answer = decide(comparison_matrix(part), *irreducible_blocks(part))
     if still_open.all():
         return answer
     # v of some blocks is none of A
@@ -123,14 +122,8 @@ def _spread(x: Vector, rows: NDArray[np.intp], n: int) -> Vector:
     return full
 
 
-def dominating_vector(A: sp.csr_array) -> Vector | None:
-    """v > 0 with ⟨A⟩v > 0, shape (n,), for an H-matrix `A` (CSR, diagonal stored); None where none was proved."""
-    answer = _decide(comparison_matrix(A), 1, np.zeros(A.shape[0], dtype=np.int32))
-    return answer.witness if answer.holds else None
-
-
-def _decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
-    """Whether `C` = ⟨C⟩ is a nonsingular M-matrix: whether its `count` diagonal blocks are."""
+def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
+    """Whether `C` = ⟨C⟩ is a nonsingular M-matrix: its `count` diagonal blocks, or with the witness v > 0 all of it."""
     r, c = natural_exponents(C)
     S = without_zeros(in_units(within_blocks(C, block), r, c))
     if np.isfinite(S.data).all():

@@ -30,12 +30,9 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .h_matrix import by_row_sums, irreducible_blocks
 
-#: irreducible blocks up to this size are decided by all of their minors: a second or two
-LIMIT = 26
-#: at most so many nearly singular pairs are looked at in rational arithmetic
-_PAIRS = 1000
-#: beyond LIMIT: so many rows are looked at, with so many of their neighbours
-_ROWS, _NEIGHBOURS = 200, 9
+LIMIT = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
+_PAIRS = 1000  #: at most so many nearly singular pairs are looked at in rational arithmetic
+_ROWS, _NEIGHBOURS = 200, 9  #: beyond LIMIT: so many rows are looked at, with so many of their neighbours
 
 Indices = NDArray[np.intp]
 
