@@ -70,7 +70,7 @@ def command(*decorators: Decorator) -> Decorator:
     return lambda run: click.command(epilog=SOURCE_HELP)(options(*decorators)(run))
 
 
-def from_docstring(name: str, function: Callable[..., Any], *more: Decorator) -> Decorator:
+def documented(name: str, function: Callable[..., Any], *more: Decorator) -> Decorator:
     """The command `name` that takes what `function` takes, and says of it what its docstring says."""
     return lambda run: click.command(name, help=summary(function))(options(*parameters(function), *more)(run))
 

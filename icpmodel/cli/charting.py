@@ -18,15 +18,7 @@ from ..study import race as run_race
 from ..study import stability as map_stability
 from ..study.charts.figures import Figure, save
 from ..study.charts.table_charts import benchmark_figures, choice, memory_figure
-from .arguments import (
-    METHOD_OPTIONS,
-    SOURCE_OPTIONS,
-    command,
-    from_docstring,
-    from_signature,
-    named_method,
-    named_problem,
-)
+from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, documented, from_signature, named_method, named_problem
 from .output import AS_CSV, TO_FIGURE, exit_code, make_folder, measured, must_be_writable, print_table, typed, wrote
 from .solving import unsolved
 
@@ -70,7 +62,7 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
 
 @command(
     *SOURCE_OPTIONS,
-    click.option("--method", "methods", multiple=True, help="An own method beside solve(); repeatable.; default: some"),
+    click.option("--method", "methods", multiple=True, help="A method beside solve(); repeatable; default: several."),
     click.option("--solver", "solvers", multiple=True, help="A foreign solver; repeatable; default: all that apply."),
     *from_signature(run_race, _TIMINGS),
     TO_FIGURE,
@@ -175,7 +167,7 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
         return measured(lambda: function(**asked, **settings), show, "this is what was measured before")
 
     output = [_FOLDER if into_folder else TO_FIGURE] if name in _FIGURES else []
-    return from_docstring(name, function, AS_CSV, *output)(run)
+    return documented(name, function, AS_CSV, *output)(run)
 
 
 for _name, _function in _COMMANDS.items():
