@@ -252,7 +252,12 @@ class Batch:
         if any(status is Status.INTERRUPTED for status, _ in self.failures.values()):
             self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
             return
-        solution = solve(self._problem(row), z0=self.start(row), rtol=self.rtol, atol=self.atol, raise_on_failure=False)
+        problem, start = self._problem(row), self.start(row)
+        try:
+            solution = solve(problem, z0=start, rtol=self.rtol, atol=self.atol, raise_on_failure=False)
+        except KeyboardInterrupt:  # before there was an iterate
+            self.failures[row] = Status.INTERRUPTED, "interrupted by Ctrl-C before its first iterate"
+            return
         self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
         self.solved[row] = solution.solved
         if not solution.solved:
