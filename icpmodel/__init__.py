@@ -10,10 +10,10 @@ array([0.5, 0. ])
 
 import lazy_loader as _lazy
 
-from .crosscheck import crosscheck
-from .explain import explain
-from .icp import ICP
-from .solve import solve
+from .crosscheck import crosscheck as crosscheck
+from .explain import explain as explain
+from .icp import ICP as ICP
+from .solve import solve as solve
 
 __version__ = "0.1.0"
 

@@ -27,8 +27,7 @@ class IcpError(Exception):
 class InputError(IcpError, ValueError):
     """An argument is wrong. The message names it, what was found and what was expected.
 
-    >>> import icpmodel as icp
-    >>> icp.ICP([[1.0, 2.0]], [1.0])
+    >>> ICP([[1.0, 2.0]], [1.0])
     Traceback (most recent call last):
     icpmodel.errors.InputError: A has shape (1, 2); a square matrix was expected
     """
@@ -37,7 +36,6 @@ class InputError(IcpError, ValueError):
 class FileError(IcpError, OSError):
     """A file cannot be read as what it should be. The message names the file and the field.
 
-    >>> import icpmodel as icp
     >>> icp.load_problem("nowhere.npz")
     Traceback (most recent call last):
     icpmodel.errors.FileError: nowhere.npz: no such file or folder
@@ -47,8 +45,7 @@ class FileError(IcpError, OSError):
 class MapError(IcpError):
     """The map ψ raised, or returned something that is not a real vector of length n.
 
-    >>> import icpmodel as icp
-    >>> icp.ICP([[1.0]], [1.0], psi=lambda z: [1.0, 2.0]).r([0.0])
+    >>> ICP([[1.0]], [1.0], psi=lambda z: [1.0, 2.0]).r([0.0])
     Traceback (most recent call last):
     icpmodel.errors.MapError: psi(z) has shape (2,); shape (1,) was expected
     """
@@ -57,8 +54,7 @@ class MapError(IcpError):
 class NotApplicable(IcpError):
     """A method or an independent solver cannot take this problem; the message is its ``why_not``.
 
-    >>> import icpmodel as icp
-    >>> icp.ICP([[0.0, 1.0], [1.0, 2.0]], [0.0, 0.0]).solve("psor")
+    >>> ICP([[0.0, 1.0], [1.0, 2.0]], [0.0, 0.0]).solve("psor")
     Traceback (most recent call last):
     icpmodel.errors.NotApplicable: psor: projected SOR divides by the diagonal of A, but A[0, 0] = 0
     """
@@ -67,9 +63,8 @@ class NotApplicable(IcpError):
 class SingularOperator(NotApplicable):
     """The operator X = M₁ + φ + Ω of a method is singular; ``row`` is a row that causes it.
 
-    >>> import icpmodel as icp
     >>> try:
-    ...     icp.ICP([[1.0]], [1.0]).solve("mnmgs", phi=-2.0)
+    ...     ICP([[1.0]], [1.0]).solve("mnmgs", phi=-2.0)
     ... except icp.SingularOperator as error:
     ...     error.row
     0
@@ -88,15 +83,12 @@ class NotSolved(IcpError):
 
     From `solve_many` it is the `Solutions` of all rows.
 
-    >>> import icpmodel as icp
     >>> try:
-    ...     icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]).solve("mnmgs", max_iter=2)
+    ...     ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]).solve("mnmgs", max_iter=2)
     ... except icp.NotSolved as error:
     ...     error.solution.status
     <Status.ITERATION_LIMIT: 'iteration limit'>
     """
-
-    solution: Any
 
     def __init__(self, solution: Any) -> None:
         super().__init__(solution.message)
@@ -107,15 +99,13 @@ class NotSolved(IcpError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a cross-check or a measurement. ``report`` carries what was done, the rest marked as such.
+    """Ctrl-C during a cross-check or a measurement, which ends a script as Ctrl-C should.
 
-    It is a KeyboardInterrupt, so that it ends a script as Ctrl-C should.
+    ``report`` carries what was done, the rest marked as such.
 
     >>> issubclass(Interrupted, KeyboardInterrupt) and not issubclass(Interrupted, Exception)
     True
     """
-
-    report: Any
 
     def __init__(self, report: Any) -> None:
         super().__init__("interrupted")

@@ -23,7 +23,7 @@ from ..numerics.arrays import Vector, diagonal_positions, norm
 from ..numerics.factorisation import factorise
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData
-from .sweeps import Step, compiled_step
+from .steps import Step, compiled_step
 
 
 class Operator(ABC):

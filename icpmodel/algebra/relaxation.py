@@ -21,7 +21,7 @@ from ..numerics.arrays import Vector, as_number, as_vector
 from ..numerics.factorisation import factorise
 from ..problem.data import ProblemData
 from .operators import DiagonalOperator, inverse_diagonal
-from .sweeps import Step
+from .steps import Step
 
 #: what theta1 may be instead of a number
 AUTO = "auto"

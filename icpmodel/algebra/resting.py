@@ -17,8 +17,8 @@ import numpy as np
 from ..errors import MapError
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
+from .steps import compiled_step
 from .subproblems import Blocks, Mask, resting, with_fixed_obstacle
-from .sweeps import compiled_step
 
 #: more than this share of open rows is not worth the trouble, and more than the second one, before a sweep is made,
 #: not a closer look
@@ -43,14 +43,14 @@ def rows_at_rest(problem: ProblemData) -> Blocks | None:
         if not np.isfinite(c).all() or not problem.matrix.has_positive_diagonal:
             return None
         p = problem.p(c)
-        if not np.mean(p <= 0) + _balance(problem, none, p) / problem.n <= _PROMISING:
+        if not np.mean(p <= 0) + balance(problem, none, p) / problem.n <= _PROMISING:
             return None
         matrix = (A.indptr, A.indices, A.data, problem.matrix.rows.diag, problem.q)
         sweep = compiled_step(problem, "in_order", matrix, ((1.0,), True))
         for _ in range(_SWEEPS):
             z, _ = sweep(z)
         p = problem.p(z)
-        wider = _opened(problem, none, (z > c) | (p < 0), p, _FIRST_SLACK)
+        wider = widened(problem, none, (z > c) | (p < 0), p, _FIRST_SLACK)
         return None if wider is None else resting(problem, wider)
     return None
 
@@ -78,11 +78,11 @@ class Border:
         p = np.where(found.open, 0.0, self.at_rest)
         p[self.rows] = at_border
         opened = found.opened + 1
-        wider = _opened(found.problem, found.open, p < 0, p, _SLACK**opened) if opened <= _ROUNDS else None
+        wider = widened(found.problem, found.open, p < 0, p, _SLACK**opened) if opened <= _ROUNDS else None
         return None if wider is None else replace(resting(found.problem, wider), opened=opened)
 
 
-def _balance(problem: ProblemData, open_rows: Mask, p: Vector) -> float:
+def balance(problem: ProblemData, open_rows: Mask, p: Vector) -> float:
     """How many of the rows that are not open it takes to hold what p < 0 there is: all of them, if they do not."""
     p = p / problem.A.diagonal()
     holding = np.where(open_rows, 0.0, np.maximum(p, 0.0))
@@ -90,11 +90,11 @@ def _balance(problem: ProblemData, open_rows: Mask, p: Vector) -> float:
     return count * min(push / hold, 1.0) if hold > 0 else float(count)
 
 
-def _opened(problem: ProblemData, open_rows: Mask, seeds: Mask, p: Vector, slack: float) -> Mask | None:
+def widened(problem: ProblemData, open_rows: Mask, seeds: Mask, p: Vector, slack: float) -> Mask | None:
     """`open_rows` and `seeds`, with as many rows around the seeds as the balance says; None where they are too many."""
     from ..numerics.kernels.graph import spread  # loads numba
 
-    A, more = problem.A, slack * _balance(problem, open_rows | seeds, p)
+    A, more = problem.A, slack * balance(problem, open_rows | seeds, p)
     if not np.count_nonzero(open_rows | seeds) + more <= WORTH * problem.n:
         return None
     return spread(A.indptr, A.indices, open_rows, seeds, int(more))

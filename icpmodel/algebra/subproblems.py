@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector, row_of
 from ..problem.data import ProblemData
-from .pivoting import PIVOT_UP_TO
+from .affine_lcp import PIVOT_UP_TO
 
 #: so many parts that do not interact get a method each
 _PARTS = 32
@@ -117,10 +117,11 @@ def resting(problem: ProblemData, open_rows: Mask) -> Blocks:
     return Blocks(problem, open_rows, rows[:0], np.zeros(1, dtype=np.intp), nothing, nothing, ((rows,),))
 
 
-def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
+def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int = _STAGES) -> Blocks | None:
     """The blocks of `problem`, None where all rows are one, or where it is not known on which unknowns ψ depends.
 
-    Parameters: rows that are to be in the `core`, a mask of shape (n,), or None.
+    Parameters: rows that are to be in the `core`, a mask of shape (n,), or None; longer chains than `most_stages` are
+    one stage.
     Reference: Tarjan, SIAM J. Comput. 1 (1972), for strong components.
     """
     from scipy.sparse.csgraph import connected_components
@@ -143,7 +144,7 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
     heavy[part[_unsuitable(simple, part, sizes)]] = True
     if core is not None:
         heavy[part[core]] = True
-    return _arranged(simple, graph, part, np.concatenate([[0], np.cumsum(sizes)]), heavy)
+    return _arranged(simple, graph, part, np.concatenate([[0], np.cumsum(sizes)]), heavy, most_stages)
 
 
 def _dependencies(problem: ProblemData) -> sp.csr_array | None:
@@ -167,7 +168,9 @@ def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
     return wrong
 
 
-def _arranged(simple: ProblemData, graph: sp.csr_array, part: Any, starts: Rows, heavy: Mask) -> Blocks:
+def _arranged(
+    simple: ProblemData, graph: sp.csr_array, part: Any, starts: Rows, heavy: Mask, most_stages: int
+) -> Blocks:
     """The blocks by what they need of the `heavy` ones."""
     from scipy.sparse.csgraph import connected_components
 
@@ -178,7 +181,7 @@ def _arranged(simple: ProblemData, graph: sp.csr_array, part: Any, starts: Rows,
 
     depth, needed = stages(graph.indptr, graph.indices, part, rows, starts, heavy)
     last, inner, before = int(depth.max()), (depth > 0) & needed, depth == 0
-    many = last > _STAGES or PIVOT_UP_TO * max(last - _PARTS, 0) > np.count_nonzero(heavy[part])
+    many = last > most_stages or PIVOT_UP_TO * max(last - _PARTS, 0) > np.count_nonzero(heavy[part])
     # where rows are dominant nothing grows along the chain, and one method for all costs less; and jumps must not leave
     # their part
     dominant = (simple.matrix.absolute @ np.ones(simple.n) <= 2.0 * simple.A.diagonal()).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,17 +13,18 @@ import numpy as np
 from ..errors import Interrupted
 from ..numerics.arrays import as_number
 from ..present.table import Table
+from ..scenes import names
 from ..solve.driver import RTOL
 from ..solve.progress import status_line
-from ..solvers.contract import Claim
-from ..study.cases import Case, as_scenes, as_sizes, cases, gallery
+from ..solvers.foreign import Claim, chosen_solvers
+from ..study.cases import VARIANTS, Case, as_scenes, as_sizes, cases
 from ..study.charts.table_charts import WORST
-from ..study.competitors import Competitor, Solve, competitors, own_methods
-from ..study.timing import as_repeats, in_turn, machine, spread
+from ..study.competitors import Competitor, Foreign, Own, limits, own_methods
+from ..study.timing import as_repeats, interleaved, machine, spread
 
 #: one that takes this many times the time of solve(), and more than that many seconds, is timed once
 _FAR, _SHORT = 3.0, 0.25
-#: short runs are timed in more rounds: up to so many times as many, while all of them take less than so many seconds
+#: short runs are timed in up to so many times as many rounds, while all of them take less than so many seconds
 _MORE, _ALL = 7, 2.0
 #: a run of fewer seconds is timed with warm caches
 _BRIEF = 0.01
@@ -57,22 +59,7 @@ class Record:
         return float(np.median(self.seconds))
 
 
-@dataclass(frozen=True)
-class _Past:
-    """What is known of a competitor from smaller sizes of the scene: `runs` are (n, seconds), `rung` the tolerance."""
-
-    runs: tuple[tuple[int, float], ...] = ()
-    rung: int = 0
-
-    def expected(self, n: int) -> float:
-        """Seconds at size `n`: growth as between the last two sizes, at least linear."""
-        if not self.runs:
-            return 0.0
-        (m, seconds), power = self.runs[-1], 1.0
-        if len(self.runs) > 1:
-            k, before = self.runs[-2]
-            power = max(power, float(np.log(seconds / before) / np.log(m / k)))
-        return float(seconds * (n / m) ** power)
+_Summary = Callable[[list[Record]], Table]
 
 
 def benchmark(
@@ -87,13 +74,11 @@ def benchmark(
     """solve() against foreign solvers, every own method and one linear solve, to Res(z) ≤ 1e-8·Res(0).
 
     A peer is run at one tolerance after the other, 1e-3, …, 1e-12 (from one below the one that did at the size before),
-    and the first run whose z is good enough counts, by its own time. What a peer itself says of its answer is not
-    believed: the note tells where it claims success at a z that is not good enough. Then all that take no more
-    than three times as long as `solve()`, or a quarter of a second, are timed in turn, in `repeats` rounds or, if they
-    are short, more, and the ratio is the median over the rounds; the others are timed once. Each round begins with
-    another one, and runs below 10 ms are timed on their second go.
-    One that would take longer than `time_limit`, by its growth at the smaller sizes, is not asked; own methods are
-    given ten times the time of `solve()`, at least a second.
+    and the first run whose z is good enough counts, by its own time; the note tells where it claims success at a z that
+    is not good enough. Then all that take no more than three times as long as `solve()`, or a quarter of a second, are
+    timed in turn, in `repeats` rounds or, if they are short, more, and the ratio is the median over the rounds. Runs
+    below 10 ms are timed on their second go. One that would take longer than `time_limit`, by its growth at the smaller
+    sizes, is not asked; own methods are given ten times the time of `solve()`, at least a second.
 
     Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, none for all; `sizes` wanted numbers of unknowns; `repeats`
     rounds of timings at least, ≥ 3; `time_limit` seconds for one run; `entrants` by default `solve()`, the foreign
@@ -103,8 +88,9 @@ def benchmark(
     >>> icp.benchmarks.benchmark(["hand-lcp"], [2]).heads[:4]
     ('scene', 'n', 'method', 'kind')
     """
-    listed = competitors() if entrants is None else list(entrants)
-    return _measured(_Measurement(listed, repeats, time_limit), scenes, sizes, progress, _comparison)
+    if entrants is None:
+        entrants = [Own(), *map(Foreign, chosen_solvers(None, "benchmark")), *own_methods(), *limits()]
+    return _Measurement(entrants, repeats, time_limit).over(scenes, sizes, progress, _comparison)
 
 
 def dispatch(
@@ -127,8 +113,9 @@ def dispatch(
     >>> icp.benchmarks.dispatch(["hand-lcp"], [2]).rows[0][:2]
     ('hand-lcp', 2)
     """
-    listed = [Solve(), *own_methods()] if entrants is None else list(entrants)
-    return _measured(_Measurement(listed, repeats, time_limit), scenes, sizes, progress, _choice)
+    if entrants is None:
+        entrants = [Own(), *own_methods()]
+    return _Measurement(entrants, repeats, time_limit).over(scenes, sizes, progress, _choice)
 
 
 def faster_peers(table: Table) -> list[str]:
@@ -140,8 +127,7 @@ def faster_peers(table: Table) -> list[str]:
     []
     """
     found = []
-    for row in table.rows:
-        cells = dict(zip(table.heads, row, strict=True))
+    for cells in table.records():
         ratio = cells["ratio to solve()"]
         is_peer = cells["kind"] == "peer" or cells["method"].startswith("psor")
         if is_peer and ratio is not None and ratio < _TIE:
@@ -152,11 +138,26 @@ def faster_peers(table: Table) -> list[str]:
 class _Measurement:
     """Runs `entrants` on one case after the other, and remembers what each took on the smaller ones."""
 
-    def __init__(self, entrants: list[Competitor], repeats: int, time_limit: float) -> None:
+    def __init__(self, entrants: Sequence[Competitor], repeats: int, time_limit: float) -> None:
         self.entrants, self.repeats = entrants, as_repeats(repeats)
         self.time_limit = as_number(time_limit, "time_limit", above=0.0)
-        self.past: dict[tuple[str, str], _Past] = {}
+        #: (scene, name) → (n, seconds, rung of the ladder) of each size so far
+        self.past: defaultdict[tuple[str, str], list[tuple[int, float, int]]] = defaultdict(list)
         self.records: list[Record] = []
+
+    def over(self, scenes: Sequence[str], sizes: Sequence[int], progress: bool, summary: _Summary) -> Table:
+        """The `summary` of all records, also in Interrupted."""
+        texts, wanted = as_scenes(scenes) or tuple(sorted([*names(), *VARIANTS])), tuple(sorted(as_sizes(sizes)))
+        try:
+            with status_line(progress) as say:
+                for text, n, case in cases(texts, wanted):
+                    if isinstance(case, str):
+                        self.records.append(Record(text, n, note=case))
+                    else:
+                        self.add(case, say)
+        except KeyboardInterrupt:
+            raise Interrupted(summary(self.records)) from None
+        return summary(self.records)
 
     def add(self, case: Case, say: Callable[[str], None]) -> None:
         """Add one record for each entrant, `solve()` being the first of them."""
@@ -175,12 +176,8 @@ class _Measurement:
         }
         brief = {k: found[k].seconds[0] < _BRIEF for k in calls}
         runs: dict[int, list[Claim]] = {k: [] for k in calls}
-
-        def told(done: int) -> None:
-            say(f"{where}: round {done}")
-
-        turns = in_turn(calls, self.repeats, most=_MORE * self.repeats, within=_ALL, brief=brief, say=told)
-        for k, run in turns:
+        told = lambda done: say(f"{where}: round {done}")  # noqa: E731
+        for k, run in interleaved(calls, self.repeats, most=_MORE * self.repeats, within=_ALL, brief=brief, say=told):
             runs[k].append(run)
         for k, taken in runs.items():
             setups = [run.setup for run in taken if run.setup is not None]
@@ -195,55 +192,46 @@ class _Measurement:
 
     def _search(self, case: Case, one: Competitor, limit: float) -> Record:
         """The first run of `one` that is good enough, else the best one."""
-        n, key = case.problem.n, (case.scene, one.name)
-        past, record = self.past.get(key, _Past()), Record(case.scene, n, one.name, one.kind)
-        why_not, expected = one.why_not(case), past.expected(n)
+        n, past = case.problem.n, self.past[case.scene, one.name]
+        record, expected = Record(case.scene, n, one.name, one.kind), _expected(past, n)
+        why_not = one.why_not(case)
         if why_not is None and expected > limit and one.kind != "solve":
             why_not = f"would take about {expected:.2g} s, the limit is {limit:.2g} s"
         if why_not is not None:
             return replace(record, note=why_not)
-        if key not in self.past:
+        if not past:
             one.run(case, one.ladder[0], limit)  # imports and compiles
-        liar, best, least = "", record, np.inf
-        for rung in range(max(past.rung - 1, 0), len(one.ladder)):
+        liar, tried = "", []
+        for rung in range(max(past[-1][2] - 1, 0) if past else 0, len(one.ladder)):
             tolerance = one.ladder[rung]
             run = one.run(case, tolerance, limit)
             residual = case.judged(run.z)
             good = run.solved if one.kind == "limit" else residual is not None and residual <= RTOL
             rank = 0.0 if good else np.inf if residual is None else residual
-            if rank < least or best is record:
-                note = f"not reached in {run.seconds:.2g} s: {run.words}"
-                if good:
-                    at = f"{run.words}, at {tolerance:.0e}"
-                    note = at if one.kind == "peer" else run.words.removeprefix("solved").strip()
-                least, best = rank, replace(record, seconds=(run.seconds,), setup=run.setup, asked=tolerance)
-                best = replace(best, residual=residual, reached=good, note=note)
+            note = f"not reached in {run.seconds:.2g} s: {run.words}"
+            if good:
+                at = f"{run.words}, at {tolerance:.0e}"
+                note = at if one.kind == "peer" else run.words.removeprefix("solved").strip()
+            told = replace(record, seconds=(run.seconds,), setup=run.setup, asked=tolerance, residual=residual)
+            tried.append((rank, replace(told, reached=good, note=note)))
             if good or run.seconds > limit:
                 break
             if run.solved:
-                liar = f'says "{run.words}" at {tolerance:.0e}, Res(z)/Res(0) = {rank:.1e}'
-        self.past[key] = _Past((*past.runs, (n, best.seconds[0])), rung)
-        return replace(best, note=f"{best.note}; {liar}" if liar else best.note)
+                liar = f'; says "{run.words}" at {tolerance:.0e}, Res(z)/Res(0) = {rank:.1e}'
+        _, best = min(tried, key=lambda pair: pair[0])
+        past.append((n, best.seconds[0], rung))
+        return replace(best, note=best.note + liar)
 
 
-def _measured(
-    measurement: _Measurement,
-    scenes: Sequence[str],
-    sizes: Sequence[int],
-    progress: bool,
-    summary: Callable[[list[Record]], Table],
-) -> Table:
-    texts, wanted = as_scenes(scenes) or gallery(), as_sizes(sizes)
-    try:
-        with status_line(progress) as say:
-            for text, n, case in cases(texts, tuple(sorted(wanted))):
-                if isinstance(case, str):
-                    measurement.records.append(Record(text, n, note=case))
-                else:
-                    measurement.add(case, say)
-    except KeyboardInterrupt:
-        raise Interrupted(summary(measurement.records)) from None
-    return summary(measurement.records)
+def _expected(past: list[tuple[int, float, int]], n: int) -> float:
+    """Seconds at size `n`: growth as between the last two sizes, at least linear; 0 where nothing is known."""
+    if not past:
+        return 0.0
+    (m, seconds, _), power = past[-1], 1.0
+    if len(past) > 1:
+        k, before, _ = past[-2]
+        power = max(power, float(np.log(seconds / before) / np.log(m / k)))
+    return float(seconds * (n / m) ** power)
 
 
 def _comparison(records: list[Record]) -> Table:
@@ -251,9 +239,7 @@ def _comparison(records: list[Record]) -> Table:
     heads = ("scene", "n", "method", "kind", *times_of, "Res(z) / Res(0)", "ratio to solve()", "note")
     rows = []
     for one in records:
-        times: tuple[float | None, ...] = (None,) * 4
-        if one.reached:
-            times = (one.median, min(one.seconds), max(one.seconds), one.setup)
+        times = (one.median, min(one.seconds), max(one.seconds), one.setup) if one.reached else (None,) * 4
         ratio = float(np.median(one.ratios)) if one.ratios and one.reached else None
         rows.append((one.scene, one.n, one.name, one.kind, *times, one.residual, ratio, one.note))
     return Table(f"To Res(z) <= {RTOL:g} Res(0), set-up included ({machine()})", heads, tuple(rows))

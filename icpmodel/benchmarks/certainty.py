@@ -19,7 +19,7 @@ from ..problem.data import ProblemData
 from ..scenes import Scene, names, parameters, scene
 from ..solve.progress import status_line
 from ..solve.solution import Solution, Status
-from ..study.cases import fresh, unbroken
+from ..study.cases import built, fresh, unbroken
 from ..study.timing import as_repeats, clocked, machine, timed
 from ..theory import error_bound
 
@@ -48,12 +48,10 @@ def bound_ratios(n: int = 900, trials: int = 10) -> Table:
     random = np.random.default_rng(0)
     rows: list[tuple[Any, ...]] = []
     for name in names():
-        one = scene(name)
-        if one.z_exact is not None and one.z_exact.size > 3:
-            one = scene(name, n)
-        if one.z_exact is None:
+        if scene(name).z_exact is None:
             continue
-        problem, exact = one.problem, one.z_exact
+        one = built(name, n)
+        problem, exact = one.problem, np.asarray(one.z_exact)
         size = float(np.abs(exact).max())
         noisy = [exact + d * size * random.uniform(-1, 1, exact.size) for d in _DISTANCES for _ in range(trials)]
         solved = [problem.solve(rtol=10.0**-k, raise_on_failure=False).z for k in (2, 4, 6, 8, 10)]
@@ -66,17 +64,15 @@ def bound_ratios(n: int = 900, trials: int = 10) -> Table:
     return Table(title, heads, tuple(rows))
 
 
-def _ratios(problem: ICP, exact: np.ndarray, points: list[np.ndarray]) -> tuple[float | None, ...]:
-    plain: list[float] = []
-    sharp: list[float] = []
+def _ratios(problem: ICP, exact: Vector, points: list[Vector]) -> tuple[float | None, ...]:
+    found = []  # (plain, sharp) of each point
     for z in points:
-        error = float(np.abs(z - exact).max())
-        for ratios, flag in ((plain, False), (sharp, True)):
-            bound = error_bound(problem, z, sharp=flag).value
-            if bound is None:
-                return None, None, None, None
-            ratios.append(bound / error)
-    return float(np.median(plain)), float(np.median(sharp)), min(plain + sharp), max(sharp)
+        bounds = [error_bound(problem, z, sharp=sharp).value for sharp in (False, True)]
+        if None in bounds:
+            return (None,) * 4
+        found.append(np.array(bounds, dtype=np.float64) / np.abs(z - exact).max())
+    plain, sharp = np.median(found, axis=0)
+    return float(plain), float(sharp), float(np.min(found)), float(np.max(found, axis=0)[1])
 
 
 def certificate_cost(n: int = 1_000_000, repeats: int = 5) -> Table:
@@ -95,13 +91,8 @@ def certificate_cost(n: int = 1_000_000, repeats: int = 5) -> Table:
     certify = partial(error_bound, z=z, sharp=False)
     calls = {"ours": clocked(certify, partial(fresh, problem)), "solve": clocked(partial(linear_solve, problem.A, b))}
     taken = timed(calls, repeats)
-    row = (
-        problem.n,
-        taken.median("ours"),
-        taken.median("solve"),
-        *taken.ratio("ours", "solve"),
-        certify(problem).proof,
-    )
+    medians = taken.median("ours"), taken.median("solve")
+    row = (problem.n, *medians, *taken.ratio("ours", "solve"), certify(problem).proof)
     heads = ("n", "certificate, s", "linear solve, s", "ratio", "lowest", "highest", "proof")
     return Table(f"A certificate against one linear solve ({machine()})", heads, (row,))
 
@@ -114,8 +105,8 @@ def false_success(seeds: int = 10, n: int = 100, scenes: Sequence[str] = (), pro
     the problem is known to have no solution, or where ‖min(r, p)‖₂, computed anew in extended precision and not by the
     package's judge, is above the tolerance; a bound is false where it is below the true error.
     Parameters: `seeds` random starts, and random data; `n` wanted unknowns of the scenes that have a size; `scenes`
-    by name, default all;
-    `progress` shows a line where standard error is a terminal. Returns a `Table`: one row per scene and the sum.
+    by name, default all; `progress` shows a line where standard error is a terminal.
+    Returns a `Table`: one row per scene and the sum.
 
     >>> table = icp.benchmarks.false_success(seeds=1, scenes=["hand-lcp", "hard-jump"])
     >>> [row[-2:] for row in table.rows]
@@ -128,8 +119,9 @@ def false_success(seeds: int = 10, n: int = 100, scenes: Sequence[str] = (), pro
             say(f"scene {name}")
             count: Counter[str] = Counter()
             for seed in range(seeds):
+                text = f"{name},seed={seed}" if "seed" in parameters(name) else name
                 for method in (None, *method_names()):
-                    count.update(_run(_built(name, n, seed), method, seed))
+                    count.update(_run(built(text, n), method, seed))
             found.append((name, count))
     ends = [end for end in _ENDS if any(count[end] for _, count in found)]
     heads = ("scene", "runs", *ends, "false solved", "false bound")
@@ -138,19 +130,11 @@ def false_success(seeds: int = 10, n: int = 100, scenes: Sequence[str] = (), pro
     return Table(f"How {seeds} runs of each method end, and what of it is false", heads, rows)
 
 
-def _built(name: str, n: int, seed: int) -> Scene:
-    known = parameters(name)
-    given = {key: value for key, value in (("n", n), ("seed", seed)) if key in known}
-    return scene(name, **given)
-
-
 def _run(one: Scene, method: str | None, seed: int) -> list[str]:
-    """How it ended, and what of it is false, as keys to count."""
-    problem, random = one.problem, np.random.default_rng(seed)
-    size = 1.0 if one.z_exact is None else np.abs(one.z_exact)
-    z0 = size * random.standard_normal(problem.n) if seed else np.zeros(problem.n)  # the first start is the default
+    size = 0.0 if seed == 0 else 1.0 if one.z_exact is None else np.abs(one.z_exact)  # the first start is the default
+    z0 = size * np.random.default_rng(seed).standard_normal(one.problem.n)
     try:
-        solution = unbroken(problem.solve(method, z0=z0, max_iter=5000, raise_on_failure=False))
+        solution = unbroken(one.problem.solve(method, z0=z0, max_iter=5000, raise_on_failure=False))
     except NotApplicable:
         return ["runs", "not applicable"]
     except MapError:

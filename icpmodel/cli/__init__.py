@@ -14,11 +14,9 @@ import click
 
 from ..errors import IcpError
 from ..numerics.plugins import load_plugins
-from .charting import race, report, stability
-from .gallery import scenes
-from .measuring import measure
+from .charting import measure, race, report, stability
 from .output import complain
-from .solving import crosscheck, explain, solve
+from .solving import crosscheck, explain, scenes, solve
 
 __all__ = ["main"]
 

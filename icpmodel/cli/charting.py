@@ -1,22 +1,26 @@
-"""`icpmodel race`, `icpmodel stability` and `icpmodel report`."""
+"""`icpmodel race`, `icpmodel stability`, `icpmodel report`, and `icpmodel measure`: what the README claims."""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
+from .. import benchmarks
 from ..errors import InputError
+from ..present.table import Table
 from ..solve.progress import status_line
 from ..study import html_report
 from ..study import race as run_race
 from ..study import stability as map_stability
-from .output import exit_code, must_be_writable, typed
-from .signatures import measured
+from ..study.charts.figures import Figure, save
+from ..study.charts.table_charts import benchmark_figures, choice, memory_figure
+from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, documented, from_signature, named_method, named_problem
+from .output import AS_CSV, TO_FIGURE, exit_code, make_folder, measured, must_be_writable, print_table, typed, wrote
 from .solving import unsolved
-from .source import METHOD_OPTIONS, SOURCE_HELP, SOURCE_OPTIONS, from_signature, named_method, named_problem, options
 
 _RUNS = {
     "points": "Points per axis.",
@@ -25,17 +29,17 @@ _RUNS = {
     "rtol": "Relative tolerance of a run.",
 }
 _TIMINGS = {"repeats": "Rounds of timings.", "time_limit": "Seconds for one run."}
-_FIGURE = (
-    click.option("-o", "--output", type=click.Path(), help="Write the figure (PNG and SVG) and its data (CSV)."),
-    click.option("--csv", "as_csv", is_flag=True, help="Print all of it as CSV."),
+
+
+@command(
+    click.argument("plane", default="relaxation"),
+    click.argument("source", required=False),
+    *SOURCE_OPTIONS[1:],
+    click.option("--method", help="For the planes that vary the problem.  [default: mnmgs]"),
+    *from_signature(map_stability, _RUNS),
+    TO_FIGURE,
+    AS_CSV,
 )
-
-
-@click.command(epilog=SOURCE_HELP)
-@click.argument("plane", default="relaxation")
-@options(click.argument("source", required=False), *SOURCE_OPTIONS[1:])
-@click.option("--method", help="For the planes that vary the problem.  [default: mnmgs]")
-@options(*from_signature(map_stability, _RUNS), *_FIGURE)
 def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) -> int:
     """Map where a method converges, how fast, how it fails elsewhere, and where the theorems prove what.
 
@@ -56,18 +60,20 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
     return _shown(run, output, as_csv, "the other points are not run")
 
 
-@click.command(epilog=SOURCE_HELP)
-@options(*SOURCE_OPTIONS)
-@click.option("--method", "methods", multiple=True, help="An own method beside solve(); repeatable; default: several.")
-@click.option("--solver", "solvers", multiple=True, help="A foreign solver; repeatable; default: all that apply.")
-@options(*from_signature(run_race, _TIMINGS), *_FIGURE)
+@command(
+    *SOURCE_OPTIONS,
+    click.option("--method", "methods", multiple=True, help="A method beside solve(); repeatable; default: several."),
+    click.option("--solver", "solvers", multiple=True, help="A foreign solver; repeatable; default: all that apply."),
+    *from_signature(run_race, _TIMINGS),
+    TO_FIGURE,
+    AS_CSV,
+)
 def race(methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, as_csv: bool, **arguments: Any) -> int:
     """Time against error on SOURCE: own methods and foreign solvers at every tolerance, in turn."""
     must_be_writable(output)
     problem, scene = named_problem(arguments)
-    asked: dict[str, Any] = {name: arguments[name] for name in _TIMINGS}
-    asked |= {"z_exact": None if scene is None else scene.z_exact, "progress": True, "command": typed()}
-    run = lambda: run_race(problem, methods or None, solvers or None, **asked)  # noqa: E731
+    asked = {name: arguments[name] for name in _TIMINGS} | {"z_exact": scene and scene.z_exact}
+    run = lambda: run_race(problem, methods or None, solvers or None, **asked, progress=True, command=typed())  # noqa: E731
     return _shown(run, output, as_csv, "this is what was measured before")
 
 
@@ -75,17 +81,19 @@ def _shown(run: Callable[[], Any], output: str | None, as_csv: bool, partly: str
     """Measure, print and draw; after Ctrl-C what there is, with the sentence `partly`."""
 
     def show(found: Any) -> None:
-        click.echo(found.table().to_csv() if as_csv else str(found), nl=not as_csv)
+        print_table(found, found.table(), as_csv)
         for path in [] if output is None else found.plot(output):
-            click.echo(f"wrote {path}", err=True)
+            wrote(path)
 
     return measured(run, show, partly)
 
 
-@click.command(epilog=SOURCE_HELP)
-@options(*SOURCE_OPTIONS, *METHOD_OPTIONS)
-@click.option("-o", "--output", type=click.Path(), required=True, help="The HTML file to write.")
-@options(*from_signature(html_report, {"time_limit": "Seconds per independent solver."}))
+@command(
+    *SOURCE_OPTIONS,
+    *METHOD_OPTIONS,
+    click.option("-o", "--output", type=click.Path(), required=True, help="The HTML file to write."),
+    *from_signature(html_report, {"time_limit": "Seconds per independent solver."}),
+)
 def report(output: str, time_limit: float, **arguments: Any) -> int:
     """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
     must_be_writable(output, ".html")
@@ -93,12 +101,74 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     method = named_method(arguments)
     about: dict[str, Any] = {"title": arguments["source"]}
     if scene is not None:
-        about = {"title": f"{scene.name}: {scene.title}", "about": scene.models}
-        about |= {"points": scene.points, "z_exact": scene.z_exact}
+        known = {"points": scene.points, "z_exact": scene.z_exact}
+        about = {"title": f"{scene.name}: {scene.title}", "about": scene.models} | known
     with status_line(True) as say:
         say("solving")
-        solution = problem.solve(method, z0=None if scene is None else scene.z0, raise_on_failure=False)
+        solution = problem.solve(method, z0=scene and scene.z0, raise_on_failure=False)
         page = html_report(solution, **about, command=typed(), time_limit=time_limit, say=say)
     Path(output).write_text(page, encoding="utf-8")
-    click.echo(f"wrote {output}", err=True)
+    wrote(output)
     return exit_code(solution.solved, unsolved(solution))
+
+
+_COMMANDS: dict[str, Callable[..., Table]] = {
+    "sweep": benchmarks.sweep_cost,
+    "counts": benchmarks.sweep_counts,
+    "order": benchmarks.grid_order,
+    "bounds": benchmarks.bound_ratios,
+    "certificate": benchmarks.certificate_cost,
+    "limit": benchmarks.solve_cost,
+    "honesty": benchmarks.false_success,
+    "modelling": benchmarks.reading_cost,
+    "dominant": benchmarks.dominant_cost,
+    "impulse": benchmarks.impulse_cost,
+    "small": benchmarks.small_cost,
+    "benchmark": benchmarks.benchmark,
+    "dispatch": benchmarks.dispatch,
+    "tuning": benchmarks.tuned_and_automatic,
+    "memory": benchmarks.memory,
+}
+#: command → the figures of its table, by file name, with their data; no name for the file that --output is
+_FIGURES: dict[str, Callable[[Table], dict[str, tuple[Figure, Table]]]] = {
+    "benchmark": benchmark_figures,
+    "dispatch": lambda table: {"dispatch": (choice(table), table)},
+    "memory": lambda table: {"": (memory_figure(table), table)},
+}
+_FOLDER = click.option("-o", "--output", type=click.Path(), help="Write the CSV file and the figures to this folder.")
+
+
+@click.group()
+def measure() -> None:
+    """Measure what the README claims, on this machine."""
+
+
+def _command(name: str, function: Callable[..., Table]) -> click.Command:
+    into_folder = name != "memory"
+    settings = {"progress": True} if "progress" in inspect.signature(function).parameters else {}
+
+    def run(as_csv: bool, output: str | None = None, **arguments: Any) -> int:
+        if not into_folder:
+            must_be_writable(output)
+        elif output is not None:
+            make_folder(output)
+        asked = {key: value for key, value in arguments.items() if value != ()}  # no scenes: the default ones
+
+        def show(table: Table) -> None:
+            print_table(table, table, as_csv)
+            if output is not None:
+                for file, (figure, data) in _FIGURES[name](table).items():
+                    save(figure, Path(output) / file if file else output, data, typed())
+            if name == "benchmark" and not as_csv:
+                faster = benchmarks.faster_peers(table)
+                title = "A peer is faster than solve():" if faster else "No peer is faster."
+                click.echo("\n".join(["", title, *faster]))
+
+        return measured(lambda: function(**asked, **settings), show, "this is what was measured before")
+
+    output = [_FOLDER if into_folder else TO_FIGURE] if name in _FIGURES else []
+    return documented(name, function, AS_CSV, *output)(run)
+
+
+for _name, _function in _COMMANDS.items():
+    measure.add_command(_command(_name, _function))

@@ -1,22 +1,36 @@
-"""What the commands print, and where they may write."""
+"""What the commands print, with which exit code they end, and where they may write."""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ..errors import FileError, InputError
+from ..errors import FileError, InputError, Interrupted
+from ..present.table import Table
 
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+AS_CSV = click.option("--csv", "as_csv", is_flag=True, help="Print all of it as CSV.")
+TO_FIGURE = click.option("-o", "--output", type=click.Path(), help="Write the figure (PNG and SVG) and its data (CSV).")
 
 
 def show_json(told: dict[str, Any]) -> None:
     """Print plain data as JSON; NaN and infinities, which JSON does not have, as null."""
     click.echo(json.dumps(_finite(told), indent=2, allow_nan=False))
+
+
+def print_told(told: dict[str, Any], text: object, as_json: bool) -> None:
+    """Print the same thing as JSON or as text."""
+    show_json(told) if as_json else click.echo(str(text))
+
+
+def print_table(found: Any, table: Table, as_csv: bool) -> None:
+    """Print what was found, or all of its table as CSV."""
+    click.echo(table.to_csv() if as_csv else str(found), nl=not as_csv)
 
 
 def complain(message: str, code: int = 2) -> int:
@@ -35,11 +49,23 @@ def exit_code(success: bool, complaint: str) -> int:
     return 0 if success else complain(complaint, 1)
 
 
-def must_be_writable(path: str | None, suffix: str = "") -> None:
-    """Raise FileError or InputError now for a path that could not be written later, when the work is done.
+def measured(measure: Callable[[], Any], show: Callable[[Any], None], partly: str) -> int:
+    """Measure and show; after Ctrl-C show what there is, with the sentence `partly`. Returns 0 or 130."""
+    try:
+        found, code = measure(), 0
+    except Interrupted as stopped:
+        found, code = stopped.report, complain(f"interrupted: {partly}", 130)
+    show(found)
+    return code
 
-    Parameters: `path`, or None for none; the `suffix` that it must have.
-    """
+
+def wrote(path: Any) -> None:
+    """Say on standard error what was written."""
+    click.echo(f"wrote {path}", err=True)
+
+
+def must_be_writable(path: str | None, suffix: str = "") -> None:
+    """Raise FileError or InputError now for a path that could not be written later, when the work is done."""
     if path is None:
         return
     if Path(path).is_dir():
@@ -48,6 +74,14 @@ def must_be_writable(path: str | None, suffix: str = "") -> None:
         raise FileError(f"{path}: the folder {Path(path).parent} does not exist")
     if not path.lower().endswith(suffix):
         raise InputError(f"--output is {path!r}; a name that ends in {suffix} was expected")
+
+
+def make_folder(path: str) -> None:
+    """Make the folder now, before the work. Raises FileError."""
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be made a folder: {error.strerror}") from None
 
 
 def _finite(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""`icpmodel solve`, `icpmodel crosscheck` and `icpmodel explain`."""
+"""`icpmodel solve`, `icpmodel crosscheck`, `icpmodel explain` and `icpmodel scenes`."""
 
 from __future__ import annotations
 
@@ -14,23 +14,16 @@ from ..errors import InputError, Interrupted
 from ..icp import ICP
 from ..modelling.files import load_solution, save_problem, save_solution
 from ..present.card import Card
-from ..scenes import Scene
+from ..present.table import Table
+from ..scenes import Scene, titles
+from ..scenes import parameters as parameters_of
 from ..scenes import scene as scene_called
 from ..solve.driver import solve as run
 from ..solve.progress import status_line
 from ..solve.solution import Solution
-from ..solvers.contract import chosen_solvers
-from .output import AS_JSON, exit_code, must_be_writable, show_json
-from .source import (
-    METHOD_OPTIONS,
-    SOURCE_HELP,
-    SOURCE_OPTIONS,
-    from_signature,
-    named_method,
-    named_problem,
-    options,
-    pairs,
-)
+from ..solvers.foreign import chosen_solvers
+from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, from_signature, named_method, named_problem, pairs
+from .output import AS_JSON, exit_code, must_be_writable, print_told, show_json, wrote
 
 #: of `solve`
 _LIMITS = {
@@ -51,8 +44,7 @@ _SOLVE_OPTIONS = (
 )
 
 
-@click.command(epilog=SOURCE_HELP)
-@options(*_SOLVE_OPTIONS)
+@command(*_SOLVE_OPTIONS)
 @click.option("-o", "--output", type=click.Path(), help="Write z, p, r and the certificate to this .npz file.")
 @click.option("--polish", is_flag=True, help="Solve once more on the active set, to rounding accuracy.")
 @click.option("--save-problem", "folder", type=click.Path(), help="Write the problem to this folder or .npz file.")
@@ -62,7 +54,7 @@ def solve(output: str | None, polish: bool, folder: str | None, as_json: bool, *
     problem, scene = named_problem(arguments)
     if folder is not None:
         save_problem(problem, folder)
-        click.echo(f"wrote {folder}", err=True)
+        wrote(folder)
     solution = _solved(problem, scene, arguments)
     if polish:
         solution = solution.polish()
@@ -75,7 +67,7 @@ def solve(output: str | None, polish: bool, folder: str | None, as_json: bool, *
             click.echo(Card({"reference": "\n".join(f"{name}: off by {error:.3g}" for name, error in errors.items())}))
     if output is not None:
         save_solution(solution, output)
-        click.echo(f"wrote {output}", err=True)
+        wrote(output)
     return exit_code(solution.solved, unsolved(solution))
 
 
@@ -89,9 +81,7 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
     if arguments["accuracy"] is not None and not arguments["bound"]:
         raise InputError("--accuracy asks for a certified error, and --no-bound leaves it out; drop one of them")
     method = named_method(arguments)
-    z0 = None if scene is None else scene.z0
-    if arguments["z0_file"] is not None:
-        z0 = load_solution(arguments["z0_file"])["z"]
+    z0 = load_solution(arguments["z0_file"])["z"] if arguments["z0_file"] is not None else scene and scene.z0
     limits = {name: arguments[name] for name in _LIMITS}
     solution = problem.solve(method, z0=z0, progress=True, raise_on_failure=False, **limits)
     if not arguments["bound"]:
@@ -105,8 +95,7 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
     return solution
 
 
-@click.command(epilog=SOURCE_HELP)
-@options(*_SOLVE_OPTIONS)
+@command(*_SOLVE_OPTIONS)
 @click.option("--solver", "solvers", multiple=True, help="Independent solver to ask; repeatable; default: all.")
 @click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for each of them.")
 @click.option("--csv", "csv_path", type=click.Path(), help="Write the report's rows to this CSV file as well.")
@@ -122,9 +111,8 @@ def crosscheck(
         click.echo(str(solution))
     reports: list[Report] = []
     if solution.solved:
-        for title, report in checks(
-            problem, solution, solvers, solver_time_limit, scene, pairs(arguments["parameters"])
-        ):
+        parameters = pairs(arguments["parameters"])
+        for title, report in checks(problem, solution, solvers, solver_time_limit, scene, parameters):
             if not as_json:
                 click.echo(f"\n{title}{report}")
             if csv_path is not None and not reports:
@@ -132,28 +120,20 @@ def crosscheck(
             reports.append(report)
     if as_json:
         told = [json.loads(report.to_json()) for report in reports]
-        first = told[0] if told else None
-        show_json({"solution": solution.about(), "report": first, "at_their_size": told[1:]})
-    not_confirmed = "not confirmed: no independent solver agrees, or one disagrees"
-    return exit_code(confirmed(reports), not_confirmed if solution.solved else unsolved(solution))
+        show_json({"solution": solution.about(), "report": told[0] if told else None, "at_their_size": told[1:]})
+    complaint = "not confirmed: no independent solver agrees, or one disagrees"
+    return exit_code(confirmed(reports), complaint if solution.solved else unsolved(solution))
 
 
 def checks(
-    problem: ICP,
-    solution: Solution,
-    solvers: tuple[Any, ...],
-    time_limit: float,
-    scene: Scene | None = None,
-    parameters: dict[str, Any] | None = None,
+    problem: ICP, solution: Solution, solvers: Any, time_limit: float, scene: Scene | None, parameters: dict[str, Any]
 ) -> Iterator[tuple[str, Report]]:
     """The report on `solution`; then, for solvers that the scene is too large for, one at the largest size they take.
-
-    Each comes with its title. After Ctrl-C the report that it cut short is the last one.
-    """
+    Each comes with its title. After Ctrl-C the report that it cut short is the last one."""
     try:
         report = problem.crosscheck(solution, solvers or None, time_limit=time_limit, progress=True)
         yield "", report
-        for smaller, asked in at_their_size(scene, report, parameters or {}) if scene is not None else ():
+        for smaller, asked in at_their_size(scene, report, parameters) if scene is not None else ():
             title = f"{', '.join(asked)}: the same scene at n = {smaller.n}\n"
             yield title, smaller.crosscheck(None, asked, time_limit=time_limit, progress=True)
     except Interrupted as stopped:
@@ -170,10 +150,9 @@ def at_their_size(scene: Scene, report: Report, parameters: dict[str, Any]) -> l
     """For the solvers that a scene is too large for: the scene at the largest size they take, and their names."""
     by_size: dict[int, list[str]] = {}
     for row in report.rows:
-        if row.verdict is Verdict.SKIPPED:
-            largest = chosen_solvers([row.solver])[0].largest
-            if largest is not None and largest < scene.problem.n:
-                by_size.setdefault(largest, []).append(row.solver)
+        largest = chosen_solvers([row.solver])[0].largest if row.verdict is Verdict.SKIPPED else None
+        if largest is not None and largest < scene.problem.n:
+            by_size.setdefault(largest, []).append(row.solver)
     found = []
     for largest, asked in by_size.items():
         n = largest
@@ -183,21 +162,35 @@ def at_their_size(scene: Scene, report: Report, parameters: dict[str, Any]) -> l
     return found
 
 
-@click.command(epilog=SOURCE_HELP)
-@options(
-    *SOURCE_OPTIONS,
-    *METHOD_OPTIONS,
-    *from_signature(ICP.explain, {"accuracy": "To which the numbers of steps refer."}),
-    AS_JSON,
+@command(
+    *SOURCE_OPTIONS, *METHOD_OPTIONS, *from_signature(ICP.explain, {"accuracy": "To which the numbers of steps refer."})
 )
+@AS_JSON
 def explain(accuracy: float, as_json: bool, **arguments: Any) -> int:
     """Say what is certain of the problem SOURCE before it is solved: classes, uniqueness, theorems, predicted rates."""
     problem, _ = named_problem(arguments)
     with status_line(True) as say:
         say("checking the theorems")
         page = problem.explain(named_method(arguments), accuracy=accuracy)
-    if as_json:
-        show_json(page.about())
-    else:
-        click.echo(str(page))
+    print_told(page.about(), page, as_json)
+    return 0
+
+
+@click.command()
+@click.argument("name", required=False)
+@AS_JSON
+def scenes(name: str | None, as_json: bool) -> int:
+    """List the built-in scenes, or describe the scene NAME."""
+    if name is None:
+        print_told(titles(), Table("", ("scene", "what it is"), tuple(titles().items())), as_json)
+        return 0
+    scene, parameters = scene_called(name), parameters_of(name)
+    reference = (["z"] if scene.z_exact is not None else []) + list(scene.quantities)
+    about = {"name": scene.name, "title": scene.title, "models": scene.models, "problem": repr(scene.problem)}
+    why = {"why_no_reference": scene.why_no_reference, "why_no_solution": scene.why_no_solution}
+    typed = " ".join(f"--n {value}" if key == "n" else f"--set {key}={value}" for key, value in parameters.items())
+    known = ", ".join(reference) or f"none: {scene.why_no_solution or scene.why_no_reference}"
+    title = "solution" if scene.why_no_solution else "reference"
+    card = Card(about | {"parameters": typed or "none", title: known})
+    print_told(about | {"parameters": parameters, "reference": reference} | why, card, as_json)
     return 0

@@ -13,10 +13,9 @@ from ..numerics.arrays import as_number
 from ..problem.data import ProblemData, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
-from ..solve.solution import Solution
-from ..solvers.contract import Claim, ForeignSolver, ask, chosen_solvers
+from ..solvers.foreign import Claim, ForeignSolver, ask, chosen_solvers
 from ..solvers.formulations import Target
-from .judge import Checked, Row
+from .judge import Checked, Row, Verdict
 from .report import Report
 
 
@@ -54,18 +53,17 @@ def crosscheck(
         solution = solve(problem, raise_on_failure=False)
     # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
     with np.errstate(over="ignore", invalid="ignore"):
-        checked = Checked.of(problem, solution, atol)
+        checked = Checked(problem, solution, atol)
         rows: list[Row] = []
-        known = solution if isinstance(solution, Solution) else None
         with status_line(progress) as say:
             for k, solver in enumerate(chosen):
                 say(f"asking {solver.name} ({k + 1} of {len(chosen)})")
                 try:
                     rows += _rows_of(solver, checked, time_limit)
                 except KeyboardInterrupt:
-                    rows += [Row.skipped(other.name, "interrupted") for other in chosen[k:]]
-                    raise Interrupted(Report.of(checked, rows, known)) from None
-        return Report.of(checked, rows, known)
+                    rows += [Row(other.name, "", Verdict.SKIPPED, note="interrupted") for other in chosen[k:]]
+                    raise Interrupted(Report.of(checked, rows, solution)) from None
+        return Report.of(checked, rows, solution)
 
 
 def _rows_of(solver: ForeignSolver, checked: Checked, time_limit: float) -> list[Row]:
@@ -77,7 +75,8 @@ def _rows_of(solver: ForeignSolver, checked: Checked, time_limit: float) -> list
         if reason is None
     ]
     nothing = ["psi(z) is not finite at the answer, so that its obstacle cannot be frozen"]
-    return rows or [Row.skipped(solver.name, reason) for reason in dict.fromkeys(reasons or nothing) if reason]
+    because = (reason for reason in dict.fromkeys(reasons or nothing) if reason)
+    return rows or [Row(solver.name, "", Verdict.SKIPPED, note=reason) for reason in because]
 
 
 def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:

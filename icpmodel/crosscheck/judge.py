@@ -5,17 +5,18 @@ A foreign status is recorded and never believed: every residual and difference i
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Self
 
 import numpy as np
 
-from ..errors import MapError
+from ..errors import InputError, MapError
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
-from ..solvers.contract import Claim
+from ..solvers.foreign import Claim
 from ..solvers.formulations import Target, in_handy_units, targets
 from ..theory.certificates.bounds import error_bound
 
@@ -59,72 +60,55 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Row:
-    """One line of a report. `residual` = Res(z) of the foreign z on the problem it solved; `difference` = max|z_foreign
-    − z|; both in the user's units, None where there is none. `claim` is the foreign status; `note` says why.
-    """
+    """One line of a report, in the user's units: `residual` = Res(z) of the foreign z on the problem it solved;
+    `difference` = max|z_foreign − z|; None where there is none. `claim` is the foreign status; `note` says why."""
 
     solver: str
     formulation: str
     verdict: Verdict
-    residual: float | None
-    difference: float | None
-    seconds: float | None
-    claim: str
-    note: str
-
-    @classmethod
-    def skipped(cls, solver: str, reason: str) -> Row:
-        """The row of a solver that cannot take the problem."""
-        return cls(solver, "", Verdict.SKIPPED, None, None, None, "", reason)
+    residual: float | None = None
+    difference: float | None = None
+    seconds: float | None = None
+    claim: str = ""
+    note: str = ""
 
 
-@dataclass(frozen=True, eq=False)
 class Checked:
-    """An answer under test. `problem` and `z` as the user has them; `y` = z/`unit` the same in the handy units of
-    `targets`; `holds` whether z is a solution; `tolerance` how far another answer may lie apart, in the units of z.
+    """An answer under test, `z`, and `y` = z/`unit`, the same in the handy units of its `targets`.
+
+    `holds` says whether z is a solution, `tolerance` how far another answer may lie apart; `atol` replaces its default.
     """
 
-    problem: ProblemData
-    z: Vector
-    unit: float
-    y: Vector
-    targets: list[Target]
-    holds: bool
-    tolerance: float
-
-    @classmethod
-    def of(cls, problem: ProblemData, solution: Any, atol: float | None = None) -> Checked:
-        """Judge `solution`, a `Solution` or a vector of shape (n,); `atol` ≥ 0 replaces the default tolerance."""
-        z = problem.vector(solution, "solution")
-        handy, unit = in_handy_units(problem)
-        y = z / unit
-        rtol = OURS
+    def __init__(self, problem: ProblemData, solution: Any, atol: float | None = None) -> None:
+        self.problem, self.z = problem, problem.vector(solution, "solution")
+        handy, self.unit = in_handy_units(problem)
+        self.y, rtol = self.z / self.unit, OURS
         if isinstance(solution, Solution) and solution.solved and solution.problem is problem:
             start = problem.residual_at_0()
             if start > 0:
                 rtol = min(max(OURS, solution.tolerance / start), LOOSEST)
         # the units of A and z may make Res blind to p or to r: in handy units it must be small as well, if less so
-        holds = solves(problem, z, rtol) and solves(handy, y, min(100 * rtol, LOOSEST))
+        self.holds = solves(problem, self.z, rtol) and solves(handy, self.y, min(100 * rtol, LOOSEST))
         # the unit may be far larger than z: it counts only for an answer that is known to be a solution
-        default = AGREE * float(np.abs(z).max()) + (FLOOR * unit if holds else 0.0)
-        tolerance = default if atol is None else float(atol)
-        return cls(problem, z, unit, y, targets(handy, y), holds, tolerance)
+        default = AGREE * float(np.abs(self.z).max()) + (FLOOR * self.unit if self.holds else 0.0)
+        self.tolerance = default if atol is None else float(atol)
+        self.targets = targets(handy, self.y)
 
     def judge(self, solver: str, form: str, target: Target, claim: Claim) -> Row:
         """The row of a foreign `claim`, which is about `target` in `form`."""
-        formulation = ("frozen " if target.frozen else "") + _FORMS.get(form, form)
-
-        def row(verdict: Verdict, note: str, residual: float | None = None, difference: float | None = None) -> Row:
-            return Row(solver, formulation, verdict, residual, difference, claim.seconds, claim.words, note)
-
-        x, fault = _readable(claim, self.problem.n)
-        if x is None:
-            return row(Verdict.FAILED, fault)
-        z = x * self.unit
-        difference = float(np.abs(z - self.z).max())
-        residual = (self.problem.frozen(self.z) if target.frozen else self.problem).residual(z)
-        verdict, note = self._compare(target, x, claim, difference)
-        return row(verdict, note, finite(residual), finite(difference))
+        verdict, x, residual, difference = Verdict.FAILED, None, np.nan, np.nan
+        note = f"claims {claim.words!r}, but returned no z" if claim.solved else claim.words
+        try:
+            x = None if claim.z is None else self.problem.vector(claim.z, "its z", finite=True)
+        except InputError as error:
+            note = f"claims {claim.words!r}, but {error}"
+        if x is not None:
+            z = x * self.unit
+            difference = float(np.abs(z - self.z).max())
+            residual = (self.problem.frozen(self.z) if target.frozen else self.problem).residual(z)
+            verdict, note = self._compare(target, x, claim, difference)
+        posed = ("frozen " if target.frozen else "") + {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}[form]
+        return Row(solver, posed, verdict, finite(residual), finite(difference), claim.seconds, claim.words, note)
 
     def _compare(self, target: Target, x: Vector, claim: Claim, difference: float) -> tuple[Verdict, str]:
         """The verdict on a finite x, in the units of `target`. Every comparison is false for NaN."""
@@ -141,14 +125,11 @@ class Checked:
         return self.by_bound(difference, sum_of_bounds(target, self.y, x) * self.unit, target.unique)
 
     def by_bound(self, difference: float, bound: float, unique: bool) -> tuple[Verdict, str]:
-        """The verdict on a solution that is `difference` away from this one, where both are together at most `bound`
-        away from the one that is certified to exist, NaN where none is; `unique` whether there is at most one.
-        """
+        """The verdict on a solution `difference` away, which is certified to be at most `bound`, NaN for unknown."""
         if difference <= bound <= WIDEST * (AGREE * float(np.abs(self.z).max()) + FLOOR * self.unit):
             return Verdict.AGREES, f"within the certified bound {bound:.1e}"
         if difference <= bound:
-            wide = f"the certified bound {bound:.1e} is too wide to tell; solve with a smaller rtol"
-            return Verdict.INCONCLUSIVE, wide
+            return Verdict.INCONCLUSIVE, f"the bound {bound:.1e} is too wide to tell; solve with a smaller rtol"
         if difference > bound:
             return Verdict.DISAGREES, f"both residuals are small, but they differ by more than the bound {bound:.1e}"
         if not unique:
@@ -156,20 +137,13 @@ class Checked:
         return Verdict.INCONCLUSIVE, "there is only one solution, but no bound on the distance to it"
 
 
-_FORMS = {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}
-
-
 def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
-    """Whether Res(y) ≤ max(rtol·Res(0), 4‖rounding of F(y)‖₂); false for NaN and infinities.
-
-    Parameters: `y` shape (n,). Where Res(0) is zero or unknown 1 takes its place, which suits a problem in handy units.
-    """
-    try:
+    """Whether Res(y) ≤ max(rtol·Res(0), 4‖rounding of F(y)‖₂); false for NaN and infinities."""
+    start = 0.0
+    with contextlib.suppress(MapError):
         start = problem.residual_at_0()
-    except MapError:
-        start = 1.0
-    if not (np.isfinite(start) and start > 0):
-        start = 1.0
+    if not 0 < start < np.inf:
+        start = 1.0  # which suits a problem in handy units
     residual = problem.residual(y)
     floor = 4 * float(np.linalg.norm(np.maximum(*problem.rounding(y))))
     return bool(residual <= rtol * start or residual <= floor < np.inf)
@@ -178,21 +152,6 @@ def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
 def finite(value: float) -> float | None:
     """`value`, or None where it is NaN or infinite: a number that is not known."""
     return float(value) if np.isfinite(value) else None
-
-
-def _readable(claim: Claim, n: int) -> tuple[Vector | None, str]:
-    """The foreign z as float64 of shape (n,), all finite; or None and what is wrong with it."""
-    if claim.z is None:
-        return None, claim.words if not claim.solved else f"claims {claim.words!r}, but returned no z"
-    try:
-        x = np.array(claim.z, dtype=np.float64)
-    except (TypeError, ValueError):
-        return None, f"returned a {type(claim.z).__name__} that is not a real vector"
-    if x.shape != (n,):
-        return None, f"returned a z of shape {x.shape}; shape ({n},) was expected"
-    if not np.isfinite(x).all():
-        return None, f"claims {claim.words!r}, but its z is not finite"
-    return x, ""
 
 
 def sum_of_bounds(target: Target, y: Vector, x: Vector) -> float:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from ..numerics.rounding import at_most
 from ..present.card import Card
-from ..present.page import render
-from ..present.table import Table
-from ..present.terminal import width
+from ..present.rendering import render
+from ..present.table import Table, width
 from ..solve.solution import Solution, certify
 from .judge import Checked, Row, Verdict, finite
 
@@ -44,20 +43,16 @@ class Report:
     tolerance: float | None
 
     @classmethod
-    def of(cls, checked: Checked, rows: Iterable[Row], solution: Solution | None) -> Report:
-        """The report on `checked` with its `rows`; `solution` where the answer was one."""
-        same = solution is not None and solution.problem is checked.problem
-        certificate = solution.certificate if solution is not None and same else certify(checked.problem, checked.z)
-        return cls(
-            tuple(rows),
-            repr(checked.problem),
-            "given as a vector" if solution is None else f"{solution.status.value}, {solution.method!r}",
-            finite(certificate.residual),
-            checked.holds,
-            certificate.error_bound,
-            certificate.bound.reason,
-            finite(checked.tolerance),
-        )
+    def of(cls, checked: Checked, rows: Iterable[Row], solution: Any) -> Report:
+        """The report on `checked` with its `rows`; `solution` a `Solution` or a vector."""
+        problem, answer, known = checked.problem, "given as a vector", None
+        if isinstance(solution, Solution):
+            answer = f"{solution.status.value}, {solution.method!r}"
+            known = solution.certificate if solution.problem is problem else None
+        of = known or certify(problem, checked.z)
+        residual, tolerance = finite(of.residual), finite(checked.tolerance)
+        bound, reason = of.error_bound, of.bound.reason
+        return cls(tuple(rows), repr(problem), answer, residual, checked.holds, bound, reason, tolerance)
 
     @property
     def agrees(self) -> bool:
@@ -71,32 +66,29 @@ class Report:
     def conclusion(self) -> str:
         """The report in a sentence or two."""
         others = [f"{self.count(v)} {v.value}" for v in Verdict if v is not Verdict.AGREES and self.count(v)]
-        made = len(self.rows) - self.count(Verdict.SKIPPED)
-        parts = [f"{self.count(Verdict.AGREES)} of {made} independent checks agree" if made else "", *others]
-        first = "; ".join(part for part in parts if part) or "No independent check was made"
-        if not made and self.rows:
-            first = f"No independent check could be made: {first}"
+        first = "No independent check was made"
+        if made := len(self.rows) - self.count(Verdict.SKIPPED):
+            first = "; ".join([f"{self.count(Verdict.AGREES)} of {made} independent checks agree", *others])
+        elif self.rows:
+            first = f"No independent check could be made: {others[0]}"
         wrong = "" if self.holds else " Its own residual is above tolerance."
         return f"{first}. The answer is {'' if self.agrees else 'not '}confirmed.{wrong}"
 
     def card(self) -> Card:
         """Problem, answer, residual and error bound."""
-        bound = "no certified error bound"
-        if self.error_bound is not None:
-            bound = f"|z - z*| <= {at_most(self.error_bound)}"
+        bound = "no certified error bound" if self.error_bound is None else f"|z - z*| <= {at_most(self.error_bound)}"
         residual, tolerance = ("-" if number is None else f"{number:.3g}" for number in (self.residual, self.tolerance))
         answer = f"{self.answer}; residual {residual}, {bound}"
-        compared = f"|z_foreign - z| <= {tolerance} in every entry"
-        return Card({"problem": self.problem, "answer": answer, "compared": compared})
+        return Card(
+            {"problem": self.problem, "answer": answer, "compared": f"|z_foreign - z| <= {tolerance} in every entry"}
+        )
 
     def table(self) -> Table:
         """The rows, numbers rounded to two digits."""
         heads = ("solver", "formulation", "verdict", "residual", "difference", "seconds", "note")
-        return Table("", heads, tuple(map(_cells, self.rows)))
-
-    def headline(self) -> str:
-        """Problem, answer, residual and error bound, in three lines."""
-        return str(self.card())
+        rows = [_plain(row) | {"formulation": row.formulation or "-"} for row in self.rows]
+        two = [{key: float(f"{x:.1e}") if isinstance(x, float) else x for key, x in row.items()} for row in rows]
+        return Table("", heads, tuple(tuple(row[head] for head in heads) for row in two))
 
     def __str__(self) -> str:
         return f"{self.card()}\n\n{self.table().to_text(width(_WIDTH))}\n\n{self.conclusion()}"
@@ -106,8 +98,8 @@ class Report:
 
     def to_csv(self, path: str | Path | None = None) -> str:
         """The rows as CSV with a header, numbers in full; written to `path` where one is given. Returns the text."""
-        heads = tuple(field.name for field in fields(Row))
-        return _written(Table("", heads, tuple(tuple(_plain(row).values()) for row in self.rows)).to_csv(), path)
+        rows = tuple(tuple(_plain(row).values()) for row in self.rows)
+        return _written(Table("", tuple(Row.__annotations__), rows).to_csv(), path)
 
     def to_json(self, path: str | Path | None = None) -> str:
         """Everything as strict JSON, unknown numbers null; written to `path` where one is given. Returns the text."""
@@ -118,11 +110,6 @@ class Report:
 
 def _plain(row: Row) -> dict[str, Any]:
     return {**asdict(row), "verdict": row.verdict.value}
-
-
-def _cells(row: Row) -> tuple[Any, ...]:
-    numbers = [None if one is None else float(f"{one:.1e}") for one in (row.residual, row.difference, row.seconds)]
-    return (row.solver, row.formulation or "-", row.verdict.value, *numbers, row.note)
 
 
 def _written(text: str, path: str | Path | None) -> str:

@@ -1,6 +1,6 @@
 """What is certain before a solve, as a page that a person can read."""
 
+from .explanation import Explanation, explain
 from .forecasts import Forecast
-from .page import Explanation, explain
 
 __all__ = ["Explanation", "Forecast", "explain"]

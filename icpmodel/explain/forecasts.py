@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..methods.aor import MNMAOR, MNMGS, MNMJ, MNMSOR
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD, MNMOD
 from ..methods.modulus import ModulusMember
+from ..numerics.rounding import at_most
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from ..theory.certificates.supersolution import SupersolutionProof
@@ -24,6 +25,15 @@ from ..theory.matrices.classes import MatrixClasses
 _FACTORISE_UP_TO = 20_000
 #: factors that differ by less, or are all rounding, are the same
 _TIE, _NOTHING = 1e-6, 1e-12
+#: titles of members that differ in one parameter alone, the simplest first
+_OMEGA = {label: f"MNMGS(), Omega = {label}" for label in ("D", "0.9 D", "1.5 D")}
+_THETA = {
+    "theta1=1, theta2=0 (mnmj)": "MNMJ(), Omega = D",
+    "theta1=theta2=1 (mnmgs)": "MNMGS(), Omega = D",
+    "theta1=theta2=0.9 (mnmsor)": "MNMSOR(theta1=0.9), Omega = D",
+    "theta1=theta2=1.1 (mnmsor)": "MNMSOR(theta1=1.1), Omega = D",
+    "theta1=1, theta2=2 (mnmaor)": "MNMAOR(theta2=2), Omega = D",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +50,7 @@ class Forecast:
     """
 
     title: str
-    method: Method
+    method: ModulusMember
     checks: dict[str, Check]
     rate: Rate | Answer
     steps: int | None
@@ -54,9 +64,26 @@ class Forecast:
     @property
     def proved_by(self) -> list[str]:
         """The theorems that prove convergence from every start."""
-        return [
-            name for name, check in self.checks.items() if check.holds and (name != "monotone" or self.supersolution)
-        ]
+        proved = [name for name, check in self.checks.items() if check.holds]
+        return [name for name in proved if name != "monotone" or self.supersolution]
+
+    @property
+    def isotone(self) -> bool:
+        """Whether its steps are monotone, from some starts only."""
+        return self.checks["monotone"].holds is True and not self.supersolution
+
+    @property
+    def theorems(self) -> str:
+        """The theorems of `proved_by`, in short."""
+        return ", ".join(self.proved_by).replace("4.1, 4.2, 4.3, 4.4", "4.1 to 4.4") or "none"
+
+    @property
+    def factorises(self) -> bool:
+        """Whether a step solves with a factorisation of X = M₁ + φ + Ω instead of sweeping over A."""
+        splitting = self.method.splitting_of()
+        if isinstance(splitting, Given):
+            return not MatrixClasses(splitting.M1).triangular.holds
+        return isinstance(splitting, Whole)
 
     def __repr__(self) -> str:
         return f"Forecast({self.title!r}, proved_by={self.proved_by}, factor={self.factor}, steps={self.steps})"
@@ -91,34 +118,35 @@ def forecasts_of(problem: ProblemData, methods: dict[str, Method], accuracy: flo
             yield Forecast(title, one, checks, rate, steps, supersolution)
 
 
-def recommended(among: Sequence[Forecast]) -> Forecast | None:
-    """The one that is proved to need the fewest steps, sweeps first; of equal factors the first, None without any."""
-    rated = [(forecast, forecast.factor) for forecast in among if forecast.factor is not None]
-    if not rated:
-        return None
-
-    def dear(forecast: Forecast) -> tuple[float, bool]:
-        return np.inf if forecast.steps is None else forecast.steps, factorises(forecast.method)
-
-    cheapest = min(dear(forecast) for forecast, _ in rated)
-    best = [(forecast, factor) for forecast, factor in rated if dear(forecast) == cheapest]
-    least = min(factor for _, factor in best)
-    return next(forecast for forecast, factor in best if tie(factor, least))
-
-
-def factorises(method: Method) -> bool:
-    """Whether a step of `method` solves with a factorisation of X = M₁ + φ + Ω instead of sweeping over A."""
-    splitting = method.splitting_of() if isinstance(method, ModulusMember) else None
-    if isinstance(splitting, Given):
-        return not MatrixClasses(splitting.M1).triangular.holds
-    return isinstance(splitting, Whole)
-
-
 def tie(one: float, other: float) -> bool:
     """Whether two factors per step differ by rounding only."""
     return abs(one - other) <= _TIE * max(one, other) or max(one, other) < _NOTHING
 
 
-def same(one: Method, other: Method) -> bool:
-    """Whether both are the same method with the same options."""
-    return type(one) is type(other) and all(np.array_equal(x, vars(other)[name]) for name, x in vars(one).items())
+def shown(factor: float) -> str:
+    """A proved factor per step as text, rounded upwards, but below 1."""
+    return at_most(factor, 6, below=1.0)
+
+
+def parameters(factors: dict[str, float | None]) -> Iterator[str]:
+    """Which Ω, and which θ₁ and θ₂, by the proved `factors` of members by title; nothing where there is no choice."""
+    best, text = _compared(factors, _OMEGA)
+    if best:
+        why = "; else the share |D-Omega|/(D+Omega) of a row's own error stays" if best == "D" else ""
+        yield f"Omega = {best}: the proved factor of mnmgs is {text}{why}"
+    best, text = _compared(factors, _THETA)
+    if best:
+        yield f"{best}: with Omega = D the proved factor is {text}"
+
+
+def _compared(factors: dict[str, float | None], titles: dict[str, str]) -> tuple[str, str]:
+    """The label with the smallest factor, and the sentence that holds it against the others; empty for one alone."""
+    known = {label: factors[title] for label, title in titles.items() if title in factors}
+    proved = {label: factor for label, factor in known.items() if factor is not None}
+    if len(known) < 2 or not proved:
+        return "", ""
+    best = next(label for label, factor in proved.items() if tie(factor, min(proved.values())))
+    first = shown(proved.pop(best)) + (f" with {best}" if len(best) < 6 else "")
+    others = [f"{label} gives {shown(factor)}" for factor, label in sorted((x, label) for label, x in proved.items())]
+    unproved = [f"for {label} nothing is proved" for label, factor in known.items() if factor is None]
+    return best, ", ".join([first, *others, *unproved])

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..algebra.relaxation import AUTO, jacobi_step, relaxation
-from ..algebra.sweeps import Stepped, in_a_row
+from ..algebra.steps import Stepped, in_a_row
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_number, described
 from ..problem.data import ProblemData

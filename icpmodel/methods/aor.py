@@ -17,7 +17,7 @@ from ..algebra.relaxation import (
     sor,
 )
 from ..algebra.splittings import AOR, Splitting
-from ..algebra.sweeps import AT_ONCE, Stepped, in_a_row
+from ..algebra.steps import AT_ONCE, Stepped, in_a_row
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from .contract import Iterate, Method

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.sweeps import Step, in_a_row
+from ..algebra.steps import Step, in_a_row
 from ..errors import InputError
 from ..numerics.arrays import Vector, described
 from ..numerics.plugins import load_plugins

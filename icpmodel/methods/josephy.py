@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..algebra.affine_lcp import DENSE_UP_TO, PIVOTS, AffineLcp
 from ..algebra.equations import derivative
-from ..algebra.pivoting import DENSE_UP_TO, PIVOTS, AffineLcp
 from ..errors import SingularOperator
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData

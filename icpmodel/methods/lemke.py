@@ -9,8 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..algebra.affine_lcp import DENSE_UP_TO, dense_lcp
 from ..algebra.equations import solve_on
-from ..algebra.pivoting import DENSE_UP_TO, dense_lcp
 from ..errors import SingularOperator
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from ..algebra.relaxation import check_diagonal
 from ..algebra.splittings import as_splitting
+from ..errors import MapError
 from ..numerics.arrays import Vector, as_number, as_vector
 from ..problem.data import ProblemData
 from .contract import Iterate, Method, positive_diagonal
@@ -48,8 +50,11 @@ class MMS(Method):
         as_number(self.inner, "inner", least=1, whole=True)
 
     def why_not(self, problem: ProblemData) -> str | None:
-        # x has no value where ψ_i = −∞
-        if problem.psi.takes_best or np.isneginf(problem.psi.value(np.zeros(problem.n))).any():
+        # x has no value where ψ_i = −∞; a ψ without a value at 0 is asked where the run begins
+        free = problem.psi.takes_best
+        with suppress(MapError):
+            free = free or bool(np.isneginf(problem.psi.value(np.zeros(problem.n))).any())
+        if free:
             return "MMS writes z - psi(z) = (|x| + x)/gamma, but a row may have no obstacle (psi = -inf)"
         return positive_diagonal(problem, "Omega = D/2 must be positive") if self.omega is None else None
 

@@ -33,7 +33,7 @@ from ..algebra.relaxation import (
     jacobi_step,
 )
 from ..algebra.splittings import AOR, Splitting, as_splitting
-from ..algebra.sweeps import Step
+from ..algebra.steps import Step
 from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData
 from .contract import FixedPoint, positive_diagonal

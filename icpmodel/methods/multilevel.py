@@ -24,8 +24,8 @@ import numpy as np
 
 from ..algebra.equations import derivative, is_factorised
 from ..algebra.hierarchy import Hierarchy, Level, Mask, NoHierarchy
+from ..algebra.steps import Step, compiled_step, in_a_row
 from ..algebra.subproblems import with_fixed_obstacle
-from ..algebra.sweeps import Step, compiled_step, in_a_row
 from ..numerics.arrays import Vector, inner, norm
 from ..problem.data import ProblemData
 from .contract import Iterate, Method, positive_diagonal

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ..algebra.sweeps import Step, compiled_step
+from ..algebra.steps import Step, compiled_step
 from ..numerics.arrays import as_number
 from ..problem.data import ProblemData
 from .contract import FixedPoint, positive_diagonal

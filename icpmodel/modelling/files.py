@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import io
 import json
-import os
+import secrets
 import shutil
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -34,9 +33,10 @@ from ..numerics.arrays import Vector
 from ..problem.affine import Affine
 from ..problem.data import as_problem
 from ..solve.solution import Solution
-from .matrix_market import read_matrix, read_vector
 
 _VERSION = 1
+#: a sparse vector may claim any length in a few bytes
+_LONGEST_VECTOR = 10**9
 #: kind of ψ → what is stored of it
 _KINDS: dict[str, tuple[str, ...]] = {"zero": (), "constant": ("c",), "affine": ("c", "G")}
 
@@ -57,15 +57,13 @@ def save_problem(problem: ICP, path: str | Path) -> None:
         raise InputError(f"psi is {psi!r}; only zero, constant and affine maps can be written to a file")
     G, c = psi.linear
     kind = "affine" if not psi.is_constant else "constant" if c.any() else "zero"
-    parts = {"A": problem.A, "q": problem.q} | {name: {"c": c, "G": G}[name] for name in _KINDS[kind]}
+    stored = {"A": problem.A, "q": problem.q, "c": c, "G": G}
+    parts = {name: stored[name] for name in ("A", "q", *_KINDS[kind])}
     if not str(path):
         raise FileError("the path is empty; the name of a folder or of an .npz file was expected")
     path = Path(path)
     with _writing(path):
-        if path.suffix.lower() == ".npz":
-            _write_npz(path, kind, parts)
-        else:
-            _write_folder(path, kind, parts)
+        (_write_npz if path.suffix.lower() == ".npz" else _write_folder)(path, kind, parts)
 
 
 def load_problem(path: str | Path, q: str | Path | None = None) -> ICP:
@@ -81,17 +79,13 @@ def load_problem(path: str | Path, q: str | Path | None = None) -> ICP:
     path = Path(path)
     if not path.exists():
         raise FileError(f"{path}: no such file or folder")
-    if path.is_dir():
-        if q is not None:
-            raise FileError(f"{path}: is a folder, which holds its own q; drop q")
-        return _problem(path, _read_folder(path))
-    if path.suffix.lower() == ".npz":
+    if path.is_dir() or path.suffix.lower() == ".npz":
         if q is not None:
             raise FileError(f"{path}: holds its own q; drop q")
-        return _problem(path, _read_npz(path))
+        return _problem(path, _read_folder(path) if path.is_dir() else _read_npz(path))
     if q is None:
         raise FileError(f"{path}: is neither an .npz file nor a folder; a Matrix Market file of A needs its q as well")
-    A, vector = read_matrix(path), read_vector(Path(q))
+    A, vector = _read_matrix(path), _read_vector(Path(q))
     if vector.size != A.shape[0]:
         raise FileError(f"{q}: holds {vector.size} numbers; {A.shape[0]} were expected, the rows of {path}")
     return _problem(path, {"A": A, "q": vector})
@@ -124,10 +118,9 @@ def load_solution(path: str | Path) -> dict[str, Any]:
     Traceback (most recent call last):
     icpmodel.errors.FileError: nowhere.npz: no such file or folder
     """
-    path = Path(path)
-    fields = _load_npz(path, ("z", "p", "r", "about"))
-    z = _npz_vector(path, fields, "z", None)
-    p, r = (_npz_vector(path, fields, name, z.size) for name in ("p", "r"))
+    fields = _Fields(Path(path))
+    z = fields.vector("z")
+    p, r = (fields.vector(name, z.size) for name in ("p", "r"))
     return {"z": z, "p": p, "r": r, "about": _json(f"{path}: field about", str(fields["about"]))}
 
 
@@ -160,25 +153,16 @@ def _write_npz(path: Path, kind: str, parts: dict[str, Any]) -> None:
 def _write_whole(path: Path, arrays: dict[str, Any]) -> None:
     """Write beside `path` and rename, so that an interruption leaves the old file or the new one."""
     path = path.resolve()  # of a link, the file behind it
-    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, suffix=".part", delete=False) as file:
-        beside = Path(file.name)
+    beside = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
+    with beside.open("xb") as file:
         try:
-            np.savez_compressed(file, **arrays)
-            file.close()
             if path.exists():
                 shutil.copymode(path, beside)
-            else:
-                beside.chmod(0o666 & ~_umask())
+            np.savez_compressed(file, **arrays)
+            file.close()
             beside.replace(path)
         finally:
             beside.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    """The user's file mode mask, which can be read only by setting it."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _write_folder(path: Path, kind: str, parts: dict[str, Any]) -> None:
@@ -197,9 +181,9 @@ def _write_folder(path: Path, kind: str, parts: dict[str, Any]) -> None:
 
 def _read_folder(path: Path) -> dict[str, Any]:
     declared = path / "psi.json"
-    if not declared.is_file() and not (path / "A.mtx").is_file():
-        raise FileError(f"{path}: the folder holds no saved problem; psi.json, A.mtx and q.mtx were expected")
     if not declared.is_file():
+        if not (path / "A.mtx").is_file():
+            raise FileError(f"{path}: the folder holds no saved problem; psi.json, A.mtx and q.mtx were expected")
         raise FileError(f'{declared}: no such file; it declares psi, for an LCP as {{"psi": "zero"}}')
     try:
         text = declared.read_text()
@@ -209,67 +193,90 @@ def _read_folder(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict) or content.keys() != {"psi"}:
         found = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
         raise FileError(f'{declared}: {found}; the field psi alone was expected, for an LCP {{"psi": "zero"}}')
-    readers = {"A": read_matrix, "q": read_vector, "c": read_vector, "G": read_matrix}
+    readers = {"A": _read_matrix, "q": _read_vector, "c": _read_vector, "G": _read_matrix}
     return {name: readers[name](path / f"{name}.mtx") for name in ("A", "q", *_stored(declared, content["psi"]))}
 
 
+class _Fields(dict[str, np.ndarray]):
+    """The arrays of an `.npz` file by name; one that is missing is an error of the file."""
+
+    def __init__(self, path: Path) -> None:
+        if not path.is_file():
+            raise FileError(f"{path}: no such file or folder")
+        self.path = path
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                super().__init__({name: archive[name] for name in archive.files})
+        except ValueError as error:  # NumPy would have to unpickle something; its message says how, which must not be
+            raise FileError(f"{path}: not an .npz file of plain arrays") from error
+        except (OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+            raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
+
+    def __missing__(self, name: str) -> np.ndarray:
+        raise FileError(f"{self.path}: field {name} is missing; found {', '.join(sorted(self)) or 'none'}")
+
+    def vector(self, name: str, size: int | None = None, kinds: str = "biuf") -> Vector:
+        """The field `name`, a vector of `size` numbers of the `kinds` that NumPy has letters for."""
+        array = self[name]
+        if array.ndim != 1 or array.dtype.kind not in kinds or size not in (None, array.size):
+            numbers = "integers" if kinds == "iu" else "numbers"
+            wanted = f"a vector of {numbers}" if size is None else f"{size} {numbers}"
+            found = f"shape {array.shape}, dtype {array.dtype}"
+            raise FileError(f"{self.path}: field {name} has {found}; {wanted} expected")
+        return array
+
+    def matrix(self, name: str, n: int) -> sp.csr_array:
+        """The CSR matrix of shape (n, n) in three fields."""
+        data = self.vector(f"{name}_data")
+        indptr, indices = self.vector(f"{name}_indptr", n + 1, "iu"), self.vector(f"{name}_indices", data.size, "iu")
+        # SciPy's own check lets some of these pass and its compiled code then writes out of bounds
+        ordered = indptr[0] == 0 and indptr[-1] == data.size and bool((indptr[1:] >= indptr[:-1]).all())
+        if not ordered or ((indices < 0) | (indices >= n)).any():
+            raise FileError(f"{self.path}: fields {name}_* are not a CSR matrix of shape ({n}, {n})")
+        return sp.csr_array((data, indices.astype(np.int64), indptr.astype(np.int64)), shape=(n, n))
+
+
 def _read_npz(path: Path) -> dict[str, Any]:
-    fields = _load_npz(path, ("format", "psi", "q"))
-    if fields["format"].shape != () or fields["format"].dtype.kind != "i" or int(fields["format"]) != _VERSION:
-        raise FileError(f"{path}: field format is {fields['format']}; {_VERSION} was expected")
-    of_psi = _stored(path, str(fields["psi"]))
-    q = _npz_vector(path, fields, "q", None)
-    readers = {"A": _npz_matrix, "c": _npz_vector, "G": _npz_matrix}
-    return {"q": q} | {name: readers[name](path, fields, name, q.size) for name in ("A", *of_psi)}
+    fields = _Fields(path)
+    version = fields["format"]
+    if version.shape != () or version.dtype.kind != "i" or int(version) != _VERSION:
+        raise FileError(f"{path}: field format is {version}; {_VERSION} was expected")
+    of_psi, q = _stored(path, str(fields["psi"])), fields.vector("q")
+    readers: dict[str, Any] = {"A": fields.matrix, "c": fields.vector, "G": fields.matrix}
+    return {"q": q} | {name: readers[name](name, q.size) for name in ("A", *of_psi)}
 
 
-def _load_npz(path: Path, wanted: tuple[str, ...]) -> dict[str, np.ndarray]:
+def _read_matrix(path: Path) -> Any:
+    """A sparse or dense matrix from a Matrix Market file, whatever that claims to hold."""
+    from scipy.io import mminfo, mmread
+
     if not path.is_file():
-        raise FileError(f"{path}: no such file or folder")
+        raise FileError(f"{path}: no such file")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            fields = {name: archive[name] for name in archive.files}
-    except ValueError as error:  # NumPy would have to unpickle something; its message says how, which must not be done
-        raise FileError(f"{path}: not an .npz file of plain arrays") from error
-    except (OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
-    for name in wanted:
-        _field(path, fields, name)
-    return fields
+        path.open("rb").close()  # says so if it may not be read; SciPy would call its banner missing
+        # SciPy allocates what the header promises
+        rows, columns, entries, *_ = mminfo(path)
+        if entries <= path.stat().st_size or path.suffix in (".gz", ".bz2"):
+            return mmread(path, spmatrix=False)
+    except PermissionError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, OverflowError, OSError, EOFError) as error:
+        raise FileError(f"{path}: not a readable Matrix Market file ({error})") from error
+    found = f"its header promises {rows} x {columns} with {entries} entries"
+    raise FileError(f"{path}: {found}, which do not fit into {path.stat().st_size} bytes; is the file truncated?")
 
 
-def _field(path: Path, fields: dict[str, np.ndarray], name: str) -> np.ndarray:
-    if name not in fields:
-        raise FileError(f"{path}: field {name} is missing; found {', '.join(sorted(fields)) or 'none'}")
-    return fields[name]
-
-
-def _npz_vector(path: Path, fields: dict[str, np.ndarray], name: str, n: int | None) -> Vector:
-    vector = _field(path, fields, name)
-    if vector.ndim != 1 or vector.dtype.kind not in "biuf" or (n is not None and vector.size != n):
-        wanted = "a vector of numbers" if n is None else f"{n} numbers"
-        raise FileError(f"{path}: field {name} has shape {vector.shape}, dtype {vector.dtype}; {wanted} expected")
-    return vector
-
-
-def _npz_matrix(path: Path, fields: dict[str, np.ndarray], name: str, n: int) -> sp.csr_array:
-    indptr = _field(path, fields, f"{name}_indptr")
-    indices = _field(path, fields, f"{name}_indices")
-    data = _npz_vector(path, fields, f"{name}_data", None)
-    for field, array, wanted in ((f"{name}_indptr", indptr, n + 1), (f"{name}_indices", indices, data.size)):
-        if array.shape != (wanted,) or array.dtype.kind not in "iu":
-            raise FileError(
-                f"{path}: field {field} has shape {array.shape}, dtype {array.dtype}; {wanted} integers expected"
-            )
-    # SciPy's own check lets some of these pass and its compiled code then writes out of bounds
-    ordered = indptr[0] == 0 and indptr[-1] == data.size and bool((indptr[1:] >= indptr[:-1]).all())
-    if not ordered or ((indices < 0) | (indices >= n)).any():
-        raise FileError(f"{path}: fields {name}_* are not a CSR matrix of shape ({n}, {n})")
-    return sp.csr_array((data, indices.astype(np.int64), indptr.astype(np.int64)), shape=(n, n))
+def _read_vector(path: Path) -> Vector:
+    """A vector, shape (n,), from a Matrix Market file of n × 1 or 1 × n."""
+    matrix = _read_matrix(path)
+    if 1 not in matrix.shape:
+        raise FileError(f"{path}: holds a matrix of shape {matrix.shape}; a vector (n x 1) was expected")
+    if max(matrix.shape) > _LONGEST_VECTOR:
+        raise FileError(f"{path}: holds a vector of shape {matrix.shape}; at most {_LONGEST_VECTOR} entries are read")
+    return np.asarray(matrix.toarray() if sp.issparse(matrix) else matrix).reshape(-1)
 
 
 def _stored(path: Path, kind: Any) -> tuple[str, ...]:
-    """What there is to read of a ψ of this `kind`."""
     if not isinstance(kind, str) or kind not in _KINDS:
         raise FileError(f"{path}: field psi is {kind!r}; one of {', '.join(_KINDS)} was expected")
     return _KINDS[kind]

@@ -14,24 +14,16 @@ Columns = NDArray[np.intp]
 
 
 def looks_like_r(R: sp.csr_array) -> int:
-    """How much Rz + … looks like z − ψ(z): 2 one positive entry alone in each row, no column twice; 1 a 1 in each row;
-    0 neither.
-
-    Parameters: `R` CSR, shape (m, n), without stored zeros.
-    """
+    """How much Rz + … looks like z − ψ(z), R without stored zeros: 2 one positive entry alone in each row, no column
+    twice; 1 a 1 in each row; 0 neither."""
     if _is_alone(R) and np.bincount(R.indices, minlength=1).max() == 1:
         return 2
-    with_one = np.zeros(R.shape[0], dtype=bool)
-    with_one[row_of(R)[R.data == 1.0]] = True
-    return int(with_one.all())
+    return int(np.unique(row_of(R)[R.data == 1.0]).size == R.shape[0])
 
 
 def own_entries(R: sp.csr_array) -> Columns | None:
-    """The own column of each row of `R`, CSR (n, n): a permutation with positive entries; None if there is none.
-
-    An entry that is 1 is taken before others, as z − ψ(z) is mostly written so, then the largest. Where rows compete,
-    the choice for all of them together is the one that costs least: 1 for a 1, else 2 + log(the row's largest / entry).
-    """
+    """The own column of each row of `R`, CSR (n, n): a permutation with positive entries; None if there is none. It
+    costs least in all: 1 for a 1, as z − ψ(z) is mostly written so, else 2 + log(the row's largest / entry)."""
     n = R.shape[0]
     if _is_alone(R):
         return R.indices.astype(np.intp) if np.bincount(R.indices).max() == 1 else None
@@ -53,10 +45,7 @@ def unowned(R: sp.csr_array) -> tuple[int, int]:
 
 
 def cheapest(rows: Columns, columns: Columns, cost: NDArray[np.float64], n: int) -> Columns | None:
-    """One of its columns for each of n rows, none for two, that together cost least; None where that cannot be.
-
-    Parameters: the pairs (row, column), every row in one of them at least, and the `cost` of each.
-    """
+    """One of its columns for each of n rows, none for two, that together cost least; None where that cannot be."""
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
     order = np.lexsort((cost, rows))

@@ -1,7 +1,7 @@
 """Tables and cards: one description, shown as text, HTML or CSV; this room knows nothing of what it shows."""
 
 from .card import Card
-from .page import render
+from .rendering import render
 from .table import Table
 
 __all__ = ["Card", "Table", "render"]

@@ -1,15 +1,15 @@
-"""A card: names and texts, one below the other, as text and as HTML."""
+"""Cards, names beside texts, and sections, titles above texts, as text and as HTML."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
 
-from .page import render
-from .terminal import width
+from .rendering import render
+from .table import width
 
-#: the longest lines of a card, and the columns of its names
-_WIDTH, _NAMES = 100, 9
+#: the longest lines of a card, the columns of its names, and the longest lines of sections
+_WIDTH, _NAMES, _PAGE = 100, 9, 116
 
 
 class Card:
@@ -37,3 +37,29 @@ class Card:
     def to_html(self) -> str:
         """The card as an HTML table."""
         return render("card.html", rows=self.rows)
+
+
+class Sections:
+    """Title → text, whose lines are indented below the title; a line that is wider than the page is wrapped."""
+
+    def __init__(self, sections: Mapping[str, str]) -> None:
+        self.sections = dict(sections)
+
+    def __str__(self) -> str:
+        parts = ["\n".join([title, *map(_indented, text.splitlines())]) for title, text in self.sections.items()]
+        return "\n\n".join(parts)
+
+    def to_html(self) -> str:
+        """The sections as headings and preformatted texts."""
+        return render("sections.html", sections=self.sections)
+
+
+def inner_width() -> int:
+    """The columns that a table in a section may have."""
+    return min(width(_PAGE), _PAGE) - 2
+
+
+def _indented(line: str) -> str:
+    if len(line) <= inner_width():  # a line of a table keeps its columns
+        return f"  {line}"
+    return textwrap.fill(line, inner_width() + 2, initial_indent="  ", subsequent_indent="    ")

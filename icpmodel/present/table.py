@@ -1,14 +1,15 @@
-"""A table: one description, shown as text, HTML or CSV."""
+"""A table: one description, shown as text, HTML or CSV; and how much fits beside each other where texts are printed."""
 
 from __future__ import annotations
 
 import csv
 import io
+import shutil
+import sys
 from dataclasses import dataclass
 from typing import Any
 
-from .page import render
-from .terminal import width
+from .rendering import render
 
 #: in a file or a pipe a line is as long as it needs to be
 _UNBOUNDED = 10_000
@@ -59,6 +60,10 @@ class Table:
         console.print(grid, crop=False)
         return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
 
+    def records(self) -> list[dict[str, Any]]:
+        """The rows as head → cell."""
+        return [dict(zip(self.heads, row, strict=True)) for row in self.rows]
+
     def to_html(self) -> str:
         """The table as HTML, with the title as its caption."""
         numbers = [not self._is_text(k) for k in range(len(self.heads))]
@@ -81,3 +86,10 @@ def _text(cell: Any) -> str:
     if cell is None:
         return "-"
     return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+
+
+def width(otherwise: int) -> int:
+    """The columns of the terminal that standard output is; `otherwise` where it is none, such as a file or a pipe."""
+    if sys.stdout is None or not sys.stdout.isatty():
+        return otherwise
+    return max(shutil.get_terminal_size().columns, 40)

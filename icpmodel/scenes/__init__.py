@@ -12,7 +12,7 @@ import pkgutil
 from typing import Any
 
 from ..errors import InputError
-from .registry import Builder, Quantity, Scene, builders, register, size
+from .registry import Builder, Quantity, Scene, builders, register, size, title_of
 
 __all__ = ["Quantity", "Scene", "names", "parameters", "register", "scene", "titles"]
 
@@ -40,12 +40,10 @@ def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
         if parameter not in known:
             listed = ", ".join(known) or "none"
             raise InputError(f"{name} has no parameter {parameter!r}; its parameters are: {listed}")
-    if n is None:
-        return build(**parameters)
-    if "n" in known:
+    if n is not None and "n" in known:
         return build(n=n, **parameters)
     built = build(**parameters)
-    if size(n) != built.problem.n:
+    if n is not None and size(n) != built.problem.n:
         raise InputError(f"n is {n!r}; {name} has one size only, n = {built.problem.n}")
     return built
 
@@ -65,9 +63,7 @@ def titles() -> dict[str, str]:
     >>> titles()["coulomb"]
     'A block on a slope with dry friction'
     """
-    return {
-        name: (build.__doc__ or "").strip().splitlines()[0].rstrip(".") for name, build in sorted(builders().items())
-    }
+    return {name: title_of(build) for name, build in sorted(builders().items())}
 
 
 def parameters(name: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Contact: membranes pressed down onto obstacles."""
+"""Contact: membranes over obstacles, and a block that slips or stays."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import numpy as np
 
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
+from ..problem.affine import Affine
 from .grid import five_point, side, square_points
-from .registry import Quantity, Scene, at_least, register
+from .registry import Quantity, Scene, register, size
 
 #: ball obstacle: contact radius a, and u = SLOPE·ln r + LEVEL outside of it
 RADIUS, SLOPE, LEVEL = 0.697965148223374, -0.680259411891719, 0.471519893402112
@@ -24,7 +25,6 @@ def membrane(n: int = 900, mu: float = 0.0, skew: float = 0.0) -> Scene:
     `mu` ≥ 0 is added to the diagonal (an elastic bed of stiffness μ/h²); `skew` in [−1, 1] tilts the stencil (a flow
     of velocity (b, b), b = 2·skew/h) and makes A nonsymmetric.
     Units: lengths in sides of the square; p is h² times the force per area that the obstacle exerts.
-    Returns a scene without reference.
     Reference: Rodrigues, Obstacle Problems in Mathematical Physics (1987).
     """
     m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
@@ -43,36 +43,54 @@ def membrane(n: int = 900, mu: float = 0.0, skew: float = 0.0) -> Scene:
 def ball(n: int = 900) -> Scene:
     """A membrane over a ball, with a known contact circle.
 
-    −Δu ≥ 0, u ≥ ψ, (−Δu)(u − ψ) = 0 on [−2, 2]², ψ = √(1 − r²) for r < 1, boundary values from the solution
-    u = √(1 − r²) for r ≤ a, −.680259… ln r + .471519… for r > a, a = .697965… (u and u′ continuous at a, u = 0 at 2).
-    Discretised by the 5-point stencil on m × m interior points, h = 4/(m + 1), rows multiplied by h².
-    For r ≥ 1 the obstacle is −1: u is nowhere below its boundary values (maximum principle), and they are above
-    −.24, so −1 is never touched; unlike −∞ it is a number that every solver takes.
-    Units: lengths in radii of the ball; p is h² times force per area over tension, so Σp is force over tension.
-    Quantities: "u", the largest |z − u| over the grid; "contact radius" from the force Σp = 2πa²/√(1 − a²), which
-    averages over the contact circle where counting contact points would jump. Both are O(h²) (u up to a factor ln h)
-    with a factor that depends on where the circle cuts the cells: measured at most .4h² and .06h².
-    Raises InputError for n < 16.
+    −Δu ≥ 0, u ≥ ψ, (−Δu)(u − ψ) = 0 on [−2, 2]², ψ = √(1 − r²) for r < 1, boundary values from the solution u = √(1 −
+    r²) for r ≤ a, −.680259… ln r + .471519… for r > a, a = .697965… (u and u′ continuous at a, u = 0 at 2).
+    Discretised by the 5-point stencil on m × m interior points, h = 4/(m + 1), rows multiplied by h². For r ≥ 1 the
+    obstacle is −1: u is nowhere below its boundary values (maximum principle), and they are above −.24, so −1 is never
+    touched; unlike −∞ it is a number that every solver takes. Units: lengths in radii of the ball; p is h² times force
+    per area over tension, so Σp is force over tension. Quantities: "u", the largest |z − u| over the grid; "contact
+    radius" from the force Σp = 2πa²/√(1 − a²), which averages over the contact circle where counting contact points
+    would jump. Both are O(h²) (u up to a factor ln h) with a factor that depends on where the circle cuts the cells:
+    measured at most .4h² and .06h². Raises InputError for n < 16.
     Reference: Bueler, PETSc for Partial Differential Equations (2020), chapter 12, doi:10.1137/1.9781611976311.
     """
-    m = side(at_least(n, 16))
+    m = side(size(n, 16))
     h = 2 * HALF / (m + 1)
     points = square_points(-HALF, HALF, m)
     r = np.hypot(points[:, 0], points[:, 1])
     psi = np.where(r < 1.0, np.sqrt(np.maximum(1.0 - r**2, 0.0)), -1.0)
     u = _ball_solution(r)
     problem = ICP(five_point(m), -_boundary_sum(m), psi)
-    quantities = {
+    known = {
         "u": Quantity(0.0, lambda z: float(np.max(np.abs(z - u))), order=2.0),
         "contact radius": Quantity(RADIUS, lambda z: _radius(float(problem.p(z).sum())), order=2.0),
     }
-    return Scene(
-        problem=problem,
-        models="A membrane held along the edge of a square and lifted by a ball from below.",
-        quantities=quantities,
-        h=h,
-        points=points,
-    )
+    models = "A membrane held along the edge of a square and lifted by a ball from below."
+    return Scene(problem=problem, models=models, quantities=known, h=h, points=points)
+
+
+@register
+def coulomb(alpha: float = 30.0, mu: float = 0.3, mass: float = 1.0, g: float = 9.81, dt: float = 0.1) -> Scene:
+    """A block on a slope with dry friction.
+
+    One time step from rest of a block on a plane of slope α, which can slip downhill only. Unknowns are the impulses
+    z = (λ_n, λ_t) of contact and friction; p = z/m + gΔt(−cos α, sin α) is the velocity off the plane and downhill;
+    λ_n ≥ 0, and Coulomb's law bounds friction by the normal impulse: λ_t ≥ −μλ_n, so ψ(z) = (0, −μλ_n).
+    λ_n = m g Δt cos α; the block slips iff tan α > μ, and then λ_t = −μλ_n, else λ_t = −m g Δt sin α (z is negative).
+    Parameters: `alpha` in degrees, 0 ≤ α ≤ 89; `mu` ≥ 0 (no unit); `mass` in kg; `g` in m/s²; `dt` in s. z is in N s,
+    p in m/s. Quantity: "slip speed" in m/s, exact.
+    Reference: Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008).
+    """
+    slope = np.deg2rad(as_number(alpha, "alpha", least=0, most=89))
+    mu, mass = as_number(mu, "mu", least=0), as_number(mass, "mass", above=0)
+    push = as_number(g, "g", above=0) * as_number(dt, "dt", above=0)
+    sine, cosine = float(np.sin(slope)), float(np.cos(slope))
+    normal = mass * push * cosine
+    z = np.array([normal, -min(mass * push * sine, mu * normal)])
+    problem = ICP(np.eye(2) / mass, push * np.array([-cosine, sine]), Affine([[0.0, 0.0], [-mu, 0.0]]))
+    speed = Quantity(max(0.0, push * (sine - mu * cosine)), lambda z: float(problem.p(z)[1]), order=None)
+    models = "Whether a block put on a slope stays or slips within one time step, and the impulses that decide it."
+    return Scene(problem=problem, models=models, z_exact=z, quantities={"slip speed": speed})
 
 
 def _ball_solution(r: Vector) -> Vector:
@@ -85,8 +103,7 @@ def _boundary_sum(m: int) -> Vector:
     line = np.linspace(-HALF, HALF, m + 2)
     values = _ball_solution(np.hypot(line[:, None], line))
     values[1:-1, 1:-1] = 0.0
-    around = values[:-2, 1:-1] + values[2:, 1:-1] + values[1:-1, :-2] + values[1:-1, 2:]
-    return around.ravel()
+    return (values[:-2, 1:-1] + values[2:, 1:-1] + values[1:-1, :-2] + values[1:-1, 2:]).ravel()
 
 
 def _radius(force: float) -> float:

@@ -17,10 +17,8 @@ def side(n: int) -> int:
 
 def five_point(m: int, mu: float = 0.0, skew: float = 0.0) -> sp.csr_array:
     """h² times the 5-point operator on m × m interior points, zero boundary values, plus `mu` on the diagonal.
-
-    Tridiag(−(1+s)I, S, −(1−s)I) + μI with S = tridiag(−(1+s), 4, −(1−s)) and s = `skew`. Unknown i·m + j stands at
-    (x, y) = ((j + 1)h, (i + 1)h). s = 0 is h²(−Δ); s ≠ 0 adds a flow of velocity (b, b), s = bh/2.
-    """
+    Tridiag(−(1+s)I, S, −(1−s)I) + μI with S = tridiag(−(1+s), 4, −(1−s)) and s = `skew`. Unknown i·m + j stands at (x,
+    y) = ((j + 1)h, (i + 1)h). s = 0 is h²(−Δ); s ≠ 0 adds a flow of velocity (b, b), s = bh/2."""
     line = neighbours(m, -(1.0 + skew), -(1.0 - skew))
     eye = sp.eye_array(m)
     return sp.csr_array(sp.kron(eye, line) + sp.kron(line, eye) + (4.0 + mu) * sp.eye_array(m * m))
@@ -39,8 +37,7 @@ def neighbours(m: int, left: float, right: float) -> Any:
 
 def tridiagonal(left: Vector, middle: Vector, right: Vector) -> Any:
     """The CSR matrix with these three diagonals; `middle` has shape (n,), the others (n − 1,). Zeros are not stored."""
-    bands: Any = [left, middle, right]
-    matrix = sp.csr_array(sp.diags_array(bands, offsets=(-1, 0, 1)))
+    matrix: Any = sp.csr_array(sp.diags_array([left, middle, right], offsets=(-1, 0, 1)))
     matrix.eliminate_zeros()
     return matrix
 
@@ -48,8 +45,7 @@ def tridiagonal(left: Vector, middle: Vector, right: Vector) -> Any:
 def square_points(low: float, high: float, m: int) -> Vector:
     """Coordinates of the m × m interior points of [low, high]², shape (m², 2), in the order of `five_point`."""
     line = np.linspace(low, high, m + 2)[1:-1]
-    x, y = np.meshgrid(line, line)
-    return np.column_stack([x.ravel(), y.ravel()])
+    return np.column_stack([np.tile(line, m), np.repeat(line, m)])
 
 
 def level_crossing(x: Vector, y: Vector, level: float) -> float:

@@ -15,7 +15,6 @@ PAIR = [[2.0, -1.0], [-1.0, 2.0]]
 
 
 def by_hand(A: Any, q: Any, psi: Any, z: Any, models: str, z0: Any = None) -> Scene:
-    """The scene with the solution `z` and the start `z0`."""
     start = None if z0 is None else np.array(z0, dtype=float)
     return Scene(problem=ICP(A, q, psi), models=models, z_exact=np.array(z, dtype=float), z0=start)
 
@@ -68,8 +67,7 @@ def hand_cyclic() -> Scene:
 
     A = [1, 0, 2; 2, 1, 0; 0, 2, 1], q = −(1, 1, 1), ψ = 0. Every row sum is 3, so z* = (1, 1, 1)/3 has p* = 0.
     From `z0` = (1, 0, 0) the active-set Newton iteration repeats three points at residual √10.
-    Reference: Ben Gharbia and Gilbert, Math. Program.
-    134 (2012), doi:10.1007/s10107-010-0439-6.
+    Reference: Ben Gharbia and Gilbert, Math. Program. 134 (2012), doi:10.1007/s10107-010-0439-6.
     """
     A = [[1, 0, 2], [2, 1, 0], [0, 2, 1]]
     models = "Three quantities in a ring, each pushed by the one before it, that settle at the same level."
@@ -84,9 +82,8 @@ def hand_splittings() -> Scene:
     z₂ = 1 − .9z₁; hence 1.81z₁ = 1.9 and z* = (190, 10)/181, p* = (0, 382)/181, r* = (18, 0)/181.
     From `z0` = (5, −7) MNMJ with Ω = D converges, MNMGS with Ω = D and MNMOD do not.
     """
-    psi = Affine([[0.0, -0.9], [-0.9, 0.0]], 1.0)
+    A, psi = [[1.0, -0.9], [-0.9, 1.0]], Affine([[0.0, -0.9], [-0.9, 0.0]], 1.0)
     models = "Two partners who pull each other up while the floor of each sinks as the other rises."
-    A = [[1.0, -0.9], [-0.9, 1.0]]
     return by_hand(A, [-1, 3], psi, [190 / 181, 10 / 181], models, z0=[5, -7])
 
 

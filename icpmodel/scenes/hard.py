@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import InputError
 from ..icp import ICP
-from ..numerics.arrays import Vector, as_number
+from ..numerics.arrays import as_number
 from ..problem.affine import Affine
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from .grid import five_point, neighbours, side, square_points, tridiagonal
 from .hand import PAIR, by_hand
 from .manufactured import complementary, manufactured
-from .registry import Quantity, Scene, at_least, register
+from .registry import Quantity, Scene, register, size
 
 
 @register
@@ -25,11 +24,9 @@ def hard_infeasible() -> Scene:
     of the linear programme min 2x, x ≤ −1, x ≥ 0. Honest: INFEASIBLE where that is proved, else anything but solved.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
-    return Scene(
-        problem=ICP([[0.0, 1.0], [-1.0, 0.0]], [-2.0, -1.0]),
-        models="A linear programme without a feasible point, and its dual.",
-        why_no_solution="p[1] = -z[0] - 1 >= 0 and z[0] >= 0 exclude each other",
-    )
+    why = "p[1] = -z[0] - 1 >= 0 and z[0] >= 0 exclude each other"
+    models = "A linear programme without a feasible point, and its dual."
+    return Scene(problem=ICP([[0.0, 1.0], [-1.0, 0.0]], [-2.0, -1.0]), models=models, why_no_solution=why)
 
 
 @register
@@ -37,14 +34,11 @@ def hard_many() -> Scene:
     """Hard: an LCP with a half-line of solutions.
 
     A = [1, −1; −1, 1], q = (1, −1), ψ = 0: p₁ = −p₂, so both are 0 and z = (t, t + 1) for every t ≥ 0. A is singular
-    and semidefinite. Honest: solved, and no claim that the solution is unique.
-    Quantity: "z2 - z1" = 1.
+    and semidefinite. Honest: solved, and no claim that the solution is unique. Quantity: "z2 - z1" = 1.
     """
-    return Scene(
-        problem=ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, -1.0]),
-        models="Two carriages coupled by a spring on a track, free to roll together.",
-        quantities={"z2 - z1": Quantity(1.0, lambda z: float(z[1] - z[0]), order=None)},
-    )
+    models = "Two carriages coupled by a spring on a track, free to roll together."
+    known = {"z2 - z1": Quantity(1.0, lambda z: float(z[1] - z[0]), order=None)}
+    return Scene(problem=ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, -1.0]), models=models, quantities=known)
 
 
 @register
@@ -55,11 +49,9 @@ def hard_steep() -> Scene:
     z = 2 (r = 0) both solve. Honest: solved, and no claim that the solution is unique; sweeps may diverge.
     Quantity: "|z - 1/2|" = 1½.
     """
-    return Scene(
-        problem=ICP([[1.0]], [1.0], Affine([[1.5]], -1.0)),
-        models="A spring under a hand that follows it too eagerly.",
-        quantities={"|z - 1/2|": Quantity(1.5, lambda z: float(abs(z[0] - 0.5)), order=None)},
-    )
+    models = "A spring under a hand that follows it too eagerly."
+    known = {"|z - 1/2|": Quantity(1.5, lambda z: float(abs(z[0] - 0.5)), order=None)}
+    return Scene(problem=ICP([[1.0]], [1.0], Affine([[1.5]], -1.0)), models=models, quantities=known)
 
 
 @register
@@ -67,15 +59,12 @@ def hard_jump() -> Scene:
     """Hard: an obstacle that gives way.
 
     A = 1, q = −½, ψ(z) = 1 for z < ¾ and 0 from there on. Below ¾ r = z − 1 < −¼; from ¾ on r = z > 0 and
-    p = z − ½ > 0: the residual is at least ¼, and there is no solution, though p and r take either sign.
-    Honest: cycled or stagnated.
-    (Were it to give way at 1, just when it is touched, z = 1 − ε would have the residual ε and pass for a solution.)
+    p = z − ½ > 0: the residual is at least ¼, and there is no solution, though p and r take either sign. (Were it to
+    give way at 1, z = 1 − ε would have the residual ε and pass for a solution.) Honest: cycled or stagnated.
     """
-    return Scene(
-        problem=ICP([[1.0]], [-0.5], Function(lambda z: np.where(z < 0.75, 1.0, 0.0))),
-        models="A weight on a trapdoor that opens under it.",
-        why_no_solution="r < 0 below 3/4, and from there on p and r are both positive",
-    )
+    problem = ICP([[1.0]], [-0.5], Function(lambda z: np.where(z < 0.75, 1.0, 0.0)))
+    why = "r < 0 below 3/4, and from there on p and r are both positive"
+    return Scene(problem=problem, models="A weight on a trapdoor that opens under it.", why_no_solution=why)
 
 
 @register
@@ -87,20 +76,12 @@ def hard_domain() -> Scene:
     there after a while only. Honest: ψ failed, with the best iterate before it did.
     """
 
-    def psi(z: Vector) -> Vector:
-        with np.errstate(invalid="ignore"):
-            return -np.sqrt(2.0 - z)
-
-    def slope(z: Vector) -> Vector:
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return 0.5 / np.sqrt(2.0 - z)
-
-    n = 31
-    A = neighbours(n, -1.0, -1.0) + 2.0 * sp.eye_array(n)
+    psi = lambda z: -np.sqrt(np.where(z <= 2.0, 2.0 - z, np.nan))  # noqa: E731
+    slope = lambda z: 0.5 / np.sqrt(np.where(z < 2.0, 2.0 - z, np.nan))  # noqa: E731
+    problem = ICP(neighbours(31, -1.0, -1.0) + 2.0 * sp.eye_array(31), np.full(31, -0.1), Elementwise(psi, slope))
+    models = "A string pulled up out of the region where the shape of its support is known."
     return Scene(
-        problem=ICP(A, np.full(n, -0.1), Elementwise(psi, slope)),
-        models="A string pulled up out of the region where the shape of its support is known.",
-        why_no_solution="p >= 0 lifts z out of the domain of psi, row 1 already",
+        problem=problem, models=models, why_no_solution="p >= 0 lifts z out of the domain of psi, row 1 already"
     )
 
 
@@ -112,7 +93,7 @@ def hard_skew(n: int = 100, skew: float = 10.0, seed: int = 0) -> Scene:
     hence a P-matrix, but far from H₊: sweeps diverge. Honest: one solution; sweeps say that they diverge or cycle.
     Parameters: `n` ≥ 2; `skew` s; `seed` an integer ≥ 0.
     """
-    n, s = at_least(n, 2), as_number(skew, "skew")
+    n, s = size(n, 2), as_number(skew, "skew")
     z, p, r = complementary(n, seed)
     A = neighbours(n, -s, s) + sp.eye_array(n)
     return manufactured(A, z, p, z - r, "A ring of gyroscopes, each turning the next, with little friction and stops.")
@@ -128,14 +109,12 @@ def hard_semidefinite(n: int = 40, seed: int = 0) -> Scene:
     Parameters: `n` ≈ 2m, at most 5000; `seed` an integer ≥ 0.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
-    if n > 5000:
-        raise InputError(f"n is {n}; this scene, whose matrix is dense, takes at most 5000 unknowns")
-    m = max(round(n / 2), 1)
+    m = max(round(size(n, most=5000) / 2), 1)
     random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
     B = random.standard_normal((m, m))
-    size = random.uniform(0.5, 1.5, 2 * m)
-    basic = np.concatenate([random.permutation(m) < (m + 1) // 2, random.permutation(m) < (m + 1) // 2])
-    z, p = np.where(basic, size, 0.0), np.where(basic, 0.0, size)
+    amount = random.uniform(0.5, 1.5, 2 * m)
+    basic = np.concatenate([random.permutation(m) < (m + 1) // 2 for _ in range(2)])
+    z, p = np.where(basic, amount, 0.0), np.where(basic, 0.0, amount)
     A = np.block([[np.zeros((m, m)), -B.T], [B, np.zeros((m, m))]])
     return manufactured(A, z, p, 0.0, "A production plan and the prices that support it.")
 
@@ -146,8 +125,7 @@ def hard_degenerate(n: int = 100, seed: int = 0) -> Scene:
 
     A the 5-point matrix on m × m points; z* random; half of the rows have p* = r* = 0, a quarter is pressed and a
     quarter free, ψ = z* − r*, q = p* − Az*. Rounding decides on which side half of the rows are seen. Honest: solved,
-    and those rows are not said to be active or inactive.
-    Parameters: `n` ≈ m²; `seed` an integer ≥ 0.
+    and those rows are not said to be active or inactive. Parameters: `n` ≈ m²; `seed` an integer ≥ 0.
     """
     m = side(n)
     z, p, r = complementary(m * m, seed, degenerate=0.5)
@@ -161,10 +139,9 @@ def hard_singular(n: int = 100) -> Scene:
 
     A = the periodic tridiag(−1, 2, −1) plus 2⁻⁴⁰I, n even; z* = (1, 2, 1, 2, …), ψ = 0, q = −Az* without rounding. An
     H₊-matrix with condition number 4·2⁴⁰: a residual of 1e-8 leaves z undetermined by 1e4. Honest: solved by the
-    residual, and an error bound that says how little that means here.
-    Parameters: `n` ≥ 4, odd numbers are raised by 1.
+    residual, and an error bound that says how little that means here. `n` ≥ 4, odd numbers are raised by 1.
     """
-    n = at_least(n, 4) + n % 2
+    n = size(n, 4) + n % 2
     corners = sp.coo_array(([-1.0, -1.0], ([0, n - 1], [n - 1, 0])), shape=(n, n))
     A = neighbours(n, -1.0, -1.0) + corners + (2.0 + 2.0**-40) * sp.eye_array(n)
     z = np.tile([1.0, 2.0], n // 2)
@@ -176,12 +153,11 @@ def hard_scaled(n: int = 100, decades: float = 75.0, seed: int = 0) -> Scene:
     """Hard: every unknown in a unit of its own.
 
     A = S tridiag(−1, 4, −1) S with S = diag(10^u), u uniform in ± `decades`; z* = S⁻¹z₀, p* = Sp₀ and r* = S⁻¹r₀ for
-    random complementary z₀, p₀, r₀: entries of A from 1e-150 to 1e150. The residual adds quantities of different
-    units, and a small one says nothing of the rows with small entries. Honest: solved by the residual, or a precision
-    limit; the bound, which is entry by entry, tells what is known.
+    random complementary z₀, p₀, r₀: entries of A from 1e-150 to 1e150. A small residual says nothing of the rows with
+    small entries. Honest: solved by the residual, or a precision limit; the bound, entry by entry, tells what is known.
     Parameters: `n` ≥ 2; 0 ≤ `decades` ≤ 75; `seed` an integer ≥ 0.
     """
-    n = at_least(n, 2)
+    n = size(n, 2)
     z, p, r = complementary(n, seed)
     most = as_number(decades, "decades", least=0, most=75)
     S = 10.0 ** np.random.default_rng(seed).uniform(-most, most, n)
@@ -196,8 +172,8 @@ def hard_overflow() -> Scene:
     A = [2, −1; −1, 2], q = (−1.5e308, 1.5e308), ψ = 0; z* = (7.5e307, 0), p* = (0, 7.5e307). Sums and squares of such
     numbers overflow though the answer does not. Honest: solved, or diverged; never NaN called solved.
     """
-    models = "Two weights on a string under forces at the end of the scale."
-    return by_hand(PAIR, [-1.5e308, 1.5e308], 0.0, [7.5e307, 0.0], models)
+    q, models = [-1.5e308, 1.5e308], "Two weights on a string under forces at the end of the scale."
+    return by_hand(PAIR, q, 0.0, [7.5e307, 0.0], models)
 
 
 @register

@@ -10,7 +10,7 @@ from ..icp import ICP
 from ..numerics.arrays import Vector
 from ..problem.intervention import Intervention
 from .grid import level_crossing, tridiagonal
-from .registry import Quantity, Scene, at_least, register
+from .registry import Quantity, Scene, register, size
 
 #: drift and volatility of the reserve, discount rate, tax on a payment and its fixed cost
 DRIFT, VOLATILITY, DISCOUNT, TAX, COST = 0.5, 0.3, 0.2, 0.2, 0.05
@@ -26,49 +26,41 @@ BOUNDARY, TARGET, VALUE_AT_1 = 1.01412848138701, 0.395539941170187, 2.1436835252
 def dividend(n: int = 241) -> Scene:
     """Dividends with a fixed cost: when to pay, and how much.
 
-    A reserve follows dX = μdt + σdW until ruin at 0; paying it down from x to y is worth (x − y − c)/(1 + λ). Its value
-    V satisfies p = ρV − ½σ²V″ − μV′ ≥ 0, V ≥ ψ(V), complementary, ψ(V)(x) = max over y ≤ x − c of
-    V(y) + (x − y − c)/(1 + λ), with V(0) = 0, μ = .5, σ = .3, ρ = λ = .2, c = .05.
-    Discretised on x_i = ih, 0 ≤ i < n, up to 1.5, by central differences; h = c/k with k ≥ 1 so that the jump of
-    length c and the point x = 1 lie on the grid: n = 30k + 1. Row 0 is z_0 = 0; the last row has the slope 1/(1 + λ) by
-    a ghost point. Rows with x < c allow no jump: ψ = −∞. A is a Z-matrix (h < σ²/μ), A1 > 0, ψ isotone, ρ(G) ≥ 1.
-    Units: money in units of the reserve, time in years; p is money per year.
-    Quantities: "V(1)"; "x*", where V′ of the reserve at rest, extrapolated through its last three cells, reaches
-    1/(1 + λ) (smooth fit); "target", where V′ first falls to 1/(1 + λ). All are O(h²), with a factor that depends on
-    where x* falls between two grid points: measured 2.1 to 3.2, 2.5 to 3.8 and 2.3 to 3.1 times h² for k ≥ 2.
-    Raises InputError for n < 31.
+    A reserve follows dX = μdt + σdW until ruin at 0; paying it down from x to y is worth (x − y − c)/(1 + λ). Its
+    value V satisfies p = ρV − ½σ²V″ − μV′ ≥ 0, V ≥ ψ(V), complementary, ψ(V)(x) = max over y ≤ x − c of V(y) + (x − y
+    − c)/(1 + λ), with V(0) = 0, μ = .5, σ = .3, ρ = λ = .2, c = .05. Discretised on x_i = ih, 0 ≤ i < n, up to 1.5, by
+    central differences; h = c/k with k ≥ 1 so that the jump of length c and the point x = 1 lie on the grid: n = 30k +
+    1. Row 0 is z_0 = 0; the last row has the slope 1/(1 + λ) by a ghost point. Rows with x < c allow no jump: ψ = −∞.
+    A is a Z-matrix (h < σ²/μ), A1 > 0, ψ isotone, ρ(G) ≥ 1. Units: money in units of the reserve, time in years; p is
+    money per year. Quantities: "V(1)"; "x*", where V′ of the reserve at rest, extrapolated through its last three
+    cells, reaches 1/(1 + λ) (smooth fit); "target", where V′ first falls to 1/(1 + λ). All are O(h²), with a factor
+    that depends on where x* falls between two grid points: measured 2.1 to 3.2, 2.5 to 3.8 and 2.3 to 3.1 times h² for
+    k ≥ 2. Raises InputError for n < 31.
     Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984); Jeanblanc-Picqué and
     Shiryaev, Russ. Math. Surv. 50 (1995).
     """
-    k = round((at_least(n, 31) - 1) / 30)
+    k = round((size(n, 31) - 1) / 30)
     h = COST / k
     x = np.linspace(0.0, LENGTH, 30 * k + 1)
     A, q = _operator(x.size, h)
     problem = ICP(A, q, Intervention(lambda z: _best_payment(z, x, k)))
 
-    def free_boundary(z: Vector) -> float:
-        pays = problem.r(z) < problem.p(z)
-        first = int(np.argmax(pays))  # z up to here solves the equation of the reserve at rest
-        cells = slice(max(first - 3, 0), first)
+    def smooth_fit(z: Vector, first: int) -> float:
+        """Where the slope reaches WORTH, by three cells from the `first` on; NaN where there are none."""
+        cells = slice(first, first + 3)
         return level_crossing(x[cells] + h / 2, (np.diff(z) / h)[cells], WORTH)
 
-    def target(z: Vector) -> float:
-        slopes = np.diff(z) / h
-        first = int(np.argmax(slopes < WORTH))
-        cells = slice(max(first - 1, 0), first + 2)
-        return level_crossing(x[cells] + h / 2, slopes[cells], WORTH)
+    # up to where it pays z solves the equation of the reserve at rest
+    boundary = lambda z: smooth_fit(z, int(np.argmax(problem.r(z) < problem.p(z))) - 3)  # noqa: E731
+    target = lambda z: smooth_fit(z, int(np.argmax(np.diff(z) / h < WORTH)) - 1)  # noqa: E731
 
-    return Scene(
-        problem=problem,
-        models="The value of a reserve to its owner, who pays himself dividends at a fixed cost and a tax.",
-        quantities={
-            "V(1)": Quantity(VALUE_AT_1, lambda z: float(z[20 * k]), order=2.0),
-            "x*": Quantity(BOUNDARY, free_boundary, order=2.0),
-            "target": Quantity(TARGET, target, order=2.0),
-        },
-        h=h,
-        points=x,
-    )
+    known = {
+        "V(1)": Quantity(VALUE_AT_1, lambda z: float(z[20 * k]), order=2.0),
+        "x*": Quantity(BOUNDARY, boundary, order=2.0),
+        "target": Quantity(TARGET, target, order=2.0),
+    }
+    models = "The value of a reserve to its owner, who pays himself dividends at a fixed cost and a tax."
+    return Scene(problem=problem, models=models, quantities=known, h=h, points=x)
 
 
 def _operator(n: int, h: float) -> tuple[Any, Vector]:

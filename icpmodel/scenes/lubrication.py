@@ -7,7 +7,7 @@ import numpy as np
 from ..icp import ICP
 from ..numerics.arrays import Vector
 from .grid import tridiagonal
-from .registry import Quantity, Scene, at_least, register
+from .registry import Quantity, Scene, register, size
 
 #: eccentricity, and the solution's greatest pressure and the angle where the film tears
 ECCENTRICITY, P_MAX, CAVITATION = 0.5, 0.745831366621, 3.83438392852963
@@ -18,40 +18,28 @@ def bearing(n: int = 300) -> Scene:
     """The oil film of a journal bearing, torn by cavitation.
 
     −(H³p′)′ + H′ ≥ 0, p ≥ 0, complementary, on 0 < θ < 2π, p(0) = p(2π) = 0, film thickness H = 1 + ε cos θ, ε = .5
-    (Reynolds' equation of the infinitely long bearing). Discretised on n interior points, h = 2π/(n + 1), with H at the
-    midpoints; rows multiplied by h²: row i is −H³₋(p_{i−1} − p_i) − H³₊(p_{i+1} − p_i) + h(H₊ − H₋). ψ = 0.
-    Units: θ in radians, H in radial clearances, pressure made dimensionless by 6·viscosity·speed·radius/clearance².
+    (Reynolds' equation of the infinitely long bearing). Discretised on n interior points, h = 2π/(n + 1), with H at
+    the midpoints; rows multiplied by h²: row i is −H³₋(p_{i−1} − p_i) − H³₊(p_{i+1} − p_i) + h(H₊ − H₋). ψ = 0. Units:
+    θ in radians, H in radial clearances, pressure made dimensionless by 6·viscosity·speed·radius/clearance².
     Quantities: "p_max", the top of the parabola through the three highest points; "cavitation angle": within the film
     the flow H − H³p′ is the same everywhere, and where the film tears p′ = 0, so the flow in the first cell gives
     H(θ_c). Both are O(h²), with a factor that depends on where θ_c falls between two grid points: measured at most
-    .08h² and .015h².
-    Raises InputError for n < 10.
+    .08h² and .015h². Raises InputError for n < 10.
     Reference: Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
     """
-    at_least(n, 10)
+    size(n, 10)
     h = 2.0 * np.pi / (n + 1)
-    H = _thickness(np.linspace(h / 2, 2.0 * np.pi - h / 2, n + 1))
+    H = 1.0 + ECCENTRICITY * np.cos(np.linspace(h / 2, 2.0 * np.pi - h / 2, n + 1))
     cubes = H**3
-    off = -cubes[1:-1]
-    A = tridiagonal(off, cubes[:-1] + cubes[1:], off)
+    A = tridiagonal(-cubes[1:-1], cubes[:-1] + cubes[1:], -cubes[1:-1])
 
-    def flow(z: Vector) -> float:
-        return float(H[0] - cubes[0] * z[0] / h)
-
-    return Scene(
-        problem=ICP(A, h * np.diff(H)),
-        models="The pressure of the oil between a shaft and its bearing, and where the oil film tears.",
-        quantities={
-            "p_max": Quantity(P_MAX, _top, order=2.0),
-            "cavitation angle": Quantity(CAVITATION, lambda z: _angle(flow(z)), order=2.0),
-        },
-        h=h,
-        points=np.linspace(0.0, 2.0 * np.pi, n + 2)[1:-1],
-    )
-
-
-def _thickness(theta: Vector) -> Vector:
-    return 1.0 + ECCENTRICITY * np.cos(theta)
+    known = {
+        "p_max": Quantity(P_MAX, _top, order=2.0),
+        "cavitation angle": Quantity(CAVITATION, lambda z: _angle(float(H[0] - cubes[0] * z[0] / h)), order=2.0),
+    }
+    models = "The pressure of the oil between a shaft and its bearing, and where the oil film tears."
+    points = np.linspace(0.0, 2.0 * np.pi, n + 2)[1:-1]
+    return Scene(problem=ICP(A, h * np.diff(H)), models=models, quantities=known, h=h, points=points)
 
 
 def _top(z: Vector) -> float:

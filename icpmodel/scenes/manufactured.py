@@ -15,11 +15,8 @@ from .registry import Scene, register
 
 
 def complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Vector, Vector, Vector]:
-    """Random z* in [−1, 1] and p*, r* ≥ 0 with p*ᵀr* = 0: half of the rows at the obstacle.
-
-    Parameters: `n` the number of rows; `seed` an integer ≥ 0; `degenerate` the share of all rows with p* = r* = 0, the
-    entries of the others lie in [.5, 1.5]. Returns z, p, r, shape (n,). Raises InputError for a bad seed.
-    """
+    """Random z* in [−1, 1] and p*, r* ≥ 0 with p*ᵀr* = 0, entries in [.5, 1.5], half of the rows at the obstacle.
+    `degenerate` is the share of all rows with p* = r* = 0. Raises InputError for a bad seed."""
     random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
     z, size = random.uniform(-1.0, 1.0, n), random.uniform(0.5, 1.5, n)
     place = random.permutation(n)
@@ -63,8 +60,7 @@ def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
     A = Tridiag(−I, S, −I) + μI as in Bai's LCP; ψ(z) = Gz + c, G = (.9/4)·adjacency of the m × m grid: each obstacle
     hangs on the four neighbours, ‖G‖∞ = .9. z* is random in [−1, 1], a random half of the rows has p* in [.5, 1.5] and
     r* = 0, the other half r* in [.5, 1.5] and p* = 0; c = z* − r* − Gz* and q = p* − Az* make z* exact to rounding.
-    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0.
-    Reference: the construction of icpmodel's own tests; A from Bai (2010), doi:10.1002/nla.680.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0. Reference for A: Bai (2010), doi:10.1002/nla.680.
     """
     m, mu = side(n), as_number(mu, "mu", least=0)
     z, p, r = complementary(m * m, seed)
@@ -79,13 +75,12 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0) -> Sc
     """A random ICP with a nonlinear map and a known solution.
 
     As manufactured-affine with ψ_i(z) = .3 sin z_i + c_i, c = z* − r* − .3 sin z*; |ψ′| ≤ .3.
-    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0.
-    Reference: the construction of icpmodel's own tests; A from Bai (2010), doi:10.1002/nla.680.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0. Reference for A: Bai (2010), doi:10.1002/nla.680.
     """
     m, mu = side(n), as_number(mu, "mu", least=0)
     z, p, r = complementary(m * m, seed)
     models = "A grid of cells whose obstacles bend with them, with forces chosen so that the answer is known."
-    psi = Elementwise(_sine, _sine_derivative, lipschitz=0.3, c=z - r - _sine(z))
+    psi = Elementwise(_sine, _cosine, lipschitz=0.3, c=z - r - _sine(z))
     return manufactured(five_point(m, mu), z, p, psi, models, points=square_points(0.0, 1.0, m))
 
 
@@ -101,5 +96,5 @@ def _sine(z: Vector) -> Vector:
     return 0.3 * np.sin(z)
 
 
-def _sine_derivative(z: Vector) -> Vector:
+def _cosine(z: Vector) -> Vector:
     return 0.3 * np.cos(z)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..icp import ICP
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, as_number
 from ..numerics.plugins import load_plugins
 
 
@@ -21,9 +20,8 @@ from ..numerics.plugins import load_plugins
 class Quantity:
     """A number that can be read off a solution and whose value in the continuous problem is known.
 
-    Parameters: `exact` the known value; `measure` reads it off z of shape (n,) and gives NaN where z does not have it;
-    `order` the power of the grid spacing h with which the difference shrinks, None where the number is exact on every
-    grid.
+    `exact` is that value; `measure` reads it off z, shape (n,), NaN where z does not have it; `order` is the power of
+    the grid spacing h with which the difference shrinks, None where the number is exact on every grid.
 
     >>> Quantity(3.0, lambda z: float(z.sum()), order=None).error(np.array([1.0, 2.5]))
     0.5
@@ -48,9 +46,9 @@ class Scene:
 
     `name` and `title` (one line for a table) are filled in by `register`; `models` says in one sentence what it models;
     `z_exact` is the solution of the discrete problem, shape (n,), to rounding; `quantities` are numbers known for the
-    continuous problem, or for each of many solutions; `h` is the grid spacing; `why_no_reference` says why there is
-    neither, `why_no_solution` that the problem has none; `z0` is a start that the literature prescribes; `points` are
-    the coordinates of the unknowns, shape (n,) or (n, 2).
+    continuous problem, or for each of many solutions; `why_no_reference` says why there is neither, `why_no_solution`
+    that there is no solution; `h` is the grid spacing; `z0` a start that the literature prescribes; `points` are the
+    coordinates of the unknowns, shape (n,) or (n, 2).
 
     >>> from icpmodel.scenes import scene
     >>> lcp = scene("hand-lcp")
@@ -108,49 +106,36 @@ def register(build: Builder) -> Builder:
 
     It may stand anywhere: it is known once its module is imported, which is done for the files of this room and for
     what packages announce as entry points of the group "icpmodel". Its parameters, all with defaults, are the scene's;
-    one called `n` is the wanted number of unknowns, and the scene takes the nearest size that it can have. A function
-    without `n` has one size only.
-    Returns the function with `n` checked and `name` and `title` filled in. Raises InputError for a second scene of
-    the same name.
+    one called `n` is the wanted number of unknowns, of which it takes the nearest that it can; without `n` it has one
+    size only. Returns the function with `n` checked and `name` and `title` filled in. Raises InputError for a second
+    scene of the same name.
 
     >>> register(lambda: None)
     Traceback (most recent call last):
     icpmodel.errors.InputError: the scene <lambda> has no docstring; its first line is the scene's title
     """
-    name = build.__name__.replace("_", "-")
+    name, signature = build.__name__.replace("_", "-"), inspect.signature(build)
     if not build.__doc__:
         raise InputError(f"the scene {name} has no docstring; its first line is the scene's title")
     if name in _BUILDERS:
         raise InputError(f"there is already a scene called {name}")
-    title = build.__doc__.strip().splitlines()[0].rstrip(".")
-    signature = inspect.signature(build)
 
     @functools.wraps(build)
     def checked(*args: Any, **kwargs: Any) -> Scene:
         given = signature.bind(*args, **kwargs)
         if "n" in given.arguments:
             given.arguments["n"] = size(given.arguments["n"])
-        return replace(build(*given.args, **given.kwargs), name=name, title=title)
+        return replace(build(*given.args, **given.kwargs), name=name, title=title_of(build))
 
     _BUILDERS[name] = checked
     return checked
 
 
-def at_least(n: int, least: int) -> int:
-    """`n`, or InputError where the scene needs more unknowns."""
-    if n < least:
-        raise InputError(f"n is {n}; this scene needs at least {least} unknowns")
-    return n
+def title_of(build: Builder) -> str:
+    """The first line of the docstring."""
+    return (build.__doc__ or "").strip().splitlines()[0].rstrip(".")
 
 
-def size(n: Any) -> int:
-    """The wanted number of unknowns as an int ≥ 1. Raises InputError."""
-    try:
-        whole = operator.index(n)
-    except TypeError:
-        whole = 0
-    if whole < 1 or isinstance(n, bool):
-        raise InputError(f"n is {n!r}; the wanted number of unknowns, an integer >= 1, was expected")
-    if whole > LARGEST:
-        raise InputError(f"n is {n!r}; scenes are built up to n = {LARGEST}")
-    return whole
+def size(n: Any, least: int = 1, most: int = LARGEST) -> int:
+    """`n`, a number of unknowns that a scene can have. Raises InputError."""
+    return int(as_number(n, "the number of unknowns n", least=least, most=most, whole=True))

@@ -20,6 +20,7 @@ _RATE = 2
 _LOOK, _EARLY, _FAR = 10, 3, 4.0
 #: after so many steps that do not bring the residual down by a thousandth, it is asked whether rounding is the reason
 _PRECISION_CHECK = 50
+_NOTHING: Vector = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,7 @@ class Stalled:
     def __init__(self, memoryless: bool, patience: int, at_floor: Callable[[], Ended | None]) -> None:
         self.memoryless, self.patience, self.at_floor = memoryless, patience, at_floor
         self.step = self.milestone = 0
-        self.milestone_residual, self.milestone_z = np.nan, np.zeros(0)
+        self.milestone_residual, self.milestone_z = np.nan, _NOTHING
         self.progress_at, self.progress_residual = 0, np.inf
         self.better_at, self.better_residual = 0, np.inf
 

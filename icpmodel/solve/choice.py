@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import chain
 
-from ..algebra.pivoting import PIVOT_UP_TO
+from ..algebra.affine_lcp import PIVOT_UP_TO
 from ..algebra.resting import WORTH, rows_at_rest
 from ..algebra.subproblems import Blocks
 from ..methods.lemke import Lemke

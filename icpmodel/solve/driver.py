@@ -94,12 +94,12 @@ def solve(
     n = as_problem(problem).n
     start = np.zeros(n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
-    _carry_out(run, _candidates(problem, method, options, run.aim))
+    carry_out(run, _candidates(problem, method, options, run.aim))
     if run.singular is not None and method is not None:
         raise run.singular
     if run.best is None:
         raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
-    solution = _solution(run, limits.accuracy)
+    solution = solution_of(run, limits.accuracy)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
@@ -165,7 +165,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
     )
 
 
-def _carry_out(run: Run, tried: Iterator[Candidate]) -> None:
+def carry_out(run: Run, tried: Iterator[Candidate]) -> None:
     """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -182,7 +182,7 @@ def _carry_out(run: Run, tried: Iterator[Candidate]) -> None:
             raise
 
 
-def _judged(run: Run) -> Best:
+def judged(run: Run) -> Best:
     """The best iterate by the judge's word: hints chose it, and may have hidden that the last one is better."""
     problem, best = run.problem, run.best
     assert best is not None
@@ -198,9 +198,9 @@ def _judged(run: Run) -> Best:
     return best
 
 
-def _solution(run: Run, accuracy: float | None) -> Solution:
+def solution_of(run: Run, accuracy: float | None) -> Solution:
     """What the run found."""
-    best, last, status, note = _judged(run), run.tried[-1][0], run.ended.status, run.ended.note
+    best, last, status, note = judged(run), run.tried[-1][0], run.ended.status, run.ended.note
     if run.goal.judge(best.z, best.residual):
         status = Status.SOLVED
     elif status is Status.SOLVED:

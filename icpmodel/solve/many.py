@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..algebra.pivoting import PIVOT_UP_TO, PIVOTS, AffineLcp
+from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
 from ..errors import InputError, MapError, NotSolved
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics.arrays import Vector, norm
@@ -28,7 +28,7 @@ Matrix = NDArray[np.float64]
 #: Newton's steps that a row may take where A is tridiagonal, before `solve` has a try at it
 _STEPS = 50
 #: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
-_ROWS_A_THREAD, _UNKNOWNS_A_THREAD = 200, 20_000
+ROWS_A_THREAD, UNKNOWNS_A_THREAD = 200, 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +107,8 @@ def solve_many(
     >>> solve_many([[[2.0]], [[4.0]]], [-2.0]).Z.ravel()
     array([1. , 0.5])
     """
-    clock = time.perf_counter()
     Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=None)
-    job = _Job(A, _rows(Q, "Q", np.inf), psi, Z0, rtol, atol)
-    job.at_once()
-    for row in np.flatnonzero(~job.solved):
-        job.solve(int(row))
-    solutions = job.solutions(clock)
+    solutions = Batch(A, Q, psi, Z0, rtol, atol).solutions()
     if raise_on_failure and solutions.messages:
         raise NotSolved(solutions)
     return solutions
@@ -151,10 +146,11 @@ def _common(**several: Any) -> int:
     return k
 
 
-class _Job:
+class Batch:
     """The rows of one `solve_many` and what is found for them."""
 
-    def __init__(self, A: Any, Q: Matrix, psi: Any, Z0: Any, rtol: float, atol: float) -> None:
+    def __init__(self, A: Any, Q: Any, psi: Any, Z0: Any, rtol: float, atol: float) -> None:
+        self.clock, Q = time.perf_counter(), _rows(Q, "Q", np.inf)
         self.psi, self.rtol, self.atol = psi, rtol, atol
         self.matrices = _each(A, lambda one: sp.issparse(one) or np.ndim(one) == 2)
         self.maps = _each(psi, lambda one: isinstance(one, Map) or callable(one))
@@ -209,18 +205,14 @@ class _Job:
 
     def _pivot(self, C: Matrix) -> None:
         """The rows by Lemke's method."""
-        from ..numerics.kernels.balancing import scale
-        from ..numerics.kernels.pivoting import many
         from ..numerics.kernels.products import judge  # loads numba
 
-        problem, Q, A, limit = self.problem, self.Q, self.problem.dense(), PIVOTS * (self.problem.n + 1)
+        problem, Q, A = self.problem, self.Q, self.problem.dense()
         moves = problem.psi.linear is not None and not problem.psi.is_constant
         G = problem.psi.linear[0].toarray() if moves and problem.psi.linear else None
         lcp = AffineLcp(A, Q[0], C[0], G)
-        scaled, X, at_0, zero = scale(lcp.M), np.empty(Q.shape), np.empty(len(Q)), np.broadcast_to(0.0, Q.shape)
-        parts = min(cores(), -(-len(Q) // _ROWS_A_THREAD))
-        in_parts(len(Q), parts, lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high]))
-        self.Z = np.ascontiguousarray(lcp.back(X))
+        at_0, zero, parts = np.empty(len(Q)), np.broadcast_to(0.0, Q.shape), min(cores(), -(-len(Q) // ROWS_A_THREAD))
+        self.Z = np.ascontiguousarray(lcp.back(self.pivoted(lcp, C, parts)))
         there, here = (np.broadcast_to(self._values(Z, C), Q.shape) for Z in (zero[:1], self.Z))
 
         def look(low: int, high: int) -> None:
@@ -230,6 +222,15 @@ class _Job:
         in_parts(len(Q), parts, look)
         self.tolerances = np.maximum(self.atol, self.rtol * at_0)
 
+    def pivoted(self, lcp: AffineLcp, C: Matrix, parts: int) -> Matrix:
+        """What the pivots make of the rows, each an LCP of its own."""
+        from ..numerics.kernels.balancing import scale
+        from ..numerics.kernels.pivoting import many  # loads numba
+
+        Q, X, scaled, limit = self.Q, np.empty(self.Q.shape), scale(lcp.M), PIVOTS * (self.problem.n + 1)
+        in_parts(len(Q), parts, lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high]))
+        return X
+
     def _solve_tridiagonal(self, C: Matrix) -> None:
         """The rows by the direct method for tridiagonal A."""
         from ..numerics.kernels.thomas import bands, many  # loads numba
@@ -238,7 +239,7 @@ class _Job:
         matrix = bands(A.indptr, A.indices, A.data)
         in_parts(
             k,
-            min(cores(), k, -(-Z.size // _UNKNOWNS_A_THREAD)),
+            min(cores(), k, -(-Z.size // UNKNOWNS_A_THREAD)),
             lambda low, high: many(*matrix, Q[low:high], C[low:high], _STEPS, Z[low:high]),
         )
         here, there = self._values(Z, C), np.broadcast_to(self._values(np.zeros((1, self.problem.n)), C), C.shape)
@@ -251,14 +252,22 @@ class _Job:
         if any(status is Status.INTERRUPTED for status, _ in self.failures.values()):
             self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
             return
-        start = self.Z[row - 1] if row and self.solved[row - 1] else None
-        if self.starts is not None:
-            start = self.starts[row if len(self.starts) > 1 else 0]
-        solution = solve(self._problem(row), z0=start, rtol=self.rtol, atol=self.atol, raise_on_failure=False)
+        problem, start = self._problem(row), self.start(row)
+        try:
+            solution = solve(problem, z0=start, rtol=self.rtol, atol=self.atol, raise_on_failure=False)
+        except KeyboardInterrupt:  # before there was an iterate
+            self.failures[row] = Status.INTERRUPTED, "interrupted by Ctrl-C before its first iterate"
+            return
         self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
         self.solved[row] = solution.solved
         if not solution.solved:
             self.failures[row] = solution.status, solution.message
+
+    def start(self, row: int) -> Vector | None:
+        """Where `solve` begins."""
+        if self.starts is not None:
+            return np.asarray(self.starts[row if len(self.starts) > 1 else 0])
+        return self.Z[row - 1] if row and self.solved[row - 1] else None
 
     def _problem(self, row: int) -> ProblemData:
         """The problem of one row, which shares with the others what they have in common."""
@@ -267,12 +276,15 @@ class _Job:
         problem = self.problem.with_q(self.Q[row])
         return problem if self.maps is None else problem.with_psi(self._psi(row))
 
-    def solutions(self, clock: float) -> Solutions:
-        """What was found, `clock` being the time of the start."""
+    def solutions(self) -> Solutions:
+        """All rows, at once where that can be, the others one by one."""
+        self.at_once()
+        for left_open in np.flatnonzero(~self.solved):
+            self.solve(int(left_open))
         self.Z.flags.writeable = False
         statuses = [Status.SOLVED] * len(self.Z)
         for row, (status, _) in self.failures.items():
             statuses[row] = status
         messages = {row: message for row, (_, message) in self.failures.items()}
-        seconds = time.perf_counter() - clock
+        seconds = time.perf_counter() - self.clock
         return Solutions(self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages)

@@ -23,7 +23,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..algebra.resting import Border, rows_at_rest
-from ..algebra.subproblems import Blocks, Rows, blocks, restricted
+from ..algebra.subproblems import Blocks, Rows, blocks, resting, restricted
 from ..errors import MapError
 from ..methods.contract import Infeasible, Iterate, Method
 from ..numerics.arrays import Vector, norm
@@ -33,9 +33,8 @@ from ..theory.certificates.infeasible import Known, infeasible
 from .goal import RTOL
 from .part import Part, advance, together
 
-#: a stage is left at the first share of the residual of the start, the next time at the next one; where there are many
-#: stages so many iterates of them are shown
-_SHARES, _SHOWN = (1e-9, 1e-12, 1e-15, 0.0), 32
+#: where there are many stages so many iterates of them are shown
+_SHOWN = 32
 
 #: iterates, and in the end the blocks to go on with and from where, None where nothing more is to be had
 Path = Generator[Iterate, None, tuple[Blocks, Vector] | None]
@@ -56,6 +55,8 @@ class Reduced(Method):
     memoryless: ClassVar[bool] = False
     #: the share of Res(0) for which the steps of parts are forecast
     aim = RTOL
+    #: a stage is left at the first share of the residual of the start, the next time at the next one
+    shares = (1e-9, 1e-12, 1e-15, 0.0)
 
     def why_not(self, problem: ProblemData) -> str | None:
         found = self.found(problem) is not None
@@ -64,6 +65,10 @@ class Reduced(Method):
     def found(self, problem: ProblemData) -> Blocks | None:
         """What can be left out or solved apart at all, be it little."""
         return structure(problem, problem.n - 1) or rows_at_rest(problem)
+
+    def left_over(self, found: Blocks) -> Blocks | None:
+        """What is gone on with where too many rows leave the obstacle: all of them, as no other method follows."""
+        return resting(found.problem, np.ones(found.problem.n, dtype=bool))
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         yield z, None
@@ -88,7 +93,7 @@ class Reduced(Method):
             violation = norm(np.minimum(p, 0.0)) if p.size else 0.0
             yield z, float(np.hypot(part.residual, violation)) if found.problem is problem else None
             if violation > part.residual:  # p < 0 at the border outweighs what the open rows leave
-                wider = border.opened(p)
+                wider = border.opened(p) or self.left_over(found)
                 return None if wider is None else (wider, z)
             if part.over:
                 return None
@@ -104,7 +109,7 @@ class Reduced(Method):
         scale = max((x for x in (at_0, problem.residual(z)) if x < np.inf), default=0.0)
         last, shown_at, spent = len(found.stages) - 1, len(found.stages) // _SHOWN + 1, False
         yield (shown := z), None
-        for share in _SHARES:
+        for share in self.shares:
             for at, stage in enumerate(found.stages):
                 parts = [Part(restricted(found.problem, rows, z), rows, z, self.aim) for rows in stage]
                 follow = found.after if at == last else found.between[at]
@@ -138,6 +143,9 @@ class ReducedTo(Reduced):
     def found(self, problem: ProblemData) -> Blocks:
         return self.blocks
 
+    def left_over(self, found: Blocks) -> Blocks | None:
+        return None  # the next candidate has the whole problem
+
     def __repr__(self) -> str:
         return "Reduced()"
 
@@ -150,13 +158,13 @@ def _report(problem: ProblemData, parts: list[Part], z: Vector) -> None:
             y[part.rows] = [float(x) for x in part.run.infeasible.witness]
             part.run.infeasible = None
             answer = infeasible(problem, y)
-            if answer.holds is None and (known := _settled(problem, part.rows, z)):
+            if answer.holds is None and (known := proved_of_earlier(problem, part.rows, z)):
                 answer = infeasible(problem, y, known)
             if answer.holds:
                 raise Infeasible(answer)
 
 
-def _settled(problem: ProblemData, rows: Rows, z: Vector) -> Known | None:
+def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> Known | None:
     """What is proved of the unknowns that the `rows` hang on, where these have an answer of their own near `z`."""
     A, seen = problem.A, np.zeros(problem.n, dtype=bool)
     seen[rows] = True

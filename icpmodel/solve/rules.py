@@ -11,8 +11,8 @@ from itertools import chain
 
 import numpy as np
 
+from ..algebra.affine_lcp import PIVOT_UP_TO
 from ..algebra.equations import is_factorised
-from ..algebra.pivoting import PIVOT_UP_TO
 from ..algebra.relaxation import best_omega, relaxation, scale_of
 from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMGS, MNMJ, overrelaxed

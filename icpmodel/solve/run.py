@@ -5,7 +5,6 @@ Whole problems and parts of them go through it alike.
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
@@ -128,8 +127,13 @@ class Run:
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
         stalled = Stalled(candidate.method.memoryless, candidate.patience or longest, self.at_floor)
         k, expected, first = self.iteration, None, np.nan
-        while (iterate := _following(path, expected)) is not None:
-            z, hint = iterate
+        # a generator is told how many more iterates are expected to be asked for
+        ask = path.send if isinstance(path, Generator) else lambda expected: next(path)
+        while True:
+            try:
+                z, hint = ask(expected)
+            except StopIteration:
+                return stalled.recurred()
             self.iteration, self.current = k, z
             residual, seconds = self._residual(z, hint), time.perf_counter() - self.clock
             if expected is None:
@@ -145,7 +149,6 @@ class Run:
                 return ended
             yield
             k += 1
-        return stalled.recurred()
 
     def found(self, z: Vector, residual: float) -> Best:
         """`z` as an iterate of the candidate that is tried."""
@@ -190,14 +193,6 @@ class Run:
         if self.best.residual <= 2 * floor < _LOW * self.scale:
             return Ended(Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {floor:.2g} at this z")
         return None
-
-
-def _following(path: Iterator[Iterate], expected: float | None) -> Iterate | None:
-    """The next iterate, None at the end; a generator is told how many more are expected to be asked for."""
-    with contextlib.suppress(StopIteration):
-        iterate: Iterate = path.send(expected) if isinstance(path, Generator) else next(path)
-        return iterate
-    return None
 
 
 def fault_of_psi(problem: ProblemData, z: Vector) -> str:

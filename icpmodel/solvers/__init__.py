@@ -1,6 +1,6 @@
 """Foreign solvers, which cross-check, race and benchmark ask: one file each, and the contract."""
 
-from .contract import Claim, ForeignSolver, ask, chosen_solvers, foreign_solvers
+from .foreign import Claim, ForeignSolver, ask, chosen_solvers, foreign_solvers
 from .formulations import QP, Target
 
 __all__ = ["QP", "Claim", "ForeignSolver", "Target", "ask", "chosen_solvers", "foreign_solvers"]

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..numerics.arrays import norm
 from ..numerics.factorisation import factorise
-from .contract import Claim, ForeignSolver
+from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
 
@@ -35,28 +35,25 @@ class ColdActiveSet(ForeignSolver):
         return target, tolerance, time.perf_counter() + time_limit
 
     def run(self, model: Any) -> Claim:
-        """The time limit is looked at between its steps."""
         target, tolerance, end = model
         A, q, c = target.problem.A, target.problem.q, target.c
         diagonal = A.diagonal()
         weight = np.where(diagonal > 0, diagonal, 1.0)
-        z, inactive, words, start = np.zeros(q.size), None, "", 0.0
-        while not words:
+        z, before, start = np.zeros(q.size), np.zeros(0), 0.0
+        while True:
             p, r = A @ z + q, z - c
             residual = norm(np.minimum(p, r))
             start = start or residual
-            before, inactive = inactive, p <= weight * r
+            inactive = p <= weight * r
             if residual <= tolerance * start:
-                words = "solved"
-            elif before is not None and (before == inactive).all():
-                words = "the active set repeats"
-            elif time.perf_counter() > end:
-                words = "time limit"
-            else:
-                z = np.where(inactive, 0.0, c)
-                lu = factorise(A[inactive][:, inactive]) if inactive.any() else None
-                if lu is not None:
-                    z[inactive] = lu.solve(-(A @ z + q)[inactive])
-                elif inactive.any():
-                    words = "singular system"
-        return Claim(z, words, words == "solved")
+                return Claim(z, "solved", True)
+            if np.array_equal(before, inactive):
+                return Claim(z, "the active set repeats", False)
+            if time.perf_counter() > end:
+                return Claim(z, "time limit", False)
+            before, z = inactive, np.where(inactive, 0.0, c)
+            if inactive.any():
+                lu = factorise(A[inactive][:, inactive])
+                if lu is None:
+                    return Claim(z, "singular system", False)
+                z[inactive] = lu.solve(-(A @ z + q)[inactive])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from .contract import Claim, ForeignSolver
+from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
 
@@ -23,8 +23,7 @@ class Clarabel(ForeignSolver):
 
         qp = self.pose(target)
         settings = clarabel.DefaultSettings()
-        settings.verbose, settings.time_limit = False, float(time_limit)
-        for name, value in clarabel_options(tolerance).items():
+        for name, value in {**clarabel_options(tolerance), "verbose": False, "time_limit": float(time_limit)}.items():
             setattr(settings, name, value)
         K, b, equations = qp.conic()
         cones = [clarabel.ZeroConeT(equations), clarabel.NonnegativeConeT(b.size - equations)]

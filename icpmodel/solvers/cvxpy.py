@@ -1,6 +1,6 @@
-"""Three QP solvers of different kinds through CVXPY: Clarabel (interior point), OSQP (splitting), HiGHS (active set).
+"""An ICP as a CVXPY problem, and three QP solvers of different kinds through it.
 
-CVXPY writes the model in its own way, so that these also check the model that the native interfaces are given.
+CVXPY writes the model in its own way, so that they also check the model that the native interfaces are given.
 Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016).
 """
 
@@ -9,12 +9,87 @@ from __future__ import annotations
 import warnings
 from typing import Any, ClassVar
 
+import numpy as np
+
+from ..errors import InputError, NotApplicable
+from ..numerics.arrays import described
+from ..problem.data import ProblemData
 from .clarabel import clarabel_options
-from .contract import Claim, ForeignSolver, missing
-from .cvxpy_model import qp_model
+from .foreign import Claim, ForeignSolver, missing
 from .formulations import Target
 from .highs import highs_options
 from .osqp import osqp_options
+
+
+def to_cvxpy(problem: ProblemData, formulation: str = "qp") -> Any:
+    """`problem` as a CVXPY problem in one variable named z, in the units of the ICP.
+
+    "qp": ½zᵀAz + qᵀz subject to r ≥ 0 where ψ is constant and A symmetric, else the gap pᵀr subject to p ≥ 0, r ≥ 0; an
+    optimum of the gap solves the ICP only if its value is 0. "mip": p ≤ p̄b, r ≤ r̄(1 − b) with a vector b of zeros and
+    ones, for an A of any kind; the certificate at z = 0 bounds |z*|, from which p̄ and r̄ follow. Rows without an
+    obstacle have p_i = 0 in both.
+
+    Parameters: `problem` with constant or affine ψ (else take `problem.frozen(z)`); `formulation`.
+    Returns a `cvxpy.Problem`. Raises InputError for an unknown formulation, and NotApplicable where the problem has no
+    such form, with the reason.
+
+    >>> float(ICP([[2.0]], [-1.0]).to_cvxpy("mip").solve(solver="HIGHS"))
+    0.0
+    """
+    if formulation not in ("qp", "mip"):
+        raise InputError(f"formulation is {described(formulation)}; 'qp' or 'mip' was expected")
+    if problem.psi.linear is None:
+        raise NotApplicable(
+            f"to_cvxpy needs a psi that is constant or affine, not {problem.psi!r}: "
+            "freeze its obstacle at an answer with problem.frozen(z)"
+        )
+    target = Target(problem)
+    if formulation == "mip":
+        return _mip(target)
+    if target.why_not("energy") is None:
+        return _qp(target, "energy")
+    if (reason := target.why_not("gap")) is not None:
+        raise NotApplicable(f"no convex QP: {reason}; the formulation 'mip' needs no convexity")
+    return _qp(target, "gap")
+
+
+def _qp(target: Target, form: str) -> Any:
+    """`target` as "energy" or "gap"; call it only where `target.why_not(form)` is None."""
+    import cvxpy as cp
+
+    qp, z = target.qp(form), cp.Variable(target.problem.n, name="z")
+    _, r, rows = _conditions(target, z)
+    # definiteness was decided before, so that CVXPY need not
+    value = 0.5 * cp.quad_form(z, cp.psd_wrap(qp.P)) + qp.q @ z
+    if form == "energy":
+        return _program(value, [r >= 0])
+    return _program(value - target.problem.q @ np.where(target.held, target.c, 0.0), rows)
+
+
+def _mip(target: Target) -> Any:
+    import cvxpy as cp
+
+    if target.bounds is None:
+        raise NotApplicable(f"no bounds on p and r for a mixed-integer program: {target.at_zero.reason}")
+    held, (z_max, p_max, r_max) = target.held, target.bounds
+    # without bounds on z HiGHS 1.15 crashes on some of these programs
+    z = cp.Variable(target.problem.n, bounds=[-z_max, z_max], name="z")
+    b = cp.Variable(int(held.sum()), boolean=True, name="b")
+    p, r, rows = _conditions(target, z)
+    return _program(0, [*rows, p <= cp.multiply(p_max[held], b), r <= cp.multiply(r_max[held], 1 - b)])
+
+
+def _conditions(target: Target, z: Any) -> tuple[Any, Any, list[Any]]:
+    """p and r in the rows with an obstacle, and the constraints p ≥ 0, p_i = 0 in the others, r ≥ 0."""
+    held, p = target.held, target.problem.A @ z + target.problem.q
+    r = target.I_minus_G[held] @ z - target.c[held]
+    return p[held], r, [p[held] >= 0, p[~held] == 0, r >= 0]
+
+
+def _program(value: Any, rows: list[Any]) -> Any:
+    import cvxpy as cp
+
+    return cp.Problem(cp.Minimize(value), [row for row in rows if row.size])
 
 
 class _ThroughCvxpy(ForeignSolver):
@@ -28,12 +103,11 @@ class _ThroughCvxpy(ForeignSolver):
         return missing("cvxpy") or super().why_not(target)
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
-        return qp_model(target, self.form(target)), {**self.options(tolerance), "time_limit": float(time_limit)}
+        return _qp(target, self.form(target)), {**self.options(tolerance), "time_limit": float(time_limit)}
 
     def run(self, model: Any) -> Claim:
         problem, options = model
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Solution may be inaccurate")
+        with warnings.catch_warnings(action="ignore"):
             problem.solve(solver=self.solver, **options)
         return Claim(problem.var_dict["z"].value, problem.status, problem.status == "optimal")
 

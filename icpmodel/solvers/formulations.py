@@ -76,27 +76,22 @@ class Target:
         return self.problem.psi.linear[1]
 
     @cached_property
-    def free(self) -> np.ndarray:
-        """Where there is no obstacle, so that p_i = 0 must hold: shape (n,), bool."""
-        return np.isneginf(self.c)
+    def held(self) -> np.ndarray:
+        """The rows with an obstacle, shape (n,), bool; p_i = 0 must hold in the others, which are free."""
+        return ~np.isneginf(self.c)
 
     @cached_property
     def I_minus_G(self) -> sp.csr_array:
         """I − G, its free rows those of I, shape (n, n): p_i = 0 there, so any r_i gives the same pᵀr."""
         assert self.problem.psi.linear is not None
         G = self.problem.psi.linear[0]
-        return sp.csr_array(sp.eye_array(self.problem.n) - sp.diags_array(np.where(self.free, 0.0, 1.0)) @ G)
+        return sp.csr_array(sp.eye_array(self.problem.n) - sp.diags_array(np.where(self.held, 1.0, 0.0)) @ G)
 
     @cached_property
-    def curvature(self) -> sp.csr_array:
-        """S = Aᵀ(I − G) + (I − G)ᵀA, the Hessian of pᵀr, shape (n, n); 2A where A is symmetric and ψ constant."""
+    def curvature(self) -> MatrixClasses:
+        """S = Aᵀ(I − G) + (I − G)ᵀA, the Hessian of pᵀr, shape (n, n): whether it is positive (semi)definite."""
         half = self.problem.A.T @ self.I_minus_G
-        return sp.csr_array(half + half.T)
-
-    @cached_property
-    def convexity(self) -> MatrixClasses:
-        """Whether S is positive (semi)definite."""
-        return classify(self.curvature)
+        return classify(half + half.T)
 
     @cached_property
     def at_zero(self) -> ErrorBound:
@@ -108,16 +103,16 @@ class Target:
 
     @cached_property
     def bounds(self) -> tuple[Vector, Vector, Vector] | None:
-        """z̄, p̄ and r̄, each of shape (n,), with |z*| ≤ z̄, p* ≤ p̄ and r* ≤ r̄ (∞ in free rows); None without `at_zero`.
+        """δ of `at_zero`, |q| + |A|δ and |I − G|δ + |c|, each of shape (n,) and a little larger, as these sums round.
 
-        δ of `at_zero`, |q| + |A|δ and |I − G|δ + |c|, each a little larger, as these sums round.
+        They bound |z*|, p* and r* (∞ in free rows). None where `at_zero` has no δ.
         """
         if self.at_zero.componentwise is None:
             return None
-        z_max = self.at_zero.componentwise * (1 + 1e-9)
-        p_max = (np.abs(self.problem.q) + self.problem.matrix.absolute @ z_max) * (1 + 1e-9)
-        r_max = (abs(self.I_minus_G) @ z_max + np.abs(self.c)) * (1 + 1e-9)
-        return z_max, p_max, r_max
+        larger = 1 + 1e-9
+        z_max = self.at_zero.componentwise * larger
+        p_max = (np.abs(self.problem.q) + self.problem.matrix.absolute @ z_max) * larger
+        return z_max, p_max, (abs(self.I_minus_G) @ z_max + np.abs(self.c)) * larger
 
     @cached_property
     def unique(self) -> bool:
@@ -125,19 +120,20 @@ class Target:
 
         For two solutions (p − p′)ᵀ(r − r′) = −pᵀr′ − p′ᵀr ≤ 0, and it equals ½(z − z′)ᵀS(z − z′).
         """
-        return self.at_zero.unique or self.convexity.definite.holds is True
+        return self.at_zero.unique or self.curvature.definite.holds is True
 
     def why_not(self, form: str) -> str | None:
         """Why `form` ("energy", "gap" or "mpec") does not apply, in one sentence; None where it does."""
+        A, constant = self.problem.A, self.problem.psi.is_constant
         if form == "mpec":
             return None
-        constant = self.problem.psi.is_constant
         if form == "energy" and not constant:
             return "psi is not constant"
-        if form == "energy" and not _is_symmetric(self.problem.A):
+        # up to one rounding of its entries
+        if form == "energy" and abs(A - A.T).max() > 4 * UNIT_ROUNDOFF * np.abs(A.data).max():
             return "A is not symmetric"
         # rounding does not make a QP nonconvex for a solver
-        convex = self.convexity.semidefinite_up_to_rounding
+        convex = self.curvature.semidefinite_up_to_rounding
         if convex.holds:
             return None
         matrix = "A + A'" if constant else "A'(I - G) + (I - G)'A"
@@ -150,34 +146,34 @@ class Target:
 
     @cached_property
     def _energy(self) -> QP:
-        held = ~self.free
-        lower = self.c[held]
-        K = sp.csc_array(self.I_minus_G[held])
-        return QP(sp.csc_array(self.curvature / 2), self.problem.q, K, lower, np.full(lower.size, np.inf))
+        lower, K = self.c[self.held], sp.csc_array(self.I_minus_G[self.held])
+        return QP(sp.csc_array(self.curvature.A / 2), self.problem.q, K, lower, np.full(lower.size, np.inf))
 
     @cached_property
     def _gap(self) -> QP:
-        A, q, held = self.problem.A, self.problem.q, ~self.free
-        linear = self.I_minus_G.T @ q - A.T @ np.where(self.free, 0.0, self.c)
+        A, q, held = self.problem.A, self.problem.q, self.held
+        linear = self.I_minus_G.T @ q - A.T @ np.where(held, self.c, 0.0)
         K = sp.csc_array(sp.vstack([A, self.I_minus_G[held]]))
-        upper = np.append(np.where(self.free, -q, np.inf), np.full(held.sum(), np.inf))
-        return QP(sp.csc_array(self.curvature), linear, K, np.append(-q, self.c[held]), upper)
+        upper = np.append(np.where(held, np.inf, -q), np.full(held.sum(), np.inf))
+        return QP(sp.csc_array(self.curvature.A), linear, K, np.append(-q, self.c[held]), upper)
 
 
 def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
     """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit · y.
 
-    A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of solvers mean something
-    for a problem in any units. The size of z is taken from q_i/a_ii and from the positive obstacles at z = 0, never
-    from an answer. Returns (problem in y, 2ᵏ); the problem as it is, and 1, where something would overflow.
+    A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of solvers mean something.
+    The size of z is taken from q_i/a_ii and from the positive obstacles at z = 0, never from an answer.
+    Returns (problem in y, 2ᵏ); the problem as it is, and 1, where something would overflow.
     """
     diagonal = np.abs(problem.A.diagonal())
     size_A = _typical(diagonal) or _typical(np.abs(problem.A.data)) or 1.0
     with np.errstate(over="ignore", under="ignore"):
-        size_z = max(
-            _typical(np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A)), _typical(_psi_at_zero(problem))
-        )
-        i, k = math.frexp(size_A)[1], math.frexp(size_z or 1.0)[1]
+        try:
+            obstacle = problem.psi.value(np.zeros(problem.n))
+        except MapError:  # it only helps to choose a unit
+            obstacle = np.zeros(0)
+        from_q = np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A)
+        i, k = math.frexp(size_A)[1], math.frexp(max(_typical(from_q), _typical(obstacle)) or 1.0)[1]
         A = in_units(problem.A, np.full(problem.n, -i), np.zeros(problem.n, dtype=int))
         q, unit = np.ldexp(problem.q, -i - k), float(np.ldexp(1.0, k))
     if not (np.isfinite(A.data).all() and np.isfinite(q).all() and 0.0 < unit < math.inf):
@@ -186,10 +182,8 @@ def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
 
 
 def targets(problem: ProblemData, y: Vector) -> list[Target]:
-    """What is to be solved: the problem where ψ is constant or affine; else, and for affine ψ too, the frozen one.
-
-    Parameters: `problem` in handy units; `y` the answer under test in them, shape (n,). The frozen problem is missing
-    where ψ(y) is not a finite obstacle.
+    """What is to be solved: `problem`, in handy units, where ψ is constant or affine; else, and for affine ψ too, the
+    problem frozen at the answer under test `y`, shape (n,), if ψ(y) is a finite obstacle.
     """
     found = [Target(problem)] if problem.psi.linear is not None else []
     if not problem.psi.is_constant and np.isfinite(y).all():
@@ -199,21 +193,7 @@ def targets(problem: ProblemData, y: Vector) -> list[Target]:
     return found
 
 
-def _is_symmetric(A: sp.csr_array) -> bool:
-    """A = Aᵀ up to one rounding of its entries."""
-    difference = abs(A - A.T)
-    return bool(difference.max() <= 4 * UNIT_ROUNDOFF * np.abs(A.data).max())
-
-
 def _typical(sizes: Vector) -> float:
     """The median of the positive finite `sizes`, 0 where there are none: one odd row must not set the unit."""
     positive = sizes[np.isfinite(sizes) & (sizes > 0)]
     return float(np.quantile(positive, 0.5, method="lower")) if positive.size else 0.0
-
-
-def _psi_at_zero(problem: ProblemData) -> Vector:
-    """ψ(0), or nothing where ψ fails there; it only helps to choose a unit."""
-    try:
-        return problem.psi.value(np.zeros(problem.n))
-    except MapError:
-        return np.zeros(0)

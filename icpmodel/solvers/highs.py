@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from .contract import Claim, ForeignSolver
+from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
 
@@ -36,8 +36,7 @@ class Highs(ForeignSolver):
         hessian.dim_, hessian.format_ = qp.q.size, highspy.HessianFormat.kTriangular
         hessian.start_, hessian.index_, hessian.value_ = P.indptr, P.indices, P.data
         solver = highspy.Highs()
-        options = {"output_flag": False, "time_limit": float(time_limit), **highs_options(tolerance)}
-        for name, value in options.items():
+        for name, value in {**highs_options(tolerance), "output_flag": False, "time_limit": float(time_limit)}.items():
             solver.setOptionValue(name, value)
         solver.passModel(model)
         return solver
@@ -46,15 +45,12 @@ class Highs(ForeignSolver):
         import highspy
 
         model.run()
-        status = model.getModelStatus()
-        z = np.array(model.getSolution().col_value)
+        status, z = model.getModelStatus(), model.getSolution().col_value
         return Claim(z, model.modelStatusToString(status), status == highspy.HighsModelStatus.kOptimal)
 
 
 def highs_options(tolerance: float) -> dict[str, Any]:
-    """HiGHS's options for `tolerance`, which is absolute and at least 1e-10.
-
-    By default it adds 1e-7 to the Hessian, which shows in the seventh digit; that is switched off.
-    """
+    """HiGHS's options for `tolerance`, which is absolute and at least 1e-10."""
+    # by default it adds 1e-7 to the Hessian, which shows in the seventh digit
     feasible = dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), max(tolerance, 1e-10))
     return {**feasible, "qp_regularization_value": 0.0}

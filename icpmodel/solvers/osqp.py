@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from .contract import Claim, ForeignSolver
+from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
 

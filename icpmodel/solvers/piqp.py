@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import operator
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from .contract import Claim, ForeignSolver
+from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
 #: a matrix with a larger share of entries is given to its dense solver
@@ -37,10 +38,7 @@ class Piqp(ForeignSolver):
         bounds = np.full(qp.q.size, -np.inf)
         np.maximum.at(bounds, K.indices[K.indptr[:-1][single]], qp.lower[single])
         rows = ~equal & ~single
-
-        def matrix(of: Any) -> Any:
-            return of.toarray() if dense else sp.csc_matrix(of)
-
+        matrix: Any = operator.methodcaller("toarray") if dense else sp.csc_matrix
         A, b = (matrix(K[equal]), qp.lower[equal]) if equal.any() else (None, None)
         G, h = (matrix(K[rows]), qp.lower[rows]) if rows.any() else (None, None)
         model.setup(matrix(qp.P), qp.q, A, b, G, h, None, bounds, None)

@@ -1,4 +1,4 @@
-"""The problem as it stands, p ≥ 0 ⟂ r ≥ 0, written with Pyomo's `Complementarity` and transformed by Pyomo.
+"""An ICP as a Pyomo model, and two solvers of what Pyomo makes of it: p ≥ 0 ⟂ r ≥ 0, transformed.
 
 HiGHS gets it as a mixed-integer program (mpec.simple_disjunction, then gdp.bigm: p_i = 0 or r_i = 0), which needs no
 convexity but bounds on p and r; IPOPT gets it as a nonlinear program (mpec.simple_nonlinear: p_i r_i ≤ 0).
@@ -7,15 +7,146 @@ Reference: Bynum et al., Pyomo: Optimization Modeling in Python (2021), doi 10.1
 
 from __future__ import annotations
 
+import itertools
+import operator
 import shutil
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from ..errors import NotApplicable
 from ..numerics.arrays import Vector
-from .contract import Claim, ForeignSolver, missing
+from ..problem.data import ProblemData
+from ..problem.elementwise import Elementwise
+from ..problem.function import Function
+from ..problem.map import Map
+from ..problem.user_code import is_compiled
+from .foreign import Claim, ForeignSolver, missing
 from .formulations import Target
-from .pyomo_model import add_conditions, affine_row
+
+#: NumPy's functions of one argument that Pyomo has too; it calls arcsin asin
+_FUNCTIONS: tuple[str, ...] = ("exp", "log", "log10", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh")
+_FUNCTIONS += tuple(f"arc{name}" for name in _FUNCTIONS[4:])
+
+
+def to_pyomo(problem: ProblemData) -> Any:
+    """`problem` as a Pyomo model: variables z[i], and complements(p_i ≥ 0, r_i ≥ 0) for every row i with an obstacle.
+
+    A row without obstacle is the equality constraint `equation[i]`, p_i = 0. `objective` is the constant 0, without
+    which some solvers do not start: every point that satisfies the conditions is a solution.
+    Parameters: `problem` with a ψ that is constant, affine, read from a Pyomo model, or Python code of arithmetic and
+    of NumPy functions that Pyomo has as well, without branches; the code is run once on symbols, and the expressions
+    are compared with it.
+    Returns a `pyomo.environ.ConcreteModel`. Raises NotApplicable for another ψ.
+
+    >>> len(ICP([[2.0]], [-1.0]).to_pyomo().complementarity)
+    1
+    """
+    import pyomo.environ as pyo
+
+    model = pyo.ConcreteModel()
+    model.z = pyo.Var(range(problem.n))
+    obstacle, p = _obstacle(problem.psi, model.z), _moved(problem.A, problem.q, model.z)
+    held = [i for i, one in enumerate(obstacle) if not (isinstance(one, float) and one == -np.inf)]
+    _add_conditions(model, held, p, {i: model.z[i] - obstacle[i] for i in held})
+    return model
+
+
+def _add_conditions(model: Any, held: list[int], p: Any, r: Any) -> None:
+    """Give `model` p_i ≥ 0 ⟂ r_i ≥ 0 in the rows `held`, p_i = 0 in the others, and an objective that is constant."""
+    import pyomo.environ as pyo
+    from pyomo.mpec import Complementarity, complements
+
+    model.complementarity = Complementarity(held, rule=lambda _, i: complements(p[i] >= 0, r[i] >= 0))
+    model.equation = pyo.Constraint(sorted({*model.z} - {*held}), rule=lambda _, i: p[i] == 0)
+    model.objective = pyo.Objective(expr=0.0)
+
+
+def _obstacle(psi: Map, z: Any) -> list[Any]:
+    """ψ_i(z) as Pyomo expressions of the variables `z`; numbers where they do not move, −inf in rows without."""
+    variables = list(z.values())
+    if psi.linear is not None:
+        return _moved(*psi.linear, z)
+    code: Any = psi.fun if isinstance(psi, Function) else None
+    if hasattr(code, "expressions"):  # read from a Pyomo model: Gz + c, and in some rows an expression more
+        bends = code.expressions(variables)
+        return [one + bends[i] if i in bends else one for i, one in enumerate(_moved(code.G, code.c, z))]
+    symbols = np.array([_Symbol(variable) for variable in variables], dtype=object)
+    try:
+        if isinstance(psi, Elementwise):
+            f: Any = psi.f
+            values = [f.py_func(one) for one in symbols] if is_compiled(f) else np.asarray(f(symbols))
+            found = [-np.inf if c == -np.inf else one + c for one, c in zip(values, psi.c.tolist(), strict=True)]
+        elif isinstance(psi, Function):
+            found = list(np.asarray(code(symbols)).reshape(len(variables)))
+        else:
+            raise TypeError("it takes the best of several")
+        found = [one.expression if isinstance(one, _Symbol) else float(one) for one in found]
+        _compare(psi, found, z)
+    except Exception as error:  # a user's code may raise anything when it is given symbols
+        raise NotApplicable(f"{psi!r} has no Pyomo expression: {type(error).__name__}: {error}") from error
+    return found
+
+
+def _moved(G: Any, c: Any, z: Any) -> list[Any]:
+    """Gz + c, row by row, as Pyomo expressions: `G` CSR, shape (n, n), `z` Pyomo variables by number."""
+    start, data, columns = G.indptr.tolist(), G.data.tolist(), G.indices.tolist()
+    rows = ([data[k] * z[columns[k]] for k in range(*ends)] for ends in itertools.pairwise(start))
+    return [one if one == -np.inf else sum(row) + one for row, one in zip(rows, c.tolist(), strict=True)]
+
+
+def _compare(psi: Map, expressions: list[Any], z: Any) -> None:
+    """Raise ValueError where the expressions have not the values of ψ, so that code with a state is found out."""
+    from pyomo.environ import value
+
+    random = np.random.default_rng(0)
+    for low, high in ((0.1, 0.9), (-0.9, 0.9), (-5.0, 5.0)):  # points of one sign and of both
+        at = random.uniform(low, high, len(z))
+        z.set_values(dict(enumerate(at.tolist())))
+        with np.errstate(all="ignore"):
+            expected = psi.value(at)
+        for i in np.flatnonzero(np.isfinite(expected)).tolist():
+            found = value(expressions[i])
+            if not abs(found - expected[i]) <= 1e-9 * max(abs(expected[i]), 1.0):
+                raise ValueError(f"psi(z)[{i}] is {expected[i]:g} and its expression {found:g} at the same z")
+    z.set_values(dict.fromkeys(z))
+
+
+class _Symbol:
+    """A Pyomo expression on which arithmetic and NumPy's functions work: np.sin of an array of them asks x.sin()."""
+
+    def __init__(self, expression: Any) -> None:
+        self.expression = expression
+
+    def __neg__(self) -> _Symbol:
+        return _Symbol(-self.expression)
+
+    def __abs__(self) -> _Symbol:
+        return _Symbol(abs(self.expression))
+
+    def __getattr__(self, name: str) -> Callable[[], _Symbol]:
+        import pyomo.environ as pyo
+
+        if name not in _FUNCTIONS:
+            raise AttributeError(f"Pyomo has no {name}")
+        return lambda: _Symbol(getattr(pyo, name.replace("arc", "a"))(self.expression))
+
+
+def _arithmetic(operation: Callable[[Any, Any], Any], turned: bool) -> Callable[[_Symbol, Any], Any]:
+    def method(self: _Symbol, other: Any) -> Any:
+        if isinstance(other, np.ndarray):
+            return NotImplemented  # NumPy goes through the entries
+        other = other.expression if isinstance(other, _Symbol) else float(other)
+        pair = (other, self.expression) if turned else (self.expression, other)
+        return _Symbol(operation(*pair))
+
+    return method
+
+
+for _name in ("add", "sub", "mul", "truediv", "pow"):
+    setattr(_Symbol, f"__{_name}__", _arithmetic(getattr(operator, _name), turned=False))
+    setattr(_Symbol, f"__r{_name}__", _arithmetic(getattr(operator, _name), turned=True))
 
 
 class PyomoHighs(ForeignSolver):
@@ -30,9 +161,8 @@ class PyomoHighs(ForeignSolver):
     too_large = "branch and bound may take minutes"
 
     def why_not(self, target: Target) -> str | None:
-        reason = missing("pyomo") or super().why_not(target)
-        if reason is None and target.bounds is None:
-            reason = f"no bounds on p and r for the big-M form: {target.at_zero.reason}"
+        if (reason := missing("pyomo") or super().why_not(target)) is None and target.bounds is None:
+            return f"no bounds on p and r for the big-M form: {target.at_zero.reason}"
         return reason
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
@@ -52,7 +182,7 @@ class PyomoHighs(ForeignSolver):
         if result.termination_condition is not TerminationCondition.optimal:
             return Claim(None, result.termination_condition.name, False)
         values = result.solution_loader.get_primals()
-        return Claim(np.array([values[one] for one in posed.z.values()]), "optimal", True)
+        return Claim([values[one] for one in posed.z.values()], "optimal", True)
 
 
 class PyomoIpopt(ForeignSolver):
@@ -80,24 +210,23 @@ class PyomoIpopt(ForeignSolver):
         if len(result.solution) == 0:
             return Claim(None, words, False)
         posed.solutions.load_from(result)
-        return Claim(np.array([one.value for one in posed.z.values()], dtype=np.float64), words, words == "optimal")
+        return Claim([one.value for one in posed.z.values()], words, words == "optimal")
 
 
 def _model(target: Target, bounds: tuple[Vector, Vector, Vector] | None, *transformations: str) -> Any:
     """`target` as a transformed Pyomo model with variables z, p and r; `bounds` as `Target.bounds`, or None."""
     import pyomo.environ as pyo
 
-    problem, B, free = target.problem, target.I_minus_G, target.free.tolist()
-    rows = range(problem.n)
-    held = [i for i in rows if not free[i]]
-    z_max, p_max, r_max = bounds or (np.full(problem.n, np.inf),) * 3
+    problem, held = target.problem, np.flatnonzero(target.held).tolist()
+    z_max, p_max, r_max = (one.tolist() for one in bounds or (np.full(problem.n, np.inf),) * 3)
     model = pyo.ConcreteModel()
-    model.z = pyo.Var(rows, bounds=lambda _, i: (-float(z_max[i]), float(z_max[i])))
-    model.p = pyo.Var(rows, bounds=lambda _, i: (0.0, 0.0 if free[i] else float(p_max[i])))
-    model.r = pyo.Var(held, bounds=lambda _, i: (0.0, float(r_max[i])))
-    model.p_is = pyo.Constraint(rows, rule=lambda m, i: m.p[i] == affine_row(problem.A, m.z, i) + float(problem.q[i]))
-    model.r_is = pyo.Constraint(held, rule=lambda m, i: m.r[i] == affine_row(B, m.z, i) - float(target.c[i]))
-    add_conditions(model, free, lambda i: model.p[i], lambda i: model.r[i])
+    model.z = pyo.Var(range(problem.n), bounds=lambda _, i: (-z_max[i], z_max[i]))
+    model.p = pyo.Var(range(problem.n), bounds=lambda _, i: (0.0, p_max[i] if target.held[i] else 0.0))
+    model.r = pyo.Var(held, bounds=lambda _, i: (0.0, r_max[i]))
+    p, r = _moved(problem.A, problem.q, model.z), _moved(target.I_minus_G, -target.c, model.z)
+    model.p_is = pyo.Constraint(range(problem.n), rule=lambda m, i: m.p[i] == p[i])
+    model.r_is = pyo.Constraint(held, rule=lambda m, i: m.r[i] == r[i])
+    _add_conditions(model, held, model.p, model.r)
     for transformation in transformations:
         pyo.TransformationFactory(transformation).apply_to(model)
     return model

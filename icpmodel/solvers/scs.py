@@ -6,7 +6,7 @@ from typing import Any
 
 import scipy.sparse as sp
 
-from .contract import Claim, ForeignSolver
+from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
 

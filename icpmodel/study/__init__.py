@@ -1,6 +1,6 @@
 """Studies: races, stability maps, sensitivity, and the report."""
 
-from .charts.solution_chart import solution_figure
+from .charts.study_charts import solution_figure
 from .html_report import html_report
 from .planes import Axis, Plane
 from .race import Race, race

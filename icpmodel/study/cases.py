@@ -14,7 +14,7 @@ from ..errors import IcpError, InputError
 from ..icp import ICP
 from ..numerics.arrays import as_list, as_number
 from ..problem.data import ProblemData
-from ..scenes import Scene, names, parameters, scene
+from ..scenes import Scene, parameters, scene
 from ..solve.solution import Solution, Status
 from ..solvers.formulations import Target, in_handy_units
 
@@ -29,21 +29,13 @@ VARIANTS = (
 )
 
 
-def gallery() -> tuple[str, ...]:
-    """Every scene, and `VARIANTS`."""
-    return tuple(sorted([*names(), *VARIANTS]))
-
-
 def built(text: str, n: int | None) -> Scene:
     """The scene that `text`, NAME or NAME,PARAMETER=NUMBER,…, stands for, of about `n` unknowns if it can."""
     name, *pairs = text.split(",")
-    given: dict[str, Any] = {}
-    for pair in pairs:
-        key, _, value = pair.partition("=")
-        try:
-            given[key] = json.loads(value)
-        except ValueError:
-            raise InputError(f"{text!r} is not of the form NAME,PARAMETER=NUMBER") from None
+    try:
+        given = {key: json.loads(value) for key, _, value in (pair.partition("=") for pair in pairs)}
+    except ValueError:
+        raise InputError(f"{text!r} is not of the form NAME,PARAMETER=NUMBER") from None
     return scene(name, n if "n" in parameters(name) else None, **given)
 
 
@@ -109,11 +101,10 @@ def cases(texts: tuple[str, ...], sizes: tuple[int, ...]) -> Iterator[tuple[str,
     for text in texts:
         seen: set[int] = set()
         for wanted in sizes:
+            case: Case | str
             try:
-                made = Case(text, built(text, wanted).problem)
-                case: Case | str = made
-                n = made.problem.n
-                _ = made.scale
+                case = Case(text, built(text, wanted).problem)
+                n, _ = case.problem.n, case.scale
             except (IcpError, MemoryError) as error:
                 case, n = str(error) or "not enough memory", wanted
             if n not in seen:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ..algebra.relaxation import best_omega
-from ..errors import IcpError
 from ..icp import ICP
 from ..methods.aor import overrelaxed
 from ..methods.contract import Method, named
@@ -22,16 +21,38 @@ from ..numerics.lanczos import jacobi_radius
 from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..solve.driver import RTOL
-from ..solvers.contract import Claim, ForeignSolver, ask, chosen_solvers
+from ..solvers.foreign import Claim, ForeignSolver, ask
 from .cases import Case, fresh, unbroken
 
 
-class Competitor(ABC):
-    """One that takes part: `name`; `kind` "solve", "own", "peer" or "limit"; `ladder`, tolerances to try in turn."""
+@dataclass(frozen=True)
+class Entry:
+    """One competitor at one `tolerance` of a race: `seconds` of each round, and among them `build` seconds to make the
+    ICP or the QP and `setup` seconds of the solver (None: not known apart); `error` in the race's measure, `residual`
+    Res(z)/Res(0), its `claim`, and whether that is `wrong`: success, at a residual of ten times the tolerance or more.
+    """
 
-    kind: ClassVar[str]
-    #: what it may raise, which is then what it says
-    raises: ClassVar[tuple[type[Exception], ...]] = (IcpError, MemoryError)
+    name: str
+    kind: str
+    tolerance: float
+    seconds: tuple[float, ...] = ()
+    build: float = 0.0
+    setup: float | None = None
+    error: float | None = None
+    residual: float | None = None
+    claim: str = ""
+    wrong: bool = False
+
+    @property
+    def median(self) -> float:
+        """The median of the `seconds`."""
+        return float(np.median(self.seconds))
+
+
+class Competitor(ABC):
+    """One that takes part: its `kind` is "solve", "own", "peer" or "limit", `ladder` the tolerances to try in turn."""
+
+    kind: str
     name: str
     ladder: tuple[float, ...] = (RTOL,)
 
@@ -39,18 +60,16 @@ class Competitor(ABC):
         """Why it cannot take `case`, or None."""
         return None
 
-    def build(self, case: Case) -> float:
-        """Seconds to make what it is given, outside of the time of `run`: the ICP, and for a peer the QP from it."""
-        begin = time.perf_counter()
-        fresh(case.problem)
-        return time.perf_counter() - begin
+    def build(self, case: Case) -> Any:
+        """What it is given, made outside of the time of `run`: the ICP, and for a peer the QP from it."""
+        return fresh(case.problem)
 
     def run(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         """Solve `case` from scratch; call it only where `why_not` is None."""
         begin = time.perf_counter()
         try:
             return self.attempt(case, tolerance, time_limit)
-        except self.raises as error:
+        except Exception as error:  # whatever foreign code may raise is what it says
             return Claim(None, f"{type(error).__name__}: {error}", False, time.perf_counter() - begin)
 
     @abstractmethod
@@ -59,63 +78,36 @@ class Competitor(ABC):
 
 
 class Own(Competitor):
-    """A method of this package. Parameters: `name`, and the `method`."""
+    """A `method` of this package, without one `solve()` itself; with `tune` it is tune(problem), part of its time."""
 
-    kind: ClassVar[str] = "own"
-
-    def __init__(self, name: str, method: Method | None) -> None:
-        self.name, self._method = name, method
+    def __init__(
+        self, name: str = "solve()", method: Method | None = None, tune: Callable[[ICP], Method] | None = None
+    ) -> None:
+        self.name, self._method, self._tune = name, method, tune
+        self.kind = "solve" if method is None else "own"
 
     def method(self, problem: ICP) -> Method | None:
         """The method for `problem`."""
-        return self._method
+        return self._method if self._tune is None else self._tune(problem)
 
     def why_not(self, case: Case) -> str | None:
-        method = self.method(fresh(case.problem))
-        return None if method is None else method.why_not(case.problem)
+        return None if self._method is None else self._method.why_not(case.problem)
 
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         problem = fresh(case.problem)
         begin = time.perf_counter()
         method = self.method(problem)
-        between = time.perf_counter()
+        setup = None if self._tune is None else time.perf_counter() - begin
         solution = unbroken(problem.solve(method, rtol=tolerance, time_limit=time_limit, raise_on_failure=False))
         seconds = time.perf_counter() - begin
         words = solution.status.value + ("" if method is not None else f" by {solution.method.name}")
-        setup = between - begin if isinstance(self, Tuned) else None
         return Claim(solution.z, words, solution.solved, seconds, setup)
-
-
-class Solve(Own):
-    """`solve()` without a method."""
-
-    kind: ClassVar[str] = "solve"
-
-    def __init__(self) -> None:
-        super().__init__("solve()", None)
-
-
-class Tuned(Own):
-    """A method `make`(problem, ω) with the ω of the estimated Jacobi radius, which is part of its time."""
-
-    def __init__(self, name: str, make: Callable[[ICP, float], Method]) -> None:
-        super().__init__(name, None)
-        self.make = make
-
-    def method(self, problem: ICP) -> Method:
-        return self.make(problem, best_omega(jacobi_radius(problem.A)))
-
-    def why_not(self, case: Case) -> str | None:
-        if not case.problem.matrix.has_positive_diagonal:
-            return "A has no positive diagonal"
-        return super().why_not(case)
 
 
 class Foreign(Competitor):
     """A foreign `solver`. Its QP is made before the clock starts, turning that into its own format is its own time."""
 
-    kind: ClassVar[str] = "peer"
-    raises: ClassVar[tuple[type[Exception], ...]] = (TypeError, ValueError)  # what it calls a vector may be none
+    kind = "peer"
 
     def __init__(self, solver: ForeignSolver) -> None:
         self.name, self.solver, self.ladder = solver.name, solver, solver.ladder
@@ -125,12 +117,9 @@ class Foreign(Competitor):
             return "psi is neither constant nor affine: no QP"
         return self.solver.why_not(case.posed[0])
 
-    def build(self, case: Case) -> float:
-        begin = time.perf_counter()
+    def build(self, case: Case) -> Any:
         posed = Case(case.scene, fresh(case.problem)).posed
-        if posed is not None:
-            self.solver.pose(posed[0])
-        return time.perf_counter() - begin
+        return None if posed is None else self.solver.pose(posed[0])
 
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         assert case.posed is not None
@@ -140,13 +129,9 @@ class Foreign(Competitor):
 
 
 class Limit(Competitor):
-    """One linear solve with A, which is what no method of Newton's kind can be quicker than by much.
+    """One linear solve with A, `solve`(A, b) to ‖Ax − b‖ ≤ 1e-8‖b‖ or as rounding allows: what bounds every method."""
 
-    Parameters: `name`; `solve` the function (A, b) ↦ x, to be solved to ‖Ax − b‖ ≤ 1e-8‖b‖ or as rounding allows.
-    """
-
-    kind: ClassVar[str] = "limit"
-    raises: ClassVar[tuple[type[Exception], ...]] = (MemoryError, ValueError, RuntimeError, AttributeError)
+    kind = "limit"
 
     def __init__(self, name: str, solve: Callable[[Any, Vector], Vector]) -> None:
         self.name, self.solve = name, solve
@@ -162,24 +147,23 @@ class Limit(Competitor):
 
 
 def own_methods() -> list[Competitor]:
-    """Every method by its name at its default options, and those that gain by relaxation with the ω of the estimated
-    Jacobi radius ρ, ω = 2/(1 + √(1 − ρ²)), the estimate being part of their time.
+    """Every method at its default options, and those that gain by relaxation with the ω of the estimated Jacobi radius
+    ρ, ω = 2/(1 + √(1 − ρ²)).
     """
+
+    def omega(problem: ICP) -> float:
+        return best_omega(jacobi_radius(problem.A))
+
     return [
         *(Own(name, named(name)) for name in method_names()),
-        Tuned("psor, tuned", lambda problem, omega: named("psor", omega=omega)),
-        Tuned("mnmaor, tuned", overrelaxed),
+        Own("psor, tuned", named("psor"), lambda problem: named("psor", omega=omega(problem))),
+        Own("mnmaor, tuned", named("mnmaor"), lambda problem: overrelaxed(problem, omega(problem))),
     ]
 
 
-def limits() -> list[Competitor]:
+def limits() -> list[Limit]:
     """The linear solves with A that bound what can be reached."""
     return [Limit("SuperLU, one solve", _superlu), Limit("PyAMG, one solve", linear_solve)]
-
-
-def competitors() -> list[Competitor]:
-    """`solve()`, all peers, all own methods and the limits, in the order of a table."""
-    return [Solve(), *map(Foreign, chosen_solvers(None, "benchmark")), *own_methods(), *limits()]
 
 
 def _superlu(A: Any, b: Vector) -> Vector:

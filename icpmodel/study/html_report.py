@@ -9,13 +9,13 @@ from collections.abc import Callable
 
 from ..crosscheck.check import crosscheck
 from ..errors import IcpError, InputError
-from ..explain.page import explain
+from ..explain.explanation import explain
 from ..numerics.arrays import Vector, as_number, described
-from ..present.page import render
+from ..present.rendering import render
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
 from .charts.figures import Figure
-from .charts.solution_chart import solution_figure
+from .charts.study_charts import solution_figure
 from .race import race
 from .sensitivity import sensitivity
 from .stability_map import stability
@@ -41,11 +41,10 @@ def html_report(
     """A page that opens offline: the answer, its picture, the problem explained, a cross-check, sensitivity, a map.
 
     What cannot be done, such as a cross-check of a problem that is too large, is said in its place.
-    Parameters: `solution`, solved or not; `title` and `about`, text; `points` as in `solution_figure`;
-    `z_exact` the solution, shape (n,), where it is known; `command` what makes the page again; `time_limit` in seconds
-    for each independent solver; `say` is told what is going on.
-    Returns the HTML text, about a megabyte at the most: figures are SVG within it, large fields pixels within those.
-    Raises InputError where an argument is no such thing.
+    Parameters: `solution`, solved or not; `title` and `about`, text; `points` as in `solution_figure`; `z_exact` the
+    solution, shape (n,), where it is known; `command` what makes the page again; `time_limit` in seconds for each
+    independent solver; `say` is told what is going on. Returns the HTML text, about a megabyte at the most, with the
+    figures in it as SVG. Raises InputError.
 
     >>> solution = ICP([[2, -1], [-1, 2]], [-1, 3]).solve()
     >>> page = icp.study.html_report(solution, title="A pair", time_limit=5)
@@ -69,11 +68,10 @@ def html_report(
     sections = []
     for heading, make in makers.items():
         say(heading)
-        section = {"heading": heading, "missing": "", "picture": "", "page": "", "text": ""}
         try:
-            sections.append(section | make())
+            sections.append({"heading": heading} | make())
         except IcpError as error:
-            sections.append(section | {"missing": str(error)})
+            sections.append({"heading": heading, "missing": str(error)})
     return render("report.html", title=title, about=about, machine=machine(), command=command, sections=sections)
 
 

@@ -55,14 +55,12 @@ class Plane:
 
 
 def _relaxation(points: int, one: ProblemData) -> Plane:
-    """θ₁ × θ₂ of MNMAOR."""
     theta1 = Axis("theta1", "θ₁", np.linspace(0.1, 2.5, points))
     theta2 = Axis("theta2", "θ₂", np.linspace(0.0, 2.5, points))
     return Plane(f"MNMAOR on {one!r}", theta1, theta2, lambda x, y: (one, MNMAOR(theta1=x, theta2=y)))
 
 
 def _shift(points: int, one: ProblemData) -> Plane:
-    """φ × Ω of MNMGS, both in units of the diagonal of A."""
     D = one.A.diagonal()
     if not (D > 0).all():
         i = int(np.argmax(D <= 0))
@@ -73,7 +71,6 @@ def _shift(points: int, one: ProblemData) -> Plane:
 
 
 def _coupling(points: int, n: int, sweep: Method) -> Plane:
-    """Shift μ of the diagonal × norm of G, on the 5-point matrix."""
     mu = Axis("mu", "shift μ of the diagonal (A = 5-point matrix + μI)", np.geomspace(0.01, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 2.0, points))
     title = f"{sweep!r}: dominance against coupling of the obstacle"
@@ -81,7 +78,6 @@ def _coupling(points: int, n: int, sweep: Method) -> Plane:
 
 
 def _transport(points: int, n: int, sweep: Method) -> Plane:
-    """Skewness × shift of the diagonal, on the 5-point matrix with transport; below skewness 1 upwind."""
     skew = Axis("skew", "skewness s (neighbours −1 − s and −1 + s)", np.linspace(0.0, 6.0, points))
     mu = Axis("mu", "shift μ of the diagonal", np.geomspace(0.01, 30.0, points), log=True)
     title = f"{sweep!r}: transport against dominance"
@@ -89,7 +85,7 @@ def _transport(points: int, n: int, sweep: Method) -> Plane:
 
 
 def _condition(points: int, n: int, sweep: Method) -> Plane:
-    """Condition number × units of A, on the periodic tridiag(−1, 2 + ε, −1), ε = 4/κ, without contact."""
+    """On the periodic tridiag(−1, 2 + ε, −1), ε = 4/κ, without contact."""
     if n < 3:
         raise InputError(f"n is {n}; the plane condition needs a ring of at least 3 unknowns")
     kappa = Axis("condition number", "condition number κ of A", np.geomspace(10.0, 1e12, points), log=True)
@@ -105,7 +101,7 @@ def _condition(points: int, n: int, sweep: Method) -> Plane:
 
 
 def _units(points: int, n: int, sweep: Method) -> Plane:
-    """Scale of A × norm of G: no method with Ω = D feels the scale, but the conditions as printed do."""
+    """No method with Ω = D feels the scale, but the conditions as printed do."""
     scale = Axis("scale of A", "diagonal of A", np.geomspace(0.1, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 4.0, points))
     title = f"{sweep!r}: a change of units against coupling of the obstacle"
@@ -128,10 +124,10 @@ PLANES = (*_OF_METHOD, *_OF_PROBLEM)
 
 def plane(name: str, points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
     """The plane called `name`, one of `PLANES`, on the `problem` or with the `method`, None for the default ones."""
-    if name in _OF_METHOD:
-        if method is not None:
-            raise InputError(f"method is {method!r}; this plane varies the parameters of its own method: leave it out")
-        return _OF_METHOD[name](points, problem or scene("manufactured-affine", n, mu=0.5).problem)
-    if problem is not None:
-        raise InputError("problem: this plane varies the problem; only relaxation and shift take one of yours")
-    return _OF_PROBLEM[name](points, n, named(method or "mnmgs"))
+    if name in _OF_PROBLEM:
+        if problem is not None:
+            raise InputError("problem: this plane varies the problem; only relaxation and shift take one of yours")
+        return _OF_PROBLEM[name](points, n, named(method or "mnmgs"))
+    if method is not None:
+        raise InputError(f"method is {method!r}; this plane varies the parameters of its own method: leave it out")
+    return _OF_METHOD[name](points, problem or scene("manufactured-affine", n, mu=0.5).problem)

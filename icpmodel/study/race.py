@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -18,12 +18,12 @@ from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.driver import RTOL, solve
 from ..solve.progress import status_line
-from ..solvers.contract import Claim, ForeignSolver, chosen_solvers
+from ..solvers.foreign import ForeignSolver, chosen_solvers
 from .cases import Case, fresh, unbroken
 from .charts.figures import Charted, Figure
-from .charts.race_chart import race_figure
-from .competitors import Competitor, Foreign, Own, Solve, limits, own_methods
-from .timing import in_turn, machine, timed
+from .charts.study_charts import race_figure
+from .competitors import Competitor, Entry, Foreign, Own, limits, own_methods
+from .timing import clocked, interleaved, machine, timed
 
 #: the tolerances that each competitor is asked for
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
@@ -40,31 +40,7 @@ _TRACED = 1.2
 
 #: z ↦ its error, None where it has none
 _Error = Callable[[Any], float | None]
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One competitor at one `tolerance`: `seconds` of each round, and among them `build` seconds to make the ICP or the
-    QP and `setup` seconds of the solver (None: not known apart); `error` in the race's measure, `residual`
-    Res(z)/Res(0), its `claim`, and whether that is `wrong`: success, at a residual of ten times the tolerance or more.
-    """
-
-    name: str
-    kind: str
-    tolerance: float
-    seconds: tuple[float, ...] = ()
-    build: float = 0.0
-    setup: float | None = None
-    error: float | None = None
-    residual: float | None = None
-    claim: str = ""
-    wrong: bool = False
-
-    def row(self) -> tuple[Any, ...]:
-        """Its row of the table."""
-        times = (float(np.median(self.seconds)), min(self.seconds), max(self.seconds), self.build, self.setup)
-        said = (self.claim, "wrong" if self.wrong else "")
-        return (self.name, self.kind, self.tolerance, *times, self.error, self.residual, *said)
+_Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,14 +68,18 @@ class Race(Charted):
     def table(self) -> Table:
         """One row per competitor and tolerance, times in seconds."""
         heads = ("competitor", "kind", "tolerance", "time, s", "lowest", "highest", "build, s", "set-up, s")
-        rows = [entry.row() for entry in self.entries]
+        rows: list[tuple[Any, ...]] = []
+        for one in self.entries:
+            times = (one.median, min(one.seconds), max(one.seconds), one.build, one.setup)
+            said = (one.error, one.residual, one.claim, "wrong" if one.wrong else "")
+            rows.append((one.name, one.kind, one.tolerance, *times, *said))
         if self.limit is not None:
             rows.append(("PyAMG, one solve", "limit", RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
         return Table(self.title, (*heads, self.measure, "Res(z) / Res(0)", "claim", "is"), tuple(rows))
 
     def figure(self) -> Figure:
         """Left: time against error; right: where the time to Res ≤ 1e-8·Res(0) goes. Returns a matplotlib figure."""
-        return race_figure(self.table(), self.traces)
+        return race_figure(self.title, self.measure, self.entries, self.traces, self.limit)
 
     def __str__(self) -> str:
         return "\n".join([str(self.table()), *(f"{name}: left out, {reason}" for name, reason in self.skipped)])
@@ -137,16 +117,14 @@ def race(
     case = Case("this problem", as_problem(problem))
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
-    asked = sorted(
-        {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}, reverse=True
-    )
+    asked = {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}
     if not asked:
         raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
-    wanted = [
-        (one, one.why_not(case)) for one in (Solve(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race")))
-    ]
-    entered = [one for one, reason in wanted if reason is None]
-    skipped = tuple((one.name, reason) for one, reason in wanted if reason is not None)
+    reasons = {
+        one: one.why_not(case) for one in (Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race")))
+    }
+    entered = [one for one, reason in reasons.items() if reason is None]
+    skipped = tuple((one.name, reason) for one, reason in reasons.items() if reason is not None)
     found = Race(title=f"{problem!r} ({machine()})", measure="", entries=(), skipped=skipped, command=command)
     entries: dict[tuple[str, float], Entry] = {}
     try:
@@ -155,13 +133,18 @@ def race(
             measure, error = _measure(case, z_exact)
             found = replace(found, measure=measure)
             say("one linear solve")
-            found = replace(found, limit=_linear(case, repeats, limit))
-            _fill(entries, case, entered, asked, repeats, limit, error, say)
+            linear = partial(limits()[-1].run, case, RTOL, limit)
+            if linear().solved:
+                found = replace(
+                    found, limit=timed({"solve": lambda: linear().seconds}, repeats, warm=False).median("solve")
+                )
+            for entry in _run(case, entered, sorted(asked, reverse=True), repeats, limit, error, say):
+                entries[entry.name, entry.tolerance] = entry
             for one in entered:
                 if isinstance(one, Own):
                     say(f"{one.name}: its path")
                     with contextlib.suppress(IcpError):
-                        found.traces[one.name] = _path(case, one, asked[-1], limit, error)
+                        found.traces[one.name] = _path(case, one, min(asked), limit, error)
     except KeyboardInterrupt:
         raise Interrupted(replace(found, entries=tuple(entries.values()))) from None
     return replace(found, entries=tuple(entries.values()))
@@ -170,13 +153,10 @@ def race(
 def _own(methods: Sequence[str | Method] | None) -> list[Competitor]:
     """The own methods that take part; what was asked for by name must be known."""
     known = {one.name: one for one in own_methods()}
-    found: list[Competitor] = []
-    for name in METHODS if methods is None else as_list(methods, "methods"):
-        if isinstance(name, Method):
-            found.append(Own(repr(name), name))
-        else:
-            found.append(known.get(name) or Own(name, named(name)))
-    return found
+    return [
+        Own(repr(one), one) if isinstance(one, Method) else known.get(one) or Own(one, named(one))
+        for one in (METHODS if methods is None else as_list(methods, "methods"))
+    ]
 
 
 def _measure(case: Case, z_exact: Any) -> tuple[str, _Error]:
@@ -197,50 +177,36 @@ def _measure(case: Case, z_exact: Any) -> tuple[str, _Error]:
     return words, error
 
 
-def _linear(case: Case, repeats: int, limit: float) -> float | None:
-    run = partial(limits()[-1].run, case, RTOL, limit)
-    return timed({"solve": run}, repeats, warm=False).median("solve") if run().solved else None
-
-
-def _fill(
-    entries: dict[tuple[str, float], Entry],
-    case: Case,
-    entered: list[Competitor],
-    tolerances: list[float],
-    repeats: int,
-    limit: float,
-    error: _Error,
-    say: Callable[[str], None],
-) -> None:
+def _run(
+    case: Case, entered: list[Competitor], asked: list[float], repeats: int, limit: float, error: _Error, say: _Say
+) -> Iterator[Entry]:
     """In the first round it turns out who needs which tolerances and how long; the short runs are then repeated."""
-    enough, builds = {}, {}  # name → tolerances from this one on need no run of their own, 0 for none at all
     for one in entered:
         say(f"{one.name}: warming up")
-        one.run(case, tolerances[0], limit)  # imports and compiles
-        enough[one.name], builds[one.name] = 1.0, float(np.median([one.build(case) for _ in range(_BUILDS)]))
-    again = {}
-    for tolerance in tolerances:
+        one.run(case, asked[0], limit)  # imports and compiles
+    built = timed({one.name: clocked(partial(one.build, case)) for one in entered}, _BUILDS, warm=False)
+    builds = {one.name: built.median(one.name) for one in entered}
+    enough = dict.fromkeys(builds, 1.0)  # tolerances from this one on need no run of their own, 0 for none at all
+    again, entries = {}, {}
+    for tolerance in asked:
         for one in (one for one in entered if tolerance < enough[one.name]):
             say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}")
-            run = one.run(case, tolerance, limit)
-            entry = entries[one.name, tolerance] = _entry(case, one, tolerance, run, builds[one.name], error)
+            run, build = one.run(case, tolerance, limit), builds[one.name]
+            entry = Entry(one.name, one.kind, tolerance, (build + run.seconds,), build, run.setup, claim=run.words)
+            if run.z is not None:
+                entry = replace(entry, error=error(run.z), residual=case.judged(run.z))
+            wrong = run.solved and (entry.residual is None or entry.residual > _WRONG * tolerance)
+            entries[one.name, tolerance] = entry = replace(entry, wrong=wrong)
+            yield entry
             if run.seconds > limit or run.z is None:
                 enough[one.name] = 0.0
             elif entry.residual is not None:  # it has reached more than it was asked for
                 enough[one.name] = entry.residual
             if entry.seconds[0] < _ONCE:
                 again[one.name, tolerance] = partial(one.run, case, tolerance, limit)
-    for key, run in in_turn(again, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
-        seconds = builds[key[0]] + run.seconds
-        entries[key] = replace(entries[key], seconds=(*entries[key].seconds, seconds))
-
-
-def _entry(case: Case, one: Competitor, tolerance: float, claim: Claim, build: float, error: _Error) -> Entry:
-    residual = None if claim.z is None else case.judged(claim.z)
-    off = None if claim.z is None else error(claim.z)
-    wrong = claim.solved and (residual is None or residual > _WRONG * tolerance)
-    seconds = (build + claim.seconds,)
-    return Entry(one.name, one.kind, tolerance, seconds, build, claim.setup, off, residual, claim.words, wrong)
+    for key, run in interleaved(again, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
+        entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
+        yield entries[key]
 
 
 def _path(case: Case, one: Own, tolerance: float, limit: float, error: _Error) -> tuple[Vector, Vector]:
@@ -257,7 +223,8 @@ def _path(case: Case, one: Own, tolerance: float, limit: float, error: _Error) -
             following = max(state.iteration + 1, int(_TRACED * state.iteration))
             lost += time.perf_counter() - begin
 
-    problem, options = fresh(case.problem), {"rtol": tolerance, "time_limit": limit, "raise_on_failure": False}
+    problem = fresh(case.problem)
+    options: dict[str, Any] = {"rtol": tolerance, "time_limit": limit, "raise_on_failure": False}
     unbroken(problem.solve(one.method(problem), callback=look, **options))
     if unseen is not None:  # the last iterate
         seen.append((unseen.seconds - lost, error(unseen.z)))

@@ -15,6 +15,7 @@ from ..errors import IcpError, InputError
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
+from ..present.card import Card
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
 from ..theory.certificates.bounds import bound_of_change
@@ -49,20 +50,17 @@ class Sensitivity:
     undecided: int
 
     def __str__(self) -> str:
-        kind = "" if self.exact else " (estimated)"
         local = "not known: the equations of the active set are singular" if self.local is None else f"{self.local:.3g}"
         seen = "not known: a changed problem was not solved" if self.observed is None else f"{self.observed:.3g}"
-        proved = "no proof" if self.certified is None else f"<= {at_most(self.certified)}"
-        lines = [
-            f"condition number, to first order{kind}  {local}",
-            f"the same from the certificate  {proved}",
-            f"largest of {self.trials} random changes of {self.change:g}  {seen}",
-            f"undecided rows  {self.undecided}",
-        ]
-        if self.local is not None and self.local > 0:
-            lost = max(np.log10(self.local), 0.0)
-            lines.append(f"digits of the data that the answer loses  {lost:.1f}")
-        return "\n".join(lines)
+        rows = {
+            "condition number, to first order" + ("" if self.exact else " (estimated)"): local,
+            "the same from the certificate": "no proof" if self.certified is None else f"<= {at_most(self.certified)}",
+            f"largest of {self.trials} random changes of {self.change:g}": seen,
+            "undecided rows": str(self.undecided),
+        }
+        if self.local:
+            rows["digits of the data that the answer loses"] = f"{max(np.log10(self.local), 0.0):.1f}"
+        return str(Card(rows))
 
 
 def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, seed: int = 0) -> Sensitivity:
@@ -87,14 +85,17 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
     size = float(np.abs(solution.z).max())
     if size == 0.0:
         raise InputError("solution has z = 0, to which no change is relative")
-    known = solution.active_set
-    active = known.active | (known.undecided & nearer_to_obstacle(solution.problem, solution.z))
-    polished = solution.polish().z
+    problem, known, z = solution.problem, solution.active_set, solution.polish().z
+    of_p, of_r = _moved_by(problem, z, size)
+    unit = change * size
+    with np.errstate(over="ignore", invalid="ignore"):
+        certified = bound_of_change(problem, z, unit * of_p, unit * of_r)
+    observed = _observed(problem, z, change, trials, random)
     return Sensitivity(
-        local=_local(solution.problem, solution.z, active, size),
-        exact=solution.problem.n <= _INVERT_UP_TO,
-        certified=_certified(solution.problem, polished, change, size),
-        observed=_observed(solution.problem, polished, change, trials, random, size),
+        local=_local(problem, solution.z, known.active | (known.undecided & nearer_to_obstacle(problem, solution.z))),
+        exact=problem.n <= _INVERT_UP_TO,
+        certified=None if certified is None else certified / unit,
+        observed=None if observed is None else observed / unit,
         change=change,
         trials=trials,
         undecided=int(known.undecided.sum()),
@@ -108,22 +109,14 @@ def _moved_by(problem: ProblemData, z: Vector, size: float) -> tuple[Vector, Vec
     return problem.matrix.absolute @ x + np.abs(problem.q) / size, np.where(np.isfinite(of_r), of_r, 0.0)
 
 
-def _certified(problem: ProblemData, z: Vector, change: float, size: float) -> float | None:
-    """What the proof says of a z at which p and r are wrong by as much as the data change."""
-    of_p, of_r = _moved_by(problem, z, size)
-    with np.errstate(over="ignore", invalid="ignore"):
-        found = bound_of_change(problem, z, (change * size) * of_p, (change * size) * of_r)
-    return None if found is None else found / (change * size)
-
-
-def _local(problem: ProblemData, z: Vector, active: NDArray[np.bool_], size: float) -> float | None:
-    """‖J⁻¹ diag(E/size)‖_∞ = ‖diag(E/size) J⁻ᵀ‖₁, computed or estimated."""
+def _local(problem: ProblemData, z: Vector, active: NDArray[np.bool_]) -> float | None:
+    """‖J⁻¹ diag(E/max|z|)‖_∞ = ‖diag(E/max|z|) J⁻ᵀ‖₁, computed or estimated."""
     from scipy.sparse.linalg import LinearOperator, onenormest
 
     jacobian = problem.psi.jacobian(z)
     if jacobian is None:
         return None
-    of_p, of_r = _moved_by(problem, z, size)
+    of_p, of_r = _moved_by(problem, z, float(np.abs(z).max()))
     E = np.where(active, of_r, of_p)
     J = equations_on(problem, active, jacobian)
     try:
@@ -133,30 +126,23 @@ def _local(problem: ProblemData, z: Vector, active: NDArray[np.bool_], size: flo
     if problem.n <= _INVERT_UP_TO:
         columns = np.column_stack([forward.solve(column) for column in np.diag(E)])
         return float(np.abs(columns).sum(axis=1).max())
-    operator = LinearOperator(
-        J.shape,
-        matvec=lambda x: E * transposed.solve(np.ravel(x)),
-        rmatvec=lambda x: forward.solve(E * np.ravel(x)),
-        dtype=np.float64,
-    )
-    return float(onenormest(operator))
+    times, back = lambda x: E * transposed.solve(np.ravel(x)), lambda x: forward.solve(E * np.ravel(x))
+    return float(onenormest(LinearOperator(J.shape, matvec=times, rmatvec=back, dtype=np.float64)))
 
 
-def _observed(
-    problem: ProblemData, exact: Vector, change: float, trials: int, random: np.random.Generator, size: float
-) -> float | None:
-    """max|δz|/(ε·max|z|) over random changes of every entry by a factor 1 ± ε."""
-    largest = 0.0
+def _observed(problem: ProblemData, z: Vector, change: float, trials: int, random: np.random.Generator) -> float | None:
+    """max|δz| over random changes of every entry by a factor 1 ± ε."""
 
     def moved(x: Any) -> Any:
         return x * (1.0 + change * random.choice([-1.0, 1.0], np.shape(x)))
 
+    largest = 0.0
     for _ in range(trials):
         A = problem.A.copy()
         A.data = moved(A.data)
         other = ICP(A, moved(problem.q), problem.psi.perturbed(problem.n, moved))
-        again = unbroken(other.solve(z0=exact, raise_on_failure=False)).polish()
+        again = unbroken(other.solve(z0=z, raise_on_failure=False)).polish()
         if not again.solved:
             return None
-        largest = max(largest, float(np.abs(again.z - exact).max()))
-    return largest / (change * size)
+        largest = max(largest, float(np.abs(again.z - z).max()))
+    return largest

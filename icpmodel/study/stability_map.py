@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,29 +21,18 @@ from ..solve.solution import Status
 from ..theory import check, check_all, theorems
 from .cases import unbroken
 from .charts.figures import Charted, Figure
-from .charts.map_chart import map_figure
+from .charts.study_charts import map_figure
 from .planes import PLANES, Plane
 from .planes import plane as plane_named
 
+#: a proof is contradicted by these; "slow" and "precision limit" are what a factor near 1 and rounding do to it
+_AGAINST = ("stagnated", "cycled", "diverged", "overflowed")
 #: how a run can end, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
-ENDS = (
-    "solved",
-    "slow",
-    "precision limit",
-    "psi failed",
-    "stagnated",
-    "cycled",
-    "diverged",
-    "overflowed",
-    "refused",
-    "not run",
-)
+ENDS = ("solved", "slow", "precision limit", "psi failed", *_AGAINST, "refused", "not run")
 #: the theorems that prove convergence from every start; "monotone" needs a special one
 GLOBAL = tuple(name for name in theorems() if name != "monotone")
 #: those that the paper prints otherwise
 PRINTED = ("4.2", "4.3", "4.4")
-#: a proof is contradicted by these; "slow" and "precision limit" are what a factor near 1 and rounding do to it
-_AGAINST = ("stagnated", "cycled", "diverged", "overflowed")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -154,8 +143,7 @@ def stability(
             raise InputError(f"plane is {plane!r}; one of {', '.join(PLANES)} was expected")
         points = int(as_number(points, "points", least=2, whole=True))
         n = int(as_number(n, "n", least=1, whole=True))
-        problem = None if problem is None else as_problem(problem)
-        plane = plane_named(plane, points, n, problem, method)
+        plane = plane_named(plane, points, n, None if problem is None else as_problem(problem), method)
     elif not isinstance(plane, Plane):
         raise InputError(f"plane is {described(plane)}; one of {', '.join(PLANES)} or a Plane was expected")
     elif problem is not None or method is not None:
@@ -201,17 +189,14 @@ def _fill(found: StabilityMap, starts: int, progress: bool) -> None:
 def _run(problem: ProblemData, method: Method, k: int, max_iter: int, rtol: float) -> tuple[str, int]:
     """How the run from the k-th start ended, and after how many steps."""
     z0: Vector = 10.0 * np.random.default_rng(k).standard_normal(problem.n) if k else np.zeros(problem.n)
-    options: dict[str, Any] = {"max_iter": max_iter, "rtol": rtol, "history": True, "raise_on_failure": False}
+    asked = partial(solve, max_iter=max_iter, rtol=rtol, history=True, raise_on_failure=False)
     try:
-        solution = unbroken(solve(problem, method, z0=z0, **options))
+        solution = unbroken(asked(problem, method, z0=z0))
     except MapError:
         return Status.MAP_FAILED.value, 0  # at the start
     except IcpError:
         return "refused", 0
-    end = solution.status.value
-    if solution.status is Status.ITERATION_LIMIT:
-        end = "slow"
-    elif solution.status is Status.DIVERGED:
-        assert solution.history is not None
-        end = "diverged" if np.isfinite(solution.history.residual[-1]) else "overflowed"
+    end = "slow" if solution.status is Status.ITERATION_LIMIT else solution.status.value
+    if solution.history is not None and end == "diverged" and not np.isfinite(solution.history.residual[-1]):
+        end = "overflowed"
     return end, solution.iterations

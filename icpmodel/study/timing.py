@@ -18,42 +18,35 @@ Name = TypeVar("Name", bound=Hashable)
 Run = TypeVar("Run")
 
 
-@dataclass(frozen=True)
-class Timed:
-    """A run of which nothing but its `seconds` is kept."""
-
-    seconds: float
-
-
-def clocked(call: Callable[..., Any], given: Callable[[], Any] | None = None) -> Callable[[], Timed]:
-    """What runs `call` on the clock, with what `given` makes before the clock starts, if anything.
+def clocked(call: Callable[..., Any], given: Callable[[], Any] | None = None) -> Callable[[], float]:
+    """What tells the seconds of `call`, with what `given` makes before the clock starts, if anything.
 
     What it returns is freed at once: kept, it would make the next run pay for fresh memory.
     """
 
-    def run() -> Timed:
+    def run() -> float:
         arguments = () if given is None else (given(),)
         begin = time.perf_counter()
         call(*arguments)
-        return Timed(time.perf_counter() - begin)
+        return time.perf_counter() - begin
 
     return run
 
 
-def middle(call: Callable[[], Any], times: int = 5) -> Callable[[], Timed]:
-    """What runs a short `call` so often in a row and takes the median, which has warm caches."""
+def middle(call: Callable[[], Any], times: int = 5) -> Callable[[], float]:
+    """What tells the median of the seconds of a short `call`, so often in a row, which has warm caches."""
 
-    def run() -> Timed:
+    def run() -> float:
         marks = [time.perf_counter()]
         for _ in range(times):
             call()
             marks.append(time.perf_counter())
-        return Timed(float(np.median(np.diff(marks))))
+        return float(np.median(np.diff(marks)))
 
     return run
 
 
-def in_turn(
+def interleaved(
     calls: Mapping[Name, Callable[[], Run]],
     rounds: int,
     *,
@@ -77,11 +70,11 @@ def in_turn(
             yield name, calls[name]()
 
 
+@dataclass(frozen=True)
 class Timings(Generic[Name]):
     """`seconds` of named calls, one for each round."""
 
-    def __init__(self, seconds: Mapping[Name, list[float]]) -> None:
-        self.seconds = {name: np.array(taken) for name, taken in seconds.items()}
+    seconds: dict[Name, Vector]
 
     def median(self, name: Name, unit: float = 1.0) -> float:
         """The median of the seconds, in units of `unit` seconds."""
@@ -92,18 +85,13 @@ class Timings(Generic[Name]):
         return spread(self.seconds[name] / self.seconds[to] / per)
 
 
-def timed(calls: Mapping[Name, Callable[[], Any]], rounds: int, *, warm: bool = True) -> Timings[Name]:
-    """The `calls` in turn for `rounds`, if `warm` after a first one, which compiles and pays for fresh memory.
-
-    Each returns something that has `seconds`.
-    """
+def timed(calls: Mapping[Name, Callable[[], float]], rounds: int, *, warm: bool = True) -> Timings[Name]:
+    """The `calls`, which tell seconds, in turn; if `warm` after a first run, which compiles and takes fresh memory."""
     if warm:
         for call in calls.values():
             call()
-    seconds: dict[Name, list[float]] = {name: [] for name in calls}
-    for name, run in in_turn(calls, rounds):
-        seconds[name].append(run.seconds)
-    return Timings(seconds)
+    runs = list(interleaved(calls, rounds))
+    return Timings({name: np.array([seconds for one, seconds in runs if one == name]) for name in calls})
 
 
 def as_repeats(repeats: int) -> int:

@@ -13,7 +13,7 @@ import icpmodel as icp
 from icpmodel.algebra.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal
 from icpmodel.algebra.relaxation import jacobi_step
 from icpmodel.algebra.splittings import AOR, Given, Whole
-from icpmodel.algebra.sweeps import compiled_step, in_a_row
+from icpmodel.algebra.steps import compiled_step, in_a_row
 from icpmodel.methods.contract import named
 from icpmodel.numerics.threads import one_behind_the_other
 

@@ -14,7 +14,7 @@ from icpmodel.present.table import Table
 from icpmodel.solvers import Claim, ForeignSolver, foreign_solvers
 from icpmodel.study.cases import Case, built
 from icpmodel.study.charts.table_charts import choice, exponent, scaling
-from icpmodel.study.competitors import Competitor, Foreign, Limit, Solve, limits, own_methods
+from icpmodel.study.competitors import Competitor, Foreign, Limit, Own, limits, own_methods
 
 
 class _Fake(ForeignSolver):
@@ -49,7 +49,7 @@ def rows_of(table):
 
 
 def measured(fake, scenes=("hand-lcp",), sizes=(2,), seconds=1e-9, **options):
-    return benchmark(scenes, sizes, entrants=[Solve(), _Clock(fake, seconds)], **options)
+    return benchmark(scenes, sizes, entrants=[Own(), _Clock(fake, seconds)], **options)
 
 
 def test_a_peer_that_lies_is_marked_as_such():
@@ -328,7 +328,7 @@ def test_ctrl_c_within_solve_is_the_end_of_a_measurement_and_not_of_one_run():
         raise KeyboardInterrupt
 
     case = Case("", icp.ICP([[2.0]], [-1.0], psi=interrupted))
-    for one in (Solve(), own_methods()[0]):
+    for one in (Own(), own_methods()[0]):
         with pytest.raises(KeyboardInterrupt):
             one.run(case, 1e-8, 1.0)
 

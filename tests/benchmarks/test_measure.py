@@ -15,7 +15,6 @@ from icpmodel.benchmarks import (
     false_success,
     grid_order,
     impulse_cost,
-    linear_solve,
     reading_cost,
     small_cost,
     solve_cost,
@@ -24,6 +23,7 @@ from icpmodel.benchmarks import (
     tuned_and_automatic,
 )
 from icpmodel.benchmarks.certainty import told_of
+from icpmodel.numerics.multigrid import linear_solve
 
 
 def test_sweep_cost_compares_in_pairs():

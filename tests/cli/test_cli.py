@@ -11,8 +11,8 @@ from scipy.io import mmwrite
 
 import icpmodel as icp
 from icpmodel.cli import main
+from icpmodel.cli.arguments import pairs
 from icpmodel.cli.solving import at_their_size, confirmed
-from icpmodel.cli.source import pairs
 from icpmodel.crosscheck.judge import Row, Verdict
 
 
@@ -211,7 +211,7 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["crosscheck", "membrane", "--csv", "."], "is a folder"),
         (["solve", "dividend", "--set", "n=61"], "set by --n"),
         (["solve", "membrane", "--q", "q.mtx"], "has its own q"),
-        (["solve", "membrane", "--n", "1000000000000"], "up to n = 100000000"),
+        (["solve", "membrane", "--n", "1000000000000"], "n is 1000000000000; a whole number >= 1 and <= 1e+08"),
         (["solve", ""], "SOURCE is neither a file"),
         (["solve", "membrane", "--z0", "nowhere.npz"], "nowhere.npz: no such file"),
         (["solve", __file__], "needs its q as well"),
@@ -271,7 +271,7 @@ class Outside(Method):
 """
 
 SOLVER = """
-from icpmodel.solvers.contract import ForeignSolver
+from icpmodel.solvers.foreign import ForeignSolver
 
 
 class Pressed(ForeignSolver):

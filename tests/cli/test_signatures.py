@@ -4,7 +4,8 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from icpmodel.cli.signatures import decorated, measured, parameters, summary
+from icpmodel.cli.arguments import options, parameters, summary
+from icpmodel.cli.output import measured
 from icpmodel.errors import Interrupted
 
 
@@ -21,7 +22,7 @@ def study(scenes=(), sizes=(1, 2), method=None, time_limit=3.0, k=5, progress=Fa
 def invoked(*arguments):
     """What the function would be called with, or what is printed."""
     seen = {}
-    command = click.command(help=summary(study))(decorated(lambda **given: seen.update(given), parameters(study)))
+    command = click.command(help=summary(study))(options(*parameters(study))(lambda **given: seen.update(given)))
     result = CliRunner().invoke(command, arguments)
     return seen or (result.exit_code, result.output)
 

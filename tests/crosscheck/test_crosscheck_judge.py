@@ -5,7 +5,7 @@ import pytest
 
 import icpmodel as icp
 from icpmodel.crosscheck.judge import Checked, Verdict, solves, sum_of_bounds
-from icpmodel.solvers.contract import Claim
+from icpmodel.solvers.foreign import Claim
 from icpmodel.solvers.formulations import Target
 
 
@@ -13,20 +13,20 @@ def test_units_that_blind_the_residual_do_not_hold() -> None:
     problem = icp.ICP(1e-12 * np.eye(2), [1e-12, -1e-12], [1.0, -5.0])  # z* = (1, 1)
     blind = np.array([1.0, 0.0])
     assert solves(problem, blind, 1e-8)
-    assert not Checked.of(problem, blind).holds
+    assert not Checked(problem, blind).holds
 
 
 def test_the_loose_tolerance_of_another_problem_does_not_count() -> None:
     loose = icp.ICP([[2.0]], [-2.0]).solve("mnmj", phi2=9.0, rtol=1e-4)
-    assert not Checked.of(icp.ICP([[2.0]], [-2.0]), loose).holds
-    assert Checked.of(loose.problem, loose).holds
+    assert not Checked(icp.ICP([[2.0]], [-2.0]), loose).holds
+    assert Checked(loose.problem, loose).holds
 
 
 def test_a_tolerance_above_the_loosest_is_not_taken_over() -> None:
     problem = icp.ICP([[2.0]], [-2.0])
     loose = problem.solve("mnmj", phi2=9.0, rtol=9e-3)
     assert loose.residual > 2e-4
-    assert not Checked.of(problem, loose).holds
+    assert not Checked(problem, loose).holds
 
 
 def test_ten_times_the_rounding_is_no_solution() -> None:
@@ -38,7 +38,7 @@ def test_ten_times_the_rounding_is_no_solution() -> None:
 
 @pytest.mark.parametrize("error", [1e-3, 0.9999e-4])
 def test_a_wide_bound_proves_no_agreement(error: float) -> None:
-    checked = Checked.of(icp.ICP(np.diag([1, 1e-6]), [-1, -1e-6]), [1.0, 1.0 + error])
+    checked = Checked(icp.ICP(np.diag([1, 1e-6]), [-1, -1e-6]), [1.0, 1.0 + error])
     exact = Claim(np.ones(2) / checked.unit, "optimal", True, 0.0, 0.0)
     assert checked.judge("exact", "energy", checked.targets[0], exact).verdict is Verdict.INCONCLUSIVE
 
@@ -67,5 +67,5 @@ def test_the_bounds_of_both_answers_add_up() -> None:
 def test_a_wide_certified_bound_proves_nothing_and_without_one_only_uniqueness_tells(
     bound: float, unique: bool, verdict: Verdict
 ) -> None:
-    checked = Checked.of(icp.ICP([[0.5, 0.0], [0.0, 0.5]], [-0.25, 0.25]), [0.5, 0.0])
+    checked = Checked(icp.ICP([[0.5, 0.0], [0.0, 0.5]], [-0.25, 0.25]), [0.5, 0.0])
     assert checked.by_bound(1e-10, bound, unique)[0] is verdict

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import scenes
-from icpmodel.explain.advice import what_to_do
+from icpmodel.explain.explanation import explain, what_to_do
 
 SIZES = {name: {"dividend": 31}.get(name, 49) for name in scenes.names() if "n" in scenes.parameters(name)}
 
@@ -388,8 +388,6 @@ def test_a_psi_that_does_not_move_is_not_said_to_move_too_much():
 
 
 def test_a_class_for_a_method_and_an_array_for_a_problem_are_named():
-    from icpmodel.explain.page import explain
-
     with pytest.raises(icp.InputError, match=r"method is the class MNMGS; an object such as MNMGS\(\) was expected"):
         icp.ICP([[2.0]], [-1.0]).explain(icp.MNMGS)
     with pytest.raises(icp.InputError, match="problem is"):

@@ -17,7 +17,7 @@ import icpmodel as icp
 from icpmodel.methods.contract import Method
 from icpmodel.problem.map import Map
 from icpmodel.scenes import Scene, register
-from icpmodel.solvers.contract import Claim, ForeignSolver
+from icpmodel.solvers.foreign import Claim, ForeignSolver
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -237,7 +237,7 @@ def test_the_rooms_of_foreign_solvers_load_them_at_first_use(room):
 
 def test_a_verb_stays_a_verb_whatever_is_imported_later():
     """Three verbs have the names of their rooms."""
-    code = "import icpmodel as icp; import icpmodel.solve.many, icpmodel.explain.page, icpmodel.crosscheck.judge"
+    code = "import icpmodel as icp; import icpmodel.solve.many, icpmodel.explain.explanation, icpmodel.crosscheck.judge"
     code += "; print(callable(icp.solve), callable(icp.explain), callable(icp.crosscheck), file=sys.stderr)"
     run = subprocess.run([sys.executable, "-c", f"import sys; {code}"], capture_output=True, text=True, check=True)
     assert run.stderr == "True True True\n"

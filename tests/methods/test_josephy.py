@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
+from icpmodel.algebra.affine_lcp import AffineLcp
 from icpmodel.methods.josephy import Josephy
-from icpmodel.methods.lemke import Lemke, Linear
+from icpmodel.methods.lemke import Lemke
 
 
 def spd(rng, n, shift=1.0):
@@ -132,7 +133,7 @@ def test_the_lcp_behind_an_affine_obstacle(G):
     """w = My + q and z(y) give the p and the r of the ICP, for any y."""
     rng = np.random.default_rng(5)
     A, q, c, y = rng.normal(size=(2, 2)), rng.normal(size=2), np.array([0.7, -np.inf]), rng.normal(size=2)
-    lcp = Linear(A, q, c, G)
+    lcp = AffineLcp(A, q, c, G)
     z = lcp.z(y)
     full = np.zeros((2, 2)) if G is None else np.diag(G) if G.ndim == 1 else G
     assert lcp.M @ y + lcp.q == pytest.approx(A @ z + q)

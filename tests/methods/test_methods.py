@@ -12,7 +12,7 @@ from conformance import FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
 import icpmodel as icp
 from icpmodel import methods, scenes
 from icpmodel.algebra.relaxation import best_omega
-from icpmodel.algebra.sweeps import Sweep, in_a_row
+from icpmodel.algebra.steps import Sweep, in_a_row
 from icpmodel.methods.lemke import Lemke
 from icpmodel.solve.candidate import Candidate, Watch, Watched
 from icpmodel.solve.goal import RTOL, Goal

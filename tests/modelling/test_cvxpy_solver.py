@@ -8,9 +8,7 @@ from cvxpy.reductions.dcp2cone.cone_matrix_stuffing import ConeMatrixStuffing
 from cvxpy_programs import PROGRAMS
 
 import icpmodel as icp
-from icpmodel.modelling.cvxpy.program_solving import solve_program, without_solution
-from icpmodel.modelling.cvxpy.proximal import ProximalPoint
-from icpmodel.modelling.cvxpy.qp_solver import program_of
+from icpmodel.modelling.cvxpy.qp_solver import ProximalPoint, program_of, solve_program, without_solution
 from icpmodel.modelling.cvxpy.quadratic import Program, ProgramLcp
 
 TIGHT = {

@@ -67,3 +67,40 @@ def test_what_multigrid_cannot_do_is_factorised():
     for matrix in (M, abs(M)):
         x = solver_of(sp.csr_array(matrix), multigrid_from=100)(f, 0.0)
         assert np.linalg.norm(matrix @ x - f) <= 1e-9 * np.linalg.norm(f)
+
+
+@pytest.mark.parametrize("within", [0.0, 1e-14, 1.0])
+@pytest.mark.parametrize("rows", [1, 3, 16, 17])
+def test_a_band_with_a_few_full_rows_is_solved(rows, within):
+    """Up to 16 of them by Woodbury's formula, unless the band alone is singular or nearly; else as a sparse matrix."""
+    n, rng = 3000, np.random.default_rng(rows)
+    M = sp.lil_array(sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(n, n)))
+    for i in 100 + 150 * np.arange(rows):
+        M[i, [i - 1, i, i + 1]] = within, -2.5 * within, within
+        M[i, i + (n // 10 if within == 1.0 else 10)] = 1.5
+    M = sp.csr_array(M)
+    M.eliminate_zeros()
+    f = rng.normal(size=n)
+    assert M @ solver_of(M)(f, 1e-12) == pytest.approx(f, abs=1e-10)
+
+
+@pytest.mark.parametrize("kind", ["band", "dense", "sparse", "multigrid", "multigrid, rows in units"])
+def test_only_multigrid_stops_at_the_tolerance(kind):
+    rng, n = np.random.default_rng(11), 900
+    f = rng.normal(size=n)
+    M = {
+        "band": sp.diags_array([-1.0, -2.0, 4.0, -0.5], offsets=[-5, -1, 0, 2], shape=(n, n)),
+        "dense": rng.normal(size=(n, n)),
+        "sparse": icp.scenes.bai_nonsymmetric(n=n).problem.A,
+        "multigrid": icp.scenes.membrane(n=n).problem.A,
+        "multigrid, rows in units": icp.scenes.bai_nonsymmetric(n=n).problem.A,
+    }[kind]
+    units = 10.0 ** rng.integers(-9, 9, n) if kind == "multigrid, rows in units" else np.ones(n)
+    M, f = sp.csr_array(sp.diags_array(units) @ M), units * f
+
+    def is_solution(x):
+        return bool(np.linalg.norm((M @ x - f) / units) <= 1e-9 * np.linalg.norm(f / units))
+
+    solve = solver_of(M, multigrid_from=n) if kind.startswith("multigrid") else solver_of(M)
+    assert is_solution(solve(f, 1e-10))
+    assert is_solution(solve(f, 1e-2)) is not kind.startswith("multigrid")

@@ -5,7 +5,7 @@ import io
 import re
 
 from icpmodel.present import Card, Table
-from icpmodel.present import terminal as of_terminal
+from icpmodel.present.table import width
 
 TABLE = Table(
     "Times [s] of <all>",
@@ -56,7 +56,7 @@ def test_on_a_terminal_lines_fit_and_nothing_is_lost(monkeypatch):
 
 def test_where_there_is_no_standard_output_texts_are_still_made(monkeypatch):
     monkeypatch.setattr("sys.stdout", None)
-    assert of_terminal.width(77) == 77
+    assert width(77) == 77
     assert str(TABLE)
 
 

@@ -71,7 +71,7 @@ def test_n_must_be_a_positive_integer(name, n):
 @pytest.mark.parametrize(("name", "n"), [("bearing", 9), ("ball", 15), ("dividend", 30)])
 def test_a_scene_says_how_many_unknowns_it_needs(name, n):
     assert scenes.scene(name, n + 1).problem.n >= n + 1
-    with pytest.raises(InputError, match=f"n is {n}; this scene needs at least {n + 1} unknowns"):
+    with pytest.raises(InputError, match=f"number of unknowns n is {n}; a whole number >= {n + 1}"):
         scenes.scene(name, n)
 
 

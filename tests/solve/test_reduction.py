@@ -1,24 +1,28 @@
 """Reduction: what is left out is left out rightly, and the answer is one of the whole problem."""
 
 import itertools
-import re
-from contextlib import suppress
+from dataclasses import fields
 from fractions import Fraction
+from itertools import chain
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.algebra.subproblems import blocks, certain_rows, restricted, with_fixed_obstacle, without
-from icpmodel.methods.contract import HandOver
+from icpmodel.algebra.resting import Border, balance, rows_at_rest, widened
+from icpmodel.algebra.subproblems import Blocks, blocks, resting, restricted, with_fixed_obstacle
+from icpmodel.methods.contract import Method
 from icpmodel.methods.multilevel import Multilevel
 from icpmodel.scenes.grid import five_point
-from icpmodel.solve import narrowing, parts
-from icpmodel.solve import reduced as module
-from icpmodel.solve.choice import Choice, choose, without_trial
-from icpmodel.solve.reduced import Reduced, choices
-from icpmodel.theory.certificates.certificate import active_set
+from icpmodel.solve.candidate import Candidate
+from icpmodel.solve.choice import candidates
+from icpmodel.solve.driver import carry_out, solution_of
+from icpmodel.solve.goal import RTOL, Goal
+from icpmodel.solve.part import Part, advance
+from icpmodel.solve.reduced import Reduced, ReducedTo, proved_of_earlier
+from icpmodel.solve.rules import choose
+from icpmodel.solve.run import Run
 from icpmodel.theory.certificates.infeasible import Known, infeasible
 
 
@@ -41,8 +45,8 @@ def block_triangular(rng, sizes, coupling=0.3):
 
 def plain(problem):
     """The answer without any reduction."""
-    for choice in choose(problem):
-        solution = problem.solve(choice.method, raise_on_failure=False, rtol=1e-12)
+    for candidate in choose(problem, RTOL):
+        solution = problem.solve(candidate.method, raise_on_failure=False, rtol=1e-12)
         if solution.residual <= 1e-9 * (1.0 + problem.residual(np.zeros(problem.n))):
             return solution.z
     raise AssertionError("no method solves it")
@@ -53,6 +57,12 @@ def landscape(m, seed, share=0.05):
     rng = np.random.default_rng(seed)
     q = np.where(rng.random((m, m)) < share / 100, -200.0, 1.0)
     return icp.ICP(five_point(m, 0.0), q.ravel(), rng.uniform(-1.0, 1.0))
+
+
+def run_of(problem):
+    """A run to the usual share of Res(0)."""
+    at_0 = problem.residual_at_0()
+    return Run(problem, np.zeros(problem.n), at_0, Goal(RTOL * at_0), aim=RTOL, scale=at_0)
 
 
 def against_the_sweeps(n, near=-1.5, far=-0.5):
@@ -195,32 +205,34 @@ class TestRest:
         assert "rest on the obstacle" in solution.why
         assert np.abs(solution.z - problem.solve(Multilevel(), rtol=1e-11).z).max() <= 1e-6
 
-    def test_rows_that_are_opened_are_certain_to_leave_the_obstacle(self, monkeypatch):
-        """Started with too few open rows; wherever p < 0 opened one, the solution is off the obstacle there."""
+    def test_rows_that_are_opened_are_certain_to_leave_the_obstacle(self):
+        """Started with too few open rows; wherever p < 0 opens one, the solution is off the obstacle there."""
         problem = landscape(110, 7)
-        first = without(problem, problem.p(problem.psi.c) < 0)
+        found = resting(problem, problem.p(problem.psi.c) < 0)
         exact = problem.solve(Multilevel(), rtol=1e-12).z
-        seeds = []
-        opened = module._opened
-
-        def spy(problem, open_rows, rows, p, slack):
-            seeds.append(rows)
-            return opened(problem, open_rows, rows, p, slack)
-
-        monkeypatch.setattr(module, "_opened", spy)
-        solution = problem.solve(Reduced.on(first))
-        assert solution.solved
-        assert seeds
-        assert f"opened ({len(seeds)} x)" in solution.why
-        for rows in seeds:
-            assert (exact[rows] > problem.psi.c[rows]).all()
+        rounds = 0
+        while found is not None:
+            (rows,) = found.parts
+            z = np.where(found.open, 0.0, problem.psi.c)
+            z[rows] = icp.solve(restricted(problem, rows, z), rtol=1e-12).z
+            border = Border(found)
+            p = border.p(z)
+            seeds = border.rows[p < -1e-9]
+            assert (exact[seeds] > problem.psi.c[seeds]).all()
+            if not seeds.size:
+                break
+            found, rounds = border.opened(p), rounds + 1
+            assert f"opened ({rounds} x)" in repr(found)
+        assert rounds > 0
+        assert np.abs(z - exact).max() <= 1e-6
+        assert problem.solve(ReducedTo(blocks=resting(problem, problem.p(problem.psi.c) < 0))).solved
 
     @pytest.mark.parametrize("seed", range(3))
     def test_the_guess_is_a_near_one(self, seed):
         """Not less than four fifths of the rows that leave the obstacle, nor more than twice as many."""
         problem = landscape(110, seed)
         free = np.count_nonzero(problem.solve(Multilevel(), rtol=1e-11).z > problem.psi.c)
-        assert 0.8 * free <= module._at_rest(problem).core <= 2.0 * free
+        assert 0.8 * free <= rows_at_rest(problem).core <= 2.0 * free
 
     @pytest.mark.parametrize("seed", range(20))
     def test_for_z_matrices_a_negative_p_proves_that_the_row_leaves_the_obstacle(self, seed):
@@ -241,63 +253,56 @@ class TestRest:
                 assert all(exact[i] > 0 for i in range(n) if q[i] < 0)
 
     def test_a_wrong_guess_costs_time_and_no_truth(self):
-        """Nothing is open at first: every look opens rows, or the whole problem is handed on."""
+        """Nothing is open at first: every look opens rows, in the end all of them, or the next method follows."""
         problem = landscape(110, 3, share=3.0)
-        solution = problem.solve(Reduced.on(without(problem, np.arange(problem.n) < 5)), raise_on_failure=False)
-        assert solution.solved
-        assert solution.residual == problem.residual(solution.z) <= solution.tolerance
+        guess = resting(problem, np.arange(problem.n) < 5)
+
+        class Guessed(Reduced):
+            def found(self, problem):
+                return guess
+
+        alone = problem.solve(Guessed(), raise_on_failure=False)
+        run = run_of(problem)
+        carry_out(run, chain([Candidate(ReducedTo(blocks=guess), "")], choose(problem, RTOL)))
+        for solution in (alone, solution_of(run, None)):
+            assert solution.solved
+            assert solution.residual == problem.residual(solution.z) <= solution.tolerance
+        assert run.tried[0][1] == "stagnated"
 
     def test_the_residual_of_an_iterate_is_that_of_the_whole_problem(self):
         """It falls out of the parts and of the rows at rest next to them; more are opened where those weigh more."""
         problem = landscape(110, 7)
-        path = Reduced.on(without(problem, problem.p(problem.psi.c) < 0)).iterates(problem, problem.psi.c)
-        seen = []
-        with suppress(HandOver):
-            seen.extend((hint, problem.residual(z)) for z, hint in path)
+        path = ReducedTo(blocks=resting(problem, problem.p(problem.psi.c) < 0)).iterates(problem, problem.psi.c)
+        seen = [(hint, problem.residual(z)) for z, hint in path]
         assert len(seen) > 1
         for hint, residual in seen[1:]:
-            assert hint == pytest.approx(residual, rel=1e-9)
-
-    def test_a_part_goes_on_with_the_method_that_was_handed_over_to(self):
-        class HandsOver(icp.MNMJ):
-            name = ""
-
-            def iterates(self, problem, z):
-                yield z, None
-                raise HandOver(icp.MNMGS(), "sweeps are enough")
-
-        problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -1.0])
-        part = parts.Part(problem, np.arange(2), np.zeros(2))
-        part.choices = iter([Choice(HandsOver(), "")])
-        for _ in range(60):
-            part.step()
-        assert part.residual < 1e-12
+            assert hint == pytest.approx(residual, rel=1e-9, abs=1e-13)
 
     def test_the_balance_opens_as_many_rows_as_it_takes_to_hold_the_load(self):
         """A point that pushes up with 10, rows that hold down with 1 each: ten of them."""
         problem = icp.ICP(five_point(20, 0.0), np.ones(400))
         p = np.ones(400)
         p[210] = -10.0
-        assert module._balance(problem, p < 0, p) == pytest.approx(10.0)
+        assert balance(problem, p < 0, p) == pytest.approx(10.0)
         units = 10.0 ** np.arange(400).clip(0, 200)
         in_units = icp.ICP(sp.diags_array(units) @ problem.A, problem.q)
-        assert module._balance(in_units, p < 0, units * p) == pytest.approx(10.0)
-        wider = module._opened(problem, np.zeros(400, dtype=bool), p < 0, p, 1.0)
+        assert balance(in_units, p < 0, units * p) == pytest.approx(10.0)
+        wider = widened(problem, np.zeros(400, dtype=bool), p < 0, p, 1.0)
         assert np.count_nonzero(wider) == 5  # whole layers only: 4 neighbours, the next layer would be 8 more
         assert wider[[210, 209, 211, 190, 230]].all()
 
     def test_where_most_rows_leave_the_obstacle_nothing_is_looked_for(self):
         for scene in (icp.scenes.membrane(n=10_000), icp.scenes.ball(n=10_000)):
-            assert module._at_rest(scene.problem) is None
+            assert rows_at_rest(scene.problem) is None
 
     def test_only_z_matrices_with_a_fixed_obstacle(self):
         problem = landscape(110, 0)
-        assert module._at_rest(problem) is not None
+        assert rows_at_rest(problem) is not None
         A = problem.A.tolil()
         A[0, 5] = 1e-3
-        assert module._at_rest(icp.ICP(A.tocsr(), problem.q, problem.psi)) is None
+        assert rows_at_rest(icp.ICP(A.tocsr(), problem.q, problem.psi)) is None
         free = np.where(np.arange(problem.n) == 3, -np.inf, problem.psi.c)
-        assert module._at_rest(problem.with_psi(free)) is None
+        assert rows_at_rest(problem.with_psi(free)) is None
 
 
 class TestTheRun:
@@ -336,17 +341,21 @@ class TestTheRun:
         small = icp.ICP(np.eye(16) - 0.1 * np.eye(16, k=2), -np.ones(16))
         assert repr(small.solve().method) == "Lemke()"
 
-    def test_where_reduction_fails_the_whole_problem_is_tried(self, monkeypatch):
-        """A kernel that returns rubbish: the judge sees it, and the usual methods solve the problem."""
-        from icpmodel.numerics.kernels import pivoting
+    def test_where_reduction_fails_the_whole_problem_is_tried(self):
+        """Blocks that are solved wrongly: the judge sees it, and the usual methods solve the problem."""
 
-        def rubbish(*arguments):
-            arguments[-1][:] = 7.0
-            return arguments[-2]
+        class Rubbish(Blocks):
+            def forward(self, z, wanted):
+                return np.full(z.size, 7.0), wanted
 
-        monkeypatch.setattr(pivoting, "apart", rubbish)
         for near, far in ((-1.5, -0.5), (-1.0, -0.25)):
-            solution = against_the_sweeps(100, near, far).solve()
+            problem = against_the_sweeps(100, near, far)
+            found = blocks(problem)
+            wrong = Rubbish(**{field.name: getattr(found, field.name) for field in fields(found)})
+            run = run_of(problem)
+            usual = choose(problem, RTOL)
+            carry_out(run, chain([Candidate(ReducedTo(blocks=wrong), "blocks")], usual))
+            solution = solution_of(run, None)
             assert solution.solved
             assert solution.residual <= solution.tolerance
             assert "Reduced(): stagnated" in solution.why
@@ -407,7 +416,7 @@ def test_a_million_rows_are_counted_and_nothing_is_made_dense():
     q = np.ones((m, m))
     q[50::100, 50::100] = -100.0
     problem = icp.ICP(five_point(m, 0.0), q.ravel())
-    found = module._at_rest(problem)
+    found = rows_at_rest(problem)
     assert found.core < 0.05 * problem.n
     solution = problem.solve()
     assert f"n = 1000000 -> {solution_open(solution)} rows still open" in solution.why
@@ -419,14 +428,15 @@ def solution_open(solution):
     return int(solution.why.split("-> ")[1].split(" ")[0])
 
 
-def test_handing_over_needs_no_reduction_left():
+def test_where_too_many_rows_leave_the_obstacle_the_reduction_ends():
     """Rows at rest in a problem where all of them leave: the whole problem goes to the usual method."""
     problem = icp.ICP(five_point(110, 0.0), np.full(110**2, -1.0))
-    path = Reduced.on(without(problem, np.arange(problem.n) < 50)).iterates(problem, np.zeros(problem.n))
-    with pytest.raises(HandOver, match="too many rows leave the obstacle") as over:
-        list(itertools.islice(path, 50))
-    assert type(over.value.method) is type(next(without_trial(problem)).method)
-    assert "reduced" not in [choice.method.name for choice in itertools.islice(choices(problem), 2)]
+    method = ReducedTo(blocks=resting(problem, np.arange(problem.n) < 50))
+    assert 1 < len(list(itertools.islice(method.iterates(problem, np.zeros(problem.n)), 50))) < 50
+    run = run_of(problem)
+    carry_out(run, chain([Candidate(method, "rows at rest")], choose(problem, RTOL)))
+    assert solution_of(run, None).solved
+    assert "reduced" not in [candidate.method.name for candidate in itertools.islice(candidates(problem), 2)]
 
 
 def exact_value(problem, y, low, high):
@@ -443,117 +453,75 @@ def exact_value(problem, y, low, high):
     return total
 
 
-class TestCertainRows:
-    """What leaves the sweeps is proved to touch the obstacle."""
+class Halving(Method):
+    """Every iterate halves the distance to 1."""
 
-    def dominant(self, seed, n=60, slack=0.05):
-        rng = np.random.default_rng(seed)
-        A = rng.standard_normal((n, n)) * (rng.random((n, n)) < 0.1)
-        np.fill_diagonal(A, 0.0)
-        np.fill_diagonal(A, np.abs(A).sum(axis=1) * (1.0 + slack) + 0.01)
-        return icp.ICP(A, rng.standard_normal(n), np.where(rng.random(n) < 0.1, -np.inf, rng.standard_normal(n)))
+    def iterates(self, problem, z):
+        while True:
+            yield z, None
+            z = 0.5 * (z + 1.0)
 
-    @pytest.mark.parametrize("seed", range(10))
-    def test_no_row_that_is_off_the_obstacle_is_ever_certain(self, seed):
-        """At every z, near and far; and they are among those that the error bound of the house proves."""
-        problem = self.dominant(seed)
-        exact = problem.solve(rtol=1e-13)
-        touches = problem.p(exact.z) > 1e-9
-        rng, seen = np.random.default_rng(seed), 0
-        for size in (1e2, 1.0, 1e-1, 1e-2, 1e-4, 1e-8):
-            z = exact.z + size * rng.standard_normal(problem.n)
-            found = certain_rows(problem, z)
-            assert not (found & ~touches).any()
-            proved = active_set(problem, z, icp.error_bound(problem, z, sharp=False)).active
-            assert np.count_nonzero(found != proved) <= 1  # but for a row that is so by a rounding error
-            seen += np.count_nonzero(found)
-        assert seen > 0
-        assert certain_rows(problem, exact.z).sum() == touches.sum()
 
-    def test_by_a_hair_is_not_certain(self):
-        """z - z* is as large as its bound allows, and p*_1 = 0: what is left of p_1(z) beside it is no proof."""
-        A = np.array([[2.0, 0.0], [-1.0, 2.0]])
-        for k in range(1, 40):
-            z = np.array([1.0 - 2.0**-k, 0.0])
-            problem = icp.ICP(A, [-2.0, 1.0])
-            assert not certain_rows(problem, z)[1]
-        assert certain_rows(icp.ICP(A, [-2.0, 2.0]), np.array([1.0, 0.0])).tolist() == [False, True]
+class TestParts:
+    """A part goes through the same run as a whole problem."""
 
-    def test_nothing_is_certain_without_a_certificate_or_of_a_z_that_is_not_finite(self):
-        singular = icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [5.0, 5.0])
-        assert not certain_rows(singular, np.zeros(2)).any()
-        assert not certain_rows(icp.ICP(np.eye(2), [5.0, 5.0]), np.array([np.nan, 0.0])).any()
-        assert not certain_rows(icp.ICP(np.eye(2), [5.0, 5.0]), np.array([np.inf, 0.0])).any()
+    def cyclic(self):
+        return icp.scenes.hand_cyclic().problem
 
-    @pytest.mark.parametrize("unit", [1e-100, 1.0, 1e100])
-    def test_units_of_all_rows_change_nothing(self, unit):
-        problem = self.dominant(1)
-        z = problem.solve().z
-        again = icp.ICP(unit * problem.A, unit * problem.q, problem.psi)
-        # 1/unit is no power of two
-        assert np.count_nonzero(certain_rows(again, z) != certain_rows(problem, z)) <= 1
+    def test_a_part_tries_the_candidates_of_the_whole_and_they_end_alike(self):
+        """Where sweeps turn in a circle, and where no method finds a solution."""
+        for problem in (self.cyclic(), icp.ICP([[-1.0]], [-1.0], icp.Function(lambda z: 0 * z, lambda z: [[0.0]]))):
+            part = Part(problem, np.arange(problem.n), np.zeros(problem.n), RTOL)
+            while not part.over:
+                part.step()
+            whole = run_of(problem)
+            carry_out(whole, choose(problem, RTOL))
+            ended = [(repr(candidate.method), how) for candidate, how in part.run.tried]
+            other = [(repr(candidate.method), how) for candidate, how in whole.tried]
+            if whole.ended.status is icp.Status.SOLVED:  # a part goes on to the last digit
+                ended, other = ended[: len(other) - 1], other[:-1]
+            assert ended == other
+            assert part.residual == problem.residual(part.z)
 
-    def test_a_remembered_certificate_serves_where_rows_are_not_dominant(self):
-        problem = icp.ICP(five_point(10, 0.0), np.where(np.arange(100) < 30, -1.0, 1.0))
-        z = problem.solve(rtol=1e-13).z
-        assert not certain_rows(problem, z).any()
-        icp.error_bound(problem, z)
-        found = certain_rows(problem, z)
-        assert found.any()
-        assert (z[found] == 0.0).all()
+    def test_methods_that_turn_in_a_circle_end_in_a_part_as_they_do_in_the_whole(self):
+        problem = self.cyclic()
+        whole = run_of(problem)
+        carry_out(whole, iter([Candidate(icp.MNMGS(), ""), Candidate(icp.Newton(), "")]))
+        part = Part(problem, np.arange(3), np.zeros(3), RTOL)
+        part.steps = part.run.steps(iter([Candidate(icp.MNMGS(), ""), Candidate(icp.Newton(), "")]))
+        while not part.over:
+            part.step()
+        assert [how for _, how in whole.tried] == ["cycled", "solved"]
+        assert part.run.tried[0][1] == "cycled"
+        assert part.residual <= 1e-12
 
-    def pushed(self, m=160, seed=0):
-        rng = np.random.default_rng(seed)
-        load = np.kron(rng.random((m // 4, m // 4)) < 0.1, np.ones((4, 4))).ravel()
-        return icp.ICP(five_point(m, 1.0), np.where(load > 0, -1.0, 1.0) * rng.random(m * m), 0.25)
+    def test_advancing_makes_steps_of_the_worst_part_until_all_are_better(self):
+        problem = icp.ICP(np.eye(2), [-1.0, -1.0])
+        one, other = (Part(icp.ICP([[1.0]], [-1.0]), np.array([k]), np.zeros(2), RTOL) for k in (0, 1))
+        for part in (one, other):
+            part.steps = part.run.steps(iter([Candidate(Halving(), "")]))
+        z = advance([one, other], np.zeros(2))
+        assert problem.residual(z) <= 0.25 * np.sqrt(2.0)
+        assert z.tolist() == [0.75, 0.75]
 
-    def test_the_sweeps_go_on_without_the_certain_rows_and_end_at_the_same_answer(self, monkeypatch):
-        problem = self.pushed()
-        solution = problem.solve()
-        assert solution.solved
-        assert solution.residual == problem.residual(solution.z) <= solution.tolerance
-        told = re.search(r"n = 25600 -> (\d+) rows still open: (\d+) are certain to touch the obstacle", solution.why)
-        still_open, certain = map(int, told.groups())
-        assert still_open + certain == 25600
-        assert np.count_nonzero(solution.z == 0.25) >= certain
-        monkeypatch.setattr(narrowing, "_FROM", np.inf)
-        plain_one = icp.ICP(problem.A, problem.q, problem.psi).solve()
-        assert repr(plain_one.method) == "PSOR()"
-        assert abs(plain_one.iterations - solution.iterations) <= plain_one.iterations
-        assert np.abs(plain_one.z - solution.z).max() <= 1e-6
-
-    def test_from_a_start_near_the_answer_they_leave_before_the_second_sweep(self):
-        problem = self.pushed()
-        near, seen = problem.solve(), []
-        other = problem.with_q(problem.q + 1e-4 * np.random.default_rng(1).normal(size=problem.n))
-        warm = other.solve(z0=near, callback=lambda state: seen.append(state.z.copy()))
-        assert "are certain to touch the obstacle" in warm.why
-        assert warm.iterations < other.solve().iterations
-        assert np.abs(warm.z - other.solve("psor").z).max() <= 1e-6
-        certain = int(re.search(r"(\d+) are certain", warm.why).group(1))
-        assert np.count_nonzero((np.array(seen[1:]) == 0.25).all(axis=0)) >= certain
-
-    def test_every_iterate_has_the_residual_of_the_whole_problem(self):
-        problem, seen = self.pushed(), []
-        problem.solve(callback=lambda state: seen.append((state.z.copy(), state.residual)))
-        for z, residual in seen:
-            assert residual == pytest.approx(problem.residual(z), rel=1e-9)
-
-    def test_rows_that_were_certain_say_nothing_of_another_problem(self):
-        """The method of one answer, taken for another q: it begins anew."""
-        problem = self.pushed()
-        method = problem.solve().method
-        assert method.left is not None
-        again = problem.with_q(-problem.q)
-        for z, _ in itertools.islice(method.iterates(again, np.zeros(problem.n)), 3):
-            assert not np.array_equal(z, method.left.following)
-
-    @pytest.mark.parametrize("psi", [-np.inf, icp.Affine(0.1 * sp.eye_array(25_600), 0.0)])
-    def test_no_row_leaves_without_a_fixed_obstacle_to_touch(self, psi):
-        z = self.pushed().solve().z
-        ask = (z, z, 1.0, 1e-6, 1e9)
-        assert module.narrowed(self.pushed(), *ask) is not None
-        assert module.narrowed(self.pushed().with_psi(psi), *ask) is None
+    def test_the_limits_of_the_run_hold_inside_blocks(self):
+        rng = np.random.default_rng(2)
+        A, _ = block_triangular(rng, [90, 1, 4, 85, 1])
+        problem = icp.ICP(A, rng.standard_normal(len(A)))
+        told = {"raise_on_failure": False, "rtol": 1e-13}
+        for k in (0, 1, 2, 3):
+            limited = problem.solve(Reduced(), max_iter=k, **told)
+            assert limited.status is icp.Status.ITERATION_LIMIT
+            assert limited.iterations == k
+        at_once = problem.solve(Reduced(), time_limit=0, **told)
+        assert at_once.status is icp.Status.TIME_LIMIT
+        assert at_once.iterations == 0
+        seen = []
+        stopped = problem.solve(
+            Reduced(), callback=lambda state: seen.append(state.iteration) or len(seen) == 3, **told
+        )
+        assert stopped.status is icp.Status.STOPPED
+        assert seen == [0, 1, 2]
 
 
 class TestChains:
@@ -604,15 +572,12 @@ class TestChains:
         same = (turn[i] == turn[j]) & (turn[i] % 2 == 1)
         assert (part[i] == part[j])[same].all()
 
-    def test_a_chain_too_long_is_solved_at_once(self, monkeypatch):
-        from icpmodel.algebra import subproblems as reduction
-
+    def test_a_chain_too_long_is_solved_at_once(self):
         problem = self.chain(0)
-        monkeypatch.setattr(reduction, "_STAGES", 0)
-        found = blocks(problem)
+        found = blocks(problem, most_stages=0)
         assert len(found.stages) == 1
         assert found.between == ()
-        assert problem.solve(Reduced()).solved
+        assert problem.solve(ReducedTo(blocks=found)).solved
 
     def test_where_rows_are_dominant_one_method_takes_the_whole_chain(self):
         K, eye = five_point(10, 0.1), sp.eye_array(100)
@@ -620,10 +585,16 @@ class TestChains:
         assert len(blocks(problem).stages) == 1
         assert len(blocks(icp.ICP(sp.block_array([[K, None], [-5.0 * eye, K]]), -np.ones(200))).stages) == 2
 
-    def test_what_is_not_good_enough_is_gone_through_again_for_less(self, monkeypatch):
-        monkeypatch.setattr(parts, "_SHARES", (1e-2, 1e-5, 1e-9, 0.0))
+    def test_what_is_not_good_enough_is_gone_through_again_for_less(self):
+        class Rough(Reduced):
+            shares = (1e-2, 1e-5, 1e-9, 0.0)
+
+        class Once(Reduced):
+            shares = (1e-2,)
+
         problem = self.chain(1)
-        assert problem.solve(Reduced(), rtol=1e-8).solved
+        assert problem.solve(Rough(), rtol=1e-8).solved
+        assert not problem.solve(Once(), rtol=1e-8, raise_on_failure=False).solved
 
     def test_the_loop_sees_iterates_of_full_size_and_none_twice(self):
         problem = self.chain(2)
@@ -722,7 +693,7 @@ def solves(problem, free):
 def test_what_is_settled_holds_the_answer_and_says_nothing_of_the_rest():
     A = np.diag([2.0, 3.0, 1.0, 1.0])
     A[1, 0], A[2, 1] = -3.0, 5.0
-    known = parts._settled(icp.ICP(A, [-1.0, -1.0, 0.0, 0.0]), np.array([2]), np.array([0.5001, 0.8, 7.0, 7.0]))
+    known = proved_of_earlier(icp.ICP(A, [-1.0, -1.0, 0.0, 0.0]), np.array([2]), np.array([0.5001, 0.8, 7.0, 7.0]))
     exact = np.array([1 / 2, 5 / 6])
     assert (known.low[:2] <= exact).all()
     assert (exact <= known.high[:2]).all()

@@ -10,7 +10,8 @@ from icpmodel.benchmarks import memory
 from icpmodel.present.table import Table
 from icpmodel.solvers import Claim, ForeignSolver
 from icpmodel.study.charts.table_charts import profile_figure, profiles
-from icpmodel.study.race import Entry, Race
+from icpmodel.study.competitors import Entry
+from icpmodel.study.race import Race
 
 BAI = icp.scenes.bai_symmetric(n=100)
 TOLERANCES = (1e-2, 1e-6, 1e-10)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.study.charts.solution_chart import solution_figure
+from icpmodel.study.charts.study_charts import solution_figure
 from icpmodel.study.sensitivity import sensitivity
 
 SOLVED = [

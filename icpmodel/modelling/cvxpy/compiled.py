@@ -1,4 +1,4 @@
-"""CVXPY's expressions as matrices: each is Zz + Ww(z) + constant, w being the parts that are not affine.
+"""CVXPY's expressions taken apart: each is Zz + Ww(z) + constant, w being its atoms, the parts that are not affine.
 
 The affine part is what CVXPY's own compiler makes of it, once; a new value of a parameter costs one product.
 """
@@ -6,6 +6,8 @@ The affine part is what CVXPY's own compiler makes of it, once; a new value of a
 from __future__ import annotations
 
 import math
+import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -13,20 +15,24 @@ import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 from cvxpy.atoms.affine.affine_atom import AffAtom
+from cvxpy.atoms.affine.broadcast_to import broadcast_to
+from cvxpy.atoms.elementwise.elementwise import Elementwise
 
 from ...errors import InputError
 from ...numerics.arrays import Vector
 from .qp_solver import cvxpy_solver
 
+#: constants with more entries than this are not printed
+_PRINTED = 20
+#: how far a difference quotient may lie from the gradient
+_SAME = 1e-4
 #: Z, W and the constant of some rows
 AffineRows = tuple[sp.csr_array, sp.csr_array, Vector]
 
 
 class Compiled:
-    """The `sides`, CVXPY expressions stacked column by column, compiled for all values of their parameters.
-
-    `variables` are those that z stacks, in this order; `atoms` the parts w, each with the variable that stands for it.
-    """
+    """The `sides`, stacked column by column, compiled for all values of their parameters. `variables` are those that z
+    stacks, in this order; `atoms` the parts w by the variable that stands for each."""
 
     def __init__(self, sides: Sequence[cp.Expression]) -> None:
         self.atoms: dict[cp.Variable, cp.Expression] = {}
@@ -57,11 +63,93 @@ class Compiled:
         return _columns(M, self.variables, columns), _columns(M, list(self.atoms), columns), constant
 
 
-def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
-    """`expression` with a new variable for each largest part that is not affine; these go into `atoms`.
+class AtomObstacle:
+    """ψ(z) = Gz + c + Vw(z), w being the `atoms` in the `variables`, at the present values of their parameters. It
+    works on copies, so that neither new values of the variables nor of the parameters change it."""
 
-    CVXPY's compiler adds variables and rows for `cumsum`, which is therefore written as a product.
-    """
+    __name__ = "psi of CVXPY"
+
+    def __init__(
+        self,
+        atoms: Iterable[cp.Expression],
+        variables: Sequence[cp.Variable],
+        G: sp.csr_array,
+        c: Vector,
+        V: sp.csr_array,
+    ) -> None:
+        self.G, self.c, self.V = G, c, V
+        atoms, self._variables = list(atoms), [cp.Variable(x.shape, name=x.name()) for x in variables]
+        copies: dict[int, Any] = {id(x): copy for x, copy in zip(variables, self._variables, strict=True)}
+        copies |= {id(one): cp.Constant(one.value) for atom in atoms for one in atom.parameters()}
+        self._atoms = [_copied(atom, copies) for atom in atoms]
+
+    def __call__(self, z: Vector) -> Vector:
+        """ψ(z). Raises ArithmeticError where an expression has no finite value at `z`."""
+        return self.G @ z + self.c + self.V @ self._w(z)
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        """ψ′(z) = G + Vw′(z). Raises ArithmeticError where an expression has no gradient at `z`."""
+        return sp.csr_array(self.G + self.V @ self._derivative(z))
+
+    def _write(self, z: Vector) -> None:
+        for x, value in zip(self._variables, unstacked(z, self._variables), strict=True):
+            x.save_value(value)
+
+    def _w(self, z: Vector) -> Vector:
+        self._write(z)
+        values = []
+        for atom in self._atoms:
+            with np.errstate(all="ignore"):
+                value = np.asarray(atom.value, dtype=np.float64).ravel(order="F")
+            if not np.isfinite(value).all():
+                found = f"{named(atom)} is {value[np.argmin(np.isfinite(value))]} here"
+                raise ArithmeticError(f"{found}; start where it is finite, from the variables' values")
+            values.append(value)
+        return np.concatenate(values)
+
+    def _derivative(self, z: Vector) -> sp.csr_array:
+        self._write(z)
+        with np.errstate(all="ignore"):
+            return sp.csr_array(sp.block_array([self._blocks(atom) for atom in self._atoms]))
+
+    def _blocks(self, atom: cp.Expression) -> list[sp.csr_array]:
+        """∂atom/∂x for each variable x."""
+        gradients, blocks = atom.grad, []
+        for x in self._variables:
+            gradient: Any = gradients.get(x, 0.0)
+            if gradient is None:
+                raise ArithmeticError(f"{named(atom)} has no gradient here")
+            if sp.issparse(gradient) or np.size(gradient) > 1:
+                blocks.append(sp.csr_array(gradient).reshape(x.size, atom.size).T.tocsr())
+            else:
+                shape = (atom.size, x.size)
+                blocks.append(sp.csr_array(shape if gradient == 0.0 else np.full(shape, np.asarray(gradient).item())))
+        return blocks
+
+    def gradient_holds(self, z: Vector) -> bool:
+        """Whether CVXPY gives a gradient that no difference quotient near `z` contradicts. CVXPY 1.9 has none of
+        norm_inf, and a wrong one of a quotient of variables."""
+        random = np.random.default_rng(0)
+        size = float(np.abs(z).max(initial=0.0)) or 1.0
+        step = 1e-6 * size * random.choice([-1.0, 1.0], z.size) * random.uniform(0.5, 1.0, z.size)
+        for least in (-0.01, 0.0):
+            at = z + size * random.uniform(least, 0.01, z.size)
+            try:
+                quotient = self._w(at + step) - self._w(at - step)
+                expected = 2.0 * (self._derivative(at) @ step)
+            except ArithmeticError:
+                continue
+            except Exception:  # whatever an expression without a gradient raises
+                return False
+            noise = 1e-12 * np.abs(self._w(at)).max()
+            allowed = _SAME * max(np.abs(quotient).max(), np.abs(expected).max()) + noise
+            return bool((np.abs(quotient - expected) <= allowed).all())
+        return True
+
+
+def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
+    """`expression` with a new variable for each largest part that is not affine; these go into `atoms`. CVXPY's
+    compiler adds variables and rows for `cumsum`, which is therefore written as a product."""
     if expression.is_affine() and cp.cumsum not in expression.atoms():
         return expression
     if isinstance(expression, cp.cumsum) and expression.is_affine():
@@ -103,3 +191,44 @@ def _columns(M: sp.csr_array, variables: list[cp.Variable], columns: dict[int, i
 def unique(items: Iterable[Any]) -> list[Any]:
     """Each of the `items` once, in order of appearance."""
     return list(dict.fromkeys(items))
+
+
+def _copied(expression: Any, copies: dict[int, Any]) -> Any:
+    """`expression` with some of its leaves replaced, also a parameter that is no argument (power, huber). What is
+    stretched to the shape of the others is stretched beforehand: CVXPY 1.9 forgets it in gradients."""
+    if id(expression) in copies or not expression.args:
+        return copies.get(id(expression), expression)
+    arguments = [_copied(argument, copies) for argument in expression.args]
+    if isinstance(expression, Elementwise):
+        arguments = [x if x.shape == expression.shape else broadcast_to(x, expression.shape) for x in arguments]
+    data = expression.get_data() or []
+    if not any(isinstance(x, cp.Expression) for x in data):
+        return expression.copy(arguments)
+    return type(expression)(*arguments, *(cp.Constant(x.value) if isinstance(x, cp.Expression) else x for x in data))
+
+
+def named(expression: cp.Expression) -> str:
+    """What a message calls `expression`: its label, else its text where that is short enough."""
+    if expression.label is None and any(constant.size > _PRINTED for constant in expression.constants()):
+        names = ", ".join(x.name() for x in expression.variables())
+        return f"an expression of shape {expression.shape}" + (f" in {names}" if names else "")
+    text = re.sub(r"Promote\(([^()]*), \([\d, ]*\)\)", r"\1", expression.format_labeled())
+    return textwrap.shorten(text, 80, placeholder=" ...")
+
+
+def at(stacked: Sequence[cp.Expression], k: int) -> tuple[int, str]:
+    """Which of the `stacked` expressions has the `k`-th of all their numbers, and in which entry, as "[i, j]"; ""
+    where it is the only one."""
+    number = 0
+    while k >= stacked[number].size:
+        k -= stacked[number].size
+        number += 1
+    x = stacked[number]
+    index = np.unravel_index(k, x.shape, order="F")
+    return number, f"[{', '.join(str(int(i)) for i in index)}]" if x.size > 1 else ""
+
+
+def unstacked(z: Vector, like: Sequence[cp.Expression]) -> list[np.ndarray]:
+    """The parts of `z`, one for each expression of `like` and in its shape, column by column."""
+    ends = np.cumsum([x.size for x in like])[:-1]
+    return [part.reshape(x.shape, order="F").copy() for x, part in zip(like, np.split(z, ends), strict=True)]

@@ -1,20 +1,22 @@
-"""The condition p ≥ 0 ⟂ r ≥ 0 between two CVXPY expressions, and what messages call expressions and their entries."""
+"""Implicit complementarity problems written with CVXPY's variables, parameters and expressions."""
 
 from __future__ import annotations
 
-import re
-import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import cvxpy as cp
 import numpy as np
 
-from ...errors import InputError
-from ...numerics.arrays import Vector, described
-
-#: constants with more entries than this are not printed
-_PRINTED = 20
+from ...crosscheck.report import Report
+from ...errors import InputError, NotSolved
+from ...icp import ICP
+from ...methods.contract import Method
+from ...numerics.arrays import described
+from ...solve.solution import Solution
+from ..reading import solved
+from .compiled import named
+from .expressions import CvxpyReading
 
 
 class Complementarity:
@@ -54,9 +56,8 @@ def complements(p: Any, r: Any) -> Complementarity:
     """
     p, r = _expression(p), _expression(r)
     if p.shape != r.shape:
-        raise InputError(
-            f"complements(p, r) goes entry by entry: p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
-        )
+        found = f"p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
+        raise InputError(f"complements(p, r) goes entry by entry: {found}")
     return Complementarity(p, r)
 
 
@@ -73,28 +74,112 @@ def _expression(side: Any) -> cp.Expression:
     raise InputError(f"complements was given {described(side)}; CVXPY expressions were expected")
 
 
-def named(expression: cp.Expression) -> str:
-    """What a message calls `expression`: its label, else its text where that is short enough."""
-    if expression.label is None and any(constant.size > _PRINTED for constant in expression.constants()):
-        names = ", ".join(x.name() for x in expression.variables())
-        return f"an expression of shape {expression.shape}" + (f" in {names}" if names else "")
-    text = re.sub(r"Promote\(([^()]*), \([\d, ]*\)\)", r"\1", expression.format_labeled())
-    return textwrap.shorten(text, 80, placeholder=" ...")
+class Problem:
+    """An ICP in CVXPY's terms: find z, all variables of the constraints, with every p ≥ 0 ⟂ r ≥ 0.
 
+    Parameters: `constraints`, one or a list of `complements(p, r)`. Over all of them every entry of every variable
+    needs one row r = z − ψ(z) of its own, so that there are as many rows as unknowns. p is affine; ψ any CVXPY
+    expression, convex, concave or neither (minimum, exp, log, power, norms, …), of which `.grad` gives the derivative.
+    A row az − ψ with a > 0 is divided by a. Variables have any shape and no attributes. Parameters may stand anywhere;
+    CVXPY compiles the model once, and a new value costs one product (unless it is not DPP: then it is compiled anew).
 
-def at(stacked: Sequence[cp.Expression], k: int) -> tuple[int, str]:
-    """Which of the `stacked` expressions has the `k`-th of all their numbers, and in which entry, as "[i, j]"; ""
-    where it is the only one."""
-    number = 0
-    while k >= stacked[number].size:
-        k -= stacked[number].size
-        number += 1
-    x = stacked[number]
-    index = np.unravel_index(k, x.shape, order="F")
-    return number, f"[{', '.join(str(int(i)) for i in index)}]" if x.size > 1 else ""
+    z stacks the variables in the order of `variables`, each column by column. Raises InputError for a model that is not
+    of this form, with the expression and the reason.
+    Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016); Agrawal et al., Differentiable convex optimization
+    layers (2019), for DPP.
 
+    >>> import cvxpy as cp
+    >>> z, load = cp.Variable(2), cp.Parameter(2)
+    >>> pair = icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.3 * cp.minimum(z, 1))
+    >>> problem = icp.Problem(pair)
+    >>> for load.value in ([1, -3], [4, 4]):
+    ...     _ = problem.solve()
+    ...     print(z.value.round(6) + 0.0)
+    [0.5 0. ]
+    [4. 4.]
+    """
 
-def unstacked(z: Vector, like: Sequence[cp.Expression]) -> list[np.ndarray]:
-    """The parts of `z`, one for each expression of `like` and in its shape, column by column."""
-    ends = np.cumsum([x.size for x in like])[:-1]
-    return [part.reshape(x.shape, order="F").copy() for x, part in zip(like, np.split(z, ends), strict=True)]
+    def __init__(self, constraints: Complementarity | Iterable[Complementarity]) -> None:
+        if isinstance(constraints, Complementarity):
+            constraints = [constraints]
+        if not isinstance(constraints, list | tuple):
+            raise InputError(f"constraints is {described(constraints)}; a list of complements(p, r) was expected")
+        for k, constraint in enumerate(constraints):
+            if not isinstance(constraint, Complementarity):
+                raise InputError(f"constraints[{k}] is {constraint}; complements(p, r) was expected")
+        self.constraints = list(constraints)
+        self.solution: Solution | None = None
+        self._reading = CvxpyReading(self.constraints)
+
+    @property
+    def variables(self) -> list[cp.Variable]:
+        """The variables in the order in which z stacks them.
+
+        >>> x, y = cp.Variable(2, name="x"), cp.Variable(name="y")
+        >>> icp.Problem([icp.complements(y + 1, y), icp.complements(x - y, x)]).variables
+        [Variable((), y), Variable((2,), x)]
+        """
+        return list(self._reading.variables)
+
+    @property
+    def icp(self) -> ICP:
+        """The ICP at the present values of the parameters. Raises InputError where a parameter has none.
+
+        >>> z = cp.Variable(2)
+        >>> icp.Problem(icp.complements(z - 1, 2 * z - 6)).icp
+        ICP(n=2, nnz=2, psi=Constant(3))
+        """
+        return self._reading.problem
+
+    def solve(
+        self, method: str | Method | None = None, *, z0: Any = None, raise_on_failure: bool = True, **options: Any
+    ) -> Solution:
+        """Solve it and write the values to the variables and constraints; the options are those of `icpmodel.solve`.
+
+        Parameters: `method` a name, a `Method` or None; `z0` the start, by default the values that the variables have
+        (0 where they have none), so that a series starts each problem from the answer before.
+        Returns the `Solution`, which is also kept in `solution`. Raises NotSolved where the run fails, unless
+        `raise_on_failure` is False; the variables then have no values, and `solution.z` is the best iterate.
+
+        >>> z = cp.Variable()
+        >>> icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve("newton").z.round(6), float(z.value)
+        (array([1.5]), 1.5)
+        """
+        reading = self._reading
+        self.solution = solution = solved(reading, method, z0=z0, **options)
+        for variable, value in reading.values(solution.z):
+            variable.save_value(value if solution.solved else None)
+        for constraint in self.constraints:
+            constraint.p = constraint.r = None
+        if solution.solved:
+            for constraint, p in reading.multipliers(solution.z):
+                constraint.p = p
+            for constraint, r in reading.distances(solution.z):
+                constraint.r = r
+        elif raise_on_failure:
+            raise NotSolved(solution)
+        return solution
+
+    def crosscheck(
+        self,
+        solvers: Iterable[str] | None = None,
+        *,
+        atol: float | None = None,
+        time_limit: float = 60.0,
+        progress: bool = False,
+    ) -> Report:
+        """Have independent solvers check the answer of the last `solve`; `icpmodel.crosscheck.crosscheck` says how.
+
+        It solves first where the parameters have changed since, or nothing was solved.
+
+        >>> z = cp.Variable(2)
+        >>> icp.Problem(icp.complements(2 * z - [1, -1], z)).crosscheck(["osqp"]).agrees
+        True
+        """
+        icp = self.icp
+        if self.solution is None or self.solution.problem is not icp:
+            self.solve(raise_on_failure=False)
+        return icp.crosscheck(self.solution, solvers, atol=atol, time_limit=time_limit, progress=progress)
+
+    def __repr__(self) -> str:
+        return f"Problem({self.constraints})"

@@ -19,30 +19,22 @@ from ...numerics.arrays import Vector, row_of
 from ...problem.affine import Affine
 from ...problem.function import Function
 from ..matching import looks_like_r, own_entries, unowned
-from .atoms import AtomObstacle
-from .compiled import AffineRows, Compiled, unique
-from .complementarity import Complementarity, at, named, unstacked
-
-Sides = tuple[cp.Expression, cp.Expression]
+from .compiled import AffineRows, AtomObstacle, Compiled, at, named, unique, unstacked
 
 
 class CvxpyReading:
-    """The `conditions`, compiled once, as an ICP at the present values of the parameters: a `Reading`.
+    """The `conditions`, compiled once: a `Reading`. Raises InputError for what is no ICP. `variables` are those that z
+    stacks, in this order, each column by column."""
 
-    `variables` are those that z stacks, in this order, each column by column.
-    Raises InputError for what is no ICP.
-    """
-
-    def __init__(self, conditions: Sequence[Complementarity]) -> None:
+    def __init__(self, conditions: Sequence[Any]) -> None:
         self._conditions = conditions
-        self._pairs = [_affine_first(one.sides) for one in conditions]
+        self._pairs = [_affine_first(*one.sides) for one in conditions]
         self._n = sum(p.size for p, _ in self._pairs)
         sides = [one.sides[k] for one in conditions for k in (0, 1)]
         _check_variables(unique(x for side in sides for x in side.variables()), self._n)
         self._compiled = Compiled([p for p, _ in self._pairs] + [r for _, r in self._pairs])
         self.variables = self._compiled.variables
-        #: the order in which the compiled rows are those of p, then those of r
-        self._order: np.ndarray | None = None
+        self._order: np.ndarray | None = None  # in which the compiled rows are those of p, then those of r
         self._gradient_holds: bool | None = None
         self._last: ICP | None = None
         self._values: list[Any] = []
@@ -51,10 +43,7 @@ class CvxpyReading:
 
     @property
     def problem(self) -> ICP:
-        """The ICP, the same object until a parameter has a new value; what is known of A and ψ is kept where they stay.
-
-        Raises InputError where a parameter has no value, or r is not z − ψ(z).
-        """
+        """The same object until a parameter has a new value; what is known of A and ψ is kept where they stay."""
         values = self._compiled.parameter_values()
         same = (np.array_equal(a, b) for a, b in zip(values, self._values, strict=False))
         if self._last is None or not all(same):
@@ -106,14 +95,13 @@ class CvxpyReading:
 
     def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array) -> Function:
         """ψ with atoms; its derivative only where CVXPY's gradients held at the first start."""
-        obstacle = AtomObstacle(list(self._compiled.atoms.values()), self.variables, G, c, V)
+        obstacle = AtomObstacle(self._compiled.atoms.values(), self.variables, G, c, V)
         if self._gradient_holds is None:
             start = self.start()
             self._gradient_holds = obstacle.gradient_holds(np.zeros(self._n) if start is None else start)
         return Function(obstacle, obstacle.jacobian if self._gradient_holds else None)
 
     def _p_and_r(self) -> tuple[AffineRows, AffineRows]:
-        """The rows of p and of r."""
         Z, W, constant = self._compiled.rows()
         n = self._n
         if self._order is None:
@@ -134,7 +122,6 @@ class CvxpyReading:
         return order
 
     def _misfit(self, R: sp.csr_array, row: int, column: int) -> str:
-        """The sentence on a `row` without an entry of its own, and on a `column` without a row."""
         expressions = [r for _, r in self._pairs]
         k, place = at(expressions, row)
         what = f"r = {named(expressions[k])} is not z - psi(z)" + (f" in entry {place}" if place else "")
@@ -147,9 +134,8 @@ class CvxpyReading:
         return f"{what}: the entries of z that it has belong to other rows already, while no row belongs to {left}"
 
 
-def _affine_first(pair: Sides) -> Sides:
-    a, b = pair
-    for side in pair:
+def _affine_first(a: cp.Expression, b: cp.Expression) -> tuple[cp.Expression, cp.Expression]:
+    for side in (a, b):
         if side.is_complex():
             raise InputError(f"{named(side)} is complex; real expressions were expected: ICP is stated over the reals")
     if not a.is_affine() and not b.is_affine():
@@ -161,14 +147,11 @@ def _check_variables(variables: list[cp.Variable], rows: int) -> None:
     for x in variables:
         given = [name for name, value in x.attributes.items() if value]
         if given:
-            raise InputError(
-                f"the variable {x.name()} has the attribute {given[0]}; z is any vector in an ICP, its bounds are "
-                f"written as r, for example complements(p, {x.name()}) for {x.name()} >= 0"
-            )
+            advice = f"its bounds are written as r, for example complements(p, {x.name()}) for {x.name()} >= 0"
+            found = f"the variable {x.name()} has the attribute {given[0]}"
+            raise InputError(f"{found}; z is any vector in an ICP, {advice}")
     unknowns = sum(x.size for x in variables)
     if rows != unknowns or not rows:
         entries = ", ".join(f"{x.name()} with {x.size}" for x in variables) or "no variables"
-        raise InputError(
-            f"the constraints have {rows} entries, the variables {unknowns} ({entries}); each entry of a variable "
-            "needs one row p >= 0, r = z - psi(z) >= 0 of its own"
-        )
+        found = f"the constraints have {rows} entries, the variables {unknowns} ({entries})"
+        raise InputError(f"{found}; each entry of a variable needs one row p >= 0, r = z - psi(z) >= 0 of its own")

@@ -37,10 +37,7 @@ _ZERO, _NEGATIVE = 1e-10, -1e-7
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """min ½xᵀPx + qᵀx subject to Ax = b, Fx ≤ g, P positive semidefinite.
-
-    `P` (n, n), `A` (m, n), `F` (k, n) sparse; `q` (n,), `b` (m,), `g` (k,), with +inf where a row says nothing.
-    """
+    """min ½xᵀPx + qᵀx subject to Ax = b, Fx ≤ g, P positive semidefinite; g = +inf where a row says nothing."""
 
     P: sp.csr_array
     q: Vector
@@ -49,18 +46,10 @@ class Program:
     F: sp.csr_array
     g: Vector
 
-    @property
-    def contradicts_itself(self) -> bool:
-        """Whether an infinite right-hand side leaves no x at all."""
-        return bool(not np.isfinite(self.b).all() or np.isneginf(self.g).any())
-
 
 class ProgramLcp:
-    """The LCP of a `Program` in handy units, and the way back.
-
-    `problem`, the ICP in y with (x, λ, ν) = `unit`·y, its entries made about 1 by powers of two; `only_bounds` whether
-    it has no multipliers.
-    """
+    """The LCP of a `Program` as the ICP `problem` in y, (x, λ, ν) = `unit`·y, its entries about 1 by powers of two, and
+    the way back; `only_bounds` tells whether it has no multipliers."""
 
     def __init__(self, program: Program) -> None:
         n = program.q.size
@@ -111,10 +100,8 @@ class ProgramLcp:
         return x, values[n + m :], inequality
 
     def contradiction(self, direction: Vector) -> tuple[str, bool] | None:
-        """What `direction`, in which the proximal points run off, proves: ("primal" or "dual", in exact arithmetic?).
-
-        "primal": the constraints contradict each other; "dual": the objective falls for ever along x, if there is a
-        feasible x. None where it proves neither, even numerically.
+        """What `direction` proves, and whether in exact arithmetic: "primal", that the constraints contradict each
+        other; "dual", that the objective falls for ever along x, if there is a feasible x. None: not even numerically.
         """
         of_x = np.arange(self.problem.n) < self._n
         # without a part in the rows of x neither P nor q has a say
@@ -134,12 +121,9 @@ def _tightest(n: int, column: Columns, value: Vector, rows: Columns) -> tuple[Ve
 
 
 def _units(M: sp.csr_array, q: Vector, c: Vector, n: int) -> tuple[NDArray[np.int64], int]:
-    """Whole exponents D and size: 2^D M 2^D has entries of about 1, 2^D q and 2^−D c of at most about 2^size.
-
-    D minimises the sum of (log₂|m_ij| + d_i + d_j)² over the entries, so that the result does not depend on the units
-    of the program. Where P = 0 they leave the unit of the objective open, in which the n rows of x are measured; it
-    then makes the largest entries of 2^D q for x as large as what stands in the other rows and in 2^−D c.
-    """
+    """Whole exponents D and size: 2^D M 2^D has entries of about 1, 2^D q and 2^−D c of at most about 2^size. D
+    minimises the sum of (log₂|m_ij| + d_i + d_j)² over the entries, whatever the units of the program. Where P = 0 the
+    unit of the n rows of x is open; it makes the largest entries of 2^D q for x as large as the others."""
     from scipy.sparse.linalg import cg
 
     rows, columns = row_of(M), M.indices

@@ -14,12 +14,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
 import pyomo.environ as pyo
-import scipy.sparse as sp
 from pyomo.common.gc_manager import PauseGC
 from pyomo.common.numeric_types import native_numeric_types
 from pyomo.core.expr.relational_expr import EqualityExpression, InequalityExpression, RangedExpression
@@ -36,34 +33,18 @@ _HOLDS = 1e-9
 Terms = tuple[tuple[float, Any], ...]
 
 
-@dataclass
-class Side:
-    """One side of all rows: an affine part, M x + c, and what is nonlinear, by row, `flattened`."""
-
-    counts: list[int] = field(default_factory=list)
-    ids: list[int] = field(default_factory=list)
-    values: list[float] = field(default_factory=list)
-    constants: list[float] = field(default_factory=list)
-    nonlinear: dict[int, Flat] = field(default_factory=dict)
-
-    def matrix(self, column: dict[int, int]) -> sp.coo_array:
-        """M, COO, with the variables in the columns that `column` says by their ids."""
-        rows = np.repeat(np.arange(len(self.counts)), self.counts)
-        columns = np.fromiter((column[one] for one in self.ids), dtype=np.int64, count=len(self.ids))
-        data = np.array(self.values, dtype=np.float64)
-        return sp.coo_array((data, (rows, columns)), shape=(len(self.counts), len(column)))
+#: one side of a row: a constant, coefficients by the variable's id, what is nonlinear or None
+Side = tuple[float, dict[int, float], Any]
 
 
 class ConditionRows:
-    """The rows of a model. `owners` says whose each row is, `equation` where side 0 must be zero: there side 1 only
-    tells which variable Pyomo's user had in mind. `multipliers` are the λ above by the number of the row of g + λ.
-
-    Parameters: `model` a concrete Pyomo model or block.
-    Raises InputError, with the component's name, for what is no such condition.
-    """
+    """The rows of a model: `sides`, side 0 and side 1 of all rows, with what is nonlinear `flattened`; `owners`, whose
+    each row is; `equation` where side 0 must be zero: there side 1 only tells which variable Pyomo's user had in mind.
+    `multipliers` are the λ above by the number of the row of g + λ. Raises InputError, with the component's name, for
+    what is no such condition."""
 
     def __init__(self, model: Any) -> None:
-        self.sides = (Side(), Side())
+        self.sides: tuple[list[Side], list[Side]] = ([], [])
         self.owners: list[Any] = []
         self.equation: list[bool] = []
         self.multipliers: dict[int, Any] = {}
@@ -78,14 +59,13 @@ class ConditionRows:
 
     def variables(self) -> list[Any]:
         """The variables that occur, in the order of the model."""
-        seen = {one: None for side in self.sides for one in side.ids}
-        for _, variables, _ in self.nonlinear().values():
-            seen.update((id(variable), None) for variable in variables)
+        seen = {key for side in self.sides for _, linear, _ in side for key in linear}
+        seen |= {id(variable) for _, variables, _ in self.nonlinear().values() for variable in variables}
         return [variable for key, variable in self._recorder.var_map.items() if key in seen]
 
     def nonlinear(self) -> dict[int, Flat]:
         """The nonlinear expression of each row that has one; no row has two."""
-        return {row: one for side in self.sides for row, one in side.nonlinear.items()}
+        return {row: one for side in self.sides for row, (_, _, one) in enumerate(side) if one is not None}
 
     def _refuse_what_is_no_icp(self, model: Any) -> None:
         data = {pyo.Block, pyo.Var, pyo.Param, pyo.Expression, pyo.Set, pyo.RangeSet, pyo.Suffix}
@@ -97,20 +77,16 @@ class ConditionRows:
         for objective in _active(model, pyo.Objective):
             _, linear, nonlinear = self._read(((1.0, objective.expr),), objective)
             if linear or nonlinear is not None:
-                raise InputError(
-                    f"{objective.name} is an active Objective: a complementarity problem has nothing to minimise; "
-                    "deactivate it, or take an MPEC solver"
-                )
+                reason = "a complementarity problem has nothing to minimise; deactivate it, or take an MPEC solver"
+                raise InputError(f"{objective.name} is an active Objective: {reason}")
 
     def _read_constraint(self, constraint: Any) -> None:
         lower, body, upper = constraint.to_bounded_expression(evaluate_bounds=True)
         if lower is None and upper is None:
             return
         if lower is None or upper is None or lower != upper:
-            raise InputError(
-                f"{constraint.name} is an active inequality: complementarity problems take inequalities in pairs, "
-                "as Complementarity(expr=complements(..., ...)), and equality constraints"
-            )
+            wanted = "inequalities in pairs, as Complementarity(expr=complements(..., ...)), and equality constraints"
+            raise InputError(f"{constraint.name} is an active inequality: complementarity problems take {wanted}")
         self._add_equation(constraint, ((1.0, body), (-1.0, lower)), ())
 
     def _read_condition(self, condition: Any) -> None:
@@ -125,10 +101,8 @@ class ConditionRows:
                 return self._add_double(condition, one, other.body)
         if first.equality or second.equality or (len(first.bounds), len(second.bounds)) != (1, 1):
             count = [2 if one.equality else len(one.bounds) for one in (first, second)]
-            raise InputError(
-                f"{condition.name} has {count[0]} + {count[1]} bounds (an equality is two); a Complementarity has "
-                "one on each side, or two on one of them"
-            )
+            found = f"{condition.name} has {count[0]} + {count[1]} bounds (an equality is two)"
+            raise InputError(f"{found}; a Complementarity has one on each side, or two on one of them")
         return self._add(condition, first.bounds[0], second.bounds[0])
 
     def _bounded(self, expression: Any, condition: Any) -> _Bounded:
@@ -144,16 +118,10 @@ class ConditionRows:
         low, *between, high = expression.args
         if between:
             ends: list[Terms] = [((1.0, between[0]), (-1.0, low)), ((1.0, high), (-1.0, between[0]))]
-            return _Bounded(tuple(self._finite(ends)), ((1.0, between[0]),))
-        body = tuple(term for term in ((1.0, high), (-1.0, low)) if term[1].__class__ not in native_numeric_types)
-        return _Bounded(tuple(self._finite([((1.0, high), (-1.0, low))])), body)
-
-    def _finite(self, bounds: Iterable[Terms]) -> Iterable[Terms]:
-        """Those bounds that are not x ≥ −inf or x ≤ inf."""
-        for terms in bounds:
-            ends = [factor * one for factor, one in terms if one.__class__ in native_numeric_types]
-            if math.inf not in ends:
-                yield terms
+            return _Bounded(_finite(ends), ((1.0, between[0]),))
+        ends = [((1.0, high), (-1.0, low))]
+        body = tuple(term for term in ends[0] if term[1].__class__ not in native_numeric_types)
+        return _Bounded(_finite(ends), body)
 
     def _add_double(self, condition: Any, ends: _Bounded, body: Terms) -> None:
         """a ≤ f ≤ b with g: two rows, or the equation f = a where a = b."""
@@ -174,42 +142,31 @@ class ConditionRows:
                 raise InputError(f"{owner.name} has no free variable and cannot hold: 0 = {constant:g}")
             return
         if nonlinear is None:
-            self._append(owner, 0, constant, linear, None)
-            self._append(owner, 1, *self._read(hint, owner)[:2], None)
+            self._append(owner, (constant, linear, None), (*self._read(hint, owner)[:2], None), equation=True)
         else:  # p = 1 > 0 makes r = 0
-            self._append(owner, 0, 1.0, {}, None)
-            self._append(owner, 1, constant, linear, nonlinear)
-        self.owners.append(owner)
-        self.equation.append(True)
+            self._append(owner, (1.0, {}, None), (constant, linear, nonlinear), equation=True)
 
     def _add(self, owner: Any, first: Terms, second: Terms) -> None:
         sides = [self._read(terms, owner) for terms in (first, second)]
-        if not any(linear or nonlinear is not None for _, linear, nonlinear in sides):
+        bent = [nonlinear is not None for _, _, nonlinear in sides]
+        if not any(bent) and not any(linear for _, linear, _ in sides):
             constants = [constant for constant, _, _ in sides]
             if not abs(min(constants)) <= _HOLDS:
                 found = f"{constants[0]:g} and {constants[1]:g}, the smaller of which should be 0"
                 raise InputError(f"{owner.name} has no free variable and does not hold: its sides are {found}")
             return
-        if all(nonlinear is not None for _, _, nonlinear in sides):
-            raise InputError(
-                f"{owner.name} is nonlinear on both sides; in an implicit complementarity problem one of them is affine"
-            )
-        for k, side in enumerate(sides):
-            self._append(owner, k, *side)
+        if all(bent):
+            wanted = "in an implicit complementarity problem one of them is affine"
+            raise InputError(f"{owner.name} is nonlinear on both sides; {wanted}")
+        self._append(owner, *sides)
+
+    def _append(self, owner: Any, *sides: Side, equation: bool = False) -> None:
+        for kept, (constant, linear, rest) in zip(self.sides, sides, strict=True):
+            kept.append((constant, linear, None if rest is None else flattened(rest, owner)))
         self.owners.append(owner)
-        self.equation.append(False)
+        self.equation.append(equation)
 
-    def _append(self, owner: Any, k: int, constant: float, linear: dict[int, float], nonlinear: Any) -> None:
-        side = self.sides[k]
-        if nonlinear is not None:
-            side.nonlinear[len(self.owners)] = flattened(nonlinear, owner)
-        side.counts.append(len(linear))
-        side.ids.extend(linear)
-        side.values.extend(linear.values())
-        side.constants.append(constant)
-
-    def _read(self, terms: Terms, owner: Any) -> tuple[float, dict[int, float], Any]:
-        """(constant, coefficients by the variable's id, nonlinear rest or None) of a sum."""
+    def _read(self, terms: Terms, owner: Any) -> Side:
         constant, nonlinear = 0.0, None
         linear: dict[int, float] = {}
         for factor, expression in terms:
@@ -228,21 +185,23 @@ class ConditionRows:
         except ValueError:  # Pyomo's InvalidNumber, which says where it comes from
             finite = False
         if not finite:
-            raise InputError(
-                f"{owner.name} has a number that is not finite: a fixed variable or parameter without value?"
-            )
-        if 0.0 in linear.values():
-            linear = {key: value for key, value in linear.items() if value}
-        return float(constant), linear, nonlinear
+            reason = "a fixed variable or parameter without value?"
+            raise InputError(f"{owner.name} has a number that is not finite: {reason}")
+        return float(constant), {key: value for key, value in linear.items() if value}, nonlinear
 
 
-@dataclass(frozen=True)
-class _Bounded:
+class _Bounded(NamedTuple):
     """One argument of a condition: what must be ≥ 0 (or, of an equality, = 0), and the expression itself."""
 
     bounds: tuple[Terms, ...]
     body: Terms
     equality: bool = False
+
+
+def _finite(bounds: list[Terms]) -> tuple[Terms, ...]:
+    """Those that are not x ≥ −inf or x ≤ inf."""
+    numbers = ([factor * one for factor, one in terms if one.__class__ in native_numeric_types] for terms in bounds)
+    return tuple(terms for terms, found in zip(bounds, numbers, strict=True) if math.inf not in found)
 
 
 def _active(model: Any, kind: type) -> Iterable[Any]:

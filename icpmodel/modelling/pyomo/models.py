@@ -27,33 +27,27 @@ from .ownership import Ownership
 
 @dataclass(frozen=True, eq=False)
 class PyomoReading:
-    """What was read, a `Reading`: `problem`, the ICP, and how its z stands to the model.
+    """A `Reading`: z_i = `signs`[i] · `variables`[i]; `owners`[i] is the Complementarity or Constraint of row i.
 
-    z_i = `signs`[i] · `variables`[i]; row i is that of `owners`[i], a Complementarity or equality Constraint. A
-    condition with two bounds on one side has two rows, one after the other, and `added` says by the number of the first
-    which of the two owns the λ of `ConditionRows`.
-    """
+    A condition with two bounds on one side has two rows, one after the other, and `added` says by the number of the
+    first which of the two owns the λ of `ConditionRows`. `equation`, shape (n,), tells which rows are equations,
+    `which_r` which side of a row is r, and `scale` what that was divided by. `bounds` (row, lower, upper) are those
+    that a row's variable has of its own and no condition implies."""
 
     problem: ICP
     variables: tuple[Any, ...]
     signs: Vector
     owners: tuple[Any, ...]
-    #: rows that are equations, shape (n,), bool
     equation: np.ndarray
     added: dict[int, int]
-    #: which side of a row is r, and what it was divided by
     which_r: np.ndarray
     scale: Vector
-    #: rows whose variable has bounds of its own that no condition implies: (row, lower, upper)
     bounds: tuple[tuple[int, float, float], ...]
 
     def start(self) -> Vector:
-        """The values that the variables have now, as z, shape (n,); 0 for a variable without value.
-
-        Raises InputError where a condition has no finite value there.
-        """
-        values = [variable.value for variable in self.variables]
-        z: Vector = self.signs * np.array([0.0 if value is None else value for value in values], dtype=np.float64)
+        """Raises InputError where a condition has no finite value at the present values, 0 where there is none."""
+        values = [0.0 if variable.value is None else variable.value for variable in self.variables]
+        z: Vector = self.signs * np.array(values, dtype=np.float64)
         bad = ~np.isfinite(z)
         if not bad.any():
             psi = self.problem.psi.value(z)
@@ -61,9 +55,8 @@ class PyomoReading:
         if bad.any():
             row = int(np.argmax(bad))
             at = f"{self.variables[row].name} = {self.signs[row] * z[row] + 0.0:g}"
-            raise InputError(
-                f"{self.owners[row].name} has no finite value at the start, where {at}: give its variables other values"
-            )
+            fault = f"has no finite value at the start, where {at}: give its variables other values"
+            raise InputError(f"{self.owners[row].name} {fault}")
         return z
 
     def values(self, z: Vector) -> list[tuple[Any, Any]]:
@@ -76,9 +69,7 @@ class PyomoReading:
         return [(owner, p) for owner, p, _, _ in self._forces(z)]
 
     def marginals(self, z: Vector) -> list[tuple[Any, Any]]:
-        """The variables of the conditions, each with p in its own direction: positive at a lower bound, negative at an
-        upper one.
-        """
+        """The variables of the conditions, each with p in its own direction: negative at an upper bound."""
         return [(variable, sign * p) for _, p, variable, sign in self._forces(z)]
 
     def _forces(self, z: Vector) -> list[tuple[Any, float, Any, float]]:
@@ -112,8 +103,7 @@ def read_pyomo(model: Any) -> PyomoReading:
     Parameters: `model` with active `Complementarity` components, one side of each affine, equality constraints and no
     other active constraint or objective, and as many of these as variables that are not fixed.
     Returns a `PyomoReading`, of which `problem` is the ICP, `start()` its z at the values of the variables and
-    `values(z)` the variables with what z says of them.
-    Raises InputError, with the component's name, where the model has no such form.
+    `values(z)` the variables with what z says of them. Raises InputError, with the component's name, for other models.
 
     >>> import pyomo.environ as pyo
     >>> from pyomo.mpec import Complementarity, complements
@@ -151,7 +141,7 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
         parts[0].append((data * flip[side.row], side.row, column, ~is_r))
         parts[1].append((-data / scale[side.row], side.row, column, kept))
     missing = every[plain & ~free]
-    parts[1].append((np.ones(missing.size), missing, missing, np.ones(missing.size, dtype=bool)))
+    parts[1].append((np.ones(missing.size), missing, missing, np.full(missing.size, True)))
     A, G = (_assembled(part, m) for part in parts)
     q = owned.constants[1 - which_r, every] * flip
     c = np.where(free, -np.inf, -owned.constants[which_r, every] / scale)

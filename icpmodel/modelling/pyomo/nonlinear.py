@@ -22,43 +22,25 @@ from pyomo.core.expr.calculus.derivatives import Modes, differentiate
 from ...errors import InputError
 from ...numerics.arrays import Vector
 
-#: the functions of one argument that Pyomo can differentiate, by its name for them
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
-    name: getattr(np, numpys)
-    for name, numpys in {
-        **{name: name for name in ("exp", "log", "log10", "sqrt", "sin", "cos", "tan")},
-        "asin": "arcsin",
-        "acos": "arccos",
-        "atan": "arctan",
-    }.items()
+#: the functions of one argument that Pyomo can differentiate; NumPy calls them the same
+_FUNCTIONS = ("exp", "log", "log10", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan")
+#: the operations, on arrays and on expressions, with the nodes that do them
+_OPERATIONS: dict[str, tuple[type, Callable[..., Any]]] = {
+    "sum": (numeric_expr.SumExpression, lambda *terms: reduce(operator.add, terms)),
+    "product": (numeric_expr.ProductExpression, operator.mul),
+    "quotient": (numeric_expr.DivisionExpression, operator.truediv),
+    "minus": (numeric_expr.NegationExpression, operator.neg),
+    "power": (numeric_expr.PowExpression, operator.pow),
+    "abs": (numeric_expr.AbsExpression, abs),
 }
-#: the operations, on arrays and on expressions
-_WORDS: dict[str, Callable[..., Any]] = {
-    "sum": lambda *terms: reduce(operator.add, terms),
-    "product": operator.mul,
-    "quotient": operator.truediv,
-    "power": operator.pow,
-    "minus": operator.neg,
-    "abs": abs,
-}
-#: what the nodes of an expression do
-_NODES = (
-    (numeric_expr.SumExpression, "sum"),
-    (numeric_expr.ProductExpression, "product"),
-    (numeric_expr.DivisionExpression, "quotient"),
-    (numeric_expr.NegationExpression, "minus"),
-    (numeric_expr.PowExpression, "power"),
-    (numeric_expr.UnaryFunctionExpression, "function"),
-)
 #: a shape, with the variables and constants of one row in order of appearance
 Flat = tuple[tuple[Any, ...], list[Any], list[float]]
 
 
 class NonlinearRows:
-    """N(x), one nonlinear Pyomo expression per row: value, sparse Jacobian, and the expressions for other variables.
+    """N(x), one nonlinear Pyomo expression per row, `flat`: value, Jacobian, and the expressions for other variables.
 
-    Parameters: `flat` the `flattened` expression of each row that has one; `columns` the column of each variable by its
-    id; `shape` of the Jacobian.
+    `columns` says the column of each variable by its id, `shape` is that of the Jacobian.
     Reference: Griewank and Walther, Evaluating Derivatives (2008), chapter 3; pyomo.core.expr.calculus.
     """
 
@@ -80,34 +62,28 @@ class NonlinearRows:
 
     def jacobian(self, x: Vector) -> sp.csr_array:
         """N′(x), CSR."""
-        rows, columns, data = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
-        for one in self.compiled:
-            for k, derivative in enumerate(one.derivatives(x)):
-                rows.append(one.rows)
-                columns.append(one.variables[k])
-                data.append(np.broadcast_to(derivative, one.rows.shape))
-        place = (np.concatenate(rows), np.concatenate(columns))
-        return sp.csr_array(sp.coo_array((np.concatenate(data), place), shape=self.shape))
+        parts = [
+            (one.rows, columns, np.broadcast_to(derivative, one.rows.shape))
+            for one in self.compiled
+            for columns, derivative in zip(one.variables, one.derivatives(x), strict=True)
+        ]
+        rows, columns, data = map(np.concatenate, zip(*parts, strict=True))
+        return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=self.shape))
 
     def expressions(self, x: Sequence[Any]) -> dict[int, Any]:
         """The rows as Pyomo expressions of `x`, Pyomo variables or expressions by column."""
-        return {
-            row: _rebuilt(one.tokens, [x[j] for j in variables], constants)
-            for one in self.compiled
-            for row, variables, constants in zip(
-                one.rows.tolist(), one.variables.T.tolist(), one.constants.T.tolist(), strict=True
-            )
-        }
+        found = {}
+        for one in self.compiled:
+            for row, variables, constants in zip(one.rows, one.variables.T, one.constants.T.tolist(), strict=True):
+                found[int(row)] = _rebuilt(one.tokens, [x[j] for j in variables], constants)
+        return found
 
 
 def flattened(expression: Any, owner: Any) -> Flat:
-    """The shape of a Pyomo expression, in Polish notation, with its variables and constants in order of appearance.
-
-    Parameters: `owner` the component whose expression it is, for messages. In the shape a variable is its number in the
-    order of appearance, a constant None, an operation its name with the number of its arguments; numbers in exponents
-    belong to the shape.
-    Raises InputError where Pyomo cannot differentiate an operation.
-    """
+    """The shape of a Pyomo expression, in Polish notation, with its variables and constants in order of appearance. In
+    the shape a variable is its number in the order of appearance, a constant None, an operation its name with the
+    number of its arguments. Raises InputError, which names the `owner`, where Pyomo cannot differentiate an
+    operation."""
     tokens: list[Any] = []
     variables: list[Any] = []
     place: dict[int, int] = {}
@@ -132,20 +108,17 @@ def flattened(expression: Any, owner: Any) -> Flat:
 
 def _operation(node: Any, owner: Any) -> tuple[str, tuple[Any, ...]]:
     """What an expression node does, as a word, and to what. An exponent that is a number is part of the word."""
-    word, arguments = _word(node.__class__), tuple(node.args)
-    if word == "function":
-        word = node.getname()
-    elif word == "power" and not hasattr(arguments[1], "is_expression_type"):
+    word, arguments = _word(node.__class__) or node.getname(), tuple(node.args)
+    if word == "power" and not hasattr(arguments[1], "is_expression_type"):
         return f"power {float(arguments[1])!r}", arguments[:1]
-    if word not in _FUNCTIONS and word not in _WORDS:
+    if word not in _FUNCTIONS and word not in _OPERATIONS:
         raise InputError(f"{owner} has the operation {node.getname()}, which Pyomo cannot differentiate: {node}")
     return word, arguments
 
 
 @cache
 def _word(kind: type) -> str:
-    """What the nodes of a class do."""
-    return next((word for one, word in _NODES if issubclass(kind, one)), "unknown")
+    return next((word for word, (node, _) in _OPERATIONS.items() if issubclass(kind, node)), "")
 
 
 def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Sequence[Any]) -> Any:
@@ -159,12 +132,16 @@ def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Seque
             done.append(variables[token])
         else:
             word, count = token
-            arguments = [done.pop() for _ in range(count)]
-            if word.startswith("power "):
-                done.append(arguments[0] ** float(word.split()[1]))
-            else:
-                done.append((_WORDS.get(word) or getattr(pyo, word))(*arguments))
+            done.append(_called(word, pyo)(*[done.pop() for _ in range(count)]))
     return done.pop()
+
+
+def _called(word: str, functions: Any) -> Callable[..., Any]:
+    """The operation called `word`, of those with one argument the one that `functions`, Pyomo or NumPy, has."""
+    if word.startswith("power "):
+        exponent = float(word.split()[1])
+        return lambda x: x**exponent
+    return _OPERATIONS[word][1] if word in _OPERATIONS else getattr(functions, word)
 
 
 class _Compiled:
@@ -187,64 +164,49 @@ class _Compiled:
         self._gradient = [self._compile(derivative) for derivative in gradient]
         self._kept = (stand_in, template, gradient)  # ids are those of living objects
 
+    def _where(self, node: Any) -> Any:
+        """A number, or where the value of `node` stands; None if that is not known yet."""
+        return float(node) if node.__class__ in native_numeric_types else self._place.get(id(node))
+
     def _compile(self, root: Any) -> Any:
         """Append the steps that `root` needs; where its value will stand, or a number."""
         stack = [root]
         while stack:
-            node = stack[-1]
-            if node.__class__ in native_numeric_types or id(node) in self._place:
+            if self._where(stack[-1]) is not None:
                 stack.pop()
                 continue
-            word, arguments = _operation(node, "the derivative")
-            missing = [a for a in arguments if a.__class__ not in native_numeric_types and id(a) not in self._place]
-            if missing:
-                stack.extend(missing)
+            word, arguments = _operation(stack[-1], "the derivative")
+            places = tuple(map(self._where, arguments))
+            if None in places:
+                stack.extend(node for node, place in zip(arguments, places, strict=True) if place is None)
                 continue
-            stack.pop()
-            places = tuple(float(a) if a.__class__ in native_numeric_types else self._place[id(a)] for a in arguments)
-            self._place[id(node)] = self._offset() + len(self._steps)
-            self._steps.append((_ufunc(word), places))
-        return float(root) if root.__class__ in native_numeric_types else self._place[id(root)]
+            self._place[id(stack.pop())] = len(self.variables) + len(self.constants) + len(self._steps)
+            self._steps.append((_called(word, np), places))
+        return self._where(root)
 
-    def _offset(self) -> int:
-        return len(self.variables) + len(self.constants)
-
-    def _run(self, x: Vector, steps: int) -> list[Any]:
+    def _run(self, x: Vector, steps: int, wanted: list[Any]) -> list[Any]:
+        """What stands at the `wanted` places after so many steps; numbers are as they are."""
         known: list[Any] = [*x[self.variables], *self.constants]
         with np.errstate(all="ignore"):  # the judge sees what is not finite
             for function, places in self._steps[:steps]:
                 known.append(function(*[known[k] if isinstance(k, int) else k for k in places]))
-        return known
+        return [known[k] if isinstance(k, int) else k for k in wanted]
 
     def value(self, x: Vector) -> Any:
-        known = self._run(x, self._value_steps)
-        return known[self._value] if isinstance(self._value, int) else self._value
+        return self._run(x, self._value_steps, [self._value])[0]
 
     def derivatives(self, x: Vector) -> list[Any]:
-        known = self._run(x, len(self._steps))
-        return [known[k] if isinstance(k, int) else k for k in self._gradient]
-
-
-def _ufunc(word: str) -> Callable[..., Any]:
-    """The operation called `word` on arrays."""
-    if word.startswith("power "):
-        exponent = float(word.split()[1])
-        return lambda x: x**exponent
-    return _WORDS.get(word) or _FUNCTIONS[word]
+        return self._run(x, len(self._steps), self._gradient)
 
 
 class PyomoObstacle:
-    """ψ(z) = Gz + c − N(x)/s with x = σz, the obstacle that a nonlinear Pyomo model has.
-
-    Parameters: `G` CSR and `c` the affine part; `rows` the nonlinear one, N; `signs` σ and `scale` s, shape (n,).
-    """
+    """ψ(z) = Gz + c − N(x)/s with x = σz; `rows` are N, `signs` σ and `scale` s."""
 
     def __init__(self, G: sp.csr_array, c: Vector, rows: NonlinearRows, signs: Vector, scale: Vector) -> None:
         self.G, self.c, self.rows, self.signs, self.scale = G, c, rows, signs, scale
 
     def __call__(self, z: Vector) -> Vector:
-        value: Vector = self.G @ z + self.c - self.rows.value(self.signs * z) / self.scale
-        return value
+        return np.asarray(self.G @ z + self.c - self.rows.value(self.signs * z) / self.scale)
 
     def jacobian(self, z: Vector) -> sp.csr_array:
         """ψ′(z) = G − s⁻¹N′(σz)σ, CSR."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...errors import InputError
 from ...numerics.arrays import Vector
@@ -17,28 +18,30 @@ _LISTED = 5
 
 
 class Ownership:
-    """The choice, with both sides of all rows as arrays.
-
-    `own` the column of the variable that each row owns, `which_r` the side that becomes r, both of shape (m,); the two
-    `sides` COO (m, n) with their `constants` (2, m); `free` the rows without obstacle; `bent` (2, m) where a side is
-    nonlinear; `column` the column of a variable by its id.
-    Raises InputError where rows and variables cannot be paired.
-    """
+    """The choice, with both sides of all rows as arrays. `own` the column of the variable that each row owns, `which_r`
+    the side that becomes r, both of shape (m,); the two `sides` COO (m, n) with their `constants` (2, m); `free` the
+    rows without obstacle; `bent` (2, m) where a side is nonlinear; `column` the column of a variable by its id. Raises
+    InputError where rows and variables cannot be paired."""
 
     def __init__(self, rows: ConditionRows) -> None:
         self.variables = rows.variables()
         self.m, self.n = len(rows.owners), len(self.variables)
         self.column = {id(variable): k for k, variable in enumerate(self.variables)}
-        self.bent = np.zeros((2, self.m), dtype=bool)
-        for k, side in enumerate(rows.sides):
-            self.bent[k, list(side.nonlinear)] = True
+        self.bent = np.array([[rest is not None for _, _, rest in side] for side in rows.sides])
         # a nonlinear equation has an obstacle, and p = 1
         self.free = np.array(rows.equation, dtype=bool) & ~self.bent[1]
-        self.constants = np.array([side.constants for side in rows.sides])
-        self.sides = [side.matrix(self.column) for side in rows.sides]
+        self.constants = np.array([[constant for constant, _, _ in side] for side in rows.sides])
+        self.sides = [self._matrix([linear for _, linear, _ in side]) for side in rows.sides]
         self._list_pairs(rows)
         self.own = self._own_variables(rows)
         self.which_r = self._which_side_is_r()
+
+    def _matrix(self, rows: list[dict[int, float]]) -> sp.coo_array:
+        counts = [len(linear) for linear in rows]
+        columns = [self.column[key] for linear in rows for key in linear]
+        data = np.array([value for linear in rows for value in linear.values()], dtype=np.float64)
+        place = np.repeat(np.arange(self.m), counts), np.array(columns, dtype=np.int64)
+        return sp.coo_array((data, place), shape=(self.m, self.n))
 
     def _list_pairs(self, rows: ConditionRows) -> None:
         """Every pair (row, variable) that occurs, with its two coefficients, and whether it is in a nonlinear part."""
@@ -56,8 +59,7 @@ class Ownership:
 
     def _own_variables(self, rows: ConditionRows) -> np.ndarray:
         """Each variable once, on the side that should become r, on both sides and with one sign on them as far as that
-        can be, and with the largest product of coefficients. The sum of their logarithms makes this independent of
-        units.
+        can be, and with the largest product of coefficients, which does not depend on units.
 
         Reference: Duff and Koster, SIAM J. Matrix Anal. Appl. 22 (2001), doi 10.1137/S0895479899358443.
         """
@@ -79,27 +81,20 @@ class Ownership:
         counts[counts == 0] = np.inf
         wanted = self.bent | (~self.bent.any(axis=0) & (counts == counts.min(axis=0)))
         there = (self._coefficient != 0) | (self.bent[:, self._row] & self._curved)
-        found: np.ndarray = (wanted[:, self._row] & there).any(axis=0) | self.free[self._row]
-        return found
+        return np.asarray((wanted[:, self._row] & there).any(axis=0) | self.free[self._row])
 
     def _not_square(self, rows: ConditionRows) -> str:
         conditions, unowned = left_over(self._row, self._col, (self.m, self.n))
-        left = {
-            "condition": [self.variables[j].name for j in unowned],
-            "free variable": [rows.owners[i].name for i in conditions],
-        }
-        parts = [f"no {what} is left for {_listed(names)}" for what, names in left.items() if names]
-        return (
-            f"{self.m} conditions for {self.n} variables that are not fixed: {', and '.join(parts)}; every "
-            "condition needs a variable of its own, so fix or deactivate what is too much"
-        )
+        left = [("condition", self.variables, unowned), ("free variable", rows.owners, conditions)]
+        parts = [f"no {what} is left for {_listed([some[k].name for k in ks])}" for what, some, ks in left if ks.size]
+        advice = "every condition needs a variable of its own, so fix or deactivate what is too much"
+        return f"{self.m} conditions for {self.n} variables that are not fixed: {', and '.join(parts)}; {advice}"
 
     def own_coefficient(self, k: int) -> Vector:
         """The coefficient of each row's own variable on side k, shape (m,); 0 where it is missing."""
         side = self.sides[k]
         hit = side.col == self.own[side.row]
-        coefficient: Vector = np.bincount(side.row[hit], side.data[hit], self.m).astype(np.float64)
-        return coefficient
+        return np.bincount(side.row[hit], side.data[hit], self.m).astype(np.float64)
 
     def _which_side_is_r(self) -> np.ndarray:
         """The nonlinear one; of two affine ones that with fewer variables, else that in which its own variable weighs

@@ -50,10 +50,8 @@ _PYOMOS = {
 
 
 class AnswerLoader(SolutionLoader):
-    """An answer on its way into the model: variable values, and the suffixes `dual` and `rc` where they are declared.
-
-    `dual` has, by Complementarity, p of its row, the force that holds r ≥ 0 (g of a condition a ≤ f ≤ b ⟂ g), and `rc`,
-    by variable, the same with the sign of MCP solvers' marginals: positive at a lower bound, negative at an upper one.
+    """Variable values, and the suffixes `dual` and `rc` where they are declared: `dual` has, by Complementarity, p of
+    its row (g of a condition a ≤ f ≤ b ⟂ g), and `rc`, by variable, the same with the sign of MCP solvers' marginals.
     """
 
     def __init__(self, model: Any, reading: PyomoReading, z: np.ndarray) -> None:
@@ -99,11 +97,8 @@ class PyomoSolver(SolverBase):
         return tuple(int(part) for part in _VERSION.split("."))
 
     def solve(self, model: Any, **kwds: Any) -> Results:
-        """Solve `model`, see `read_pyomo` for what it may be, and load the answer.
-
-        Raises InputError, with a component's name, for another model, NoOptimalSolutionError where the run failed and
-        `raise_exception_on_nonoptimal_result` is set, as it is by default in the new interface.
-        """
+        """Solve `model`, which `read_pyomo` must take, and load the answer. Raises InputError for another model, and
+        NoOptimalSolutionError where the run failed and `raise_exception_on_nonoptimal_result` is set."""
         begin = time.perf_counter()
         results = Results()
         results.timing_info.start_timestamp = datetime.datetime.now(datetime.UTC)
@@ -117,9 +112,8 @@ class PyomoSolver(SolverBase):
         timer.start("read")
         reading = read_pyomo(model)
         timer.stop("read")
-        left = config.time_limit
-        if left is not None:
-            left = max(left - (time.perf_counter() - begin), 0.0)
+        limit = config.time_limit
+        left = None if limit is None else max(limit - (time.perf_counter() - begin), 0.0)
         timer.start("solve")
         solution = solved(reading, time_limit=left, **options)
         timer.stop("solve")
@@ -146,9 +140,8 @@ class PyomoSolver(SolverBase):
             results.solution_status = SolutionStatus.infeasible
             end = TerminationCondition.provenInfeasible if unique else TerminationCondition.unknown
             results.termination_condition = end
-            results.solver_log = f"{fault}; " + (
-                "the conditions have no other solution" if unique else "the conditions may have another solution"
-            )
+            other = "have no other solution" if unique else "may have another solution"
+            results.solver_log = f"{fault}; the conditions {other}"
         elif solution.solved:
             results.incumbent_objective = 0.0  # there is none; Pyomo takes a number here for "there is a solution"
 

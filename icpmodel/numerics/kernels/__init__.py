@@ -1,6 +1,6 @@
 """Compiled loops. Importing this room loads numba, so the rest of the package imports it inside functions.
 
-Positions are unsigned (`position`): a signed one makes numba look for a negative index at every access, which costs a
+Positions are unsigned (`uint`): a signed one makes numba look for a negative index at every access, which costs a
 third of a sweep. Of the fast-math flags "contract" is set, which lets a·b + c be fused, and "reassoc" where only inner
 products are summed; both leave NaN and infinities alone.
 
@@ -19,7 +19,10 @@ from llvmlite import ir
 from numba.extending import intrinsic
 
 #: a position in an array
-position = np.uint64
+uint = np.uint64
+_OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "nogil": True}
+#: a function that becomes part of the compiled ones that call it
+inlined = numba.njit(inline="always", **_OPTIONS)
 
 
 def _one(typing_context: Any) -> Any:
@@ -34,13 +37,23 @@ def _one(typing_context: Any) -> Any:
 one: Any = intrinsic(_one)
 
 
+@inlined
+def row_sum(total, k, stop, indices, data, z):
+    # total + the sum of data_e z_(indices_e) over k <= e < stop
+    k, stop = uint(k), uint(stop)
+    while k < stop:
+        total += data[k] * z[uint(indices[k])]
+        k += one()
+    return total
+
+
 def compiled(function: Any, *, cache: bool = True, reassociate: bool = False) -> Any:
     """`function` compiled by numba; with `cache` the code is kept on disk between runs.
 
     With `reassociate` sums may be added up in another order, which lets inner products run in vector instructions.
     """
-    flags = {"contract", "reassoc"} if reassociate else {"contract"}
-    code = numba.njit(function, fastmath=flags, error_model="numpy", nogil=True)
+    options = _OPTIONS | ({"fastmath": {"contract", "reassoc"}} if reassociate else {})
+    code = numba.njit(function, **options)
     if cache:
         # without a writable folder for its cache numba raises; then every process compiles anew
         with contextlib.suppress(RuntimeError):

@@ -64,12 +64,9 @@ def combine(F, G, known, newest, weight, least, out):
 def _solve(products, right, known, least, gamma):
     # products gamma = right by Cholesky elimination of the equilibrated matrix, the largest pivot first; directions
     # whose pivot is at most `least` are left out
-    scale = np.empty(known)
-    for j in range(known):
-        scale[j] = np.sqrt(products[j, j])
-        if not (0.0 < scale[j] < np.inf and abs(right[j]) < np.inf):
-            return False
-    S = np.empty((known, known + 1))
+    scale, S = np.sqrt(np.diag(products)), np.empty((known, known + 1))
+    if not (np.all(scale > 0.0) and np.all(scale < np.inf) and np.all(np.abs(right) < np.inf)):
+        return False
     for j in range(known):
         for k in range(known):
             S[j, k] = products[j, k] / scale[j] / scale[k]
@@ -89,15 +86,13 @@ def _solve(products, right, known, least, gamma):
         for j in range(step + 1, known):
             row = order[j]
             factor = S[row, pivot] / S[pivot, pivot]
-            for k in range(step + 1, known):
-                S[row, order[k]] -= factor * S[pivot, order[k]]
-            S[row, known] -= factor * S[pivot, known]
+            for k in range(known + 1):
+                S[row, k] -= factor * S[pivot, k]
     for step in range(used - 1, -1, -1):
         pivot = order[step]
         total = S[pivot, known]
         for k in range(step + 1, used):
             total -= S[pivot, order[k]] * gamma[order[k]]
         gamma[pivot] = total / S[pivot, pivot]
-    for j in range(known):
-        gamma[j] /= scale[j]
+    gamma /= scale
     return True

@@ -13,6 +13,21 @@ _TAME, _PASSES, _NONE = 20, 60, -5000
 
 
 @compiled
+def _to_means(size, c, r):
+    # r such that the means of size_ij + r_i + c_j over the rows are near 0; returns how far it moved
+    moved = 0
+    for i in range(r.size):
+        total, count = 0, 0
+        for j in range(c.size):
+            if size[i, j] != _NONE:
+                total += size[i, j] + c[j]
+                count += 1
+        to = -round(total / count) if count else 0
+        moved, r[i] = max(moved, abs(to - r[i])), to
+    return moved
+
+
+@compiled
 def _exponents(M):
     # exponents (r, c) such that the 2^(r_i + c_j) m_ij are near 1: geometric means of rows and columns in turn, where
     # the largest entries of rows or columns differ much; else all are divided by the largest of all. (Entries that are
@@ -20,7 +35,7 @@ def _exponents(M):
     # which they do not would make q grow as fast.)
     n = M.shape[0]
     r, c = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    size = np.zeros((n, n), np.int64)
+    size = np.full((n, n), _NONE)
     rows, columns = np.full(n, _NONE), np.full(n, _NONE)
     for i in range(n):
         for j in range(n):
@@ -33,24 +48,7 @@ def _exponents(M):
         r[:] = -high if high > _NONE else 0
         return r, c
     for _ in range(_PASSES):
-        moved = 0
-        for i in range(n):
-            total, count = 0, 0
-            for j in range(n):
-                if M[i, j] != 0.0:
-                    total += size[i, j] + c[j]
-                    count += 1
-            to = -round(total / count) if count else 0
-            moved, r[i] = max(moved, abs(to - r[i])), to
-        for j in range(n):
-            total, count = 0, 0
-            for i in range(n):
-                if M[i, j] != 0.0:
-                    total += size[i, j] + r[i]
-                    count += 1
-            to = -round(total / count) if count else 0
-            moved, c[j] = max(moved, abs(to - c[j])), to
-        if moved <= 1:
+        if max(_to_means(size, c, r), _to_means(size.T, r, c)) <= 1:
             break
     return r, c
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import compiled, one
-from . import position as _at
+from . import compiled, one, uint
 
 
 @compiled
@@ -13,10 +12,10 @@ def linked(indptr, indices):
     # whether every row but the first has an entry before its diagonal with one opposite to it: then each hangs on one
     # of a smaller number and that one on it, and all are one strong component
     for i in range(1, indptr.size - 1):
-        found, k, stop = False, _at(indptr[i]), _at(indptr[i + 1])
+        found, k, stop = False, uint(indptr[i]), uint(indptr[i + 1])
         while k < stop and indices[k] < i and not found:
-            j = _at(indices[k])
-            e, end = _at(indptr[j]), _at(indptr[j + _at(1)])
+            j = uint(indices[k])
+            e, end = uint(indptr[j]), uint(indptr[j + uint(1)])
             while e < end and indices[e] < i:
                 e += one()
             found = bool(e < end and indices[e] == i)
@@ -77,10 +76,10 @@ def cut(indptr, indices, data, q, rows, z):
     starts, columns, values = np.empty(m + 1, indptr.dtype), np.empty(entries, indices.dtype), np.empty(entries)
     inside, at = np.empty(m), 0
     for t in range(m):
-        i, starts[t] = _at(rows[t]), at
+        i, starts[t] = uint(rows[t]), at
         known = 0.0
-        for k in range(_at(indptr[i]), _at(indptr[i + _at(1)])):
-            j = _at(indices[k])
+        for k in range(uint(indptr[i]), uint(indptr[i + uint(1)])):
+            j = uint(indices[k])
             if place[j] < 0:
                 known += data[k] * z[j]
             else:
@@ -107,7 +106,7 @@ def layers(indptr, indices, data, first):
     while at < filled:
         j = order[at]
         at += 1
-        for k in range(_at(indptr[j]), _at(indptr[j + 1])):
+        for k in range(uint(indptr[j]), uint(indptr[j + 1])):
             i = indices[k]
             if layer[i] < 0 and data[k] != 0.0:
                 layer[i] = layer[j] + 1
@@ -129,7 +128,7 @@ def layer_increments(indptr, indices, data, surplus, layer, order):
         if at < order.size - 1 and layer[order[at + 1]] != k:
             above[k] = above[k + 1] + g[k + 1]
         own, pull, hold = 0.0, 0.0, 0.0
-        for e in range(_at(indptr[i]), _at(indptr[i + 1])):
+        for e in range(uint(indptr[i]), uint(indptr[i + 1])):
             j = indices[e]
             if j == i:
                 own += data[e]

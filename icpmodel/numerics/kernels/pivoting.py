@@ -2,8 +2,8 @@
 
 The dictionary of w = q + My + d·t, d = 1, has one row per basic variable: x_B = D[:, :n + 1] x_N + D[:, n + 1]. Labels
 of the variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1
-less its column for the others. S, r and c are what `units.scale` returns; it is not called from here, as numba's cache
-on disk would not notice that it was changed.
+less its column for the others. S, r and c are what `balancing.scale` returns; it is not called from here, as numba's
+cache on disk would not notice that it was changed.
 """
 
 from __future__ import annotations
@@ -150,12 +150,18 @@ def pivot(D, free, basic, nonbasic, place, ties, entering, limit):
 
 
 @compiled
-def refined(S, f, D, basic, nonbasic, y, work):
-    # y of the dictionary, with a step of iterative refinement: it holds the inverse of its own equations
-    n = S.shape[0]
+def _unpack(D, e, basic, y):
+    # to y, what column e of the dictionary holds in the rows of the y that are basic
+    n = D.shape[0]
     for i in range(n):
         if n <= basic[i] < 2 * n:
-            y[basic[i] - n] = D[i, n + 1]
+            y[basic[i] - n] = D[i, e]
+
+
+@compiled
+def _refine(S, f, D, basic, nonbasic, y, work):
+    # a step of iterative refinement for the y of the dictionary, which holds the inverse of its own equations
+    n = S.shape[0]
     for e in range(n + 1):
         work[e] = 0.0
         k = nonbasic[e]
@@ -182,15 +188,13 @@ def go_on(S, f, free, units, D, labels, work, entering, limit):
     if code == UNFINISHED:
         code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
     y, ray = np.zeros(n), np.zeros(n)
+    if code != SINGULAR:
+        _unpack(D, n + 1, basic, y)
     if code == SOLVED:
-        refined(S, f, D, basic, nonbasic, y, work)
-    elif code != SINGULAR:
-        for i in range(n):
-            if n <= basic[i] < 2 * n:
-                y[basic[i] - n] = D[i, n + 1]
-                if code == RAY:
-                    ray[basic[i] - n] = D[i, -1 - place[entering]]
-        if code == RAY and entering >= n:
+        _refine(S, f, D, basic, nonbasic, y, work)
+    elif code == RAY:
+        _unpack(D, -1 - place[entering], basic, ray)
+        if entering >= n:
             ray[entering - n] = 1.0
     for i in range(n):
         y[i], ray[i] = math.ldexp(y[i], units[i]), math.ldexp(ray[i], units[i])
@@ -204,7 +208,7 @@ def right(q, r, c, f, units):
     for i in range(q.size):
         if q[i] != 0.0:
             size = max(size, math.frexp(q[i])[1] + r[i])
-    size = max(size, -5000) if size > -5000 else 0
+    size = size if size > -5000 else 0
     for i in range(q.size):
         f[i] = math.ldexp(q[i], r[i] - size)
         units[i] = c[i] + size

@@ -14,8 +14,8 @@ from . import compiled
 
 
 @compiled
-def search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) -> Any:
-    # returns the index set, as bits, of a minor that is proved ≤ 0, or 0, and how many pivots are undecided; their
+def search_pivots(mid: Any, rad: Any, base: Any, undecided: Any) -> Any:
+    # returns the index set, as bits, of a minor that is proved <= 0, or 0, and how many pivots are undecided; their
     # index sets stand in `undecided`, the last index being k. Below an undecided pivot no Schur complement is looked
     # at. Where `undecided` is full, the search ends.
     # u and tiny are twice the unit roundoff and a normal number: what is generous in them pays for the rounding of the
@@ -23,30 +23,25 @@ def search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) -> 
     u, tiny = 2.0**-52, 2.0**-1000
     n = mid.shape[1]
     level, chosen, count = 0, 0, 0
-    state[0], base[0] = 0, 0
-    while level >= 0:
-        if level == n or state[level] == 2:
-            level -= 1
-            continue
-        here = base[level]
-        if state[level] == 1:  # delete
-            chosen &= ~(1 << level)
-            state[level] = 2
+    base[0] = 0
+    while level < n or chosen:
+        if level == n:  # back to the last index that is chosen, and now without it
+            while not chosen >> level & 1:
+                level -= 1
+            chosen ^= 1 << level
             level += 1
-            if level < n:
-                base[level], state[level] = here, 0
+            base[level] = base[level - 1]
             continue
-        pivot, radius = mid[here, level, level], rad[here, level, level]
-        state[level] = 1
+        here, to = base[level], level + 1
+        pivot, radius, minor = mid[here, level, level], rad[here, level, level], chosen | (1 << level)
         if pivot <= -radius and radius < 1 / tiny:  # not for -inf and inf
-            return chosen | (1 << level), count
+            return minor, count
         if not pivot > radius:  # NaN as well
-            undecided[count] = chosen | (1 << level)
+            undecided[count], base[to], level = minor, here, to
             count += 1
             if count == undecided.size:
-                return 0, count
+                break
             continue
-        to = level + 1
         least = (pivot - radius) * (1 - u)
         for i in range(to, n):
             f = mid[here, i, level] / pivot
@@ -58,8 +53,5 @@ def search_pivots(mid: Any, rad: Any, base: Any, state: Any, undecided: Any) -> 
                 error = rad[here, i, j] + abs(f) * b_rad + f_rad * (abs(b) + b_rad)
                 mid[to, i, j] = new
                 rad[to, i, j] = (1 + 8 * u) * (error + u * (abs(product) + abs(new)) + tiny)
-        chosen |= 1 << level
-        level = to
-        if level < n:
-            base[level], state[level] = to, 0
+        chosen, base[to], level = minor, to, to
     return 0, count

@@ -7,8 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from . import compiled, one
-from . import position as _at
+from . import compiled, one, row_sum, uint
 
 
 @compiled
@@ -17,11 +16,11 @@ def look(indptr, indices, data, low, high, diag, diagonal, rest):
     # the entries reach below the diagonal and above it, and the sums of those there. Rows are sorted, and every
     # diagonal entry is stored.
     below, above, lower, whole = 0, 0, 0.0, 0.0
-    start = _at(indptr[low])
+    start = uint(indptr[low])
     for i in range(low, high):
-        end = _at(indptr[i + 1])
+        end = uint(indptr[i + 1])
         below = max(below, i - indices[start])
-        above = max(above, indices[end - _at(1)] - i)
+        above = max(above, indices[end - uint(1)] - i)
         total, first, left = 0.0, 0.0, 0
         k = start
         while k < end:
@@ -29,8 +28,8 @@ def look(indptr, indices, data, low, high, diag, diagonal, rest):
             first += abs(data[k]) * (indices[k] < i)  # no branch
             left += indices[k] < i
             k += one()
-        own = data[start + _at(left)]
-        diag[i], diagonal[i], rest[i] = start + _at(left), own, total - abs(own)
+        own = data[start + uint(left)]
+        diag[i], diagonal[i], rest[i] = start + uint(left), own, total - abs(own)
         lower += first
         whole += rest[i]
         start = end
@@ -40,26 +39,16 @@ def look(indptr, indices, data, low, high, diag, diagonal, rest):
 @compiled
 def product(indptr, indices, data, z, low, high, out):
     # rows low <= i < high of Az
-    for i in range(_at(low), _at(high)):
-        total = 0.0
-        k, stop = _at(indptr[i]), _at(indptr[i + _at(1)])
-        while k < stop:
-            total += data[k] * z[_at(indices[k])]
-            k += one()
-        out[i] = total
+    for i in range(uint(low), uint(high)):
+        out[i] = row_sum(0.0, indptr[i], indptr[i + uint(1)], indices, data, z)
 
 
 @compiled
 def natural(indptr, indices, data, q, psi, z, low, high):
     # the sum of min(p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is
     squares = 0.0
-    for i in range(_at(low), _at(high)):
-        p = q[i]
-        k, stop = _at(indptr[i]), _at(indptr[i + _at(1)])
-        while k < stop:
-            p += data[k] * z[_at(indices[k])]
-            k += one()
-        r = z[i] - psi[i]
+    for i in range(uint(low), uint(high)):
+        p, r = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z), z[i] - psi[i]
         least = r if r <= p or r != r else p
         squares += least * least
     return squares
@@ -69,7 +58,7 @@ def natural(indptr, indices, data, q, psi, z, low, high):
 def natural_at_0(q, psi):
     # the same for z = 0, where A does not matter, over all rows
     squares = 0.0
-    for i in range(_at(q.size)):
+    for i in range(uint(q.size)):
         p, r = q[i], -psi[i]
         least = r if r <= p or r != r else p
         squares += least * least
@@ -83,18 +72,18 @@ def couple(indptr, indices, data, weight):
     n = indptr.size - 1
     at, out = indptr[:-1].copy(), np.zeros(data.size)
     for i in range(n):
-        k, stop = _at(indptr[i]), _at(indptr[i + 1])
+        k, stop = uint(indptr[i]), uint(indptr[i + 1])
         while k < stop:
-            j = _at(indices[k])
-            if j > _at(i):
-                end, here = indptr[j + _at(1)], at[j]
-                while here < end and indices[_at(here)] < i:
+            j = uint(indices[k])
+            if j > uint(i):
+                end, here = indptr[j + uint(1)], at[j]
+                while here < end and indices[uint(here)] < i:
                     here += 1
                 at[j] = here
-                if here < end and indices[_at(here)] == i:
+                if here < end and indices[uint(here)] == i:
                     size = weight[i] * weight[j]
-                    out[k] = np.sqrt(abs(data[k]) * size) * np.sqrt(abs(data[_at(here)]) * size)
-                    out[_at(here)] = out[k]
+                    out[k] = np.sqrt(abs(data[k]) * size) * np.sqrt(abs(data[uint(here)]) * size)
+                    out[uint(here)] = out[k]
             k += one()
     return out
 

@@ -12,10 +12,7 @@ from . import compiled
 @compiled
 def settled(c, value, tolerance):
     # whether |c - psi(c)| <= tolerance |c| in all rows that have an obstacle
-    i = 0
-    while i < c.size and (value[i] == -np.inf or abs(c[i] - value[i]) <= tolerance * abs(c[i])):
-        i += 1
-    return i == c.size
+    return np.all((value == -np.inf) | (np.abs(c - value) <= tolerance * np.abs(c)))
 
 
 @compiled

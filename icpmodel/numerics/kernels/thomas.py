@@ -66,14 +66,13 @@ def product(lower, diagonal, upper, q, z, p):
 def newton(lower, diagonal, upper, q, c, free, limit):
     # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). `free` is changed. Returns the
     # last z, and how the steps ended
-    n = free.size
-    z, p, f = np.empty(n), np.empty(n), -q
+    z, p, f = np.empty(q.size), np.empty(q.size), -q
     for _ in range(limit):
         if not solve(lower, diagonal, upper, free, f, c, z):
             return z, NO_PIVOT
         product(lower, diagonal, upper, q, z, p)
         changed = False
-        for i in range(n):
+        for i in range(q.size):
             opens = p[i] < diagonal[i] * (z[i] - c[i])
             changed |= opens != free[i]
             free[i] = opens
@@ -85,10 +84,9 @@ def newton(lower, diagonal, upper, q, c, free, limit):
 @compiled
 def refine(lower, diagonal, upper, q, free, z):
     # z after a step of iterative refinement in the free rows
-    n = free.size
-    p, step = np.empty(n), np.empty(n)
+    p, step = np.empty_like(z), np.empty_like(z)
     product(lower, diagonal, upper, q, z, p)
-    solve(lower, diagonal, upper, free, -p, np.zeros(n), step)
+    solve(lower, diagonal, upper, free, -p, np.zeros_like(z), step)
     return z + step
 
 

@@ -7,37 +7,25 @@ takes its rows from `low` to `high`, counted from the side where it begins.
 
 from __future__ import annotations
 
-from . import compiled, one
-from . import position as _at
+from . import compiled, one, row_sum, uint
 
 
 @compiled
 def sweep_down(indptr, indices, data, diag, inverse, free, f, x, low, high):
     # one forward sweep from x = 0, which needs the lower triangle alone
-    for i in range(_at(low), _at(high)):
-        total = 0.0
-        if free[i]:
-            total = f[i]
-            k, stop = _at(indptr[i]), _at(diag[i])
-            while k < stop:
-                total -= data[k] * x[_at(indices[k])]
-                k += one()
-        x[i] = total * inverse[i]
+    for i in range(uint(low), uint(high)):
+        x[i] = -row_sum(-f[i], indptr[i], diag[i], indices, data, x) * inverse[i] if free[i] else 0.0
 
 
 @compiled
 def restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x, coarse, low, high):
     # coarse + P'(f - Ax), where the residual of a row that was just swept is the product of x with its upper triangle
-    for i in range(_at(low), _at(high)):
+    for i in range(uint(low), uint(high)):
         if free[i]:
-            left = 0.0
-            k, stop = _at(diag[i]) + _at(1), _at(indptr[i + _at(1)])
+            left = -row_sum(0.0, diag[i] + uint(1), indptr[i + uint(1)], indices, data, x)
+            k, stop = uint(p_indptr[i]), uint(p_indptr[i + uint(1)])
             while k < stop:
-                left -= data[k] * x[_at(indices[k])]
-                k += one()
-            k, stop = _at(p_indptr[i]), _at(p_indptr[i + _at(1)])
-            while k < stop:
-                coarse[_at(p_indices[k])] += p_data[k] * left
+                coarse[uint(p_indices[k])] += p_data[k] * left
                 k += one()
 
 
@@ -45,14 +33,9 @@ def restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x, 
 def interpolate(free, p_indptr, p_indices, p_data, coarse, x, low, high):
     # x + P coarse, from the last row on
     n = x.size
-    for i in range(_at(n - high), _at(n - low)):
+    for i in range(uint(n - high), uint(n - low)):
         if free[i]:
-            total = x[i]
-            k, stop = _at(p_indptr[i]), _at(p_indptr[i + _at(1)])
-            while k < stop:
-                total += p_data[k] * coarse[_at(p_indices[k])]
-                k += one()
-            x[i] = total
+            x[i] = row_sum(x[i], p_indptr[i], p_indptr[i + uint(1)], p_indices, p_data, coarse)
 
 
 @compiled
@@ -60,11 +43,6 @@ def sweep_up(indptr, indices, data, inverse, free, f, x, low, high):
     # one backward sweep
     n = x.size
     for step in range(low, high):
-        i = _at(n - 1 - step)
+        i = uint(n - 1 - step)
         if free[i]:
-            left = f[i]
-            k, stop = _at(indptr[i]), _at(indptr[i + _at(1)])
-            while k < stop:
-                left -= data[k] * x[_at(indices[k])]
-                k += one()
-            x[i] += left * inverse[i]
+            x[i] -= row_sum(-f[i], indptr[i], indptr[i + uint(1)], indices, data, x) * inverse[i]

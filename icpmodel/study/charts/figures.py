@@ -1,15 +1,11 @@
-"""What all figures have in common: colours, markers, axes, and one way to write them, with their data beside them.
-
-The colours can be told apart by colour-blind readers; markers and dashes help all others.
-Reference: Okabe and Ito, Color Universal Design (2008), for the colours.
-"""
+"""What all figures have in common: colours, markers, axes, and one way to write them, with their data beside them."""
 
 from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable
-from itertools import chain, cycle
+from itertools import cycle
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,6 +18,7 @@ Name = TypeVar("Name", bound=Hashable)
 #: a matplotlib figure: matplotlib is loaded when the first one is drawn
 Figure = Any
 
+#: which colour-blind readers can tell apart: Okabe and Ito, Color Universal Design (2008)
 BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
 #: one more than the colours, so that no pair comes twice in 42
@@ -42,24 +39,13 @@ def looks(names: Iterable[Name]) -> dict[Name, tuple[str, str]]:
     return {name: ("black", "o") if name == "solve()" else next(pairs) for name in names}
 
 
-def dashed(names: list[str]) -> dict[str, tuple[str, str]]:
-    """name → (colour, dashes) for lines without markers; the first one is black and solid."""
-    pairs = ((colour, dash) for dash in DASHES for colour in COLOURS)
-    return dict(zip(names, chain([("black", "solid")], cycle(pairs)), strict=False))
-
-
 def legend_below(figure: Figure, columns: int, **more: Any) -> None:
     """One legend for all axes, below them."""
     figure.legend(loc="outside lower center", ncols=columns, frameon=False, **({"fontsize": 8} | more))
 
 
 def save(figure: Figure, path: Any, table: Table, command: str) -> list[Path]:
-    """Write `figure` to `path` with the suffixes .png and .svg, and `table` with .csv, whose first line has `command`.
-
-    Parameters: `path` a file name, whose suffix, if any of these three, is left out; `command` the line to type.
-    Returns the three paths. Raises InputError where `path` is no file name, FileError
-    where the folder does not exist or cannot be written to.
-    """
+    """Write `figure` as .png and .svg, and `table` as .csv, whose first line has `command`; see `Charted.plot`."""
     if not isinstance(path, str | os.PathLike) or not Path(path).name:
         raise InputError(f"path is {described(path)}; a file name was expected")
     path = Path(path)
@@ -82,12 +68,10 @@ class Charted(ABC):
     command: str
 
     @abstractmethod
-    def table(self) -> Table:
-        """The numbers."""
+    def table(self) -> Table: ...
 
     @abstractmethod
-    def figure(self) -> Figure:
-        """The picture, a matplotlib figure."""
+    def figure(self) -> Figure: ...
 
     def plot(self, path: Any) -> list[Path]:
         """Write the picture, PNG and SVG, and the numbers, CSV with the command in its first line.

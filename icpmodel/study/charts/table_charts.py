@@ -8,7 +8,7 @@ import numpy as np
 
 from ...numerics.arrays import Vector
 from ...present.table import Table
-from .figures import Figure, dashed, legend_below, looks, new_figure
+from .figures import COLOURS, DASHES, Figure, legend_below, looks, new_figure
 
 #: what is so many times as slow as the best single method makes `solve()` look bad
 WORST = 1.5
@@ -16,6 +16,9 @@ WORST = 1.5
 _LARGEST = 1000.0
 #: more profiles than these cannot be told apart
 _SHOWN = 12
+
+#: (n, seconds or MiB) by increasing n
+_Points = list[tuple[int, float]]
 
 
 def benchmark_figures(table: Table) -> dict[str, tuple[Figure, Table]]:
@@ -28,32 +31,51 @@ def benchmark_figures(table: Table) -> dict[str, tuple[Figure, Table]]:
 
 
 def scaling(table: Table) -> dict[str, Figure]:
-    """Time against n of a `benchmark`, one figure for each scene of which two sizes or more were measured.
+    """Scene → time against n of a `benchmark`, for each scene of which two sizes or more were measured.
 
     Left `solve()`, the peers and the linear solves, right `solve()` and the own methods; only runs that reached the
     residual are shown. The label has the exponent of n, fitted through the three largest sizes.
-    Returns scene → figure.
     """
+    scenes: dict[str, dict[tuple[str, str], _Points]] = {}
+    for cells in table.records():
+        if cells["time, s"] is not None:
+            lines = scenes.setdefault(cells["scene"], {})
+            lines.setdefault((cells["kind"], cells["method"]), []).append((cells["n"], cells["time, s"]))
     found: dict[str, Figure] = {}
-    for scene, lines in _lines(table).items():
+    for scene, lines in scenes.items():
         if len({n for points in lines.values() for n, _ in points}) < 2:
             continue
-        figure = new_figure(10, 6.2)
+        found[scene] = figure = new_figure(10, 6.2)
         left, right = figure.subplots(1, 2, sharey=True)
         _draw(left, {key: points for key, points in lines.items() if key[0] != "own"})
         _draw(right, {key: points for key, points in lines.items() if key[0] in ("solve", "own")})
-        left.set_title("solve(), peers and one linear solve")
-        right.set_title("solve() and single methods")
-        left.set_ylabel("time to Res(z) ≤ 1e-8 Res(0), s")
+        left.set(title="solve(), peers and one linear solve", ylabel="time to Res(z) ≤ 1e-8 Res(0), s")
+        right.set(title="solve() and single methods")
         figure.suptitle(scene)
-        found[scene] = figure
     return found
+
+
+def _draw(axes: Any, lines: dict[tuple[str, str], _Points]) -> None:
+    shown = looks([name for _, name in lines])
+    for (kind, name), points in lines.items():
+        colour, marker = shown[name]
+        width, size = (2.5, 6) if kind == "solve" else (1.2, 5)
+        style = {"color": colour, "marker": marker, "linewidth": width, "markersize": size}
+        dash = "--" if kind == "limit" else "-"
+        axes.plot(*zip(*points, strict=True), dash, label=_labelled(name, points), zorder=1 + width, **style)
+    axes.set(xscale="log", yscale="log", xlabel="number of unknowns n")
+    sizes = sorted({n for points in lines.values() for n, _ in points})
+    apart = [n for k, n in enumerate(sizes) if k == 0 or n > 1.8 * sizes[k - 1]]
+    axes.set_xticks(apart, [f"{n}" for n in apart])
+    axes.minorticks_off()
+    axes.grid(alpha=0.3)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, frameon=False, fontsize=8)
 
 
 def memory_figure(table: Table) -> Figure:
     """Memory against n of a `memory`, one line for each scene, and the bytes of A; exponents as in `scaling`."""
-    lines: dict[str, list[tuple[int, float]]] = {}
-    sizes: dict[str, list[tuple[int, float]]] = {}
+    lines: dict[str, _Points] = {}
+    sizes: dict[str, _Points] = {}
     for scene, n, _, size, peak, *_ in table.rows:
         sizes.setdefault(scene, []).append((n, size))
         if peak > 0:
@@ -64,30 +86,40 @@ def memory_figure(table: Table) -> Figure:
         for scene, (colour, marker) in looks(found).items():
             label, points = _labelled(f"{kind}, {scene}", found[scene]), zip(*found[scene], strict=True)
             axes.plot(*points, dash, marker=marker, color=colour, label=label, linewidth=1.2)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("number of unknowns n")
-    axes.set_ylabel("memory, MiB")
+    axes.set(xscale="log", yscale="log", xlabel="number of unknowns n", ylabel="memory, MiB")
     axes.grid(alpha=0.3)
     legend_below(figure, 2)
     return figure
 
 
+def _labelled(name: str, points: _Points) -> str:
+    """The name, with the exponent of n where there is one."""
+    power = exponent(points)
+    return name if power is None else f"{name}: $n^{{{power:.2f}}}$"
+
+
+def exponent(points: _Points) -> float | None:
+    """The exponent k of the power law t = C nᵏ through the three largest n; None with fewer than two points."""
+    if len(points) < 2:
+        return None
+    n, t = np.log(np.array(points[-3:], dtype=float)).T
+    return round(float(np.polyfit(n, t, 1)[0]), 12)
+
+
 def choice(table: Table) -> Figure:
     """The ratios of a `dispatch`: one line for each scene, one marker for each size, and the bound of 1.5."""
-    rows = [dict(zip(table.heads, row, strict=True)) for row in table.rows]
-    rows = [row for row in rows if row["ratio"] is not None]
+    rows = [row for row in table.records() if row["ratio"] is not None]
     scenes = list(dict.fromkeys(row["scene"] for row in rows))[::-1]
-    sizes = sorted({10 ** round(float(np.log10(row["n"]))) for row in rows})
+    sizes = [10 ** round(float(np.log10(row["n"]))) for row in rows]
     figure = new_figure(8, 1.6 + 0.28 * len(scenes))
     axes = figure.subplots()
-    for size, (colour, marker) in looks(sizes).items():
-        here = [row for row in rows if 10 ** round(float(np.log10(row["n"]))) == size]
+    for size, (colour, marker) in looks(sorted(set(sizes))).items():
+        here = [row for row, rounded in zip(rows, sizes, strict=True) if rounded == size]
         x, y = [row["ratio"] for row in here], [scenes.index(row["scene"]) for row in here]
         label = f"n ≈ {size}" if size > 1 else "n < 4"
         axes.plot(x, y, marker, color=colour, label=label, alpha=0.85)
     axes.axvline(WORST, color="black", linestyle="--", linewidth=1)
-    axes.set_xscale("log")
+    axes.set(xscale="log", xlabel="time of solve() / time of the quickest single method")
     ticks = [0.1, 0.2, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0]
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
     axes.minorticks_off()
@@ -96,76 +128,28 @@ def choice(table: Table) -> Figure:
     axes.set_yticks(range(len(scenes)), scenes)
     axes.set_ylim(-0.6, len(scenes) - 0.4)
     axes.grid(axis="x", alpha=0.3)
-    axes.set_xlabel("time of solve() / time of the quickest single method")
     legend_below(figure, 6, fontsize=10)
     return figure
-
-
-def exponent(points: list[tuple[int, float]]) -> float | None:
-    """The exponent k of the power law t = C nᵏ through the three largest n; None with fewer than two points.
-
-    Parameters: `points` pairs (n, t) by increasing n.
-    """
-    if len(points) < 2:
-        return None
-    n, t = np.log(np.array(points[-3:], dtype=float)).T
-    return round(float(np.polyfit(n, t, 1)[0]), 12)
-
-
-def _lines(table: Table) -> dict[str, dict[tuple[str, str], list[tuple[int, float]]]]:
-    """scene → (kind, method) → [(n, seconds)]."""
-    lines: dict[str, dict[tuple[str, str], list[tuple[int, float]]]] = {}
-    for row in table.rows:
-        cells = dict(zip(table.heads, row, strict=True))
-        if cells["time, s"] is not None:
-            methods = lines.setdefault(cells["scene"], {})
-            methods.setdefault((cells["kind"], cells["method"]), []).append((cells["n"], cells["time, s"]))
-    return lines
-
-
-def _labelled(name: str, points: list[tuple[int, float]]) -> str:
-    """The name, with the exponent of n where there is one."""
-    power = exponent(points)
-    return name if power is None else f"{name}: $n^{{{power:.2f}}}$"
-
-
-def _draw(axes: Any, lines: dict[tuple[str, str], list[tuple[int, float]]]) -> None:
-    shown = looks([name for _, name in lines])
-    for (kind, name), points in lines.items():
-        colour, marker = shown[name]
-        width, size = (2.5, 6) if kind == "solve" else (1.2, 5)
-        style = {"color": colour, "marker": marker, "linewidth": width, "markersize": size}
-        dash = "--" if kind == "limit" else "-"
-        axes.plot(*zip(*points, strict=True), dash, label=_labelled(name, points), zorder=1 + width, **style)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    sizes = sorted({n for points in lines.values() for n, _ in points})
-    apart = [n for k, n in enumerate(sizes) if k == 0 or n > 1.8 * sizes[k - 1]]
-    axes.set_xticks(apart, [f"{n}" for n in apart])
-    axes.minorticks_off()
-    axes.set_xlabel("number of unknowns n")
-    axes.grid(alpha=0.3)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, frameon=False, fontsize=8)
 
 
 def profiles(table: Table) -> dict[str, Vector]:
     """Method → its factors t/t_best, increasing, on the problems that it solved; infinite on the others.
 
-    Parameters: `table` of a `benchmark`; a problem is a scene at a size which someone solved, linear solves do not take
-    part. The share ρ(τ) of factors ≤ τ is the performance profile.
-    Reference: Dolan and Moré, Math. Program. 91 (2002), doi:10.1007/s101070100263.
+    A problem is a scene at a size which someone solved; linear solves do not take part. The share ρ(τ) of factors ≤ τ
+    is the performance profile. Reference: Dolan and Moré, Math. Program. 91 (2002), doi:10.1007/s101070100263.
     """
     times: dict[str, dict[tuple[str, int], float]] = {}
-    for row in table.rows:
-        cells = dict(zip(table.heads, row, strict=True))
-        if cells["method"] and cells["kind"] != "limit":
-            mine = times.setdefault(cells["method"], {})
-            if cells["time, s"] is not None:
-                mine[cells["scene"], cells["n"]] = cells["time, s"]
     best: dict[tuple[str, int], float] = {}
-    for mine in times.values():
-        for problem, seconds in mine.items():
-            best[problem] = min(seconds, best.get(problem, np.inf))
+    for cells in table.records():
+        if cells["method"] and cells["kind"] != "limit":
+            mine, problem, seconds = (
+                times.setdefault(cells["method"], {}),
+                (cells["scene"], cells["n"]),
+                cells["time, s"],
+            )
+            if seconds is not None:
+                mine[problem] = seconds
+                best[problem] = min(seconds, best.get(problem, np.inf))
     return {
         name: np.sort([mine.get(problem, np.inf) / seconds for problem, seconds in best.items()])
         for name, mine in times.items()
@@ -173,28 +157,22 @@ def profiles(table: Table) -> dict[str, Vector]:
 
 
 def profile_figure(table: Table) -> Figure:
-    """The twelve best profiles of a `benchmark`, best first in the legend. Returns a matplotlib figure."""
+    """The twelve best profiles of a `benchmark`, by the area below them over log τ, best first in the legend."""
     found = profiles(table)
     figure = new_figure(9, 5.4)
     axes = figure.subplots()
-    ranked = sorted(found, key=lambda name: (name != "solve()", -_area(found[name])))[:_SHOWN]
-    for name, (colour, dash) in dashed(ranked).items():
+    areas = {name: np.log(_LARGEST / np.clip(factors, 1.0, _LARGEST)).sum() for name, factors in found.items()}
+    ranked = sorted(found, key=lambda name: (name != "solve()", -areas[name]))[:_SHOWN]
+    styles = [("black", "solid"), *((colour, dash) for dash in DASHES for colour in COLOURS)]
+    for name, (colour, dash) in zip(ranked, styles, strict=False):
         factors = found[name]
         solved = factors[factors <= _LARGEST]
         x = np.concatenate([[1.0], solved, [_LARGEST]])
         y = np.concatenate([[0.0], np.arange(1, solved.size + 1), [solved.size]]) / max(factors.size, 1)
         width = 2.5 if name == "solve()" else 1.3
         axes.plot(x, y, drawstyle="steps-post", color=colour, linestyle=dash, linewidth=width, label=name)
-    axes.set_xscale("log")
-    axes.set_xlim(1.0, _LARGEST)
-    axes.set_ylim(0.0, 1.02)
-    axes.set_xlabel("time within this factor of the quickest")
-    axes.set_ylabel("share of the problems")
+    axes.set(xscale="log", xlim=(1.0, _LARGEST), ylim=(0.0, 1.02))
+    axes.set(xlabel="time within this factor of the quickest", ylabel="share of the problems")
     axes.grid(alpha=0.3)
     figure.legend(loc="outside right center", frameon=False, fontsize=8)
     return figure
-
-
-def _area(factors: Vector) -> float:
-    """The area under the profile over log τ."""
-    return float(np.log(_LARGEST / np.clip(factors, 1.0, _LARGEST)).sum())

@@ -122,8 +122,8 @@ def search_minors(mid: Any, rad: Any, most: int) -> tuple[int, NDArray[np.int64]
     m = mid.shape[0]
     mids, rads = np.empty((m + 1, m, m)), np.empty((m + 1, m, m))
     mids[0], rads[0] = mid, rad
-    levels, undecided = np.empty(m, dtype=np.int64), np.empty(most, dtype=np.int64)
-    found, count = search_pivots(mids, rads, levels, np.empty(m, dtype=np.int64), undecided)
+    levels, undecided = np.empty(m + 1, dtype=np.int64), np.empty(most, dtype=np.int64)
+    found, count = search_pivots(mids, rads, levels, undecided)
     return found, undecided[:count]
 
 

@@ -1,4 +1,4 @@
-"""What whole solves cost: against one linear solve with A, in units of what they are made of, and against OSQP."""
+"""What whole solves cost, against one linear solve with A, their parts, and OSQP; and what it costs to read a model."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from .. import modelling
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..numerics.multigrid import linear_solve
@@ -21,9 +22,11 @@ from ..scenes import scene
 from ..solve.many import solve_many
 from ..solve.solution import Solution
 from ..study.cases import fresh
-from ..study.timing import Timed, Timings, as_repeats, clocked, machine, middle, timed
+from ..study.timing import Timings, as_repeats, clocked, machine, middle, timed
 
 _Lcps = list[tuple[np.ndarray, Vector]]
+#: language, model, n, what reads the model from scratch, and what writes the same expressions for another solver
+_Pair = tuple[str, str, int, Callable[[], object], Callable[[], object]]
 
 #: what OSQP is asked for: its defaults, and what it takes to come near to a pivoting method's residual
 _SETTINGS: dict[str, dict[str, Any]] = {
@@ -38,10 +41,9 @@ def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int
 
     Set-up is included on both sides. On the membrane with μ = 0 and its variants: ψ elementwise, ½ sin(z) + c, and
     affine, a quarter of each of two neighbours; A nonsymmetric (skew ½); A strongly dominant (μ = 4); and the ball. The
-    ratio is the median of the ratios pair by pair. The last column has the time of `solve()` in products A @ z, each
-    time the median of five: it says how the work grows, where the time of a product grows faster than n beyond the
-    cache. Parameters: `sizes` unknowns (the nearest squares); `repeats` pairs of timings, ≥ 3.
-    Returns a `Table` (seconds).
+    ratio is the median of the ratios pair by pair; the last column has the time of `solve()` in products A @ z, each
+    time the median of five, and says how the work grows.
+    Parameters: `sizes` unknowns (the nearest squares); `repeats` pairs of timings, ≥ 3. Returns a `Table` (seconds).
 
     >>> icp.benchmarks.solve_cost([400], repeats=3).heads[:6]
     ('problem', 'n', 'method', 'solve, s', 'linear solve, s', 'ratio')
@@ -51,12 +53,14 @@ def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int
     for n in sizes:
         for name, problem in _variants(n):
             b = np.ones(problem.n)
-            linear = clocked(partial(linear_solve, problem.A, b))
-            solution, taken = _costs(problem, repeats, solve=linear, product=middle(partial(problem.A.dot, b)))
+            units = {
+                "solve": clocked(partial(linear_solve, problem.A, b)),
+                "product": middle(partial(problem.A.dot, b)),
+            }
+            solution, taken = _costs(problem, repeats, **units)
             medians = (taken.median("ours"), taken.median("solve"))
-            products = taken.ratio("ours", "product")[0]
-            ratio = taken.ratio("ours", "solve")
-            rows.append((name, problem.n, solution.method.name, *medians, *ratio, products))
+            ratios = (*taken.ratio("ours", "solve"), taken.ratio("ours", "product")[0])
+            rows.append((name, problem.n, solution.method.name, *medians, *ratios))
     heads = ("problem", "n", "method", "solve, s", "linear solve, s", "ratio", "lowest", "highest", "solve / (A @ z)")
     return Table(f"solve() against one linear solve ({machine()})", heads, tuple(rows))
 
@@ -64,8 +68,7 @@ def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int
 def dominant_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int = 9, mu: float = 4.0) -> Table:
     """solve() on the membrane with a strongly dominant A against sweeps times one SciPy A @ z, timed in turn.
 
-    The problem is a new one in every pair, so that nothing is known of A; making it does not count. The time of a
-    product is the median of five; the ratio is the median of the ratios pair by pair.
+    The problem is a new one in every pair, so that nothing is known of A; the time of a product is the median of five.
     Parameters: `sizes` unknowns (the nearest squares); `repeats` pairs of timings, ≥ 3; `mu` what is added to the
     diagonal. Returns a `Table` (milliseconds).
 
@@ -87,8 +90,7 @@ def dominant_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: 
 def impulse_cost(sizes: Sequence[int] = (961, 6001, 25_601, 100_001), repeats: int = 9) -> Table:
     """solve() on the dividend scene against one sparse factorisation of its A and a solve with it, timed in turn.
 
-    That is SciPy's `splu` of the tridiagonal A at its defaults; pairs and ratios are as in `dominant_cost`. The error
-    is that of V(1) against the closed form.
+    That is SciPy's `splu` of the tridiagonal A; the error is that of V(1) against the closed form.
     Parameters: `sizes` unknowns; `repeats` pairs of timings, ≥ 3. Returns a `Table` (milliseconds).
 
     >>> icp.benchmarks.impulse_cost([61], repeats=3).heads[:5]
@@ -106,7 +108,7 @@ def impulse_cost(sizes: Sequence[int] = (961, 6001, 25_601, 100_001), repeats: i
     return Table(f"Impulse control ({machine()})", (*heads, "lowest", "highest"), tuple(rows))
 
 
-def _costs(problem: ICP, repeats: int, **units: Callable[[], Timed]) -> tuple[Solution, Timings[str]]:
+def _costs(problem: ICP, repeats: int, **units: Callable[[], float]) -> tuple[Solution, Timings[str]]:
     """`solve()` of a new problem, "ours", in turn with the `units`, and its solution."""
     solution = problem.solve()  # compiles
     for unit in units.values():
@@ -122,15 +124,21 @@ def _splu(A: sp.csc_array) -> None:
 
 def _variants(n: int) -> Iterator[tuple[str, ICP]]:
     problem = scene("membrane", n).problem
-    m, c = int(np.sqrt(problem.n)), problem.psi.value(np.zeros(problem.n))
     yield "membrane", problem
     yield "ball", scene("ball", n).problem
+    c = problem.psi.value(np.zeros(problem.n))
     half_sine = Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), lipschitz=0.5, c=c)
     yield "elementwise psi", problem.with_psi(half_sine)
-    neighbours = sp.diags_array([0.25, 0.25], offsets=[-1, 1], shape=(m, m))
-    yield "affine psi", problem.with_psi(Affine(sp.kron(sp.eye_array(m), neighbours), c))
+    yield "affine psi", _affine(problem)
     yield "skew = 0.5", scene("membrane", n, skew=0.5).problem
     yield "mu = 4", scene("membrane", n, mu=4.0).problem
+
+
+def _affine(problem: ICP) -> ICP:
+    """The problem on a square grid with a quarter of each of two neighbours added to its fixed obstacle."""
+    m = int(np.sqrt(problem.n))
+    G = sp.kron(sp.eye_array(m), sp.diags_array([0.25, 0.25], offsets=[-1, 1], shape=(m, m)))
+    return problem.with_psi(Affine(G, problem.psi.value(np.zeros(problem.n))))
 
 
 def small_cost(n: int = 16, k: int = 10_000, repeats: int = 15) -> Table:
@@ -139,8 +147,8 @@ def small_cost(n: int = 16, k: int = 10_000, repeats: int = 15) -> Table:
     A = BBᵀ + I, B and q normal; OSQP solves min ½zᵀAz + qᵀz, z ≥ 0. "one": `ICP(A, q).solve()` against set-up and
     solve by OSQP, for 20 problems, both from the dense A; "one, arrays ready": without the time that it takes to make
     the sparse arrays for OSQP. The others: `solve_many` on `k` right-hand sides that share A against a loop over one
-    OSQP object with update(q=…). The ratio, ours over theirs, is the median of the ratios pair by pair, the residuals
-    the largest over all problems, recomputed from A and q for both.
+    OSQP object with update(q=…). The ratio is the median of the ratios pair by pair, the residuals the largest over all
+    problems, recomputed from A and q.
     Parameters: `n` unknowns; `k` right-hand sides of one A; `repeats` pairs of timings, ≥ 3.
     Returns a `Table` (microseconds per problem).
 
@@ -156,8 +164,7 @@ def small_cost(n: int = 16, k: int = 10_000, repeats: int = 15) -> Table:
     rows = []
     with contextlib.redirect_stdout(io.StringIO()):  # OSQP prints about polishing whatever one asks
         for name, settings in _SETTINGS.items():
-            for what, row in _one(problems, settings, repeats).items():
-                rows.append((what, n, name, *row))
+            rows += [(what, n, name, *row) for what, row in _one(problems, settings, repeats).items()]
         for name, settings in _SETTINGS.items():
             rows.append((f"{k} with one A", n, name, *_many(problems[0][0], Q, settings, repeats)))
     heads = ("problems", "n", "OSQP with", "ours, us", "OSQP, us", "ratio", "our residual", "residual of OSQP")
@@ -165,32 +172,23 @@ def small_cost(n: int = 16, k: int = 10_000, repeats: int = 15) -> Table:
 
 
 def _one(problems: _Lcps, settings: dict[str, Any], repeats: int) -> dict[str, tuple[float, ...]]:
-    answers: dict[str, list[Vector]] = {}
-
-    def ours() -> None:
-        answers["ours"] = [ICP(A, q).solve().z for A, q in problems]
+    def ours() -> list[Vector]:
+        return [ICP(A, q).solve().z for A, q in problems]
 
     def ready() -> list[tuple[Any, ...]]:
         return [_arrays(A, q) for A, q in problems]
 
-    def osqp(arrays: list[tuple[Any, ...]]) -> None:
-        answers["osqp"] = [_model(one, settings).solve(raise_error=False).x for one in arrays]
+    def osqp(arrays: list[tuple[Any, ...]]) -> list[Vector]:
+        return [_model(one, settings).solve(raise_error=False).x for one in arrays]
 
-    calls = {
-        "ours": clocked(ours),
-        "one": clocked(lambda: osqp(ready())),
-        "one, arrays ready": clocked(osqp, ready),
-    }
-    taken = timed(calls, repeats)
-    residuals = (_worst(problems, answers["ours"]), _worst(problems, answers["osqp"]))
-    return {what: (*_per_problem(taken, what, len(problems)), *residuals) for what in ("one", "one, arrays ready")}
+    theirs = {"one": clocked(lambda: osqp(ready())), "one, arrays ready": clocked(osqp, ready)}
+    taken = timed({"ours": clocked(ours), **theirs}, repeats)
+    residuals = _worst(problems, ours()), _worst(problems, osqp(ready()))
+    return {what: (*_per_problem(taken, what, len(problems)), *residuals) for what in theirs}
 
 
 def _many(A: np.ndarray, Q: np.ndarray, settings: dict[str, Any], repeats: int) -> tuple[float, ...]:
-    Z, X = np.empty(Q.shape), np.empty(Q.shape)
-
-    def ours() -> None:
-        Z[:] = solve_many(A, Q).Z
+    X, problems = np.empty(Q.shape), [(A, q) for q in Q]
 
     def osqp() -> None:
         model = _model(_arrays(A, Q[0]), settings)
@@ -198,9 +196,9 @@ def _many(A: np.ndarray, Q: np.ndarray, settings: dict[str, Any], repeats: int) 
             model.update(q=q)
             X[i] = model.solve(raise_error=False).x
 
-    taken = timed({"ours": clocked(ours), "osqp": clocked(osqp)}, repeats)
-    problems = [(A, q) for q in Q]
-    return (*_per_problem(taken, "osqp", len(Q)), _worst(problems, Z), _worst(problems, X))
+    taken = timed({"ours": clocked(partial(solve_many, A, Q)), "osqp": clocked(osqp)}, repeats)
+    residuals = _worst(problems, solve_many(A, Q).Z), _worst(problems, X)
+    return (*_per_problem(taken, "osqp", len(Q)), *residuals)
 
 
 def _per_problem(taken: Timings[str], theirs: str, k: int) -> tuple[float, float, float]:
@@ -224,3 +222,63 @@ def _model(arrays: tuple[Any, ...], settings: dict[str, Any]) -> Any:
 def _worst(problems: _Lcps, answers: Iterable[Vector]) -> float:
     """The largest residual."""
     return max(float(np.linalg.norm(np.minimum(A @ z + q, z))) for (A, q), z in zip(problems, answers, strict=True))
+
+
+def reading_cost(cvxpy_n: int = 1_000_000, pyomo_n: int = 100_000, repeats: int = 3) -> Table:
+    """Reading CVXPY and Pyomo models of the membrane against what these languages take to write them, timed in turn.
+
+    CVXPY: `Problem([complements(p, r)]).icp` against `get_problem_data` for OSQP with p ≥ 0, r ≥ 0; the expressions are
+    built anew each time. Pyomo: `read_pyomo` against its NL writer, which gets the 2n sides as constraints, side ≥ 0,
+    and is thus spared Pyomo's transformation of complementarity conditions; ψ fixed, affine, a quarter of each of two
+    neighbours, and nonlinear, 0.3 sin(z_i) + c_i. The ratio is the median of the ratios pair by pair.
+    Parameters: `cvxpy_n` unknowns of the CVXPY model (the nearest square); `pyomo_n` conditions of the Pyomo models;
+    `repeats` pairs of timings, ≥ 3. Returns a `Table` (seconds).
+
+    >>> icp.benchmarks.reading_cost(cvxpy_n=100, pyomo_n=100, repeats=3).heads[:5]
+    ('language', 'model', 'n', 'read, s', 'its own writer, s')
+    """
+    repeats = as_repeats(repeats)
+    rows = []
+    for language, model, n, read, write in (*_cvxpy(cvxpy_n), *_pyomo(pyomo_n)):
+        taken = timed({"read": clocked(read), "write": clocked(write)}, repeats, warm=False)
+        medians = (taken.median("read"), taken.median("write"))
+        rows.append((language, model, n, *medians, *taken.ratio("read", "write")))
+    heads = ("language", "model", "n", "read, s", "its own writer, s", "ratio", "lowest", "highest")
+    return Table(f"Reading a model against its language's own writer ({machine()})", heads, tuple(rows))
+
+
+def _cvxpy(n: int) -> Iterator[_Pair]:
+    import cvxpy as cp
+
+    problem = scene("membrane", n).problem
+
+    def sides() -> tuple[cp.Expression, cp.Expression]:
+        z = cp.Variable(problem.n)
+        return problem.A @ z + problem.q, z - problem.psi.value(problem.q)
+
+    def read() -> ICP:
+        return modelling.Problem(modelling.complements(*sides())).icp
+
+    def write() -> object:
+        return cp.Problem(cp.Minimize(0), [side >= 0 for side in sides()]).get_problem_data(cp.OSQP)
+
+    yield "CVXPY", "fixed obstacle", problem.n, read, write
+
+
+def _pyomo(n: int) -> Iterator[_Pair]:
+    import pyomo.environ as pyo
+    from pyomo.repn.plugins.nl_writer import NLWriter
+
+    problem = scene("membrane", n).problem
+    sine = Elementwise(lambda z: 0.3 * np.sin(z), c=problem.psi.value(np.zeros(problem.n)))
+    models = {"fixed obstacle": problem, "affine psi": _affine(problem), "nonlinear psi": problem.with_psi(sine)}
+    for name, one in models.items():
+        model, plain = one.to_pyomo(), one.to_pyomo()
+        sides = [condition._args for condition in plain.complementarity.values()]
+        plain.sides = pyo.Constraint(range(problem.n), [0, 1], rule=lambda _, i, k, sides=sides: sides[i][k])
+        plain.complementarity.deactivate()
+
+        def write(plain: Any = plain) -> object:
+            return NLWriter().write(plain, io.StringIO())
+
+        yield "Pyomo", name, problem.n, partial(modelling.read_pyomo, model), write

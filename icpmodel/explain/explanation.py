@@ -11,26 +11,17 @@ import numpy as np
 from ..errors import InputError
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
+from ..methods.newton import Newton
 from ..numerics.arrays import as_number
 from ..numerics.rounding import UNIT_ROUNDOFF, at_most
-from ..present.sections import Sections, inner_width
+from ..present.card import Sections, inner_width
 from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.choice import candidates
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed
 from ..theory.matrices.classes import NAMES, MatrixClasses, classify
-from .advice import parameters, recommendation, shown, theorems, what_to_do
-from .forecasts import Forecast, forecasts_of, members, recommended, same
-
-#: what the columns of the table mean
-_THEOREMS = "theorems: 4.1 to 4.4 are the paper's, corrected; icpmodel.theory.theorems() states all of them"
-_FACTOR = (
-    "factor: a step leaves at most so much of the error, in a norm that goes with the method, so that a method with a "
-    "smaller factor may need more steps"
-)
-#: why solve() may begin with another method than the one that is proved to be the best
-_MEASURED = "; this goes by what was measured to be quick, not by what is proved"
+from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +49,22 @@ class Explanation:
 
     @property
     def recommended(self) -> Forecast | None:
-        """The method that is proved to need the fewest steps, sweeps first; None where no rate is proved."""
-        return recommended(self.forecasts)
+        """The method that is proved to need the fewest steps, sweeps first; of equal factors the first; or None."""
+        rated = {one: one.factor for one in self.forecasts if one.factor is not None}
+        costs = {one: (np.inf if one.steps is None else one.steps, one.factorises) for one in rated}
+        cheapest = {one: rated[one] for one in rated if costs[one] == min(costs.values())}
+        return next((one for one, factor in cheapest.items() if tie(factor, min(cheapest.values()))), None)
 
     def sections(self) -> dict[str, str]:
         """The page, part by part: title → text."""
+        solution = f"neither existence nor uniqueness is proved:{listed(self.bound.reason)}"
+        if self.bound.unique:
+            solution = f"exists, and is the only one: {self.bound.proof}"
         return {
             "problem": repr(self.problem),
             "matrix A": str(self.classes),
             "map psi": self.problem.psi.describe(),
-            "solution": self._solution(),
+            "solution": solution,
             "methods": "\n".join(self._methods()),
             "advice": "\n".join(self._advice()),
         }
@@ -97,58 +94,63 @@ class Explanation:
             "advice": list(self._advice()),
         }
 
-    def _solution(self) -> str:
-        if self.bound.unique:
-            return f"exists, and is the only one: {self.bound.proof}"
-        return f"neither existence nor uniqueness is proved:{listed(self.bound.reason)}"
-
     def _methods(self) -> Iterator[str]:
         if not self.forecasts:
             yield "no member of the modulus family that was looked at can start with this A"
             return
-        yield from self._table().to_text(inner_width()).splitlines()
-        yield _THEOREMS
-        if any(forecast.factor is not None for forecast in self.forecasts):
-            yield _FACTOR
+        rows = [
+            (
+                one.title,
+                one.theorems + (" (isotone)" if one.isotone else ""),
+                None if one.factor is None else shown(one.factor),
+                one.steps,
+            )
+            for one in self.forecasts
+        ]
+        table = Table("", ("method", "proved by theorem", "factor", "steps"), tuple(rows))
+        yield from table.to_text(inner_width()).splitlines()
+        yield "theorems: 4.1 to 4.4 are the paper's, corrected; icpmodel.theory.theorems() states all of them"
+        if any(one.factor is not None for one in self.forecasts):
+            yield (
+                "factor: a step leaves at most so much of the error, in a norm that goes with the method, so that a "
+                "method with a smaller factor may need more steps"
+            )
             yield f"steps: in exact arithmetic, from z = 0 until no entry of z is off by more than {self.accuracy:g}"
-        if any(map(_is_isotone, self.forecasts)):
+        if any(one.isotone for one in self.forecasts):
             yield (
                 "(isotone): the step keeps the order, and is monotone from super- and subsolutions (theorem monotone); "
                 "from every start it is proved only where a strict supersolution is known"
             )
         if self.asked:
-            for forecast in self.forecasts:
-                yield from (f"theorem {name:<8}  {check}" for name, check in forecast.checks.items())
-
-    def _table(self) -> Table:
-        rows = [
-            (
-                forecast.title,
-                theorems(forecast) + (" (isotone)" if _is_isotone(forecast) else ""),
-                None if forecast.factor is None else shown(forecast.factor),
-                forecast.steps,
-            )
-            for forecast in self.forecasts
-        ]
-        return Table("", ("method", "proved by theorem", "factor", "steps"), tuple(rows))
+            for one in self.forecasts:
+                yield from (f"theorem {name:<8}  {check}" for name, check in one.checks.items())
 
     def _advice(self) -> Iterator[str]:
         best = self.recommended
+        proved = next((one for one in self.forecasts if one.proved_by), None)
         if best is not None and best.factor is not None:
-            yield recommendation(best, best.factor)
-            yield from parameters({forecast.title: forecast.factor for forecast in self.forecasts})
-        proved = [forecast for forecast in self.forecasts if forecast.proved_by]
-        if best is None and proved:
-            by = proved[0].proved_by[0]
+            cost = "one sweep over A each"
+            if best.factorises:
+                cost = "one solve with X = M1 + phi + Omega each, which is factorised once"
+            enough = "" if best.steps is None else f", so that {best.steps} will do"
+            yield f"take {best.title}: each step leaves at most {shown(best.factor)} of the error{enough}; {cost}"
+            yield from parameters({one.title: one.factor for one in self.forecasts})
+        elif proved is not None:
+            by = proved.proved_by[0]
             how = "monotone, with a strict supersolution" if by == "monotone" else by
-            yield f"{proved[0].title} converges from every start (theorem {how})"
-        if self.asked and not proved:
-            yield from self._not_covered()
+            yield f"{proved.title} converges from every start (theorem {how})"
+        if self.asked and proved is None:
+            for one in self.forecasts:
+                yield f"no theorem covers {one.title} on this problem, which does not say that it fails"
+            if self.instead is not None:
+                also = "without a method, explain looks at more"
+                yield f"{self.instead.title} is proved here (theorem {self.instead.theorems}); {also}"
         if self.picked is not None:
             alone = "left to itself, " if self.asked else ""
-            measured = "" if best is None or same(best.method, self.picked) else _MEASURED
-            yield f"{alone}solve() begins with {self.picked!r}: {self.why}{measured}"
-        if not proved and self.instead is None:
+            measured = "; this goes by what was measured to be quick, not by what is proved"
+            why = self.why + ("" if best is None or _same(best.method, self.picked) else measured)
+            yield f"{alone}solve() begins with {self.picked!r}: {why}"
+        if proved is None and self.instead is None:
             yield from what_to_do(self.problem, self.classes, self.picked)
         largest = self.bound.value
         if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
@@ -156,14 +158,6 @@ class Explanation:
                 f"the accuracy {self.accuracy:g} may be out of reach: entries of z can be as large as "
                 f"{at_most(largest)}, and float64 rounds such numbers by up to {at_most(UNIT_ROUNDOFF * largest)}"
             )
-
-    def _not_covered(self) -> Iterator[str]:
-        """Where the method that was asked for is not proved: no theorem covers it, but perhaps another one."""
-        for forecast in self.forecasts:
-            yield f"no theorem covers {forecast.title} on this problem, which does not say that it fails"
-        if self.instead is not None:
-            other = self.instead
-            yield f"{other.title} is proved here (theorem {theorems(other)}); without a method, explain looks at more"
 
     def __str__(self) -> str:
         return str(Sections(self.sections()))
@@ -195,35 +189,54 @@ def explain(
     problem, accuracy = as_problem(problem), as_number(accuracy, "accuracy", above=0)
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
-    first = next(candidates(problem), None)
-    if method is not None:
-        wanted = _member(named(method, **options) if isinstance(method, str) else method).settled(problem)
-        methods: dict[str, Method] = {repr(wanted): wanted}
-    else:
+    asked, instead = method is not None, None
+    picked, why = next(((one.method, one.why) for one in candidates(problem)), (None, ""))
+    if isinstance(method, type):
+        raise InputError(f"method is the class {method.__name__}; an object such as {method.__name__}() was expected")
+    if method is None:
         methods = members(problem)
-        if first is not None and not any(same(first.method, one) for one in methods.values()):
-            methods[f"{type(first.method).__name__}, first choice of solve()"] = first.method
+        if picked is not None and not any(_same(picked, one) for one in methods.values()):
+            methods[f"{type(picked).__name__}, first choice of solve()"] = picked
+    else:
+        wanted = named(method, **options) if isinstance(method, str) else method
+        if not isinstance(wanted, ModulusMember):
+            raise InputError(f"method is {wanted!r}; theory covers the members of the modulus family only")
+        wanted = wanted.settled(problem)
+        methods = {repr(wanted): wanted}
     forecasts = tuple(forecasts_of(problem, methods, accuracy))
-    instead = None
-    if method is not None and not any(forecast.proved_by for forecast in forecasts):
-        others = forecasts_of(problem, members(problem), accuracy)
-        instead = next((forecast for forecast in others if forecast.proved_by), None)
-    picked, why = (None, "") if first is None else (first.method, first.why)
-    bound, asked = error_bound(problem, np.zeros(problem.n)), method is not None
+    if asked and not any(one.proved_by for one in forecasts):
+        instead = next((one for one in forecasts_of(problem, members(problem), accuracy) if one.proved_by), None)
+    bound = error_bound(problem, np.zeros(problem.n))
     return Explanation(problem, classify(problem.A), bound, forecasts, picked, why, accuracy, asked, instead)
 
 
-def _member(method: Method) -> ModulusMember:
-    if isinstance(method, type):
-        raise InputError(f"method is the class {method.__name__}; an object such as {method.__name__}() was expected")
-    if not isinstance(method, ModulusMember):
-        raise InputError(f"method is {method!r}; theory covers the members of the modulus family only")
-    return method
+def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
+    """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with."""
+    yield "nothing above proves that a method converges; solve() tries several and calls nothing solved that is not"
+    psi = problem.psi
+    if psi.lipschitz is None and not psi.takes_best:
+        yield "give psi's Lipschitz matrix (lipschitz=...): without it no theorem can be applied"
+    elif classes.h_plus.holds and not (psi.is_constant or psi.takes_best):
+        yield "A is an H+-matrix, but psi moves too much for it: a smaller G, or a larger diagonal of A, is needed"
+    if psi.takes_best:
+        if classes.z.holds:
+            yield "for an intervention: mnmj (phi >= |D - Omega|) converges monotonically from super- and subsolutions"
+        else:
+            yield "A is no Z-matrix, which the theorem on interventions needs; check the signs of its discretisation"
+    elif classes.definite.holds and not problem.is_lcp:
+        yield "A is positive definite: with the obstacle frozen at an iterate, mnmod and mnmmod are proved"
+    elif classes.p.holds:
+        later = "" if isinstance(picked, Newton) else ", on which solve() falls back"
+        yield f"A is a P-matrix, so with constant psi the solution is unique, but sweeps may cycle: try newton{later}"
+    elif classes.semidefinite.holds and problem.is_lcp:
+        yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
+    elif classes.p.holds is False:
+        yield "A is no P-matrix: there may be no solution, or many; check signs and units of the model"
 
 
-def _is_isotone(forecast: Forecast) -> bool:
-    """Whether its steps are monotone from some starts only."""
-    return forecast.checks["monotone"].holds is True and not forecast.supersolution
+def _same(one: Method, other: Method) -> bool:
+    """Whether both are the same method with the same options."""
+    return type(one) is type(other) and all(np.array_equal(x, vars(other)[name]) for name, x in vars(one).items())
 
 
 def _plain(answer: Answer) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import pairwise, product
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,9 +18,9 @@ from ..methods.contract import names as method_names
 from ..methods.factorised import MNMMOD
 from ..numerics.arrays import as_list, as_number
 from ..present.table import Table
-from ..scenes import Scene, names, parameters
+from ..scenes import Scene, names
 from ..scenes import scene as scene_named
-from ..study.cases import fresh, unbroken
+from ..study.cases import built, fresh, unbroken
 from ..study.timing import as_repeats, clocked, machine, timed
 
 #: so many sweeps a method makes at most in one pass over A
@@ -32,8 +32,8 @@ _MOST = 20_000
 def sweep_cost(n: int = 1_000_000, repeats: int = 15, methods: Sequence[str] = ("mnmgs", "mnmj", "psor")) -> Table:
     """One sweep with its residual against one SciPy A @ z, on the 5-point matrix of the membrane, timed in turn.
 
-    A sweep is what `Method.iterates` does between two iterates, the new array included. Four products and four sweeps,
-    which two threads may make in one pass over A, are timed in turn; the ratio is the median of those of the pairs.
+    A sweep is what `Method.iterates` does between two iterates, the new array included. Four of each, which two threads
+    may make in one pass over A, are timed in turn; the ratio is the median of those of the pairs.
     Parameters: `n` unknowns (the nearest square); `repeats` pairs of timings, ≥ 3; `methods` by name.
     Returns a `Table` (milliseconds).
 
@@ -76,10 +76,8 @@ def sweep_counts(sides: Sequence[int] = (10, 20, 30), methods: Sequence[str] = (
         for mu in (0, 4):
             problems = [scene_named(name, m * m, mu=mu) for m in sides]
             for method in methods:
-                runs = [
-                    bai.problem.solve(method, z0=bai.z0, atol=1e-5, rtol=0.0, raise_on_failure=False)
-                    for bai in problems
-                ]
+                asked = partial(ICP.solve, method=method, atol=1e-5, rtol=0.0, raise_on_failure=False)
+                runs = [asked(bai.problem, z0=bai.z0) for bai in problems]
                 rows.append((name, mu, method, *(run.iterations if run.solved else None for run in runs)))
     heads = ("scene", "mu", "method", *(f"m = {m}" for m in sides))
     return Table("Sweeps to Res <= 1e-5 from z0 = (1, 0, 1, 0, ...)", heads, tuple(rows))
@@ -96,23 +94,17 @@ def grid_order(scene: str = "dividend", sizes: Sequence[int] = (61, 241, 961), m
     """
     if method is not None and method not in method_names():
         raise InputError(f"method is {method!r}; one of {', '.join(method_names())} was expected")
-    built = [scene_named(scene, n) for n in sizes]
-    if len({one.problem.n for one in built}) < max(len(built), 2):
-        raise InputError(f"sizes are {[one.problem.n for one in built]}; at least two different ones were expected")
-    if built[0].h is None or not built[0].quantities:
+    grids = [scene_named(scene, n) for n in sizes]
+    if len({one.problem.n for one in grids}) < max(len(grids), 2):
+        raise InputError(f"sizes are {[one.problem.n for one in grids]}; at least two different ones were expected")
+    if grids[0].h is None or not grids[0].quantities:
         raise InputError(f"{scene} has no grid or no quantity with a known value")
-    errors = []
-    for one in built:
-        solution = one.problem.solve(method, z0=one.z0, rtol=1e-10, max_iter=1_000_000)
-        errors.append(one.errors(solution.z))
-    rows: list[tuple[Any, ...]] = []
-    for quantity in built[0].quantities:
-        rows.append((quantity, built[0].problem.n, built[0].h, errors[0][quantity], None))
-        for (coarse, fine), (before, after) in zip(pairwise(built), pairwise(errors), strict=True):
-            assert coarse.h is not None
-            assert fine.h is not None
-            order = float(np.log(before[quantity] / after[quantity]) / np.log(coarse.h / fine.h))
-            rows.append((quantity, fine.problem.n, fine.h, after[quantity], order))
+    errors = [one.errors(one.problem.solve(method, z0=one.z0, rtol=1e-10, max_iter=1_000_000).z) for one in grids]
+    spacing, rows = np.log(np.array([one.h for one in grids], dtype=np.float64)), []
+    for quantity in grids[0].quantities:
+        off = [one[quantity] for one in errors]
+        orders = [None, *(np.diff(np.log(off)) / np.diff(spacing)).tolist()]
+        rows += [(quantity, one.problem.n, one.h, *pair) for one, *pair in zip(grids, off, orders, strict=True)]
     return Table(f"Error against the closed form: {scene}", ("quantity", "n", "h", "error", "order"), tuple(rows))
 
 
@@ -127,8 +119,7 @@ def tuned_and_automatic(
     Steps and time of a hand-tuned θ, of the best θ and Ω of a search, and of what needs no θ. Tuned by hand, with Ω as
     it is: `mnmaor` 10 × 6 pairs θ₁, θ₂, `mnmsor` 0.5 ≤ θ₁ ≤ 3 in steps of 0.1, `mnmmod` θ₁ = 2^(k/2), |k| ≤ 20. The
     search adds, for `mnmaor`, θ₁ = 1/(2/ω − s), θ₂ = 2θ₁, Ω = sD, s = 2 − ω for 0.8 ≤ ω < 2 in steps of 0.02. Nothing
-    is charged for either, all set-up (estimates, factorisations) to "auto". Runs end at Res ≤ 1e-8·Res(0); those that
-    have not after 20 000 steps are shown as "-". All are timed in turn.
+    is charged for either, all set-up to "auto". Runs end at Res ≤ 1e-8·Res(0), or after 20 000 steps, shown as "-".
     Parameters: `n` wanted unknowns of the scenes with a grid in the plane, 4√n of those on a line; `repeats` timings
     of each run, ≥ 1; `methods` by name; `scenes` by name, by default all. Returns a `Table` (milliseconds).
 
@@ -139,26 +130,26 @@ def tuned_and_automatic(
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     methods = as_list(methods, "methods")
     rows: list[tuple[Any, ...]] = []
-    for one in (_sized(name, n) for name in as_list(scenes, "scenes") or names()):
+    for scene in as_list(scenes, "scenes") or names():
+        places = scene_named(scene).points
+        on_line = places is not None and places.ndim == 1
+        one = built(scene, max(16, round(4 * np.sqrt(n))) if on_line else n)
         for name in methods:
             automatic = named(name, theta1="auto")
             if automatic.why_not(one.problem) is None and one.why_no_solution is None:
-                by_hand = _best(one, _thetas(name))
-                best = _best(one, _omegas(one.problem, name), by_hand)
-                untuned = (automatic, Accelerated(of=automatic), Accelerated())
-                steps, seconds = _timed(one, (by_hand.method, best.method, *untuned), repeats)
+                by_hand = _best(one, _thetas(name), _Tuned())
+                omegas = np.arange(40, 100) / 50 if name == "mnmaor" else ()
+                adapted = ((f"omega={omega:.4g}", overrelaxed(one.problem, float(omega))) for omega in omegas)
+                best = _best(one, adapted, by_hand)
+                compared = (by_hand.method, best.method, automatic, Accelerated(of=automatic), Accelerated())
+                steps = [None if method is None else _steps(one, method) for method in compared]  # compiles
+                calls = {k: clocked(partial(_steps, one, compared[k])) for k in range(5) if steps[k] is not None}
+                taken = timed(calls, repeats, warm=False)
+                seconds = [taken.median(k, 1e-3) if k in calls else None for k in range(5)]
                 rows.append((one.name, one.problem.n, name, by_hand.label, best.label, *steps, *seconds))
     kinds = ("by hand", "search", "auto", "auto, acc.", "accelerated")
     heads = ("scene", "n", "method", "theta", "and Omega", *kinds, *(f"{kind}, ms" for kind in kinds))
     return Table(f"Steps and time with the best theta of a grid and without one ({machine()})", heads, tuple(rows))
-
-
-def _sized(name: str, n: int) -> Scene:
-    one = scene_named(name)
-    if "n" not in parameters(name):
-        return one
-    flat = one.points is not None and one.points.ndim == 1
-    return scene_named(name, max(16, round(4 * np.sqrt(n))) if flat else n)
 
 
 class _Tuned(NamedTuple):
@@ -169,30 +160,19 @@ class _Tuned(NamedTuple):
 
 def _thetas(name: str) -> Iterator[tuple[str, Method]]:
     if name == "mnmmod":
-        for k in range(-20, 21):
-            yield f"{2 ** (k / 2):.4g}", MNMMOD(theta1=2 ** (k / 2))
+        yield from ((f"{theta1:.4g}", MNMMOD(theta1=theta1)) for theta1 in (2 ** (k / 2) for k in range(-20, 21)))
     elif name == "mnmsor":
-        for theta1 in np.arange(5, 31) / 10:
-            yield f"{theta1:.4g}", MNMSOR(theta1=float(theta1))
+        yield from ((f"{k / 10:g}", MNMSOR(theta1=k / 10)) for k in range(5, 31))
     else:
-        for theta1, times in product(
-            (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 3.0, 5.0, 8.0), (0.0, 0.5, 1.0, 1.5, 2.0, 2.5)
-        ):
-            yield f"{theta1:g}, {times * theta1:g}", MNMAOR(theta1=theta1, theta2=times * theta1)
+        first, times = (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 3.0, 5.0, 8.0), (0.0, 0.5, 1.0, 1.5, 2.0, 2.5)
+        for theta1, theta2 in ((theta1, factor * theta1) for theta1, factor in product(first, times)):
+            yield f"{theta1:g}, {theta2:g}", MNMAOR(theta1=theta1, theta2=theta2)
 
 
-def _omegas(problem: ICP, name: str) -> Iterator[tuple[str, Method]]:
-    for omega in np.arange(40, 100) / 50 if name == "mnmaor" else ():
-        yield f"omega={omega:.4g}", overrelaxed(problem, float(omega))
-
-
-def _best(one: Scene, grid: Iterator[tuple[str, Method]], best: _Tuned | None = None) -> _Tuned:
+def _best(one: Scene, grid: Iterator[tuple[str, Method]], best: _Tuned) -> _Tuned:
     """What needs the fewest steps, the first of several, `best` or of the grid; it gives up on the others in time."""
-    best = best or _Tuned()
     for label, method in grid:
-        if best.steps == 0:
-            break
-        steps = _steps(one, method, best.steps - 1)
+        steps = _steps(one, method, best.steps - 1) if best.steps else None
         if steps is not None:
             best = _Tuned(label, method, steps)
     return best
@@ -204,10 +184,3 @@ def _steps(one: Scene, method: Method | None, most: int = _MOST) -> int | None:
     except NotApplicable:  # A + Omega is singular
         return None
     return solution.iterations if solution.solved else None
-
-
-def _timed(one: Scene, methods: Sequence[Method | None], repeats: int) -> tuple[list[int | None], list[float | None]]:
-    steps = [None if method is None else _steps(one, method) for method in methods]  # compiles
-    calls = {k: clocked(partial(_steps, one, methods[k])) for k, count in enumerate(steps) if count is not None}
-    taken = timed(calls, repeats, warm=False)
-    return steps, [taken.median(k, 1e-3) if k in calls else None for k in range(len(methods))]

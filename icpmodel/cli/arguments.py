@@ -1,8 +1,9 @@
-"""The arguments by which a command is told its problem and its method."""
+"""What a user types: options read off a signature and its docstring, and those that name the problem and the method."""
 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,17 +16,24 @@ from ..methods.contract import Method, named, names
 from ..modelling.files import load_problem
 from ..scenes import Scene, scene
 from ..scenes import names as scene_names
-from .signatures import decorated
 
 SOURCE_HELP = """SOURCE is the name of a built-in scene (see `icpmodel scenes`), a folder or .npz file written by
 --save-problem, or a Matrix Market file of A together with --q."""
 
-_PAIR: dict[str, Any] = {"multiple": True, "metavar": "NAME=VALUE"}
+Decorator = Callable[[Any], Any]
+
+#: what a command sets itself
+_SET_HERE = ("progress", "command", "entrants")
+#: options that are called otherwise than the parameter
+_OPTIONS = {"sizes": "--n", "sides": "--m"}
+#: parameters that are arguments without a name
+_ARGUMENTS = ("scenes", "scene")
 _KINDS = {"int": int, "float": float, "str": str}
+_PAIR: dict[str, Any] = {"multiple": True, "metavar": "NAME=VALUE"}
 
 
 class _MethodOption(click.Option):
-    """An option whose help lists the methods, also those of plug-ins, when it is asked for."""
+    """Its help lists the methods, also those of plug-ins, when it is asked for."""
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
         self.help = f"One of {', '.join(names())}; without it one is picked."
@@ -46,25 +54,67 @@ METHOD_OPTIONS = (
 )
 
 
-def options(*decorators: Callable[..., Any]) -> Callable[..., Any]:
+def options(*decorators: Decorator) -> Decorator:
     """All of these click options and arguments at once, in this order."""
-    return lambda command: decorated(command, decorators)
+
+    def decorate(command: Any) -> Any:
+        for decorator in reversed(decorators):
+            command = decorator(command)
+        return command
+
+    return decorate
 
 
-def from_signature(function: Callable[..., Any], told: dict[str, str]) -> list[Callable[..., Any]]:
+def command(*decorators: Decorator) -> Decorator:
+    """A command on a problem, with these options and arguments."""
+    return lambda run: click.command(epilog=SOURCE_HELP)(options(*decorators)(run))
+
+
+def documented(name: str, function: Callable[..., Any], *more: Decorator) -> Decorator:
+    """The command `name` that takes what `function` takes, and says of it what its docstring says."""
+    return lambda run: click.command(name, help=summary(function))(options(*parameters(function), *more)(run))
+
+
+def from_signature(function: Callable[..., Any], told: dict[str, str]) -> list[Decorator]:
     """An option for each parameter that is `told` of, with the type and the default that `function` gives it."""
-    found, known = [], inspect.signature(function).parameters
-    for name, text in told.items():
-        kind, default = str(known[name].annotation).split(" ")[0], known[name].default
-        shown = {"default": default, "show_default": default is not None, "help": text}
-        found.append(click.option("--" + name.replace("_", "-"), type=_KINDS[kind], **shown))
-    return found
+    known = inspect.signature(function).parameters
+    return [_option(known[name], text) for name, text in told.items()]
+
+
+def parameters(function: Callable[..., Any]) -> list[Decorator]:
+    """Options for all parameters of `function`, in their order, with its defaults and what its docstring says of them.
+    That is the section "Parameters: `name` text; `name` text; …"."""
+    known = inspect.signature(function).parameters
+    text = " ".join(inspect.getdoc(function).split())  # type: ignore[union-attr]
+    section = re.search(r"Parameters: (.*?)(?: Returns| Raises|$)", text)
+    pieces = re.split(rf"`({'|'.join(known)})`", section.group(1) if section else "")
+    told = {name: said.strip(" ,;.").replace("`", "") for name, said in zip(pieces[1::2], pieces[2::2], strict=True)}
+    return [_option(one, told.get(name)) for name, one in known.items() if name not in _SET_HERE]
+
+
+def _option(parameter: inspect.Parameter, said: str | None) -> Decorator:
+    """A tuple as default makes an option that can be repeated, called as one of its values: `methods` is --method."""
+    name, default = parameter.name, parameter.default
+    many = isinstance(default, tuple)
+    if name in _ARGUMENTS:
+        metavar = "[NAME[,PARAMETER=NUMBER]]..." if "PARAMETER" in (said or "") else None
+        return click.argument(name, metavar=metavar, **({"nargs": -1} if many else {"default": default}))
+    option = _OPTIONS.get(name, "--" + (name.removesuffix("s") if many else name).replace("_", "-"))
+    of_default = str if default is None else type(default[0] if many else default)
+    kind = _KINDS.get(str(parameter.annotation).split(" ")[0], of_default)
+    shown = {"default": default, "show_default": default is not None, "multiple": many, "help": said}
+    return click.option(option, name, type=kind, **shown)
+
+
+def summary(function: Callable[..., Any]) -> str:
+    """The first paragraph of the docstring."""
+    return inspect.getdoc(function).split("\n\n")[0]  # type: ignore[union-attr]
 
 
 def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
     """The problem that the arguments name, and its scene if it is one. Raises InputError, FileError."""
     source, n, q_file = arguments["source"], arguments["n"], arguments["q_file"]
-    parameters = pairs(arguments["parameters"])
+    parameters, listed = pairs(arguments["parameters"]), ", ".join(scene_names())
     if source in scene_names():
         if q_file is not None:
             raise InputError(f"--q belongs to a Matrix Market file of A; {source} is a scene, which has its own q")
@@ -74,7 +124,6 @@ def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
         if n is not None and found.problem.n != n:
             click.echo(f"note: {source} has no size {n}; the nearest is {found.problem.n}", err=True)
         return found.problem, found
-    listed = ", ".join(scene_names())
     if not source or not Path(source).exists():
         raise InputError(f"{source or 'SOURCE'} is neither a file or folder nor a scene; scenes: {listed}")
     if n is not None or parameters:
@@ -101,9 +150,7 @@ def pairs(texts: tuple[str, ...]) -> dict[str, Any]:
             raise InputError(f"{text!r} is not of the form NAME=VALUE")
         if name in found:
             raise InputError(f"{name} is given twice")
-        found[name] = value
-        if value.lower() in ("true", "false"):
-            found[name] = value.lower() == "true"
+        found[name] = {"true": True, "false": False}.get(value.lower(), value)
         for convert in (float, int):  # int last: it wins where both can read it
             try:
                 found[name] = convert(value)

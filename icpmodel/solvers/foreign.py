@@ -85,10 +85,7 @@ class ForeignSolver(ABC):
             _REGISTRY[cls.name] = cls
 
     def why_not(self, target: Target) -> str | None:
-        """Why this solver cannot take `target`, in one sentence, or None where it can.
-
-        An overriding method ends with `super().why_not(target)`.
-        """
+        """Why it cannot take `target`, in one sentence, or None; an overriding method asks `super()` as well."""
         if self.package is not None and (reason := missing(self.package)):
             return reason
         if self.largest is not None and target.problem.n > self.largest:
@@ -102,10 +99,7 @@ class ForeignSolver(ABC):
         return next(form for form in self.forms if target.why_not(form) is None)
 
     def pose(self, target: Target) -> Any:
-        """What `set_up` translates: the `QP` of its form, which a target makes once, or `target` where that is "mpec".
-
-        Who times a solver calls this first: it is no work of the solver's.
-        """
+        """What `set_up` translates: the `QP` of its form, made before any clock starts, or `target` for "mpec"."""
         form = self.form(target)
         return target if form == "mpec" else target.qp(form)
 
@@ -126,9 +120,8 @@ def missing(module: str) -> str | None:
     try:
         importlib.import_module(module)
     except ImportError as error:
-        if isinstance(error, ModuleNotFoundError) and error.name == module:
-            return f"{module} is not installed: pip install {module}"
-        return f"{module} cannot be imported: {error}"
+        absent = isinstance(error, ModuleNotFoundError) and error.name == module
+        return f"{module} is not installed: pip install {module}" if absent else f"{module} cannot be imported: {error}"
     return None
 
 
@@ -158,16 +151,14 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | N
     known = foreign_solvers()
     if solvers is None:
         return [solver for solver in known.values() if asker is None or asker in solver.asked_by]
-    chosen: dict[str, ForeignSolver] = {}
-    for solver in [solvers] if isinstance(solvers, str | ForeignSolver) else as_list(solvers, "solvers"):
-        if isinstance(solver, str):
-            if solver not in known:
-                raise InputError(f"solvers has {solver!r}; one of {', '.join(map(repr, known))} was expected")
-            solver = known[solver]
-        elif not isinstance(solver, ForeignSolver):
+    wanted = [solvers] if isinstance(solvers, str | ForeignSolver) else as_list(solvers, "solvers")
+    for solver in wanted:
+        if isinstance(solver, str) and solver not in known:
+            raise InputError(f"solvers has {solver!r}; one of {', '.join(map(repr, known))} was expected")
+        if not isinstance(solver, str | ForeignSolver):
             raise InputError(f"solvers has a {type(solver).__name__}; names or ForeignSolver objects were expected")
-        chosen[solver.name] = solver  # named twice, asked once
-    return list(chosen.values())
+    chosen = [known[solver] if isinstance(solver, str) else solver for solver in wanted]
+    return list({solver.name: solver for solver in chosen}.values())
 
 
 def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: float) -> Claim:

@@ -7,7 +7,11 @@ from typing import Any
 
 
 def render(template: str, **values: Any) -> str:
-    """The `template` of the folder `templates` with these `values`, escaped."""
+    """The `template` of the folder `templates` with these `values`, escaped.
+
+    >>> icp.present.render("sentence.html", text="a < b")
+    '<p>a &lt; b</p>'
+    """
     text: str = _environment().get_template(template).render(**values)
     return text
 
@@ -16,10 +20,5 @@ def render(template: str, **values: Any) -> str:
 def _environment() -> Any:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    return Environment(
-        loader=PackageLoader("icpmodel.present"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
+    spaces: Any = {"trim_blocks": True, "lstrip_blocks": True}
+    return Environment(loader=PackageLoader("icpmodel.present"), autoescape=True, undefined=StrictUndefined, **spaces)
