@@ -140,10 +140,9 @@ def as_square(value: Any, name: str, n: int | None = None) -> NDArray[np.float64
 
 
 def _check_square(shape: tuple[int, ...], name: str, n: int | None) -> None:
-    if len(shape) != 2 or shape[0] != shape[1]:
-        raise InputError(f"{name} has shape {shape}; a square matrix was expected")
-    if n is not None and shape[0] != n:
-        raise InputError(f"{name} has shape {shape}; shape ({n}, {n}) was expected")
+    if len(shape) != 2 or shape[0] != shape[1] or n not in (None, shape[0]):
+        wanted = "a square matrix" if n is None else f"shape ({n}, {n})"
+        raise InputError(f"{name} has shape {shape}; {wanted} was expected")
     if shape[0] == 0:
         raise InputError(f"{name} is empty; at least one row was expected")
 

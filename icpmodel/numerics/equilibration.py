@@ -32,8 +32,7 @@ def row_exponents(X: Any, columns: Any = 0) -> Exponents:
         size = np.where(X.data != 0, np.frexp(X.data)[1] + (columns[X.indices] if np.ndim(columns) else columns), _NONE)
         largest = np.full(X.shape[0], _NONE)
         stored = np.flatnonzero(np.diff(X.indptr))
-        if stored.size:
-            largest[stored] = np.maximum.reduceat(size, X.indptr[stored])
+        largest[stored] = np.maximum.reduceat(size, X.indptr[stored])
     else:
         largest = np.where(X != 0, np.frexp(X)[1] + columns, _NONE).max(axis=1)
     return np.where(largest > _NONE // 2, -largest, 0).astype(np.int64)
@@ -68,7 +67,6 @@ def natural_exponents(A: sp.csr_array) -> tuple[Exponents, Exponents]:
 
     The diagonal is brought into [1, 2). That leaves a_ij → a_ij 2^(c_j − c_i), and c minimises the sum of
     (log₂|a_ij/a_ii| + c_j − c_i)² over the stored entries: for A = D₁SD₂ with |s_ij| = 1 this finds D₁ and D₂.
-    Neither P- nor H-matrices can tell the difference.
     """
     n, rows = A.shape[0], row_of(A)
     size = np.frexp(A.diagonal())[1].astype(np.int64) - 1

@@ -59,9 +59,8 @@ class KrylovMultigrid:
 
 
 def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
-    """x with ‖Ax − b‖ ≤ `tolerance`‖b‖, or as near as 100 steps of CG get with PyAMG's Ruge–Stüben hierarchy.
+    """x with ‖Ax − b‖ ≤ `tolerance`‖b‖, or as near as 100 steps of CG or, A not symmetric, BiCGSTAB get with PyAMG.
 
-    BiCGSTAB takes the place of CG where A is not symmetric.
     Parameters: `A` CSR, shape (n, n); `b` shape (n,). Returns x, shape (n,). Raises LinAlgError.
 
     >>> linear_solve(sp.csr_array([[2.0, 0.0], [0.0, 4.0]]), np.array([2.0, 4.0])).round(6)

@@ -10,7 +10,7 @@ from importlib.metadata import entry_points
 def load_plugins() -> None:
     """Import, once, the modules that installed packages announce as entry points of the group "icpmodel".
 
-    A subclass of `Method` or `ForeignSolver`, or a scene, that such a module defines is found by its name from then on.
+    A method, a foreign solver or a scene that such a module defines is found by its name from then on.
     """
     for one in entry_points(group="icpmodel"):
         one.load()

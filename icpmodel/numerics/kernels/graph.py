@@ -94,13 +94,12 @@ def layers(indptr, indices, data, first):
     order[:filled] = start
     while at < filled:
         j = order[at]
-        at += 1
         for k in range(uint(indptr[j]), uint(indptr[j + 1])):
             i = indices[k]
             if layer[i] < 0 and data[k] != 0.0:
-                layer[i] = layer[j] + 1
-                order[filled] = i
+                layer[i], order[filled] = layer[j] + 1, i
                 filled += 1
+        at += 1
     return layer, order[:filled]
 
 

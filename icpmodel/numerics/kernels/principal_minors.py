@@ -8,13 +8,11 @@ deleting needs no copy. |true − mid| ≤ rad throughout.
 
 from __future__ import annotations
 
-from typing import Any
-
 from . import compiled
 
 
 @compiled
-def search_pivots(mid: Any, rad: Any, base: Any, undecided: Any) -> Any:
+def search_pivots(mid, rad, base, undecided):
     # returns the index set, as bits, of a minor that is proved <= 0, or 0, and how many pivots are undecided; their
     # index sets stand in `undecided`, the last index being k. Below an undecided pivot no Schur complement is looked
     # at. Where `undecided` is full, the search ends.
