@@ -23,7 +23,7 @@ _FEW = 10_000
 def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
     """A float64 copy of `value`, a number or of shape (n,), (n, 1) or (1, n), as a vector; `n` None for any length.
 
-    `infinite` is the one infinite value that is allowed. Raises InputError where shape, type or an entry is wrong.
+    `infinite` is the one infinite value that is allowed. Raises InputError.
     """
     if sp.issparse(value):
         value = value.toarray()
@@ -38,15 +38,9 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
     if array.size == 0:
         raise InputError(f"{name} is empty; at least one entry was expected")
     vector = np.array(array, dtype=np.float64)
-    if np.isfinite(vector).all():
-        return vector
-    bad = ~np.isfinite(vector)
-    if infinite is not None:
-        bad &= vector != infinite
-    if bad.any():
-        i = int(np.argmax(bad))
+    if found := not_finite(vector if infinite is None else np.where(vector == infinite, 0.0, vector), name):
         wanted = "a finite number" if infinite is None else f"a finite number or {infinite}"
-        raise InputError(f"{name}[{i}] is {vector[i]}; {wanted} was expected")
+        raise InputError(f"{found}; {wanted} was expected")
     return vector
 
 
@@ -99,25 +93,20 @@ def as_number(
     below: float = np.inf,
     whole: bool = False,
 ) -> float:
-    """`value` as a finite float (an int if `whole`) with `above` < value < `below` and `least` ≤ value ≤ `most`.
-
-    Numbers of Python and NumPy are taken, truth values and texts are not. Raises InputError.
-    """
+    """`value` as a finite float (an int if `whole`), no truth value, within these bounds. Raises InputError."""
     kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
     right = isinstance(value, kinds) and not isinstance(value, bool)
     if not (right and math.isfinite(value) and above < value < below and least <= value <= most):
         bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
-        wanted = " and ".join(f"{sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))
-        kind = "whole" if whole else "finite"
-        raise InputError(f"{name} is {value!r}; a {kind} number {wanted}".rstrip() + " was expected")
+        wanted = "".join(f" and {sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))[4:]
+        raise InputError(f"{name} is {value!r}; a {'whole' if whole else 'finite'} number{wanted} was expected")
     return int(value) if whole else float(value)
 
 
 def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool = False) -> sp.csr_array:
     """A private float64 CSR copy of the square matrix `value`: sorted, duplicates summed, indices as small as they fit.
 
-    Its arrays are read-only. `keep_diagonal` stores every diagonal entry, a zero one explicitly, as the sweeps need it.
-    Raises InputError where shape, type or an entry is wrong.
+    Its arrays are read-only. `keep_diagonal` stores every diagonal entry, a zero one explicitly. Raises InputError.
     """
     if not sp.issparse(value):
         return freeze(_compressed(as_square(value, name, n), keep_diagonal))
@@ -126,8 +115,7 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():
         k = int(np.argmin(np.isfinite(matrix.data)))
-        i = int(np.searchsorted(matrix.indptr, k, side="right")) - 1
-        raise _not_finite_entry(name, i, matrix.indices[k], matrix.data[k])
+        raise _not_finite_entry(name, row_of(matrix)[k], matrix.indices[k], matrix.data[k])
     if keep_diagonal:
         matrix = _with_stored_diagonal(matrix)
     if matrix.nnz < _SHORT:
@@ -207,9 +195,7 @@ def freeze(matrix: sp.csr_array) -> sp.csr_array:
 
 def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.int64]:
     """Where in `matrix.data` each row's diagonal entry stands, shape (n,); every one must be stored."""
-    rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-    positions: NDArray[np.int64] = np.flatnonzero(matrix.indices == rows)
-    return positions.astype(matrix.indptr.dtype)
+    return np.flatnonzero(matrix.indices == row_of(matrix)).astype(matrix.indptr.dtype)
 
 
 def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
@@ -232,13 +218,10 @@ def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     n = matrix.shape[0]
     if np.count_nonzero(matrix.diagonal()) == n:  # the rule, and several times cheaper than to look for zeros
         return matrix
-    missing = np.setdiff1d(np.arange(n), matrix.indices[matrix.indices == row_of(matrix)])
-    if not missing.size:
-        return matrix
-    rows = np.concatenate([row_of(matrix), missing])
-    columns = np.concatenate([matrix.indices, missing])
-    data = np.concatenate([matrix.data, np.zeros(missing.size)])
-    full = sp.csr_array(sp.coo_array((data, (rows, columns)), shape=matrix.shape))
+    rows = row_of(matrix)
+    missing = np.setdiff1d(np.arange(n), rows[matrix.indices == rows])
+    places = np.append(rows, missing), np.append(matrix.indices, missing)
+    full = sp.csr_array(sp.coo_array((np.append(matrix.data, np.zeros(missing.size)), places), shape=matrix.shape))
     full.sort_indices()
     return full
 

@@ -1,9 +1,6 @@
 """Equilibration: powers of two for the rows and columns of a matrix, which cost no digit, so that units decide nothing.
 
-All work with whole exponents. `row_exponents` and `equilibrated` bring the largest entries to one size,
-`symmetric_exponents` a diagonal, `natural_exponents` the diagonal and, as far as that goes, all other entries,
-`mean_exponents` the geometric means of a small dense matrix; `in_units` and `in_units_exactly` apply them. Dense
-matrices that are pivoted in compiled loops have `kernels.balancing`.
+All work with whole exponents, which `in_units` applies. Dense matrices that are pivoted have `kernels.balancing`.
 References: Curtis and Reid, J. Inst. Math. Appl. 10 (1972); Higham, Accuracy and Stability (2002), section 7.3.
 """
 
@@ -43,10 +40,7 @@ def row_exponents(X: Any, columns: Any = 0) -> Exponents:
 
 
 def equilibrated(X: Any) -> tuple[Any, Exponents, Exponents]:
-    """(S, r, c): the entries 2^(r_i + c_j)x_ij of dense or CSR `X`, the largest of each row and column in [1/2, 1).
-
-    Rows come first, so that an entry of a row can be the largest one of no column; zero rows and columns stay.
-    """
+    """(S, r, c): the entries 2^(r_i + c_j)x_ij of dense or CSR `X`, the largest of each row and column in [1/2, 1)."""
     r = row_exponents(X)
     c = row_exponents(sp.csr_array(X.T) if sp.issparse(X) else X.T, r)
     return in_units(X, r, c), r, c
@@ -81,34 +75,27 @@ def natural_exponents(A: sp.csr_array) -> tuple[Exponents, Exponents]:
     off = (rows != A.indices) & (A.data != 0)
     i, j = rows[off], A.indices[off]
     ratio = np.frexp(A.data[off])[1] - 1.0 - size[i]
-    shift = np.zeros(n, dtype=np.int64)
-    if ratio.size and np.abs(ratio).max() > _TAME:
-        shift = _balanced(i, j, ratio, n)
-    return -size - shift, shift
-
-
-def _balanced(i: Any, j: Any, ratio: Any, n: int) -> Exponents:
+    if np.abs(ratio).max(initial=0.0) <= _TAME:
+        return -size, np.zeros(n, dtype=np.int64)
     from scipy.sparse.linalg import cg
 
     edges = sp.coo_array((np.ones(i.size), (i, j)), shape=(n, n)).tocsr()
     degree = np.bincount(i, minlength=n) + np.bincount(j, minlength=n)
     laplacian = sp.diags_array(degree + 1e-6) - edges - edges.T
     right = np.bincount(i, ratio, minlength=n) - np.bincount(j, ratio, minlength=n)
-    preconditioner = sp.diags_array(1.0 / (degree + 1e-6))
-    shift, _ = cg(laplacian, right, rtol=1e-6, maxiter=_STEPS, M=preconditioner)
-    return np.rint(shift).astype(np.int64)
+    balanced, _ = cg(laplacian, right, rtol=1e-6, maxiter=_STEPS, M=sp.diags_array(1.0 / (degree + 1e-6)))
+    shift = np.rint(balanced).astype(np.int64)
+    return -size - shift, shift
 
 
 def in_units(X: Any, r: Any, c: Any = 0) -> Any:
-    """The dense or CSR matrix with entries 2^(r_i + c_j)x_ij: exact, but for entries below the normal range.
-
-    There the error is at most the smallest float; an entry beyond the range becomes infinite.
-    """
+    """The dense or CSR matrix with entries 2^(r_i + c_j)x_ij, rounded once where they leave the normal range."""
     # one shift by the whole exponent: two would round twice
     with np.errstate(over="ignore", under="ignore"):
         if not sp.issparse(X):
             return np.ldexp(X, (r[:, None] + c).astype(np.int32))
-        data = np.ldexp(X.data, _of_entries(X, r, c))
+        exponents = np.repeat(r, np.diff(X.indptr)) + (c[X.indices] if np.ndim(c) else c)
+        data = np.ldexp(X.data, exponents.astype(np.int32))
     return sp.csr_array((data, X.indices, X.indptr), shape=X.shape)
 
 
@@ -117,8 +104,3 @@ def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
     scaled = in_units(X, r, c)
     back = in_units(scaled, -r, -c)
     return scaled if np.array_equal(*((M.data if sp.issparse(M) else M) for M in (back, X))) else None
-
-
-def _of_entries(X: sp.csr_array, r: Any, c: Any) -> NDArray[np.int32]:
-    by_row = np.repeat(r, np.diff(X.indptr))
-    return (by_row + c[X.indices] if np.ndim(c) else by_row + c).astype(np.int32)

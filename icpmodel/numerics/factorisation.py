@@ -13,9 +13,7 @@ from .arrays import is_symmetric
 def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False) -> Any:
     """SuperLU of a sparse matrix (n × n), ordered for its pattern; None where it is singular, or not finite.
 
-    It is singular where its structural rank is below n, or a pivot is exactly zero. With `diagonal_pivots`, for a
-    symmetric matrix, no rows are exchanged, and it is None as well where SuperLU did so all the same. Raises
-    MemoryError.
+    With `diagonal_pivots`, for a symmetric matrix, it is None as well where SuperLU exchanged rows. Raises MemoryError.
     """
     from scipy.sparse.csgraph import structural_rank
     from scipy.sparse.linalg import splu

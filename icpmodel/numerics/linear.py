@@ -33,9 +33,8 @@ _MULTIGRID_FROM = 50_000
 def solver_of(M: sp.csr_array, multigrid_from: int = _MULTIGRID_FROM) -> Solver:
     """A solver of Mx = f for many f: for a band, one with a few full rows, dense or sparse matrices, or multigrid.
 
-    Large matrices with a positive diagonal and nothing positive off it get CG (where symmetric) or BiCGSTAB with
-    algebraic multigrid, to the tolerance that is asked for, and SuperLU where those do not converge; the others are
-    factorised. Rows are brought to one size first. The solver returns None where M is singular.
+    Multigrid is for large matrices with a positive diagonal and nothing positive off it, and where it does not converge
+    they are factorised as well. Rows are brought to one size first. The solver returns None where M is singular.
     """
     n = M.shape[0]
     if n == 0:
@@ -122,8 +121,5 @@ def _sparse(M: sp.csr_array) -> Solver:
 
 def _multigrid(M: sp.csr_array) -> KrylovMultigrid | None:
     """None where M is nothing for multigrid."""
-    if sum(bandwidths(M)) < _WIDEST_BAND:
-        return None
-    if not (M.diagonal() > 0).all() or (M.data[row_of(M) != M.indices] > 0).any():
-        return None
-    return KrylovMultigrid(M)
+    of_m_matrix = (M.diagonal() > 0).all() and not (M.data[row_of(M) != M.indices] > 0).any()
+    return KrylovMultigrid(M) if of_m_matrix and sum(bandwidths(M)) >= _WIDEST_BAND else None

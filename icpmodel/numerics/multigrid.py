@@ -21,11 +21,10 @@ _STEPS = 100
 
 
 def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
-    """PyAMG's algebraic multigrid hierarchy of `A` (CSR, shape (n, n)), with the `options` of its Ruge–Stüben solver.
+    """PyAMG's algebraic multigrid hierarchy of `A` by Ruge and Stüben (1987), with the `options` of its solver.
 
-    A coarsest level that is still large, as coarsening stalled, is left to SuperLU, which raises RuntimeError in the
-    first cycle where it is singular: PyAMG's default, a dense pseudoinverse, would take all memory.
-    Reference: Ruge and Stüben, Algebraic multigrid (1987).
+    A coarsest level that is still large is left to SuperLU, which raises RuntimeError in the first cycle where it is
+    singular: a dense pseudoinverse would take all memory.
     """
     import pyamg
 

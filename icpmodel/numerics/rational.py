@@ -38,8 +38,7 @@ def eliminate(M: Rationals, order: Sequence[int], rest: Sequence[int] = ()) -> i
     for step, k in enumerate(order):
         if M[k][k] <= 0:
             return step
-        below = [*order[step + 1 :], *rest]
-        subtract_row(M, k, below)
+        subtract_row(M, k, [*order[step + 1 :], *rest])
     return None
 
 
@@ -54,15 +53,16 @@ def subtract_row(M: Rationals, k: int, below: Sequence[int]) -> None:
                     M[i][j] -= factor * row[j]
 
 
-def substitute_back(M: Rationals, done: Sequence[int], x: list[Fraction]) -> None:
-    """Fill in x at the eliminated indices `done`, in place, such that their rows of the original matrix give zero.
+def substitute_back(M: Rationals, done: int, known: dict[int, Fraction | int]) -> list[Fraction]:
+    """x with these entries `known`, such that the rows before `done`, eliminated in turn, give zero, and 0 elsewhere.
 
     Indices with pivot 0, whose row is zero, get 0.
     """
-    for i in reversed(done):
+    x = [Fraction(known.get(i, 0)) for i in range(len(M))]
+    for i in reversed(range(done)):
         if M[i][i]:
-            later = [j for j in range(len(x)) if x[j] and M[i][j]]
-            x[i] = -sum((M[i][j] * x[j] for j in later), Fraction(0)) / M[i][i]
+            x[i] = -sum((M[i][j] * x[j] for j in range(len(x)) if x[j] and M[i][j]), Fraction(0)) / M[i][i]
+    return x
 
 
 def m_matrix(C: Any) -> tuple[bool, list[Fraction] | None]:
@@ -71,14 +71,8 @@ def m_matrix(C: Any) -> tuple[bool, list[Fraction] | None]:
     If not, also an x ≥ 0, x ≠ 0 with Cx ≤ 0. Reference: Berman and Plemmons (1994), chapter 6.
     """
     M = rationals(C)
-    n = len(M)
-    failed = eliminate(M, range(n))
-    if failed is None:
-        return True, None
-    x = [Fraction(0)] * n
-    x[failed] = Fraction(1)
-    substitute_back(M, range(failed), x)
-    return False, x
+    failed = eliminate(M, range(len(M)))
+    return (True, None) if failed is None else (False, substitute_back(M, failed, {failed: 1}))
 
 
 def curvature(S: Any) -> tuple[bool, bool, list[Fraction] | None]:
@@ -86,25 +80,17 @@ def curvature(S: Any) -> tuple[bool, bool, list[Fraction] | None]:
     M = S if isinstance(S, list) else rationals(S)
     n, flat = len(M), None
     for k in range(n):
-        x = [Fraction(0)] * n
-        x[k] = Fraction(1)
-        partner = next((j for j in range(k + 1, n) if M[k][j]), None)
-        if M[k][k] < 0 or (M[k][k] == 0 and partner is not None):
-            if M[k][k] == 0 and partner is not None:  # along x_k the form is linear where x_partner = 1
-                x[partner] = Fraction(1)
-                x[k] = -(M[partner][partner] + 1) / (2 * M[k][partner])
-            substitute_back(M, range(k), x)
-            return False, False, x
-        if M[k][k] == 0:
-            flat = k if flat is None else flat
-        else:
+        if M[k][k] < 0:
+            return False, False, substitute_back(M, k, {k: 1})
+        if M[k][k] > 0:
             subtract_row(M, k, range(k + 1, n))
-    if flat is None:
-        return True, True, None
-    x = [Fraction(0)] * n
-    x[flat] = Fraction(1)
-    substitute_back(M, range(flat), x)
-    return True, False, x
+        elif (partner := next((j for j in range(k + 1, n) if M[k][j]), None)) is not None:
+            # along x_k the form is linear where x_partner = 1
+            along = {partner: 1, k: -(M[partner][partner] + 1) / (2 * M[k][partner])}
+            return False, False, substitute_back(M, k, along)
+        elif flat is None:
+            flat = k
+    return (True, True, None) if flat is None else (True, False, substitute_back(M, flat, {flat: 1}))
 
 
 def nearest(x: Fraction | float) -> float:
@@ -116,10 +102,7 @@ def nearest(x: Fraction | float) -> float:
 
 
 def as_witness(x: list[Fraction], proves: Any) -> Vector:
-    """`x` in floats if they prove what x proves, else as an array of fractions.
-
-    Parameters: `proves` takes a list of fractions and says whether they do.
-    """
+    """`x` in floats if they prove what x proves, as `proves` says of a list of fractions, else in fractions."""
     largest = max(abs(entry) for entry in x)
     floats = np.array([float(entry / largest) for entry in x])
     return floats if proves([Fraction(entry) for entry in floats]) else np.array(x, dtype=object)

@@ -30,8 +30,7 @@ def lower(matrix: sp.csr_array, v: Vector) -> Vector:
     """
     k = np.diff(matrix.indptr) + 2
     with np.errstate(over="ignore", invalid="ignore"):
-        result: Vector = matrix @ v - 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) - k * SMALLEST
-    return result
+        return np.asarray(matrix @ v - 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) - k * SMALLEST)
 
 
 def upper(matrix: sp.csr_array, v: Vector) -> Vector:
@@ -40,10 +39,7 @@ def upper(matrix: sp.csr_array, v: Vector) -> Vector:
 
 
 def at_most(x: float, digits: int = 3, below: float = math.inf) -> str:
-    """`x` as text that is never below it, for sentences that say "at most": `digits` digits, rounded upwards.
-
-    More digits where those would reach `below`, which `x` does not.
-    """
+    """`x` as text, rounded upwards to `digits` digits, or more where those would reach `below`, which `x` does not."""
     if not math.isfinite(x):
         return f"{x:g}"
     exact = Context(prec=digits, rounding=ROUND_CEILING).create_decimal(Decimal(float(x)))

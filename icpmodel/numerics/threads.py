@@ -22,10 +22,7 @@ def cores() -> int:
 
 
 def in_parts(size: int, parts: int, work: OfRows) -> list[Any]:
-    """`work(low, high)` on `parts` pieces of range(`size`) at once: the first here, each other in a thread of its own.
-
-    Returns what it returned, in order.
-    """
+    """What `work(low, high)` returns for `parts` pieces of range(`size`): the first here, the others in threads."""
     cuts = [size * i // parts for i in range(parts + 1)]
     if parts == 1:
         return [work(0, size)]
@@ -44,8 +41,7 @@ def one_behind_the_other(
 ) -> None:
     """`first(low, high)` over range(`size`), then `second`, which asks for nothing that is `lag` or more ahead of it.
 
-    With more than one of the `threads` the second follows in one of its own, a `chunk` of rows behind what the first
-    has done.
+    With more than one of the `threads` the second follows in one of its own, a `chunk` of rows behind.
     """
     if threads == 1 or lag > chunk:
         first(0, size)

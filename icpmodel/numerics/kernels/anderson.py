@@ -44,9 +44,7 @@ def combine(F, G, known, newest, weight, least, out):
                 for i in range(size):
                     total += weighted[i] * one[i]
                 products[j, k] += total
-    for j in range(last):
-        for k in range(j):
-            products[k, j] = products[j, k]
+    products += np.tril(products, -1).T
     if not _solve(products, right, last, least, gamma):
         return False
     for start in range(0, n, _BLOCK):
@@ -67,10 +65,7 @@ def _solve(products, right, known, least, gamma):
     scale, S = np.sqrt(np.diag(products)), np.empty((known, known + 1))
     if not (np.all(scale > 0.0) and np.all(scale < np.inf) and np.all(np.abs(right) < np.inf)):
         return False
-    for j in range(known):
-        for k in range(known):
-            S[j, k] = products[j, k] / scale[j] / scale[k]
-        S[j, known] = right[j] / scale[j]
+    S[:, :known], S[:, known] = products / scale.reshape(-1, 1) / scale, right / scale
     order = np.arange(known)
     used = known
     for step in range(known):

@@ -28,8 +28,8 @@ def _to_means(size, c, r):
 
 
 @compiled
-def _exponents(M):
-    # exponents (r, c) such that the 2^(r_i + c_j) m_ij are near 1: geometric means of rows and columns in turn, where
+def scale(M):
+    # (S, r, c) with s_ij = 2^(r_i + c_j) m_ij near 1: geometric means of rows and columns in turn, where
     # the largest entries of rows or columns differ much; else all are divided by the largest of all. (Entries that are
     # small in their row and in their column are no reason: those of an inverse fade with the distance, and units in
     # which they do not would make q grow as fast.)
@@ -46,19 +46,8 @@ def _exponents(M):
     low = min(np.where(rows > _NONE, rows, high).min(), np.where(columns > _NONE, columns, high).min())
     if high - low <= 2 * _TAME:
         r[:] = -high if high > _NONE else 0
-        return r, c
-    for _ in range(_PASSES):
-        if max(_to_means(size, c, r), _to_means(size.T, r, c)) <= 1:
-            break
-    return r, c
-
-
-@compiled
-def scale(M):
-    # (S, r, c) with S the matrix in these units
-    r, c = _exponents(M)
-    S = np.empty_like(M)
-    for i in range(M.shape[0]):
-        for j in range(M.shape[0]):
-            S[i, j] = math.ldexp(M[i, j], r[i] + c[j])
-    return S, r, c
+    else:
+        for _ in range(_PASSES):
+            if max(_to_means(size, c, r), _to_means(size.T, r, c)) <= 1:
+                break
+    return np.ldexp(M, r.reshape(-1, 1) + c), r, c

@@ -46,11 +46,9 @@ def stages(indptr, indices, part, rows, starts, core):
 @compiled
 def spread(indptr, indices, chosen, seeds, most):
     # `chosen` with the `seeds` and, in layers around these, up to so many more: columns that rows have entries in
-    chosen, queue, at, end = chosen | seeds, np.empty(chosen.size, np.int32), 0, 0
-    for i in range(chosen.size):
-        if seeds[i]:
-            queue[end] = i
-            end += 1
+    chosen, queue, first = chosen | seeds, np.empty(chosen.size, np.int32), np.flatnonzero(seeds)
+    at, end = 0, first.size
+    queue[:end] = first
     most += end
     while at < end <= most:
         layer = end
@@ -69,10 +67,8 @@ def spread(indptr, indices, chosen, seeds, most):
 @compiled
 def cut(indptr, indices, data, q, rows, z):
     # A and q in the unknowns `rows` alone, these ascending, all others being what they are in z
-    place, m, entries = np.full(z.size, -1, indices.dtype), rows.size, 0
-    for t in range(m):
-        place[rows[t]] = t
-        entries += indptr[rows[t] + 1] - indptr[rows[t]]
+    place, m = np.full(z.size, -1, indices.dtype), rows.size
+    place[rows], entries = np.arange(m), np.sum(indptr[rows + 1] - indptr[rows])
     starts, columns, values = np.empty(m + 1, indptr.dtype), np.empty(entries, indices.dtype), np.empty(entries)
     inside, at = np.empty(m), 0
     for t in range(m):
@@ -93,16 +89,9 @@ def cut(indptr, indices, data, q, rows, z):
 @compiled
 def layers(indptr, indices, data, first):
     # breadth-first layers along the stored nonzeros j -> indices of row j; layer -1: not reached
-    n = first.size
-    layer = np.full(n, -1, np.int64)
-    order = np.empty(n, np.int64)
-    filled = 0
-    for i in range(n):
-        if first[i]:
-            layer[i] = 0
-            order[filled] = i
-            filled += 1
-    at = 0
+    layer, order, start = np.where(first, 0, -1), np.empty(first.size, np.int64), np.flatnonzero(first)
+    at, filled = 0, start.size
+    order[:filled] = start
     while at < filled:
         j = order[at]
         at += 1
@@ -120,8 +109,7 @@ def layer_increments(indptr, indices, data, surplus, layer, order):
     # g with f(k) = g_0 + ... + g_k and <A>f(layer) >= D1; the data is that of <A>, `surplus` is D^-1<A>1, and
     # above[k] = f(deepest) - f(k)
     deepest = layer[order[-1]]
-    g = np.zeros(deepest + 1)
-    above = np.zeros(deepest + 2)
+    g, above = np.zeros(deepest + 1), np.zeros(deepest + 2)
     for at in range(order.size - 1, -1, -1):
         i = order[at]
         k = layer[i]

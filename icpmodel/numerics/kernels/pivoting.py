@@ -111,7 +111,7 @@ def eliminate_free(D, free, basic, nonbasic, place):
 
 @compiled
 def start(S, q, free, D, basic, nonbasic, place):
-    # the first dictionary; returns the label of the variable that is to enter, or -1 - code where the run has ended
+    # the first dictionary; returns how the run ended, and the label of the variable that is to enter
     n = S.shape[0]
     for i in range(n):
         for j in range(n):
@@ -120,16 +120,16 @@ def start(S, q, free, D, basic, nonbasic, place):
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
     nonbasic[n], place[2 * n] = 2 * n, -1 - n
     if not eliminate_free(D, free, basic, nonbasic, place):
-        return -1 - SINGULAR
+        return SINGULAR, -1
     row = -1
     for i in range(n):  # the last of equal ones is the lexicographically least
         if basic[i] < n and D[i, n + 1] < 0.0 and (row < 0 or D[i, n + 1] <= D[row, n + 1]):
             row = i
     if row < 0:
-        return -1 - SOLVED
+        return SOLVED, -1
     entering = n + basic[row]
     exchange(D, row, n, basic, nonbasic, place)
-    return entering
+    return UNFINISHED, entering
 
 
 @compiled
@@ -183,8 +183,7 @@ def go_on(S, f, free, units, D, labels, work, entering, limit):
     place, ties = labels[2 * n + 1 : 4 * n + 2], labels[4 * n + 2 :]
     code = UNFINISHED
     if entering < 0:
-        entering = start(S, f, free, D, basic, nonbasic, place)
-        code = -1 - entering if entering < 0 else UNFINISHED
+        code, entering = start(S, f, free, D, basic, nonbasic, place)
     if code == UNFINISHED:
         code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
     y, ray = np.zeros(n), np.zeros(n)
@@ -210,8 +209,7 @@ def right(q, r, c, f, units):
             size = max(size, math.frexp(q[i])[1] + r[i])
     size = size if size > -5000 else 0
     for i in range(q.size):
-        f[i] = math.ldexp(q[i], r[i] - size)
-        units[i] = c[i] + size
+        f[i], units[i] = math.ldexp(q[i], r[i] - size), c[i] + size
 
 
 @compiled

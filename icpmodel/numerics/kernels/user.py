@@ -15,11 +15,7 @@ import numpy as np
 @lru_cache(maxsize=64)
 def sweep_with(kernel, f):
     """(before, c, after, z, out) ↦ kernel(*before, (c, f), *after, z, out), for ψ_i(z) = f(z_i) + c_i."""
-
-    def sweep(before, c, after, z, out):
-        return kernel(*before, (c, f), *after, z, out)
-
-    return numba.njit(sweep, nogil=True)
+    return numba.njit(lambda before, c, after, z, out: kernel(*before, (c, f), *after, z, out), nogil=True)
 
 
 @lru_cache(maxsize=64)

@@ -131,10 +131,7 @@ def bound_of_change(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vecto
 
 
 class Proofs:
-    """The classes of A, and the proofs of uniqueness for A and ψ, each made when it is first asked for.
-
-    Each is a `Proof`, or the reason why there is none. Problems of one A and ψ share them.
-    """
+    """The classes of A, and each proof of uniqueness for A and ψ, or why there is none, made when it is asked for."""
 
     def __init__(self, matrix: Matrix, psi: Map) -> None:
         self.matrix, self.psi = matrix, psi

@@ -122,8 +122,7 @@ def _split(p: Vector, r: Vector, balance: np.ndarray) -> tuple[Vector, Vector]:
 def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     """λ by factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds."""
     A, n = matrix.sparse, matrix.n
-    positive = positive_diagonal(A)
-    if not positive.holds:
+    if not (positive := positive_diagonal(A)).holds:
         return f"A is not positive definite: {positive.reason}"
     if psi.lipschitz is None:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
@@ -159,8 +158,8 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
         reach = f"the eigenvalues of |A|'G are at most {at_most(kappa)}, those of A at least {at_least(smallest)}"
         return f"psi is too steep: {reach}"
     sentence = f"{name} is positive definite (the symmetric part, its diagonal scaled to 1, is >= {at_least(smallest)})"
-    transposed = (At, sp.csr_array(B.T), sp.csr_array(L.T))
-    return DefiniteProof(sentence, smallest, gap, exponent, *transposed, H, slack, lu.solve)
+    Bt, Lt = sp.csr_array(B.T), sp.csr_array(L.T)
+    return DefiniteProof(sentence, smallest, gap, exponent, At, Bt, Lt, H, slack, lu.solve)
 
 
 def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:

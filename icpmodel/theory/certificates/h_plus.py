@@ -59,8 +59,7 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     grows from choice to choice (Howard's policy iteration). The signs of α and β are checked, rounding included.
     """
     A, G = matrix.sparse, psi.lipschitz
-    positive = positive_diagonal(A)
-    if not positive.holds:
+    if not (positive := positive_diagonal(A)).holds:
         return f"A is not an H+-matrix: {positive.reason}"
     if G is None:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
@@ -81,10 +80,7 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
 
 
 def _candidates(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """Vectors that may serve A, then such that may serve A and ψ, then the same in the units that A and ψ have.
-
-    In other units ⟨A⟩v may drown in its rounding error.
-    """
+    """Vectors that may serve A, then A and ψ, then in natural units: in others ⟨A⟩v may drown in its rounding error."""
     yield from scaling_vectors(comparison)
     diagonal = comparison.diagonal()
     if (diagonal < np.finfo(np.float64).tiny).any():

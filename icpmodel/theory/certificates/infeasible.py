@@ -49,11 +49,12 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> A
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
     if not problem.is_lcp or not np.isfinite(y).all() or not y.any():
         return unknown
+    sure = known or Known(np.full(problem.n, -np.inf), np.full(problem.n, np.inf), "")
     free = np.isneginf(problem.facts.obstacle)
     y = y / np.abs(y).max()
     y = np.where((y > _ZERO) | (free & (y < -_ZERO)), y, 0.0)
-    for found in _tried(problem, y, np.flatnonzero((y != 0) | free), known):
-        exact = _contradiction(problem, free, found, known)
+    for found in _tried(problem, y, np.flatnonzero((y != 0) | free), sure):
+        exact = _contradiction(problem, free, found, sure)
         if exact is not None:
             break
     else:
@@ -69,11 +70,11 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> A
         proved = f"{np.count_nonzero(np.isfinite(known.high))} unknowns are proved to be what they are ({known.proof})"
         then = f"{proved}, and then (Az + q)'y <= {number:.3g}, {sign}, {where}"
         reason = f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {then}"
-    y = as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x)), known) is not None)
+    y = as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x)), sure) is not None)
     return Answer(True, reason, y, number)
 
 
-def _tried(problem: ProblemData, y: Vector, support: np.ndarray, known: Known | None) -> Iterator[Combination]:
+def _tried(problem: ProblemData, y: Vector, support: np.ndarray, known: Known) -> Iterator[Combination]:
     yield {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
     yield {int(i): Fraction(float(y[i])) for i in support}
     if support.size <= _RATIONAL:
@@ -106,7 +107,7 @@ def multipliers(problem: ProblemData) -> Vector | None:
     return np.asarray(found.x[:-1]) if found.status == 0 and load @ found.x[:-1] < 0 else None
 
 
-def _contradiction(problem: ProblemData, free: np.ndarray, y: Combination, known: Known | None) -> Fraction | None:
+def _contradiction(problem: ProblemData, free: np.ndarray, y: Combination, known: Known) -> Fraction | None:
     """(q + Ac)ᵀy where it is negative and y has the right signs, in exact arithmetic; else None."""
     A, c = problem.A, problem.facts.obstacle
     columns: dict[int, Fraction] = {}
@@ -120,23 +121,20 @@ def _contradiction(problem: ProblemData, free: np.ndarray, y: Combination, known
                 j = int(A.indices[k])
                 columns[j] = columns.get(j, Fraction(0)) + weight * Fraction(float(A.data[k]))
     for j, entry in columns.items():
-        end = np.nan if known is None else float(known.high[j] if entry > 0 else known.low[j])
-        if entry and not np.isfinite(end):
-            if entry > 0 or free[j]:
-                return None
-            end = float(c[j])
+        end = float(known.high[j] if entry > 0 else known.low[j])
+        if not np.isfinite(end) and (entry > 0 or (entry and free[j])):
+            return None
         if entry:
-            total += entry * Fraction(end)
+            total += entry * Fraction(end if np.isfinite(end) else float(c[j]))
     return total if total < 0 else None
 
 
-def _exact(problem: ProblemData, support: np.ndarray, y: Vector, known: Known | None) -> Combination:
+def _exact(problem: ProblemData, support: np.ndarray, y: Vector, known: Known) -> Combination:
     """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or must be; x_i left open is y_i."""
     with np.errstate(over="ignore", invalid="ignore"):
         tight = np.abs(problem.A.T @ y) <= _ZERO * (problem.matrix.absolute.T @ np.abs(y))
     tight[support] = True
-    if known is not None:
-        tight &= ~np.isfinite(known.high)
+    tight &= ~np.isfinite(known.high)
     rows = [row for row in rationals(problem.A[support][:, tight].T) if any(row)]
     x = [Fraction(float(y[i])) for i in support]
     done: list[int] = []

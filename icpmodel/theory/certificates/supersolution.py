@@ -80,17 +80,16 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
     A, psi = problem.A, problem.psi
     if not isinstance(psi, Intervention) or psi.best != "max":
         return 'psi is no best jump (an Intervention with best="max"), for which supersolutions are sought'
-    found = z_matrix(A)
-    if not found.holds:
+    if not (found := z_matrix(A)).holds:
         return f"A is no Z-matrix: {found.reason}"
-    positive, diagonal = positive_diagonal(A), A.diagonal()
-    if not positive.holds:
+    if not (positive := positive_diagonal(A)).holds:
         return f"A is not a nonsingular M-matrix: {positive.reason}"
     negative = np.flatnonzero(row_sum_signs(A) < 0)
     if negative.size:
         i = int(negative[0])
         total = nearest(exact_sum(A.data[A.indptr[i] : A.indptr[i + 1]]))
         return f"A1 >= 0 is needed: row {i} of A has the sum {total:.3g}"
+    diagonal = A.diagonal()
     unit = sp.csr_array(sp.diags_array(1.0 / diagonal) @ A)
     ones, lu = np.ones(problem.n), factorise(unit)
     v = None if lu is None else lu.solve(ones)

@@ -135,8 +135,7 @@ def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap |
         return "it is about AOR splittings only"
     B, factor = off_diagonal(step.A), theta_factor(theta)
     if as_printed:
-        reason = _not_as_printed(step)
-        if reason:
+        if reason := _not_as_printed(step):
             return reason
         phi2_G = sp.diags_array(step.phi1 * step.omega) @ step.G
         return _plain(factor * (sp.diags_array(1.0 / step.D) @ B + phi2_G), np.ones(step.n), 1.0 / factor)
@@ -149,8 +148,7 @@ def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap |
 
 def theorem_44(step: StepMatrices) -> MonotoneMap | str:
     """v ↦ m̂⁻¹(off(|M̂|) + |N̂| + (D − Ω)⁺ + ΩG)v, or which diagonal is not positive."""
-    positive = positive_diagonal(step.A)
-    if not positive.holds:
+    if not (positive := positive_diagonal(step.A)).holds:
         return positive.reason
     F = off_diagonal(step.M) + abs(step.N) + step.short + step.omega_G
     return _jacobi(step, "the diagonal of M1 + phi", step.M.diagonal(), F)
@@ -162,8 +160,7 @@ def printed_42(step: StepMatrices) -> MonotoneMap | str:
     g_ii ≤ (|n_ii + φ_ii| − n_ii − |φ_ii|)/2ω_ii and g_ij ≤ (|m_ij| + |n_ij| − |a_ij|)/2ω_ii (φ₁ cancels), read up to
     rounding.
     """
-    reason = _not_as_printed(step)
-    if reason:
+    if reason := _not_as_printed(step):
         return reason
     n1 = step.M1.diagonal() - step.D
     N1 = sp.csr_array(step.M1 - step.A)
@@ -202,8 +199,7 @@ def printed_44(step: StepMatrices) -> MonotoneMap | str:
 
 def _not_as_printed(step: StepMatrices) -> str:
     """Which of D > 0 and φ₂ ≥ φ₁D, which 4.2 and 4.3 as printed ask for, does not hold; empty where both do."""
-    positive = positive_diagonal(step.A)
-    if not positive.holds:
+    if not (positive := positive_diagonal(step.A)).holds:
         return f"A is not an H+-matrix: {positive.reason}"
     return "" if (step.omega >= step.D * _EQUAL).all() else "phi2 >= phi1 D does not hold"
 

@@ -1,7 +1,4 @@
-"""|X⁻¹|w for w ≥ 0, and the spectral radius of monotone maps v ↦ |X⁻¹| max_k F_k v, both bounded from both sides.
-
-Rounding is included.
-"""
+"""Proved bounds, from both sides, on |X⁻¹|w for w ≥ 0 and the spectral radius of v ↦ |X⁻¹| max_k F_k v, all F_k ≥ 0."""
 
 from __future__ import annotations
 

@@ -30,8 +30,9 @@ class Rate(ABC):
     `sentence` is the theorem behind them, `norm` the norm in words.
 
     >>> from icpmodel import MNMJ
-    >>> rate = predicted_rate(ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ())
-    >>> round(rate.factor, 6), rate.v, rate.steps(ICP([[2, -1], [-1, 2]], [-2, -2]), [0.0, 0.0], 1e-3)
+    >>> problem = ICP([[2, -1], [-1, 2]], [-2, -2])
+    >>> rate = predicted_rate(problem, MNMJ())
+    >>> round(rate.factor, 6), rate.v, rate.steps(problem, [0.0, 0.0], 1e-3)
     (0.5, array([1., 1.]), 11)
     """
 
@@ -79,8 +80,7 @@ class Rate(ABC):
         """After so many steps |zᵏ − z*| ≤ `accuracy` in every entry, whatever z* is; None where no number is known.
 
         Parameters: `problem` and `z0` as in `distance`; `accuracy` a positive number or vector of shape (n,), in the
-        units of z. Rounding in the run itself limits what accuracy can be had at all.
-        Raises InputError where the accuracy is not positive.
+        units of z; rounding in the run itself limits what can be had. Raises InputError where it is not positive.
         """
         if np.ndim(accuracy) == 0:
             accuracy = as_number(accuracy, "accuracy", above=0)

@@ -53,8 +53,7 @@ DEFINITE = (
 
 def monotone(step: StepMatrices) -> Answer:
     """Whether the step is isotone; X ≥ 2D and X ≥ 2Ω are read up to the rounding of φ and Ω."""
-    found = z_matrix(step.A)
-    if not found.holds:
+    if not (found := z_matrix(step.A)).holds:
         return Answer(False, f"A is not a Z-matrix: {found.reason}")
     if step.M1.data[step.M1.indices != row_of(step.M1)].any():
         return Answer(False, "M1 is not diagonal")

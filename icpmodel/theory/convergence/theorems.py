@@ -111,10 +111,7 @@ def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
 
 
 def _starts(step: StepMatrices) -> Iterator[Vector]:
-    """The vectors that served before, v = 1, the certificate's v and, for small n, balanced units.
-
-    These are units of z in which rows and columns of D⁻¹·size have like norms: Osborne, J. ACM 7 (1960).
-    """
+    """The v that served before, v = 1, the certificate's v, for small n balanced units: Osborne, J. ACM 7 (1960)."""
     yield from reversed(step.vectors)
     yield np.ones(step.n)
     proof = proofs_of(step.problem).h_plus

@@ -99,8 +99,7 @@ class MatrixClasses:
     @cached_property
     def h_plus(self) -> Answer:
         """H-matrix with positive diagonal. Witness of no: a row with a_ii ≤ 0, or x as for `h`."""
-        positive = positive_diagonal(self.A)
-        if not positive.holds:
+        if not (positive := positive_diagonal(self.A)).holds:
             return positive
         return Answer(self.h.holds, ("D > 0; " if self.h.holds else "") + self.h.reason, self.h.witness)
 
@@ -157,8 +156,7 @@ class MatrixClasses:
     @cached_property
     def p(self) -> Answer:
         """P-matrix: all principal minors are positive; see `p_matrix`. Witness of no: the indices of one ≤ 0."""
-        positive = positive_diagonal(self.A)
-        if not positive.holds:
+        if not (positive := positive_diagonal(self.A)).holds:
             return Answer(False, positive.reason, np.array([positive.witness]))
         if self.h_plus.holds:
             return Answer(True, "H+-matrix")

@@ -54,10 +54,7 @@ def positive_diagonal(A: sp.csr_array) -> Answer:
 
 
 def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """Candidates v > 0 for ⟨A⟩v > 0 (to be checked), each with its name, cheapest first; D > 0.
-
-    The last is about ⟨A⟩⁻¹D1: ⟨A⟩v = D1 makes (D⁻¹⟨A⟩)v = 1, which no change of the units of p alters.
-    """
+    """Candidates v > 0 for ⟨A⟩v > 0, to be checked, each with its name, cheapest first; D > 0."""
     n = comparison.shape[0]
     yield "v = 1", np.ones(n)
     if n > _FACTORISE_FIRST and (v := layered(comparison)) is not None:
@@ -68,7 +65,7 @@ def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
 
 
 def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
-    """v with Mv ≈ D1, D the diagonal of the Z-matrix M, of any sign; None where M or D is singular.
+    """v with Mv ≈ D1, D the diagonal of the Z-matrix M, of any sign, whatever the units of the rows; None if singular.
 
     Large M get a few Krylov steps with multigrid, which leave a residual of at most 1/2 in every row of D⁻¹M, and a
     factorisation where those do not give a v > 0 with Mv > 0.

@@ -80,12 +80,9 @@ def falling(S: sp.csr_array) -> Vector | None:
     from scipy.sparse.linalg import spsolve_triangular
 
     lu = factorise(S, diagonal_pivots=True)
-    if lu is None:
+    if lu is None or (pivots := lu.U.diagonal()).min() > 0:
         return None
-    pivots = lu.U.diagonal()
     k = int(np.argmin(pivots))
-    if pivots[k] > 0:
-        return None
     # L^T y = e_k gives y^T (P S P^T) y = pivot_k
     y = spsolve_triangular(sp.csr_array(lu.L.T), np.eye(1, S.shape[0], k)[0], lower=False)
     return np.asarray(y)[lu.perm_c]
