@@ -45,10 +45,12 @@ class ModulusMember(FixedPoint):
     #: members without these options have φ = 0 and numbers for all else
     phi: Any = 0.0
     theta1: Any = 1.0
+    splitting: Any
 
-    @abstractmethod
     def splitting_of(self) -> Splitting:
-        """The choice of M₁."""
+        """The choice of M₁: the option `splitting`, where there is one."""
+        splitting: Splitting = self.splitting
+        return splitting
 
     @abstractmethod
     def omega_of(self, problem: ProblemData) -> Vector:
@@ -119,10 +121,6 @@ class Modulus(FreeOmega):
         super().__post_init__()
         object.__setattr__(self, "splitting", as_splitting(self.splitting))
 
-    def splitting_of(self) -> Splitting:
-        splitting: Splitting = self.splitting
-        return splitting
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class NMMS(ModulusMember):
@@ -144,10 +142,6 @@ class NMMS(ModulusMember):
         object.__setattr__(self, "splitting", as_splitting(self.splitting))
         if self.omega is not None:
             check_diagonal(self, "omega")
-
-    def splitting_of(self) -> Splitting:
-        splitting: Splitting = self.splitting
-        return splitting
 
     def omega_of(self, problem: ProblemData) -> Vector:
         return problem.matrix.rows.diagonal if self.omega is None else as_diagonal(self.omega, problem.n, "omega")

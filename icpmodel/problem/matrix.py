@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector, as_csr, as_square, freeze
 from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
@@ -154,7 +153,3 @@ class Matrix:
             return diagonal
         largest = np.asarray(self.absolute.max(axis=1).toarray()).reshape(-1)
         return np.where(diagonal > 0, diagonal, np.where(largest > 0, largest, 1.0))
-
-
-#: which entries of a vector are meant
-Indices = NDArray[np.intp]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -24,18 +25,6 @@ from .solution import History, Solution, Status
 #: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it, and for the second
 #: one where more would do
 _LEAST_AIM, _MOST_AIM = 1e-14, 0.5
-_OPTIONS = (
-    "z0",
-    "rtol",
-    "atol",
-    "accuracy",
-    "max_iter",
-    "time_limit",
-    "callback",
-    "history",
-    "progress",
-    "raise_on_failure",
-)
 
 
 def solve(
@@ -108,10 +97,11 @@ def solve(
 def _candidates(
     problem: ProblemData, method: str | Method | None, options: dict[str, Any], aim: float
 ) -> Iterator[Candidate]:
+    own = ", ".join(list(inspect.signature(solve).parameters)[2:-1]) if options else ""
     if method is None:
         if options:
             raise InputError(
-                f"solve has no option {next(iter(options))}; it takes {', '.join(_OPTIONS)}, "
+                f"solve has no option {next(iter(options))}; it takes {own}, "
                 "and the options of a method only where one is named"
             )
         return candidates(problem, aim)
@@ -122,7 +112,7 @@ def _candidates(
         try:
             method = named(method, **options)
         except InputError as error:
-            more = f"; solve itself takes {', '.join(_OPTIONS)}" if "has no option" in str(error) else ""
+            more = f"; solve itself takes {own}" if "has no option" in str(error) else ""
             raise InputError(f"{error}{more}") from None
     why_not = method.why_not(problem)
     if why_not is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from ..algebra.subproblems import Rows
@@ -27,8 +29,10 @@ class Part:
     def __init__(self, problem: ProblemData, rows: Rows, z: Vector, aim: float) -> None:
         self.problem, self.rows = problem, rows
         start = z[rows]
-        at_start, scale = problem.residual(start), _scale(problem)
-        scale = max(scale, at_start if at_start < np.inf else 0.0)
+        known = [at_start := problem.residual(start)]
+        with suppress(MapError):
+            known.append(problem.residual_at_0())
+        scale = max((x for x in known if x < np.inf), default=0.0)
         self.run = Run(problem, start, at_start, Goal(0.0), aim=aim, scale=scale)
         self.steps = self.run.steps(choose(problem, aim))
         self.over = False
@@ -47,15 +51,6 @@ class Part:
     def step(self) -> None:
         """One step; `over` where none is left."""
         self.over = next(self.steps, self) is self
-
-
-def _scale(problem: ProblemData) -> float:
-    """Res(0), or 0 where it is not finite."""
-    try:
-        at_0 = problem.residual_at_0()
-    except MapError:
-        return 0.0
-    return at_0 if at_0 < np.inf else 0.0
 
 
 def together(parts: list[Part]) -> float:

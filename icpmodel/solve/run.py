@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,7 @@ class Best:
     settled: Method
 
 
+@dataclass(eq=False)
 class Run:
     """Candidates tried on a problem, one after the other, until one ends for a reason that no other would change.
 
@@ -53,30 +54,24 @@ class Run:
     `steps` is the loop; afterwards `ended` says why it ended, `best` what it found, `tried` who did how.
     """
 
-    def __init__(
-        self,
-        problem: ProblemData,
-        start: Vector,
-        at_start: float,
-        goal: Goal,
-        *,
-        aim: float,
-        scale: float,
-        restart: Vector | None = None,
-        max_iter: float = np.inf,
-        time_limit: float | None = None,
-        callback: Callable[[Progress], Any] | None = None,
-        history: bool = False,
-        progress: bool = False,
-        clock: float | None = None,
-    ) -> None:
-        self.clock = time.perf_counter() if clock is None else clock
-        self.problem, self.start, self.at_start, self.goal = problem, start, at_start, goal
-        self.aim, self.scale, self.restart = aim, scale, start if restart is None else restart
-        self.max_iter, self.time_limit = max_iter, time_limit
-        self.callback, self.progress = callback, progress
-        self.records: list[tuple[int, float, float]] | None = [] if history else None
-        self.current, self.iteration = start, 0
+    problem: ProblemData
+    start: Vector
+    at_start: float
+    goal: Goal
+    _: KW_ONLY
+    aim: float
+    scale: float
+    restart: Vector | None = None
+    max_iter: float = np.inf
+    time_limit: float | None = None
+    callback: Callable[[Progress], Any] | None = None
+    history: bool = False
+    progress: bool = False
+    clock: float = field(default_factory=time.perf_counter)
+
+    def __post_init__(self) -> None:
+        self.records: list[tuple[int, float, float]] | None = [] if self.history else None
+        self.current, self.iteration = self.start, 0
         self.path: Iterator[Iterate] = iter(())
         self.best: Best | None = None
         self.tried: list[tuple[Candidate, str]] = []
@@ -90,7 +85,7 @@ class Run:
         upcoming, begin, gave_way = Upcoming(candidates), self.start, False
         while (candidate := upcoming.take(self.ended.note if gave_way else "")) is not None:
             if not gave_way:
-                begin = self.restart if self.tried else self.start
+                begin = self.start if self.restart is None or not self.tried else self.restart
             elif candidate.goes_on and self.best is not None:
                 begin = self.best.z
             began = yield from self._one(candidate, begin, upcoming)

@@ -67,8 +67,6 @@ def assert_same_map(psi, expected, m, seed=1):
 @pytest.mark.parametrize("n", [3, 40, 300])
 @pytest.mark.parametrize("method", [None, "newton", "josephy", "mnmgs", "psor", "accelerated", "mms"])
 def test_it_is_solved_like_any_other(method, n):
-    if method == "josephy" and n > 64:
-        pytest.skip("pivots of a few hundred rows take a while")
     ours, other = problem(n, Wave()), problem(n, twin(n))
     solution = ours.solve(method, rtol=1e-10)
     assert solution.z == pytest.approx(other.solve("mnmj", rtol=1e-11).z, abs=1e-7)
