@@ -235,7 +235,7 @@ def test_sizes_and_scenes_are_checked():
         dispatch(["membrane"], 9)
     row = dispatch(["dividend"], [10]).rows[0]
     assert row[:2] == ("dividend", 10)
-    assert "at least 31" in row[-1]
+    assert ">= 31" in row[-1]
 
 
 def test_a_table_goes_through_csv_without_loss():

@@ -120,7 +120,7 @@ def test_crosscheck_of_an_unsolved_problem_asks_nobody(capsys):
 def test_a_disagreement_at_the_smaller_size_counts():
     report = icp.scenes.hand_lcp().problem.crosscheck(solvers=["osqp"])
     disagrees = replace(report, rows=tuple(replace(row, verdict=Verdict.DISAGREES) for row in report.rows))
-    nobody = replace(report, rows=(Row.skipped("osqp", "too large"),))
+    nobody = replace(report, rows=(Row("osqp", "", Verdict.SKIPPED, note="too large"),))
     assert confirmed([report])
     assert confirmed([report, report, nobody])
     assert not confirmed([])
@@ -130,7 +130,7 @@ def test_a_disagreement_at_the_smaller_size_counts():
 
 
 def test_the_smaller_size_is_the_largest_that_the_solver_takes():
-    skipped = SimpleNamespace(rows=[Row.skipped("pyomo-highs", "too large")])
+    skipped = SimpleNamespace(rows=[Row("pyomo-highs", "", Verdict.SKIPPED, note="too large")])
     found = at_their_size(icp.scenes.bearing(n=300), skipped, {})
     assert [(problem.n, asked) for problem, asked in found] == [(250, ("pyomo-highs",))]
 
