@@ -56,12 +56,13 @@ class _TerminalBar(Bar):
         self.progress.update(self.task, completed=min(max(share, 0.0), 1.0), text=text)  # type: ignore[attr-defined]
 
 
-@contextlib.contextmanager
-def progress_bar(wanted: bool, title: str) -> Iterator[Bar]:
+def progress_bar(wanted: bool, title: str) -> contextlib.AbstractContextManager[Bar]:
     """A `Bar` for one run: a visible one if `wanted` and standard error is a terminal."""
-    if not wanted or not sys.stderr.isatty():
-        yield Bar()
-        return
+    return _terminal_bar(title) if wanted and sys.stderr.isatty() else contextlib.nullcontext(Bar())
+
+
+@contextlib.contextmanager
+def _terminal_bar(title: str) -> Iterator[Bar]:
     from rich.console import Console
     from rich.markup import escape
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn

@@ -123,7 +123,7 @@ class Run:
         stalled = Stalled(candidate.method.memoryless, candidate.patience or longest, self.at_floor)
         k, expected, first = self.iteration, None, np.nan
         # a generator is told how many more iterates are expected to be asked for
-        ask = path.send if isinstance(path, Generator) else lambda expected: next(path)
+        ask: Callable[[float | None], Iterate] = getattr(path, "send", lambda expected: next(path))
         while True:
             try:
                 z, hint = ask(expected)
@@ -165,7 +165,8 @@ class Run:
         if self.callback is not None and self.callback(_state(k, z, residual, seconds)):
             return Ended(Status.STOPPED, "by the callback")
         if self.goal.reached(z, residual):
-            self.best = self.found(z, residual)
+            if self.best is None or self.best.z is not z:
+                self.best = self.found(z, residual)
             return Ended(Status.SOLVED, "")
         if not residual < np.inf or residual > _BLOW_UP * max(first, self.goal.tolerance):
             if fault := fault_of_psi(self.problem, z):
