@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..algebra.relaxation import best_omega
+from ..errors import IcpError
 from ..icp import ICP
 from ..methods.aor import overrelaxed
 from ..methods.contract import Method, named
@@ -55,6 +56,8 @@ class Competitor(ABC):
     kind: str
     name: str
     ladder: tuple[float, ...] = (RTOL,)
+    #: what may be raised and is then its claim; anything else is an error of ours
+    raises: tuple[type[Exception], ...] = (IcpError, MemoryError)
 
     def why_not(self, case: Case) -> str | None:
         """Why it cannot take `case`, or None."""
@@ -69,7 +72,7 @@ class Competitor(ABC):
         begin = time.perf_counter()
         try:
             return self.attempt(case, tolerance, time_limit)
-        except Exception as error:  # whatever foreign code may raise is what it says
+        except self.raises as error:
             return Claim(None, f"{type(error).__name__}: {error}", False, time.perf_counter() - begin)
 
     @abstractmethod
@@ -108,6 +111,7 @@ class Foreign(Competitor):
     """A foreign `solver`. Its QP is made before the clock starts, turning that into its own format is its own time."""
 
     kind = "peer"
+    raises = (IcpError, MemoryError, TypeError, ValueError)
 
     def __init__(self, solver: ForeignSolver) -> None:
         self.name, self.solver, self.ladder = solver.name, solver, solver.ladder
@@ -132,6 +136,7 @@ class Limit(Competitor):
     """One linear solve with A, `solve`(A, b) to ‖Ax − b‖ ≤ 1e-8‖b‖ or as rounding allows: what bounds every method."""
 
     kind = "limit"
+    raises = (MemoryError, RuntimeError, ValueError, np.linalg.LinAlgError)
 
     def __init__(self, name: str, solve: Callable[[Any, Vector], Vector]) -> None:
         self.name, self.solve = name, solve
