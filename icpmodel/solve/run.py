@@ -139,8 +139,10 @@ class Run:
             if self.best is None or residual < self.best.residual:
                 self.best = self.found(z, residual)
             ended = self._test(z, residual, seconds, first) or stalled.look(z, residual) or self._limit(seconds)
-            expected = watched.expected(residual)
-            if ended := ended or watched.gives_way(expected, upcoming):
+            if ended is None:
+                expected = watched.expected(residual)
+                ended = watched.gives_way(expected, upcoming)
+            if ended is not None:
                 return ended
             yield
             k += 1
