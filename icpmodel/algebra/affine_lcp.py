@@ -61,10 +61,10 @@ class AffineLcp:
 
 def dense_lcp(problem: ProblemData) -> AffineLcp:
     """The LCP behind `problem`, where ψ is affine or amounts to a fixed obstacle. Raises SingularOperator, MapError."""
-    if problem.psi.is_constant or problem.psi.linear is None:
+    if problem.psi.linear is None:
         return AffineLcp(problem.dense(), problem.q, problem.facts.obstacle)
     G, c = problem.psi.linear
-    return AffineLcp(problem.dense(), problem.q, c, G.toarray())
+    return AffineLcp(problem.dense(), problem.q, c, None if problem.psi.is_constant else G.toarray())
 
 
 def _inverse(G: Matrix | Vector) -> Any:

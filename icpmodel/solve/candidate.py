@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,8 +54,7 @@ class Watch:
     rather: tuple[Candidate, float, int] | None = None
 
 
-@dataclass(frozen=True)
-class Ended:
+class Ended(NamedTuple):
     """Why a candidate ended; `gave_way`: the next one takes over, which may go on from where this one came to."""
 
     status: Status
