@@ -104,8 +104,7 @@ class MNMAOR(_Relaxing):
         return AdaptedOmega(omega, most=omega) if 1.0 < omega < RELAXED else AdaptedOmega(1.0)
 
     def _relaxed(self, problem: ProblemData, omega: float) -> MNMAOR:
-        theta1, phi2 = sor(problem, omega)
-        return MNMAOR(phi=self.phi, phi2=phi2, theta1=theta1, theta2=2.0 * theta1)
+        return overrelaxed(problem, omega, self.phi)
 
     def splitting_of(self) -> Splitting:
         return AOR(a_number(self.theta1), self.theta2)
@@ -175,10 +174,10 @@ class MNMJ(FreeOmega):
         return AOR(1.0, 0.0)
 
 
-def overrelaxed(problem: ProblemData, omega: float) -> MNMAOR:
+def overrelaxed(problem: ProblemData, omega: float, phi: Any = 0.0) -> MNMAOR:
     """MNMAOR with X = 2(D/ω − L) and Ω = (2 − ω)D: on the rows where p < Ωr it is successive overrelaxation.
 
     Parameters: `omega` in (0, 2). Reference: `algebra.relaxation`.
     """
     theta1, phi2 = sor(problem, omega)
-    return MNMAOR(theta1=theta1, theta2=2.0 * theta1, phi2=phi2)
+    return MNMAOR(phi=phi, phi2=phi2, theta1=theta1, theta2=2.0 * theta1)
