@@ -19,8 +19,8 @@ from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.choice import candidates
 from ..theory.answers import Answer
-from ..theory.certificates.bounds import ErrorBound, error_bound, listed
-from ..theory.matrices.classes import NAMES, MatrixClasses, classify
+from ..theory.certificates.bounds import ErrorBound, error_bound, listed, proofs_of
+from ..theory.matrices.classes import NAMES, MatrixClasses
 from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
 
 
@@ -207,7 +207,7 @@ def explain(
     if asked and not any(one.proved_by for one in forecasts):
         instead = next((one for one in forecasts_of(problem, members(problem), accuracy) if one.proved_by), None)
     bound = error_bound(problem, np.zeros(problem.n))
-    return Explanation(problem, classify(problem.A), bound, forecasts, picked, why, accuracy, asked, instead)
+    return Explanation(problem, proofs_of(problem).classes, bound, forecasts, picked, why, accuracy, asked, instead)
 
 
 def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:

@@ -15,8 +15,8 @@ from ..methods.modulus import ModulusMember
 from ..numerics.rounding import at_most
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
+from ..theory.certificates.bounds import proofs_of
 from ..theory.certificates.supersolution import SupersolutionProof
-from ..theory.certificates.supersolution import prove as supersolution_proof
 from ..theory.convergence.rates import Rate, predicted_rate
 from ..theory.convergence.theorems import Check, check_all
 from ..theory.matrices.classes import MatrixClasses
@@ -109,7 +109,7 @@ def members(problem: ProblemData) -> dict[str, Method]:
 
 def forecasts_of(problem: ProblemData, methods: dict[str, Method], accuracy: float) -> Iterator[Forecast]:
     """A forecast of each of the `methods` that is a member of the family and can start, made when it is asked for."""
-    supersolution = isinstance(supersolution_proof(problem), SupersolutionProof)
+    supersolution = isinstance(proofs_of(problem).supersolution(problem), SupersolutionProof)
     for title, one in methods.items():
         if isinstance(one, ModulusMember) and one.why_not(problem) is None:
             checks = check_all(problem, one)
