@@ -11,7 +11,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from ..errors import InputError
 from ..numerics.arrays import Vector, described
 from ..numerics.plugins import load_plugins
 from ..problem.data import ProblemData
+from ..problem.facts import Facts
 from ..theory.answers import Answer
 
 _REGISTRY: dict[str, type[Method]] = {}
@@ -39,6 +40,23 @@ class Infeasible(Exception):
         self.answer = answer
 
 
+class Estimate(NamedTuple):
+    """What a method expects to cost, in products with A: `setup`, then `steps` of `step` each; `memory` in bytes.
+
+    Memory is what it holds beyond the problem.
+    """
+
+    setup: float
+    step: float
+    steps: float
+    memory: float
+
+    @property
+    def total(self) -> float:
+        """The whole cost, in products with A."""
+        return self.setup + self.step * self.steps
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method(ABC):
     """An iterative method for ICP. Subclasses with options are frozen keyword-only dataclasses that check them; a
@@ -53,6 +71,9 @@ class Method(ABC):
     name: ClassVar[str] = ""
     #: whether zᵏ alone decides zᵏ⁺¹, so that an iterate that comes back proves a cycle
     memoryless: ClassVar[bool] = True
+    #: "paper" for the members that the paper prints, "modulus" for what grows out of the same equation, "shortcut" for
+    #: what solves small or narrow problems without it, "" for baselines
+    family: ClassVar[str] = ""
     #: which of its options are worth another try where it stagnates, cycles or diverges, for the advice to the user
     to_try: ClassVar[str] = ""
 
@@ -65,6 +86,13 @@ class Method(ABC):
 
         >>> icp.PSOR().why_not(ICP([[0.0]], [1.0]))
         'projected SOR divides by the diagonal of A, but A[0, 0] = 0'
+        """
+        return None
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate | None:
+        """What it expects to cost on a problem with these `facts` to come to the share `aim` of Res(0); None: unknown.
+
+        A method whose cost is unknown is never picked by `solve`; it can be named.
         """
         return None
 
