@@ -23,8 +23,6 @@ from .subproblems import Blocks, Mask, resting, with_fixed_obstacle
 #: more than this share of open rows is not worth the trouble, and more than the second one, before a sweep is made,
 #: not a closer look
 WORTH, _PROMISING = 0.6, 0.8
-#: from this size on it is worth to look for rows at rest
-_FROM = 10_000
 #: sweeps from below before the balance is drawn
 _SWEEPS = 5
 #: so many times the rows that the balance asks for are opened, at first and at each of so many later times
@@ -34,7 +32,7 @@ _FIRST_SLACK, _SLACK, _ROUNDS = 1.3, 4.0, 8
 def rows_at_rest(problem: ProblemData) -> Blocks | None:
     """The blocks that are left once rows that probably rest on a fixed obstacle are taken out; None for few of them."""
     A = problem.A
-    if problem.n < _FROM or not problem.facts.has_fixed_obstacle or np.count_nonzero(A.data > 0) != problem.n:
+    if not problem.facts.has_fixed_obstacle or np.count_nonzero(A.data > 0) != problem.n:
         return None
     with np.errstate(over="ignore", invalid="ignore"), suppress(MapError):
         problem = with_fixed_obstacle(problem)

@@ -17,7 +17,7 @@ from ..numerics.rounding import UNIT_ROUNDOFF, at_most
 from ..present.card import Sections, inner_width
 from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
-from ..solve.choice import candidates
+from ..solve.reduced import candidates
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, proofs_of
 from ..theory.matrices.classes import NAMES, MatrixClasses

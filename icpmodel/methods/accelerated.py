@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.relaxation import AUTO, jacobi_step, relaxation
+from ..algebra.relaxation import AUTO, jacobi_step, relaxation, sor_speed
 from ..algebra.steps import Stepped, in_a_row
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_number, described
 from ..problem.data import ProblemData
+from ..problem.facts import Facts
 from .aor import MNMAOR
-from .contract import SAFE_HINT, FixedPoint, Iterate, Method, named, names
+from .contract import SAFE_HINT, Estimate, FixedPoint, Iterate, Method, named, names
 from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
@@ -23,6 +25,8 @@ _GROWTH = 10.0
 _FAR = 1e100
 #: accelerated steps that have to halve the least residual, and the plain ones that follow where they do not
 _ACCELERATED, _PLAIN = 100, 25
+#: of what Chebyshev would gain so much is had, as the history is short
+_OF_CHEBYSHEV = 0.5
 #: directions of the history that are less independent than this say nothing but rounding errors
 _INDEPENDENT = 1e-10
 
@@ -65,6 +69,7 @@ class Accelerated(Method):
     """
 
     name: ClassVar[str] = "accelerated"
+    family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
     to_try: ClassVar[str] = "another method to accelerate (of), another history_size or mixing_frequency"
     of: Any = None
@@ -85,6 +90,17 @@ class Accelerated(Method):
 
     def why_not(self, problem: ProblemData) -> str | None:
         return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate | None:
+        # sweeps with a spectrum in [0, λ], accelerated as by Chebyshev's polynomials
+        if self.of is not None and not isinstance(self.of, PSOR):
+            return None
+        omega = self.of.omega if self.of is not None else 1.0
+        rate = math.exp(-sor_speed(omega, max(facts.matrix.rough_jacobi_radius, facts.coupling)))
+        speed = _OF_CHEBYSHEV * -math.log((1.0 - math.sqrt(1.0 - rate)) / (1.0 + math.sqrt(1.0 - rate)))
+        # of the sweeps between two combinations each adds to the history
+        passes = 2.0 + 3.0 * self.history_size / self.mixing_frequency
+        return Estimate.of_sweeps(facts, aim, speed, vectors=passes)
 
     def differences(self, problem: ProblemData) -> Differences:
         """The history of a run, which makes the combinations."""

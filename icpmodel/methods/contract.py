@@ -17,6 +17,7 @@ import numpy as np
 
 from ..algebra.steps import Step, in_a_row
 from ..errors import InputError
+from ..numerics import work
 from ..numerics.arrays import Vector, described
 from ..numerics.plugins import load_plugins
 from ..problem.data import ProblemData
@@ -51,6 +52,15 @@ class Estimate(NamedTuple):
     steps: float
     memory: float
 
+    @classmethod
+    def of_sweeps(cls, facts: Facts, aim: float, speed: float, *, vectors: float = 0.0) -> Estimate:
+        """Sweeps that reduce the logarithm of the residual by `speed`, each with so many further passes over vectors."""
+        n, nnz = facts.matrix.n, facts.matrix.nnz
+        step = (work.sweep(n, nnz) + vectors * work.COSTS.vector * n) / facts.matrix.unit
+        return cls(
+            work.COSTS.call / facts.matrix.unit, step, math.log(1.0 / aim) / speed + 1.0, 8.0 * n * (4.0 + vectors)
+        )
+
     @property
     def total(self) -> float:
         """The whole cost, in products with A."""
@@ -74,6 +84,8 @@ class Method(ABC):
     #: "paper" for the members that the paper prints, "modulus" for what grows out of the same equation, "shortcut" for
     #: what solves small or narrow problems without it, "" for baselines
     family: ClassVar[str] = ""
+    #: whether it ends after some steps, so that the rate of its residual says nothing of those to come
+    finite: ClassVar[bool] = False
     #: which of its options are worth another try where it stagnates, cycles or diverges, for the advice to the user
     to_try: ClassVar[str] = ""
 

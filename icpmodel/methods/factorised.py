@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -14,8 +15,11 @@ from ..algebra.relaxation import (
     scale_of,
 )
 from ..algebra.splittings import Splitting, Whole
+from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
+from ..problem.facts import Facts
+from .contract import Estimate
 from .modulus import ModulusMember
 
 
@@ -30,6 +34,7 @@ class MNMOD(ModulusMember):
     """
 
     name: ClassVar[str] = "mnmod"
+    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step)"
     phi: Any = 0.0
 
@@ -62,6 +67,18 @@ class MNMMOD(MNMOD):
     def __post_init__(self) -> None:
         super().__post_init__()
         is_auto(self.theta1)
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate | None:
+        # with θ₁ = √(λ_min λ_max) a step leaves (√κ − 1)/(√κ + 1), where A is symmetric, and κ = (1 + ρ)/(1 − ρ)
+        if not is_auto(self.theta1):
+            return None
+        matrix = facts.matrix
+        radius = min(matrix.jacobi_radius, 1.0 - 1e-6)
+        root = math.sqrt((1.0 + radius) / (1.0 - radius))
+        step = (4.0 * work.COSTS.call + work.solve_cost(matrix.fill)) / matrix.unit + 1.0
+        setup = 2.0 * work.factor_cost(matrix.fill) / matrix.unit
+        steps = math.log(1.0 / aim) / math.log((root + 1.0) / (root - 1.0)) if root > 1.0 else 1.0
+        return Estimate(setup, step, 1.0 + steps, 16.0 * matrix.fill.entries)
 
     def settled(self, problem: ProblemData) -> MNMMOD:
         return MNMMOD(phi=self.phi, theta1=scale_of(problem)) if is_auto(self.theta1) else self

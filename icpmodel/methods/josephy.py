@@ -12,9 +12,11 @@ import numpy as np
 from ..algebra.affine_lcp import DENSE_UP_TO, PIVOTS, AffineLcp
 from ..algebra.equations import derivative
 from ..errors import SingularOperator
+from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
-from .contract import Iterate, Method
+from ..problem.facts import Facts
+from .contract import Estimate, Iterate, Method
 
 #: how often a step is halved, and the share of its length by which it has to reduce Res
 _HALVINGS, _SLOPE = 6, 0.1
@@ -35,7 +37,14 @@ class Josephy(Method):
     """
 
     name: ClassVar[str] = "josephy"
+    family: ClassVar[str] = "shortcut"
     memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate:
+        n = facts.matrix.n
+        step = (20.0 * work.COSTS.call + n**3 * work.COSTS.pivot_entry) / facts.matrix.unit
+        return Estimate(0.0, step, 5.0, 24.0 * n**2)
 
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.n > DENSE_UP_TO:

@@ -12,10 +12,12 @@ import numpy as np
 from ..algebra.affine_lcp import DENSE_UP_TO, dense_lcp
 from ..algebra.equations import solve_on
 from ..errors import SingularOperator
+from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
+from ..problem.facts import Facts
 from ..theory.certificates.infeasible import infeasible, multipliers
-from .contract import Infeasible, Iterate, Method
+from .contract import Estimate, Infeasible, Iterate, Method
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -37,7 +39,18 @@ class Lemke(Method):
     """
 
     name: ClassVar[str] = "lemke"
+    family: ClassVar[str] = "shortcut"
     memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate:
+        n = facts.matrix.n
+        return Estimate(
+            8.0 * work.COSTS.call / facts.matrix.unit,
+            n**3 * work.COSTS.pivot_entry / facts.matrix.unit,
+            1.0,
+            24.0 * n**2,
+        )
 
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.psi.linear is None and not problem.facts.has_fixed_obstacle:

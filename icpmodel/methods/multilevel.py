@@ -14,6 +14,7 @@ an intervention, policy iteration (`Newton`) takes the place of the three: its j
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,13 +23,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..algebra.equations import derivative, is_factorised
+from ..algebra.equations import derivative
 from ..algebra.hierarchy import Hierarchy, Level, Mask, NoHierarchy
 from ..algebra.steps import Step, compiled_step, in_a_row
 from ..algebra.subproblems import with_fixed_obstacle
+from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm
 from ..problem.data import ProblemData
-from .contract import Iterate, Method, positive_diagonal
+from ..problem.facts import Facts
+from .contract import Estimate, Iterate, Method, positive_diagonal
 from .newton import Newton
 
 #: sweeps where the active set has moved
@@ -53,9 +56,9 @@ _LEAST_SLOPE = 0.1
 class Multilevel(Method):
     """Newton's method on the modulus equation with algebraic multigrid, at the cost of about one linear solve with A.
 
-    For matrices that multigrid is made for: a positive diagonal and little that is positive off it. For impulse control
-    it is policy iteration with a start from the coarser levels. Where its steps no longer reduce the residual `Newton`
-    goes on, unless A is too large to be factorised.
+    For matrices that multigrid is made for: a positive diagonal and little that is positive off it. It ends where its
+    steps no longer reduce the residual. For impulse control it is policy iteration, `Newton`, with a start from the
+    coarser levels.
     References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the active sets; Kornhuber, Numer. Math. 69
     (1994), for multigrid on them; Eisenstat, Elman and Schultz, SIAM J. Numer. Anal. 20 (1983), for GCR.
 
@@ -64,7 +67,18 @@ class Multilevel(Method):
     """
 
     name: ClassVar[str] = "multilevel"
+    family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate:
+        matrix, costs = facts.matrix, work.COSTS
+        levels = max(math.log(max(matrix.n / 64, 1.0), 4.0), 0.0)
+        setup = levels * costs.level + costs.hierarchy_entry * matrix.nnz
+        look = _SWEEPS * work.sweep(matrix.n, matrix.nnz) + 3.0 * (
+            levels * 8.0 * costs.call + costs.cycle_entry * matrix.nnz
+        )
+        return Estimate(setup / matrix.unit, look / matrix.unit, 8.0, 40.0 * matrix.nnz)
 
     def why_not(self, problem: ProblemData) -> str | None:
         found = positive_diagonal(problem, "its smoother divides by the diagonal of A")
@@ -77,7 +91,7 @@ class Multilevel(Method):
         best = z
         with suppress(NoHierarchy):
             best = yield from self._look_by_look(problem, z, first)
-        if is_factorised(problem) and problem.psi.no_derivative() is None:
+        if problem.psi.takes_best:
             yield from Newton().iterates(problem, best)
 
     def start(self, hierarchy: Hierarchy, problem: ProblemData) -> Vector:

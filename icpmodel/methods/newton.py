@@ -16,6 +16,7 @@ half the patience. So the marks fall for ever, or the method ends.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,10 +28,12 @@ from numpy.typing import NDArray
 
 from ..algebra.equations import Stepper, derivative, step_of
 from ..errors import MapError
+from ..numerics import work
 from ..numerics.arrays import Vector, norm
 from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
-from .contract import Iterate, Method
+from ..problem.facts import Facts
+from .contract import Estimate, Iterate, Method
 
 Mask = NDArray[np.bool_]
 
@@ -65,7 +68,15 @@ class Newton(Method):
     """
 
     name: ClassVar[str] = "newton"
+    family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate:
+        # sets that only shrink do so by layers whose number doubles
+        matrix = facts.matrix
+        step = (work.COSTS.newton + work.factor_cost(matrix.fill)) / matrix.unit
+        return Estimate(0.0, step, 3.0 + math.log2(matrix.n), 16.0 * matrix.fill.entries)
 
     def why_not(self, problem: ProblemData) -> str | None:
         return problem.psi.no_derivative()

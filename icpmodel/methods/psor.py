@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..algebra.relaxation import sor_speed
 from ..algebra.steps import Step, compiled_step
 from ..numerics.arrays import as_number
 from ..problem.data import ProblemData
-from .contract import FixedPoint, positive_diagonal
+from ..problem.facts import Facts
+from .contract import Estimate, FixedPoint, positive_diagonal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -23,11 +25,18 @@ class PSOR(FixedPoint):
     """
 
     name: ClassVar[str] = "psor"
+    family: ClassVar[str] = "modulus"
     to_try: ClassVar[str] = "a smaller omega"
     omega: float = 1.0
 
     def __post_init__(self) -> None:
         as_number(self.omega, "omega", above=0, below=2)
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate:
+        # at ω = 1 a radius that costs nothing will do; it may be too small, which the run then sees
+        matrix = facts.matrix
+        radius = matrix.rough_jacobi_radius if self.omega == 1.0 else matrix.jacobi_radius
+        return Estimate.of_sweeps(facts, aim, sor_speed(self.omega, max(radius, facts.coupling)))
 
     def why_not(self, problem: ProblemData) -> str | None:
         return positive_diagonal(problem, "projected SOR divides by the diagonal of A")

@@ -8,9 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
-from .contract import Iterate, Method, positive_diagonal
+from ..problem.facts import Facts
+from .contract import Estimate, Iterate, Method, positive_diagonal
 
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
 _ROUNDS, _STEPS = 5, 10
@@ -35,7 +37,13 @@ class Tridiagonal(Method):
     """
 
     name: ClassVar[str] = "tridiagonal"
+    family: ClassVar[str] = "shortcut"
     memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate:
+        n = facts.matrix.n
+        return Estimate(0.0, (6.0 * work.COSTS.call + 60.0 * n) / facts.matrix.unit, 1.0, 64.0 * n)
 
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.nnz > 3 * problem.n - 2:

@@ -15,6 +15,9 @@ class Costs(NamedTuple):
 
     #: a step in Python around one compiled loop or one SciPy product, whatever its size
     call: float = 5_000.0
+    #: a Newton step in Python: the active set, slices of sparse matrices, a solver; a level of a multigrid hierarchy
+    newton: float = 400_000.0
+    level: float = 500_000.0
     #: A @ z, per stored entry and per row
     entry: float = 0.8
     row: float = 2.0
@@ -31,6 +34,8 @@ class Costs(NamedTuple):
     dense_flop: float = 0.1
     pivot_entry: float = 0.7
     #: an algebraic multigrid hierarchy, per entry of A, and a V-cycle on it
+    fill_entry: float = 40.0
+    component_entry: float = 20.0
     hierarchy_entry: float = 250.0
     cycle_entry: float = 8.0
 
@@ -52,6 +57,14 @@ def done() -> float:
 def product(n: int, nnz: int) -> float:
     """What A @ z costs: the unit of all estimates."""
     return COSTS.call + COSTS.row * n + COSTS.entry * nnz
+
+
+def factor_cost(fill) -> float:
+    return COSTS.factor_entry * fill.entries + COSTS.factor_flop * fill.flops
+
+
+def solve_cost(fill) -> float:
+    return COSTS.solve_entry * fill.entries
 
 
 def sweep(n: int, nnz: int) -> float:

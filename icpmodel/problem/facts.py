@@ -32,6 +32,14 @@ class Facts:
         return bool(np.count_nonzero(G.data) == np.count_nonzero(slope) and (slope < 1).all())
 
     @cached_property
+    def coupling(self) -> float:
+        """How far ψ couples its rows, as ρ of the Jacobi matrix says it of A: the largest row sum of G, where known."""
+        G = self.psi.lipschitz
+        if G is None or self.has_fixed_obstacle or not G.nnz:
+            return 0.0
+        return float((G @ np.ones(G.shape[0])).max())
+
+    @cached_property
     def obstacle(self) -> Vector:
         """c such that the LCP with the obstacle c has the same solutions, where `has_fixed_obstacle`.
 

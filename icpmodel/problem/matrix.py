@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from ..numerics import work
 from ..numerics.arrays import Vector, as_csr, as_square, freeze
 from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
 from ..numerics.threads import in_parts, threads_for
@@ -66,10 +67,15 @@ class Matrix:
         """A, CSR, read-only."""
         return as_csr(self.dense, "A", keep_diagonal=True)
 
-    @property
+    @cached_property
     def nnz(self) -> int:
         """How many entries of A are stored, or not 0 where A is small and dense."""
         return self.sparse.nnz if self.dense is None else int(np.count_nonzero(self.dense))
+
+    @cached_property
+    def unit(self) -> float:
+        """What a product with A costs, in nanoseconds: the unit of all estimates."""
+        return work.product(self.n, self.nnz)
 
     def product(self, z: Vector) -> Vector:
         """Az, on all cores where A is large."""
@@ -114,6 +120,18 @@ class Matrix:
     def is_band(self) -> bool:
         """Whether few diagonals next to the main one hold all entries."""
         return self.rows.below + self.rows.above < _WIDEST_BAND
+
+    @cached_property
+    def fill(self):
+        from types import SimpleNamespace
+
+        from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+        from ..numerics.arrays import bandwidths
+
+        p = reverse_cuthill_mckee(sp.csr_matrix(self.sparse))
+        b = sum(bandwidths(sp.csr_array(self.sparse[p][:, p]))) / 2
+        return SimpleNamespace(entries=self.n * b, flops=self.n * b * b / 2)
 
     @cached_property
     def hardly_dominant(self) -> float:

@@ -1,11 +1,11 @@
-"""A candidate: a method, why it is one, and what ends it: it gives way, stands still, or goes round."""
+"""A candidate: a method, why it is one, and what ends it: it stands still, or goes round."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,11 +14,8 @@ from ..methods.contract import Method
 from ..numerics.arrays import Vector
 from .solution import Status
 
-#: the rate is that of the residuals of so many steps
+#: the rate by which the iterates to come are announced is that of so many steps
 _RATE = 2
-#: sweeps are looked at after so many, and whenever their number has doubled; and once before, after so many, for a rate
-#: by which so many times as many would be needed as that look lets pass: rates seldom become better
-_LOOK, _EARLY, _FAR = 10, 3, 4.0
 #: after so many steps that do not bring the residual down by a thousandth, it is asked whether rounding is the reason
 _PRECISION_CHECK = 50
 _NOTHING: Vector = np.zeros(0)
@@ -26,114 +23,32 @@ _NOTHING: Vector = np.zeros(0)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A method to try, and the sentence on why.
-
-    `patience`: so many steps without a better iterate end it, None for as many as the run allows. `watch`: when it
-    gives way to the next one. `goes_on`: it begins where a candidate that gave way has come to, else where that began.
-    """
+    """A method to try, and the sentence on why."""
 
     method: Method
     why: str
-    patience: int | None = None
-    watch: Watch | None = None
-    goes_on: bool = False
-
-
-@dataclass(frozen=True)
-class Watch:
-    """Gives way where the observed rate says that more than `most` further steps are needed.
-
-    The rate is looked at after `look` steps, and whenever their number has doubled; `name` is what the steps are called
-    in the sentence that says so. `rather`: a candidate that goes on, where more than so many steps are needed, from the
-    look of that number on.
-    """
-
-    most: float
-    name: str
-    look: int = _LOOK
-    rather: tuple[Candidate, float, int] | None = None
 
 
 class Ended(NamedTuple):
-    """Why a candidate ended; `gave_way`: the next one takes over, which may go on from where this one came to."""
+    """Why a candidate ended."""
 
     status: Status
     note: str
-    gave_way: bool = False
 
 
-class Upcoming:
-    """The candidates that are still to come, each made only when somebody asks for it."""
+class Recent:
+    """The residuals of the last steps, and how many more lead to the `target` at their rate."""
 
-    def __init__(self, candidates: Iterator[Candidate]) -> None:
-        self._candidates, self._seen = candidates, deque[Candidate]()
-
-    def any(self) -> bool:
-        """Whether there is one."""
-        if not self._seen and (candidate := next(self._candidates, None)) is not None:
-            self._seen.append(candidate)
-        return bool(self._seen)
-
-    def put_first(self, candidate: Candidate) -> None:
-        """Make `candidate` the next one."""
-        self._seen.appendleft(candidate)
-
-    def take(self, note: str = "") -> Candidate | None:
-        """The next one, with the `note` why it is its turn; None where there is none."""
-        if not self.any():
-            return None
-        candidate = self._seen.popleft()
-        return replace(candidate, why=f"{candidate.why} ({note})") if note else candidate
-
-
-class Watched:
-    """One run under a watch: the residuals of its iterates, held against the `aim`."""
-
-    def __init__(self, watch: Watch | None, aim: float) -> None:
-        self.watch, self.aim = watch, aim
-        self.residuals: list[float] = []
-        self.look, self.looks = (watch.look if watch else 0), 0
+    def __init__(self, target: float) -> None:
+        self.target, self.residuals = target, deque[float](maxlen=_RATE + 1)
 
     def expected(self, residual: float) -> float:
-        """How many more steps lead to the aim at the rate of the last ones, inf where that is not known."""
+        """After another `residual`: how many more steps lead to the target, inf where that is not known."""
         self.residuals.append(residual)
-        if len(self.residuals) <= _RATE or residual <= self.aim:
+        earlier = self.residuals[0]
+        if len(self.residuals) <= _RATE or not (self.target < residual < earlier < math.inf) or not self.target > 0.0:
             return math.inf
-        return needed(self.residuals[-1 - _RATE], residual, self.aim, _RATE)
-
-    def gives_way(self, expected: float, upcoming: Upcoming) -> Ended | None:
-        """Whether the run ends for one that is `upcoming`, as too many steps are needed."""
-        if self.watch is None or not self.look:
-            return None
-        count = len(self.residuals)
-        early = (
-            count == _EARLY + 1 and self.look == _LOOK and _FAR * (self.look + self.watch.most) < expected < math.inf
-        )
-        if not early and count <= self.look:
-            return None
-        half, last = self.residuals[count // 2], self.residuals[-1]
-        if last <= self.aim:
-            self.look = 0
-            return None
-        steps = needed(half, last, self.aim, count - 1 - count // 2)
-        self.look, self.looks = 2 * self.look, self.looks + 1
-        if steps > self.watch.most:
-            if upcoming.any():
-                return Ended(Status.STAGNATED, f"{self.watch.name} were slow", True)
-            self.look = 0
-        elif self.watch.rather and self.looks >= self.watch.rather[2] and steps > self.watch.rather[1]:
-            candidate, most, _ = self.watch.rather
-            upcoming.put_first(candidate)
-            return Ended(Status.STAGNATED, f"more than {most:g} more {self.watch.name} would be needed", True)
-        return None
-
-
-def needed(earlier: float, last: float, aim: float, steps: int) -> float:
-    """How many more steps it takes from the residual `last` to `aim` at the rate of the `steps` since `earlier`."""
-    if not 0.0 < last < math.inf or not 0.0 < earlier < math.inf or not aim > 0.0:
-        return math.inf
-    speed = math.log(earlier / last) / steps
-    return math.log(last / aim) / speed if speed > 0.0 else math.inf
+        return _RATE * math.log(residual / self.target) / math.log(earlier / residual)
 
 
 class Stalled:

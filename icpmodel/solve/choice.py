@@ -1,66 +1,100 @@
-"""What `solve` tries when no method is named: the rules for the whole problem, and its reduction where that pays."""
+"""Which methods a problem is given: those of least expected cost, by `schedule`, from what each says of itself.
+
+The candidates come in stages, by what has to be known for their estimates: nothing but n; the rows of A; the radius of
+its Jacobi matrix; the fill of its factors; its strong components and the rows at rest. A stage is asked for only where
+what it costs to know is worth it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import chain
+import math
+from collections.abc import Callable, Iterable, Iterator
 
-from ..algebra.affine_lcp import PIVOT_UP_TO
-from ..algebra.resting import WORTH, rows_at_rest
-from ..algebra.subproblems import Blocks
+import numpy as np
+
+from ..algebra.relaxation import AUTO, best_omega, relaxation
+from ..methods.accelerated import Accelerated
+from ..methods.aor import MNMAOR, MNMGS, MNMJ
+from ..methods.contract import Method
+from ..methods.factorised import MNMMOD
+from ..methods.josephy import Josephy
 from ..methods.lemke import Lemke
 from ..methods.multilevel import Multilevel
+from ..methods.newton import Newton
 from ..methods.psor import PSOR
+from ..methods.tridiagonal import Tridiagonal
+from ..numerics import work
 from ..problem.data import ProblemData
 from .candidate import Candidate
-from .goal import RTOL
-from .reduced import ReducedTo, structure
-from .rules import after_trial, direct, on_trial, pivots_at_once
-from .run import PATIENCE
+from .schedule import Expected, Stage
+
+#: a method that the paper prints is taken where it is expected to cost at most a fifth more than the best one, a
+#: shortcut where it costs at most half
+WEIGHTS = {"paper": 1 / 1.2, "modulus": 1.0, "shortcut": 2.0}
+#: which methods may be chosen
+FAMILIES = {"paper": ("paper",), "modulus": ("paper", "modulus"), None: ("paper", "modulus", "shortcut")}
+Choice = Stage[Candidate]
+Asked = tuple[Candidate, Expected]
+_WHY = {
+    "paper": "a method of the paper",
+    "modulus": "a modulus method",
+    "shortcut": "a shortcut, exact and at most half as dear as a modulus method",
+}
 
 
-def candidates(problem: ProblemData, aim: float = RTOL) -> Iterator[Candidate]:
-    """The methods that `solve` tries when none is named: what `rules.choose` has for the whole problem, and before it
-    `Reduced` where that is found to pay. `aim` is the share of Res(0) that is asked for.
+def choose(
+    problem: ProblemData, aim: float, family: str | None = None, reduced: Callable[[float], list[Asked]] | None = None
+) -> Iterator[Choice]:
+    """The stages of candidates for `problem`: of each kind the one that is expected to cost least.
 
-    Strong components are looked for where n > 64 and the first plain sweeps were slow, rows at rest only where
-    `Multilevel` would be the next: sweeps and factorisations of easier matrices cost less than to look for them.
+    `aim` is the share of Res(0) that is asked for, `family` as in `solve`; `reduced` makes those that solve it in parts
+    from what the best of the others is expected to cost.
     """
-    yield from direct(problem)
-    if pivots_at_once(problem):
-        yield from _small_blocks(problem, aim)
-    yield from on_trial(problem)
-    usual = after_trial(problem, aim)
-    yield from _with_small_blocks(problem, usual, aim) if problem.n <= PIVOT_UP_TO else _reduced(problem, usual, aim)
+    matrix, costs, least = problem.matrix, work.COSTS, math.inf
+
+    def stage(calls: float, passes: float, *kinds: Callable[[], Iterable[Method]]) -> Choice:
+        def made() -> list[Asked]:
+            nonlocal least
+            found = [one for kind in kinds if (one := _best(problem, aim, family, kind())) is not None]
+            least = min([least, *(expected.cost for _, expected in found)])
+            return found
+
+        return Stage((calls * costs.call + passes * costs.entry * matrix.nnz) / matrix.unit, made)
+
+    yield Stage(0.0, stage(0.0, 0.0, lambda: [Lemke()]).made)
+    yield stage(20.0, 0.0, lambda: [Tridiagonal()])
+    if problem.psi.takes_best:
+        yield stage(50.0, 3.0, lambda: [MNMJ()], lambda: [Multilevel()])
+    else:
+        accelerated = lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))]  # noqa: E731
+        plain = lambda: [PSOR(), MNMGS()]  # noqa: E731
+        yield stage(50.0, 3.0, plain, accelerated, lambda: [Josephy()], lambda: [Multilevel()])
+        yield stage(100.0, 80.0, lambda: _relaxed(problem))
+    yield stage(50.0, 40.0, lambda: [Newton()], lambda: [MNMMOD(theta1=AUTO)])
+    if reduced is not None:
+        yield Stage(stage(20.0, 20.0).cost, lambda: reduced(least))
 
 
-def _small_blocks(problem: ProblemData, aim: float) -> Iterator[Candidate]:
-    """Where pivots on the whole failed one block may have no solution."""
-    found = structure(problem, problem.n)
-    if found is not None and found.starts.size > 2:
-        yield _in_blocks(found, aim)
+def _relaxed(problem: ProblemData) -> list[Method]:
+    return [PSOR(omega=best_omega(problem.matrix.jacobi_radius)), MNMAOR(theta1=AUTO)]
 
 
-def _with_small_blocks(problem: ProblemData, usual: Iterator[Candidate], aim: float) -> Iterator[Candidate]:
-    for candidate in usual:
-        yield candidate
-        if isinstance(candidate.method, Lemke):
-            yield from _small_blocks(problem, aim)
+def _best(problem: ProblemData, aim: float, family: str | None, methods: Iterable[Method]) -> Asked | None:
+    """Of the `methods` that may be chosen and take the problem the one that is expected to cost least."""
+    found: list[Asked] = []
+    for method in methods:
+        if method.family not in FAMILIES[family] or method.why_not(problem) is not None:
+            continue
+        estimate = method.estimate(problem.facts, aim)
+        if estimate is not None:
+            why = f"{_WHY[method.family]}, expected to cost {estimate.total:.3g} products with A"
+            expected = Expected(estimate.total, estimate.setup, estimate.step, method.finite, WEIGHTS[method.family])
+            found.append((Candidate(method, why), expected))
+    return min(found, key=lambda one: one[1].weight * one[1].cost, default=None)
 
 
-def _reduced(problem: ProblemData, usual: Iterator[Candidate], aim: float) -> Iterator[Candidate]:
-    """On blocks, with a look for rows at rest before `Multilevel`, then on the whole."""
-    found = structure(problem, WORTH * problem.n)
-    first = next(usual, None)
-    if found is None and first is not None and isinstance(first.method, Multilevel):
-        found = rows_at_rest(problem)
-    order = [] if found is None else [_in_blocks(found, aim)]
-    if first is not None:
-        # the rate of relaxed sweeps is that of the slowest block: one after the other they are no quicker
-        together = found is not None and len(found.stages) > 1 and isinstance(first.method, PSOR)
-        order.insert(0 if together else len(order), first)
-    yield from chain(order, usual)
-
-
-def _in_blocks(found: Blocks, aim: float) -> Candidate:
-    return Candidate(ReducedTo(blocks=found, aim=aim), repr(found), PATIENCE)
+def why_none(problem: ProblemData) -> str:
+    """Why `choose` found no method that could start."""
+    diagonal = problem.A.diagonal()
+    i = int(np.argmin(diagonal))
+    return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, and A + Omega could not be factorised"

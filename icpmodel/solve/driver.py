@@ -12,14 +12,15 @@ import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.contract import Method, named
-from ..numerics.arrays import Vector, as_truth
+from ..numerics.arrays import Vector, as_truth, described
 from ..problem.data import ProblemData, as_problem
 from .candidate import Candidate, Ended
-from .choice import candidates
+from .choice import FAMILIES, why_none
 from .goal import RTOL, AccuracyGoal, Goal, Limits
 from .progress import Progress
-from .rules import why_none
+from .reduced import candidates
 from .run import Best, Run, fault_of_psi
+from .schedule import Stage, in_turn
 from .solution import History, Solution, Status
 
 #: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it, and for the second
@@ -35,6 +36,7 @@ def solve(
     rtol: float | None = None,
     atol: float | None = None,
     accuracy: float | None = None,
+    family: str | None = None,
     max_iter: int = 100_000,
     time_limit: float | None = None,
     callback: Callable[[Progress], Any] | None = None,
@@ -50,6 +52,8 @@ def solve(
     Parameters:
     `problem`; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or None to have one picked, and the
     problem reduced before where that pays (see `icpmodel.solve.reduced`), while a named one gets the whole problem;
+    `family`, where no method is named: "paper" for members that the paper prints alone, "modulus" for all that grows
+    out of the modulus equation, without the shortcuts (pivots, the tridiagonal pass), None for both;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
     by default 1e-8 and 0; `accuracy` > 0 in the units of z, instead of the two;
     `max_iter` iterations in all, a sweep or a Newton step each; `time_limit` in seconds, looked at between iterations,
@@ -67,6 +71,10 @@ def solve(
     >>> solution.status, solution.z.round(6)
     (<Status.SOLVED: 'solved'>, array([1., 1.]))
     """
+    if family not in FAMILIES:
+        raise InputError(f"family is {described(family)}; 'paper', 'modulus' or None was expected")
+    if family is not None and method is not None:
+        raise InputError("family restricts what is chosen, but method names one: leave out one of the two")
     if accuracy is not None and (rtol is not None or atol is not None):
         raise InputError("accuracy bounds the error, rtol and atol the residual: give accuracy alone, or leave it out")
     limits = Limits(
@@ -83,7 +91,7 @@ def solve(
     n = as_problem(problem).n
     start = np.zeros(n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
-    carry_out(run, _candidates(problem, method, options, run.aim))
+    carry_out(run, _candidates(problem, method, options, run.aim, family))
     if run.singular is not None and method is not None:
         raise run.singular
     if run.best is None:
@@ -95,8 +103,8 @@ def solve(
 
 
 def _candidates(
-    problem: ProblemData, method: str | Method | None, options: dict[str, Any], aim: float
-) -> Iterator[Candidate]:
+    problem: ProblemData, method: str | Method | None, options: dict[str, Any], aim: float, family: str | None
+) -> Iterator[Stage[Candidate]]:
     own = ", ".join(list(inspect.signature(solve).parameters)[2:-1]) if options else ""
     if method is None:
         if options:
@@ -104,7 +112,7 @@ def _candidates(
                 f"solve has no option {next(iter(options))}; it takes {own}, "
                 "and the options of a method only where one is named"
             )
-        return candidates(problem, aim)
+        return candidates(problem, aim, family)
     if isinstance(method, Method):
         if options:
             raise InputError(f"{next(iter(options))}: the options of a Method object go into its constructor")
@@ -117,7 +125,7 @@ def _candidates(
     why_not = method.why_not(problem)
     if why_not is not None:
         raise NotApplicable(f"{method.name}: {why_not}")
-    return iter([Candidate(method, "")])
+    return in_turn(Candidate(method, ""))
 
 
 def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> Run:
@@ -155,7 +163,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
     )
 
 
-def carry_out(run: Run, tried: Iterator[Candidate]) -> None:
+def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
     """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -190,7 +198,7 @@ def judged(run: Run) -> Best:
 
 def solution_of(run: Run, accuracy: float | None) -> Solution:
     """What the run found."""
-    best, last, status, note = judged(run), run.tried[-1][0], run.ended.status, run.ended.note
+    best, last, status, note = judged(run), run.candidate, run.ended.status, run.ended.note
     if run.goal.judge(best.z, best.residual):
         status = Status.SOLVED
     elif status is Status.SOLVED:
@@ -205,7 +213,7 @@ def solution_of(run: Run, accuracy: float | None) -> Solution:
             f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g}{by} "
             f"({run.goal.wanted(best.z)}). Advice: {advice}"
         )
-    others = [f"{one.method!r}: {ended}" for one, ended in run.tried if one is not best.candidate]
+    others = [f"{one.candidate.method!r}: {one.outcome}" for one in run.tried if one.candidate is not best.candidate]
     z = best.z.copy()
     z.flags.writeable = False
     return Solution(
@@ -220,7 +228,7 @@ def solution_of(run: Run, accuracy: float | None) -> Solution:
         residual=best.residual,
         tolerance=run.goal.tolerance,
         accuracy=accuracy,
-        iterations=run.iteration,
+        iterations=max(run.iteration, 0),
         seconds=time.perf_counter() - run.clock,
         history=None if run.records is None else _history(run.records),
         infeasible=run.infeasible if status is Status.INFEASIBLE else None,

@@ -10,8 +10,8 @@ from ..algebra.subproblems import Rows
 from ..errors import MapError
 from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
+from .choice import choose
 from .goal import Goal
-from .rules import choose
 from .run import Run
 
 #: steps of the worst part are made until the residual of all is this share of what it was, or so many of them

@@ -2,7 +2,7 @@
 
 1. Rows at rest: see `algebra.resting`.
 2. The strong components of A and ψ, in their order, have unknowns of their own: a row alone is a maximum, a small block
-   is pivoted, and what is left falls into parts, each of which gets the method that `rules.choose` picks for it. Parts
+   is pivoted, and what is left falls into parts, each of which gets the method that `choice.choose` picks for it. Parts
    that hang on earlier ones only make a stage. One that has no solution proves that the whole has none if the proof,
    with 0 in all other rows, is one of the whole; or where the unknowns that the stage hangs on have one answer, of
    which the error bound says how far it is from what is known of it.
@@ -22,7 +22,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..algebra.resting import Border, rows_at_rest
+from ..algebra.resting import WORTH, Border, rows_at_rest
 from ..algebra.subproblems import Blocks, Rows, blocks, resting, restricted
 from ..errors import MapError
 from ..methods.contract import Infeasible, Iterate, Method
@@ -30,9 +30,14 @@ from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
 from ..theory.certificates.bounds import error_bound
 from ..theory.certificates.infeasible import Known, infeasible
+from .candidate import Candidate
+from .choice import Asked, Choice, choose
 from .goal import RTOL
 from .part import Part, advance, together
+from .schedule import Expected
 
+#: the passes over A that a reduction takes
+_PASSES = 5.0
 #: where there are many stages so many iterates of them are shown
 _SHOWN = 32
 
@@ -148,6 +153,24 @@ class ReducedTo(Reduced):
 
     def __repr__(self) -> str:
         return "Reduced()"
+
+
+def candidates(problem: ProblemData, aim: float = RTOL, family: str | None = None) -> Iterator[Choice]:
+    """The stages of candidates for `problem`: those of `choose`, and its reduction where it has parts, or rows at rest.
+
+    `aim` is the share of Res(0) that is asked for, `family` as in `solve`.
+    """
+    return choose(problem, aim, family, None if family == "paper" else lambda least: _reduced(problem, aim, least))
+
+
+def _reduced(problem: ProblemData, aim: float, least: float) -> list[Asked]:
+    """The parts of the problem, which cost the share of its rows, or what does not rest on the obstacle."""
+    found = structure(problem, WORTH * problem.n) or rows_at_rest(problem)
+    if found is None:
+        return []
+    share = sum(rows.size for stage in found.stages for rows in stage) / problem.n
+    method = ReducedTo(blocks=found, aim=aim)
+    return [(Candidate(method, repr(found)), Expected(_PASSES + share * least, _PASSES, 1.0, finite=True))]
 
 
 def _report(problem: ProblemData, parts: list[Part], z: Vector) -> None:

@@ -5,6 +5,7 @@ Whole problems and parts of them go through it alike.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import KW_ONLY, dataclass, field
@@ -14,12 +15,14 @@ import numpy as np
 
 from ..errors import MapError, SingularOperator
 from ..methods.contract import SAFE_HINT, Infeasible, Iterate, Method
+from ..numerics import work
 from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
-from .candidate import Candidate, Ended, Stalled, Upcoming, Watched
+from .candidate import Candidate, Ended, Recent, Stalled
 from .goal import Goal
 from .progress import Bar, Progress, progress_bar
+from .schedule import Schedule, Stage, Turn
 from .solution import Status
 
 #: after so many steps without a better iterate, or twice the number of unknowns (a signal may have to cross them all)
@@ -29,6 +32,8 @@ PATIENCE, _LONGEST_PATIENCE = 1000, 50_000
 _LOW = 0.1
 #: a residual this many times the first one is taken for divergence even before it overflows
 _BLOW_UP = 1e200
+#: how a candidate fares whose turn another one has
+_WAITS = "waits"
 #: another method may go where psi has values, or need no derivative
 _WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
 
@@ -44,12 +49,20 @@ class Best:
     settled: Method
 
 
+@dataclass
+class Tried:
+    """A candidate that was begun, and how it fared."""
+
+    candidate: Candidate
+    outcome: str = _WAITS
+
+
 @dataclass(eq=False)
 class Run:
-    """Candidates tried on a problem, one after the other, until one ends for a reason that no other would change.
+    """Candidates tried on a problem, one at a time, until one ends for a reason that no other would change.
 
     Parameters: `problem`; `start`, shape (n,), and `at_start` = Res(start); `goal`; `scale`, a residual by which others
-    are judged, and the share `aim` of it for which steps are forecast; `restart`, where a candidate begins after one
+    are judged, and the share `aim` of it for which costs are forecast; `restart`, where a candidate begins after one
     that failed; `max_iter` and `time_limit`, None for none; `callback`, `history` and `progress` as in `solve`.
     `steps` is the loop; afterwards `ended` says why it ended, `best` what it found, `tried` who did how.
     """
@@ -71,39 +84,46 @@ class Run:
 
     def __post_init__(self) -> None:
         self.records: list[tuple[int, float, float]] | None = [] if self.history else None
-        self.current, self.iteration = self.start, 0
+        self.current, self.iteration = self.start, -1
         self.path: Iterator[Iterate] = iter(())
         self.best: Best | None = None
-        self.tried: list[tuple[Candidate, str]] = []
+        self.tried: list[Tried] = []
         self.ended = Ended(Status.STAGNATED, "")
         self.infeasible: Answer | None = None
         self.fault: MapError | None = None
         self.singular: SingularOperator | None = None
+        self.bar = Bar()
+        self.target = self.aim * self.scale if self.scale < np.inf else 0.0
 
-    def steps(self, candidates: Iterator[Candidate]) -> Iterator[None]:
+    def steps(self, stages: Iterator[Stage[Candidate]]) -> Iterator[None]:
         """The loop: a turn for each tested iterate that is not the last one of its candidate."""
-        upcoming, begin, gave_way = Upcoming(candidates), self.start, False
-        while (candidate := upcoming.take(self.ended.note if gave_way else "")) is not None:
-            if not gave_way:
-                begin = self.start if self.restart is None or not self.tried else self.restart
-            elif candidate.goes_on and self.best is not None:
-                begin = self.best.z
-            began = yield from self._one(candidate, begin, upcoming)
-            if self.ended.status not in _WORTH_ANOTHER_METHOD:
-                return
-            gave_way = began and self.ended.gave_way
+        schedule, loops = Schedule(stages), dict[Turn[Candidate], Iterator[bool]]()
+        turn = schedule.turn()
+        while turn is not None:
+            loop = loops.get(turn) or loops.setdefault(turn, self._one(turn))
+            following: Turn[Candidate] | None = turn
+            with progress_bar(self.progress, turn.who.method.name) as self.bar:
+                while following is turn:
+                    for look in loop:
+                        yield
+                        if look:
+                            break
+                    else:
+                        if self.ended.status not in _WORTH_ANOTHER_METHOD:
+                            return
+                        schedule.end(turn)
+                    following = schedule.turn()
+            turn = following
 
-    def _one(self, candidate: Candidate, begin: Vector, upcoming: Upcoming) -> Generator[None, None, bool]:
-        """One candidate until there is a reason to stop, left in `ended`; False where its operator is singular."""
-        self.path = iter(())
-        self.tried.append((candidate, Status.INTERRUPTED.value))
+    def _one(self, turn: Turn[Candidate]) -> Iterator[bool]:
+        """One candidate until there is a reason to stop, left in `ended`; whether it is time for a look at others."""
+        self.tried.append(tried := Tried(turn.who))
         try:
-            with progress_bar(self.progress, candidate.method.name) as bar:
-                self.ended = yield from self._loop(candidate, begin, upcoming, bar)
+            self.ended = yield from self._loop(turn)
         except SingularOperator as error:
             self.singular = error
-            self.tried.pop()
-            return False
+            self.tried.remove(tried)
+            return
         except Infeasible as proof:
             self.infeasible = proof.answer
             self.ended = Ended(Status.INFEASIBLE, proof.answer.reason)
@@ -113,44 +133,62 @@ class Run:
             self.ended = Ended(Status.STAGNATED, "the next step needs more memory than there is")
             if isinstance(error, MapError):
                 self.fault, self.ended = error, Ended(Status.MAP_FAILED, str(error))
-        self.tried[-1] = candidate, "gave way" if self.ended.gave_way else self.ended.status.value
-        return True
+        tried.outcome = self.ended.status.value
 
-    def _loop(self, candidate: Candidate, begin: Vector, upcoming: Upcoming, bar: Bar) -> Generator[None, None, Ended]:
-        path = self.path = candidate.method.iterates(self.problem, begin)
-        watched = Watched(candidate.watch, self.aim * self.scale if self.scale < np.inf else 0.0)
+    def _begin(self) -> Vector:
+        """Where a new candidate begins: with the best iterate, unless that is of one that failed."""
+        if self.best is None:
+            return self.start
+        failed = any(one.candidate is self.best.candidate and one.outcome != _WAITS for one in self.tried)
+        return self.best.z if not failed or self.restart is None else self.restart
+
+    def _loop(self, turn: Turn[Candidate]) -> Generator[bool, None, Ended]:
+        candidate, begin = turn.who, self._begin()
+        path = candidate.method.iterates(self.problem, begin)
+        recent = Recent(self.target)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
-        stalled = Stalled(candidate.method.memoryless, candidate.patience or longest, self.at_floor)
-        k, expected, first = self.iteration, None, np.nan
+        stalled = Stalled(candidate.method.memoryless, longest, self.at_floor)
+        expected, first, count, spent = None, np.nan, 0, 0.0
+        unit = work.product(self.problem.n, self.problem.nnz)
         # a generator is told how many more iterates are expected to be asked for
         ask: Callable[[float | None], Iterate] = getattr(path, "send", lambda expected: next(path))
         while True:
+            self.path, self.candidate, before = path, candidate, work.done()
             try:
                 z, hint = ask(expected)
             except StopIteration:
                 return stalled.recurred()
-            self.iteration, self.current = k, z
+            spent += work.done() - before
+            # where a candidate begins another one has been
+            self.iteration += 1 if count or self.iteration < 0 else 0
+            self.current = z
             residual, seconds = self._residual(z, hint), time.perf_counter() - self.clock
-            if expected is None:
+            if not count:
                 first = residual
-            bar.update(k, residual, self.goal.tolerance)
+                turn.need = math.log(residual / self.target) if self.target < residual < np.inf else np.inf
+            self.bar.update(self.iteration, residual, self.goal.tolerance)
             if self.records is not None:
-                self.records.append((k, residual, seconds))
+                self.records.append((self.iteration, residual, seconds))
             if self.best is None or residual < self.best.residual:
                 self.best = self.found(z, residual)
             ended = self._test(z, residual, seconds, first) or stalled.look(z, residual) or self._limit(seconds)
-            if ended is None:
-                expected = watched.expected(residual)
-                ended = watched.gives_way(expected, upcoming)
             if ended is not None:
                 return ended
-            yield
-            k += 1
+            expected = recent.expected(residual)
+            fallen = math.log(first / residual) if 0.0 < residual < first < np.inf else 0.0
+            look, count = False, count + 1
+            if count > 1:  # the set-up counts for the first step
+                look, spent = (
+                    turn.stepped(
+                        max(spent / unit, turn.expected.step + (turn.expected.setup if count == 2 else 0)), fallen
+                    ),
+                    0.0,
+                )
+            yield look
 
     def found(self, z: Vector, residual: float) -> Best:
         """`z` as an iterate of the candidate that is tried."""
-        candidate = self.tried[-1][0]
-        return Best(z, residual, candidate, getattr(self.path, "settled", candidate.method))
+        return Best(z, residual, self.candidate, getattr(self.path, "settled", self.candidate.method))
 
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The method's hint while it is only a hint; the judge where a decision hangs on it."""

@@ -1,0 +1,153 @@
+"""The schedule alone: scripted candidates, a counted clock, and nothing that is solved."""
+
+import math
+from dataclasses import dataclass
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from icpmodel.solve.schedule import SHARE, Expected, Schedule, Stage, forecast
+
+KAPPA = 1 / SHARE
+
+
+@dataclass(frozen=True)
+class Script:
+    """What a candidate says, and what it really does: `steps` of one `cost`, its residual falling by `falls` in turn."""
+
+    said: float
+    setup: float
+    cost: float
+    steps: int
+    falls: tuple[float, ...]
+    finite: bool
+    weight: float
+
+    @property
+    def total(self):
+        return self.setup + self.cost * self.steps
+
+    def expected(self):
+        return Expected(self.said, self.setup, self.cost, self.finite, self.weight)
+
+
+costs = st.floats(0.01, 100.0)
+scripts = st.builds(
+    Script,
+    said=st.floats(1e-3, 1e5),
+    setup=st.one_of(st.just(0.0), costs),
+    cost=costs,
+    steps=st.integers(1, 300),
+    falls=st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=6).map(tuple),
+    finite=st.booleans(),
+    weight=st.sampled_from([1 / 1.2, 1.0, 2.0]),
+)
+
+
+def spent_until_one_is_done(candidates, need=18.0):
+    """What is counted until the first candidate is through with its script."""
+    schedule = Schedule(iter([Stage(0.0, lambda: [(one, one.expected()) for one in candidates])]))
+    total = 0.0
+    while True:
+        turn = schedule.turn()
+        turn.need = need
+        script = turn.who
+        look = False
+        while not look:
+            cost = script.cost + (0.0 if turn.steps else script.setup)
+            total += cost
+            fallen = turn.fallen[-1] + script.falls[turn.steps % len(script.falls)]
+            look = turn.stepped(cost, fallen)
+            if turn.steps == script.steps:
+                return total
+
+
+class TestBound:
+    @given(st.lists(scripts, min_size=1, max_size=6))
+    @settings(max_examples=150, deadline=None)
+    @example(  # says that one more step will do, for ever
+        [
+            Script(1e-3, 0.0, 1.0, 300, (17.9, 0.0, 0.0), False, 1.0),
+            Script(1e5, 0.0, 0.05, 3, (0.0,), True, 2.0),
+        ]
+    )
+    def test_the_total_is_a_fixed_multiple_of_the_best_in_hindsight_whatever_was_expected(self, candidates):
+        best = min(one.total for one in candidates)
+        one_look_each = sum(one.setup + one.cost for one in candidates)
+        bound = (4.8 * KAPPA * (len(candidates) - 1) + 1.0) * best + one_look_each
+        assert spent_until_one_is_done(candidates) <= bound * (1 + 1e-9)
+
+    @given(st.lists(scripts, min_size=1, max_size=6))
+    @settings(max_examples=100, deadline=None)
+    def test_where_all_cost_what_they_expect_the_best_is_paid_and_little_for_shows(self, candidates):
+        honest = [Script(one.total, one.setup, one.cost, one.steps, one.falls, True, 1.0) for one in candidates]
+        best = min(one.total for one in honest)
+        assert spent_until_one_is_done(honest) <= best * (1.0 + (len(honest) - 1) / KAPPA) * (1 + 1e-9)
+
+
+def turn_of(*candidates):
+    return Schedule(iter([Stage(0.0, lambda: list(candidates))])).turn()
+
+
+def test_the_least_expected_cost_has_the_first_turn():
+    assert turn_of(("slow", Expected(90.0, 1.0, 9.0, True)), ("quick", Expected(30.0, 1.0, 9.0, True))).who == "quick"
+
+
+def test_a_method_of_the_paper_is_preferred_up_to_a_fifth_and_a_shortcut_must_cost_half():
+    ours, paper = ("ours", Expected(50.0, 9.0, 9.0, True)), Expected(59.0, 9.0, 9.0, True, 1 / 1.2)
+    assert turn_of(ours, ("paper", paper)).who == "paper"
+    assert turn_of(ours, ("paper", paper._replace(cost=61.0))).who == "ours"
+    assert turn_of(ours, ("short", Expected(26.0, 9.0, 9.0, True, 2.0))).who == "ours"
+    assert turn_of(ours, ("short", Expected(24.0, 9.0, 9.0, True, 2.0))).who == "short"
+
+
+def test_who_overruns_twofold_waits_and_goes_on_where_it_was_when_the_others_do_worse():
+    first, second = Expected(10.0, 0.0, 1.0, True), Expected(30.0, 0.0, 1.0, True)
+    schedule = Schedule(iter([Stage(0.0, lambda: [("first", first), ("second", second)])]))
+    order = []
+    for _ in range(200):
+        turn = schedule.turn()
+        order.append(turn.who)
+        turn.stepped(1.0, 0.0)
+    switched = order.index("second")
+    assert 20 <= order[:30].count("first") and switched >= 20  # not before it has spent twice what it said
+    again = order.index("first", switched + 10)
+    assert order[again:].count("first") > 0
+    assert sum(turn.steps for turn in schedule.waiting) == 200  # nothing of what was made is lost
+
+
+def test_a_fact_is_asked_for_only_where_it_costs_a_sixth_of_what_is_left():
+    asked = []
+
+    def stage(cost, left):
+        def made():
+            asked.append(cost)
+            return [(cost, Expected(left, 0.0, 1.0, True))]
+
+        return Stage(cost, made)
+
+    Schedule(iter([stage(0.0, 60.0), stage(10.0, 30.0), stage(6.0, 20.0)])).turn()
+    assert asked == [0.0, 10.0]
+
+
+class TestForecast:
+    @pytest.mark.parametrize("k", [6, 9, 40])
+    def test_a_steady_rate_goes_on(self, k):
+        assert forecast([0.5 * i for i in range(k + 1)], 100.0) == pytest.approx((100.0 - 0.5 * k) / 0.5)
+
+    def test_sweeps_that_creep_like_a_power_of_their_number_are_not_believed_to_go_on_as_fast(self):
+        fallen = [math.log(1.0 + i) for i in range(33)]
+        constant = (18.0 - fallen[-1]) / ((fallen[32] - fallen[16]) / 16)
+        assert forecast(fallen, 18.0) > 3 * constant
+
+    @given(st.lists(st.floats(0.0, 3.0), min_size=6, max_size=60), st.floats(1.0, 200.0))
+    @settings(max_examples=60, deadline=None)
+    def test_it_is_at_least_one_step_and_more_where_more_is_needed(self, falls, need):
+        fallen = [0.0]
+        for fall in falls:
+            fallen.append(fallen[-1] + fall)
+        assert 0.0 < forecast(fallen, need) <= forecast(fallen, 2 * need)
+
+    def test_what_never_fell_is_not_expected_to(self):
+        assert forecast([0.0] * 10, 1.0) == math.inf
