@@ -85,6 +85,7 @@ class MNMAOR(_Relaxing):
     """
 
     name: ClassVar[str] = "mnmaor"
+    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another theta1 or theta2"
     theta2: float = 1.0
 
@@ -122,6 +123,7 @@ class MNMSOR(_Relaxing):
     """
 
     name: ClassVar[str] = "mnmsor"
+    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another theta1"
 
     def __post_init__(self) -> None:
@@ -155,6 +157,7 @@ class MNMGS(FreeOmega):
     """
 
     name: ClassVar[str] = "mnmgs"
+    family: ClassVar[str] = "paper"
 
     def splitting_of(self) -> Splitting:
         return AOR(1.0, 1.0)
@@ -169,6 +172,7 @@ class MNMJ(FreeOmega):
     """
 
     name: ClassVar[str] = "mnmj"
+    family: ClassVar[str] = "paper"
 
     def splitting_of(self) -> Splitting:
         return AOR(1.0, 0.0)

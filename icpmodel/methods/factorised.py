@@ -30,6 +30,7 @@ class MNMOD(ModulusMember):
     """
 
     name: ClassVar[str] = "mnmod"
+    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step)"
     phi: Any = 0.0
 
@@ -56,6 +57,7 @@ class MNMMOD(MNMOD):
     """
 
     name: ClassVar[str] = "mnmmod"
+    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another theta1"
     theta1: Any = 1.0
 

@@ -35,6 +35,7 @@ class Josephy(Method):
     """
 
     name: ClassVar[str] = "josephy"
+    family: ClassVar[str] = "shortcut"
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:

@@ -37,6 +37,7 @@ class Lemke(Method):
     """
 
     name: ClassVar[str] = "lemke"
+    family: ClassVar[str] = "shortcut"
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:

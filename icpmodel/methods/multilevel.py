@@ -64,6 +64,7 @@ class Multilevel(Method):
     """
 
     name: ClassVar[str] = "multilevel"
+    family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:

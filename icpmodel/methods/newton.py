@@ -65,6 +65,7 @@ class Newton(Method):
     """
 
     name: ClassVar[str] = "newton"
+    family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:

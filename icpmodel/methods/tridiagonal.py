@@ -35,6 +35,7 @@ class Tridiagonal(Method):
     """
 
     name: ClassVar[str] = "tridiagonal"
+    family: ClassVar[str] = "shortcut"
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:
