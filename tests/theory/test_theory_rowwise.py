@@ -194,11 +194,11 @@ def test_at_the_solution_no_step_is_needed_and_the_distance_is_close():
     problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -1.0])
     rate = predicted_rate(problem, icp.PSOR())
     assert rate.steps(problem, [1.0, 1.0], 1e-9) == 0
-    free = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0], psi=-np.inf)
-    rate = predicted_rate(free, icp.PSOR())
-    z = np.ones(2)
-    first = (np.abs(swept(free, 1.0, z) - z) / rate.v).max() / (1 - rate.factor)
-    assert rate.distance(free, z) == pytest.approx(first)
+    z, free = np.ones(2), icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0], psi=-np.inf)
+    for omega in (1.0, 0.5):
+        rate = predicted_rate(free, icp.PSOR(omega=omega))
+        first = (np.abs(swept(free, omega, z) - z) / rate.v).max() / (1 - rate.factor)
+        assert rate.distance(free, z) == pytest.approx(first)
 
 
 def test_a_theorem_is_about_one_of_the_two_degrees_of_implicitness():
