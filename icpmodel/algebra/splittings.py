@@ -30,7 +30,7 @@ class Splitting(ABC):
 
 
 class Member(Protocol):
-    """What theory needs to know of a method of the modulus family: M₁, φ, Ω, and θ₁ where it has one."""
+    """What theory needs to know of a method of the modulus family: M₁, φ, Ω, what the modulus sees, and θ₁ if any."""
 
     @property
     def phi(self) -> Any:
@@ -39,6 +39,10 @@ class Member(Protocol):
     @property
     def theta1(self) -> Any:
         """θ₁, a number or "auto"."""
+
+    @property
+    def sees_newest(self) -> bool:
+        """Whether the modulus sees the newest values, row by row, instead of the iterate before."""
 
     def splitting_of(self) -> Splitting:
         """The choice of M₁."""

@@ -176,8 +176,8 @@ def explain(
     """What is certain of `problem` before it is solved, and which methods are proved to solve it.
 
     Parameters: `method` a member of the modulus family by name (with its `options`) or as an object, to be looked at
-    alone; by default MNMJ, MNMGS, MNMSOR and MNMAOR with several θ₁, θ₂ and Ω, MNMOD and MNMMOD, and the method that
-    `solve()` tries first. `accuracy` > 0, in the units of z, to which the numbers of steps refer. A member with
+    alone; by default MNMJ, MNMGS, MNMSOR and MNMAOR with several θ₁, θ₂ and Ω, PSOR, MNMOD and MNMMOD, and the method
+    that `solve()` tries first. `accuracy` > 0, in the units of z, to which the numbers of steps refer. A member with
     theta1="auto" is looked at with the numbers of `settled`, although a run of mnmaor adapts them.
     Returns an `Explanation`. Raises InputError for a method outside of the family.
     Reference: `icpmodel.theory`, which states and checks every theorem.

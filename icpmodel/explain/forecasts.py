@@ -12,6 +12,7 @@ from ..methods.aor import MNMAOR, MNMGS, MNMJ, MNMSOR
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD, MNMOD
 from ..methods.modulus import ModulusMember
+from ..methods.psor import PSOR
 from ..numerics.rounding import at_most
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
@@ -95,7 +96,7 @@ def members(problem: ProblemData) -> dict[str, Method]:
     found: dict[str, Method] = {"MNMJ(), Omega = D": MNMJ(), "MNMGS(), Omega = D": MNMGS()}
     if np.abs(problem.A.data).max() > np.finfo(np.float64).max / 4:  # M1 and Omega of the others would overflow
         return found
-    found["MNMAOR(theta2=2), Omega = D"] = MNMAOR(theta2=2.0)
+    found |= {"MNMAOR(theta2=2), Omega = D": MNMAOR(theta2=2.0), "PSOR(), newest values": PSOR()}
     if problem.n > _FACTORISE_UP_TO:
         return found
     found |= {f"MNMSOR(theta1={theta}), Omega = D": MNMSOR(theta1=theta) for theta in (0.9, 1.1)}

@@ -61,6 +61,7 @@ class MNMMOD(MNMOD):
     """
 
     name: ClassVar[str] = "mnmmod"
+    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another theta1"
     theta1: Any = 1.0
 

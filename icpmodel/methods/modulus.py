@@ -6,16 +6,19 @@ Written out with the modulus (equation (5) of the paper; φ₁ only rescales, so
 
 |x − y| = x + y − 2 min(x, y) turns that into the line above; `algebra.operators.Operator.step` is that line.
 
-| method  | M₁             | Ω    |                                                    |
-|---------|----------------|------|----------------------------------------------------|
-| MNMOD   | A              | I    | one factorisation, reused                          |
-| MNMMOD  | A              | θ₁I  | one factorisation, reused                          |
-| MNMAOR  | (D − θ₂L)/θ₁   | any  | forward substitution in one pass over A            |
-| MNMSOR  | (D − θ₁L)/θ₁   | any  | θ₂ = θ₁                                            |
-| MNMGS   | D − L          | any  | θ₁ = θ₂ = 1                                        |
-| MNMJ    | D              | any  | θ₁ = 1, θ₂ = 0                                     |
-| NMMS    | any            | any  | φ = 0, φ₁ = I (the method of 2022)                 |
-| projection-fixed-point | D/ω | D/ω | z⁺ = max(ψ(z), z − ωD⁻¹(Az + q))               |
+The members differ in M₁, Ω, φ, and in what the modulus sees: the iterate before, as the paper prints them, or the
+newest values, row by row, which for M₁ = D/ω − L is projected SOR (see `methods.psor`).
+
+| M₁           | Ω   | old values inside the modulus | newest values inside it |                                  |
+|--------------|-----|-------------------------------|-------------------------|----------------------------------|
+| A            | I   | MNMOD                         |                         | one factorisation, reused        |
+| A            | θ₁I | MNMMOD                        |                         | one factorisation, reused        |
+| (D − θ₂L)/θ₁ | any | MNMAOR                        |                         | forward substitution in one pass |
+| D/θ₁ − L     | any | MNMSOR                        | PSOR(omega=θ₁)          | θ₂ = θ₁                          |
+| D − L        | any | MNMGS                         | PSOR                    | θ₁ = θ₂ = 1                      |
+| D            | any | MNMJ                          | MNMJ with Ω = D         | θ₁ = 1, θ₂ = 0                   |
+| D/ω          | D/ω | projection-fixed-point        | the same                | z⁺ = max(ψ(z), z − ωD⁻¹(Az + q)) |
+| any          | any | NMMS, Modulus                 |                         | NMMS: φ = 0, φ₁ = I (2022)       |
 
 theta1="auto" leaves θ₁, and what goes with it, to `algebra.relaxation`.
 """
@@ -40,8 +43,10 @@ from .contract import FixedPoint, positive_diagonal
 
 
 class ModulusMember(FixedPoint):
-    """A member of the modulus family: a choice of M₁, φ and Ω, and nothing else."""
+    """A member of the modulus family: a choice of M₁, φ, Ω and of what the modulus sees, and nothing else."""
 
+    #: whether the modulus sees the newest values, row by row, instead of the iterate before
+    sees_newest: ClassVar[bool] = False
     #: members without these options have φ = 0 and numbers for all else
     phi: Any = 0.0
     theta1: Any = 1.0
@@ -114,6 +119,7 @@ class Modulus(FreeOmega):
     """
 
     name: ClassVar[str] = "modulus"
+    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another splitting"
     splitting: Any = "gauss-seidel"
 
@@ -134,6 +140,7 @@ class NMMS(ModulusMember):
     """
 
     name: ClassVar[str] = "nmms"
+    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "another omega, another splitting"
     splitting: Any = "gauss-seidel"
     omega: Any = None
@@ -162,6 +169,7 @@ class ProjectionFixedPoint(ModulusMember):
     """
 
     name: ClassVar[str] = "projection-fixed-point"
+    family: ClassVar[str] = ""
     to_try: ClassVar[str] = "a smaller omega"
     omega: float = 1.0
 

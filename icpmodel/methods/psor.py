@@ -1,4 +1,18 @@
-"""Projected successive overrelaxation: Gauss–Seidel rows, each projected on its obstacle at once."""
+"""The member whose modulus sees the newest values: solved row by row, the modulus equation is projected SOR.
+
+The other members take the newest values in M₁z⁺ and the iterate before inside the modulus. Take them in both: hold all
+other unknowns at their newest values, p_i = Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i, and solve row i of the modulus
+equation alone, for t = z_i⁺, with m = a_ii/ω in place of a_ii:
+
+    (m + Ω_i) t = |(m − Ω_i) t + c + Ω_i ψ_i| − c + Ω_i ψ_i,        c = p_i − m z_i.
+
+By |x − y| = x + y − 2 min(x, y), x = mt + c, y = Ω_i(t − ψ_i), it says min(mt + c, Ω_i(t − ψ_i)) = 0; both sides grow
+with t, so for every Ω_i > 0 the larger of their zeros −c/m = z_i − (ω/a_ii)p_i and ψ_i is the only solution.
+
+So Ω drops out; with Ω = D/ω, t is not inside the modulus at all. MNMSOR with θ₁ = ω has the same M₁ = D/ω − L and the
+iterate before inside the modulus, hence drags rows that stay on the obstacle along with their neighbours' steps. For
+M₁ = D/ω no newest value is used, and with Ω = D/ω the two are one method. Its rate: `theory.convergence.rowwise`.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +20,21 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ..algebra.relaxation import sor_speed
+from ..algebra.splittings import AOR, Splitting
 from ..algebra.steps import Step, compiled_step
-from ..numerics.arrays import as_number
+from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
-from .contract import Estimate, FixedPoint, positive_diagonal
+from .contract import Estimate, positive_diagonal
+from .modulus import ModulusMember
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class PSOR(FixedPoint):
+class PSOR(ModulusMember):
     """z_i⁺ = max(ψ_i(z), z_i − (ω/a_ii)(Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i)), 0 < ω < 2.
 
-    It is not of the form z − 2X⁻¹F(z): the projection sits inside the substitution.
+    Projected successive overrelaxation, the row-wise modulus method: M₁ = D/ω − L, any Ω, and the newest values inside
+    the modulus (see the module's docstring); ψ sees the z that the sweep began with.
     Reference: Cryer, SIAM J. Control 9 (1971).
 
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(icp.PSOR(omega=1.1)).z.round(6)
@@ -27,6 +44,7 @@ class PSOR(FixedPoint):
     name: ClassVar[str] = "psor"
     family: ClassVar[str] = "modulus"
     to_try: ClassVar[str] = "a smaller omega"
+    sees_newest: ClassVar[bool] = True
     omega: float = 1.0
 
     def __post_init__(self) -> None:
@@ -40,6 +58,13 @@ class PSOR(FixedPoint):
 
     def why_not(self, problem: ProblemData) -> str | None:
         return positive_diagonal(problem, "projected SOR divides by the diagonal of A")
+
+    def splitting_of(self) -> Splitting:
+        return AOR(self.omega, self.omega)
+
+    def omega_of(self, problem: ProblemData) -> Vector:
+        """D/ω; no other Ω > 0 would change a step."""
+        return problem.matrix.rows.diagonal / self.omega
 
     def step_of(self, problem: ProblemData) -> Step:
         A, rows = problem.A, problem.matrix.rows

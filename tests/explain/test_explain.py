@@ -131,7 +131,8 @@ def test_nothing_is_compared_where_only_one_member_was_looked_at():
 
 def test_where_splittings_differ_only_the_right_one_is_proved():
     page = scenes.hand_splittings().problem.explain()
-    assert [forecast.title for forecast in page.forecasts if forecast.factor] == ["MNMJ(), Omega = D"]
+    proved = [forecast.title for forecast in page.forecasts if forecast.factor]
+    assert proved == ["MNMJ(), Omega = D", "PSOR(), newest values"]
 
 
 def test_a_strict_supersolution_makes_the_monotone_theorem_global():
@@ -145,9 +146,23 @@ def test_one_method_can_be_asked_for():
     for page in (problem.explain("mnmsor", theta1=0.9), problem.explain(icp.MNMSOR(theta1=0.9))):
         assert [forecast.title for forecast in page.forecasts] == ["MNMSOR(theta1=0.9)"]
     with pytest.raises(icp.InputError, match="modulus family only"):
-        problem.explain("psor")
+        problem.explain("mms")
     with pytest.raises(icp.InputError, match="accuracy is 0"):
         problem.explain(accuracy=0)
+
+
+def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
+    """The sweeps of projected SOR are a member of the family: with a rate, on the page and by name."""
+    problem = scenes.bai_symmetric(n=100).problem
+    page = problem.explain()
+    row = next(forecast for forecast in page.forecasts if forecast.title == "PSOR(), newest values")
+    assert isinstance(page.picked, icp.PSOR)
+    assert row.proved_by == ["rowwise", "h-plus"]
+    assert row.factor < min(forecast.factor for forecast in page.forecasts if "MNM" in forecast.title)
+    assert row.steps > 0
+    (asked,) = problem.explain("psor", omega=1.1).forecasts
+    assert asked.proved_by == ["rowwise"]
+    assert row.factor < asked.factor < 1
 
 
 @pytest.mark.parametrize(

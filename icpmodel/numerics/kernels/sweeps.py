@@ -149,6 +149,17 @@ def substitute(start, stop, indices, data, tau, inverse, forward, f, out):
         out[i] = inverse[i] * (f[i] - tau * row_sum(0.0, start[i], stop[i], indices, data, out))
 
 
+@compiled
+def bounded(indptr, indices, data, diag, scale, growth, tiny, f, v, g, out):
+    # what a projected sweep over `data` >= 0 makes of bounds, the newest ones for the rows before: out_i is the larger
+    # of g_i and (f_i + scale_i (sum_{j<i} a_ij out_j + sum_{j>i} a_ij v_j)) growth_i + tiny_i
+    for i in range(uint(v.size)):
+        total = row_sum(0.0, indptr[i], diag[i], indices, data, out)
+        total = row_sum(total, uint(diag[i]) + uint(1), indptr[i + uint(1)], indices, data, v)
+        moved = (f[i] + scale[i] * total) * growth[i] + tiny[i]
+        out[i] = g[i] if moved <= g[i] else moved  # NaN stays
+
+
 _ALL = (in_order, some_in_order, two_in_order, diagonal, triangular)
 #: for ψ given by arrays, kept on disk between runs, and for ψ that calls a user's compiled function: numba
 #: cannot find those again in its cache

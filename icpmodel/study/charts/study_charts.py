@@ -38,6 +38,8 @@ _LINES: dict[str, tuple[str, Any]] = {
     "4.3": (PURPLE, (0, (2, 2))),
     "4.4": (SKY, (0, (1, 1))),
     "sharper": ("black", "solid"),
+    "rowwise": ("black", "solid"),
+    "h-plus": (BLUE, (0, (6, 2))),
     "definite": (YELLOW, (0, (5, 1, 1, 1))),
 }
 _FALSE = "#C00000"

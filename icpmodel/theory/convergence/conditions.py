@@ -55,7 +55,7 @@ class StepMatrices:
     """M₁, M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω as CSR and D, φ, φ₁, Ω as vectors, of `member` on `problem`.
 
     M₁, M̂ and X store every diagonal entry. What a theorem makes of all this is at most twice `size` entry by entry, and
-    so are the rounding errors of making it.
+    so are the rounding errors of making it. Where the modulus sees the newest values, no X is ever inverted.
     """
 
     def __init__(self, problem: ProblemData, member: Member) -> None:
@@ -70,6 +70,7 @@ class StepMatrices:
         self.A, self.n = problem.A, problem.n
         self.D = problem.A.diagonal()
         self.splitting = member.splitting_of()
+        self.sees_newest = bool(getattr(member, "sees_newest", False))
         self.omega = member.omega_of(problem)
         self.phi = as_vector(member.phi, self.n, "phi")
         self.phi1 = as_vector(getattr(member, "phi1", 1.0), self.n, "phi1")
@@ -82,6 +83,12 @@ class StepMatrices:
             self.short = sp.diags_array(np.maximum(self.D - self.omega, 0.0))
         #: vectors v > 0 that served one theorem and may serve the next
         self.vectors: list[Vector] = []
+
+    @property
+    def relaxation(self) -> float:
+        """ω where M₁ = D/ω − L, NaN where it is something else."""
+        sor = self.splitting
+        return float(sor.theta1) if isinstance(sor, AOR) and sor.theta1 == sor.theta2 else np.nan
 
     @cached_property
     def omega_G(self) -> sp.csr_array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import reduce
@@ -143,9 +144,32 @@ class Dense:
             return None
 
 
+class HomogeneousMap(ABC):
+    """T ≥ 0 on v ≥ 0, monotone and positively homogeneous, known from both sides; `limit` as in `MonotoneMap`."""
+
+    limit: float = 1.0
+
+    @property
+    @abstractmethod
+    def entries(self) -> int:
+        """How many entries of matrices one evaluation reads."""
+
+    @abstractmethod
+    def upper(self, v: Vector) -> Vector:
+        """At least T(`v`), entry by entry, for `v` > 0 of shape (n,)."""
+
+    @abstractmethod
+    def lower(self, v: Vector) -> Vector:
+        """At most T(`v`), entry by entry, for `v` ≥ 0 of shape (n,); zero where nothing is known."""
+
+    @abstractmethod
+    def steeper(self, mu: float, v: Vector) -> Vector | None:
+        """(μI − T_v)⁻¹v with T_v the linear map that T is at `v`: one step of Noda's iteration, unproved."""
+
+
 @dataclass(frozen=True, eq=False)
-class MonotoneMap:
-    """T(v) = |X⁻¹| max_k F_k v, the maximum entry by entry; monotone and positively homogeneous on v ≥ 0.
+class MonotoneMap(HomogeneousMap):
+    """T(v) = |X⁻¹| max_k F_k v, the maximum entry by entry.
 
     `inverse` is |X⁻¹|, `parts` are the F_k ≥ 0 (CSR, shape (n, n)), `size` a matrix ≥ F_k/2 of which the F_k are known
     to a few units of roundoff. `limit`·ρ(T) < `limit` is what a theorem asks for in its own words.
@@ -156,16 +180,17 @@ class MonotoneMap:
     size: sp.csr_array
     limit: float = 1.0
 
+    @property
+    def entries(self) -> int:
+        return int(self.size.nnz) * (2 + len(self.parts))
+
     def upper(self, v: Vector) -> Vector:
-        """At least T(`v`), entry by entry, for `v` > 0 of shape (n,)."""
         return self.inverse.upper(self._largest(v) + slack(self.size, v))
 
     def lower(self, v: Vector) -> Vector:
-        """At most T(`v`), entry by entry, for `v` ≥ 0 of shape (n,); zero where nothing is known."""
         return self.inverse.lower(np.maximum(self._largest(v) - slack(self.size, v), 0.0))
 
     def steeper(self, mu: float, v: Vector) -> Vector | None:
-        """(μI − T_v)⁻¹v with T_v the linear map that T is at `v`: one step of Noda's iteration, unproved."""
         products = np.array([F @ v for F in self.parts])
         choice = products.argmax(axis=0)
         picked = sum(sp.diags_array((choice == k).astype(float)) @ F for k, F in enumerate(self.parts))
@@ -183,7 +208,7 @@ class Radius(NamedTuple):
     holds: bool | None = None
 
 
-def radius(T: MonotoneMap, starts: Iterable[Vector]) -> Radius:
+def radius(T: HomogeneousMap, starts: Iterable[Vector]) -> Radius:
     """Bounds on the spectral radius of `T` by Collatz–Wielandt quotients.
 
     Every v > 0 gives ρ(T) ≤ max_i T(v)_i/v_i, and ρ(T) < 1 exactly if some v > 0 has T(v) < v; every v ≥ 0, v ≠ 0
@@ -202,15 +227,14 @@ def radius(T: MonotoneMap, starts: Iterable[Vector]) -> Radius:
                 break
         if best.v is None:
             return best
-        entries = T.size.nnz * (2 + len(T.parts))  # that one evaluation reads
-        if entries <= _FACTORISED:
+        if T.entries <= _FACTORISED:
             best = _noda(T, best)
-        best, last = _power(T, best, int(np.clip(_READ // entries, 3, 100)))
+        best, last = _power(T, best, int(np.clip(_READ // T.entries, 3, 100)))
         fails = best.upper >= 1 and (_invariant_part(T, last) or _invariant_part(T, best.v))
         return best._replace(holds=True if best.upper < 1 else False if fails else None)
 
 
-def _quotient(T: MonotoneMap, v: Vector) -> tuple[float, Vector]:
+def _quotient(T: HomogeneousMap, v: Vector) -> tuple[float, Vector]:
     """(max_i T(v)_i/v_i rounded up, T(v)); infinite for a v that is not positive."""
     if not ((v > 0).all() and np.isfinite(v).all()):
         return np.inf, v
@@ -218,7 +242,7 @@ def _quotient(T: MonotoneMap, v: Vector) -> tuple[float, Vector]:
     return float(np.nextafter((image / v).max(), np.inf)), image
 
 
-def _better(T: MonotoneMap, v: Vector | None, best: Radius) -> Radius:
+def _better(T: HomogeneousMap, v: Vector | None, best: Radius) -> Radius:
     if v is None:
         return best
     v = v / np.abs(v).max()
@@ -230,7 +254,7 @@ def _worthwhile(before: float, after: float) -> bool:
     return before - after > _WORTH * min(abs(1.0 - after), after)
 
 
-def _noda(T: MonotoneMap, best: Radius) -> Radius:
+def _noda(T: HomogeneousMap, best: Radius) -> Radius:
     # where rho < 1 this start alone proves it: T(v) = v - start
     best = _better(T, T.steeper(1.0, best.v), best)
     for _ in range(20):
@@ -240,7 +264,7 @@ def _noda(T: MonotoneMap, best: Radius) -> Radius:
     return best
 
 
-def _power(T: MonotoneMap, best: Radius, steps: int) -> tuple[Radius, Vector]:
+def _power(T: HomogeneousMap, best: Radius, steps: int) -> tuple[Radius, Vector]:
     """Power steps for as long as they gain, or until T(v) ≥ v: the best bound and the last v."""
     v = best.v
     for step in range(steps):
@@ -256,7 +280,7 @@ def _power(T: MonotoneMap, best: Radius, steps: int) -> tuple[Radius, Vector]:
     return best, v
 
 
-def _invariant_part(T: MonotoneMap, v: Vector) -> bool:
+def _invariant_part(T: HomogeneousMap, v: Vector) -> bool:
     """Whether T(u) ≥ u on the support of some u ≤ v, u ≠ 0, that arises by dropping the entries that fail."""
     u = v.copy()
     for _ in range(50):

@@ -18,7 +18,8 @@ from ..answers import Answer
 from ..certificates.bounds import error_bound
 from ..certificates.proof import norm_up
 from .conditions import StepMatrices, sharper
-from .contraction import slack
+from .contraction import HomogeneousMap, slack
+from .rowwise import SweepMap
 from .theorems import Check, check_all
 
 
@@ -104,6 +105,10 @@ class Contraction(Rate):
 
     norm = "max_i |z_i - z*_i|/v_i"
 
+    def _map(self) -> HomogeneousMap:
+        """T, T(v) ≤ factor·v."""
+        return sharper(self._step)
+
     def steps(self, problem: ProblemData, z0: Any, accuracy: Any) -> int | None:
         """The smaller number of two norms, that of v and, where it proves a factor below 1, the maximum norm.
 
@@ -111,9 +116,9 @@ class Contraction(Rate):
         """
         numbers, ones = [Rate.steps(self, problem, z0, accuracy)], np.ones(self.v.size)
         with np.errstate(all="ignore"):
-            factor = float(sharper(self._step).upper(ones).max())
+            factor = float(self._map().upper(ones).max())
         if factor < 1:
-            in_maximum_norm = Contraction(factor, ones, self.sentence, self._step)
+            in_maximum_norm = type(self)(factor, ones, self.sentence, self._step)
             numbers.append(Rate.steps(in_maximum_norm, problem, z0, accuracy))
         return min((number for number in numbers if number is not None), default=None)
 
@@ -125,6 +130,18 @@ class Contraction(Rate):
         defect = defect * (1 + 8 * UNIT_ROUNDOFF) + np.finfo(np.float64).tiny
         moved = np.abs(d) + sharper(step).inverse.upper(defect)
         return float((moved / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
+
+
+class RowwiseContraction(Contraction):
+    """The same norm, where the modulus sees the newest values: theorem "rowwise"."""
+
+    def _map(self) -> SweepMap:
+        return SweepMap(self._step)
+
+    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
+        """|z⁰ − z¹| ≤ the d with d_i = |F_i|/Ω_i + (ω/a_ii)Σ_{j<i} |a_ij|d_j, Ω = D/ω up to rounding."""
+        own = (np.abs(F) + for_F) / self._step.omega * (1 + 16 * UNIT_ROUNDOFF) + SMALLEST
+        return float((self._map().moved(own) / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
 
 
 class PeacemanRachford(Rate):
@@ -144,20 +161,29 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
     """The contraction factor of `member` on `problem`, or an `Answer` (unknown or no) that says why there is none.
 
     It is that of the theorem "sharper", which holds with the same v wherever 4.1 to 4.4 do, with a factor that is no
-    larger; where that does not hold, that of "definite".
+    larger; where that does not hold, that of "definite". Where the modulus sees the newest values it is that of
+    "rowwise".
     Parameters: `member` a method of the modulus family; `checks` what `check_all` returned for the two, if at hand.
     Returns a `Rate`, or an `Answer`. Raises InputError for a method outside of the family, or other `checks`.
-    Reference: `icpmodel.theory.convergence.conditions` and `.structural`; Banach's fixed point theorem.
+    Reference: `icpmodel.theory.convergence.conditions`, `.rowwise` and `.structural`; Banach's fixed point theorem.
 
     >>> from icpmodel import MNMGS, Affine
     >>> print(predicted_rate(ICP([[1.0]], [0.0], Affine([[2.0]])), MNMGS()))
     no: the contraction factor is at least 1, and at most 2.00001
     """
     checks = check_all(problem, member) if checks is None else checks
-    if not (isinstance(checks, dict) and {"sharper", "definite"} <= checks.keys()):
+    if not (isinstance(checks, dict) and set(_KINDS) <= checks.keys()):
         raise InputError(f"checks is {described(checks)}; what check_all(problem, member) returns was expected")
-    for name, kind in (("sharper", Contraction), ("definite", PeacemanRachford)):
+    for name, kind in _KINDS.items():
         found = checks[name]
         if found.holds and found.number is not None and found.vector is not None:
             return kind(found.number, found.vector, f"theorem {name}: {found.sentence}", StepMatrices(problem, member))
-    return checks["sharper"]
+    return checks["rowwise" if getattr(member, "sees_newest", False) else "sharper"]
+
+
+#: the theorems that tell a factor, and the norm it holds in
+_KINDS: dict[str, type[Rate]] = {
+    "sharper": Contraction,
+    "rowwise": RowwiseContraction,
+    "definite": PeacemanRachford,
+}

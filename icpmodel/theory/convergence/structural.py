@@ -5,7 +5,10 @@ In row i the step z⁺ = z − 2X⁻¹min(p, Ωr) is the larger of z_i − (2/x_
 coefficients 1 − 2d_i/x_i, −2a_ij/x_i and 1 − 2ω_i/x_i are ≥ 0: the step is isotone. If F(s) = min(p(s), r(s)) ≥ 0 (s a
 supersolution), the step goes down from s, hence by induction always; with a subsolution t ≤ s (F(t) ≤ 0) it stays above
 t, so it converges, and the limit is a solution because ψ is continuous: the largest one between t and s. From t it goes
-up to the smallest. For M₁ = D the condition on X is φ ≥ |D − Ω|.
+up to the smallest. For M₁ = D the condition on X is φ ≥ |D − Ω|. Where the modulus sees the newest values, that is for
+projected SOR, D > 0 and ω ≤ 1 take the place of the conditions on X: row by row z_i⁺ is the larger of ψ_i(z) and
+(1 − ω)z_i − (ω/a_ii)(Σ_{j≠i} a_ij z_j + q_i), the newest z, whose coefficients are ≥ 0; and where z_j⁺ ≤ s_j for j < i
+the newest p_i is at least p_i(s) ≥ 0, so that a sweep from s goes down.
 
 **definite.** Let A be positive definite (xᵀAx > 0, symmetric or not), ψ constant (rows without obstacle included),
 M₁ = A, φ = 0, Ω any positive diagonal. Write A' = Ω^(−½)AΩ^(−½), also positive definite, K = A' + I and
@@ -30,7 +33,7 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
 from ..answers import Answer
 from ..certificates.bounds import proofs_of
 from ..certificates.definite import LARGEST
-from ..matrices.comparison_matrix import z_matrix
+from ..matrices.comparison_matrix import positive_diagonal, z_matrix
 from ..matrices.eigenvalue import is_dense, largest_above, smallest_below, smallest_quotient, within_reach
 from .conditions import StepMatrices
 
@@ -41,9 +44,10 @@ _SHARES, _SHARES_DENSE = (1e-3, 1e-2, 0.1, 0.5), (1e-13, 1e-11, 1e-9, 1e-6, 1e-3
 
 MONOTONE = (
     "If A is a Z-matrix, ψ is continuous and isotone and X = M₁ + φ + Ω is diagonal with X ≥ 2D and X ≥ 2Ω "
-    "(for M₁ = D: φ ≥ |D − Ω|), the step is isotone and converges downwards from every supersolution that lies above "
-    "a subsolution, upwards from that subsolution; global convergence also needs A1 ≥ 0, ψ(z + t) ≤ ψ(z) + t for "
-    "t ≥ 0, ψ convex and a strict supersolution, which are not checked here"
+    "(for M₁ = D: φ ≥ |D − Ω|), or the method is projected SOR with ω ≤ 1, D > 0, the step is isotone and converges "
+    "downwards from every supersolution that lies above a subsolution, upwards from that subsolution; global "
+    "convergence also needs A1 ≥ 0, ψ(z + t) ≤ ψ(z) + t for t ≥ 0, ψ convex and a strict supersolution, which are not "
+    "checked here"
 )
 DEFINITE = (
     "If A is positive definite, ψ constant, M₁ = A and φ = 0, the method converges from every start for every "
@@ -55,15 +59,8 @@ def monotone(step: StepMatrices) -> Answer:
     """Whether the step is isotone; X ≥ 2D and X ≥ 2Ω are read up to the rounding of φ and Ω."""
     if not (found := z_matrix(step.A)).holds:
         return Answer(False, f"A is not a Z-matrix: {found.reason}")
-    if step.M1.data[step.M1.indices != row_of(step.M1)].any():
-        return Answer(False, "M1 is not diagonal")
-    X, least = step.X.diagonal(), 2.0 * np.maximum(step.D, step.omega)
-    size = np.abs(step.M1.diagonal()) + np.abs(step.phi) + step.omega
-    short = least - X > 4 * UNIT_ROUNDOFF * size
-    if short.any():
-        i = int(np.argmax(short))
-        need = f"M1 + phi + Omega is {X[i]:g} in row {i}, less than {least[i]:g}"
-        return Answer(False, need + ": for M1 = D, phi >= |D - Omega| is needed")
+    if (reason := _no_isotone_sweep(step) if step.sees_newest else _no_isotone_step(step)) is not None:
+        return Answer(False, reason)
     reasons = {
         None: "it is not known whether psi is isotone",
         False: "psi is not isotone: psi.G has a negative entry",
@@ -71,6 +68,25 @@ def monotone(step: StepMatrices) -> Answer:
     }
     isotone = step.problem.psi.isotone()
     return Answer(isotone, reasons[isotone])
+
+
+def _no_isotone_sweep(step: StepMatrices) -> str | None:
+    if not (positive := positive_diagonal(step.A)).holds:
+        return positive.reason
+    return None if step.relaxation <= 1.0 else f"omega = {step.relaxation:g} is above 1"
+
+
+def _no_isotone_step(step: StepMatrices) -> str | None:
+    if step.M1.data[step.M1.indices != row_of(step.M1)].any():
+        return "M1 is not diagonal"
+    X, least = step.X.diagonal(), 2.0 * np.maximum(step.D, step.omega)
+    size = np.abs(step.M1.diagonal()) + np.abs(step.phi) + step.omega
+    short = least - X > 4 * UNIT_ROUNDOFF * size
+    if short.any():
+        i = int(np.argmax(short))
+        need = f"M1 + phi + Omega is {X[i]:g} in row {i}, less than {least[i]:g}"
+        return need + ": for M1 = D, phi >= |D - Omega| is needed"
+    return None
 
 
 def definite(step: StepMatrices) -> Answer:

@@ -15,7 +15,8 @@ from ...problem.data import ProblemData
 from ..answers import Answer
 from ..certificates.bounds import proofs_of
 from .conditions import StepMatrices, printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44
-from .contraction import MonotoneMap, radius
+from .contraction import HomogeneousMap, radius
+from .rowwise import h_plus, rowwise
 from .structural import DEFINITE, MONOTONE, definite, monotone
 
 
@@ -24,10 +25,10 @@ class Check(Answer):
     """Whether the hypotheses of a theorem hold: an `Answer` with the theorem beside it.
 
     `holds` False says that the theorem tells nothing here, not that the method fails. `number` is a proved upper bound
-    of the spectral radius that the theorem wants below 1 (4.3: below min(1, θ₁)/max(θ₁, θ₂)), for "definite" the
-    factor σ; `witness`, also called `vector`, the scaling v > 0 that proves it; `theorem` the name, `sentence` the
-    statement, `as_printed` whether it is the paper's own, `false_as_printed` the counterexample to the paper's own
-    statement in words, empty where that is true.
+    of the spectral radius that the theorem wants below 1 (4.3: below min(1, θ₁)/max(θ₁, θ₂)), for "definite" and
+    "h-plus" the factor σ; `witness`, also called `vector`, the scaling v > 0 that proves it; `theorem` the name,
+    `sentence` the statement, `as_printed` whether it is the paper's own, `false_as_printed` the counterexample to the
+    paper's own statement in words, empty where that is true.
 
     >>> from icpmodel import MNMJ
     >>> found = check("4.1", ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ())
@@ -57,13 +58,15 @@ class _Theorem:
     printed_sentence: str = ""
     printed: Callable[[StepMatrices], Answer] | None = None
     false: str = ""
+    #: whether it is about members whose modulus sees the newest values, or, False, the iterate before; None: both
+    newest: bool | None = False
 
 
 def theorems() -> dict[str, str]:
     """Name → the theorem in one sentence, as corrected.
 
     >>> list(theorems())
-    ['4.1', '4.2', '4.3', '4.4', 'sharper', 'monotone', 'definite']
+    ['4.1', '4.2', '4.3', '4.4', 'sharper', 'rowwise', 'h-plus', 'monotone', 'definite']
     """
     return {name: theorem.sentence for name, theorem in _THEOREMS.items()}
 
@@ -74,7 +77,8 @@ def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool =
     Parameters: `theorem` one of `theorems()`; `member` a method of the modulus family, as an object; `as_printed` asks
     for the paper's own statement, which may be false (`Check.false_as_printed`) and is kept to be compared with.
     Returns a `Check`. Raises InputError for an unknown theorem, or one that the paper does not print.
-    Reference: the docstrings of `icpmodel.theory.convergence.conditions` and `.structural` hold statements and proofs.
+    Reference: the docstrings of `icpmodel.theory.convergence.conditions`, `.rowwise` and `.structural` hold statements
+    and proofs.
 
     >>> from icpmodel import MNMGS
     >>> print(check("4.3", ICP([[1.0]], [-1.0]), MNMGS(phi=-1.5)))
@@ -105,8 +109,12 @@ def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
             raise InputError(f"theorem is {name!r} as printed, but the paper does not print it")
         decide, sentence = theorem.printed, theorem.printed_sentence
     with np.errstate(all="ignore"):  # what overflows proves nothing
-        positive = (step.omega > 0).all()
-        found = decide(step) if positive else Answer(False, f"Omega has the entry {step.omega.min():g}, not positive")
+        if theorem.newest not in (None, step.sees_newest):
+            found = Answer(False, _OTHER_VALUES[step.sees_newest])
+        elif not (step.omega > 0).all():
+            found = Answer(False, f"Omega has the entry {step.omega.min():g}, not positive")
+        else:
+            found = decide(step)
     return Check(**vars(found), theorem=name, sentence=sentence, as_printed=as_printed, false_as_printed=theorem.false)
 
 
@@ -125,7 +133,7 @@ def _starts(step: StepMatrices) -> Iterator[Vector]:
             yield matrix_balance(quotients, permute=False, separate=True)[1][0]
 
 
-def _by_radius(name: str, make: Callable[[StepMatrices], MonotoneMap | str]) -> Callable[[StepMatrices], Answer]:
+def _by_radius(name: str, make: Callable[[StepMatrices], HomogeneousMap | str]) -> Callable[[StepMatrices], Answer]:
     """Decide by ρ(T) < 1, T = make(step); `name` says what the number, ρ times T.limit, is."""
 
     def decide(step: StepMatrices) -> Answer:
@@ -155,6 +163,8 @@ def _by_radius(name: str, make: Callable[[StepMatrices], MonotoneMap | str]) -> 
 
 
 def _without_inverse(step: StepMatrices) -> Answer:
+    if step.sees_newest:
+        return Answer(None, "the bounds of a sweep overflow")
     try:
         step.splitting.operator(step.A, step.phi + step.omega)
     except SingularOperator as error:
@@ -162,6 +172,11 @@ def _without_inverse(step: StepMatrices) -> Answer:
     return Answer(None, "nothing is known of |X^-1|: X is not an H-matrix and too large or ill conditioned")
 
 
+#: whether the modulus sees the newest values → why the theorems about the others are beside the point
+_OTHER_VALUES = {
+    False: "it is about methods whose modulus sees the newest values: projected SOR",
+    True: "it is about methods whose modulus sees the iterate before, here it sees the newest values",
+}
 _CONVERGES = "then ICP has one solution and the method converges to it from every start"
 
 _THEOREMS = {
@@ -205,8 +220,21 @@ _THEOREMS = {
         "every step leaves at most σ times max_i |z_i − z*_i|/v_i",
         _by_radius("the contraction factor", sharper),
     ),
-    "monotone": _Theorem(MONOTONE, monotone),
+    "rowwise": _Theorem(
+        "If the modulus sees the newest values (projected SOR) and some v > 0 has w ≤ σv with σ < 1, row by row "
+        "w_i = max((Gv)_i, |1 − ω|v_i + (ω/a_ii)(Σ_{j<i}|a_ij|w_j + Σ_{j>i}|a_ij|v_j)), " + _CONVERGES + ", and every "
+        "step leaves at most σ times max_i |z_i − z*_i|/v_i",
+        _by_radius("the contraction factor", rowwise),
+        newest=True,
+    ),
+    "h-plus": _Theorem(
+        "If the modulus sees the newest values, ω ≤ 1, A is an H₊-matrix and some v > 0 has ⟨A⟩v > 0 and Gv < v, the "
+        "factor of theorem rowwise with this v is below 1",
+        h_plus,
+        newest=True,
+    ),
+    "monotone": _Theorem(MONOTONE, monotone, newest=None),
     "definite": _Theorem(DEFINITE, definite),
 }
 #: cheap conditions first: the v of one is the first that the next tries
-_CHEAPEST_FIRST = ("4.3", "4.4", "4.2", "4.1", "sharper", "monotone", "definite")
+_CHEAPEST_FIRST = ("4.3", "4.4", "4.2", "4.1", "sharper", "h-plus", "rowwise", "monotone", "definite")

@@ -1,0 +1,84 @@
+"""Projected SOR as the member of the modulus family whose modulus sees the newest values, and the families by name."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel import methods
+
+SIZE = st.floats(1e-3, 1e3)
+NUMBER = st.floats(-1e3, 1e3)
+
+FAMILIES = {
+    "paper": {"modulus", "nmms", "mnmod", "mnmmod", "mnmaor", "mnmsor", "mnmgs", "mnmj"},
+    "modulus": {"psor", "newton", "multilevel", "accelerated"},
+    "shortcut": {"lemke", "josephy", "tridiagonal"},
+    "": {"mms", "projection-fixed-point"},
+}
+
+
+@settings(max_examples=50, deadline=None)
+@given(diagonal=SIZE, Omega=SIZE, omega=st.floats(0.05, 1.95), z=NUMBER, p=NUMBER, psi=NUMBER, away=SIZE)
+def test_for_every_omega_the_row_s_modulus_equation_has_one_solution_the_projected_step(
+    diagonal, Omega, omega, z, p, psi, away
+):
+    """(m + Ω)t = |(m − Ω)t + c + Ωψ| − c + Ωψ, m = a/ω, c = p − mz: only t = max(ψ, z − (ω/a)p), for it falls in t."""
+    m = diagonal / omega
+    c, t = p - m * z, max(psi, z - omega / diagonal * p)
+
+    def defect(t):
+        return abs((m - Omega) * t + c + Omega * psi) - c + Omega * psi - (m + Omega) * t
+
+    rounding = 1e-12 * ((m + Omega) * (abs(t) + abs(z) + abs(psi) + away) + abs(p))
+    assert abs(defect(t)) <= rounding
+    # |m − Ω| < m + Ω: on either side it is off by 2 min(m, Ω) times the distance, or more
+    assert defect(t + away) <= -2 * min(m, Omega) * away + rounding
+    assert defect(t - away) >= 2 * min(m, Omega) * away - rounding
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.1, 1.9))
+def test_a_sweep_solves_the_modulus_equation_of_every_row_with_the_newest_values(seed, omega):
+    """Row i of (M₁ + Ω)z⁺ = N₁z + |(M₁ − Ω)z⁺ − N₁z + q + Ωψ(z)| − q + Ωψ(z), M₁ = D/ω − L, for any Ω."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 6))
+    A = rng.normal(size=(n, n)) + np.diag(rng.uniform(0.5, 5, n) + 2)
+    np.fill_diagonal(A, np.abs(A.diagonal()) + 0.1)
+    G, c, q, z = rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=n), rng.normal(size=n)
+    problem, Omega, method = icp.ICP(A, q, icp.Affine(G, c)), rng.uniform(0.1, 5, n), icp.PSOR(omega=omega)
+    new = method.step_of(problem)(z)[0]
+    M1 = method.splitting_of().matrix(problem.A).toarray()
+    N1, psi = M1 - A, G @ z + c  # ψ sees the z that the sweep began with
+    inside = M1 @ new - Omega * new - N1 @ z + q + Omega * psi
+    right = N1 @ z + np.abs(inside) - q + Omega * psi
+    assert M1 @ new + Omega * new == pytest.approx(right, rel=1e-9, abs=1e-9 * (1 + np.abs(new).max()) * 10 / omega)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_for_jacobi_old_and_newest_values_are_one(seed):
+    """M₁ = D uses no newest value: with Ω = D the step is max(ψ(z), z − D⁻¹(Az + q)), and PSOR where A has no L."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 6))
+    A = rng.normal(size=(n, n))
+    np.fill_diagonal(A, rng.uniform(0.5, 5, n))
+    psi, q, z = icp.Affine(rng.normal(size=(n, n))), rng.normal(size=n), rng.normal(size=n)
+    problem = icp.ICP(A, q, psi)
+    jacobi = np.maximum(problem.psi.value(z), z - (A @ z + q) / np.diag(A))
+    assert icp.MNMJ().step_of(problem)(z)[0] == pytest.approx(jacobi, rel=1e-9, abs=1e-9)
+    upper, omega = icp.ICP(np.triu(A), q, psi), float(rng.uniform(0.1, 1.9))
+    newest, before = icp.PSOR(omega=omega), icp.ProjectionFixedPoint(omega=omega)
+    assert newest.step_of(upper)(z)[0] == pytest.approx(before.step_of(upper)(z)[0], rel=1e-9, abs=1e-9)
+
+
+def test_every_method_says_which_family_it_belongs_to():
+    own = {name: type(methods.named(name)) for name in methods.names()}
+    found = {name: kind.family for name, kind in own.items() if kind.__module__.startswith("icpmodel.methods.")}
+    assert found == {name: family for family, names in FAMILIES.items() for name in names}
+
+
+def test_only_psor_sees_the_newest_values():
+    members = [methods.named(name) for name in (*FAMILIES["paper"], "psor", "projection-fixed-point")]
+    assert [member.name for member in members if member.sees_newest] == ["psor"]
