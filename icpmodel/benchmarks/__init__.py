@@ -3,6 +3,7 @@
 from .benchmark import benchmark, dispatch, faster_peers
 from .certainty import bound_ratios, certificate_cost, false_success
 from .costs import dominant_cost, impulse_cost, reading_cost, small_cost, solve_cost
+from .families.gallery import drawn, family_names, gallery
 from .iterations import grid_order, sweep_cost, sweep_counts, tuned_and_automatic
 from .memory import memory
 
@@ -12,8 +13,11 @@ __all__ = [
     "certificate_cost",
     "dispatch",
     "dominant_cost",
+    "drawn",
     "false_success",
+    "family_names",
     "faster_peers",
+    "gallery",
     "grid_order",
     "impulse_cost",
     "memory",
