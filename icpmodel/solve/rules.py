@@ -1,6 +1,6 @@
 """Which methods a problem is given, best first: a simple rule with its reasons.
 
-The numbers were found by trial on the gallery (`icpmodel measure dispatch`).
+The numbers were found by trial on the gallery (`icpmodel benchmark choice --family gallery`).
 """
 
 from __future__ import annotations

@@ -78,11 +78,6 @@ def family_names(beginnings: Sequence[str] = ()) -> list[str]:
     return [name for name in known if not beginnings or name.startswith(tuple(beginnings))]
 
 
-def largest(family: str) -> int:
-    """The largest n that is drawn of `family`."""
-    return _family(family)[0].most
-
-
 def drawn(family: str, n: int, rng: np.random.Generator) -> ICP:
     """A random problem of `family` with about `n` unknowns, which has a solution.
 
@@ -108,9 +103,13 @@ def drawn(family: str, n: int, rng: np.random.Generator) -> ICP:
 
 
 def drawn_sizes(family: str, seed: int, sizes: tuple[int, int, int]) -> list[int]:
-    """Sizes for `family` from `sizes` = (low, high, count): one at random in each of so many geometric steps."""
+    """Sizes for `family` from `sizes` = (low, high, count): one at random in each of so many geometric steps.
+
+    None is above the largest of the family; the name of a scene has no such bound.
+    """
     low, high, count = sizes
-    high = min(high, largest(family))
+    if (one := _FAMILIES.get(family.partition("+")[0])) is not None:
+        high = min(high, one.most)
     if high < low:
         return []
     places = (np.arange(count) + _generator(seed, family).random(count)) / count
@@ -143,7 +142,9 @@ def gallery(
 def _family(name: str) -> tuple[_Family, str]:
     base, plus, kind = name.partition("+")
     if base not in _FAMILIES or plus + kind not in _KINDS:
-        raise InputError(f"family is {name!r}; one of {', '.join(family_names())} was expected")
+        raise InputError(
+            f"family is {name!r}; one of {', '.join(_FAMILIES)} with +affine, +elementwise or none was expected"
+        )
     return _FAMILIES[base], kind
 
 

@@ -112,6 +112,7 @@ def choice_figure(table: Table) -> Figure:
     rows = [(row, row["family"].partition("+")[0].partition("-")[0]) for row in table.records()]
     marks = looks(sorted({kind for _, kind in rows}))
     peers = [head for head in table.heads if head.startswith("to ")]
+    sizes = [row["n"] for row, _ in rows] or [1]
     figure = new_figure(10, 5.2)
     panels = figure.subplots(1, 2, sharey=True)
     for axes, columns, bound in ((panels[0], ["ratio"], OWN), (panels[1], peers, PEER)):
@@ -123,7 +124,8 @@ def choice_figure(table: Table) -> Figure:
             axes.plot(x, y, marker, color=colour, markersize=5, alpha=0.75, linestyle="none", label=label)
         for at, style in ((1.0, "-"), (bound, "--")):
             axes.axhline(at, color="black", linestyle=style, linewidth=0.8)
-        axes.set(xscale="log", yscale="log", xlabel="number of unknowns n")
+        axes.set(xscale="log", yscale="log", xlabel="number of unknowns n", xlim=(0.8 * min(sizes), 1.25 * max(sizes)))
+        axes.xaxis.set_minor_formatter("")
         axes.grid(alpha=0.3)
     failed = [row["n"] for row, _ in rows if row["ratio"] is None and row["n"]]
     if failed:
