@@ -2,9 +2,9 @@
 
 from .benchmark import benchmark, faster_peers
 from .certainty import bound_ratios, certificate_cost, false_success
-from .choice import choice, summary_of
 from .costs import dominant_cost, impulse_cost, reading_cost, small_cost, solve_cost
 from .families.gallery import drawn, family_names, gallery
+from .hindsight import choice, summary_of
 from .iterations import grid_order, sweep_cost, sweep_counts, tuned_and_automatic
 from .memory import memory
 
