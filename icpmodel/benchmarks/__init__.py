@@ -1,8 +1,10 @@
-"""Measurements behind the numbers of the README: the subcommands of `icpmodel measure` print them."""
+"""Measurements behind the numbers of the README: the subcommands of `icpmodel benchmark` print them."""
 
-from .benchmark import benchmark, dispatch, faster_peers
+from .benchmark import benchmark, faster_peers
 from .certainty import bound_ratios, certificate_cost, false_success
 from .costs import dominant_cost, impulse_cost, reading_cost, small_cost, solve_cost
+from .families.gallery import drawn, family_names, gallery
+from .hindsight import choice, summary_of
 from .iterations import grid_order, sweep_cost, sweep_counts, tuned_and_automatic
 from .memory import memory
 
@@ -10,16 +12,20 @@ __all__ = [
     "benchmark",
     "bound_ratios",
     "certificate_cost",
-    "dispatch",
+    "choice",
     "dominant_cost",
+    "drawn",
     "false_success",
+    "family_names",
     "faster_peers",
+    "gallery",
     "grid_order",
     "impulse_cost",
     "memory",
     "reading_cost",
     "small_cost",
     "solve_cost",
+    "summary_of",
     "sweep_cost",
     "sweep_counts",
     "tuned_and_automatic",

@@ -1,12 +1,11 @@
-"""`solve()` against foreign solvers, its own methods and a linear solve, to the same residual, in one run."""
+"""`solve()` against others to the same residual in one run: the harness, and the gallery against everyone."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -18,9 +17,8 @@ from ..solve.driver import RTOL
 from ..solve.progress import status_line
 from ..solvers.foreign import Claim, chosen_solvers
 from ..study.cases import VARIANTS, Case, as_scenes, as_sizes, cases
-from ..study.charts.table_charts import WORST
 from ..study.competitors import Competitor, Foreign, Own, limits, own_methods
-from ..study.timing import as_repeats, interleaved, machine, spread
+from ..study.timing import as_repeats, interleaved, machine
 
 #: one that takes this many times the time of solve(), and more than that many seconds, is timed once
 _FAR, _SHORT = 3.0, 0.25
@@ -28,7 +26,7 @@ _FAR, _SHORT = 3.0, 0.25
 _MORE, _ALL = 7, 2.0
 #: a run of fewer seconds is timed with warm caches
 _BRIEF = 0.01
-#: own methods are given so many times the time of solve(), and so many seconds at least
+#: own methods are given so many times the time of the quickest so far, and so many seconds at least
 _HOPELESS, _LEAST_LIMIT = 10.0, 1.0
 #: which share of solve()'s time a peer must need for "faster"; a tie is none
 _TIE = 0.98
@@ -78,7 +76,7 @@ def benchmark(
     is not good enough. Then all that take no more than three times as long as `solve()`, or a quarter of a second, are
     timed in turn, in `repeats` rounds or, if they are short, more, and the ratio is the median over the rounds. Runs
     below 10 ms are timed on their second go. One that would take longer than `time_limit`, by its growth at the smaller
-    sizes, is not asked; own methods are given ten times the time of `solve()`, at least a second.
+    sizes, is not asked; own methods are given ten times the time of the quickest so far, at least a second.
 
     Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, none for all; `sizes` wanted numbers of unknowns; `repeats`
     rounds of timings at least, ≥ 3; `time_limit` seconds for one run; `entrants` by default `solve()`, the foreign
@@ -90,32 +88,9 @@ def benchmark(
     """
     if entrants is None:
         entrants = [Own(), *map(Foreign, chosen_solvers(None, "benchmark")), *own_methods(), *limits()]
-    return _Measurement(entrants, repeats, time_limit).over(scenes, sizes, progress, _comparison)
-
-
-def dispatch(
-    scenes: Sequence[str] = (),
-    sizes: Sequence[int] = (100, 1_000, 10_000, 100_000),
-    *,
-    repeats: int = 5,
-    time_limit: float = 30.0,
-    entrants: Sequence[Competitor] | None = None,
-    progress: bool = False,
-) -> Table:
-    """solve() against the quickest of all own methods, on every scene at every size.
-
-    Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, none for all; `sizes` wanted numbers of unknowns; `repeats`
-    rounds of timings at least, ≥ 3; `time_limit` seconds for one run; `entrants` by default `solve()` and the own
-    methods; `progress` shows a line where standard error is a terminal.
-    Returns a `Table` (seconds); the note flags a ratio above 1.5.
-    Raises InputError, and Interrupted, whose `report` is the table so far.
-
-    >>> icp.benchmarks.dispatch(["hand-lcp"], [2]).rows[0][:2]
-    ('hand-lcp', 2)
-    """
-    if entrants is None:
-        entrants = [Own(), *own_methods()]
-    return _Measurement(entrants, repeats, time_limit).over(scenes, sizes, progress, _choice)
+    measurement = Measurement(entrants, repeats, time_limit)
+    texts, wanted = as_scenes(scenes) or tuple(sorted([*names(), *VARIANTS])), tuple(sorted(as_sizes(sizes)))
+    return measurement.over(cases(texts, wanted), progress, _comparison)
 
 
 def faster_peers(table: Table) -> list[str]:
@@ -135,7 +110,7 @@ def faster_peers(table: Table) -> list[str]:
     return found
 
 
-class _Measurement:
+class Measurement:
     """Runs `entrants` on one case after the other, and remembers what each took on the smaller ones."""
 
     def __init__(self, entrants: Sequence[Competitor], repeats: int, time_limit: float) -> None:
@@ -145,12 +120,11 @@ class _Measurement:
         self.past: defaultdict[tuple[str, str], list[tuple[int, float, int]]] = defaultdict(list)
         self.records: list[Record] = []
 
-    def over(self, scenes: Sequence[str], sizes: Sequence[int], progress: bool, summary: _Summary) -> Table:
-        """The `summary` of all records, also in Interrupted."""
-        texts, wanted = as_scenes(scenes) or tuple(sorted([*names(), *VARIANTS])), tuple(sorted(as_sizes(sizes)))
+    def over(self, found: Iterator[tuple[str, int, Case | str]], progress: bool, summary: _Summary) -> Table:
+        """The `summary` of all records, of (scene, n, the case or why there is none) each, also in Interrupted."""
         try:
             with status_line(progress) as say:
-                for text, n, case in cases(texts, wanted):
+                for text, n, case in found:
                     if isinstance(case, str):
                         self.records.append(Record(text, n, note=case))
                     else:
@@ -159,20 +133,32 @@ class _Measurement:
             raise Interrupted(summary(self.records)) from None
         return summary(self.records)
 
+    def limit(self, kind: str, solve: float, quickest: float) -> float:
+        """Seconds for one of this `kind`, `solve` being what `solve()` took and `quickest` the best own method so far;
+        infinite where they have not reached the residual.
+        """
+        return max(_HOPELESS * quickest, _LEAST_LIMIT) if kind == "own" else np.inf
+
+    def again(self, record: Record, solve: float, quickest: float) -> bool:
+        """Whether one that took part is to be timed in rounds."""
+        return record.seconds[0] <= max(_FAR * solve, _SHORT)
+
     def add(self, case: Case, say: Callable[[str], None]) -> None:
         """Add one record for each entrant, `solve()` being the first of them."""
-        own_limit, where, first = self.time_limit, f"{case.scene}, n = {case.problem.n}", len(self.records)
+        where, first, solve, quickest = f"{case.scene}, n = {case.problem.n}", len(self.records), np.inf, np.inf
         for k, one in enumerate(self.entrants):
             say(f"{where}: {one.name} ({k + 1} of {len(self.entrants)})")
-            self.records.append(self._search(case, one, own_limit if one.kind == "own" else self.time_limit))
-            if k == 0:
-                own_limit = min(self.time_limit, max(_HOPELESS * self.records[first].seconds[0], _LEAST_LIMIT))
+            record = self._search(case, one, min(self.time_limit, self.limit(one.kind, solve, quickest)))
+            self.records.append(record)
+            if record.reached and one.kind in ("solve", "own"):
+                quickest = min(quickest, record.seconds[0])
+                solve = record.seconds[0] if k == 0 else solve
         found = self.records[first:]
-        longest = max(_FAR * found[0].seconds[0], _SHORT) if found else 0.0
+        longest = found[0].seconds[0] if found else 0.0
         calls = {
             k: partial(self.entrants[k].run, case, record.asked, self.time_limit)
             for k, record in enumerate(found)
-            if record.reached and record.seconds[0] <= longest
+            if record.reached and self.again(record, longest, quickest)
         }
         brief = {k: found[k].seconds[0] < _BRIEF for k in calls}
         runs: dict[int, list[Claim]] = {k: [] for k in calls}
@@ -184,9 +170,9 @@ class _Measurement:
             setup = float(np.median(setups)) if setups else None
             found[k] = replace(found[k], seconds=tuple(run.seconds for run in taken), setup=setup)
         if found and found[0].reached:
-            solve = np.array(found[0].seconds)
+            base = np.array(found[0].seconds)
             for k, record in enumerate(found):  # round by round where both were timed in rounds, else to the median
-                to = solve if len(record.seconds) == solve.size else np.median(solve)
+                to = base if len(record.seconds) == base.size else np.median(base)
                 found[k] = replace(record, ratios=tuple((np.array(record.seconds) / to).tolist()))
         self.records[first:] = found
 
@@ -243,23 +229,3 @@ def _comparison(records: list[Record]) -> Table:
         ratio = float(np.median(one.ratios)) if one.ratios and one.reached else None
         rows.append((one.scene, one.n, one.name, one.kind, *times, one.residual, ratio, one.note))
     return Table(f"To Res(z) <= {RTOL:g} Res(0), set-up included ({machine()})", heads, tuple(rows))
-
-
-def _choice(records: list[Record]) -> Table:
-    """One row for each scene and size: what `solve()` took, and the quickest single method."""
-    rows: list[tuple[Any, ...]] = []
-    for scene, n in dict.fromkeys((one.scene, one.n) for one in records):
-        here = [one for one in records if (one.scene, one.n) == (scene, n)]
-        solve, singles = here[0], [one for one in here[1:] if one.reached]
-        best = min(singles, key=lambda one: one.median, default=None)
-        told = ("", None) if best is None else (best.name, best.median)
-        if not solve.reached or best is None:
-            note = f"solve(): {solve.note}" if solve.kind else solve.note
-            rows.append((scene, n, "", None, *told, None, None, None, note))
-            continue
-        ratios = 1.0 / np.array(best.ratios)
-        flag = f"above {WORST:g}" if np.median(ratios) > WORST else ""
-        rows.append((scene, n, solve.note.removeprefix("by "), solve.median, *told, *spread(ratios), flag))
-    title = f"solve() against the quickest single method, to Res(z) <= {RTOL:g} Res(0) ({machine()})"
-    heads = ("scene", "n", "solve() by", "solve(), s", "best method", "its time, s", "ratio", "lowest", "highest")
-    return Table(title, (*heads, "note"), tuple(rows))

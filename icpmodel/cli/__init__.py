@@ -14,7 +14,7 @@ import click
 
 from ..errors import IcpError
 from ..numerics.plugins import load_plugins
-from .charting import measure, race, report, stability
+from .charting import benchmark, race, report, stability
 from .output import complain
 from .solving import crosscheck, explain, scenes, solve
 
@@ -35,11 +35,11 @@ def commands() -> None:
     icpmodel race membrane -o race.png       time against error, with independent solvers
     icpmodel stability units -o map.png      where a method converges, how fast, and where it fails
     icpmodel report membrane -o page.html    all of that, and pictures, on one page
-    icpmodel measure sweep                   the numbers of the README, measured on this machine
+    icpmodel benchmark sweep                 the numbers of the README, measured on this machine
     """
 
 
-for _command in (solve, crosscheck, explain, race, stability, report, scenes, measure):
+for _command in (solve, crosscheck, explain, race, stability, report, scenes, benchmark):
     commands.add_command(_command)
 
 

@@ -26,6 +26,10 @@ Decorator = Callable[[Any], Any]
 _SET_HERE = ("progress", "command", "entrants")
 #: options that are called otherwise than the parameter
 _OPTIONS = {"sizes": "--n", "sides": "--m"}
+#: what is one of several, where the s is not all
+_SINGULAR = {"families": "family"}
+#: the annotation of three numbers in one option
+_TRIPLE = "tuple[int, int, int]"
 #: parameters that are arguments without a name
 _ARGUMENTS = ("scenes", "scene")
 _KINDS = {"int": int, "float": float, "str": str}
@@ -99,8 +103,14 @@ def _option(parameter: inspect.Parameter, said: str | None) -> Decorator:
     if name in _ARGUMENTS:
         metavar = "[NAME[,PARAMETER=NUMBER]]..." if "PARAMETER" in (said or "") else None
         return click.argument(name, metavar=metavar, **({"nargs": -1} if many else {"default": default}))
-    option = _OPTIONS.get(name, "--" + (name.removesuffix("s") if many else name).replace("_", "-"))
-    of_default = str if default is None else type(default[0] if many else default)
+    if parameter.annotation == _TRIPLE:
+        shown = {"nargs": 3, "type": int, "default": default, "show_default": True, "help": said}
+        return click.option(f"--{name}", name, metavar="LOW HIGH COUNT", **shown)
+    if isinstance(default, bool):
+        return click.option(f"--{name}/--no-{name}", name, default=default, show_default=True, help=said)
+    singular = _SINGULAR.get(name, name.removesuffix("s"))
+    option = _OPTIONS.get(name, "--" + (singular if many else name).replace("_", "-"))
+    of_default = str if default is None or default == () else type(default[0] if many else default)
     kind = _KINDS.get(str(parameter.annotation).split(" ")[0], of_default)
     shown = {"default": default, "show_default": default is not None, "multiple": many, "help": said}
     return click.option(option, name, type=kind, **shown)

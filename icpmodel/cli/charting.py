@@ -1,4 +1,4 @@
-"""`icpmodel race`, `icpmodel stability`, `icpmodel report`, and `icpmodel measure`: what the README claims."""
+"""`icpmodel race`, `icpmodel stability`, `icpmodel report`, and `icpmodel benchmark`: what the README claims."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..study import html_report
 from ..study import race as run_race
 from ..study import stability as map_stability
 from ..study.charts.figures import Figure, save
-from ..study.charts.table_charts import benchmark_figures, choice, memory_figure
+from ..study.charts.table_charts import benchmark_figures, choice_figure, memory_figure
 from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, documented, from_signature, named_method, named_problem
 from .output import AS_CSV, TO_FIGURE, exit_code, make_folder, measured, must_be_writable, print_table, typed, wrote
 from .solving import unsolved
@@ -124,27 +124,36 @@ _COMMANDS: dict[str, Callable[..., Table]] = {
     "dominant": benchmarks.dominant_cost,
     "impulse": benchmarks.impulse_cost,
     "small": benchmarks.small_cost,
-    "benchmark": benchmarks.benchmark,
-    "dispatch": benchmarks.dispatch,
+    "peers": benchmarks.benchmark,
+    "choice": benchmarks.choice,
     "tuning": benchmarks.tuned_and_automatic,
     "memory": benchmarks.memory,
 }
 #: command → the figures of its table, by file name, with their data; no name for the file that --output is
 _FIGURES: dict[str, Callable[[Table], dict[str, tuple[Figure, Table]]]] = {
-    "benchmark": benchmark_figures,
-    "dispatch": lambda table: {"dispatch": (choice(table), table)},
+    "peers": benchmark_figures,
+    "choice": lambda table: {"": (choice_figure(table), table)},
     "memory": lambda table: {"": (memory_figure(table), table)},
 }
 _FOLDER = click.option("-o", "--output", type=click.Path(), help="Write the CSV file and the figures to this folder.")
 
 
 @click.group()
-def measure() -> None:
+def benchmark() -> None:
     """Measure what the README claims, on this machine."""
 
 
+def _faster(table: Table) -> list[str]:
+    faster = benchmarks.faster_peers(table)
+    return ["A peer is faster than solve():" if faster else "No peer is faster.", *faster]
+
+
+#: command → what is said below its table
+_BELOW: dict[str, Callable[[Table], list[str]]] = {"peers": _faster, "choice": benchmarks.summary_of}
+
+
 def _command(name: str, function: Callable[..., Table]) -> click.Command:
-    into_folder = name != "memory"
+    into_folder = name == "peers"
     settings = {"progress": True} if "progress" in inspect.signature(function).parameters else {}
 
     def run(as_csv: bool, output: str | None = None, **arguments: Any) -> int:
@@ -159,10 +168,8 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
             if output is not None:
                 for file, (figure, data) in _FIGURES[name](table).items():
                     save(figure, Path(output) / file if file else output, data, typed())
-            if name == "benchmark" and not as_csv:
-                faster = benchmarks.faster_peers(table)
-                title = "A peer is faster than solve():" if faster else "No peer is faster."
-                click.echo("\n".join(["", title, *faster]))
+            if name in _BELOW and not as_csv:
+                click.echo("\n".join(["", *_BELOW[name](table)]))
 
         return measured(lambda: function(**asked, **settings), show, "this is what was measured before")
 
@@ -171,4 +178,4 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
 
 
 for _name, _function in _COMMANDS.items():
-    measure.add_command(_command(_name, _function))
+    benchmark.add_command(_command(_name, _function))

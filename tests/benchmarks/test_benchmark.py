@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.benchmarks import benchmark, dispatch, faster_peers
+from icpmodel.benchmarks import benchmark, choice, faster_peers
 from icpmodel.cli import main
 from icpmodel.present.table import Table
 from icpmodel.solvers import Claim, ForeignSolver, foreign_solvers
 from icpmodel.study.cases import Case, built
-from icpmodel.study.charts.table_charts import choice, exponent, scaling
-from icpmodel.study.competitors import Competitor, Foreign, Limit, Own, limits, own_methods
+from icpmodel.study.charts.table_charts import exponent, scaling
+from icpmodel.study.competitors import Foreign, Limit, Own, limits, own_methods
 
 
 class _Fake(ForeignSolver):
@@ -194,37 +194,11 @@ def test_an_own_method_that_cannot_take_a_problem_says_so():
     assert "constant or affine" in rows[0]
 
 
-class _Told(Competitor):
-    """One that takes so many seconds for the z that it is told, None for failure."""
-
-    def __init__(self, kind, seconds, z=(0.5, 0.0)):
-        self.kind, self.name, self.seconds, self.z = kind, f"told {kind}", seconds, z
-
-    def attempt(self, case, tolerance, time_limit):
-        words = "stagnated" if self.z is None else "solved by lemke"
-        return Claim(self.z, words, self.z is not None, self.seconds)
-
-
-@pytest.mark.parametrize(("seconds", "flag"), [(1.0, "above 1.5"), (1.9, "above 1.5"), (2.1, ""), (9.0, "")])
-def test_dispatch_flags_what_is_slower_than_one_and_a_half_times_the_best(seconds, flag):
-    table = dispatch(["hand-lcp"], [2], entrants=[_Told("solve", 3.0), _Told("own", seconds)])
-    row = dict(zip(table.heads, table.rows[0], strict=True))
-    assert (row["best method"], row["solve() by"]) == ("told own", "lemke")
-    assert row["ratio"] == pytest.approx(3.0 / seconds)
-    assert row["note"] == flag
-
-
-def test_dispatch_says_where_solve_fails_and_who_does_not():
-    row = dispatch(["hand-lcp"], [2], entrants=[_Told("solve", 1.0, z=None), _Told("own", 1.0)]).rows[0]
-    assert row[2:6] == ("", None, "told own", 1.0)
-    assert row[-1] == "solve(): not reached in 1 s: stagnated"
-
-
 def test_sizes_and_scenes_are_checked():
     with pytest.raises(icp.InputError, match="there is no scene 'membran'"):
         benchmark(["membran"])
     with pytest.raises(icp.InputError, match="NAME,PARAMETER=NUMBER"):
-        dispatch(["membrane,mu"])
+        benchmark(["membrane,mu"])
     with pytest.raises(icp.InputError, match="repeats is 2"):
         benchmark(["membrane"], repeats=2)
     with pytest.raises(icp.InputError, match="time_limit"):
@@ -232,14 +206,14 @@ def test_sizes_and_scenes_are_checked():
     with pytest.raises(icp.InputError, match="sizes is 0"):
         benchmark(["membrane"], [0])
     with pytest.raises(icp.InputError, match="sizes is 9; a list"):
-        dispatch(["membrane"], 9)
-    row = dispatch(["dividend"], [10]).rows[0]
+        benchmark(["membrane"], 9)
+    row = benchmark(["dividend"], [10], entrants=[Own()]).rows[0]
     assert row[:2] == ("dividend", 10)
     assert ">= 31" in row[-1]
 
 
 def test_a_table_goes_through_csv_without_loss():
-    table = dispatch(["hand-lcp", "coulomb"], [2])
+    table = choice(1, ["gallery-hand-lcp", "gallery-coulomb"], (2, 2, 1), own=["lemke"], peers=False)
     heads, *rows = csv.reader(io.StringIO(table.to_csv()))
     assert tuple(heads) == table.heads
     for read, row in zip(rows, table.rows, strict=True):
@@ -270,38 +244,25 @@ def test_figures_show_what_was_measured_and_label_it():
     assert left.get_ylabel().endswith(", s")
 
 
-def test_the_dispatch_figure_has_a_line_at_one_and_a_half():
-    axes = choice(dispatch(["hand-lcp", "coulomb"], [2])).axes[0]
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["coulomb", "hand-lcp"]
-    assert any(list(line.get_xdata()) == [1.5, 1.5] for line in axes.lines)
-
-
 def call(capsys, *arguments):
     with pytest.raises(SystemExit) as stop:
-        main(["measure", *arguments])
+        main(["benchmark", *arguments])
     out, err = capsys.readouterr()
     return stop.value.code, out, err
 
 
 def test_the_commands_write_csv_and_figures(capsys, tmp_path):
     folder = tmp_path / "new"
-    code, out, err = call(
-        capsys, "benchmark", "hard-degenerate", "hand-lcp", "--n", "4", "--n", "16", "-o", str(folder)
-    )
+    code, out, err = call(capsys, "peers", "hard-degenerate", "hand-lcp", "--n", "4", "--n", "16", "-o", str(folder))
     assert (code, err) == (0, "")
     assert "No peer is faster." in out or "A peer is faster than solve():" in out
     written = [f"{name}.{suffix}" for name in ("benchmark", "hard-degenerate") for suffix in ("csv", "png", "svg")]
     assert sorted(path.name for path in folder.iterdir()) == written
     command, heads = (folder / "benchmark.csv").read_text().splitlines()[:2]
-    assert command.startswith("# icpmodel measure benchmark hard-degenerate hand-lcp --n 4 --n 16")
+    assert command.startswith("# icpmodel benchmark peers hard-degenerate hand-lcp --n 4 --n 16")
     assert heads.startswith("scene,n,method,kind,")
     assert (folder / "hard-degenerate.csv").read_text().splitlines()[0] == command
     assert all(path.stat().st_size > 500 for path in folder.iterdir())
-    code, out, _ = call(capsys, "dispatch", "hand-lcp", "--n", "100", "--csv", "-o", str(folder))
-    assert code == 0
-    typed = f"icpmodel measure dispatch hand-lcp --n 100 --csv -o {folder}"
-    assert (folder / "dispatch.csv").read_text() == f"# {typed}\n{out}"
-    assert (folder / "dispatch.svg").stat().st_size > 1000
 
 
 def test_a_peer_that_is_faster_is_named():
@@ -335,6 +296,6 @@ def test_ctrl_c_within_solve_is_the_end_of_a_measurement_and_not_of_one_run():
 
 def test_a_folder_that_cannot_be_made_is_told_before_the_work(capsys, tmp_path):
     (tmp_path / "file").write_text("")
-    code, out, err = call(capsys, "dispatch", "hand-lcp", "-o", str(tmp_path / "file"))
+    code, out, err = call(capsys, "peers", "hand-lcp", "-o", str(tmp_path / "file"))
     assert (code, out) == (2, "")
     assert "cannot be made a folder" in err

@@ -218,10 +218,10 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["solve", __file__, "--n", "3"], "--n and --set belong to scenes"),
         (["crosscheck", "hand-lcp", "--solver", "gurobi"], "'gurobi'"),
         (["scenes", "moon"], "there is no scene 'moon'"),
-        (["measure", "order", "manufactured-affine", "--n", "4", "--n", "9"], "has no grid"),
-        (["measure", "order", "dividend", "--n", "61", "--n", "61"], "at least two different ones"),
+        (["benchmark", "order", "manufactured-affine", "--n", "4", "--n", "9"], "has no grid"),
+        (["benchmark", "order", "dividend", "--n", "61", "--n", "61"], "at least two different ones"),
         (["solve", "membrane", "--set", "name=3"], "membrane has no parameter 'name'"),
-        (["measure", "sweep", "--repeats", "1"], "repeats is 1"),
+        (["benchmark", "sweep", "--repeats", "1"], "repeats is 1"),
     ],
 )
 def test_errors_are_one_line_on_standard_error(capsys, arguments, words):
@@ -233,20 +233,22 @@ def test_errors_are_one_line_on_standard_error(capsys, arguments, words):
     assert words in err
 
 
-@pytest.mark.parametrize("arguments", [[], ["solve"], ["crosscheck"], ["scenes"], ["measure"], ["measure", "sweep"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["solve"], ["crosscheck"], ["scenes"], ["benchmark"], ["benchmark", "sweep"]]
+)
 def test_help_explains_every_command(capsys, arguments):
     code, out, _ = call(capsys, *arguments, "--help")
     assert code == 0
     assert "Usage: icpmodel" in out
 
 
-def test_measure_prints_tables_and_csv(capsys):
-    assert "m = 10" in call(capsys, "measure", "counts", "--m", "10")[1]
-    code, out, _ = call(capsys, "measure", "sweep", "--n", "400", "--repeats", "3", "--csv")
+def test_benchmark_prints_tables_and_csv(capsys):
+    assert "m = 10" in call(capsys, "benchmark", "counts", "--m", "10")[1]
+    code, out, _ = call(capsys, "benchmark", "sweep", "--n", "400", "--repeats", "3", "--csv")
     assert code == 0
     assert out.splitlines()[0].startswith("method,n,")
     assert len(out.splitlines()) == 4
-    assert "V(1)" in call(capsys, "measure", "order", "dividend", "--n", "61", "--n", "121")[1]
+    assert "V(1)" in call(capsys, "benchmark", "order", "dividend", "--n", "61", "--n", "121")[1]
 
 
 METHOD = """
@@ -343,8 +345,8 @@ def test_solve_to_an_accuracy_and_polish(capsys):
     assert "give accuracy alone" in err
 
 
-def test_measure_modelling(capsys):
-    code, out, _ = call(capsys, "measure", "modelling", "--cvxpy-n", "16", "--pyomo-n", "9", "--csv")
+def test_benchmark_modelling(capsys):
+    code, out, _ = call(capsys, "benchmark", "modelling", "--cvxpy-n", "16", "--pyomo-n", "9", "--csv")
     assert code == 0
     assert [line.split(",")[:3] for line in out.splitlines()[1:]] == [
         ["CVXPY", "fixed obstacle", "16"],
@@ -354,23 +356,23 @@ def test_measure_modelling(capsys):
     ]
 
 
-def test_measure_dominant_impulse_and_small(capsys):
+def test_benchmark_dominant_impulse_and_small(capsys):
     for command, options in (
         ("dominant", ["--n", "100"]),
         ("impulse", ["--n", "61"]),
         ("small", ["--n", "8", "--k", "2"]),
     ):
-        code, out, _ = call(capsys, "measure", command, *options, "--repeats", "3", "--csv")
+        code, out, _ = call(capsys, "benchmark", command, *options, "--repeats", "3", "--csv")
         assert code == 0
         assert len(out.splitlines()) == (10 if command == "small" else 2)
 
 
-def test_measure_bounds_certificate_and_limit(capsys):
-    code, out, _ = call(capsys, "measure", "bounds", "--n", "16", "--trials", "1", "--csv")
+def test_benchmark_bounds_certificate_and_limit(capsys):
+    code, out, _ = call(capsys, "benchmark", "bounds", "--n", "16", "--trials", "1", "--csv")
     assert code == 0
     assert out.startswith("scene,n,z,")
     for command in ("certificate", "limit"):
-        code, out, _ = call(capsys, "measure", command, "--n", "400", "--repeats", "3")
+        code, out, _ = call(capsys, "benchmark", command, "--n", "400", "--repeats", "3")
         assert code == 0
         assert "linear solve" in out
 
@@ -416,10 +418,10 @@ def test_a_race_is_printed_and_written(capsys, tmp_path):
 
 def test_every_measurement_is_a_command(capsys):
     """What the README tells to type is there: each has a help page with a sentence of its own."""
-    names = "benchmark bounds certificate counts dispatch dominant honesty impulse limit memory modelling order"
+    names = "bounds certificate choice counts dominant honesty impulse limit memory modelling order peers"
     names += " small sweep tuning"
-    listed = call(capsys, "measure", "--help")[1]
+    listed = call(capsys, "benchmark", "--help")[1]
     assert [line.split()[0] for line in listed.split("Commands:")[1].splitlines() if line.strip()] == names.split()
-    code, out, _ = call(capsys, "measure", "memory", "membrane", "--n", "400", "--csv")
+    code, out, _ = call(capsys, "benchmark", "memory", "membrane", "--n", "400", "--csv")
     assert code == 0
     assert out.splitlines()[1].startswith("membrane,400,accelerated,")

@@ -10,8 +10,8 @@ from ...numerics.arrays import Vector
 from ...present.table import Table
 from .figures import COLOURS, DASHES, Figure, legend_below, looks, new_figure
 
-#: what is so many times as slow as the best single method makes `solve()` look bad
-WORST = 1.5
+#: what is so many times as slow as the best own method in hindsight, or as a peer, makes `solve()` look bad
+OWN, PEER = 2.0, 1.5
 #: the largest factor of a profile that is drawn
 _LARGEST = 1000.0
 #: more profiles than these cannot be told apart
@@ -106,29 +106,36 @@ def exponent(points: _Points) -> float | None:
     return round(float(np.polyfit(n, t, 1)[0]), 12)
 
 
-def choice(table: Table) -> Figure:
-    """The ratios of a `dispatch`: one line for each scene, one marker for each size, and the bound of 1.5."""
-    rows = [row for row in table.records() if row["ratio"] is not None]
-    scenes = list(dict.fromkeys(row["scene"] for row in rows))[::-1]
-    sizes = [10 ** round(float(np.log10(row["n"]))) for row in rows]
-    figure = new_figure(8, 1.6 + 0.28 * len(scenes))
-    axes = figure.subplots()
-    for size, (colour, marker) in looks(sorted(set(sizes))).items():
-        here = [row for row, rounded in zip(rows, sizes, strict=True) if rounded == size]
-        x, y = [row["ratio"] for row in here], [scenes.index(row["scene"]) for row in here]
-        label = f"n ≈ {size}" if size > 1 else "n < 4"
-        axes.plot(x, y, marker, color=colour, label=label, alpha=0.85)
-    axes.axvline(WORST, color="black", linestyle="--", linewidth=1)
-    axes.set(xscale="log", xlabel="time of solve() / time of the quickest single method")
-    ticks = [0.1, 0.2, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0]
-    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
-    axes.minorticks_off()
-    ratios = [row["ratio"] for row in rows] or [1.0]
-    axes.set_xlim(0.9 * min(0.5, *ratios), 1.1 * max(2.0, *ratios))
-    axes.set_yticks(range(len(scenes)), scenes)
-    axes.set_ylim(-0.6, len(scenes) - 0.4)
-    axes.grid(axis="x", alpha=0.3)
-    legend_below(figure, 6, fontsize=10)
+def choice_figure(table: Table) -> Figure:
+    """The ratios of a `choice` over n, to the best own method and to each peer: a mark for each kind of family, which
+    is its name up to the first hyphen, and at the upper edge a cross where `solve()` failed."""
+    rows = [(row, row["family"].partition("+")[0].partition("-")[0]) for row in table.records()]
+    marks = looks(sorted({kind for _, kind in rows}))
+    peers = [head for head in table.heads if head.startswith("to ")]
+    sizes = [row["n"] for row, _ in rows] or [1]
+    figure = new_figure(10, 5.2)
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, columns, bound in ((panels[0], ["ratio"], OWN), (panels[1], peers, PEER)):
+        for kind, (colour, marker) in marks.items():
+            here = [(row["n"], row[head]) for row, one in rows if one == kind for head in columns]
+            points = [point for point in here if point[1] is not None]
+            x, y = zip(*points, strict=True) if points else ((), ())
+            label = kind if axes is panels[0] else None
+            axes.plot(x, y, marker, color=colour, markersize=5, alpha=0.75, linestyle="none", label=label)
+        for at, style in ((1.0, "-"), (bound, "--")):
+            axes.axhline(at, color="black", linestyle=style, linewidth=0.8)
+        axes.set(xscale="log", yscale="log", xlabel="number of unknowns n", xlim=(0.8 * min(sizes), 1.25 * max(sizes)))
+        axes.xaxis.set_minor_formatter("")
+        axes.grid(alpha=0.3)
+    failed = [row["n"] for row, _ in rows if row["ratio"] is None and row["n"]]
+    if failed:
+        edge = panels[0].get_xaxis_transform()
+        panels[0].plot(
+            failed, [1.0] * len(failed), "x", color="black", transform=edge, clip_on=False, label="not solved"
+        )
+    panels[0].set(title="to the best own method in hindsight", ylabel="time of solve() / time of the other")
+    panels[1].set(title="to " + ", ".join(head.removeprefix("to ") for head in peers) if peers else "no peers")
+    legend_below(figure, 5, fontsize=9)
     return figure
 
 

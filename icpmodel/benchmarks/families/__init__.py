@@ -1,0 +1,1 @@
+"""Random families of problems, one file per field, for `icpmodel benchmark choice`."""

@@ -1,0 +1,187 @@
+"""Families of problems, random within each and drawn anew for every seed: a gallery that nobody can tune to."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...errors import InputError
+from ...icp import ICP
+from ...numerics.arrays import Vector, as_number
+from ...problem.affine import Affine
+from ...problem.elementwise import Elementwise
+from . import bodies, finite_differences, graphs, markets
+from .draw import Draw, scattered
+
+
+class _Family(NamedTuple):
+    """`build`(n, rng); whether A is an M-matrix; the largest n that there is."""
+
+    build: Callable[[int, np.random.Generator], Draw]
+    is_m: bool = False
+    most: int = 10**6
+
+
+#: n² numbers of eight bytes, at most 200 MB
+_DENSE = 5000
+#: beyond it rounding in the second differences, 1e-16 n², hides a residual of 1e-8
+_LINE = 100_000
+
+_GRIDS = {
+    f"grid-{k}d-{kind}": _Family(partial(finite_differences.grid, k, kind), True)
+    for k in (1, 2, 3)
+    for kind in ("constant", "jumping", "anisotropic")
+    if (k, kind) != (1, "anisotropic")
+}
+_FAMILIES: dict[str, _Family] = {
+    **_GRIDS,
+    "plate": _Family(finite_differences.plate),
+    "convection": _Family(finite_differences.convection, True),
+    "graph-expander": _Family(graphs.expander, True),
+    "graph-geometric": _Family(graphs.geometric, True),
+    "graph-scale-free": _Family(graphs.scale_free, True),
+    "graph-directed": _Family(graphs.directed, True),
+    "market-leontief": _Family(markets.leontief, True),
+    "market-trade": _Family(markets.trade),
+    "market-cournot": _Family(markets.cournot),
+    "market-traffic": _Family(markets.traffic),
+    "contact-chain": _Family(bodies.chain),
+    "contact-pile": _Family(bodies.pile),
+    "contact-redundant": _Family(bodies.redundant),
+    "option-one": _Family(partial(finite_differences.option, 1, False), True, _LINE),
+    "option-two": _Family(partial(finite_differences.option, 2, False), True),
+    "option-cross": _Family(partial(finite_differences.option, 2, True)),
+    "dense-covariance": _Family(graphs.covariance, most=_DENSE),
+    "dense-definite": _Family(graphs.definite, most=_DENSE),
+    "dense-nonsymmetric": _Family(partial(graphs.definite, skew=True), most=_DENSE),
+}
+_KINDS = ("", "+affine", "+elementwise")
+
+
+def family_names(beginnings: Sequence[str] = ()) -> list[str]:
+    """The families whose names begin with one of these, all without any: A's name, and what ψ is if not constant.
+
+    Raises InputError where there is none.
+
+    >>> icp.benchmarks.family_names(["plate"])
+    ['plate', 'plate+affine', 'plate+elementwise']
+    """
+    known = [name + kind for name in _FAMILIES for kind in _KINDS]
+    for one in beginnings:
+        if not any(name.startswith(one) for name in known):
+            raise InputError(f"there is no family {one!r}; the families are: {', '.join(_FAMILIES)}")
+    return [name for name in known if not beginnings or name.startswith(tuple(beginnings))]
+
+
+def drawn(family: str, n: int, rng: np.random.Generator) -> ICP:
+    """A random problem of `family` with about `n` unknowns, which has a solution.
+
+    Why one exists with a fixed obstacle c is said where A is made; what ψ is else keeps that:
+    "+affine", A an M-matrix: ψ = c + G(z − c), G ≥ 0 the weights of a row's neighbours in A, their sum γ in [.3, .9].
+    With w = A⁻¹1 and ε small, v = 1 + εw has Av > 0 and Gv < v, so there is one solution (Kumar, Deepmala and Das).
+    "+affine" else: r = (1 − γ)(z − c) + (γ/s)p, an obstacle that gives way under force, ‖G‖∞ < 1. It is feasible where
+    the fixed one is, Aᵀ(I − G) is monotone as A is, and an LCP in r with the monotone matrix A(I − G)⁻¹.
+    "+elementwise": ψ_i(c_i) = c_i and |ψ'| < 1, so r_i and z_i − c_i have one sign: the solutions are the same.
+    Parameters: `family` one of `family_names()`; `n` ≥ 3; `rng` a NumPy generator, whose state decides everything.
+    Returns the problem. Raises InputError for an unknown family and for an n that is too large for it.
+
+    >>> icp.benchmarks.drawn("graph-expander+affine", 12, np.random.default_rng(1)).n
+    12
+    """
+    one, kind = _family(family)
+    A, c, q = one.build(int(as_number(n, "n", least=3, most=one.most, whole=True)), rng)
+    if kind == "affine":
+        psi: Any = _leaning(A, c, rng) if one.is_m else _giving_way(A, c, q, rng)
+    else:
+        psi = _bending(c, rng) if kind else c
+    return ICP(A, q, psi)
+
+
+def drawn_sizes(family: str, seed: int, sizes: tuple[int, int, int]) -> list[int]:
+    """Sizes for `family` from `sizes` = (low, high, count): one at random in each of so many geometric steps.
+
+    None is above the largest of the family; the name of a scene has no such bound.
+    """
+    low, high, count = sizes
+    if (one := _FAMILIES.get(family.partition("+")[0])) is not None:
+        high = min(high, one.most)
+    if high < low:
+        return []
+    places = (np.arange(count) + _generator(seed, family).random(count)) / count
+    found = [round(low * (high / low) ** place) for place in places]
+    return list(dict.fromkeys(n + (n % 10 == 0) * (1 if n < high else -1) for n in found))
+
+
+def problem_of(family: str, seed: int, n: int) -> ICP:
+    """The problem that `seed` stands for, whatever else is drawn."""
+    return drawn(family, n, _generator(seed, family, n))
+
+
+def gallery(
+    seed: int, sizes: tuple[int, int, int] = (10, 1_000_000, 6), families: Sequence[str] = ()
+) -> Iterator[tuple[str, ICP]]:
+    """(label, problem) for every family and size, each made when it is its turn.
+
+    Parameters: `seed` an integer ≥ 0; `sizes` the smallest, the largest, and how many between them; `families` the
+    beginnings of names.
+
+    >>> next(icp.benchmarks.gallery(1, (10, 20, 1), ["plate"]))[0]
+    'plate, n = 15'
+    """
+    for family in family_names(families):
+        for n in drawn_sizes(family, seed, sizes):
+            problem = problem_of(family, seed, n)
+            yield f"{family}, n = {problem.n}", problem
+
+
+def _family(name: str) -> tuple[_Family, str]:
+    base, plus, kind = name.partition("+")
+    if base not in _FAMILIES or plus + kind not in _KINDS:
+        raise InputError(
+            f"family is {name!r}; one of {', '.join(_FAMILIES)} with +affine, +elementwise or none was expected"
+        )
+    return _FAMILIES[base], kind
+
+
+def _generator(seed: int, family: str, n: int = 0) -> np.random.Generator:
+    return np.random.default_rng([seed, zlib.crc32(family.encode()), n])
+
+
+def _leaning(A: Any, c: Vector, rng: np.random.Generator) -> Affine:
+    W = sp.csr_array(sp.diags_array(A.diagonal()) - A)
+    W.eliminate_zeros()
+    sums = W.sum(axis=1)
+    G = sp.diags_array(rng.uniform(0.3, 0.9) / np.where(sums > 0, sums, 1.0)) @ W
+    return Affine(G, c - G @ c)
+
+
+def _giving_way(A: Any, c: Vector, q: Vector, rng: np.random.Generator) -> Affine:
+    A = sp.csr_array(A)
+    s = float(abs(A).sum(axis=1).max())
+    B = sp.eye_array(A.shape[0]) - A / s
+    gamma = rng.uniform(0.3, 0.9) / max(1.0, float(abs(B).sum(axis=1).max()))
+    return Affine(gamma * B, (1.0 - gamma) * c - (gamma / s) * q)
+
+
+def _bending(c: Vector, rng: np.random.Generator) -> Elementwise:
+    steep, scale, kind = rng.uniform(0.2, 0.9), scattered(rng, 0.3, 3.0) * (float(c.std()) or 1.0), rng.integers(3)
+    f, slope = (partial(one, steep, scale) for one in (_SHAPES[kind], _SLOPES[kind]))
+    return Elementwise(f, slope, lipschitz=steep, c=c - f(c))
+
+
+#: f(t) = scale·steep·g(t/scale), |g'| ≤ 1, and its derivative
+_SHAPES = (
+    lambda steep, scale, t: scale * steep * np.sin(t / scale),
+    lambda steep, scale, t: scale * steep * np.arctan(t / scale),
+    lambda steep, scale, t: scale * steep * -np.sqrt(1.0 + (t / scale) ** 2),
+)
+_SLOPES = (
+    lambda steep, scale, t: steep * np.cos(t / scale),
+    lambda steep, scale, t: steep / (1.0 + (t / scale) ** 2),
+    lambda steep, scale, t: steep * -(t / scale) / np.sqrt(1.0 + (t / scale) ** 2),
+)
