@@ -85,7 +85,7 @@ def parameters(function: Callable[..., Any]) -> list[Decorator]:
     """Options for all parameters of `function`, in their order, with its defaults and what its docstring says of them.
     That is the section "Parameters: `name` text; `name` text; …"."""
     known = inspect.signature(function).parameters
-    text = " ".join(inspect.getdoc(function).split())  # type: ignore[union-attr]
+    text = " ".join((inspect.getdoc(function) or "").split())
     section = re.search(r"Parameters: (.*?)(?: Returns| Raises|$)", text)
     pieces = re.split(rf"`({'|'.join(known)})`", section.group(1) if section else "")
     told = {name: said.strip(" ,;.").replace("`", "") for name, said in zip(pieces[1::2], pieces[2::2], strict=True)}
@@ -108,7 +108,7 @@ def _option(parameter: inspect.Parameter, said: str | None) -> Decorator:
 
 def summary(function: Callable[..., Any]) -> str:
     """The first paragraph of the docstring."""
-    return inspect.getdoc(function).split("\n\n")[0]  # type: ignore[union-attr]
+    return (inspect.getdoc(function) or "").split("\n\n")[0]
 
 
 def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
