@@ -29,7 +29,7 @@ def commands() -> None:
     \b
     icpmodel scenes                          what is built in
     icpmodel solve membrane --n 10000        solve a scene
-    icpmodel solve problem/ -o answer.npz    solve a problem from files
+    icpmodel solve p.npz -o answer.npz       solve a problem from a file
     icpmodel crosscheck membrane             solve, then have osqp, cvxpy and Pyomo check the answer
     icpmodel explain membrane                what is certain before a solve
     icpmodel race membrane -o race.png       time against error, with independent solvers

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import os
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import click
@@ -17,8 +17,8 @@ from ..modelling.files import load_problem
 from ..scenes import Scene, scene
 from ..scenes import names as scene_names
 
-SOURCE_HELP = """SOURCE is the name of a built-in scene (see `icpmodel scenes`), a folder or .npz file written by
---save-problem, or a Matrix Market file of A together with --q."""
+SOURCE_HELP = """SOURCE is the name of a built-in scene (see `icpmodel scenes`), an .npz file written by --save-problem,
+a folder of Matrix Market files with a psi.json, or a Matrix Market file of A together with --q."""
 
 Decorator = Callable[[Any], Any]
 
@@ -89,7 +89,7 @@ def parameters(function: Callable[..., Any]) -> list[Decorator]:
     """Options for all parameters of `function`, in their order, with its defaults and what its docstring says of them.
     That is the section "Parameters: `name` text; `name` text; …"."""
     known = inspect.signature(function).parameters
-    text = " ".join(inspect.getdoc(function).split())  # type: ignore[union-attr]
+    text = " ".join((inspect.getdoc(function) or "").split())
     section = re.search(r"Parameters: (.*?)(?: Returns| Raises|$)", text)
     pieces = re.split(rf"`({'|'.join(known)})`", section.group(1) if section else "")
     told = {name: said.strip(" ,;.").replace("`", "") for name, said in zip(pieces[1::2], pieces[2::2], strict=True)}
@@ -118,7 +118,7 @@ def _option(parameter: inspect.Parameter, said: str | None) -> Decorator:
 
 def summary(function: Callable[..., Any]) -> str:
     """The first paragraph of the docstring."""
-    return inspect.getdoc(function).split("\n\n")[0]  # type: ignore[union-attr]
+    return (inspect.getdoc(function) or "").split("\n\n")[0]
 
 
 def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
@@ -134,7 +134,7 @@ def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
         if n is not None and found.problem.n != n:
             click.echo(f"note: {source} has no size {n}; the nearest is {found.problem.n}", err=True)
         return found.problem, found
-    if not source or not Path(source).exists():
+    if not source or not os.path.exists(source):
         raise InputError(f"{source or 'SOURCE'} is neither a file or folder nor a scene; scenes: {listed}")
     if n is not None or parameters:
         raise InputError(f"--n and --set belong to scenes, and {source} is none of them: {listed}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -68,9 +69,9 @@ def must_be_writable(path: str | None, suffix: str = "") -> None:
     """Raise FileError or InputError now for a path that could not be written later, when the work is done."""
     if path is None:
         return
-    if Path(path).is_dir():
+    if os.path.isdir(path):
         raise FileError(f"{path}: is a folder; a file name was expected")
-    if not Path(path).parent.is_dir():
+    if not os.path.isdir(Path(path).parent):
         raise FileError(f"{path}: the folder {Path(path).parent} does not exist")
     if not path.lower().endswith(suffix):
         raise InputError(f"--output is {path!r}; a name that ends in {suffix} was expected")

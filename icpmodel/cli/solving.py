@@ -12,7 +12,7 @@ from ..crosscheck.judge import Verdict
 from ..crosscheck.report import Report
 from ..errors import InputError, Interrupted
 from ..icp import ICP
-from ..modelling.files import load_solution, save_problem, save_solution
+from ..modelling.files import check_place, load_solution, save_problem, save_solution
 from ..present.card import Card
 from ..present.table import Table
 from ..scenes import Scene, titles
@@ -47,14 +47,16 @@ _SOLVE_OPTIONS = (
 @command(*_SOLVE_OPTIONS)
 @click.option("-o", "--output", type=click.Path(), help="Write z, p, r and the certificate to this .npz file.")
 @click.option("--polish", is_flag=True, help="Solve once more on the active set, to rounding accuracy.")
-@click.option("--save-problem", "folder", type=click.Path(), help="Write the problem to this folder or .npz file.")
-def solve(output: str | None, polish: bool, folder: str | None, as_json: bool, **arguments: Any) -> int:
+@click.option("--save-problem", "problem_file", type=click.Path(), help="Write the problem to this .npz file.")
+def solve(output: str | None, polish: bool, problem_file: str | None, as_json: bool, **arguments: Any) -> int:
     """Solve the problem SOURCE and say how wrong the answer can be."""
     must_be_writable(output, ".npz")
+    if output is not None:
+        check_place(output)
     problem, scene = named_problem(arguments)
-    if folder is not None:
-        save_problem(problem, folder)
-        wrote(folder)
+    if problem_file is not None:
+        save_problem(problem, problem_file)
+        wrote(problem_file)
     solution = _solved(problem, scene, arguments)
     if polish:
         solution = solution.polish()

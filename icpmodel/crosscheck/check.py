@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import Interrupted
 from ..numerics.arrays import as_number
+from ..numerics.rounding import sheltered
 from ..problem.data import ProblemData, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
@@ -19,6 +20,7 @@ from .judge import Checked, Row, Verdict
 from .report import Report
 
 
+@sheltered()
 def crosscheck(
     problem: ProblemData,
     solution: Any = None,

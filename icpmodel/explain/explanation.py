@@ -13,7 +13,7 @@ from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..methods.newton import Newton
 from ..numerics.arrays import as_number
-from ..numerics.rounding import UNIT_ROUNDOFF, at_most
+from ..numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ..present.card import Sections, inner_width
 from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
@@ -170,6 +170,7 @@ class Explanation:
         return Sections(self.sections()).to_html()
 
 
+@sheltered()
 def explain(
     problem: ProblemData, method: str | Method | None = None, *, accuracy: float = 1e-6, **options: Any
 ) -> Explanation:

@@ -1,26 +1,22 @@
 """Problems and solutions on disk. Files are data: nothing is ever unpickled or evaluated.
 
-A problem is one `.npz` file, or a folder that can be read by other programs too:
+What is saved is one `.npz` file, which other programs read with `numpy.load`: of a problem q, psi (zero, constant or
+affine), c, and A as the CSR arrays A_data, A_indices and A_indptr, likewise G of an affine ψ; of a solution z, p, r and
+its certificate as JSON text. A problem can also be read from Matrix Market files, as other programs write them:
 
-    folder/A.mtx        A in Matrix Market format
-    folder/q.mtx        q, a Matrix Market array of n × 1
+    folder/A.mtx        A
+    folder/q.mtx        q, n × 1
     folder/psi.json     {"psi": "zero"} or {"psi": "constant"} or {"psi": "affine"}
     folder/c.mtx        c, n × 1      (constant and affine)
     folder/G.mtx        G             (affine)
 
-ψ given by Python code has no file form. A solution is one `.npz` with z, p, r and its certificate as JSON text.
+ψ given by Python code has no file form.
 """
 
 from __future__ import annotations
 
-import io
 import json
-import secrets
-import shutil
-import zipfile
-import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -29,22 +25,23 @@ import scipy.sparse as sp
 
 from ..errors import FileError, InputError
 from ..icp import ICP
-from ..numerics.arrays import Vector
 from ..problem.affine import Affine
 from ..problem.data import as_problem
 from ..solve.solution import Solution
+from .archive import as_path, check_free, read_archive, told, write_archive
+from .matrix_market import read_matrix, read_vector
 
-_VERSION = 1
-#: a sparse vector may claim any length in a few bytes
-_LONGEST_VECTOR = 10**9
+_PROBLEM, _SOLUTION = "icpmodel problem 1", "icpmodel solution 1"
 #: kind of ψ → what is stored of it
 _KINDS: dict[str, tuple[str, ...]] = {"zero": (), "constant": ("c",), "affine": ("c", "G")}
 
 
-def save_problem(problem: ICP, path: str | Path) -> None:
-    """Write `problem` to `path`: one file if it ends in `.npz`, a folder of Matrix Market files otherwise.
+def save_problem(problem: ICP, path: str | PathLike[str]) -> None:
+    """Write `problem` to the `.npz` file `path`; other programs may take `scipy.io.mmwrite("A.mtx", problem.A)`.
 
-    ψ must be zero, constant or affine. Raises InputError for any other ψ, FileError where the path cannot be written.
+    ψ must be zero, constant or affine. The file is written beside and then renamed, so that whatever happens the old
+    file or the new one is there, whole; only a file that holds a saved problem is replaced, and links are not followed.
+    Raises InputError for any other ψ, FileError where the path cannot be written.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -57,16 +54,18 @@ def save_problem(problem: ICP, path: str | Path) -> None:
         raise InputError(f"psi is {psi!r}; only zero, constant and affine maps can be written to a file")
     G, c = psi.linear
     kind = "affine" if not psi.is_constant else "constant" if c.any() else "zero"
+    arrays: dict[str, Any] = {"psi": np.array(kind)}
     stored = {"A": problem.A, "q": problem.q, "c": c, "G": G}
-    parts = {name: stored[name] for name in ("A", "q", *_KINDS[kind])}
-    if not str(path):
-        raise FileError("the path is empty; the name of a folder or of an .npz file was expected")
-    path = Path(path)
-    with _writing(path):
-        (_write_npz if path.suffix.lower() == ".npz" else _write_folder)(path, kind, parts)
+    for name in ("A", "q", *_KINDS[kind]):
+        part = stored[name]
+        if sp.issparse(part):
+            arrays |= {f"{name}_data": part.data, f"{name}_indices": part.indices, f"{name}_indptr": part.indptr}
+        else:
+            arrays[name] = part
+    write_archive(as_path(path), _PROBLEM, arrays)
 
 
-def load_problem(path: str | Path, q: str | Path | None = None) -> ICP:
+def load_problem(path: str | PathLike[str], q: str | PathLike[str] | None = None) -> ICP:
     """Read a problem from an `.npz` file, from a folder, or, with ψ = 0, from two Matrix Market files.
 
     Parameters: `path`; `q` the second Matrix Market file, only where `path` is A as Matrix Market.
@@ -76,23 +75,24 @@ def load_problem(path: str | Path, q: str | Path | None = None) -> ICP:
     Traceback (most recent call last):
     icpmodel.errors.FileError: A.mtx: no such file or folder
     """
-    path = Path(path)
-    if not path.exists():
-        raise FileError(f"{path}: no such file or folder")
-    if path.is_dir() or path.suffix.lower() == ".npz":
+    path = as_path(path)
+    with told(path, "read"):
+        path.stat()
+        is_folder = path.is_dir()
+    if is_folder or path.suffix.lower() == ".npz":
         if q is not None:
             raise FileError(f"{path}: holds its own q; drop q")
-        return _problem(path, _read_folder(path) if path.is_dir() else _read_npz(path))
+        return _problem(path, _from_folder(path) if is_folder else _from_archive(path))
     if q is None:
         raise FileError(f"{path}: is neither an .npz file nor a folder; a Matrix Market file of A needs its q as well")
-    A, vector = _read_matrix(path), _read_vector(Path(q))
-    if vector.size != A.shape[0]:
-        raise FileError(f"{q}: holds {vector.size} numbers; {A.shape[0]} were expected, the rows of {path}")
-    return _problem(path, {"A": A, "q": vector})
+    A = read_matrix(path)
+    return _problem(path, {"A": A, "q": read_vector(as_path(q), A.shape[0])})
 
 
-def save_solution(solution: Solution, path: str | Path) -> None:
-    """Write z, p, r and the certificate of `solution` to the `.npz` file `path`. Raises FileError.
+def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
+    """Write z, p, r and the certificate of `solution` to the `.npz` file `path`, as `save_problem` does.
+
+    Raises InputError for what is no solution, FileError where the path cannot be written.
 
     >>> import tempfile
     >>> solution = ICP([[2.0]], [-1.0]).solve()
@@ -101,15 +101,19 @@ def save_solution(solution: Solution, path: str | Path) -> None:
     ...     load_solution(f"{folder}/s.npz")["z"]
     array([0.5])
     """
-    path = Path(path)
-    if path.suffix.lower() != ".npz":
-        raise FileError(f"{path}: a solution is written to a file that ends in .npz")
+    if not isinstance(solution, Solution):
+        raise InputError(f"solution is a {type(solution).__name__}; what solve returns was expected")
     about = np.array(json.dumps(solution.about()))
-    with _writing(path):
-        _write_whole(path, {"z": solution.z, "p": solution.p, "r": solution.r, "about": about})
+    write_archive(as_path(path), _SOLUTION, {"z": solution.z, "p": solution.p, "r": solution.r, "about": about})
 
 
-def load_solution(path: str | Path) -> dict[str, Any]:
+def check_place(path: str) -> None:
+    """Raise FileError now where `save_solution` would later, as another file is in its place."""
+    with told(as_path(path), "written"):
+        check_free(as_path(path), _SOLUTION)
+
+
+def load_solution(path: str | PathLike[str]) -> dict[str, Any]:
     """Read what `save_solution` wrote: z, p, r (shape (n,)) and `about`, the certificate as it was claimed then.
 
     Nothing read is believed: `icpmodel.certify(problem, z)` says what is true of z. Raises FileError.
@@ -118,10 +122,11 @@ def load_solution(path: str | Path) -> dict[str, Any]:
     Traceback (most recent call last):
     icpmodel.errors.FileError: nowhere.npz: no such file or folder
     """
-    fields = _Fields(Path(path))
-    z = fields.vector("z")
-    p, r = (fields.vector(name, z.size) for name in ("p", "r"))
-    return {"z": z, "p": p, "r": r, "about": _json(f"{path}: field about", str(fields["about"]))}
+    path = as_path(path)
+    with read_archive(path, _SOLUTION) as archive:
+        z = archive.vector("z")
+        p, r = (archive.vector(name, z.size) for name in ("p", "r"))
+        return {"z": z, "p": p, "r": r, "about": _json(f"{path}: field about", archive.text("about"))}
 
 
 def _problem(path: Path, parts: dict[str, Any]) -> ICP:
@@ -132,148 +137,27 @@ def _problem(path: Path, parts: dict[str, Any]) -> ICP:
         raise FileError(f"{path}: {error}") from error
 
 
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written ({error.strerror or error})") from error
+def _from_archive(path: Path) -> dict[str, Any]:
+    with read_archive(path, _PROBLEM) as archive:
+        of_psi, q = _stored(path, archive.text("psi")), archive.vector("q")
+        readers: dict[str, Any] = {"A": archive.matrix, "c": archive.vector, "G": archive.matrix}
+        return {"q": q} | {name: readers[name](name, q.size) for name in ("A", *of_psi)}
 
 
-def _write_npz(path: Path, kind: str, parts: dict[str, Any]) -> None:
-    arrays: dict[str, Any] = {"format": np.array(_VERSION), "psi": np.array(kind)}
-    for name, part in parts.items():
-        if sp.issparse(part):
-            arrays |= {f"{name}_data": part.data, f"{name}_indices": part.indices, f"{name}_indptr": part.indptr}
-        else:
-            arrays[name] = part
-    _write_whole(path, arrays)
-
-
-def _write_whole(path: Path, arrays: dict[str, Any]) -> None:
-    """Write beside `path` and rename, so that an interruption leaves the old file or the new one."""
-    path = path.resolve()  # of a link, the file behind it
-    beside = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
-    with beside.open("xb") as file:
-        try:
-            if path.exists():
-                shutil.copymode(path, beside)
-            np.savez_compressed(file, **arrays)
-            file.close()
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
-
-
-def _write_folder(path: Path, kind: str, parts: dict[str, Any]) -> None:
-    from scipy.io import mmwrite
-
-    path.mkdir(parents=True, exist_ok=True)
-    # without psi.json, written last, a folder is not read: an interruption leaves no mixture of two problems
-    (path / "psi.json").unlink(missing_ok=True)
-    for name, part in parts.items():
-        # written through a buffer, as mmwrite given a name may append its own suffix; symmetry="general" keeps A as is
-        buffer = io.BytesIO()
-        mmwrite(buffer, part if sp.issparse(part) else part.reshape(-1, 1), precision=17, symmetry="general")
-        (path / f"{name}.mtx").write_bytes(buffer.getvalue())
-    (path / "psi.json").write_text(json.dumps({"psi": kind}) + "\n")
-
-
-def _read_folder(path: Path) -> dict[str, Any]:
+def _from_folder(path: Path) -> dict[str, Any]:
     declared = path / "psi.json"
     if not declared.is_file():
         if not (path / "A.mtx").is_file():
-            raise FileError(f"{path}: the folder holds no saved problem; psi.json, A.mtx and q.mtx were expected")
+            raise FileError(f"{path}: the folder holds no problem; psi.json, A.mtx and q.mtx were expected")
         raise FileError(f'{declared}: no such file; it declares psi, for an LCP as {{"psi": "zero"}}')
-    try:
-        text = declared.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"{declared}: cannot be read ({error})") from error
-    content = _json(declared, text)
+    with told(declared, "read"):
+        content = _json(declared, declared.read_text(encoding="utf-8"))
     if not isinstance(content, dict) or content.keys() != {"psi"}:
         found = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
         raise FileError(f'{declared}: {found}; the field psi alone was expected, for an LCP {{"psi": "zero"}}')
-    readers = {"A": _read_matrix, "q": _read_vector, "c": _read_vector, "G": _read_matrix}
-    return {name: readers[name](path / f"{name}.mtx") for name in ("A", "q", *_stored(declared, content["psi"]))}
-
-
-class _Fields(dict[str, np.ndarray]):
-    """The arrays of an `.npz` file by name; one that is missing is an error of the file."""
-
-    def __init__(self, path: Path) -> None:
-        if not path.is_file():
-            raise FileError(f"{path}: no such file or folder")
-        self.path = path
-        try:
-            with np.load(path, allow_pickle=False) as archive:
-                super().__init__({name: archive[name] for name in archive.files})
-        except ValueError as error:  # NumPy would have to unpickle something; its message says how, which must not be
-            raise FileError(f"{path}: not an .npz file of plain arrays") from error
-        except (OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-            raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
-
-    def __missing__(self, name: str) -> np.ndarray:
-        raise FileError(f"{self.path}: field {name} is missing; found {', '.join(sorted(self)) or 'none'}")
-
-    def vector(self, name: str, size: int | None = None, kinds: str = "biuf") -> Vector:
-        """The field `name`, a vector of `size` numbers of the `kinds` that NumPy has letters for."""
-        array = self[name]
-        if array.ndim != 1 or array.dtype.kind not in kinds or size not in (None, array.size):
-            numbers = "integers" if kinds == "iu" else "numbers"
-            wanted = f"a vector of {numbers}" if size is None else f"{size} {numbers}"
-            found = f"shape {array.shape}, dtype {array.dtype}"
-            raise FileError(f"{self.path}: field {name} has {found}; {wanted} expected")
-        return array
-
-    def matrix(self, name: str, n: int) -> sp.csr_array:
-        """The CSR matrix of shape (n, n) in three fields."""
-        data = self.vector(f"{name}_data")
-        indptr, indices = self.vector(f"{name}_indptr", n + 1, "iu"), self.vector(f"{name}_indices", data.size, "iu")
-        # SciPy's own check lets some of these pass and its compiled code then writes out of bounds
-        ordered = indptr[0] == 0 and indptr[-1] == data.size and bool((indptr[1:] >= indptr[:-1]).all())
-        if not ordered or ((indices < 0) | (indices >= n)).any():
-            raise FileError(f"{self.path}: fields {name}_* are not a CSR matrix of shape ({n}, {n})")
-        return sp.csr_array((data, indices.astype(np.int64), indptr.astype(np.int64)), shape=(n, n))
-
-
-def _read_npz(path: Path) -> dict[str, Any]:
-    fields = _Fields(path)
-    version = fields["format"]
-    if version.shape != () or version.dtype.kind != "i" or int(version) != _VERSION:
-        raise FileError(f"{path}: field format is {version}; {_VERSION} was expected")
-    of_psi, q = _stored(path, str(fields["psi"])), fields.vector("q")
-    readers: dict[str, Any] = {"A": fields.matrix, "c": fields.vector, "G": fields.matrix}
-    return {"q": q} | {name: readers[name](name, q.size) for name in ("A", *of_psi)}
-
-
-def _read_matrix(path: Path) -> Any:
-    """A sparse or dense matrix from a Matrix Market file, whatever that claims to hold."""
-    from scipy.io import mminfo, mmread
-
-    if not path.is_file():
-        raise FileError(f"{path}: no such file")
-    try:
-        path.open("rb").close()  # says so if it may not be read; SciPy would call its banner missing
-        # SciPy allocates what the header promises
-        rows, columns, entries, *_ = mminfo(path)
-        if entries <= path.stat().st_size or path.suffix in (".gz", ".bz2"):
-            return mmread(path, spmatrix=False)
-    except PermissionError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, OverflowError, OSError, EOFError) as error:
-        raise FileError(f"{path}: not a readable Matrix Market file ({error})") from error
-    found = f"its header promises {rows} x {columns} with {entries} entries"
-    raise FileError(f"{path}: {found}, which do not fit into {path.stat().st_size} bytes; is the file truncated?")
-
-
-def _read_vector(path: Path) -> Vector:
-    """A vector, shape (n,), from a Matrix Market file of n × 1 or 1 × n."""
-    matrix = _read_matrix(path)
-    if 1 not in matrix.shape:
-        raise FileError(f"{path}: holds a matrix of shape {matrix.shape}; a vector (n x 1) was expected")
-    if max(matrix.shape) > _LONGEST_VECTOR:
-        raise FileError(f"{path}: holds a vector of shape {matrix.shape}; at most {_LONGEST_VECTOR} entries are read")
-    return np.asarray(matrix.toarray() if sp.issparse(matrix) else matrix).reshape(-1)
+    of_psi, A = _stored(declared, content["psi"]), read_matrix(path / "A.mtx")
+    parts = {"A": A} | {name: read_vector(path / f"{name}.mtx", A.shape[0]) for name in ("q", *of_psi[:1])}
+    return parts | ({"G": read_matrix(path / "G.mtx")} if "G" in of_psi else {})
 
 
 def _stored(path: Path, kind: Any) -> tuple[str, ...]:

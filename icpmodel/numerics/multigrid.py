@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.machinery import SourceFileLoader
 from typing import Any
 
 import numpy as np
@@ -26,7 +28,8 @@ def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
     A coarsest level that is still large is left to SuperLU, which raises RuntimeError in the first cycle where it is
     singular: a dense pseudoinverse would take all memory.
     """
-    import pyamg
+    with _docstrings():
+        import pyamg
 
     with _quiet():
         made = pyamg.ruge_stuben_solver(sp.csr_matrix(A), **options)  # PyAMG takes the older class only
@@ -70,6 +73,23 @@ def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
     if x is None:
         raise np.linalg.LinAlgError("A is singular on the coarsest level of its hierarchy")
     return x
+
+
+@contextmanager
+def _docstrings() -> Iterator[None]:
+    """PyAMG writes into its docstrings while it is loaded, so that under `python -OO` it must be given some."""
+    plain = SourceFileLoader.get_code
+    if sys.flags.optimize > 1 and "pyamg" not in sys.modules:
+
+        def with_docstrings(loader: SourceFileLoader, name: str) -> Any:
+            path = loader.get_filename(name)
+            return compile(loader.get_data(path), path, "exec", dont_inherit=True, optimize=0)
+
+        SourceFileLoader.get_code = with_docstrings  # type: ignore[assignment, method-assign]
+    try:
+        yield
+    finally:
+        SourceFileLoader.get_code = plain  # type: ignore[method-assign]
 
 
 @contextmanager

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from decimal import ROUND_CEILING, Context, Decimal
 from typing import Any
 
@@ -15,6 +17,27 @@ from .arrays import Vector
 UNIT_ROUNDOFF = 2.0**-53
 #: the smallest positive float64, the most that underflow can cost one operation
 SMALLEST = 2.0**-1074
+
+
+@contextmanager
+def sheltered() -> Iterator[None]:
+    """A verb of the package: it computes as NumPy does by default, whatever its user has asked of NumPy for himself,
+    and Ctrl-C stays a KeyboardInterrupt in compiled code, too.
+    """
+    try:
+        with np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"):
+            yield
+    except SystemError as error:
+        if is_ctrl_c(error):
+            raise KeyboardInterrupt from error
+        raise
+
+
+def is_ctrl_c(error: BaseException | None) -> bool:
+    """Whether `error` is what numba makes of Ctrl-C: one SystemError after the other because of it."""
+    while isinstance(error, SystemError):
+        error = error.__cause__
+    return isinstance(error, KeyboardInterrupt)
 
 
 def gamma(k: Any) -> Any:

@@ -159,7 +159,8 @@ class ProblemData:
         >>> ICP([[2.0]], [1.0]).p([3.0])
         array([7.])
         """
-        return self.product(self.vector(z)) + self.q
+        with np.errstate(under="ignore"):
+            return self.product(self.vector(z)) + self.q
 
     def r(self, z: Any) -> Vector:
         """r(z) = z − ψ(z), shape (n,); +inf where there is no obstacle.
@@ -168,7 +169,8 @@ class ProblemData:
         array([4.])
         """
         z = self.vector(z)
-        return z - self.psi.value(z)
+        with np.errstate(under="ignore"):
+            return z - self.psi.value(z)
 
     def natural_map(self, z: Any, omega: Any = 1.0) -> Vector:
         """F_Ω(z) = min(Az + q, Ω(z − ψ(z))), shape (n,): zero exactly at the solutions, for every Ω > 0.
@@ -181,7 +183,7 @@ class ProblemData:
         """
         if not np.all(np.asarray(omega) > 0):
             raise InputError(f"omega has the entry {np.min(omega)}; positive numbers were expected")
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             return np.minimum(self.p(z), omega * self.r(z))
 
     def residual(self, z: Any) -> float:
@@ -191,7 +193,7 @@ class ProblemData:
         3.0
         """
         z = self.vector(z)
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             psi = self.psi.value(z)
             if self._is_large() and _SAFE[0] < (squares := self._squares(z, psi)) < _SAFE[1]:
                 return math.sqrt(squares)
@@ -203,7 +205,7 @@ class ProblemData:
         >>> ICP([[3.0]], [-6.0]).residual_at_0()
         6.0
         """
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             psi = self.psi.value(np.zeros(self.n))
             if self._is_large():
                 from ..numerics.kernels.products import natural_at_0  # loads numba
@@ -237,7 +239,7 @@ class ProblemData:
         (True, True)
         """
         z = self.vector(z)
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             psi = self.psi.value(z)
             free = np.isneginf(psi)
             terms = np.diff(self.A.indptr) + 2

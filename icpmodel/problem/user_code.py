@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_array, as_vector, freeze
+from ..numerics.rounding import is_ctrl_c
 
 
 def is_compiled(f: object) -> bool:
@@ -37,6 +38,8 @@ def raising_map_error(call: Callable[[], Any], name: str) -> Any:
     try:
         return call()
     except Exception as error:
+        if is_ctrl_c(error):
+            raise KeyboardInterrupt from error
         raise MapError(f"{name}(z) raised {type(error).__name__}: {error}") from error
 
 

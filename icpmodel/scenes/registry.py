@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -115,7 +116,7 @@ def register(build: Builder) -> Builder:
     icpmodel.errors.InputError: the scene <lambda> has no docstring; its first line is the scene's title
     """
     name, signature = build.__name__.replace("_", "-"), inspect.signature(build)
-    if not build.__doc__:
+    if not build.__doc__ and sys.flags.optimize < 2:  # `python -OO` drops them all
         raise InputError(f"the scene {name} has no docstring; its first line is the scene's title")
     if name in _BUILDERS:
         raise InputError(f"there is already a scene called {name}")
@@ -133,7 +134,7 @@ def register(build: Builder) -> Builder:
 
 def title_of(build: Builder) -> str:
     """The first line of the docstring."""
-    return (build.__doc__ or "").strip().splitlines()[0].rstrip(".")
+    return (build.__doc__ or build.__name__.replace("_", " ")).strip().splitlines()[0].rstrip(".")
 
 
 def size(n: Any, least: int = 1, most: int = LARGEST) -> int:

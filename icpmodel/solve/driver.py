@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector, as_truth, described
+from ..numerics.rounding import sheltered
 from ..problem.data import ProblemData, as_problem
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
@@ -28,6 +29,7 @@ from .solution import History, Solution, Status
 _LEAST_AIM, _MOST_AIM = 1e-14, 0.5
 
 
+@sheltered()
 def solve(
     problem: ProblemData,
     method: str | Method | None = None,
@@ -166,7 +168,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
 def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
     """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
-        with np.errstate(over="ignore", invalid="ignore"):
+        with sheltered(), np.errstate(over="ignore", invalid="ignore"):
             for _ in run.steps(tried):
                 pass
     except KeyboardInterrupt:
@@ -189,7 +191,10 @@ def judged(run: Run) -> Best:
     if run.current is not best.z:
         judged.append(run.found(run.current, np.inf))
     for one in judged:
-        with contextlib.suppress(MapError, KeyboardInterrupt):  # a ψ that failed may fail again, or take long
+        with (
+            contextlib.suppress(MapError, KeyboardInterrupt),
+            sheltered(),
+        ):  # a ψ that failed may fail again, or take long
             one.residual = problem.residual(one.z)
         if one.residual < best.residual:
             best = one

@@ -16,6 +16,7 @@ from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
 from ..errors import InputError, MapError, NotSolved
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics.arrays import Vector, norm
+from ..numerics.rounding import sheltered
 from ..numerics.threads import cores, in_parts
 from ..problem.data import ProblemData
 from ..problem.map import Map
@@ -76,6 +77,7 @@ class Solutions:
         return f"Solutions(k={self.Z.shape[0]}, n={self.Z.shape[1]}, {self.message}, seconds={self.seconds:.3g})"
 
 
+@sheltered()
 def solve_many(
     A: Any,
     Q: Any,

@@ -241,6 +241,6 @@ def fault_of_psi(problem: ProblemData, z: Vector) -> str:
 
 
 def _state(k: int, z: Vector, residual: float, seconds: float) -> Progress:
-    view = z.view()
-    view.flags.writeable = False
-    return Progress(k, view, residual, seconds)
+    copy = z.copy()  # whoever has a view can write through its base
+    copy.flags.writeable = False
+    return Progress(k, copy, residual, seconds)

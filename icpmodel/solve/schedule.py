@@ -152,9 +152,9 @@ def forecast(fallen: list[float], need: float) -> float:
     """How many more steps it takes until the residual has fallen by `need`, inf where it does not look like it.
 
     The last half of the steps has one speed, the quarter before it another. Sweeps first smooth and then creep, and
-    some slow down for good and some no more: of the two, that the speed changes by as much whenever the number of steps
-    doubles and that it stays, the geometric mean is expected. So it was neither too high nor too low, in the median, for
-    300 runs of sweeps, relaxed and accelerated or not, on random problems of 70 families.
+    some slow down for good and some no more: what is expected is the geometric mean of two ends, that the speed changes
+    by as much whenever the number of steps doubles, and that it stays. In the median that was neither too much nor too
+    little, for 300 runs of sweeps, relaxed and accelerated or not, on random problems of 70 families.
     """
     k = len(fallen) - 1
     half, quarter, left, steps = k // 2, k // 4, need - fallen[k], 0.0

@@ -14,6 +14,7 @@ from ..algebra.equations import nearer_to_obstacle, solve_on
 from ..errors import IcpError, MapError
 from ..methods.contract import Method
 from ..numerics.arrays import Vector
+from ..numerics.rounding import sheltered
 from ..present.card import Card
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
@@ -166,6 +167,7 @@ class Solution:
         """
         return active_set(self.problem, self.z, self.certificate.bound)
 
+    @sheltered()
     def polish(self) -> Solution:
         """The answer to rounding accuracy: the solution of the equations that the active set leaves, one linear solve.
 

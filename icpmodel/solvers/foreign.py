@@ -23,6 +23,7 @@ import numpy as np
 from ..errors import InputError
 from ..numerics.arrays import as_list
 from ..numerics.plugins import load_plugins
+from ..numerics.rounding import sheltered
 from .formulations import Target
 
 _REGISTRY: dict[str, type[ForeignSolver]] = {}
@@ -119,7 +120,7 @@ def missing(module: str) -> str | None:
     """Why `module` cannot be imported, with the command that mends it, or None where it can."""
     try:
         importlib.import_module(module)
-    except ImportError as error:
+    except Exception as error:  # not ImportError alone: under `python -OO` some miss their docstrings
         absent = isinstance(error, ModuleNotFoundError) and error.name == module
         return f"{module} is not installed: pip install {module}" if absent else f"{module} cannot be imported: {error}"
     return None
@@ -175,7 +176,7 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
     try:
         # foreign chatter must not reach the user: OSQP prints about polishing whatever one asks, Pyomo logs failures
         logging.disable(logging.CRITICAL)
-        with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
+        with sheltered(), contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
             solver.pose(target)
             begin = time.perf_counter()
             model = solver.set_up(target, tolerance, time_limit)

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import IcpError, InputError, Interrupted
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector, as_list, as_number
+from ..numerics.rounding import sheltered
 from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.driver import RTOL, solve
@@ -85,6 +86,7 @@ class Race(Charted):
         return "\n".join([str(self.table()), *(f"{name}: left out, {reason}" for name, reason in self.skipped)])
 
 
+@sheltered()
 def race(
     problem: ProblemData,
     methods: Sequence[str | Method] | None = None,

@@ -12,6 +12,7 @@ from ..errors import IcpError, InputError, Interrupted, MapError
 from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Vector, as_number, described
+from ..numerics.rounding import sheltered
 from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.driver import solve
@@ -113,6 +114,7 @@ class StabilityMap(Charted):
         return f"{self.summary()}\nproved, and yet failed: {self.contradictions}; {printed}"
 
 
+@sheltered()
 def stability(
     plane: str | Plane = "relaxation",
     problem: ProblemData | None = None,

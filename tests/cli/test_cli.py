@@ -55,16 +55,24 @@ def test_not_solved_is_exit_code_1_with_advice_on_the_card(capsys):
 
 
 def test_problem_and_solution_travel_through_files(capsys, tmp_path):
-    folder, answer = str(tmp_path / "problem"), str(tmp_path / "answer.npz")
-    assert call(capsys, "solve", "manufactured-affine", "--n", "25", "--save-problem", folder)[0] == 0
-    code, out, err = call(capsys, "solve", folder, "-o", answer)
+    problem, answer = str(tmp_path / "problem.npz"), str(tmp_path / "answer.npz")
+    assert call(capsys, "solve", "manufactured-affine", "--n", "25", "--save-problem", problem)[0] == 0
+    code, out, err = call(capsys, "solve", problem, "-o", answer)
     assert f"wrote {answer}" in err
     assert code == 0
     expected = icp.scenes.manufactured_affine(n=25)
     assert icp.load_solution(answer)["z"] == pytest.approx(expected.z_exact, abs=1e-5)
-    code, out, _ = call(capsys, "crosscheck", folder, "--solver", "osqp")
+    code, out, _ = call(capsys, "crosscheck", problem, "--solver", "osqp")
     assert code == 0
     assert "agrees" in out
+
+
+def test_a_foreign_file_in_the_way_is_told_before_the_work(capsys, tmp_path):
+    foreign = tmp_path / "data.npz"
+    np.savez(foreign, x=np.ones(3))
+    code, out, err = call(capsys, "solve", "membrane", "-o", str(foreign))
+    assert (code, out) == (2, "")
+    assert "is in the way; remove it" in err
 
 
 def test_matrix_market_files_are_an_lcp(capsys, tmp_path):
@@ -188,6 +196,9 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
     ("arguments", "words"),
     [
         (["solve", "nowhere"], "nowhere is neither a file or folder nor a scene"),
+        (["solve", "a" * 300], "is neither a file or folder nor a scene"),
+        (["solve", "membrane", "-o", "a" * 300 + ".npz"], "File name too long"),
+        (["solve", "membrane", "--z0", "a" * 300 + ".npz"], "File name too long"),
         (["solve"], "Missing argument 'SOURCE'"),
         (["solv"], "No such command 'solv'"),
         (["solve", "membrane", "--n", "x"], "'x' is not a valid integer"),

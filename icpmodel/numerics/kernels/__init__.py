@@ -11,18 +11,44 @@ copies of such a loop, which cost up to a third of a sweep to choose from.
 from __future__ import annotations
 
 import contextlib
+import warnings
 from typing import Any
 
 import numba
 import numpy as np
 from llvmlite import ir
+from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
+from ...errors import IcpError
+
+if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    raise IcpError("NUMBA_DISABLE_JIT is set, and the loops of icpmodel exist in compiled code alone; unset it")
 #: a position in an array
 uint = np.uint64
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "nogil": True}
+
 #: a function that becomes part of the compiled ones that call it
 inlined = numba.njit(inline="always", **_OPTIONS)
+
+
+class Cache(FunctionCache):
+    """Compiled code on disk. Where it cannot be read or written the process compiles for itself."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """None where there is nothing that can be read."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Warns where it cannot be written, the disk being full for example."""
+        try:
+            super().save_overload(sig, data)
+        except Exception as error:
+            told = "every process compiles anew; NUMBA_CACHE_DIR may name another folder"
+            warnings.warn(f"compiled code cannot be kept in {self.cache_path} ({error}): {told}", stacklevel=2)
 
 
 def _one(typing_context: Any) -> Any:
@@ -56,6 +82,6 @@ def compiled(function: Any, *, cache: bool = True, reassociate: bool = False) ->
     code = numba.njit(function, **options)
     if cache:
         # without a writable folder for its cache numba raises; then every process compiles anew
-        with contextlib.suppress(RuntimeError):
-            code.enable_caching()
+        with contextlib.suppress(RuntimeError, OSError):
+            code._cache = Cache(function)  # as its `enable_caching` does
     return code

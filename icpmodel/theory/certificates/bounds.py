@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import MapError
 from ...numerics.arrays import Vector, as_truth, not_finite
-from ...numerics.rounding import UNIT_ROUNDOFF, at_most
+from ...numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ...problem.data import ProblemData, as_problem
 from ...problem.facts import Facts
 from ...problem.map import Map
@@ -82,6 +82,7 @@ def listed(reason: str) -> str:
     return f" {reason}" if len(several) == 1 else "".join(f"\n- {one}" for one in several)
 
 
+@sheltered()
 def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigorous: bool = False) -> ErrorBound:
     """A bound on |z − z*| from one evaluation of p and r, or the reason why there is none.
 

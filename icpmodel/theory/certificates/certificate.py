@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...numerics.arrays import as_truth, described
-from ...numerics.rounding import UNIT_ROUNDOFF, upper
+from ...numerics.rounding import UNIT_ROUNDOFF, sheltered, upper
 from ...present.card import Card
 from ...problem.data import ProblemData, as_problem
 from .bounds import ErrorBound, error_bound
@@ -64,6 +64,7 @@ class Certificate:
         return f"Certificate(residual={self.residual:.6g}, error_bound={self.error_bound}, unique={self.unique})"
 
 
+@sheltered()
 def certify(
     problem: ProblemData, z: Any, *, bound: bool = True, sharp: bool | None = None, rigorous: bool = False
 ) -> Certificate:
@@ -113,6 +114,7 @@ class ActiveSet:
         return f"{at} at the obstacle, {off} off it, {open_rows} undecided"
 
 
+@sheltered()
 def active_set(problem: ProblemData, z: Any, bound: ErrorBound) -> ActiveSet:
     """The active set of z* as far as `bound` proves it, the error bound of this very `z` on this very `problem`.
 
