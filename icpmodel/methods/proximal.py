@@ -1,18 +1,15 @@
 """The proximal method: A is made definite by a multiple of a diagonal, which falls while the centre moves.
 
-    z^{k+1} solves the LCP(A + μ_k W, q − μ_k W z^k),    W a positive diagonal in the units of p/z.
+    zᵏ⁺¹ solves the LCP(A + μ_k W, q − μ_k W zᵏ),    W a positive diagonal in the units of p/z.
 
-Each of these problems has one solution, which Newton's method on the modulus equation finds in a few steps from z^k if
+Each of these problems has one solution, which Newton's method on the modulus equation finds in a few steps from zᵏ if
 μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more the quicker
-that went, and grows where Newton's steps wander, which then count as not made. A problem is left as soon as its residual
-is a share of that of the LCP itself.
+that went, and grows where Newton's steps wander, which then count as not made. A problem is left as soon as its
+residual is a share of that of the LCP itself.
 
-**Theorem** (Rockafellar; Martinet for μ_k = μ). Let xᵀAx ≥ 0 for all x, and let the obstacle be fixed. If the LCP has a
-solution, zᵏ converges to one for all 0 < μ_k ≤ μ and errors ‖zᵏ⁺¹ − exact‖ with a finite sum; if it has none, ‖zᵏ‖ → ∞.
-In the norm xᵀWx, F = Az + q and the normal cone of z ≥ c add up to a maximal monotone operator T, and zᵏ⁺¹ =
-(I + T/μ_k)⁻¹zᵏ. T is polyhedral, so that ‖zᵏ⁺¹ − z*‖ ≤ Cμ_k‖zᵏ − z*‖/√(1 + C²μ_k²) near the solutions (Luque): with
-μ_k → 0 the convergence is faster than linear. A + μW, μ large, is dominated by its diagonal, and then Newton's steps
-do not wander: there is always a μ that leads on.
+Where A is monotone (xᵀAx ≥ 0 for all x) and there is a solution, zᵏ converges to one, for all 0 < μ_k ≤ μ and errors of
+the steps that have a finite sum: see `theory.convergence.proximal_point`. A + μW with a large μ is dominated by its
+diagonal, and then Newton's steps do not wander: there is always a μ that leads on.
 """
 
 from __future__ import annotations
@@ -28,7 +25,7 @@ from numpy.typing import NDArray
 
 from ..algebra.subproblems import with_fixed_obstacle
 from ..numerics import work
-from ..numerics.arrays import Vector, inner, norm
+from ..numerics.arrays import Vector, diagonal_positions, inner, norm, row_of
 from ..numerics.factorisation import factorise
 from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
@@ -48,13 +45,15 @@ _LEAST = 1e-12
 #: so many steps without a better iterate are the last ones
 _LAST = 100
 #: the relative residual of an inexact solve, and up to which a solve counts as one
-_INEXACT, _BACKWARD = 1e-2, 1e-6
+_INEXACT, _BACKWARD = 1e-4, 1e-6
 #: so many products cost what a sparse factorisation with a moderate fill does (`work.COSTS`)
 _PRODUCTS = 100
+#: of a direction to infinity, entries that are a smaller share of the largest are what else has moved
+_LARGE = 1e-6
 #: Au and Aᵀu that differ by no more are the same
 _SAME = 1e-13
-#: units are balanced to within a factor of two, or as far as so many passes do it
-_PASSES = 20
+#: units are balanced to so small a share, by so many steps at the most
+_BALANCED, _PASSES = 1e-3, 60
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -63,14 +62,15 @@ class Proximal(Method):
 
     For monotone A (xᵀAx ≥ 0), definite or not, symmetric or not, with a zero diagonal or without: contact with
     redundant constraints, equilibria, linear and quadratic programs with their duals. The obstacle must be fixed (see
-    `with_fixed_obstacle`). Where there is a solution it converges to one of them, for which nothing like
-    nondegeneracy is asked; where there is none the iterates go to infinity, their direction is tried as a proof, and the
-    method raises `Infeasible` or ends. The path is the same in all units of z and p.
+    `with_fixed_obstacle`). Where there is a solution it converges to one of them, and nothing like nondegeneracy is
+    asked for; where there is none the iterates are not bounded, their direction is tried as a proof, and the method
+    raises `Infeasible` or ends. It ends as well where a hundred steps do not reduce the residual by a tenth. Units of z
+    and p have no influence on the path where A is symmetric, and little where it is not.
     References: Rockafellar, SIAM J. Control Optim. 14 (1976); Luque, SIAM J. Control Optim. 22 (1984), for the rate;
     Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the inner steps.
 
-    >>> ICP([[1, -1], [-1, 1]], [1, -1]).solve("proximal").residual
-    0.0
+    >>> ICP([[1, 1], [1, 1]], [-1, -1]).solve(Proximal()).z.round(6)
+    array([0.5, 0.5])
     """
 
     name: ClassVar[str] = "proximal"
@@ -80,22 +80,25 @@ class Proximal(Method):
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.facts.has_fixed_obstacle:
             return None
-        return f"the proximal loop needs a psi that is constant, or moves with z_i alone and by less, not {problem.psi!r}"
+        return (
+            f"the proximal loop needs a psi that is constant, or moves with z_i alone and by less, not {problem.psi!r}"
+        )
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
         yield z, None
         simple = with_fixed_obstacle(problem)
         with np.errstate(all="ignore"):
-            path = Path(simple, z)
+            path = ProximalPath(simple, z)
             while path.advance():
                 yield path.z, path.residual if simple is problem else None
-        answer = infeasible(simple, path.z - z)
-        if answer.holds:
-            raise Infeasible(answer)
+        if path.runs_away(path.z - z):
+            answer = infeasible(simple, path.z - z)
+            if answer.holds:
+                raise Infeasible(answer)
 
 
-class Path:
+class ProximalPath:
     """The run: z with p, the `centre` of the subproblem with its p, and what its steps have come to."""
 
     def __init__(self, problem: ProblemData, z: Vector) -> None:
@@ -120,9 +123,8 @@ class Path:
 
     @cached_property
     def weights(self) -> Vector:
-        """W in units in which no |a_ij| is far from 1 or above it, as if W = I: D where A is symmetric."""
-        weights = self.problem.matrix.weights
-        return weights if self.is_symmetric else balanced(self.problem.matrix.absolute, weights)
+        """W, in the units of which the entries of A are about 1: D where A is symmetric."""
+        return self.problem.matrix.weights if self.is_symmetric else balanced(self.problem.A)
 
     @cached_property
     def root(self) -> Vector:
@@ -133,6 +135,12 @@ class Path:
         """(c, Ac + q) with 0 for the rows without obstacle."""
         c = np.where(np.isneginf(self.c), 0.0, self.c)
         return c, self.problem.p(c)
+
+    def runs_away(self, y: Vector) -> bool:
+        """Whether the largest entries of `y` have Aᵀy ≤ 0, as far as floats tell, and lead down."""
+        y = np.where(np.abs(y) > _LARGE * np.abs(y).max(), y, 0.0)
+        image, size = self.problem.A.T @ y, self.problem.matrix.absolute.T @ np.abs(y)
+        return bool((image <= _BACKWARD * size).all() and inner(self.resting[1], y) < 0)
 
     def size(self, p: Vector) -> float:
         """‖min(p, Wr)‖ in the units of W."""
@@ -188,7 +196,7 @@ class Path:
             starts, columns, values, p = cut(A.indptr, A.indices, A.data, problem.q, free, z)
             M = sp.csr_array((values, columns, starts), shape=(free.size, free.size))
             shift = self.shift * self.weights[free]
-            M.setdiag(M.diagonal() + shift)
+            M.data[diagonal_positions(M)] += shift
             x = self._solution(M, shift * self.centre[0][free] - p - M @ z[free])
             if x is None:
                 return False
@@ -206,8 +214,8 @@ class Path:
 
     def _solution(self, M: sp.csr_array, f: Vector) -> Vector | None:
         """x with Mx = f, M definite: by conjugate gradients as long as these promise to cost less."""
-        n, dense = f.size, work.COSTS.dense_flop * f.size**3 / 3.0
-        if self.iterative and (most := int(min(_PRODUCTS, dense / work.product(n, M.nnz)))):
+        dense = work.COSTS.dense_flop * f.size**3 / 3.0
+        if self.iterative and (most := int(min(_PRODUCTS, dense / _iteration(M)))):
             x = conjugate_gradients(M, f, most)
             if x is not None:
                 return x
@@ -220,23 +228,26 @@ class Path:
         return solver_of(M)(f, _BACKWARD)
 
 
-def balanced(size: sp.csr_array, weights: Vector) -> Vector:
-    """W with max_j |a_ij|/√(w_i w_j) about 1 in every row, for `size` = |A| with no empty row, from `weights`.
+def balanced(A: sp.csr_array) -> Vector:
+    """The W > 0 for which |a_ij|/√(w_i w_j) is 1 but for factors whose squared logarithms have the least sum.
 
-    Reference: Knight, Ruiz and Uçar, SIAM J. Matrix Anal. Appl. 35 (2014).
+    Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972).
     """
-    for _ in range(_PASSES):
-        root = np.sqrt(weights)
-        largest = np.maximum.reduceat(size.data / root[size.indices], size.indptr[:-1]) / root
-        largest[largest == 0.0] = 1.0
-        if largest.max() <= 2.0 and largest.min() >= 0.5:
-            break
-        weights = weights * largest
-    return weights
+    from scipy.sparse.linalg import cg
+
+    there = A.data != 0.0
+    i, j, size = row_of(A)[there], A.indices[there], np.log(np.abs(A.data[there]))
+    n = A.shape[0]
+    links = sp.csr_array((np.ones(i.size), (i, j)), shape=A.shape)
+    degree, right = (np.bincount(i, w, n) + np.bincount(j, w, n) for w in (np.ones(i.size), size))
+    inverse = sp.diags_array(1.0 / np.maximum(degree, 1.0))
+    # singular where the unknowns are of two kinds, as in a linear program: the units of one kind are then left alone
+    logarithms, _ = cg(sp.diags_array(degree) + links + links.T, right, rtol=_BALANCED, maxiter=_PASSES, M=inverse)
+    return np.exp(2.0 * logarithms)
 
 
 def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
-    """x with a residual of a hundredth of `f` in the norm of D⁻¹, by at most so many products; None where that fails."""
+    """x with a residual of 1e-4 of `f` in the norm of D⁻¹, by at most so many products; None where that fails."""
     inverse, x = 1.0 / M.diagonal(), np.zeros(f.size)
     rest, direction = f, inverse * f
     square = first = inner(rest, direction)
@@ -250,5 +261,11 @@ def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
         y = inverse * rest
         square, before = inner(rest, y), square
         direction = y + square / before * direction
-        work.add(work.product(f.size, M.nnz) + 5 * work.COSTS.vector * f.size)
+        work.add(_iteration(M))
     return None
+
+
+def _iteration(M: sp.csr_array) -> float:
+    """The cost of a step of `conjugate_gradients`: a product, and eight calls for vectors."""
+    n = M.shape[0]
+    return work.product(n, M.nnz) + 8 * (work.COSTS.call + work.COSTS.vector * n)
