@@ -32,6 +32,7 @@ from .methods.modulus import Modulus as Modulus
 from .methods.modulus import ProjectionFixedPoint as ProjectionFixedPoint
 from .methods.multilevel import Multilevel as Multilevel
 from .methods.newton import Newton as Newton
+from .methods.proximal import Proximal as Proximal
 from .methods.psor import PSOR as PSOR
 from .methods.tridiagonal import Tridiagonal as Tridiagonal
 from .modelling.cvxpy.complementarity import Complementarity as Complementarity

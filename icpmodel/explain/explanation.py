@@ -20,6 +20,7 @@ from ..problem.data import ProblemData, as_problem
 from ..solve.reduced import candidates
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, proofs_of
+from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import NAMES, MatrixClasses
 from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
 
@@ -152,6 +153,8 @@ class Explanation:
             yield f"{alone}solve() begins with {self.picked!r}: {why}"
         if proved is None and self.instead is None:
             yield from what_to_do(self.problem, self.classes, self.picked)
+        if proved is None and (found := proximal_point(self.problem)).holds:
+            yield f"Proximal() is proved (theorem proximal): {found.reason}"
         largest = self.bound.value
         if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
             yield (

@@ -3,6 +3,7 @@
 from .answers import Answer
 from .certificates.bounds import ErrorBound, error_bound
 from .certificates.certificate import ActiveSet, active_set
+from .convergence.proximal_point import proximal_point
 from .convergence.rates import Rate, predicted_rate
 from .convergence.theorems import Check, check, check_all, theorems
 from .matrices.classes import MatrixClasses, classify, p_matrix
@@ -23,5 +24,6 @@ __all__ = [
     "error_bound",
     "p_matrix",
     "predicted_rate",
+    "proximal_point",
     "theorems",
 ]

@@ -25,6 +25,7 @@ METHODS = {
     "newton": icp.Newton(),
     "nmms": icp.NMMS(splitting="jacobi"),
     "projection-fixed-point": icp.ProjectionFixedPoint(omega=0.9),
+    "proximal": icp.Proximal(),
     "psor": icp.PSOR(omega=1.1),
     "reduced": Reduced(),
     "tridiagonal": icp.Tridiagonal(),
@@ -118,6 +119,22 @@ MUST_FAIL = {
                 "hard-domain",
                 "hard-jump",
                 "hard-steep",
+            )
+        ],
+        "why_not: an obstacle moves with other unknowns, or faster than its own, or it is not known how",
+    ),
+    **dict.fromkeys(
+        [
+            ("proximal", scene)
+            for scene in (
+                "coulomb",
+                "dividend",
+                "hand-affine",
+                "hand-splittings",
+                "hard-domain",
+                "hard-jump",
+                "hard-steep",
+                "manufactured-affine",
             )
         ],
         "why_not: an obstacle moves with other unknowns, or faster than its own, or it is not known how",

@@ -1,0 +1,271 @@
+"""The proximal method: A is made definite by a multiple of a diagonal, which falls while the centre moves.
+
+    zᵏ⁺¹ solves the LCP(A + μ_k W, q − μ_k W zᵏ),    W a positive diagonal in the units of p/z.
+
+Each of these problems has one solution, which Newton's method on the modulus equation finds in a few steps from zᵏ if
+μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more the quicker
+that went, and grows where Newton's steps wander, which then count as not made. A problem is left as soon as its
+residual is a share of that of the LCP itself.
+
+Where A is monotone (xᵀAx ≥ 0 for all x) and there is a solution, zᵏ converges to one, for all 0 < μ_k ≤ μ and errors of
+the steps that have a finite sum: see `theory.convergence.proximal_point`. A + μW with a large μ is dominated by its
+diagonal, and then Newton's steps do not wander: there is always a μ that leads on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..algebra.subproblems import with_fixed_obstacle
+from ..numerics import work
+from ..numerics.arrays import Vector, diagonal_positions, inner, norm, row_of
+from ..numerics.factorisation import factorise
+from ..numerics.linear import solver_of
+from ..problem.data import ProblemData
+from ..theory.certificates.infeasible import infeasible
+from .contract import Infeasible, Iterate, Method
+
+Mask = NDArray[np.bool_]
+
+#: the first μ, in units of W, and what is left of it after a problem that took at most `_QUICK` steps, or more
+_FIRST, _FALLS, _FALLS_SLOWLY, _QUICK = 0.1, 0.2, 0.5, 3
+#: so many steps may pass without a reduction of the subproblem's residual by a tenth; then μ grows by this factor
+_PATIENCE, _REDUCED, _GROWS = 5, 0.9, 5.0
+#: a problem is done where its residual is below this share of that of the LCP
+_SHARE = 0.1
+#: smaller shifts do nothing to the pivots
+_LEAST = 1e-12
+#: so many steps without a better iterate are the last ones
+_LAST = 100
+#: the relative residual of an inexact solve, and up to which a solve counts as one
+_INEXACT, _BACKWARD = 1e-4, 1e-6
+#: so many products cost what a sparse factorisation with a moderate fill does (`work.COSTS`)
+_PRODUCTS = 100
+#: of a direction to infinity, entries that are a smaller share of the largest are what else has moved
+_LARGE = 1e-6
+#: Au and Aᵀu that differ by no more are the same
+_SAME = 1e-13
+#: units are balanced to so small a share, by so many steps at the most
+_BALANCED, _PASSES = 1e-3, 60
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Proximal(Method):
+    """z⁺ solves the LCP(A + μW, q − μWz) by modulus Newton, an iterate per step; W = D, μ falls from 0.1.
+
+    For monotone A (xᵀAx ≥ 0), definite or not, symmetric or not, with a zero diagonal or without: contact with
+    redundant constraints, equilibria, linear and quadratic programs with their duals. The obstacle must be fixed (see
+    `with_fixed_obstacle`). Where there is a solution it converges to one of them, and nothing like nondegeneracy is
+    asked for; where there is none the iterates are not bounded, their direction is tried as a proof, and the method
+    raises `Infeasible` or ends. It ends as well where a hundred steps do not reduce the residual by a tenth. Units of z
+    and p have no influence on the path where A is symmetric, and little where it is not.
+    References: Rockafellar, SIAM J. Control Optim. 14 (1976); Luque, SIAM J. Control Optim. 22 (1984), for the rate;
+    Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the inner steps.
+
+    >>> ICP([[1, 1], [1, 1]], [-1, -1]).solve(Proximal()).z.round(6)
+    array([0.5, 0.5])
+    """
+
+    name: ClassVar[str] = "proximal"
+    family: ClassVar[str] = "modulus"
+    memoryless: ClassVar[bool] = False
+
+    def why_not(self, problem: ProblemData) -> str | None:
+        if problem.facts.has_fixed_obstacle:
+            return None
+        return (
+            f"the proximal loop needs a psi that is constant, or moves with z_i alone and by less, not {problem.psi!r}"
+        )
+
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        # never raises SingularOperator
+        yield z, None
+        simple = with_fixed_obstacle(problem)
+        with np.errstate(all="ignore"):
+            path = ProximalPath(simple, z)
+            while path.advance():
+                yield path.z, path.residual if simple is problem else None
+        if path.runs_away(path.z - z):
+            answer = infeasible(simple, path.z - z)
+            if answer.holds:
+                raise Infeasible(answer)
+
+
+class ProximalPath:
+    """The run: z with p, the `centre` of the subproblem with its p, and what its steps have come to."""
+
+    def __init__(self, problem: ProblemData, z: Vector) -> None:
+        self.problem, self.c = problem, problem.facts.obstacle
+        self.z, self.p = z, problem.p(z)
+        self.centre = self.z, self.p
+        self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
+        self.best, self.idle, self.iterative = np.inf, 0, self.is_symmetric
+
+    @property
+    def residual(self) -> float:
+        """Res(z)."""
+        return norm(np.minimum(self.z - self.c, self.p))
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether Au = Aᵀu, in the units of D, for a u without pattern: then A is taken for symmetric."""
+        root = np.sqrt(self.problem.matrix.weights)
+        u = np.cos(np.arange(root.size) ** 2.0) / root
+        image = self.problem.product(u)
+        return bool(np.abs((image - self.problem.A.T @ u) / root).max() <= _SAME * np.abs(image / root).max())
+
+    @cached_property
+    def weights(self) -> Vector:
+        """W, in the units of which the entries of A are about 1: D where A is symmetric."""
+        return self.problem.matrix.weights if self.is_symmetric else balanced(self.problem.A)
+
+    @cached_property
+    def root(self) -> Vector:
+        return np.sqrt(self.weights)
+
+    @cached_property
+    def resting(self) -> tuple[Vector, Vector]:
+        """(c, Ac + q) with 0 for the rows without obstacle."""
+        c = np.where(np.isneginf(self.c), 0.0, self.c)
+        return c, self.problem.p(c)
+
+    def runs_away(self, y: Vector) -> bool:
+        """Whether the largest entries of `y` have Aᵀy ≤ 0, as far as floats tell, and lead down."""
+        y = np.where(np.abs(y) > _LARGE * np.abs(y).max(), y, 0.0)
+        image, size = self.problem.A.T @ y, self.problem.matrix.absolute.T @ np.abs(y)
+        return bool((image <= _BACKWARD * size).all() and inner(self.resting[1], y) < 0)
+
+    def size(self, p: Vector) -> float:
+        """‖min(p, Wr)‖ in the units of W."""
+        return norm(np.minimum(self.root * (self.z - self.c), p / self.root))
+
+    def pull(self) -> Vector:
+        """p of the subproblem: p + μW(z − centre)."""
+        return self.p + self.shift * self.weights * (self.z - self.centre[0])
+
+    def advance(self) -> bool:
+        """One Newton step, or False where nothing leads on."""
+        whole = self.size(self.p)
+        self.idle += 1
+        if whole < _REDUCED * self.best:
+            self.best, self.idle = whole, 0
+        if whole == 0.0 or self.idle > _LAST:
+            return False
+        own = self.size(self.pull())
+        if self.made and own <= _SHARE * whole:
+            falls = _FALLS if self.made <= _QUICK else _FALLS_SLOWLY
+            self._begin(self.z, self.p, max(falls * self.shift, _LEAST))
+        elif not self._falls(own):
+            self._begin(*self.centre, _GROWS * self.shift)
+        while not self._step():
+            if not self.shift < 1.0 / _LEAST:
+                return False
+            self._begin(*self.centre, _GROWS * self.shift)
+        self.made += 1
+        return True
+
+    def _begin(self, z: Vector, p: Vector, shift: float) -> None:
+        self.z, self.p, self.shift = z, p, shift
+        self.centre = z, p
+        self.made, self.waited, self.least = 0, 0, self.size(p)
+
+    def _falls(self, own: float) -> bool:
+        """Whether the residual of the subproblem, now `own`, has not been without reduction for too long."""
+        if own < _REDUCED * self.least:
+            self.least, self.waited = own, 0
+        else:
+            self.waited += 1
+        return np.isfinite(own) and self.waited <= _PATIENCE
+
+    def _step(self) -> bool:
+        """The active rows rest on the obstacle, in the others the p of the subproblem is 0; False where that fails."""
+        from ..numerics.kernels.graph import cut  # loads numba
+
+        problem, A = self.problem, self.problem.A
+        active = self.weights * (self.z - self.c) < self.pull()
+        free = np.flatnonzero(~active)
+        z = np.where(active, self.c, self.z)
+        if free.size:
+            starts, columns, values, p = cut(A.indptr, A.indices, A.data, problem.q, free, z)
+            M = sp.csr_array((values, columns, starts), shape=(free.size, free.size))
+            shift = self.shift * self.weights[free]
+            M.data[diagonal_positions(M)] += shift
+            x = self._solution(M, shift * self.centre[0][free] - p - M @ z[free])
+            if x is None:
+                return False
+            z[free] += x
+        self.z, self.p = z, self._product(free, z)
+        return bool(np.isfinite(self.p).all())
+
+    def _product(self, free: NDArray[np.intp], z: Vector) -> Vector:
+        """p(z): by the columns of the few rows that do not rest on the obstacle, where A is symmetric."""
+        A, terms = self.problem.A, int(np.diff(self.problem.A.indptr)[free].sum())
+        if not self.is_symmetric or 3 * terms > A.nnz:  # to take rows out costs as much as to multiply twice
+            return self.problem.p(z)
+        c, p = self.resting
+        return p + A[free].T @ (z[free] - c[free])
+
+    def _solution(self, M: sp.csr_array, f: Vector) -> Vector | None:
+        """x with Mx = f, M definite: by conjugate gradients as long as these promise to cost less."""
+        dense = work.COSTS.dense_flop * f.size**3 / 3.0
+        if self.iterative and (most := int(min(_PRODUCTS, dense / _iteration(M)))):
+            x = conjugate_gradients(M, f, most)
+            if x is not None:
+                return x
+            self.iterative = most < _PRODUCTS  # with a smaller μ they will not do better
+        lu = factorise(M, diagonal_pivots=True)  # the ordering of a definite matrix needs no exchange of rows
+        if lu is not None:
+            x = np.asarray(lu.solve(f))
+            if norm(M @ x - f) <= _BACKWARD * norm(f):
+                return x
+        return solver_of(M)(f, _BACKWARD)
+
+
+def balanced(A: sp.csr_array) -> Vector:
+    """The W > 0 for which |a_ij|/√(w_i w_j) is 1 but for factors whose squared logarithms have the least sum.
+
+    Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972).
+    """
+    from scipy.sparse.linalg import cg
+
+    there = A.data != 0.0
+    i, j, size = row_of(A)[there], A.indices[there], np.log(np.abs(A.data[there]))
+    n = A.shape[0]
+    links = sp.csr_array((np.ones(i.size), (i, j)), shape=A.shape)
+    degree, right = (np.bincount(i, w, n) + np.bincount(j, w, n) for w in (np.ones(i.size), size))
+    inverse = sp.diags_array(1.0 / np.maximum(degree, 1.0))
+    # singular where the unknowns are of two kinds, as in a linear program: the units of one kind are then left alone
+    logarithms, _ = cg(sp.diags_array(degree) + links + links.T, right, rtol=_BALANCED, maxiter=_PASSES, M=inverse)
+    return np.exp(2.0 * logarithms)
+
+
+def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
+    """x with a residual of 1e-4 of `f` in the norm of D⁻¹, by at most so many products; None where that fails."""
+    inverse, x = 1.0 / M.diagonal(), np.zeros(f.size)
+    rest, direction = f, inverse * f
+    square = first = inner(rest, direction)
+    for _ in range(most):
+        if square <= _INEXACT**2 * first:
+            return x
+        image = M @ direction
+        step = square / inner(direction, image)
+        x = x + step * direction
+        rest = rest - step * image
+        y = inverse * rest
+        square, before = inner(rest, y), square
+        direction = y + square / before * direction
+        work.add(_iteration(M))
+    return None
+
+
+def _iteration(M: sp.csr_array) -> float:
+    """The cost of a step of `conjugate_gradients`: a product, and eight calls for vectors."""
+    n = M.shape[0]
+    return work.product(n, M.nnz) + 8 * (work.COSTS.call + work.COSTS.vector * n)

@@ -1,0 +1,41 @@
+"""The proximal point theorem: monotone A and a fixed obstacle are enough for convergence to a solution.
+
+**proximal.** Let xᵀAx ≥ 0 for all x, ψ = c and W a positive diagonal, and let z^{k+1} solve the LCP(A + μ_k W,
+q − μ_k W z^k), 0 < μ_k ≤ μ. In the norm ‖x‖² = xᵀWx the map z ↦ W⁻¹(Az + q + N(z)), N the normal cone of z ≥ c, is
+maximal monotone, its zeros are the solutions, and the step is its resolvent: ‖z^{k+1} − z*‖² ≤ ‖z^k − z*‖² −
+‖z^{k+1} − z^k‖² for every solution z*. So if there is one, zᵏ converges to a solution, from every start, also where
+each step is made up to an error and the errors have a finite sum; if there is none, zᵏ is not bounded. The map is polyhedral,
+so that the distance d to the solutions has d^{k+1} ≤ d^k·Cμ_k/√(1 + C²μ_k²) near them for some C: the smaller μ_k the
+faster, and faster than linear for μ_k → 0.
+
+Reference: Rockafellar, SIAM J. Control Optim. 14 (1976); Luque, SIAM J. Control Optim. 22 (1984), for the rate.
+"""
+
+from __future__ import annotations
+
+from ...problem.data import ProblemData
+from ..answers import Answer
+from ..certificates.bounds import proofs_of
+
+
+def proximal_point(problem: ProblemData) -> Answer:
+    """Whether `Proximal` is proved to converge on `problem`, if there is a solution: A monotone, the obstacle fixed.
+
+    Parameters: `problem` an ICP. Returns an `Answer`; no and unknown say that the theorem tells nothing.
+    Reference: `icpmodel.theory.convergence.proximal_point` holds statement and proof.
+
+    >>> print(proximal_point(ICP([[0, -1], [1, 0]], [1, -1])))
+    yes: A is monotone and the obstacle fixed: from every start the iterates converge to a solution, if there is one
+    >>> print(proximal_point(ICP([[1, 3], [3, 1]], [1, 1])))
+    no: A is not monotone: indefinite: x'Ax < 0 for the witness x
+    """
+    if not problem.facts.has_fixed_obstacle:
+        return Answer(False, "the obstacle moves with other unknowns, or by as much as its own, or it is not known how")
+    found = proofs_of(problem).classes.semidefinite
+    if not found.holds:
+        word = "A is not monotone" if found.holds is False else "it is not known whether A is monotone"
+        return Answer(found.holds, f"{word}: {found.reason}", found.witness)
+    reason = (
+        "A is monotone and the obstacle fixed: from every start the iterates converge to a solution, if there is one"
+    )
+    return Answer(True, reason)
