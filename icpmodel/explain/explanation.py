@@ -18,6 +18,7 @@ from ..present.card import Sections, inner_width
 from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.reduced import candidates
+from ..solve.schedule import Schedule
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, proofs_of
 from ..theory.convergence.proximal_point import proximal_point
@@ -194,7 +195,8 @@ def explain(
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
     asked, instead = method is not None, None
-    picked, why = next(((one.method, one.why) for one in candidates(problem)), (None, ""))
+    turn = Schedule(candidates(problem)).turn()
+    picked, why = (None, "") if turn is None else (turn.who.method, turn.who.why)
     if isinstance(method, type):
         raise InputError(f"method is the class {method.__name__}; an object such as {method.__name__}() was expected")
     if method is None:
