@@ -27,6 +27,8 @@ class Costs(NamedTuple):
     factor_entry: float = 25.0
     factor_flop: float = 0.35
     solve_entry: float = 2.0
+    #: an entry that minimum degree looks at, and the graph that it begins with, per entry
+    look: float = 12.0
     #: dense factorisations, per multiplication, and a pivot, per entry of the dictionary
     dense_flop: float = 0.1
     pivot_entry: float = 0.7
