@@ -12,6 +12,7 @@ import numpy as np
 from ..algebra.affine_lcp import DENSE_UP_TO, dense_lcp
 from ..algebra.equations import solve_on
 from ..errors import SingularOperator
+from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from ..theory.certificates.infeasible import infeasible, multipliers
@@ -57,6 +58,9 @@ class Lemke(Method):
         ended, entering = UNFINISHED, -1
         while ended == UNFINISHED:
             ended, entering, y, ray = go_on(*state, entering, problem.n)
+            # as many pivots as were asked for, or at the end one at least for each entry of y
+            pivots = problem.n if ended == UNFINISHED else np.count_nonzero(y) + 1
+            work.add(work.COSTS.pivot_entry * problem.n**2 * pivots)
             if ended == SINGULAR:
                 row = int(np.argmax(lcp.free))
                 raise SingularOperator("A is singular in the rows and columns without obstacle", row)

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from .contract import Iterate, Method, positive_diagonal
@@ -58,6 +59,7 @@ class Tridiagonal(Method):
         while ended == UNSETTLED and rounds < _ROUNDS:
             found, ended = newton(*matrix, q, c, free, _STEPS)
             rounds += 1
+            work.add(work.sweep(problem.n, problem.nnz))
             if np.isfinite(found).all():
                 z = found
                 yield z, None

@@ -52,15 +52,16 @@ class Factors:
 
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
-        work.add(work.COSTS.call + work.COSTS.solve_entry * self._lu.nnz * (f.size / f.shape[0]))
+        columns = f.size / f.shape[0]
+        work.add(columns * work.solve_cost(work.Fill(f.shape[0], self._lu.nnz, 0.0, True)))
         to, of = (self._columns, self._rows) if trans == "N" else (self._rows, self._columns)
         x: Vector = np.empty(f.shape)
         x[to] = self._lu.solve(np.asarray(f, dtype=np.float64)[of], trans)
         return x
 
 
-def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: float | None = None) -> Factors | None:
-    """SuperLU of a sparse matrix (n × n), ordered for its pattern; None where it is singular, or not finite.
+def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: float | None = None) -> Any:
+    """The `Factors` of a sparse matrix (n × n), ordered for its pattern; None where it is singular, or not finite.
 
     With `diagonal_pivots`, for a symmetric matrix, it is None as well where SuperLU exchanged rows. Raises MemoryError
     before the factorisation where it will have more than `most` entries, by default those that fit into the memory
@@ -98,7 +99,7 @@ def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: floa
         return None
     # exchanges of rows make more than was foreseen
     flops = fill.flops * max(lu.nnz / fill.entries, 1.0) ** 1.5
-    work.add(work.COSTS.call + work.COSTS.factor_entry * lu.nnz + work.COSTS.factor_flop * flops)
+    work.add(work.factor_cost(work.Fill(n, lu.nnz, flops, True)))
     if diagonal_pivots and not np.array_equal(lu.perm_r, lu.perm_c):
         return None
     return Factors(lu, rows, order, flops)
@@ -120,6 +121,11 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
         if (rows >= 0).all():
             return np.asarray(rows, dtype=np.int32)
     return None
+
+
+def fits(entries: float) -> bool:
+    """Whether factors of so many entries fit into the memory that is free."""
+    return _BYTES * entries <= free_memory()
 
 
 def free_memory() -> float:

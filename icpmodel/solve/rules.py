@@ -23,7 +23,6 @@ from ..methods.multilevel import Multilevel
 from ..methods.newton import Newton
 from ..methods.psor import PSOR
 from ..methods.tridiagonal import Tridiagonal
-from ..numerics.linear import FACTORISE_UP_TO
 from ..problem.data import ProblemData
 from ..problem.matrix import HARDLY
 from .candidate import Candidate, Watch
@@ -275,5 +274,5 @@ def why_none(problem: ProblemData) -> str:
     """Why `choose` found no method that could start."""
     diagonal = problem.A.diagonal()
     i = int(np.argmin(diagonal))
-    big = "" if is_factorised(problem) else f"A with n > {FACTORISE_UP_TO} is not factorised"
+    big = "" if is_factorised(problem) else "factors of A are foreseen to be too large"
     return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, and {big or 'A + Omega could not be factorised'}"

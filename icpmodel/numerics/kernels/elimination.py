@@ -148,8 +148,8 @@ def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, ch
 @compiled
 def _begun(length):
     # what is known of each row: where its lists start, their length, how many elements are in them, weight (how many
-    # rows it stands for), degree, mark, the next and the one before it in the queue of its degree, the head of the queue
-    # and the bucket that have its number, its key, into which row it went, and when it was eliminated
+    # rows it stands for), degree, mark, the next and the one before it in the queue of its degree, the head of the
+    # queue and the bucket that have its number, its key, into which row it went, and when it was eliminated
     n = length.size
     state = np.full((13, n), -1)
     state[1], state[2], state[3], state[4], state[5], state[12] = length, 0, 1, length, 1, n
@@ -280,9 +280,9 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
             return entries, squares, looks, False, into, turn
         if looks > back:
             rest = float(_separator(lists, start, length, elements, weight, turn))
-            cost, back = 0.5 * an_entry * rest**2 + a_flop * rest**3 / 3.0, 2 * looks
-            if cost > min(most_cost, _PATIENCE * a_look * looks):
-                return entries + 0.5 * rest**2, squares + rest**3 / 3.0, looks, False, into, turn
+            more, back = (0.5 * rest**2, rest**3 / 3.0), 2 * looks
+            if an_entry * more[0] + a_flop * more[1] > min(most_cost, _PATIENCE * a_look * looks):
+                return entries + more[0], squares + more[1], looks, False, into, turn
     rest = float(left + left_out)
     entries += 0.5 * rest * (rest - 1.0)
     squares += (rest - 1.0) * rest * (2.0 * rest - 1.0) / 6.0
