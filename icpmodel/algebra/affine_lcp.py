@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import SingularOperator
 from ..numerics.arrays import Vector
+from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
 
 Matrix = NDArray[np.float64]
@@ -37,8 +38,9 @@ class AffineLcp:
         self.c = np.where(self.free, 0.0, c)
         self.M, self.inverse = A, None
         if G is not None:
-            self.inverse = _inverse(G)
-            self.M = A * self.inverse if G.ndim == 1 else A @ self.inverse
+            with one_blas_thread():
+                self.inverse = _inverse(G)
+                self.M = A * self.inverse if G.ndim == 1 else A @ self.inverse
         self.q = q + self.M @ self.c
 
     def start(self) -> Any:

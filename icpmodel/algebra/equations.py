@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Vector, row_of
-from ..numerics.linear import FACTORISE_UP_TO, solver_of
+from ..numerics.factorisation import fits
+from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
 from .operators import FactorisedOperator
 
@@ -139,8 +140,9 @@ def _chains(
 
 
 def is_factorised(problem: ProblemData) -> bool:
-    """Whether systems with A may be left to a direct solver: beyond a size only those of bands are."""
-    return problem.n <= FACTORISE_UP_TO or problem.matrix.is_band
+    """Whether systems with A may be left to a direct solver: its work is seen to the end, and its factors fit."""
+    fill = problem.matrix.fill
+    return fill.seen and fits(fill.entries)
 
 
 def derivative(problem: ProblemData, z: Vector) -> sp.csr_array:

@@ -9,9 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.multigrid import ruge_stuben
-from ..numerics.threads import one_behind_the_other, threads_for
+from ..numerics.threads import one_behind_the_other, one_blas_thread, threads_for
 from ..problem.data import ProblemData
 
 Mask = NDArray[np.bool_]
@@ -62,6 +63,7 @@ class Hierarchy:
                 raise NoHierarchy
         if self.levels[-1].A.shape[0] > _STALLED:
             raise NoHierarchy
+        work.add(work.COSTS.hierarchy + work.COSTS.hierarchy_entry * problem.A.nnz)
         self._dense = self.levels[-1].A.toarray()
         self.restrict(self.levels[0].free)
 
@@ -82,13 +84,18 @@ class Hierarchy:
             level.free = free
             free = free if level.P is None else free[level.kept]
         self._rows = np.flatnonzero(free)
-        self._inverse = np.linalg.pinv(self._dense[np.ix_(self._rows, self._rows)])
+        with one_blas_thread():
+            self._inverse = np.linalg.pinv(self._dense[np.ix_(self._rows, self._rows)])
 
     def cycle(self, f: Vector, top: int = 0) -> Vector:
         """About the x with (Ax)_i = f_i in the free rows and x_i = 0 in the others, by one V(1, 1)-cycle.
 
         Parameters: `f` of shape (m,), m the rows of level `top`. Returns a new array of that shape.
         """
+        work.add(work.COSTS.call + work.COSTS.cycle_entry * self.levels[top].A.nnz)
+        return self._cycle(f, top)
+
+    def _cycle(self, f: Vector, top: int) -> Vector:
         from ..numerics.kernels.vcycle import interpolate, restrict, sweep_down, sweep_up
 
         level, x = self.levels[top], np.zeros(f.size)
@@ -101,7 +108,7 @@ class Hierarchy:
         down = partial(sweep_down, *matrix, level.diag, inverse, free, f, x)
         rest = partial(restrict, *matrix, level.diag, free, *transfer, x, coarse)
         one_behind_the_other(n, threads, down, rest, level.rows.above)
-        coarse = self.cycle(coarse, top + 1)
+        coarse = self._cycle(coarse, top + 1)
         correct = partial(interpolate, free, *transfer, coarse, x)
         one_behind_the_other(n, threads, correct, partial(sweep_up, *matrix, inverse, free, f, x), level.rows.below)
         return x

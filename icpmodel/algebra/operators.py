@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import SingularOperator
+from ..numerics import work
 from ..numerics.arrays import Vector, diagonal_positions, norm
 from ..numerics.factorisation import factorise
 from ..numerics.rounding import UNIT_ROUNDOFF
@@ -37,7 +38,7 @@ class Operator(ABC):
         """The modulus step z ↦ (z − 2 X⁻¹ F_Ω(z), Res(z)) on `problem` with Ω = diag(`omega`)."""
 
         def step(z: Vector) -> tuple[Vector, float]:
-            p, r = problem.A @ z + problem.q, z - problem.psi.value(z)
+            p, r = problem.matrix.product(z) + problem.q, z - problem.psi.value(z)
             residual = norm(np.minimum(p, r))
             return z - 2.0 * self.solve(np.minimum(p, omega * r)), residual
 
@@ -75,6 +76,7 @@ class AOROperator(Operator):
         from ..numerics.kernels.sweeps import substitute
 
         A, out = self.A, np.empty(f.size)
+        work.add(work.product(f.size, A.nnz))
         substitute(A.indptr, self.diag, A.indices, A.data, self.tau, self.inverse, True, f, out)
         return out
 
@@ -103,6 +105,7 @@ class TriangularOperator(Operator):
         from ..numerics.kernels.sweeps import substitute
 
         out = np.empty(f.size)
+        work.add(work.product(f.size, self.M1.nnz))
         substitute(*self._rows, self.M1.indices, self.M1.data, 1.0, self.inverse, self.lower, f, out)
         return out
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..numerics import work
 from ..numerics.arrays import Vector, bandwidths
 from ..numerics.threads import CHUNK, one_behind_the_other, threads_for
 from ..problem.data import ProblemData
@@ -23,12 +24,14 @@ AT_ONCE = 4
 Stepped = tuple[Vector, float | None]
 #: z ↦ (z⁺, Res(z))
 Step = Callable[[Vector], Stepped]
+#: (z, count) ↦ so many steps in a row, or what costs that
+Several = Callable[[Vector, int], list[Stepped]]
 
 
 class Sweep:
     """A step that can be made several times in a row for less: `several(z, count)` are so many, or what costs that."""
 
-    def __init__(self, single: Step, several: Callable[[Vector, int], list[Stepped]]) -> None:
+    def __init__(self, single: Step, several: Several) -> None:
         self.single, self.several = single, several
 
     def __call__(self, z: Vector) -> Stepped:
@@ -63,10 +66,11 @@ def compiled_step(
 
     psi, inside = problem.psi, problem.psi.kernel_data()
     if isinstance(inside, tuple) and len(inside) == 2:
-        return _step_with(getattr(USER_SWEEPS, name), inside, before, after)
-    sweep = getattr(SWEEPS, name)
+        return _step_with(problem, getattr(USER_SWEEPS, name), inside, before, after)
+    sweep, price = getattr(SWEEPS, name), work.sweep(problem.n, problem.nnz)
 
     def step(z: Vector) -> tuple[Vector, float]:
+        work.add(price)
         out = np.empty(z.size)
         squares = sweep(*before, psi.value(z) if inside is None else inside, *after, z, out)
         return out, float(np.sqrt(squares))
@@ -75,24 +79,40 @@ def compiled_step(
     if reach is None or inside is None:
         return step
     if nnz <= few:
-        return Sweep(step, partial(_in_one_call, partial(SWEEPS.some_in_order, *before, inside, *after)))
+        some = partial(SWEEPS.some_in_order, *before, inside, *after)
+        return Sweep(step, _counted(partial(_in_one_call, some), price))
     if psi.linear is not None and not psi.is_constant:  # the second sweep asks for what psi takes from the first too
         G = psi.linear[0]
         reach, nnz = max(reach, bandwidths(G)[1]), nnz + G.nnz
     if reach * (nnz / problem.n + 4) > _NEAR:
         return step
     two = partial(SWEEPS.two_in_order, *before, inside, after[0])
-    return Sweep(step, partial(_in_one_pass, two, reach, min(threads or threads_for(nnz), 2), chunk))
+    several = partial(_in_one_pass, two, reach, min(threads or threads_for(nnz), 2), chunk)
+    return Sweep(step, _counted(several, price))
 
 
-def _step_with(kernel: Any, inside: tuple[Any, Any], before: tuple[Any, ...], after: tuple[Any, ...]) -> Step:
+def _counted(several: Several, price: float) -> Several:
+    """`several`, each of which is counted as work of this `price`, whatever threads make it."""
+
+    def made(z: Vector, count: int) -> list[Stepped]:
+        steps = several(z, count)
+        work.add(price * len(steps))
+        return steps
+
+    return made
+
+
+def _step_with(
+    problem: ProblemData, kernel: Any, inside: tuple[Any, Any], before: tuple[Any, ...], after: tuple[Any, ...]
+) -> Step:
     """`compiled_step` where the sweep calls the user's compiled function, which may raise."""
     from ..numerics.kernels.user import sweep_with
 
     c, f = inside
-    sweep = sweep_with(kernel, f)
+    sweep, price = sweep_with(kernel, f), work.sweep(problem.n, problem.nnz)
 
     def step(z: Vector) -> tuple[Vector, float]:
+        work.add(price)
         out = np.empty(z.size)
         squares = raising_map_error(lambda: sweep(before, c, after, z, out), "psi.f")
         return out, float(np.sqrt(squares))
@@ -110,21 +130,22 @@ def _in_one_call(some: Callable[..., None], z: Vector, count: int) -> list[Stepp
 def _in_one_pass(
     two: Callable[..., tuple[float, float]], reach: int, threads: int, chunk: int, z: Vector, count: int
 ) -> list[Stepped]:
-    """Two sweeps in one pass over A, or four, for `count` > 2, where a second thread follows.
+    """Two sweeps in one pass over A, or four, for `count` > 3, in two, the second by another thread where there is one.
 
-    Every number is the same as that of one sweep after the other.
+    Every number is the same as that of one sweep after the other, and so is how many there are with any `threads`.
     """
-    sweeps = 4 if count > 2 and threads > 1 else 2
-    each = sweeps // threads
-    iterates, squares = [z, *(np.empty(z.size) for _ in range(sweeps))], np.zeros((threads, 2))
+    sweeps = 4 if count > 3 else 2
+    passes = max(threads, sweeps // 2)
+    each = sweeps // passes
+    iterates, squares = [z, *(np.empty(z.size) for _ in range(sweeps))], np.zeros((passes, 2))
     # the second of two sweeps is `reach` rows behind the first; n rows behind it is never made
     lag, rows = (reach, z.size + reach) if each == 2 else (z.size, z.size)
 
-    def part(thread: int, low: int, high: int) -> None:
-        start = thread * each
-        squares[thread] += two(lag, iterates[start], iterates[start + 1], iterates[start + each], low, high)
+    def part(turn: int, low: int, high: int) -> None:
+        start = turn * each
+        squares[turn] += two(lag, iterates[start], iterates[start + 1], iterates[start + each], low, high)
 
-    if threads == 1:
+    if passes == 1:
         part(0, 0, rows)
     else:
         one_behind_the_other(rows, threads, partial(part, 0), partial(part, 1), each * reach, chunk=chunk)

@@ -62,6 +62,8 @@ class Josephy(Method):
                 G = _derivative(problem, z)
                 lcp = AffineLcp(A, problem.q, problem.psi.value(z) - (G * z if G.ndim == 1 else G @ z), G)
                 ended, _, y, _ = go_on(*lcp.start(), -1, PIVOTS * (n + 1))
+                # at least a pivot for each entry
+                work.add(work.COSTS.pivot_entry * n**2 * (np.count_nonzero(y) + 1))
                 if ended != SOLVED:
                     break
                 step = lcp.z(y) - z

@@ -70,6 +70,9 @@ class Lemke(Method):
         ended, entering = UNFINISHED, -1
         while ended == UNFINISHED:
             ended, entering, y, ray = go_on(*state, entering, problem.n)
+            # as many pivots as were asked for, or at the end one at least for each entry of y
+            pivots = problem.n if ended == UNFINISHED else np.count_nonzero(y) + 1
+            work.add(work.COSTS.pivot_entry * problem.n**2 * pivots)
             if ended == SINGULAR:
                 row = int(np.argmax(lcp.free))
                 raise SingularOperator("A is singular in the rows and columns without obstacle", row)

@@ -66,6 +66,7 @@ class Tridiagonal(Method):
         while ended == UNSETTLED and rounds < _ROUNDS:
             found, ended = newton(*matrix, q, c, free, _STEPS)
             rounds += 1
+            work.add(work.sweep(problem.n, problem.nnz))
             if np.isfinite(found).all():
                 z = found
                 yield z, None

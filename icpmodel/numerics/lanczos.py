@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from . import work
 from .arrays import inner, norm
 
 #: a radius up to which its size makes no difference to any choice
@@ -39,6 +40,8 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
 def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> float:
     """As in `jacobi_radius`, of a symmetric `S` ≥ 0, by at most so many `steps`; inf where an entry is not finite."""
     n = S.shape[0]
+    price = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
+    work.add(price)
     sums = S @ np.ones(n)
     bound = float(sums.max())
     if not SMALL_RADIUS < bound < np.inf:
@@ -60,4 +63,5 @@ def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> flo
         next_to.append(size)
         before, v = v, w / size
         w = S @ v - size * before
+        work.add(price)
     return radius

@@ -12,29 +12,29 @@ import scipy.sparse as sp
 
 from .arrays import Vector, bandwidths, is_symmetric, row_of
 from .equilibration import in_units, row_exponents
-from .factorisation import factorise
+from .factorisation import factorise, free_memory
+from .fill import foreseen
 from .multigrid import KrylovMultigrid
+from .threads import one_blas_thread
+from .work import COSTS, add, dense_cost, krylov_cost, least_factor_cost
 
 #: (right-hand side, relative tolerance) ↦ solution, or None where none was found
 Solver = Callable[[Vector, float], Vector | None]
 
-#: beyond this size a sparse matrix that is no band is not factorised unless the user asks for it
-FACTORISE_UP_TO = 200_000
 #: more diagonals than this are no band, and more rows that reach beyond it no border
 _WIDEST_BAND, _WIDEST_BORDER = 16, 16
 #: the relative backward error up to which a bordered band counts as solved
 _BACKWARD = 1e-12
-#: a matrix that is fuller than this is treated as dense
-_DENSE = 0.1
-#: from this size on multigrid costs less than a factorisation
-_MULTIGRID_FROM = 50_000
+#: so many Krylov steps multigrid needs as a rule
+_STEPS = 10
 
 
-def solver_of(M: sp.csr_array, multigrid_from: int = _MULTIGRID_FROM) -> Solver:
+def solver_of(M: sp.csr_array, by_multigrid: bool | None = None) -> Solver:
     """A solver of Mx = f for many f: for a band, one with a few full rows, dense or sparse matrices, or multigrid.
 
-    Multigrid is for large matrices with a positive diagonal and nothing positive off it, and where it does not converge
-    they are factorised as well. Rows are brought to one size first. The solver returns None where M is singular.
+    Multigrid is for matrices with a positive diagonal and nothing positive off it, and taken where a factorisation is
+    foreseen to cost more, unless `by_multigrid` decides; where it does not converge they are factorised as well. Rows
+    are brought to one size first. The solver returns None where M is singular, or its factors do not fit into memory.
     """
     n = M.shape[0]
     if n == 0:
@@ -42,14 +42,17 @@ def solver_of(M: sp.csr_array, multigrid_from: int = _MULTIGRID_FROM) -> Solver:
     if not np.isfinite(M.data).all():
         return lambda f, tolerance: None
     exponents = row_exponents(M)
-    scaled, symmetric = in_units(M, exponents), n >= multigrid_from and is_symmetric(M)
-    multigrid = _multigrid(M if symmetric else scaled) if n >= multigrid_from else None
+    scaled, symmetric, multigrid = in_units(M, exponents), False, None
+    by_multigrid = _is_for_multigrid(M) and (_factorising_costs_more(scaled) if by_multigrid is None else by_multigrid)
+    if by_multigrid:
+        symmetric = is_symmetric(M)
+        multigrid = KrylovMultigrid(M if symmetric else scaled)
 
     @cache
     def direct() -> Solver:
         if sum(bandwidths(M)) < _WIDEST_BAND:
             return _banded(scaled)
-        return _dense(scaled) if M.nnz > _DENSE * n**2 else _bordered(scaled) or _sparse(scaled)
+        return _bordered(scaled) or (_dense(scaled) if _is_as_good_as_dense(scaled) else _sparse(scaled))
 
     def solve(f: Vector, tolerance: float) -> Vector | None:
         right = np.ldexp(f, exponents)
@@ -69,6 +72,7 @@ def _banded(M: sp.csr_array) -> Solver:
     np.add.at(band, (upper + rows - M.indices, M.indices), M.data)
 
     def solve(f: Vector, tolerance: float) -> Vector | None:
+        add(COSTS.call + COSTS.band_entry * band.size)
         try:
             return np.asarray(solve_banded((lower, upper), band, f, check_finite=False))
         except LinAlgError:
@@ -108,18 +112,44 @@ def _bordered(M: sp.csr_array) -> Solver | None:
 def _dense(M: sp.csr_array) -> Solver:
     from scipy.linalg import lu_factor, lu_solve
 
-    with warnings.catch_warnings():  # of a pivot that is zero
+    with warnings.catch_warnings(), one_blas_thread():  # of a pivot that is zero
         warnings.simplefilter("ignore")
         lu = lu_factor(M.toarray(), check_finite=False)
-    return lambda f, tolerance: np.asarray(lu_solve(lu, f, check_finite=False))
+    add(dense_cost(M.shape[0]))
+
+    def solve(f: Vector, tolerance: float) -> Vector:
+        add(COSTS.call + COSTS.entry * M.shape[0] ** 2)
+        return np.asarray(lu_solve(lu, f, check_finite=False))
+
+    return solve
 
 
 def _sparse(M: sp.csr_array) -> Solver:
-    lu = factorise(M)
-    return lambda f, tolerance: None if lu is None else np.asarray(lu.solve(f))
+    try:
+        lu = factorise(M)
+    except MemoryError:
+        lu = None
+    return lambda f, tolerance: None if lu is None else lu.solve(f)
 
 
-def _multigrid(M: sp.csr_array) -> KrylovMultigrid | None:
-    """None where M is nothing for multigrid."""
-    of_m_matrix = (M.diagonal() > 0).all() and not (M.data[row_of(M) != M.indices] > 0).any()
-    return KrylovMultigrid(M) if of_m_matrix and sum(bandwidths(M)) >= _WIDEST_BAND else None
+def _is_for_multigrid(M: sp.csr_array) -> bool:
+    """Whether M has the signs of an M-matrix and is no band."""
+    return bool(
+        sum(bandwidths(M)) >= _WIDEST_BAND
+        and (M.diagonal() > 0).all()
+        and not (M.data[row_of(M) != M.indices] > 0).any()
+    )
+
+
+def _factorising_costs_more(M: sp.csr_array) -> bool:
+    """Whether to factorise M costs more than to solve one system with it by multigrid."""
+    most = krylov_cost(M.nnz, _STEPS)
+    return least_factor_cost(M.shape[0], M.nnz) > most or not foreseen(M, most).seen
+
+
+def _is_as_good_as_dense(M: sp.csr_array) -> bool:
+    """Whether a dense factorisation of M costs less than a sparse one, and fits into memory."""
+    n, most = M.shape[0], dense_cost(M.shape[0])
+    if 16.0 * n**2 > free_memory():
+        return False
+    return least_factor_cost(n, M.nnz) > most or not foreseen(M, most).seen

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from . import work
 from .arrays import Vector, is_symmetric
 
 #: coarsening has stalled where so many rows are left
@@ -43,6 +44,7 @@ class KrylovMultigrid:
 
     def __init__(self, A: sp.csr_array) -> None:
         self._A, self._hierarchy = A, ruge_stuben(A)
+        work.add(work.krylov_cost(A.nnz, 0))
         self._accelerate = "cg" if is_symmetric(A) else "bicgstab"
 
     def solve(self, f: Vector, tolerance: float, maxiter: int = _KRYLOV_STEPS) -> Vector | None:
@@ -54,11 +56,15 @@ class KrylovMultigrid:
 
     def best(self, f: Vector, tolerance: float, maxiter: int = _KRYLOV_STEPS) -> Vector | None:
         """What the steps end with, near or far; None where the coarsest level is singular."""
+        made: list[float] = []
+        options = {"maxiter": maxiter, "accel": self._accelerate, "residuals": made}
         with _quiet():
             try:
-                return np.asarray(self._hierarchy.solve(f, tol=tolerance, maxiter=maxiter, accel=self._accelerate))
+                return np.asarray(self._hierarchy.solve(f, tol=tolerance, **options))
             except RuntimeError:
                 return None
+            finally:
+                work.add(work.krylov_cost(self._A.nnz, len(made), hierarchy=False))
 
 
 def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:

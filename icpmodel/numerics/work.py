@@ -26,18 +26,39 @@ class Costs(NamedTuple):
     sweep_row: float = 6.0
     #: an operation on vectors, per unknown
     vector: float = 0.7
-    #: a sparse factorisation: per entry of the factors, per multiplication; and a solve with them, per entry
+    #: a sparse factorisation, its ordering included: per row, per entry of the factors, per multiplication; and a solve
+    #: with them, per entry
+    factor_row: float = 700.0
     factor_entry: float = 25.0
     factor_flop: float = 0.35
     solve_entry: float = 2.0
-    #: dense factorisations, per multiplication, and a pivot, per entry of the dictionary
+    #: an entry that minimum degree looks at, and the graph that it begins with, per entry
+    look: float = 12.0
+    #: a band factorised and a system solved with it, per entry of the band
+    band_entry: float = 4.0
+    #: a dense factorisation, per entry and per multiplication, and a pivot, per entry of the dictionary
+    dense_entry: float = 4.0
     dense_flop: float = 0.1
     pivot_entry: float = 0.7
-    #: an algebraic multigrid hierarchy, per entry of A, and a V-cycle on it
-    fill_entry: float = 40.0
-    component_entry: float = 20.0
-    hierarchy_entry: float = 250.0
-    cycle_entry: float = 8.0
+    #: an algebraic multigrid hierarchy, whatever its size and per entry of A, a V-cycle on it in one compiled loop a
+    #: level, and a step of a Krylov method with a cycle by PyAMG, which makes several loops of each level
+    hierarchy: float = 5_000_000.0
+    hierarchy_entry: float = 300.0
+    cycle_entry: float = 7.0
+    krylov: float = 800_000.0
+    krylov_entry: float = 40.0
+
+
+class Fill(NamedTuple):
+    """The `entries` of L + U of so many `rows`, and the `flops` (multiplications) that make them.
+
+    Both are rough unless they were `seen` to the end.
+    """
+
+    rows: int
+    entries: float
+    flops: float
+    seen: bool
 
 
 COSTS = Costs()
@@ -59,14 +80,34 @@ def product(n: int, nnz: int) -> float:
     return COSTS.call + COSTS.row * n + COSTS.entry * nnz
 
 
-def factor_cost(fill) -> float:
-    return COSTS.factor_entry * fill.entries + COSTS.factor_flop * fill.flops
-
-
-def solve_cost(fill) -> float:
-    return COSTS.solve_entry * fill.entries
-
-
 def sweep(n: int, nnz: int) -> float:
     """What one compiled sweep costs."""
     return COSTS.call + COSTS.sweep_row * n + COSTS.sweep_entry * nnz
+
+
+def factor_cost(fill: Fill) -> float:
+    """What a sparse factorisation with this fill costs, its ordering included."""
+    return (
+        COSTS.call + COSTS.factor_row * fill.rows + COSTS.factor_entry * fill.entries + COSTS.factor_flop * fill.flops
+    )
+
+
+def least_factor_cost(n: int, nnz: int) -> float:
+    """What a sparse factorisation without any fill costs."""
+    return factor_cost(Fill(n, nnz, 0.0, True))
+
+
+def solve_cost(fill: Fill) -> float:
+    """What a solve with the factors costs."""
+    return COSTS.call + COSTS.solve_entry * fill.entries
+
+
+def dense_cost(n: int) -> float:
+    """What a dense LU factorisation costs, from a sparse matrix."""
+    return COSTS.call + COSTS.dense_entry * n**2 + COSTS.dense_flop * n**3 / 3.0
+
+
+def krylov_cost(nnz: int, steps: int, hierarchy: bool = True) -> float:
+    """What so many steps of a Krylov method cost that multigrid preconditions, with its hierarchy or without."""
+    made = COSTS.hierarchy + COSTS.hierarchy_entry * nnz if hierarchy else 0.0
+    return made + steps * (COSTS.krylov + COSTS.krylov_entry * nnz)

@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..numerics.arrays import Vector, as_array, as_vector, described, norm, not_finite
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import in_parts, threads_for
+from ..numerics.work import add, product
 from .affine import Constant
 from .facts import Facts
 from .function import Function
@@ -224,6 +225,7 @@ class ProblemData:
 
         A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
         given = (A.indptr, A.indices, A.data, self.q, psi, z)
+        add(product(self.n, A.nnz))
         return float(sum(in_parts(self.n, threads_for(A.nnz), lambda low, high: natural(*given, low, high))))
 
     def rounding(self, z: Any) -> tuple[Vector, Vector]:

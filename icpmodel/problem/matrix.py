@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from ..numerics import work
 from ..numerics.arrays import Vector, as_csr, as_square, freeze
+from ..numerics.fill import foreseen, of_band
 from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
 from ..numerics.threads import in_parts, threads_for
 
@@ -79,16 +80,17 @@ class Matrix:
 
     def product(self, z: Vector) -> Vector:
         """Az, on all cores where A is large."""
+        work.add(work.product(self.n, self.sparse.nnz if self.dense is None else self.dense.size))
         if self.dense is not None:
             image: Vector = self.dense @ z
             return image
         A, threads = self.sparse, threads_for(self.sparse.nnz)
         if threads == 1:
             return np.asarray(A @ z)
-        from ..numerics.kernels.products import product  # loads numba
+        from ..numerics.kernels import products  # loads numba
 
         image, z = np.empty(self.n), np.ascontiguousarray(z)
-        in_parts(self.n, threads, lambda low, high: product(A.indptr, A.indices, A.data, z, low, high, image))
+        in_parts(self.n, threads, lambda low, high: products.product(A.indptr, A.indices, A.data, z, low, high, image))
         return image
 
     @cached_property
@@ -103,6 +105,7 @@ class Matrix:
         from ..numerics.kernels.products import look  # loads numba
 
         A, n = self.sparse, self.n
+        work.add(work.product(n, A.nnz))
         arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n)
         matrix = (A.indptr, A.indices, A.data)
         reach = in_parts(n, threads_for(A.nnz), lambda low, high: look(*matrix, low, high, *arrays))
@@ -122,16 +125,10 @@ class Matrix:
         return self.rows.below + self.rows.above < _WIDEST_BAND
 
     @cached_property
-    def fill(self):
-        from types import SimpleNamespace
-
-        from scipy.sparse.csgraph import reverse_cuthill_mckee
-
-        from ..numerics.arrays import bandwidths
-
-        p = reverse_cuthill_mckee(sp.csr_matrix(self.sparse))
-        b = sum(bandwidths(sp.csr_array(self.sparse[p][:, p]))) / 2
-        return SimpleNamespace(entries=self.n * b, flops=self.n * b * b / 2)
+    def fill(self) -> work.Fill:
+        """What a sparse factorisation of A will cost; rough where it is not worth a closer look (`numerics.fill`)."""
+        rows = self.rows
+        return of_band(self.n, rows.below, rows.above) if self.is_band else foreseen(self.sparse)
 
     @cached_property
     def hardly_dominant(self) -> float:

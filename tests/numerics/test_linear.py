@@ -65,7 +65,7 @@ def test_what_multigrid_cannot_do_is_factorised():
     M = icp.scenes.membrane(n=900).problem.A
     f = np.sin(np.arange(900.0))
     for matrix in (M, abs(M)):
-        x = solver_of(sp.csr_array(matrix), multigrid_from=100)(f, 0.0)
+        x = solver_of(sp.csr_array(matrix), by_multigrid=True)(f, 0.0)
         assert np.linalg.norm(matrix @ x - f) <= 1e-9 * np.linalg.norm(f)
 
 
@@ -101,6 +101,6 @@ def test_only_multigrid_stops_at_the_tolerance(kind):
     def is_solution(x):
         return bool(np.linalg.norm((M @ x - f) / units) <= 1e-9 * np.linalg.norm(f / units))
 
-    solve = solver_of(M, multigrid_from=n) if kind.startswith("multigrid") else solver_of(M)
+    solve = solver_of(M, by_multigrid=True) if kind.startswith("multigrid") else solver_of(M)
     assert is_solution(solve(f, 1e-10))
     assert is_solution(solve(f, 1e-2)) is not kind.startswith("multigrid")

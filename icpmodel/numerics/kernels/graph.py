@@ -127,3 +127,88 @@ def layer_increments(indptr, indices, data, surplus, layer, order):
             hold = surplus[i] * own
         g[k] = max(g[k], (own + pull) / hold)
     return g
+
+
+@compiled
+def both_ways(indptr, indices, dense):
+    # the graph of A + A^T without loops and without rows that have more than `dense` neighbours: (start, length, lists,
+    # how many rows are left out). The degree of a row that is left out is -1.
+    n = indptr.size - 1
+    count = np.zeros(n + 1, np.int64)
+    for i in range(n):
+        for k in range(indptr[i], indptr[i + 1]):
+            if indices[k] != i:
+                count[i] += 1
+                count[indices[k]] += 1
+    start = np.zeros(n + 1, np.int64)
+    for i in range(n):
+        start[i + 1] = start[i] + count[i]
+    lists, filled = np.empty(start[n] + start[n] // 5 + n, np.int32), start[:n].copy()
+    for i in range(n):
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k]
+            if j != i:
+                lists[filled[i]], lists[filled[j]] = j, i
+                filled[i] += 1
+                filled[j] += 1
+    length, seen, left_out = np.zeros(n, np.int64), np.full(n, -1, np.int32), 0
+    for i in range(n):  # each neighbour once
+        at = start[i]
+        for k in range(start[i], start[i + 1]):
+            j = lists[k]
+            if seen[j] != i:
+                seen[j], lists[at] = i, j
+                at += 1
+        length[i] = at - start[i]
+        if length[i] > dense:
+            length[i] = -1
+            left_out += 1
+    if left_out:
+        for i in range(n):
+            at = start[i]
+            for k in range(start[i], start[i] + length[i]):
+                if length[lists[k]] >= 0:
+                    lists[at] = lists[k]
+                    at += 1
+            length[i] = min(at - start[i], length[i])
+    return start[:n].copy(), length, lists, start[n], left_out
+
+
+@compiled
+def order(into, turn):
+    # the rows in their turn, those that went with another one next to it, what was not reached at the end
+    n = into.size
+    first, last = np.zeros(n + 2, np.int64), np.empty(n, np.int32)
+    for i in range(n):
+        j = i
+        while into[j] >= 0:
+            j = into[j]
+        k = i
+        while into[k] >= 0:  # the next one has a shorter way
+            into[k], k = j, into[k]
+        turn[i] = turn[j]
+        first[turn[i] + 1] += 1
+    for k in range(1, n + 2):
+        first[k] += first[k - 1]
+    for i in range(n):
+        last[first[turn[i]]] = i
+        first[turn[i]] += 1
+    return last
+
+
+@compiled
+def permuted(indptr, indices, data, rows, place):
+    # the CSC arrays of the matrix whose row k is row rows[k], with column j at place[j]; sorted, as rows come in turn
+    n = rows.size
+    start = np.zeros(n + 1, np.int32)
+    for j in indices:
+        start[place[j] + 1] += 1
+    for j in range(n):
+        start[j + 1] += start[j]
+    filled, new, values = start[:n].copy(), np.empty(data.size, np.int32), np.empty(data.size)
+    for k in range(n):
+        for e in range(indptr[rows[k]], indptr[rows[k] + 1]):
+            j = place[indices[e]]
+            new[filled[j]], values[filled[j]] = k, data[e]
+            filled[j] += 1
+    return values, new, start

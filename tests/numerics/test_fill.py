@@ -1,0 +1,114 @@
+"""What a factorisation will cost is foreseen: exactly where it is seen to the end, cheaply where it is hopeless."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel.numerics import work
+from icpmodel.numerics.factorisation import factorise
+from icpmodel.numerics.fill import foreseen, of_band, ordered
+from icpmodel.problem.matrix import Matrix
+
+
+def with_pattern(rows, columns, n):
+    """A strictly dominant symmetric matrix with these entries."""
+    B = sp.coo_array((np.ones(len(rows)), (rows, columns)), shape=(n, n)).toarray() if n < 400 else None
+    C = sp.csr_array(B) if B is not None else sp.csr_array((np.ones(len(rows)), (rows, columns)), shape=(n, n))
+    C = sp.csr_array(C + C.T)
+    C.data[:] = -1.0
+    C.setdiag(0.0)
+    C.eliminate_zeros()
+    return sp.csr_array(sp.diags_array(1.0 - C.sum(axis=1)) + C)
+
+
+def random_tree(n, rng):
+    return with_pattern(np.arange(1, n), (rng.random(n - 1) * np.arange(1, n)).astype(int), n)
+
+
+def expander(n, rng):
+    """Three random permutations: nothing small cuts such a graph in two."""
+    return with_pattern(np.tile(np.arange(n), 3), np.concatenate([rng.permutation(n) for _ in range(3)]), n)
+
+
+def exact_entries(A, order):
+    """The entries of L + U, both with their diagonal, if rows are eliminated in this order and nothing cancels."""
+    S = (A.toarray() != 0)[np.ix_(order, order)]
+    S = S | S.T
+    for k in range(len(S)):
+        later = np.flatnonzero(S[k, k + 1 :]) + k + 1
+        S[np.ix_(later, later)] = True
+    return np.count_nonzero(S) + len(S)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 50, 2000])
+def test_a_tree_and_an_arrow_do_not_fill(n):
+    rng = np.random.default_rng(n)
+    for A in (random_tree(n, rng), with_pattern(np.zeros(n - 1, int), np.arange(1, n), n)):
+        assert foreseen(A).entries == A.nnz + n
+        assert foreseen(A).seen
+
+
+def test_a_band_a_clique_and_blocks_fill_up_themselves():
+    n = 60
+    tridiagonal = sp.csr_array(sp.diags_array([-1.0, 3.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)))
+    assert foreseen(tridiagonal).entries == 4 * n - 2
+    assert of_band(n, 1, 1)[1:3] == (4 * n, 2 * n)
+    assert Matrix(tridiagonal).fill == of_band(n, 1, 1)
+    clique = np.eye(n) * n - 1.0
+    assert foreseen(sp.csr_array(clique))[1:3] == (n**2 + n, sum(c**2 + c for c in range(n)))
+    blocks = sp.csr_array(sp.block_diag([clique[:6, :6]] * 10))
+    assert foreseen(blocks).entries == 10 * (6**2 + 6)
+
+
+@settings(deadline=None, max_examples=60)
+@given(n=st.integers(1, 45), share=st.floats(0.0, 0.3), seed=st.integers(0, 2**31))
+def test_the_fill_is_that_of_elimination_in_the_order_that_comes_with_it(n, share, seed):
+    """Exactly but for the end, where what is left counts as dense; and SuperLU's factors have no more."""
+    rng = np.random.default_rng(seed)
+    A = sp.csr_array(-(rng.random((n, n)) < share).astype(float))
+    A = sp.csr_array(A - sp.diags_array(A.sum(axis=1)) + 2.0 * sp.diags_array(np.ones(n)))
+    fill, order = ordered(A, np.inf)
+    assert sorted(order) == list(range(n))
+    exact = exact_entries(A, order)
+    assert exact <= fill.entries <= 1.5 * exact + 4
+    lu = factorise(A)
+    assert lu.L.nnz + lu.U.nnz <= fill.entries
+
+
+@pytest.mark.parametrize("power", [1, 2])
+def test_grids_are_seen_to_the_end_at_a_share_of_what_their_factorisation_costs(power):
+    """The Laplacian, and its square, which is that of a plate."""
+    A = icp.scenes.membrane(n=3600).problem.A
+    A = sp.csr_array(A @ A) if power == 2 else A
+    before = work.done()
+    fill = foreseen(A)
+    looked, lu = work.done() - before, factorise(A)
+    assert fill.seen
+    assert 0.7 <= fill.entries / (lu.L.nnz + lu.U.nnz) <= 1.5
+    assert looked <= 0.5 * work.factor_cost(fill)
+
+
+def test_an_expander_is_given_up_within_some_tens_of_products():
+    A = expander(20_000, np.random.default_rng(3))
+    before = work.done()
+    fill = foreseen(A)
+    assert not fill.seen
+    assert work.factor_cost(fill) > 1e4 * work.product(*A.shape[:1], A.nnz)
+    assert work.done() - before <= 100 * work.product(A.shape[0], A.nnz)
+
+
+def test_factors_that_would_not_fit_are_not_begun():
+    A = expander(2000, np.random.default_rng(4))
+    with pytest.raises(MemoryError, match="n = 2000"):
+        factorise(A, most=3 * A.nnz)
+    assert factorise(random_tree(2000, np.random.default_rng(5)), most=20_000) is not None
+
+
+def test_a_limit_on_the_cost_ends_the_look():
+    A = icp.scenes.membrane(n=2500).problem.A
+    cost = work.factor_cost(foreseen(A))
+    assert not foreseen(A, 0.9 * cost).seen
+    assert foreseen(A, 1.1 * cost).seen
