@@ -12,6 +12,7 @@ import numpy as np
 from ..algebra.relaxation import AUTO, jacobi_step, relaxation, sor_speed
 from ..algebra.steps import Stepped, in_a_row
 from ..errors import InputError, MapError
+from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -25,6 +26,8 @@ _GROWTH = 10.0
 _FAR = 1e100
 #: accelerated steps that have to halve the least residual, and the plain ones that follow where they do not
 _ACCELERATED, _PLAIN = 100, 25
+#: calls in Python that a step takes beside the sweep
+_HISTORY = 2.0
 #: of what Chebyshev would gain so much is had, as the history is short
 _OF_CHEBYSHEV = 0.5
 #: directions of the history that are less independent than this say nothing but rounding errors
@@ -99,8 +102,8 @@ class Accelerated(Method):
         rate = math.exp(-sor_speed(omega, max(facts.matrix.rough_jacobi_radius, facts.coupling)))
         speed = _OF_CHEBYSHEV * -math.log((1.0 - math.sqrt(1.0 - rate)) / (1.0 + math.sqrt(1.0 - rate)))
         # of the sweeps between two combinations each adds to the history
-        passes = 2.0 + 3.0 * self.history_size / self.mixing_frequency
-        return Estimate.of_sweeps(facts, aim, speed, vectors=passes)
+        passes = 2.0 + 3.0 * (self.history_size + 1) / self.mixing_frequency
+        return Estimate.of_sweeps(facts, aim, speed, vectors=passes, calls=_HISTORY)
 
     def differences(self, problem: ProblemData) -> Differences:
         """The history of a run, which makes the combinations."""
@@ -179,6 +182,7 @@ class Differences:
         self.newest = (self.newest + 1) % len(self.F) if self.known else 0
         self.known = max(self.known, self.newest + 1)
         np.subtract(image, z, out=self.F[self.newest])
+        work.add(_HISTORY * work.COSTS.call + 2.0 * work.COSTS.vector * z.size)
         self.G[self.newest] = image
 
     def combined(self) -> Vector | None:
@@ -186,6 +190,7 @@ class Differences:
         from ..numerics.kernels.anderson import combine
 
         out = np.empty(self.weight.size)
+        work.add(3.0 * self.known * work.COSTS.vector * out.size)
         if self.known > 1 and combine(self.F, self.G, self.known, self.newest, self.weight, _INDEPENDENT, out):
             return out
         return None

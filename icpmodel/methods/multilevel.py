@@ -14,7 +14,6 @@ an intervention, policy iteration (`Newton`) takes the place of the three: its j
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -73,11 +72,8 @@ class Multilevel(Method):
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         matrix, costs = facts.matrix, work.COSTS
-        levels = max(math.log(max(matrix.n / 64, 1.0), 4.0), 0.0)
-        setup = levels * costs.level + costs.hierarchy_entry * matrix.nnz
-        look = _SWEEPS * work.sweep(matrix.n, matrix.nnz) + 3.0 * (
-            levels * 8.0 * costs.call + costs.cycle_entry * matrix.nnz
-        )
+        setup = costs.hierarchy + costs.hierarchy_entry * matrix.nnz
+        look = _SWEEPS * work.sweep(matrix.n, matrix.nnz) + 3.0 * (costs.cycle + costs.cycle_entry * matrix.nnz)
         return Estimate(setup / matrix.unit, look / matrix.unit, 8.0, 40.0 * matrix.nnz)
 
     def why_not(self, problem: ProblemData) -> str | None:

@@ -143,6 +143,7 @@ class Path:
         """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
         if self.here.theta == 0:
             return False
+        work.add(work.COSTS.newton)
         self.fault = None
         with np.errstate(all="ignore"):
             new = self._tried(self.plain) or self._tried(self.descent)

@@ -14,6 +14,7 @@ diagonal, and then Newton's steps do not wander: there is always a μ that leads
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,8 +30,9 @@ from ..numerics.arrays import Vector, diagonal_positions, inner, norm, row_of
 from ..numerics.factorisation import factorise
 from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
+from ..problem.facts import Facts
 from ..theory.certificates.infeasible import infeasible
-from .contract import Infeasible, Iterate, Method
+from .contract import Estimate, Infeasible, Iterate, Method
 
 Mask = NDArray[np.bool_]
 
@@ -76,6 +78,7 @@ class Proximal(Method):
     name: ClassVar[str] = "proximal"
     family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
 
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.facts.has_fixed_obstacle:
@@ -83,6 +86,11 @@ class Proximal(Method):
         return (
             f"the proximal loop needs a psi that is constant, or moves with z_i alone and by less, not {problem.psi!r}"
         )
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate:
+        matrix = facts.matrix
+        step = (work.COSTS.newton + work.factor_cost(matrix.fill)) / matrix.unit
+        return Estimate(0.0, step, 6.0 + 2.0 * math.log2(matrix.n), 12.0 * matrix.fill.entries)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
@@ -154,6 +162,7 @@ class ProximalPath:
         """One Newton step, or False where nothing leads on."""
         whole = self.size(self.p)
         self.idle += 1
+        work.add(work.COSTS.newton)
         if whole < _REDUCED * self.best:
             self.best, self.idle = whole, 0
         if whole == 0.0 or self.idle > _LAST:

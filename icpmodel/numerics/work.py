@@ -15,9 +15,8 @@ class Costs(NamedTuple):
 
     #: a step in Python around one compiled loop or one SciPy product, whatever its size
     call: float = 5_000.0
-    #: a Newton step in Python: the active set, slices of sparse matrices, a solver; a level of a multigrid hierarchy
+    #: a Newton step in Python: the active set, slices of sparse matrices, a solver
     newton: float = 400_000.0
-    level: float = 500_000.0
     #: A @ z, per stored entry and per row
     entry: float = 0.8
     row: float = 2.0
@@ -44,6 +43,7 @@ class Costs(NamedTuple):
     #: level, and a step of a Krylov method with a cycle by PyAMG, which makes several loops of each level
     hierarchy: float = 5_000_000.0
     hierarchy_entry: float = 300.0
+    cycle: float = 100_000.0
     cycle_entry: float = 7.0
     krylov: float = 800_000.0
     krylov_entry: float = 40.0

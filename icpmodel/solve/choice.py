@@ -21,6 +21,7 @@ from ..methods.josephy import Josephy
 from ..methods.lemke import Lemke
 from ..methods.multilevel import Multilevel
 from ..methods.newton import Newton
+from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics import work
@@ -70,7 +71,7 @@ def choose(
         plain = lambda: [PSOR(), MNMGS()]  # noqa: E731
         yield stage(50.0, 3.0, plain, accelerated, lambda: [Josephy()], lambda: [Multilevel()])
         yield stage(100.0, 80.0, lambda: _relaxed(problem))
-    yield stage(50.0, 40.0, lambda: [Newton()], lambda: [MNMMOD(theta1=AUTO)])
+    yield stage(50.0, 40.0, lambda: [Newton()], lambda: [MNMMOD(theta1=AUTO)], lambda: [Proximal()])
     if reduced is not None:
         yield Stage(stage(20.0, 20.0).cost, lambda: reduced(least))
 
