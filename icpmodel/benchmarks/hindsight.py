@@ -181,6 +181,8 @@ def _table(records: list[Record], peers: list[str], seed: int) -> Table:
     for family, n in dict.fromkeys((one.scene, one.n) for one in records):
         here = [one for one in records if (one.scene, one.n) == (family, n)]
         solve, reached = here[0], {one.name: one for one in here[1:] if one.reached}
+        if solve.reached and not solve.ratios:  # Ctrl-C came before all had run
+            continue
         single = [one for one in reached.values() if one.kind == "own"]
         best = min(single, key=lambda one: one.median, default=None)
         told = (None, None) if best is None else (best.name, best.median)
