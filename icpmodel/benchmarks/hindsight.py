@@ -27,8 +27,9 @@ from .families.gallery import drawn_sizes, family_names, problem_of
 _PEERS = ("piqp", "clarabel", "osqp", "highs")
 #: a method has so many times the time of the best one so far, a peer of solve(), and so many seconds at least
 _PATIENCE, _LEAST = 3.0, 0.3
-#: own methods that take so many times the time of the best are not timed again, nor what takes so many seconds
-_NEAR, _SLOW = 1.3, 3.0
+#: own methods that take so many times the time of the best are not timed again, nor what takes so many seconds; but all
+#: are that take less than so many, as first runs are slower than others by about that
+_NEAR, _SLOW, _BRIEF = 1.3, 3.0, 0.01
 #: the gallery's scenes are families of this kind, which are measured where they are asked for
 _GALLERY = "gallery"
 
@@ -49,7 +50,7 @@ class _Hindsight(Measurement):
         return max(_PATIENCE * of, _LEAST)
 
     def again(self, record: Record, solve: float, quickest: float) -> bool:
-        near = _NEAR * quickest if record.kind == "own" else _PATIENCE * solve
+        near = max(_NEAR * quickest, _BRIEF) if record.kind == "own" else _PATIENCE * solve
         return record.seconds[0] <= min(near, _SLOW)
 
 
