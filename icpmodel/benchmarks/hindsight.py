@@ -27,8 +27,9 @@ from .families.gallery import drawn_sizes, family_names, problem_of
 _PEERS = ("piqp", "clarabel", "osqp", "highs")
 #: a method has so many times the time of the best one so far, a peer of solve(), and so many seconds at least
 _PATIENCE, _LEAST = 3.0, 0.3
-#: own methods that take so many times the time of the best are not timed again, nor what takes so many seconds
-_NEAR, _SLOW = 1.3, 3.0
+#: own methods that take so many times the time of the best are not timed again, nor what takes so many seconds; but all
+#: are that take less than so many, as first runs are slower than others by about that
+_NEAR, _SLOW, _BRIEF = 1.3, 3.0, 0.01
 #: the gallery's scenes are families of this kind, which are measured where they are asked for
 _GALLERY = "gallery"
 
@@ -49,7 +50,7 @@ class _Hindsight(Measurement):
         return max(_PATIENCE * of, _LEAST)
 
     def again(self, record: Record, solve: float, quickest: float) -> bool:
-        near = _NEAR * quickest if record.kind == "own" else _PATIENCE * solve
+        near = max(_NEAR * quickest, _BRIEF) if record.kind == "own" else _PATIENCE * solve
         return record.seconds[0] <= min(near, _SLOW)
 
 
@@ -181,6 +182,8 @@ def _table(records: list[Record], peers: list[str], seed: int) -> Table:
     for family, n in dict.fromkeys((one.scene, one.n) for one in records):
         here = [one for one in records if (one.scene, one.n) == (family, n)]
         solve, reached = here[0], {one.name: one for one in here[1:] if one.reached}
+        if solve.reached and not solve.ratios:  # Ctrl-C came before all had run
+            continue
         single = [one for one in reached.values() if one.kind == "own"]
         best = min(single, key=lambda one: one.median, default=None)
         told = (None, None) if best is None else (best.name, best.median)

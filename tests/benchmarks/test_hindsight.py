@@ -9,7 +9,7 @@ from icpmodel.benchmarks import choice, summary_of
 from icpmodel.cli import main
 from icpmodel.solvers import Claim
 from icpmodel.study.charts.table_charts import choice_figure
-from icpmodel.study.competitors import Competitor
+from icpmodel.study.competitors import Competitor, Own
 
 #: hand-lcp and its solution
 LCP = ["gallery-hand-lcp"]
@@ -53,6 +53,18 @@ def test_where_solve_fails_the_row_says_why_and_who_does_not():
     row = row_of(_Told("solve", 1.0, z=None), _Told("own", 1.0))
     assert (row["solve() by"], row["best own method"], row["ratio"]) == ("", "told own", None)
     assert row["note"] == "not reached in 1 s: stagnated"
+
+
+def test_ctrl_c_keeps_the_problems_that_were_measured_to_the_end():
+    class Pressed(_Told):
+        def attempt(self, case, tolerance, time_limit):
+            if case.scene == "gallery-hard-many":
+                raise KeyboardInterrupt
+            return super().attempt(case, tolerance, time_limit)
+
+    with pytest.raises(icp.Interrupted) as stopped:
+        choice(1, [*LCP, "gallery-hard-many"], (2, 2, 1), entrants=[Own(), Pressed("own", 1.0)])
+    assert [row[0] for row in stopped.value.report.rows] == LCP
 
 
 def test_a_peer_that_misses_the_residual_has_no_ratio():

@@ -127,7 +127,7 @@ def choice_figure(table: Table) -> Figure:
         axes.set(xscale="log", yscale="log", xlabel="number of unknowns n", xlim=(0.8 * min(sizes), 1.25 * max(sizes)))
         axes.xaxis.set_minor_formatter("")
         axes.grid(alpha=0.3)
-    failed = [row["n"] for row, _ in rows if row["ratio"] is None and row["n"]]
+    failed = [row["n"] for row, _ in rows if not row["solve() by"]]
     if failed:
         edge = panels[0].get_xaxis_transform()
         panels[0].plot(
