@@ -92,7 +92,7 @@ class Hierarchy:
 
         Parameters: `f` of shape (m,), m the rows of level `top`. Returns a new array of that shape.
         """
-        work.add(work.COSTS.call + work.COSTS.cycle_entry * self.levels[top].A.nnz)
+        work.add(work.COSTS.cycle + work.COSTS.cycle_entry * self.levels[top].A.nnz)
         return self._cycle(f, top)
 
     def _cycle(self, f: Vector, top: int) -> Vector:

@@ -2,6 +2,7 @@
 
 from .benchmark import benchmark, faster_peers
 from .certainty import bound_ratios, certificate_cost, false_success
+from .constants import constants
 from .costs import dominant_cost, impulse_cost, reading_cost, small_cost, solve_cost
 from .families.gallery import drawn, family_names, gallery
 from .hindsight import choice, summary_of
@@ -13,6 +14,7 @@ __all__ = [
     "bound_ratios",
     "certificate_cost",
     "choice",
+    "constants",
     "dominant_cost",
     "drawn",
     "false_success",

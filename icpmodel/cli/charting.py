@@ -115,6 +115,7 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
 _COMMANDS: dict[str, Callable[..., Table]] = {
     "sweep": benchmarks.sweep_cost,
     "counts": benchmarks.sweep_counts,
+    "constants": benchmarks.constants,
     "order": benchmarks.grid_order,
     "bounds": benchmarks.bound_ratios,
     "certificate": benchmarks.certificate_cost,

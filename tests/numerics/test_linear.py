@@ -5,6 +5,8 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
+from icpmodel.numerics import work
+from icpmodel.numerics.fill import foreseen
 from icpmodel.numerics.linear import solver_of
 
 
@@ -104,3 +106,33 @@ def test_only_multigrid_stops_at_the_tolerance(kind):
     solve = solver_of(M, by_multigrid=True) if kind.startswith("multigrid") else solver_of(M)
     assert is_solution(solve(f, 1e-10))
     assert is_solution(solve(f, 1e-2)) is not kind.startswith("multigrid")
+
+
+def laplacian(m, power):
+    line, M = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(m, m)), sp.csr_array((1, 1))
+    for _ in range(power):
+        M = sp.kron(M, sp.eye_array(m)) + sp.kron(sp.eye_array(M.shape[0]), line)
+    return sp.csr_array(M)
+
+
+def random_tree(n):
+    child = np.arange(1, n)
+    half = sp.csr_array(
+        (-np.ones(n - 1), (child, (np.random.default_rng(0).random(n - 1) * child).astype(int))), (n, n)
+    )
+    return sp.csr_array(half + half.T + sp.diags_array(0.1 - (half + half.T).sum(axis=1)))
+
+
+@pytest.mark.parametrize(
+    ("M", "by_multigrid"),
+    [(laplacian(18, 3), True), (laplacian(76, 2), False), (random_tree(30_000), False), (-laplacian(12, 3), False)],
+    ids=["space", "plane", "tree", "not an M-matrix"],
+)
+def test_what_is_foreseen_to_cost_more_to_factorise_goes_to_multigrid(M, by_multigrid):
+    """Not what is large: a small grid in space fills up, a large tree does not. Only multigrid minds the tolerance."""
+    f = np.random.default_rng(1).normal(size=M.shape[0])
+    before = work.done()
+    x = solver_of(M)(f, 1e-2)
+    counted, factors = work.done() - before, work.factor_cost(foreseen(M))
+    assert bool(np.linalg.norm(M @ x - f) > 1e-9 * np.linalg.norm(f)) is by_multigrid
+    assert (counted < factors) is by_multigrid
