@@ -4,9 +4,9 @@
 q − μ_k W z^k), 0 < μ_k ≤ μ. In the norm ‖x‖² = xᵀWx the map z ↦ W⁻¹(Az + q + N(z)), N the normal cone of z ≥ c, is
 maximal monotone, its zeros are the solutions, and the step is its resolvent: ‖z^{k+1} − z*‖² ≤ ‖z^k − z*‖² −
 ‖z^{k+1} − z^k‖² for every solution z*. So if there is one, zᵏ converges to a solution, from every start, also where
-each step is made up to an error and the errors have a finite sum; if there is none, zᵏ is not bounded. The map is polyhedral,
-so that the distance d to the solutions has d^{k+1} ≤ d^k·Cμ_k/√(1 + C²μ_k²) near them for some C: the smaller μ_k the
-faster, and faster than linear for μ_k → 0.
+each step is made up to an error and the errors have a finite sum; if there is none, zᵏ is not bounded. The map is
+polyhedral, so that the distance d to the solutions has d^{k+1} ≤ d^k·Cμ_k/√(1 + C²μ_k²) near them for some C: the
+smaller μ_k the faster, and faster than linear for μ_k → 0.
 
 Reference: Rockafellar, SIAM J. Control Optim. 14 (1976); Luque, SIAM J. Control Optim. 22 (1984), for the rate.
 """

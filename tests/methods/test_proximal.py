@@ -1,0 +1,149 @@
+"""The proximal method: monotone problems that are semidefinite or degenerate, and an end where there is no solution."""
+
+import itertools
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+
+import icpmodel as icp
+from icpmodel import Status
+
+
+def run(problem, **options):
+    return problem.solve("proximal", raise_on_failure=False, **options)
+
+
+def complementary(rng, n, degenerate=0.3):
+    """z*, p* ≥ 0 with z*ᵀp* = 0 where a share of the pairs is (0, 0)."""
+    z, p = rng.uniform(0.5, 1.5, (2, n))
+    kind = rng.random(n)
+    z[kind < 0.5], p[kind >= 0.5] = 0.0, 0.0
+    both = rng.random(n) < degenerate
+    z[both] = p[both] = 0.0
+    return z, p
+
+
+def chain(rng, bodies, n):
+    """Contacts of neighbours in a line between walls, most of them stated twice: A = JM⁻¹Jᵀ, q = Jv."""
+    J = np.eye(bodies + 1, bodies) - np.eye(bodies + 1, bodies, k=-1)
+    J = J[rng.integers(0, bodies + 1, n)]
+    J = sp.csr_array(np.vstack([J, J[: n // 2]]))
+    return icp.ICP(J @ sp.diags_array(rng.uniform(0.1, 10.0, bodies)) @ J.T, J @ np.round(rng.normal(size=bodies)))
+
+
+def linear_program(rng, m, n):
+    """Min cᵀx, Bx ≥ b, x ≥ 0 and its dual, with a solution of which many constraints hold by chance."""
+    B = rng.integers(-2, 3, (m, n)).astype(float)
+    A = np.block([[np.zeros((n, n)), -B.T], [B, np.zeros((m, m))]])
+    z, p = complementary(rng, m + n)
+    return icp.ICP(A, p - A @ z), B, (p - A @ z)[:n], z
+
+
+@given(st.integers(0, 10**6), st.integers(1, 12), st.floats(0.0, 1.0), st.floats(0.0, 3.0), st.integers(-6, 6))
+@settings(max_examples=60, deadline=None)
+def test_every_monotone_problem_with_a_solution_is_solved_in_any_units(seed, n, rank, skew, decades):
+    rng = np.random.default_rng(seed)
+    E, K = rng.normal(size=(n, max(round(rank * n), 1))), skew * rng.normal(size=(n, n))
+    A, (z, p), units = E @ E.T + K - K.T, complementary(rng, n), 10.0 ** (decades * rng.uniform(-1, 1, n))
+    problem = icp.ICP(units[:, None] * A * units, units * (p - A @ z))
+    assert run(problem).solved
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_redundant_and_degenerate_contacts_are_solved_with_the_velocities_that_are_unique(seed):
+    """Az is the same for all solutions z where A is symmetric and semidefinite."""
+    problem = chain(np.random.default_rng(seed), 60, 80)
+    solution = run(problem, rtol=1e-11)
+    assert solution.solved
+    assert problem.p(solution.z) == pytest.approx(problem.p(problem.solve("lemke").z), abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_linear_program_and_its_dual_come_to_the_value_that_is_known(seed):
+    problem, _, c, exact = linear_program(np.random.default_rng(seed), 15, 20)
+    solution = run(problem, rtol=1e-11)
+    assert solution.solved
+    assert c @ solution.z[:20] == pytest.approx(c @ exact[:20], abs=1e-7)
+
+
+def test_units_have_no_influence_on_the_steps_where_a_is_symmetric():
+    rng = np.random.default_rng(1)
+    problem, units = chain(rng, 40, 60), 2.0 ** rng.integers(-20, 20, 90)
+    S = sp.diags_array(units)
+    scaled = icp.ICP(S @ problem.A @ S, units * problem.q)
+    paths = (icp.Proximal().iterates(one, np.zeros(90)) for one in (problem, scaled))
+    for (z, _), (y, _) in itertools.islice(zip(*paths, strict=False), 8):
+        assert units * y == pytest.approx(z, rel=1e-9, abs=1e-9)
+
+
+def test_the_answer_is_nearer_than_the_start_to_every_solution():
+    """The resolvent is nonexpansive, and the solutions are its fixed points; here they are a triangle."""
+    A, q = np.ones((3, 3)), -np.ones(3)
+    z = run(icp.ICP(A, q), z0=[2.0, 0.0, 0.0]).z
+    for solution in np.eye(3):
+        assert np.linalg.norm(z - solution) <= np.linalg.norm(np.array([2.0, 0.0, 0.0]) - solution)
+
+
+def test_the_cyclic_p_matrix_on_which_newton_s_plain_steps_go_round_is_solved():
+    problem = icp.ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1])
+    assert run(problem, z0=[1, 0, 0]).z == pytest.approx(np.full(3, 1 / 3))
+
+
+@pytest.mark.parametrize("psi", [0.0, -np.inf])
+def test_zero_rows_and_rows_without_obstacle_are_solved(psi):
+    A = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    solution = run(icp.ICP(A, [1.0, -1.0, 2.0], [psi, 0.0, 1.0]))
+    assert solution.z == pytest.approx([1.0, 1.0, 1.0])
+
+
+def test_an_obstacle_that_moves_with_its_own_unknown_is_fixed_first():
+    psi = icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), lipschitz=0.5, c=1.0)
+    problem = icp.ICP(np.ones((3, 3)), [-1.0, -2.0, 3.0], psi)
+    assert run(problem).z == pytest.approx(problem.solve("newton").z)
+
+
+def test_a_moving_obstacle_is_refused_with_the_reason():
+    problem = icp.ICP(np.eye(2), [1, 1], icp.Affine([[0.0, 0.5], [0.0, 0.0]]))
+    with pytest.raises(icp.NotApplicable, match=r"moves with z_i alone"):
+        problem.solve("proximal")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_problem_without_a_solution_ends_with_the_proof(seed):
+    """x ≥ 0 with eᵀx ≤ −1 does not exist; the rest of the program does not matter."""
+    rng = np.random.default_rng(seed)
+    problem, B, *_ = linear_program(rng, 6, 8)
+    B = np.vstack([B, -np.ones(8)])
+    A, q = np.block([[np.zeros((8, 8)), -B.T], [B, np.zeros((7, 7))]]), np.append(problem.q, -1.0)
+    solution = run(icp.ICP(A, q))
+    assert solution.status is Status.INFEASIBLE
+    y = np.array([float(x) for x in solution.infeasible.witness])
+    assert (y >= 0).all()
+    assert (A.T @ y <= 1e-12).all()
+    assert q @ y < 0
+
+
+def test_what_is_not_monotone_may_fail_but_ends():
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        A = rng.normal(size=(20, 20))
+        problem = icp.ICP(A + A.T, rng.normal(size=20))
+        path = icp.Proximal().iterates(problem, np.zeros(20))
+        assert sum(1 for _ in itertools.islice(path, 5000)) < 5000
+
+
+def test_a_path_through_few_columns_has_the_residual_of_its_iterates():
+    """Where few rows leave the obstacle, p is made of their columns alone."""
+    rng = np.random.default_rng(5)
+    i, j = np.divmod(np.arange(400), 20)
+    E = sp.coo_array((np.ones(800), (np.tile(np.arange(400), 2), np.append(i, 20 + j))), shape=(400, 40)).tocsr()
+    problem = icp.ICP(E @ sp.diags_array(rng.uniform(0.5, 2, 40)) @ E.T, rng.uniform(-5, 10, 400), rng.normal(size=400))
+    few = 0
+    for z, residual in itertools.islice(icp.Proximal().iterates(problem, np.zeros(400)), 1, 12):
+        assert residual == pytest.approx(problem.residual(z), rel=1e-9, abs=1e-12)
+        few += np.count_nonzero(z != problem.psi.c) < 100
+    assert few
+    assert run(problem).solved
