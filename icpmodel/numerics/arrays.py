@@ -199,6 +199,26 @@ def norm(x: Vector) -> float:
     return largest * math.sqrt(x @ x)
 
 
+class ReadOnly:
+    """A base of what never changes: its arrays cannot be written to, nor can those of a copy or where it is sent."""
+
+    def __post_init__(self) -> None:
+        self.lock()
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self.lock()
+
+    def lock(self) -> None:
+        """Make the arrays and the CSR matrices among the attributes read-only."""
+        for value in vars(self).values():
+            for one in value if isinstance(value, tuple) else (value,):
+                if isinstance(one, np.ndarray):
+                    one.flags.writeable = False
+                elif isinstance(one, sp.csr_array):
+                    freeze(one)
+
+
 def freeze(matrix: sp.csr_array) -> sp.csr_array:
     """Make the three arrays of a CSR matrix read-only, and return it."""
     for array in (matrix.data, matrix.indices, matrix.indptr):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
 from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.tridiagonal import Tridiagonal
-from ..numerics.arrays import Vector, as_array, as_real, axes, norm
+from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes, norm
 from ..numerics.rounding import sheltered
 from ..numerics.threads import cores, in_parts
 from ..problem.data import ProblemData
@@ -32,7 +32,7 @@ ROWS_A_THREAD, UNKNOWNS_A_THREAD = 200, 20_000
 
 
 @dataclass(frozen=True, eq=False)
-class Solutions:
+class Solutions(ReadOnly):
     """The answers of `solve_many`, one row per problem.
 
     `Z` shape (k, n), read-only; `statuses` k members of `Status`; `residuals` = Res(z) of the returned rows, recomputed
