@@ -74,6 +74,8 @@ class Hierarchy:
         made = ruge_stuben(last.A, interpolation="direct", max_coarse=_COARSEST, max_levels=2, keep=True).levels
         if len(made) == 1:
             return False
+        if not np.isfinite(made[1].A.data).all():
+            raise NoHierarchy
         last.P, last.kept = sp.csr_array(made[0].P), np.flatnonzero(made[0].splitting)
         self.levels.append(Level(ProblemData(sp.csr_array(made[1].A), np.zeros(made[1].A.shape[0]))))
         return True

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_number, as_vector
+from ..numerics.arrays import Vector, as_number, as_vector, axes
 from ..numerics.factorisation import factorise
 from ..problem.data import ProblemData
 from .operators import DiagonalOperator, inverse_diagonal
@@ -88,7 +88,7 @@ def check_diagonal(method: Any, name: str, *, positive: bool = True) -> None:
     given = getattr(method, name)
     if isinstance(given, float) and (0.0 < given < np.inf or (not positive and -np.inf < given < np.inf)):
         return
-    value = as_vector(given, None if np.ndim(given) else 1, name)
+    value = as_vector(given, None if axes(given, name) else 1, name)
     if positive and not (value > 0).all():
         raise InputError(f"{name} has the entry {value.min():g}; positive numbers were expected")
     value.flags.writeable = False

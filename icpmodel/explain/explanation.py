@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..methods.newton import Newton
-from ..numerics.arrays import as_number
+from ..numerics.arrays import as_number, described
 from ..numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ..present.card import Sections, inner_width
 from ..present.table import Table
@@ -206,7 +206,7 @@ def explain(
     else:
         wanted = named(method, **options) if isinstance(method, str) else method
         if not isinstance(wanted, ModulusMember):
-            raise InputError(f"method is {wanted!r}; theory covers the members of the modulus family only")
+            raise InputError(f"method is {described(wanted)}; theory covers the members of the modulus family only")
         wanted = wanted.settled(problem)
         methods = {repr(wanted): wanted}
     forecasts = tuple(forecasts_of(problem, methods, accuracy))

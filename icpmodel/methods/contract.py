@@ -18,7 +18,7 @@ import numpy as np
 from ..algebra.steps import Step, in_a_row
 from ..errors import InputError
 from ..numerics import work
-from ..numerics.arrays import Vector, described
+from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -68,7 +68,7 @@ class Estimate(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Method(ABC):
+class Method(ReadOnly, ABC):
     """An iterative method for ICP. Subclasses with options are frozen keyword-only dataclasses that check them; a
     method never changes.
 

@@ -16,6 +16,8 @@ Vector = NDArray[np.float64]
 
 #: so many entries have positions that fit into 32 bits
 _SHORT = np.iinfo(np.int32).max
+#: no float is as large as this integer
+_LONG = 10**309
 #: inner products of so many entries BLAS makes with one thread
 _FEW = 10_000
 
@@ -27,7 +29,7 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
     """
     if sp.issparse(value):
         value = value.toarray()
-    array = _real(as_array(value, name), name)
+    array = as_real(as_array(value, name), name)
     if array.ndim == 2 and 1 in array.shape:
         array = array.reshape(-1)
     if array.ndim == 0 and n is not None:
@@ -46,19 +48,28 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
 
 def as_array(value: Any, name: str) -> np.ndarray:
     """`value` as a NumPy array of any shape. Raises InputError where it is a text, None or any other object."""
+    if np.ma.is_masked(value):
+        raise InputError(f"{name} has masked entries; numbers were expected in their places: see its method filled()")
     try:
         array = np.asarray(value)
-    except ValueError as error:  # rows of different lengths
+    except Exception as error:  # rows of different lengths, or whatever the class of a user raises
         raise InputError(f"{name} cannot be read as an array of numbers: {error}") from error
     if array.ndim == 0 and array.dtype.kind not in "biufc":
         raise InputError(f"{name} is {described(value)}; real numbers were expected")
     return array
 
 
+def axes(value: Any, name: str) -> int:
+    """How many axes `value` has, 0 for a number. Raises InputError where it is no array."""
+    return int(value.ndim if sp.issparse(value) else as_array(value, name).ndim)
+
+
 def described(value: Any) -> str:
     """What a message calls `value`, which was not expected: None, texts and numbers as they are, else the type."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
+    if isinstance(value, int) and abs(value) >= _LONG:
+        return "an integer of hundreds of digits"
     plain = value is None or isinstance(value, str | int | float | np.number)
     return repr(value) if plain else f"a {type(value).__name__}"
 
@@ -78,7 +89,7 @@ def as_truth(value: Any, name: str) -> bool:
 
 def as_list(value: Any, name: str) -> list[Any]:
     """`value`, of which the items are meant: a text, whose items are letters, is no list. Raises InputError."""
-    if isinstance(value, str) or not isinstance(value, Iterable):
+    if isinstance(value, str) or not isinstance(value, Iterable) or (isinstance(value, np.ndarray) and not value.ndim):
         raise InputError(f"{name} is {described(value)}; a list was expected")
     return list(value)
 
@@ -95,11 +106,14 @@ def as_number(
 ) -> float:
     """`value` as a finite float (an int if `whole`), no truth value, within these bounds. Raises InputError."""
     kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
-    right = isinstance(value, kinds) and not isinstance(value, bool)
+    right = isinstance(value, kinds) and not isinstance(value, bool | np.timedelta64)
+    right = right and not (isinstance(value, int) and abs(value) >= _LONG)
     if not (right and math.isfinite(value) and above < value < below and least <= value <= most):
         bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
         wanted = "".join(f" and {sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))[4:]
-        raise InputError(f"{name} is {value!r}; a {'whole' if whole else 'finite'} number{wanted} was expected")
+        raise InputError(
+            f"{name} is {described(value)}; a {'whole' if whole else 'finite'} number{wanted} was expected"
+        )
     return int(value) if whole else float(value)
 
 
@@ -111,7 +125,7 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     if not sp.issparse(value):
         return freeze(_compressed(as_square(value, name, n), keep_diagonal))
     _check_square(value.shape, name, n)
-    matrix = sp.csr_array(_real(value, name), dtype=np.float64, copy=True)
+    matrix = sp.csr_array(as_real(value, name), dtype=np.float64, copy=True)
     matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():
         k = int(np.argmin(np.isfinite(matrix.data)))
@@ -130,7 +144,7 @@ def as_square(value: Any, name: str, n: int | None = None) -> NDArray[np.float64
     if array.ndim == 0:
         array = array.reshape(1, 1)
     _check_square(array.shape, name, n)
-    square = np.array(_real(array, name), dtype=np.float64, order="C")
+    square = np.array(as_real(array, name), dtype=np.float64, order="C")
     finite = np.isfinite(square)
     if not finite.all():
         i, j = divmod(int(np.argmin(finite)), square.shape[0])
@@ -185,6 +199,26 @@ def norm(x: Vector) -> float:
     return largest * math.sqrt(x @ x)
 
 
+class ReadOnly:
+    """A base of what never changes: its arrays cannot be written to, nor can those of a copy or where it is sent."""
+
+    def __post_init__(self) -> None:
+        self.lock()
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self.lock()
+
+    def lock(self) -> None:
+        """Make the arrays and the CSR matrices among the attributes read-only."""
+        for value in vars(self).values():
+            for one in value if isinstance(value, tuple) else (value,):
+                if isinstance(one, np.ndarray):
+                    one.flags.writeable = False
+                elif isinstance(one, sp.csr_array):
+                    freeze(one)
+
+
 def freeze(matrix: sp.csr_array) -> sp.csr_array:
     """Make the three arrays of a CSR matrix read-only, and return it."""
     for array in (matrix.data, matrix.indices, matrix.indptr):
@@ -225,7 +259,7 @@ def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     return full
 
 
-def _real(value: Any, name: str) -> Any:
+def as_real(value: Any, name: str) -> Any:
     """`value` unchanged if its entries are real numbers."""
     if value.dtype.kind == "c":
         raise InputError(f"{name} is complex ({value.dtype}); real numbers were expected: ICP is stated over the reals")

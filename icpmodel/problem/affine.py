@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_csr, as_vector, freeze
+from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze
 from .map import Map
 
 
@@ -27,8 +27,8 @@ class Constant(Map):
     is_constant = True
 
     def __init__(self, c: Any) -> None:
-        self.c = as_vector(c, None if np.ndim(c) else 1, "psi", infinite=-np.inf)
-        self._is_number = np.ndim(c) == 0
+        self.c = as_vector(c, None if axes(c, "psi") else 1, "psi", infinite=-np.inf)
+        self._is_number = axes(c, "psi") == 0
 
     def bind(self, n: int) -> Constant:
         bound = object.__new__(Constant)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_array, as_vector, described, norm, not_finite
+from ..numerics.arrays import Vector, as_array, as_vector, axes, described, norm, not_finite
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import in_parts, threads_for
 from ..numerics.work import add, product
@@ -44,7 +44,7 @@ class ProblemData:
     def __init__(self, A: Any, q: Any, psi: Any = 0.0) -> None:
         matrix = Matrix(A)
         n = matrix.n
-        self._set(matrix, as_vector(q, n if np.ndim(q) else None, "q"), as_map(psi, n), None)
+        self._set(matrix, as_vector(q, n if axes(q, "q") else None, "q"), as_map(psi, n), None)
 
     def _set(self, matrix: Matrix, q: Vector, psi: Map, facts: Facts | None) -> None:
         q.flags.writeable = False
@@ -113,7 +113,7 @@ class ProblemData:
         >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
         array([2.])
         """
-        return self._with(as_vector(q, self.n if np.ndim(q) else None, "q"), self.psi, self.facts)
+        return self._with(as_vector(q, self.n if axes(q, "q") else None, "q"), self.psi, self.facts)
 
     def with_psi(self, psi: Any) -> Self:
         """The problem with another `psi` (anything that `ICP` takes); A and q are shared.
@@ -182,8 +182,9 @@ class ProblemData:
         >>> ICP([[2.0]], [-1.0]).natural_map([3.0], omega=0.5)
         array([1.5])
         """
-        if not np.all(np.asarray(omega) > 0):
-            raise InputError(f"omega has the entry {np.min(omega)}; positive numbers were expected")
+        omega = as_vector(omega, self.n, "omega")
+        if not (omega > 0).all():
+            raise InputError(f"omega has the entry {omega.min()}; positive numbers were expected")
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             return np.minimum(self.p(z), omega * self.r(z))
 

@@ -15,11 +15,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Vector
+from ..numerics.arrays import ReadOnly, Vector
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 
 
-class Map(ABC):
+class Map(ReadOnly, ABC):
     """ψ: Rⁿ → (R ∪ {−∞})ⁿ.
 
     `value(z)` is ψ(z); `jacobian(z)` an element of the generalised Jacobian, or None where it is not known;

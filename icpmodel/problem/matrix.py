@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..numerics import work
-from ..numerics.arrays import Vector, as_csr, as_square, freeze
+from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze
 from ..numerics.fill import foreseen, of_band
 from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
 from ..numerics.threads import in_parts, threads_for
@@ -42,7 +42,7 @@ class Rows(NamedTuple):
     upper: float
 
 
-class Matrix:
+class Matrix(ReadOnly):
     """A as float64, every diagonal entry stored, and the facts about it.
 
     `dense` is there where A was handed in as a dense array with few rows; then `sparse` is made when it is asked for.

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..icp import ICP
-from ..numerics.arrays import Vector, as_number
+from ..numerics.arrays import ReadOnly, Vector, as_number
 from ..numerics.plugins import load_plugins
 
 
@@ -42,7 +42,7 @@ class Quantity:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Scene:
+class Scene(ReadOnly):
     """A problem of the gallery with what is known of its answer.
 
     `name` and `title` (one line for a table) are filled in by `register`; `models` says in one sentence what it models;

@@ -191,10 +191,8 @@ def judged(run: Run) -> Best:
     if run.current is not best.z:
         judged.append(run.found(run.current, np.inf))
     for one in judged:
-        with (
-            contextlib.suppress(MapError, KeyboardInterrupt),
-            sheltered(),
-        ):  # a ψ that failed may fail again, or take long
+        # a ψ that failed may fail again, or take long
+        with contextlib.suppress(MapError, KeyboardInterrupt), sheltered():
             one.residual = problem.residual(one.z)
         if one.residual < best.residual:
             best = one

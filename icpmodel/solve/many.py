@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
-from ..errors import InputError, MapError, NotSolved
+from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.tridiagonal import Tridiagonal
-from ..numerics.arrays import Vector, norm
+from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes, norm
 from ..numerics.rounding import sheltered
 from ..numerics.threads import cores, in_parts
 from ..problem.data import ProblemData
@@ -33,7 +32,7 @@ ROWS_A_THREAD, UNKNOWNS_A_THREAD = 200, 20_000
 
 
 @dataclass(frozen=True, eq=False)
-class Solutions:
+class Solutions(ReadOnly):
     """The answers of `solve_many`, one row per problem.
 
     `Z` shape (k, n), read-only; `statuses` k members of `Status`; `residuals` = Res(z) of the returned rows, recomputed
@@ -118,10 +117,7 @@ def solve_many(
 
 def _rows(value: Any, name: str, infinite: float) -> Matrix:
     """`value` as a float64 matrix, one row per problem, checked; +inf as `infinite` stands for none."""
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} cannot be read as rows of real numbers") from None
+    array = np.array(as_real(as_array(value, name), name), dtype=np.float64)
     if array.ndim not in (1, 2) or array.size == 0:
         raise InputError(f"{name} has shape {array.shape}; one row per problem was expected")
     array = np.atleast_2d(array)
@@ -154,10 +150,10 @@ class Batch:
     def __init__(self, A: Any, Q: Any, psi: Any, Z0: Any, rtol: float, atol: float) -> None:
         self.clock, Q = time.perf_counter(), _rows(Q, "Q", np.inf)
         self.psi, self.rtol, self.atol = psi, rtol, atol
-        self.matrices = _each(A, lambda one: sp.issparse(one) or np.ndim(one) == 2)
+        self.matrices = _each(A, lambda one: axes(one, "A") == 2)
         self.maps = _each(psi, lambda one: isinstance(one, Map) or callable(one))
         self.obstacles: Matrix | None = None
-        if self.maps is None and np.ndim(psi) == 2 and not sp.issparse(psi):
+        if self.maps is None and isinstance(psi, list | tuple | np.ndarray) and axes(psi, "psi") == 2:
             self.obstacles = _rows(psi, "psi", -np.inf)
             self.maps = list(self.obstacles)
         self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", np.inf)
@@ -255,8 +251,20 @@ class Batch:
             self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
             return
         problem, start = self._problem(row), self.start(row)
+        options: Any = {"rtol": self.rtol, "atol": self.atol, "raise_on_failure": False}
         try:
-            solution = solve(problem, z0=start, rtol=self.rtol, atol=self.atol, raise_on_failure=False)
+            try:
+                solution = solve(problem, z0=start, **options)
+            except MapError:
+                if start is None or self.starts is not None:
+                    raise
+                solution = solve(problem, **options)  # psi of this row has no value at the answer of the one before
+        except MapError as error:
+            self.failures[row] = Status.MAP_FAILED, str(error)
+            return
+        except NotApplicable as error:
+            self.failures[row] = Status.STAGNATED, str(error)
+            return
         except KeyboardInterrupt:  # before there was an iterate
             self.failures[row] = Status.INTERRUPTED, "interrupted by Ctrl-C before its first iterate"
             return

@@ -13,7 +13,7 @@ import numpy as np
 from ..algebra.equations import nearer_to_obstacle, solve_on
 from ..errors import IcpError, MapError
 from ..methods.contract import Method
-from ..numerics.arrays import Vector
+from ..numerics.arrays import ReadOnly, Vector
 from ..numerics.rounding import sheltered
 from ..present.card import Card
 from ..problem.data import ProblemData
@@ -78,7 +78,7 @@ _BETTER = 0.99
 
 
 @dataclass(frozen=True)
-class History:
+class History(ReadOnly):
     """The path of a run: iterate number, Res(z) and seconds since the start, one entry per tested iterate.
 
     >>> ICP([[2.0]], [-2.0]).solve("mnmgs", history=True).history.iteration
@@ -91,7 +91,7 @@ class History:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(ReadOnly):
     """An answer: the returned z, why the loop stopped, and, computed when first asked for, what is certain of z.
 
     `problem`; `z` shape (n,); `status`; `message` with advice; `method`, the method that found z, and `why` it was

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from ..numerics.arrays import ReadOnly
+
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(ReadOnly):
     """The answer to a question about a problem.
 
     `holds` is True (proved), False (disproved) or None (not known); `reason` a sentence; `witness` what proves it, such

@@ -129,7 +129,13 @@ def test_rows_whose_problem_is_solved_by_0_and_problems_in_units_of_their_own():
         (np.zeros((0, 1)), 0.0, "Q has shape .0, 1."),
         ([[1.0], [np.nan]], 0.0, r"Q\[1, 0\] is nan"),
         ([[1.0], [-np.inf]], 0.0, r"Q\[1, 0\] is -inf"),
-        ([["a"]], 0.0, "Q cannot be read"),
+        ([["a"]], 0.0, "Q has dtype <U1; real numbers"),
+        ([["1"]], 0.0, "Q has dtype <U1; real numbers"),
+        ([[1j]], 0.0, "Q is complex"),
+        (np.array([["2001-01-01"]], "M8[D]"), 0.0, "Q has dtype datetime64.D.; real numbers"),
+        ([[1.0], [1.0, 2.0]], 0.0, "Q cannot be read as an array of numbers"),
+        (np.ma.array([[1.0]], mask=True), 0.0, "Q has masked entries"),
+        ([[1.0]], [["0"]], "psi has dtype <U1; real numbers"),
         ([[1.0], [2.0]], np.zeros((3, 1)), "there are 2 of Q, 3 of psi; as many of each were expected"),
         ([[1.0]], [[np.inf]], r"psi\[0, 0\] is inf"),
     ],
@@ -247,6 +253,24 @@ def test_ctrl_c_leaves_the_rows_that_are_solved_and_begins_no_others(last):
     assert set(names[:at]) == {"SOLVED"}
     assert set(names[at:]) == {"INTERRUPTED"}
     assert "an earlier row was interrupted" in found.messages[4]
+
+
+def test_a_psi_that_fails_fails_in_its_own_row():
+    def failing(z):
+        raise ValueError("no data for this day")
+
+    def near_0(z):  # it has no value at the answer of the row before
+        if (np.abs(z) > 1.5).any():
+            raise ValueError("out of its domain")
+        return 0.1 * z
+
+    Q, maps = [[-2.0], [-2.0], [-9.0], [-2.0]], [icp.Constant(0.1), failing, icp.Constant(0.2), near_0]
+    found = solve_many([[2.0]], Q, maps, raise_on_failure=False)
+    assert found.failed == [1]
+    assert found.statuses[1] is icp.Status.MAP_FAILED
+    assert found.Z.ravel()[[0, 2, 3]] == pytest.approx([1.0, 4.5, 1.0])
+    with pytest.raises(icp.NotSolved, match=r"1 of 4 rows failed, first row 1: psi.z. raised ValueError: no data"):
+        solve_many([[2.0]], Q, maps)
 
 
 def test_wrong_tolerances_are_named():

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ...errors import MapError
-from ...numerics.arrays import Vector, as_truth, not_finite
+from ...numerics.arrays import ReadOnly, Vector, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ...problem.data import ProblemData, as_problem
 from ...problem.facts import Facts
@@ -33,7 +33,7 @@ _STEPS = 8  #: steps of the active-set Newton iteration that looks for a better 
 
 
 @dataclass(frozen=True)
-class ErrorBound:
+class ErrorBound(ReadOnly):
     """How far z can be from the solution.
 
     `componentwise` δ with |z − z*| ≤ δ, shape (n,), its largest entry `value`, and `euclidean` ≥ ‖z − z*‖₂, all in the

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from ...numerics.arrays import as_truth, described
+from ...numerics.arrays import ReadOnly, as_truth, described
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered, upper
 from ...present.card import Card
 from ...problem.data import ProblemData, as_problem
@@ -93,7 +93,7 @@ def certify(
 
 
 @dataclass(frozen=True, eq=False)
-class ActiveSet:
+class ActiveSet(ReadOnly):
     """The rows that are proved to be `active` (p* > 0, r* = 0) and `inactive` (r* > 0, p* = 0); masks of shape (n,).
 
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, 3])

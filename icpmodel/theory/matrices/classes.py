@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import as_csr, bandwidths
+from ...numerics.arrays import ReadOnly, as_csr, bandwidths
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
@@ -57,7 +57,7 @@ def p_matrix(A: Any) -> Answer:
     return classify(A).p
 
 
-class MatrixClasses:
+class MatrixClasses(ReadOnly):
     """Three-valued answers about the CSR matrix `A`, shape (n, n), with every diagonal entry stored; see `classify`.
 
     Each is computed when it is first asked for; `print` asks for all. Yes and no are proved, rounding included.
