@@ -54,7 +54,7 @@ class Estimate(NamedTuple):
 
     @classmethod
     def of_sweeps(cls, facts: Facts, aim: float, speed: float, *, vectors: float = 0.0, calls: float = 0.0) -> Estimate:
-        """Sweeps that reduce the logarithm of the residual by `speed` a step, with so many passes over vectors and calls."""
+        """Sweeps that reduce the logarithm of the residual by `speed` a step, with so many passes over vectors."""
         n, nnz = facts.matrix.n, facts.matrix.nnz
         step = (calls * work.COSTS.call + work.sweep(n, nnz) + vectors * work.COSTS.vector * n) / facts.matrix.unit
         return cls(

@@ -14,7 +14,7 @@ KAPPA = 1 / SHARE
 
 @dataclass(frozen=True)
 class Script:
-    """What a candidate says, and what it really does: `steps` of one `cost`, its residual falling by `falls` in turn."""
+    """What a candidate says, and what it does: `steps` of one `cost`, its residual falling by `falls` in turn."""
 
     said: float
     setup: float
