@@ -5,7 +5,7 @@
 Each of these problems has one solution, which Newton's method on the modulus equation finds in a few steps from zᵏ if
 μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more the quicker
 that went, and grows where Newton's steps wander, which then count as not made. A problem is left as soon as its
-residual is a share of that of the LCP itself.
+residual is a share of that of the LCP itself. Where the steps wander and most rows are free, `Interior` is tried once.
 
 Where A is monotone (xᵀAx ≥ 0 for all x) and there is a solution, zᵏ converges to one, for all 0 < μ_k ≤ μ and errors of
 the steps that have a finite sum: see `theory.convergence.proximal_point`. A + μW with a large μ is dominated by its
@@ -14,7 +14,7 @@ diagonal, and then Newton's steps do not wander: there is always a μ that leads
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -42,6 +42,11 @@ _PATIENCE, _REDUCED, _GROWS = 5, 0.9, 5.0
 _SHARE = 0.1
 #: smaller shifts do nothing to the pivots
 _LEAST = 1e-12
+#: what the steps through the interior cost, in factorisations of all rows: once the others have cost as much, each the
+#: square of its share of the rows, and wander, these take their place
+_INTERIOR = 20
+#: their μ, and the share of the way to the boundary that they go
+_STEADY, _NEARLY_ALL = 1e-9, 0.995
 #: so many steps without a better iterate are the last ones
 _LAST = 100
 #: the relative residual of an inexact solve, and up to which a solve counts as one
@@ -107,6 +112,8 @@ class ProximalPath:
         self.centre = self.z, self.p
         self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
         self.best, self.idle, self.iterative = np.inf, 0, self.is_symmetric
+        self.spent = 0.0
+        self.inside: Interior | None = None
 
     @property
     def residual(self) -> float:
@@ -158,12 +165,23 @@ class ProximalPath:
             self.best, self.idle = whole, 0
         if whole == 0.0 or self.idle > _LAST:
             return False
+        if self.inside is not None:
+            if self.inside.leads_on(whole) and self.inside.advance():
+                self.z, self.p = self.inside.z, self.inside.p
+                return True
+            self.inside, here = None, (self.z, self.p)
+            self._begin(*self.centre, self.shift)
+            if whole < self.least:
+                self._begin(*here, self.shift)
         own = self.size(self.pull())
         if self.made and own <= _SHARE * whole:
             falls = _FALLS if self.made <= _QUICK else _FALLS_SLOWLY
             self._begin(self.z, self.p, max(falls * self.shift, _LEAST))
         elif not self._falls(own):
             self._begin(*self.centre, _GROWS * self.shift)
+            if self.spent >= _INTERIOR:
+                self.spent, self.inside = -np.inf, Interior(self)  # once
+                return self.advance()
         while not self._step():
             if not self.shift < 1.0 / _LEAST:
                 return False
@@ -191,6 +209,7 @@ class ProximalPath:
         problem, A = self.problem, self.problem.A
         active = self.weights * (self.z - self.c) < self.pull()
         free = np.flatnonzero(~active)
+        self.spent += (free.size / active.size) ** 2
         z = np.where(active, self.c, self.z)
         if free.size:
             starts, columns, values, p = cut(A.indptr, A.indices, A.data, problem.q, free, z)
@@ -226,6 +245,72 @@ class ProximalPath:
             if norm(M @ x - f) <= _BACKWARD * norm(f):
                 return x
         return solver_of(M)(f, _BACKWARD)
+
+
+class Interior:
+    """Newton's steps with the modulus rounded off, √(x² + 4ε²) for |x|: then r, s > 0 and rs = ε², and ε falls.
+
+    s comes to p as z does to the solution. Every row counts, but there is no sign pattern to be found; each step is a
+    proximal one with its own z for centre. That they lead on is not proved: where they do not, the others go on.
+    Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε.
+    """
+
+    def __init__(self, path: ProximalPath) -> None:
+        self.path, A = path, path.problem.A
+        self.bounded = ~np.isneginf(path.c)
+        self.diagonal, self.row = path.problem.matrix.rows.diag, row_of(A)
+        size = np.abs(np.minimum(path.resting[1], 0.0) / path.root).max()
+        self.r = np.where(self.bounded, size / path.root, 1.0)
+        self.s = np.where(self.bounded, size * path.root, 0.0)
+        self.z = path.resting[0] + np.where(self.bounded, self.r, 0.0)
+        self.p, self.best, self.waited = path.p, np.inf, 0
+
+    def leads_on(self, whole: float) -> bool:
+        """Whether the residual, now `whole`, has not been without reduction for too long."""
+        if whole < _REDUCED * self.best:
+            self.best, self.waited = whole, 0
+        self.waited += 1
+        return self.waited <= _INTERIOR
+
+    def advance(self) -> bool:
+        """One step, False where it fails."""
+        r, s, problem = self.r, self.s, self.path.problem
+        rest = s - problem.p(self.z)
+        solve = self._solver(s / r)
+        both = np.count_nonzero(self.bounded)
+        size = inner(r, s) / both
+
+        def direction(target: Vector) -> tuple[Vector, Vector, float]:
+            dr = solve(rest - np.where(self.bounded, target / r, 0.0))
+            ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
+            longest = max(np.max(-(dr / r)[self.bounded]), np.max(-(ds / s)[self.bounded]), 0.0)
+            return dr, ds, longest
+
+        dr, ds, longest = direction(r * s)
+        t = 1.0 / max(longest, 1.0)
+        after = inner(np.where(self.bounded, r + t * dr, 0.0), s + t * ds) / both
+        dr, ds, longest = direction(r * s + dr * ds - (after / size) ** 3 * size)
+        t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
+        self.r, self.s, self.z = np.where(self.bounded, r + t * dr, 1.0), s + t * ds, self.z + t * dr
+        self.p = problem.p(self.z)
+        return bool(np.isfinite(self.p).all())
+
+    def _solver(self, slopes: Vector) -> Callable[[Vector], Vector]:
+        A = self.path.problem.A
+        data = A.data.copy()
+        data[self.diagonal] += np.where(self.bounded, slopes, 0.0) + _STEADY * self.path.weights
+        unit = 1.0 / np.sqrt(data[self.diagonal])
+        M = sp.csr_array((data * unit[self.row] * unit[A.indices], A.indices, A.indptr), shape=A.shape)
+        lu = factorise(M, diagonal_pivots=True)
+
+        def solve(f: Vector) -> Vector:
+            if lu is None:
+                return np.full(f.size, np.nan)
+            x = lu.solve(unit * f)
+            x += lu.solve(unit * f - M @ x)  # without exchanges of rows digits may be lost
+            return np.asarray(unit * x)
+
+        return solve
 
 
 def balanced(A: sp.csr_array) -> Vector:
