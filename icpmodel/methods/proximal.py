@@ -111,8 +111,7 @@ class ProximalPath:
         self.z, self.p = z, problem.p(z)
         self.centre = self.z, self.p
         self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
-        self.best, self.idle, self.iterative = np.inf, 0, self.is_symmetric
-        self.spent = 0.0
+        self.best, self.idle, self.spent, self.iterative = np.inf, 0, 0.0, self.is_symmetric
         self.inside: Interior | None = None
 
     @property
@@ -352,5 +351,4 @@ def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
 
 def _iteration(M: sp.csr_array) -> float:
     """The cost of a step of `conjugate_gradients`: a product, and eight calls for vectors."""
-    n = M.shape[0]
-    return work.product(n, M.nnz) + 8 * (work.COSTS.call + work.COSTS.vector * n)
+    return work.product(M.shape[0], M.nnz) + 8 * (work.COSTS.call + work.COSTS.vector * M.shape[0])
