@@ -10,6 +10,7 @@ from hypothesis import given, settings
 
 import icpmodel as icp
 from icpmodel import Status
+from icpmodel.methods.proximal import Interior, ProximalPath
 
 
 def run(problem, **options):
@@ -32,6 +33,22 @@ def chain(rng, bodies, n):
     J = J[rng.integers(0, bodies + 1, n)]
     J = sp.csr_array(np.vstack([J, J[: n // 2]]))
     return icp.ICP(J @ sp.diags_array(rng.uniform(0.1, 10.0, bodies)) @ J.T, J @ np.round(rng.normal(size=bodies)))
+
+
+def pile(rng, m):
+    """m × m bodies that move in two directions, each in contact with three neighbours in any direction: p = J·velocity.
+
+    At rest nothing penetrates, so that there is a solution; the rows of J are dependent.
+    """
+    index = np.arange(m * m).reshape(m, m)
+    pairs = [(index[:, :-1], index[:, 1:]), (index[:-1], index[1:]), (index[:-1, :-1], index[1:, 1:])]
+    i, j = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
+    angle, rows = rng.uniform(0, 2 * np.pi, i.size), np.arange(i.size)
+    x, y = np.cos(angle), np.sin(angle)
+    places = np.tile(rows, 4), np.concatenate([2 * i, 2 * i + 1, 2 * j, 2 * j + 1])
+    J = sp.csr_array(sp.coo_array((np.concatenate([-x, -y, x, y]), places)))
+    mass = np.repeat(rng.uniform(0.3, 3.0, m * m), 2)
+    return icp.ICP(J @ sp.diags_array(1.0 / mass) @ J.T, J @ rng.normal(size=2 * m * m))
 
 
 def linear_program(rng, m, n):
@@ -59,6 +76,29 @@ def test_redundant_and_degenerate_contacts_are_solved_with_the_velocities_that_a
     solution = run(problem, rtol=1e-11)
     assert solution.solved
     assert problem.p(solution.z) == pytest.approx(problem.p(problem.solve("lemke").z), abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_redundant_contacts_in_two_dimensions_are_solved_by_signs_and_through_the_interior(seed):
+    rng = np.random.default_rng(seed)
+    for problem in (pile(rng, 10), linear_program(rng, 30, 40)[0]):
+        assert run(problem).solved
+        interior = Interior(ProximalPath(problem, np.zeros(problem.n)))
+        residuals = []
+        while len(residuals) < 25 and interior.advance():
+            residuals.append(problem.residual(interior.z))
+        assert min(residuals) < 1e-8 * problem.residual_at_0()
+
+
+def test_where_the_interior_leads_nowhere_the_path_goes_on_from_its_centre():
+    problem = pile(np.random.default_rng(7), 6)
+    path = ProximalPath(problem, np.zeros(problem.n))
+    assert path.advance()
+    path.inside = Interior(path)
+    path.inside.s[:] = np.nan
+    while path.advance() and path.residual > 1e-8 * problem.residual_at_0():
+        assert path.inside is None
+    assert path.residual <= 1e-8 * problem.residual_at_0()
 
 
 @pytest.mark.parametrize("seed", range(6))
