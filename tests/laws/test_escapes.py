@@ -1,5 +1,6 @@
 """No foreign exception leaves the package, whatever a user has set for his process, hands in, or presses."""
 
+import ctypes
 import os
 import resource
 import signal
@@ -194,14 +195,13 @@ def test_nothing_that_a_callback_is_handed_reaches_the_run():
 def test_a_foreign_solver_that_prints_is_not_heard(capfd):
     for q in ([1e308, -1e308], [-1e308, 1.0]):
         icp.ICP([[2.0, -1.0], [-1.0, 2.0]], q).crosscheck([0.0, 0.0], solvers=["piqp", "osqp"])
+    ctypes.CDLL(None).fflush(None)  # C keeps what it prints until then
     assert capfd.readouterr() == ("", "")
 
 
 def test_a_coarser_level_that_overflows_is_none():
-    """LAPACK's singular values of a matrix with infinite entries never come."""
-    n = 2000
-    A = sp.diags_array([-1.7e308, 1.7e308, -1e-300], offsets=[-1, 0, 1], shape=(n, n))
-    icp.ICP(A, -np.ones(n)).solve("multilevel", max_iter=5, raise_on_failure=False)
+    A = sp.diags_array([-1e308, 1.7e308, -1e308], offsets=[-1, 0, 1], shape=(200, 200))
+    icp.ICP(A, -np.ones(200)).solve("multilevel", max_iter=5, raise_on_failure=False)
 
 
 def test_what_linear_programming_cannot_be_given_proves_nothing():
