@@ -7,13 +7,15 @@ announces as an entry point of the group "icpmodel", or in a script. It is found
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import importlib
 import io
 import logging
+import os
 import pkgutil
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -116,6 +118,23 @@ class ForeignSolver(ABC):
         """Solve the `model` that `set_up` made, from scratch. May raise whatever the foreign package raises."""
 
 
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """What is printed meanwhile goes nowhere, from compiled code, too: PIQP, for one, has warnings of its own.
+
+    Standard error stays, where a line of progress may be drawn.
+    """
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.ExitStack() as after:
+        with contextlib.suppress(OSError):  # there may be no standard output
+            kept = os.dup(1)
+            after.callback(os.close, kept)
+            after.callback(os.dup2, kept, 1)
+            after.callback(ctypes.CDLL(None).fflush, None)
+            with open(os.devnull, "wb") as nowhere:
+                os.dup2(nowhere.fileno(), 1)
+        yield
+
+
 def missing(module: str) -> str | None:
     """Why `module` cannot be imported, with the command that mends it, or None where it can."""
     try:
@@ -176,7 +195,7 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
     try:
         # foreign chatter must not reach the user: OSQP prints about polishing whatever one asks, Pyomo logs failures
         logging.disable(logging.CRITICAL)
-        with sheltered(), contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
+        with sheltered(), _silence(), np.errstate(all="ignore"):
             solver.pose(target)
             begin = time.perf_counter()
             model = solver.set_up(target, tolerance, time_limit)

@@ -1,9 +1,11 @@
 """What is public can be sent to another process and back, errors with what they carry included."""
 
+import copy
 import pickle
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 import icpmodel as icp
 
@@ -49,3 +51,22 @@ def test_a_problem_and_its_solution_are_the_same_there(psi):
     assert np.array_equal(there.problem.solve(raise_on_failure=False).z, solution.z)
     assert repr(there.method) == repr(solution.method)
     assert there.certificate.error_bound == solution.certificate.error_bound
+
+
+def arrays(value):
+    if isinstance(value, np.ndarray):
+        return [value]
+    return [value.data, value.indices, value.indptr] if sp.issparse(value) else []
+
+
+def test_what_is_read_only_stays_so_there():
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0], icp.Affine(np.eye(2) / 4, [0.5, -np.inf]))
+    solution = problem.solve("mnmgs", history=True)
+    results = [solution, solution.history, solution.certificate.bound, solution.active_set, problem.psi]
+    results += [solution.problem.psi, icp.MNMGS(phi=[1.0, 2.0]), icp.solve_many(problem.A, [[1.0, 2.0]])]
+    results += [icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [-1.0, 0.0]).solve(raise_on_failure=False).infeasible]
+    for one in [*results, problem.explain().classes, icp.scenes.membrane(n=25)]:
+        for there in (again(one), copy.deepcopy(one)):
+            found = [array for value in vars(there).values() for array in arrays(value)]
+            assert found
+            assert not any(array.flags.writeable for array in found), type(one)

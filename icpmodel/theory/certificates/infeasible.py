@@ -95,6 +95,8 @@ def multipliers(problem: ProblemData) -> Vector | None:
     free = np.isneginf(c)
     load = problem.p(np.where(free, 0.0, c))
     size, sums = np.abs(load).sum(), abs(A).sum(axis=0)
+    if not (np.isfinite(10.0 * size) and np.isfinite(sums).all()):
+        return None
     found = linprog(
         np.append(load, -10.0 * size),  # the last unknown is the room, in shares of what the rows could be
         A_ub=sp.vstack([sp.hstack([A[:, ~free].T, sums[~free, None]]), np.append(load, size)[None]]),

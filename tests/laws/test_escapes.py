@@ -1,0 +1,209 @@
+"""No foreign exception leaves the package, whatever a user has set for his process, hands in, or presses."""
+
+import ctypes
+import os
+import resource
+import signal
+import subprocess
+import sys
+
+import numba
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel.numerics.kernels import compiled
+from icpmodel.theory.certificates.infeasible import multipliers
+
+RNG = np.random.default_rng(0)
+SMALL = icp.ICP(3 * np.eye(40) + 0.1 * RNG.normal(size=(40, 40)), RNG.normal(size=40))
+HUGE = 10**6000  # Python does not print it
+BAND = icp.scenes.bearing(n=100).problem
+
+
+@pytest.mark.parametrize(
+    ("size", "psi"),
+    [(1e-300, 0.0), (1e-160, icp.Affine(np.eye(4) / 4, -0.1)), (1e160, icp.Elementwise(np.tanh, lipschitz=1))],
+)
+def test_what_a_user_asks_of_numpy_for_himself_is_not_asked_of_the_package(size, psi):
+    rng = np.random.default_rng(1)
+    A, q = 4 * np.eye(4) + rng.normal(size=(4, 4)), rng.normal(size=4)
+    with np.errstate(all="raise"):
+        for problem in (icp.ICP(size * A, q, psi), icp.ICP(A, size * q, psi)):
+            solution = problem.solve(raise_on_failure=False)
+            told = str(solution), str(solution.polish()), str(problem.explain())
+            told += (str(problem.crosscheck(solution, solvers=["osqp"])),)
+            problem.solve("mnmgs", max_iter=20, raise_on_failure=False)
+            assert all(told)
+            assert np.isfinite(problem.natural_map(solution)).all()
+            assert len(problem.p(solution)) == len(problem.r(solution)) == 4
+
+
+def test_ctrl_c_is_a_keyboard_interrupt_in_compiled_code_too():
+    """numba makes a SystemError of it; wherever it comes, the run ends with its best iterate or with Ctrl-C."""
+
+    def press(*_):
+        raise KeyboardInterrupt
+
+    def interrupted(problem, after):
+        try:
+            signal.setitimer(signal.ITIMER_REAL, after)
+            problem.solve(raise_on_failure=False)
+            signal.setitimer(signal.ITIMER_REAL, 0)
+        except KeyboardInterrupt:
+            return True
+        return False
+
+    usual = signal.signal(signal.SIGALRM, press)
+    try:
+        for problem in (SMALL, BAND):
+            needed = problem.solve().seconds
+            for k in range(60):
+                interrupted(problem, max(k / 60 * needed, 1e-6))
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, usual)
+
+
+def test_a_function_of_the_user_that_is_interrupted_has_not_failed():
+    def psi(z):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as pressed:
+            raise SystemError("returned a result with an exception set") from pressed
+
+    with pytest.raises(KeyboardInterrupt):
+        icp.ICP([[2.0]], [-1.0], psi).solve()
+
+
+def half(x):
+    return 0.5 * x
+
+
+def test_compiled_code_that_cannot_be_kept_is_compiled_all_the_same():
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))  # as on a full disk
+    try:
+        with pytest.warns(UserWarning, match="compiled code cannot be kept in .*NUMBA_CACHE_DIR"):
+            assert compiled(half)(3.0) == 1.5
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+UNDER_OO = """
+import multiprocessing, sys
+import icpmodel as icp
+from icpmodel.cli import main
+
+def solved(q):
+    return icp.ICP([[1.0, -1.0], [-1.0, 1.0]], q).solve().z
+
+if __name__ == "__main__":
+    print(icp.scenes.membrane(n=400).problem.solve("multilevel").status.value)
+    assert main(["scenes"]) is None, "assertions are off"
+    try:
+        multiprocessing.get_context("fork").Pool(1).map(solved, [[1.0, 1.0], [-1.0, 0.0]])
+    except icp.NotSolved as error:
+        print(error.solution.status.value, flush=True)
+    main(["explain", "hand-lcp"])
+"""
+
+
+def test_without_docstrings_and_assertions_everything_works_and_a_pool_of_processes_returns_its_failed_row():
+    run = subprocess.run(
+        [sys.executable, "-OO", "-c", UNDER_OO], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith("solved\ninfeasible\nproblem")
+
+
+def test_numba_that_is_switched_off_is_named():
+    code = "import icpmodel as icp; icp.scenes.hand_lcp().problem.solve('mnmgs')"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert run.stderr.splitlines()[-1].startswith("icpmodel.errors.IcpError: NUMBA_DISABLE_JIT is set")
+    assert not numba.config.DISABLE_JIT
+
+
+class Stubborn:
+    def __array__(self, *_, **__):
+        raise RuntimeError("ask somebody else")
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ([[1.0], [1.0, 2.0]], "cannot be read as an array of numbers"),
+        (np.ma.array([1.0, 2.0], mask=[True, False]), "has masked entries"),
+        (np.ma.masked, "has masked entries"),
+        (10**400, "an integer of hundreds of digits|has shape"),
+        (HUGE, "an integer of hundreds of digits"),
+        ([10**400, 1], "has dtype object"),
+        (Stubborn(), "ask somebody else"),
+        ([Stubborn(), 1.0], "ask somebody else"),
+        (np.array(["2001-01-01", "2001-01-02"], "M8[D]"), r"has dtype datetime64\[D\]"),
+        (["1", "2"], "has dtype <U1"),
+        ([1j, 2.0], "is complex|has dtype complex"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_what_is_no_vector_of_numbers_is_refused_by_name_wherever_it_is_handed_in(value, words):
+    problem = icp.ICP(3 * np.eye(2), [-1.0, 2.0])
+    for call in (
+        lambda: icp.ICP(np.eye(2), value),
+        lambda: icp.ICP(value, [1.0, 2.0]),
+        lambda: icp.ICP(np.eye(2), [1.0, 2.0], value),
+        lambda: problem.with_q(value),
+        lambda: problem.solve(z0=value),
+        lambda: problem.residual(value),
+        lambda: problem.natural_map([1.0, 1.0], value),
+        lambda: problem.solve("mnmgs", phi=value),
+        lambda: icp.solve_many(np.eye(2), value),
+        lambda: icp.solve_many(np.eye(2), [[1.0, 2.0]], Z0=value),
+    ):
+        with pytest.raises(icp.InputError, match=rf"{words}|A has shape \(2,\)"):
+            call()
+
+
+@pytest.mark.parametrize("value", [10**400, HUGE, np.timedelta64(1), np.ma.masked], ids=type)
+@pytest.mark.parametrize("name", ["rtol", "accuracy", "max_iter", "time_limit"])
+def test_what_is_no_number_is_refused_by_name(name, value):
+    with pytest.raises(icp.InputError, match=f"{name} is"):
+        SMALL.solve(**{name: value})
+
+
+def test_a_function_that_returns_masked_entries_is_at_fault():
+    with pytest.raises(icp.MapError, match=r"psi\(z\) has masked entries"):
+        icp.ICP([[2.0]], [-1.0], lambda z: np.ma.array(z, mask=True)).solve()
+
+
+def test_nothing_that_a_callback_is_handed_reaches_the_run():
+    def spoil(state):
+        with pytest.raises(ValueError, match="read-only"):
+            state.z[:] = 7.0
+        z = state.z if state.z.base is None else state.z.base
+        z.flags.writeable = True
+        z[:] = 7.0
+
+    problem = icp.scenes.membrane(n=100).problem
+    for method in ("mnmgs", "newton", None):
+        spoiled = problem.solve(method, callback=spoil)
+        assert np.array_equal(spoiled.z, problem.solve(method).z)
+
+
+def test_a_foreign_solver_that_prints_is_not_heard(capfd):
+    for q in ([1e308, -1e308], [-1e308, 1.0]):
+        icp.ICP([[2.0, -1.0], [-1.0, 2.0]], q).crosscheck([0.0, 0.0], solvers=["piqp", "osqp"])
+    ctypes.CDLL(None).fflush(None)  # C keeps what it prints until then
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_coarser_level_that_overflows_is_none():
+    A = sp.diags_array([-1e308, 1.7e308, -1e308], offsets=[-1, 0, 1], shape=(200, 200))
+    icp.ICP(A, -np.ones(200)).solve("multilevel", max_iter=5, raise_on_failure=False)
+
+
+def test_what_linear_programming_cannot_be_given_proves_nothing():
+    assert multipliers(icp.ICP(np.eye(3), [-1e308, -1e308, 1.0])) is None
+    assert multipliers(icp.ICP(1e308 * np.ones((3, 3)), [-1.0, 0.0, 1.0])) is None
