@@ -416,7 +416,9 @@ def test_a_race_is_printed_and_written(capsys, tmp_path):
 
 def test_every_measurement_is_a_command(capsys):
     """What the README tells to type is there: each has a help page with a sentence of its own."""
-    names = "benchmark bounds certificate counts dispatch dominant honesty impulse limit memory modelling order"
+    names = (
+        "benchmark bounds certificate constants counts dispatch dominant honesty impulse limit memory modelling order"
+    )
     names += " small sweep tuning"
     listed = call(capsys, "measure", "--help")[1]
     assert [line.split()[0] for line in listed.split("Commands:")[1].splitlines() if line.strip()] == names.split()
