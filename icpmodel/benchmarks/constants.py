@@ -96,7 +96,7 @@ def _passes(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]
         step = PSOR(omega=1.0).step_of(problem)
         yield {"call": 1, "row": n, "entry": A.nnz}, partial(A.__matmul__, z)
         yield {"call": 1, "sweep_row": n, "sweep_entry": A.nnz}, partial(step, z)
-        yield {"vector": n}, partial(np.minimum, z, z, np.empty(n))
+        yield {"vector": n}, partial(np.minimum, z, z, out=np.empty(n))
 
 
 def _sparse(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]]:

@@ -111,7 +111,7 @@ def test_who_overruns_twofold_waits_and_goes_on_where_it_was_when_the_others_do_
         order.append(turn.who)
         turn.stepped(1.0, 0.0)
     switched = order.index("second")
-    assert order[:30].count("first") >= 20 and switched >= 20  # not before it has spent twice what it said
+    assert switched >= 20  # not before it has spent twice what it said
     again = order.index("first", switched + 10)
     assert order[again:].count("first") > 0
     assert sum(turn.steps for turn in schedule.waiting) == 200  # nothing of what was made is lost
