@@ -56,7 +56,9 @@ class Estimate(NamedTuple):
     def of_sweeps(cls, facts: Facts, aim: float, speed: float, *, vectors: float = 0.0, calls: float = 0.0) -> Estimate:
         """Sweeps that reduce the logarithm of the residual by `speed` a step, with so many passes over vectors."""
         n, nnz = facts.matrix.n, facts.matrix.nnz
-        step = (calls * work.COSTS.call + work.sweep(n, nnz) + vectors * work.COSTS.vector * n) / facts.matrix.unit
+        step = (
+            work.COSTS.iterate + calls * work.COSTS.call + work.sweep(n, nnz) + vectors * work.COSTS.vector * n
+        ) / facts.matrix.unit
         return cls(
             work.COSTS.call / facts.matrix.unit, step, math.log(1.0 / aim) / speed + 1.0, 8.0 * n * (4.0 + vectors)
         )

@@ -43,7 +43,7 @@ class Josephy(Method):
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         n = facts.matrix.n
-        step = (20.0 * work.COSTS.call + n**3 * work.COSTS.pivot_entry) / facts.matrix.unit
+        step = (20.0 * work.COSTS.call + n**3 / 3.0 * work.COSTS.pivot_entry) / facts.matrix.unit
         return Estimate(0.0, step, 5.0, 24.0 * n**2)
 
     def why_not(self, problem: ProblemData) -> str | None:

@@ -47,7 +47,7 @@ class Lemke(Method):
         n = facts.matrix.n
         return Estimate(
             8.0 * work.COSTS.call / facts.matrix.unit,
-            n**3 * work.COSTS.pivot_entry / facts.matrix.unit,
+            n**3 / 3.0 * work.COSTS.pivot_entry / facts.matrix.unit,
             1.0,
             24.0 * n**2,
         )

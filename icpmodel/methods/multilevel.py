@@ -14,6 +14,7 @@ an intervention, policy iteration (`Newton`) takes the place of the three: its j
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -73,7 +74,12 @@ class Multilevel(Method):
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         matrix, costs = facts.matrix, work.COSTS
         setup = costs.hierarchy + costs.hierarchy_entry * matrix.nnz
-        look = _SWEEPS * work.sweep(matrix.n, matrix.nnz) + 3.0 * (costs.cycle + costs.cycle_entry * matrix.nnz)
+        setup += costs.newton * 2.0 * math.log2(max(matrix.n / 64.0, 1.0))  # the coarser levels
+        look = (
+            0.5 * costs.newton
+            + _SWEEPS * work.sweep(matrix.n, matrix.nnz)
+            + 3.0 * (costs.cycle + costs.cycle_entry * matrix.nnz)
+        )
         return Estimate(setup / matrix.unit, look / matrix.unit, 8.0, 40.0 * matrix.nnz)
 
     def why_not(self, problem: ProblemData) -> str | None:
@@ -155,6 +161,7 @@ def _path(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int) -> It
             # p and r then change alike with z_i
             omega = level.diagonal / np.maximum(1.0 - own, _LEAST_SLOPE)
         p, r = problem.p(z), problem.r(z)
+        work.add(0.5 * work.COSTS.newton)
         if newton is None or not np.array_equal(r < p / omega, newton.active):
             made = 0
             while made < _SWEEPS:

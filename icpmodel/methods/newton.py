@@ -75,7 +75,7 @@ class Newton(Method):
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         # sets that only shrink do so by layers whose number doubles
         matrix = facts.matrix
-        step = (work.COSTS.newton + work.factor_cost(matrix.fill)) / matrix.unit
+        step = (work.COSTS.newton + work.COSTS.newton_entry * matrix.nnz + work.factor_cost(matrix.fill)) / matrix.unit
         return Estimate(0.0, step, 3.0 + math.log2(matrix.n), 16.0 * matrix.fill.entries)
 
     def why_not(self, problem: ProblemData) -> str | None:
@@ -143,7 +143,7 @@ class Path:
         """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
         if self.here.theta == 0:
             return False
-        work.add(work.COSTS.newton)
+        work.add(work.COSTS.newton + work.COSTS.newton_entry * self.problem.nnz)
         self.fault = None
         with np.errstate(all="ignore"):
             new = self._tried(self.plain) or self._tried(self.descent)

@@ -19,8 +19,11 @@ class Costs(NamedTuple):
 
     #: a step in Python around one compiled loop or one SciPy product, whatever its size
     call: float = 3_000.0
-    #: a Newton step in Python: the active set, slices of sparse matrices, a solver
+    #: an iterate in Python: its residual, tests, and who has the next turn
+    iterate: float = 5_000.0
+    #: a Newton step in Python: the active set, slices of sparse matrices, a solver; per step and per entry of A
     newton: float = 400_000.0
+    newton_entry: float = 60.0
     #: A @ z, per stored entry and per row
     entry: float = 0.6
     row: float = 1.2
@@ -42,7 +45,7 @@ class Costs(NamedTuple):
     #: a dense factorisation, per entry and per multiplication, and a pivot, per entry of the dictionary
     dense_entry: float = 6.0
     dense_flop: float = 0.045
-    pivot_entry: float = 1.2
+    pivot_entry: float = 0.5
     #: an algebraic multigrid hierarchy, whatever its size and per entry of A, a V-cycle on it in one compiled loop a
     #: level, and a step of a Krylov method with a cycle by PyAMG, which makes several loops of each level
     hierarchy: float = 1_200_000.0

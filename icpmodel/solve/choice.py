@@ -65,13 +65,13 @@ def choose(
     yield Stage(0.0, stage(0.0, 0.0, lambda: [Lemke()]).made)
     yield stage(20.0, 0.0, lambda: [Tridiagonal()])
     if problem.psi.takes_best:
-        yield stage(50.0, 3.0, lambda: [MNMJ()], lambda: [Multilevel()])
+        yield stage(30.0, 3.0, lambda: [MNMJ()], lambda: [Multilevel()])
     else:
-        accelerated = lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))]  # noqa: E731
-        plain = lambda: [PSOR(), MNMGS()]  # noqa: E731
-        yield stage(50.0, 3.0, plain, accelerated, lambda: [Josephy()], lambda: [Multilevel()])
-        yield stage(100.0, 80.0, lambda: _relaxed(problem))
-    yield stage(50.0, 40.0, lambda: [Newton()], lambda: [MNMMOD(theta1=AUTO)], lambda: [Proximal()])
+        yield stage(15.0, 3.0, lambda: [PSOR(), MNMGS()])
+        yield stage(15.0, 0.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))])
+        yield stage(15.0, 0.0, lambda: [Multilevel()], lambda: [Josephy()])
+        yield stage(100.0, 60.0, lambda: _relaxed(problem))
+    yield stage(30.0, 30.0, lambda: [Newton()], lambda: [MNMMOD(theta1=AUTO)], lambda: [Proximal()])
     if reduced is not None:
         yield Stage(stage(20.0, 20.0).cost, lambda: reduced(least))
 

@@ -178,7 +178,7 @@ class Run:
             fallen = math.log(first / residual) if 0.0 < residual < first < np.inf else 0.0
             look, count = False, count + 1
             if count > 1:  # the set-up counts for the first step
-                look, spent = turn.stepped(spent / unit, fallen), 0.0
+                look, spent = turn.stepped((spent + work.COSTS.iterate) / unit, fallen), 0.0
             yield look
 
     def found(self, z: Vector, residual: float) -> Best:
