@@ -73,14 +73,13 @@ class Multilevel(Method):
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         matrix, costs = facts.matrix, work.COSTS
-        setup = costs.hierarchy + costs.hierarchy_entry * matrix.nnz
-        setup += costs.newton * 2.0 * math.log2(max(matrix.n / 64.0, 1.0))  # the coarser levels
-        look = (
-            0.5 * costs.newton
-            + _SWEEPS * work.sweep(matrix.n, matrix.nnz)
-            + 3.0 * (costs.cycle + costs.cycle_entry * matrix.nnz)
-        )
-        return Estimate(setup / matrix.unit, look / matrix.unit, 8.0, 40.0 * matrix.nnz)
+        coarser = 2.0 * math.log2(max(matrix.n / 64.0, 1.0))  # looks
+        setup = costs.hierarchy + costs.hierarchy_entry * matrix.nnz + coarser * costs.newton
+        cycles = 3.0 * (costs.cycle + costs.cycle_entry * matrix.nnz)
+        look = 0.5 * costs.newton + _SWEEPS * work.sweep(matrix.n, matrix.nnz) + cycles
+        # for matrices with ρ ≤ 1 eight looks are the rule; the others it is not made for
+        looks = 8.0 * max(matrix.rough_jacobi_radius, 1.0) ** 2
+        return Estimate(setup / matrix.unit, look / matrix.unit, looks, 40.0 * matrix.nnz)
 
     def why_not(self, problem: ProblemData) -> str | None:
         found = positive_diagonal(problem, "its smoother divides by the diagonal of A")

@@ -77,6 +77,9 @@ def choose(
 
 
 def _relaxed(problem: ProblemData) -> list[Method]:
+    """Overrelaxed sweeps, of which theory says something where ρ < 1."""
+    if problem.matrix.jacobi_radius >= 1.0:
+        return []
     return [PSOR(omega=best_omega(problem.matrix.jacobi_radius)), MNMAOR(theta1=AUTO)]
 
 

@@ -175,7 +175,7 @@ class Run:
             if ended is not None:
                 return ended
             expected = recent.expected(residual)
-            fallen = math.log(first / residual) if 0.0 < residual < first < np.inf else 0.0
+            fallen = math.log(first / residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0
             look, count = False, count + 1
             if count > 1:  # the set-up counts for the first step
                 look, spent = turn.stepped((spent + work.COSTS.iterate) / unit, fallen), 0.0

@@ -13,6 +13,7 @@ import io
 import logging
 import os
 import pkgutil
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
@@ -122,16 +123,19 @@ class ForeignSolver(ABC):
 def _silence() -> Iterator[None]:
     """What is printed meanwhile goes nowhere, from compiled code, too: PIQP, for one, has warnings of its own.
 
-    Standard error stays, where a line of progress may be drawn.
+    Python's own standard error stays, where a line of progress may be drawn.
     """
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.ExitStack() as after:
-        with contextlib.suppress(OSError):  # there may be no standard output
-            kept = os.dup(1)
-            after.callback(os.close, kept)
-            after.callback(os.dup2, kept, 1)
-            after.callback(ctypes.CDLL(None).fflush, None)
-            with open(os.devnull, "wb") as nowhere:
-                os.dup2(nowhere.fileno(), 1)
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.ExitStack() as after, open(os.devnull, "wb") as nowhere:
+        for stream in (1, 2):
+            with contextlib.suppress(OSError, AttributeError):  # there may be no such stream
+                kept = os.dup(stream)
+                after.callback(os.close, kept)
+                after.callback(os.dup2, kept, stream)
+                if stream == sys.stderr.fileno():
+                    terminal = after.enter_context(open(kept, "w", buffering=1, closefd=False))
+                    after.enter_context(contextlib.redirect_stderr(terminal))
+                after.callback(ctypes.CDLL(None).fflush, None)
+                os.dup2(nowhere.fileno(), stream)
         yield
 
 

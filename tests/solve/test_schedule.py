@@ -117,17 +117,17 @@ def test_who_overruns_twofold_waits_and_goes_on_where_it_was_when_the_others_do_
     assert sum(turn.steps for turn in schedule.waiting) == 200  # nothing of what was made is lost
 
 
-def test_a_fact_is_asked_for_only_where_it_costs_a_sixth_of_what_is_left():
+def test_a_fact_is_asked_for_when_six_times_its_cost_is_least():
     asked = []
 
     def stage(cost, left):
         def made():
             asked.append(cost)
-            return [(cost, Expected(left, 0.0, 1.0, True))]
+            return [(cost, Expected(left, 0.0, left, True))]
 
         return Stage(cost, made)
 
-    Schedule(iter([stage(0.0, 60.0), stage(10.0, 30.0), stage(6.0, 20.0)])).turn()
+    Schedule(iter([stage(0.0, 61.0), stage(10.0, 30.0), stage(6.0, 20.0)])).turn()
     assert asked == [0.0, 10.0]
 
 

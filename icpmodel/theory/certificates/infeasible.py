@@ -94,7 +94,8 @@ def multipliers(problem: ProblemData) -> Vector | None:
     c, A, n = problem.facts.obstacle, problem.A.tocsc(), problem.n
     free = np.isneginf(c)
     load = problem.p(np.where(free, 0.0, c))
-    size, sums = np.abs(load).sum(), abs(A).sum(axis=0)
+    with np.errstate(over="ignore"):
+        size, sums = np.abs(load).sum(), abs(A).sum(axis=0)
     if not (np.isfinite(10.0 * size) and np.isfinite(sums).all()):
         return None
     found = linprog(
