@@ -176,6 +176,6 @@ def forecast(fallen: list[float], need: float) -> float:
     for _ in range(_DOUBLINGS):
         now *= change
         if change >= 1.0 or left <= now * k:
-            return steps + left / now
+            return max(steps + left / now, 1.0)
         left, steps, k = left - now * k, steps + k, 2 * k
     return math.inf
