@@ -26,6 +26,7 @@ from ..algebra.resting import WORTH, Border, rows_at_rest
 from ..algebra.subproblems import Blocks, Rows, blocks, resting, restricted
 from ..errors import MapError
 from ..methods.contract import Infeasible, Iterate, Method
+from ..numerics import work
 from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
 from ..theory.certificates.bounds import error_bound
@@ -36,8 +37,8 @@ from .goal import RTOL
 from .part import Part, advance, together
 from .schedule import Expected
 
-#: the passes over A that a reduction takes
-_PASSES = 5.0
+#: the passes over A that a reduction takes, and the calls in Python
+_PASSES, _CALLS = 10.0, 300.0
 #: where there are many stages so many iterates of them are shown
 _SHOWN = 32
 
@@ -169,8 +170,9 @@ def _reduced(problem: ProblemData, aim: float, least: float) -> list[Asked]:
     if found is None:
         return []
     share = sum(rows.size for stage in found.stages for rows in stage) / problem.n
+    setup = _PASSES + _CALLS * work.COSTS.call / problem.matrix.unit
     method = ReducedTo(blocks=found, aim=aim)
-    return [(Candidate(method, repr(found)), Expected(_PASSES + share * least, _PASSES, 1.0, finite=True))]
+    return [(Candidate(method, repr(found)), Expected(setup + share * least, setup, 1.0, finite=True))]
 
 
 def _report(problem: ProblemData, parts: list[Part], z: Vector) -> None:
