@@ -34,7 +34,7 @@ class AffineLcp:
     """
 
     def __init__(self, A: Matrix, q: Vector, c: Vector, G: Matrix | Vector | None = None) -> None:
-        self.free = np.isneginf(c)
+        self.free = c == -np.inf
         self.c = np.where(self.free, 0.0, c)
         self.M, self.inverse = A, None
         if G is not None:

@@ -18,6 +18,9 @@ Vector = NDArray[np.float64]
 _SHORT = np.iinfo(np.int32).max
 #: no float is as large as this integer
 _LONG = 10**309
+#: what counts as a number, whole or not, although bools and times are among them, and as a truth value
+_WHOLE, _REAL = (int, np.integer), (int, float, np.integer, np.floating)
+_NO_NUMBER, _TRUTH = (bool, np.timedelta64), (bool, np.bool_)
 #: inner products of so many entries BLAS makes with one thread
 _FEW = 10_000
 
@@ -48,7 +51,7 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
 
 def as_array(value: Any, name: str) -> np.ndarray:
     """`value` as a NumPy array of any shape. Raises InputError where it is a text, None or any other object."""
-    if np.ma.is_masked(value):
+    if type(value) is not np.ndarray and np.ma.is_masked(value):
         raise InputError(f"{name} has masked entries; numbers were expected in their places: see its method filled()")
     try:
         array = np.asarray(value)
@@ -82,7 +85,7 @@ def not_finite(vector: Vector, name: str) -> str:
 
 def as_truth(value: Any, name: str) -> bool:
     """`value`, which must be True or False: the text "no" is neither. Raises InputError."""
-    if not isinstance(value, bool | np.bool_):
+    if not isinstance(value, _TRUTH):
         raise InputError(f"{name} is {described(value)}; True or False was expected")
     return bool(value)
 
@@ -105,8 +108,7 @@ def as_number(
     whole: bool = False,
 ) -> float:
     """`value` as a finite float (an int if `whole`), no truth value, within these bounds. Raises InputError."""
-    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
-    right = isinstance(value, kinds) and not isinstance(value, bool | np.timedelta64)
+    right = isinstance(value, _WHOLE if whole else _REAL) and not isinstance(value, _NO_NUMBER)
     right = right and not (isinstance(value, int) and abs(value) >= _LONG)
     if not (right and math.isfinite(value) and above < value < below and least <= value <= most):
         bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
@@ -182,14 +184,14 @@ def _compressed(array: NDArray[np.float64], keep_diagonal: bool) -> sp.csr_array
 
 def inner(x: Vector, y: Vector) -> float:
     """xᵀy, both of shape (n,)."""
-    # from some size on BLAS wakes threads, which then spin for a while on the core that a sweep could have
-    return float(x @ y if x.size <= _FEW else np.einsum("i,i", x, y))
+    # vdot does not look for overflow, as ufuncs do; from some size on BLAS wakes threads, which then spin for a while on
+    # the core that a sweep could have
+    return float(np.vdot(x, y) if x.size <= _FEW else np.einsum("i,i", x, y))
 
 
 def norm(x: Vector) -> float:
     """‖x‖₂, safe against over- and underflow of the squares; infinite or NaN where an entry is."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        squares = inner(x, x)
+    squares = inner(x, x)
     if 1e-280 < squares < 1e280:
         return math.sqrt(squares)
     largest = float(np.abs(x).max())
@@ -215,7 +217,7 @@ class ReadOnly:
             for one in value if isinstance(value, tuple) else (value,):
                 if isinstance(one, np.ndarray):
                     one.flags.writeable = False
-                elif isinstance(one, sp.csr_array):
+                elif type(one) is sp.csr_array:  # isinstance is slow where a class has abstract bases
                     freeze(one)
 
 

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..numerics.arrays import Vector, as_array, as_vector, axes, described, norm, not_finite
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import in_parts, threads_for
-from ..numerics.work import add, product
+from ..numerics.work import add
 from .affine import Constant
 from .facts import Facts
 from .function import Function
@@ -218,7 +218,7 @@ class ProblemData:
             return norm(np.minimum(self.q, -psi))
 
     def _is_large(self) -> bool:
-        return self.matrix.dense is None and threads_for(self.A.nnz) > 1
+        return self.matrix.dense is None and threads_for(self.nnz) > 1
 
     def _squares(self, z: Vector, psi: Vector) -> float:
         """Res(z)², without care for overflow, in one pass over A on all cores."""
@@ -226,7 +226,7 @@ class ProblemData:
 
         A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
         given = (A.indptr, A.indices, A.data, self.q, psi, z)
-        add(product(self.n, A.nnz))
+        add(self.matrix.unit)
         return float(sum(in_parts(self.n, threads_for(A.nnz), lambda low, high: natural(*given, low, high))))
 
     def rounding(self, z: Any) -> tuple[Vector, Vector]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import math
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector, as_truth, described
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import is_ctrl_c, sheltered
 from ..problem.data import ProblemData, as_problem
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
@@ -135,7 +136,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
     clock = time.perf_counter()
     moved = start.any()
     at_start = scale = problem.residual(start) if moved else problem.residual_at_0()
-    if not np.isfinite(scale) and (fault := fault_of_psi(problem, start)):
+    if not math.isfinite(scale) and (fault := fault_of_psi(problem, start)):
         raise MapError(f"{fault} at the start z0; a finite number or -inf was expected")
     # a start that leads one method astray is not given to the next, unless psi has no value at 0
     restart = start
@@ -143,10 +144,10 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
         at_0 = np.nan
         with contextlib.suppress(MapError):
             at_0 = problem.residual_at_0()
-        if np.isfinite(at_0):
+        if math.isfinite(at_0):
             restart = np.zeros(problem.n)
             scale = at_0 or scale  # if 0 solves the problem, it says nothing of its scale
-    known = bool(np.isfinite(scale))
+    known = math.isfinite(scale)
     tolerance = max(limits.atol, limits.rtol * scale) if known else limits.atol
     # a certified error falls about as a residual does
     share = tolerance / scale if known and scale > 0.0 and limits.accuracy is None else RTOL
@@ -168,11 +169,11 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
 def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
     """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
-        with sheltered(), np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             for _ in run.steps(tried):
                 pass
-    except KeyboardInterrupt:
-        if not run.tried:
+    except (KeyboardInterrupt, SystemError) as error:
+        if not (run.tried and is_ctrl_c(error)):
             raise
         if run.best is None:
             run.best = run.found(run.start, run.at_start)
@@ -217,11 +218,9 @@ def solution_of(run: Run, accuracy: float | None) -> Solution:
             f"({run.goal.wanted(best.z)}). Advice: {advice}"
         )
     others = [f"{one.candidate.method!r}: {one.outcome}" for one in run.tried if one.candidate is not best.candidate]
-    z = best.z.copy()
-    z.flags.writeable = False
     return Solution(
         problem=run.problem,
-        z=z,
+        z=best.z.copy(),
         status=status,
         message=message,
         method=best.candidate.method,
