@@ -30,7 +30,7 @@ from .solution import History, Solution, Status
 _LEAST_AIM, _MOST_AIM = 1e-14, 0.5
 
 
-@sheltered()
+@sheltered
 def solve(
     problem: ProblemData,
     method: str | Method | None = None,
@@ -134,7 +134,7 @@ def _candidates(
 def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> Run:
     """The run from `start`. Raises MapError where ψ has no value there."""
     clock = time.perf_counter()
-    moved = start.any()
+    moved = np.count_nonzero(start)
     at_start = scale = problem.residual(start) if moved else problem.residual_at_0()
     if not math.isfinite(scale) and (fault := fault_of_psi(problem, start)):
         raise MapError(f"{fault} at the start z0; a finite number or -inf was expected")
@@ -166,12 +166,12 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
     )
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
     """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
-        with np.errstate(over="ignore", invalid="ignore"):
-            for _ in run.steps(tried):
-                pass
+        for _ in run.steps(tried):
+            pass
     except (KeyboardInterrupt, SystemError) as error:
         if not (run.tried and is_ctrl_c(error)):
             raise
@@ -193,8 +193,8 @@ def judged(run: Run) -> Best:
         judged.append(run.found(run.current, np.inf))
     for one in judged:
         # a ψ that failed may fail again, or take long
-        with contextlib.suppress(MapError, KeyboardInterrupt), sheltered():
-            one.residual = problem.residual(one.z)
+        with contextlib.suppress(MapError, KeyboardInterrupt):
+            one.residual = sheltered(problem.residual)(one.z)
         if one.residual < best.residual:
             best = one
     return best

@@ -170,7 +170,7 @@ class Solution(ReadOnly):
         """
         return active_set(self.problem, self.z, self.certificate.bound)
 
-    @sheltered()
+    @sheltered
     def polish(self) -> Solution:
         """The answer to rounding accuracy: the solution of the equations that the active set leaves, one linear solve.
 
