@@ -63,7 +63,7 @@ def choose(
                     least = min(least, one[1].cost)
             return found
 
-        return Stage(calls * costs.call / matrix.unit + passes * costs.entry * matrix.nnz / matrix.unit, made)
+        return Stage((calls * costs.call + (passes and passes * costs.entry * matrix.nnz)) / matrix.unit, made)
 
     yield stage(0.0, 0.0, lambda: [Lemke()])
     yield stage(20.0, 0.0, lambda: [Tridiagonal()])

@@ -28,6 +28,7 @@ from .solution import History, Solution, Status
 #: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it, and for the second
 #: one where more would do
 _LEAST_AIM, _MOST_AIM = 1e-14, 0.5
+_residual = sheltered(ProblemData.residual)
 
 
 @sheltered
@@ -194,7 +195,7 @@ def judged(run: Run) -> Best:
     for one in judged:
         # a ψ that failed may fail again, or take long
         with contextlib.suppress(MapError, KeyboardInterrupt):
-            one.residual = sheltered(problem.residual)(one.z)
+            one.residual = _residual(problem, one.z)
         if one.residual < best.residual:
             best = one
     return best
