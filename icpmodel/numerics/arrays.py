@@ -25,17 +25,17 @@ _NO_NUMBER, _TRUTH = (bool, np.timedelta64), (bool, np.bool_)
 _FEW = 10_000
 
 
-def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
+def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None, number: bool = True) -> Vector:
     """A float64 copy of `value`, a number or of shape (n,), (n, 1) or (1, n), as a vector; `n` None for any length.
 
-    `infinite` is the one infinite value that is allowed. Raises InputError.
+    `infinite` is the one infinite value that is allowed, `number` whether a number is. Raises InputError.
     """
     if sp.issparse(value):
         value = value.toarray()
     array = as_real(as_array(value, name), name)
     if array.ndim == 2 and 1 in array.shape:
         array = array.reshape(-1)
-    if array.ndim == 0 and n is not None:
+    if array.ndim == 0 and n is not None and number:
         array = np.full(n, array)
     if array.ndim != 1 or (n is not None and array.size != n):
         wanted = "a vector" if n is None else f"shape ({n},)"

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_array, as_vector, axes, described, norm, not_finite
+from ..numerics.arrays import Vector, as_array, as_vector, described, norm, not_finite
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import in_parts, threads_for
 from ..numerics.work import add
@@ -44,7 +44,7 @@ class ProblemData:
     def __init__(self, A: Any, q: Any, psi: Any = 0.0) -> None:
         matrix = Matrix(A)
         n = matrix.n
-        self._set(matrix, as_vector(q, n if axes(q, "q") else None, "q"), as_map(psi, n), None)
+        self._set(matrix, as_vector(q, n, "q", number=False), as_map(psi, n), None)
 
     def _set(self, matrix: Matrix, q: Vector, psi: Map, facts: Facts | None) -> None:
         q.flags.writeable = False
@@ -113,7 +113,7 @@ class ProblemData:
         >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
         array([2.])
         """
-        return self._with(as_vector(q, self.n if axes(q, "q") else None, "q"), self.psi, self.facts)
+        return self._with(as_vector(q, self.n, "q", number=False), self.psi, self.facts)
 
     def with_psi(self, psi: Any) -> Self:
         """The problem with another `psi` (anything that `ICP` takes); A and q are shared.
