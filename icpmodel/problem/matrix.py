@@ -158,7 +158,7 @@ class Matrix(ReadOnly):
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             sums = self.rows.rest / np.abs(self.rows.diagonal)
             if sums.max() <= _DOMINANT:
-                return min(float(sums.mean()), 1.0)
+                return min(float(sums.sum() / self.n), 1.0)
             return radius_of(self.couplings, _ROUGH_STEPS)
 
     @cached_property

@@ -159,8 +159,8 @@ class Run:
             except StopIteration:
                 return stalled.recurred()
             spent += work.done() - before
-            # where a candidate begins another one has been
-            self.iteration += 1 if count or self.iteration < 0 else 0
+            if count or self.iteration < 0:  # where a candidate begins another one has been
+                self.iteration += 1
             self.current = z
             residual, seconds = self._residual(z, hint), time.perf_counter() - self.clock
             if not count:
