@@ -34,7 +34,7 @@ class AffineLcp:
     """
 
     def __init__(self, A: Matrix, q: Vector, c: Vector, G: Matrix | Vector | None = None) -> None:
-        self.free = np.isneginf(c)
+        self.free = c == -np.inf
         self.c = np.where(self.free, 0.0, c)
         self.M, self.inverse = A, None
         if G is not None:
@@ -45,10 +45,9 @@ class AffineLcp:
 
     def start(self) -> Any:
         """The first dictionary, as `kernels.pivoting.go_on` takes it."""
-        from ..numerics.kernels.balancing import scale
-        from ..numerics.kernels.pivoting import begin  # loads numba
+        from ..numerics.kernels import balancing, pivoting  # loads numba
 
-        return begin(*scale(self.M), self.q, self.free)
+        return pivoting.begin(*balancing.scale(self.M), self.q, self.free)
 
     def z(self, y: Vector) -> Vector:
         """The z that belongs to y."""

@@ -20,7 +20,7 @@ from .judge import Checked, Row, Verdict
 from .report import Report
 
 
-@sheltered()
+@sheltered
 def crosscheck(
     problem: ProblemData,
     solution: Any = None,

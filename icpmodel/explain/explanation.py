@@ -174,7 +174,7 @@ class Explanation:
         return Sections(self.sections()).to_html()
 
 
-@sheltered()
+@sheltered
 def explain(
     problem: ProblemData, method: str | Method | None = None, *, accuracy: float = 1e-6, **options: Any
 ) -> Explanation:

@@ -67,12 +67,12 @@ class Lemke(Method):
         yield z, None
         lcp = dense_lcp(problem)
         state = lcp.start()
-        ended, entering = UNFINISHED, -1
+        ended, entering, n = UNFINISHED, -1, problem.n
         while ended == UNFINISHED:
-            ended, entering, y, ray = go_on(*state, entering, problem.n)
+            ended, entering, y, ray = go_on(*state, entering, n)
             # as many pivots as were asked for, or at the end one at least for each entry of y
-            pivots = problem.n if ended == UNFINISHED else np.count_nonzero(y) + 1
-            work.add(work.COSTS.pivot_entry * problem.n**2 * pivots)
+            pivots = n if ended == UNFINISHED else np.count_nonzero(y) + 1
+            work.add(work.COSTS.pivot_entry * n**2 * pivots)
             if ended == SINGULAR:
                 row = int(np.argmax(lcp.free))
                 raise SingularOperator("A is singular in the rows and columns without obstacle", row)

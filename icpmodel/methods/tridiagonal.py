@@ -48,12 +48,12 @@ class Tridiagonal(Method):
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.nnz > 3 * problem.n - 2:
             return f"A is not tridiagonal: it has {problem.nnz} entries"
+        if not problem.facts.has_fixed_obstacle:
+            return f"it needs a psi_i that moves with z_i alone, by less than it, which is not known of {problem.psi!r}"
         rows = problem.matrix.rows
         if max(rows.below, rows.above) > 1:
             reach = f"reach {rows.below} rows below the diagonal and {rows.above} above"
             return f"A is not tridiagonal: its entries {reach}"
-        if not problem.facts.has_fixed_obstacle:
-            return f"it needs a psi_i that moves with z_i alone, by less than it, which is not known of {problem.psi!r}"
         return positive_diagonal(problem, "it divides by the diagonal of A")
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:

@@ -18,21 +18,24 @@ Vector = NDArray[np.float64]
 _SHORT = np.iinfo(np.int32).max
 #: no float is as large as this integer
 _LONG = 10**309
+#: what counts as a number, whole or not, although bools and times are among them, and as a truth value
+_WHOLE, _REAL = (int, np.integer), (int, float, np.integer, np.floating)
+_NO_NUMBER, _TRUTH = (bool, np.timedelta64), (bool, np.bool_)
 #: inner products of so many entries BLAS makes with one thread
 _FEW = 10_000
 
 
-def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
+def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None, number: bool = True) -> Vector:
     """A float64 copy of `value`, a number or of shape (n,), (n, 1) or (1, n), as a vector; `n` None for any length.
 
-    `infinite` is the one infinite value that is allowed. Raises InputError.
+    `infinite` is the one infinite value that is allowed, `number` whether a number is. Raises InputError.
     """
     if sp.issparse(value):
         value = value.toarray()
     array = as_real(as_array(value, name), name)
     if array.ndim == 2 and 1 in array.shape:
         array = array.reshape(-1)
-    if array.ndim == 0 and n is not None:
+    if array.ndim == 0 and n is not None and number:
         array = np.full(n, array)
     if array.ndim != 1 or (n is not None and array.size != n):
         wanted = "a vector" if n is None else f"shape ({n},)"
@@ -48,7 +51,7 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
 
 def as_array(value: Any, name: str) -> np.ndarray:
     """`value` as a NumPy array of any shape. Raises InputError where it is a text, None or any other object."""
-    if np.ma.is_masked(value):
+    if type(value) is not np.ndarray and np.ma.is_masked(value):
         raise InputError(f"{name} has masked entries; numbers were expected in their places: see its method filled()")
     try:
         array = np.asarray(value)
@@ -76,13 +79,13 @@ def described(value: Any) -> str:
 
 def not_finite(vector: Vector, name: str) -> str:
     """Which entry of `vector`, shape (n,), is NaN or infinite; empty where none is."""
-    bad = ~np.isfinite(vector)
-    return f"{name}[{np.argmax(bad)}] is {vector[np.argmax(bad)]}" if bad.any() else ""
+    finite = np.isfinite(vector)
+    return "" if np.count_nonzero(finite) == finite.size else f"{name}[{finite.argmin()}] is {vector[finite.argmin()]}"
 
 
 def as_truth(value: Any, name: str) -> bool:
     """`value`, which must be True or False: the text "no" is neither. Raises InputError."""
-    if not isinstance(value, bool | np.bool_):
+    if not isinstance(value, _TRUTH):
         raise InputError(f"{name} is {described(value)}; True or False was expected")
     return bool(value)
 
@@ -105,8 +108,7 @@ def as_number(
     whole: bool = False,
 ) -> float:
     """`value` as a finite float (an int if `whole`), no truth value, within these bounds. Raises InputError."""
-    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
-    right = isinstance(value, kinds) and not isinstance(value, bool | np.timedelta64)
+    right = isinstance(value, _WHOLE if whole else _REAL) and not isinstance(value, _NO_NUMBER)
     right = right and not (isinstance(value, int) and abs(value) >= _LONG)
     if not (right and math.isfinite(value) and above < value < below and least <= value <= most):
         bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
@@ -146,7 +148,7 @@ def as_square(value: Any, name: str, n: int | None = None) -> NDArray[np.float64
     _check_square(array.shape, name, n)
     square = np.array(as_real(array, name), dtype=np.float64, order="C")
     finite = np.isfinite(square)
-    if not finite.all():
+    if np.count_nonzero(finite) < finite.size:  # on few entries several times cheaper than all()
         i, j = divmod(int(np.argmin(finite)), square.shape[0])
         raise _not_finite_entry(name, i, j, square[i, j])
     square.flags.writeable = False
@@ -182,14 +184,14 @@ def _compressed(array: NDArray[np.float64], keep_diagonal: bool) -> sp.csr_array
 
 def inner(x: Vector, y: Vector) -> float:
     """xᵀy, both of shape (n,)."""
-    # from some size on BLAS wakes threads, which then spin for a while on the core that a sweep could have
-    return float(x @ y if x.size <= _FEW else np.einsum("i,i", x, y))
+    # vdot does not look for overflow, as ufuncs do; from some size on BLAS wakes threads, which then spin for a while
+    # on the core that a sweep could have
+    return float(np.vdot(x, y) if x.size <= _FEW else np.einsum("i,i", x, y))
 
 
 def norm(x: Vector) -> float:
     """‖x‖₂, safe against over- and underflow of the squares; infinite or NaN where an entry is."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        squares = inner(x, x)
+    squares = inner(x, x)
     if 1e-280 < squares < 1e280:
         return math.sqrt(squares)
     largest = float(np.abs(x).max())
@@ -215,7 +217,7 @@ class ReadOnly:
             for one in value if isinstance(value, tuple) else (value,):
                 if isinstance(one, np.ndarray):
                     one.flags.writeable = False
-                elif isinstance(one, sp.csr_array):
+                elif type(one) is sp.csr_array:  # isinstance is slow where a class has abstract bases
                     freeze(one)
 
 

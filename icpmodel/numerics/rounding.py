@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from decimal import ROUND_CEILING, Context, Decimal
-from typing import Any
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import scipy.sparse as sp
 
 from .arrays import Vector
+
+Verb = TypeVar("Verb", bound=Callable[..., Any])
 
 #: unit roundoff of float64
 UNIT_ROUNDOFF = 2.0**-53
@@ -19,18 +21,22 @@ UNIT_ROUNDOFF = 2.0**-53
 SMALLEST = 2.0**-1074
 
 
-@contextmanager
-def sheltered() -> Iterator[None]:
+def sheltered(verb: Verb) -> Verb:
     """A verb of the package: it computes as NumPy does by default, whatever its user has asked of NumPy for himself,
     and Ctrl-C stays a KeyboardInterrupt in compiled code, too.
     """
-    try:
-        with np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"):
-            yield
-    except SystemError as error:
-        if is_ctrl_c(error):
-            raise KeyboardInterrupt from error
-        raise
+
+    @wraps(verb)
+    @np.errstate(divide="warn", over="warn", under="ignore", invalid="warn")
+    def inner(*args: Any, **options: Any) -> Any:
+        try:
+            return verb(*args, **options)
+        except SystemError as error:
+            if is_ctrl_c(error):
+                raise KeyboardInterrupt from error
+            raise
+
+    return cast(Verb, inner)
 
 
 def is_ctrl_c(error: BaseException | None) -> bool:

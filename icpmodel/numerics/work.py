@@ -68,18 +68,22 @@ class Fill(NamedTuple):
     seen: bool
 
 
+class _Counted(threading.local):
+    total = 0.0
+
+
 COSTS = Costs()
-_counted = threading.local()
+_counted = _Counted()
 
 
 def add(nanoseconds: float) -> None:
     """Count work."""
-    _counted.total = done() + nanoseconds
+    _counted.total += nanoseconds
 
 
 def done() -> float:
     """All work that this thread has counted, in nanoseconds; differences tell what something cost."""
-    return float(getattr(_counted, "total", 0.0))
+    return _counted.total
 
 
 def product(n: int, nnz: int) -> float:

@@ -11,10 +11,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_array, as_vector, axes, described, norm, not_finite
+from ..numerics.arrays import Vector, as_array, as_vector, described, norm, not_finite
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import in_parts, threads_for
-from ..numerics.work import add, product
+from ..numerics.work import add
 from .affine import Constant
 from .facts import Facts
 from .function import Function
@@ -44,7 +44,7 @@ class ProblemData:
     def __init__(self, A: Any, q: Any, psi: Any = 0.0) -> None:
         matrix = Matrix(A)
         n = matrix.n
-        self._set(matrix, as_vector(q, n if axes(q, "q") else None, "q"), as_map(psi, n), None)
+        self._set(matrix, as_vector(q, n, "q", number=False), as_map(psi, n), None)
 
     def _set(self, matrix: Matrix, q: Vector, psi: Map, facts: Facts | None) -> None:
         q.flags.writeable = False
@@ -113,7 +113,7 @@ class ProblemData:
         >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
         array([2.])
         """
-        return self._with(as_vector(q, self.n if axes(q, "q") else None, "q"), self.psi, self.facts)
+        return self._with(as_vector(q, self.n, "q", number=False), self.psi, self.facts)
 
     def with_psi(self, psi: Any) -> Self:
         """The problem with another `psi` (anything that `ICP` takes); A and q are shared.
@@ -154,15 +154,16 @@ class ProblemData:
             raise InputError(f"{fault}; a finite number was expected")
         return vector
 
+    @np.errstate(under="ignore")
     def p(self, z: Any) -> Vector:
         """p(z) = Az + q, shape (n,).
 
         >>> ICP([[2.0]], [1.0]).p([3.0])
         array([7.])
         """
-        with np.errstate(under="ignore"):
-            return self.product(self.vector(z)) + self.q
+        return self.product(self.vector(z)) + self.q
 
+    @np.errstate(under="ignore")
     def r(self, z: Any) -> Vector:
         """r(z) = z − ψ(z), shape (n,); +inf where there is no obstacle.
 
@@ -170,9 +171,9 @@ class ProblemData:
         array([4.])
         """
         z = self.vector(z)
-        with np.errstate(under="ignore"):
-            return z - self.psi.value(z)
+        return z - self.psi.value(z)
 
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def natural_map(self, z: Any, omega: Any = 1.0) -> Vector:
         """F_Ω(z) = min(Az + q, Ω(z − ψ(z))), shape (n,): zero exactly at the solutions, for every Ω > 0.
 
@@ -185,9 +186,9 @@ class ProblemData:
         omega = as_vector(omega, self.n, "omega")
         if not (omega > 0).all():
             raise InputError(f"omega has the entry {omega.min()}; positive numbers were expected")
-        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            return np.minimum(self.p(z), omega * self.r(z))
+        return np.minimum(self.p(z), omega * self.r(z))
 
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual(self, z: Any) -> float:
         """Res(z) = ‖min(r(z), p(z))‖₂, the natural residual; safe against overflow, NaN where z or ψ(z) is.
 
@@ -195,30 +196,29 @@ class ProblemData:
         3.0
         """
         z = self.vector(z)
-        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            psi = self.psi.value(z)
-            if self._is_large() and _SAFE[0] < (squares := self._squares(z, psi)) < _SAFE[1]:
-                return math.sqrt(squares)
-            return norm(np.minimum(self.product(z) + self.q, z - psi))
+        psi = self.psi.value(z)
+        if self._is_large() and _SAFE[0] < (squares := self._squares(z, psi)) < _SAFE[1]:
+            return math.sqrt(squares)
+        return norm(np.minimum(self.product(z) + self.q, z - psi))
 
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual_at_0(self) -> float:
         """Res(0) = ‖min(−ψ(0), q)‖₂, by which residuals are judged, without a product with A.
 
         >>> ICP([[3.0]], [-6.0]).residual_at_0()
         6.0
         """
-        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            psi = self.psi.value(np.zeros(self.n))
-            if self._is_large():
-                from ..numerics.kernels.products import natural_at_0  # loads numba
+        psi = self.psi.value(np.zeros(self.n))
+        if self._is_large():
+            from ..numerics.kernels.products import natural_at_0  # loads numba
 
-                squares = float(natural_at_0(self.q, np.ascontiguousarray(psi)))
-                if _SAFE[0] < squares < _SAFE[1]:
-                    return math.sqrt(squares)
-            return norm(np.minimum(self.q, -psi))
+            squares = float(natural_at_0(self.q, np.ascontiguousarray(psi)))
+            if _SAFE[0] < squares < _SAFE[1]:
+                return math.sqrt(squares)
+        return norm(np.minimum(self.q, -psi))
 
     def _is_large(self) -> bool:
-        return self.matrix.dense is None and threads_for(self.A.nnz) > 1
+        return self.matrix.dense is None and threads_for(self.nnz) > 1
 
     def _squares(self, z: Vector, psi: Vector) -> float:
         """Res(z)², without care for overflow, in one pass over A on all cores."""
@@ -226,9 +226,10 @@ class ProblemData:
 
         A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
         given = (A.indptr, A.indices, A.data, self.q, psi, z)
-        add(product(self.n, A.nnz))
+        add(self.matrix.unit)
         return float(sum(in_parts(self.n, threads_for(A.nnz), lambda low, high: natural(*given, low, high))))
 
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
         """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).
 
@@ -242,17 +243,16 @@ class ProblemData:
         (True, True)
         """
         z = self.vector(z)
-        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            psi = self.psi.value(z)
-            free = np.isneginf(psi)
-            terms = np.diff(self.A.indptr) + 2
-            for_p = gamma(terms) * (self.matrix.absolute @ np.abs(z) + np.abs(self.q)) + terms * SMALLEST
-            size = np.abs(z) + np.where(free, 0.0, np.abs(psi))
-            entries: Any = 3
-            if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
-                size = size + self.psi.lipschitz @ np.abs(z)
-                entries = np.diff(self.psi.lipschitz.indptr) + 3
-            return for_p, np.where(free, 0.0, gamma(entries) * size + entries * SMALLEST)
+        psi = self.psi.value(z)
+        free = np.isneginf(psi)
+        terms = np.diff(self.A.indptr) + 2
+        for_p = gamma(terms) * (self.matrix.absolute @ np.abs(z) + np.abs(self.q)) + terms * SMALLEST
+        size = np.abs(z) + np.where(free, 0.0, np.abs(psi))
+        entries: Any = 3
+        if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
+            size = size + self.psi.lipschitz @ np.abs(z)
+            entries = np.diff(self.psi.lipschitz.indptr) + 3
+        return for_p, np.where(free, 0.0, gamma(entries) * size + entries * SMALLEST)
 
     @property
     def is_lcp(self) -> bool:

@@ -54,14 +54,20 @@ class Matrix(ReadOnly):
         self.dense = square if square is not None and len(square) <= _SMALL else None
         if self.dense is None:
             self.sparse = as_csr(A if square is None else square, "A", keep_diagonal=True)
-        self.n: int = (self.sparse if self.dense is None else self.dense).shape[0]
+        self._measure(self.sparse if self.dense is None else self.dense)
 
     @classmethod
     def of_checked(cls, A: sp.csr_array) -> Matrix:
         """The matrix of an `A` that is known to be as the constructor would leave it, and is not copied."""
         new = object.__new__(cls)
-        new.dense, new.sparse, new.n = None, freeze(A), A.shape[0]
+        new.dense, new.sparse = None, freeze(A)
+        new._measure(A)
         return new
+
+    def _measure(self, A: Any) -> None:
+        self.n: int = A.shape[0]
+        #: what a product with A costs, in nanoseconds: the unit of all estimates
+        self.unit = work.product(self.n, A.size)
 
     @cached_property
     def sparse(self) -> sp.csr_array:
@@ -73,18 +79,13 @@ class Matrix(ReadOnly):
         """How many entries of A are stored, or not 0 where A is small and dense."""
         return self.sparse.nnz if self.dense is None else int(np.count_nonzero(self.dense))
 
-    @cached_property
-    def unit(self) -> float:
-        """What a product with A costs, in nanoseconds: the unit of all estimates."""
-        return work.product(self.n, self.nnz)
-
     def product(self, z: Vector) -> Vector:
         """Az, on all cores where A is large."""
-        work.add(work.product(self.n, self.sparse.nnz if self.dense is None else self.dense.size))
+        work.add(self.unit)
         if self.dense is not None:
             image: Vector = self.dense @ z
             return image
-        A, threads = self.sparse, threads_for(self.sparse.nnz)
+        A, threads = self.sparse, threads_for(self.nnz)
         if threads == 1:
             return np.asarray(A @ z)
         from ..numerics.kernels import products  # loads numba
@@ -105,10 +106,10 @@ class Matrix(ReadOnly):
         from ..numerics.kernels.products import look  # loads numba
 
         A, n = self.sparse, self.n
-        work.add(work.product(n, A.nnz))
+        work.add(self.unit)
         arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n)
         matrix = (A.indptr, A.indices, A.data)
-        reach = in_parts(n, threads_for(A.nnz), lambda low, high: look(*matrix, low, high, *arrays))
+        reach = in_parts(n, threads_for(self.nnz), lambda low, high: look(*matrix, low, high, *arrays))
         for array in arrays:
             array.flags.writeable = False
         below, above, lower, upper = zip(*reach, strict=True)
@@ -157,7 +158,7 @@ class Matrix(ReadOnly):
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             sums = self.rows.rest / np.abs(self.rows.diagonal)
             if sums.max() <= _DOMINANT:
-                return min(float(sums.mean()), 1.0)
+                return min(float(sums.sum() / self.n), 1.0)
             return radius_of(self.couplings, _ROUGH_STEPS)
 
     @cached_property

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +20,7 @@ _PRECISION_CHECK = 50
 _NOTHING: Vector = np.zeros(0)
 
 
-@dataclass(frozen=True)
-class Candidate:
+class Candidate(NamedTuple):
     """A method to try, and the sentence on why."""
 
     method: Method
@@ -40,7 +38,8 @@ class Recent:
     """The residuals of the last steps, and how many more lead to the `target` at their rate."""
 
     def __init__(self, target: float) -> None:
-        self.target, self.residuals = target, deque[float](maxlen=_RATE + 1)
+        self.target = target
+        self.residuals: deque[float] = deque(maxlen=_RATE + 1)
 
     def expected(self, residual: float) -> float:
         """After another `residual`: how many more steps lead to the target, inf where that is not known."""

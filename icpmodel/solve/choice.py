@@ -56,13 +56,17 @@ def choose(
     def stage(calls: float, passes: float, *kinds: Callable[[], Iterable[Method]], least: float = 0.0) -> Choice:
         def made() -> list[Asked]:
             nonlocal cheapest
-            found = [one for kind in kinds if (one := _best(problem, aim, family, kind())) is not None]
-            cheapest = min([cheapest, *(expected.cost for _, expected in found)])
+            found = []
+            for kind in kinds:
+                if (one := _best(problem, aim, family, kind())) is not None:
+                    found.append(one)
+                    cheapest = min(cheapest, one[1].cost)
             return found
 
-        return Stage((calls * costs.call + passes * costs.entry * matrix.nnz) / matrix.unit, made, least / matrix.unit)
+        cost = calls * costs.call + (passes and passes * costs.entry * matrix.nnz)
+        return Stage(cost / matrix.unit, made, least / matrix.unit)
 
-    yield Stage(0.0, stage(0.0, 0.0, lambda: [Lemke()]).made)
+    yield stage(0.0, 0.0, lambda: [Lemke()])
     yield stage(20.0, 0.0, lambda: [Tridiagonal()])
     if problem.psi.takes_best:
         yield stage(30.0, 3.0, lambda: [MNMJ()], lambda: [Multilevel()])
@@ -87,18 +91,19 @@ def _relaxed(problem: ProblemData) -> list[Method]:
 
 def _best(problem: ProblemData, aim: float, family: str | None, methods: Iterable[Method]) -> Asked | None:
     """Of the `methods` that may be chosen and take the problem the one that is expected to cost least."""
-    found: list[Asked] = []
+    best, least = None, math.inf
     for method in methods:
         if method.family not in FAMILIES[family] or method.why_not(problem) is not None:
             continue
         estimate = method.estimate(problem.facts, aim)
-        if estimate is not None:
-            why = f"{_WHY[method.family]}, expected to cost {estimate.total:.3g} products with A"
-            expected = Expected(
-                estimate.total, estimate.setup, estimate.step, method.finite, WEIGHTS[method.family], estimate.look
-            )
-            found.append((Candidate(method, why), expected))
-    return min(found, key=lambda one: one[1].weight * one[1].cost, default=None)
+        if estimate is None:
+            continue
+        cost, weight = estimate.total, WEIGHTS[method.family]
+        if best is None or weight * cost < least:
+            why = f"{_WHY[method.family]}, expected to cost {cost:.3g} products with A"
+            expected = Expected(cost, estimate.setup, estimate.step, method.finite, weight, estimate.look)
+            best, least = (Candidate(method, why), expected), weight * cost
+    return best
 
 
 def why_none(problem: ProblemData) -> str:

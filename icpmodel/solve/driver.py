@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import math
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector, as_truth, described
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import is_ctrl_c, sheltered
 from ..problem.data import ProblemData, as_problem
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
@@ -27,9 +28,10 @@ from .solution import History, Solution, Status
 #: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it, and for the second
 #: one where more would do
 _LEAST_AIM, _MOST_AIM = 1e-14, 0.5
+_residual = sheltered(ProblemData.residual)
 
 
-@sheltered()
+@sheltered
 def solve(
     problem: ProblemData,
     method: str | Method | None = None,
@@ -133,9 +135,9 @@ def _candidates(
 def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> Run:
     """The run from `start`. Raises MapError where ψ has no value there."""
     clock = time.perf_counter()
-    moved = start.any()
+    moved = np.count_nonzero(start)
     at_start = scale = problem.residual(start) if moved else problem.residual_at_0()
-    if not np.isfinite(scale) and (fault := fault_of_psi(problem, start)):
+    if not math.isfinite(scale) and (fault := fault_of_psi(problem, start)):
         raise MapError(f"{fault} at the start z0; a finite number or -inf was expected")
     # a start that leads one method astray is not given to the next, unless psi has no value at 0
     restart = start
@@ -143,10 +145,10 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
         at_0 = np.nan
         with contextlib.suppress(MapError):
             at_0 = problem.residual_at_0()
-        if np.isfinite(at_0):
+        if math.isfinite(at_0):
             restart = np.zeros(problem.n)
             scale = at_0 or scale  # if 0 solves the problem, it says nothing of its scale
-    known = bool(np.isfinite(scale))
+    known = math.isfinite(scale)
     tolerance = max(limits.atol, limits.rtol * scale) if known else limits.atol
     # a certified error falls about as a residual does
     share = tolerance / scale if known and scale > 0.0 and limits.accuracy is None else RTOL
@@ -165,14 +167,14 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
     )
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
     """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
-        with sheltered(), np.errstate(over="ignore", invalid="ignore"):
-            for _ in run.steps(tried):
-                pass
-    except KeyboardInterrupt:
-        if not run.tried:
+        for _ in run.steps(tried):
+            pass
+    except (KeyboardInterrupt, SystemError) as error:
+        if not (run.tried and is_ctrl_c(error)):
             raise
         if run.best is None:
             run.best = run.found(run.start, run.at_start)
@@ -192,8 +194,8 @@ def judged(run: Run) -> Best:
         judged.append(run.found(run.current, np.inf))
     for one in judged:
         # a ψ that failed may fail again, or take long
-        with contextlib.suppress(MapError, KeyboardInterrupt), sheltered():
-            one.residual = problem.residual(one.z)
+        with contextlib.suppress(MapError, KeyboardInterrupt):
+            one.residual = _residual(problem, one.z)
         if one.residual < best.residual:
             best = one
     return best
@@ -217,11 +219,9 @@ def solution_of(run: Run, accuracy: float | None) -> Solution:
             f"({run.goal.wanted(best.z)}). Advice: {advice}"
         )
     others = [f"{one.candidate.method!r}: {one.outcome}" for one in run.tried if one.candidate is not best.candidate]
-    z = best.z.copy()
-    z.flags.writeable = False
     return Solution(
         problem=run.problem,
-        z=z,
+        z=best.z.copy(),
         status=status,
         message=message,
         method=best.candidate.method,

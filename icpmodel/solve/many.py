@@ -76,7 +76,7 @@ class Solutions(ReadOnly):
         return f"Solutions(k={self.Z.shape[0]}, n={self.Z.shape[1]}, {self.message}, seconds={self.seconds:.3g})"
 
 
-@sheltered()
+@sheltered
 def solve_many(
     A: Any,
     Q: Any,

@@ -97,8 +97,8 @@ class Run:
 
     def steps(self, stages: Iterator[Stage[Candidate]]) -> Iterator[None]:
         """The loop: a turn for each tested iterate that is not the last one of its candidate."""
-        schedule, loops = Schedule(stages), dict[Turn[Candidate], Iterator[bool]]()
-        turn = schedule.turn()
+        loops: dict[Turn[Candidate], Iterator[bool]] = {}
+        turn = (schedule := Schedule(stages)).turn()
         while turn is not None:
             loop = loops.get(turn) or loops.setdefault(turn, self._one(turn))
             following: Turn[Candidate] | None = turn
@@ -154,7 +154,7 @@ class Run:
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
         stalled = Stalled(candidate.method.memoryless, longest, self.at_floor)
         expected, first, count, spent = None, np.nan, 0, 0.0
-        unit = work.product(self.problem.n, self.problem.nnz)
+        unit = self.problem.matrix.unit
         # a generator is told how many more iterates are expected to be asked for
         ask: Callable[[float | None], Iterate] = getattr(path, "send", lambda expected: next(path))
         while True:
@@ -164,8 +164,8 @@ class Run:
             except StopIteration:
                 return stalled.recurred()
             spent += work.done() - before
-            # where a candidate begins another one has been
-            self.iteration += 1 if count or self.iteration < 0 else 0
+            if count or self.iteration < 0:  # where a candidate begins another one has been
+                self.iteration += 1
             self.current = z
             residual, seconds = self._residual(z, hint), time.perf_counter() - self.clock
             if not count:

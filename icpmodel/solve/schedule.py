@@ -62,25 +62,19 @@ class Turn(Generic[T]):
 
     def __init__(self, who: T, expected: Expected) -> None:
         self.who, self.expected, self.need = who, expected, math.inf
-        self.spent, self.fallen = 0.0, [0.0]
+        self.steps, self.spent, self.fallen = 0, 0.0, [0.0]
+        #: what a step costs, by those that were made
+        self.step_cost = expected.step
         self.due, self._whole = 2.0 * expected.cost, expected.cost
         self._look = 1 if expected.finite else expected.look
         # the steps to come, and how many were made when that was found
         self._forecast: tuple[float, int] | None = None
 
-    @property
-    def steps(self) -> int:
-        """The steps made."""
-        return len(self.fallen) - 1
-
-    @property
-    def step_cost(self) -> float:
-        """What a step costs, by those that were made."""
-        return self.spent / self.steps if self.steps else self.expected.step
-
     def stepped(self, cost: float, fallen: float) -> bool:
         """Count a step after which the residual has `fallen` by so much, a logarithm; whether it is time for a look."""
+        self.steps += 1
         self.spent += cost
+        self.step_cost = self.spent / self.steps
         self.fallen.append(fallen)
         if self.steps < self._look and self.spent < self.due:
             return False
@@ -145,13 +139,16 @@ class Schedule(Generic[T]):
     def turn(self) -> Turn[T] | None:
         """Whose turn it is, None where nobody is left."""
         while True:
-            turn = min(self.waiting, key=lambda one: one.priority, default=None)
-            if self._next is None or (turn is not None and turn.priority < self._next.priority):
+            priorities = [one.priority for one in self.waiting]
+            least = min(priorities, default=math.inf)
+            if self._next is None or least < self._next.priority:
                 break
             self.waiting += [Turn(who, expected) for who, expected in self._next.made()]
             self._next = next(self._stages, None)
-        if turn is not None:
-            turn.begin()
+        if not priorities:
+            return None
+        turn = self.waiting[priorities.index(least)]
+        turn.begin()
         return turn
 
     def end(self, turn: Turn[T]) -> None:

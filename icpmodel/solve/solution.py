@@ -122,6 +122,9 @@ class Solution(ReadOnly):
     history: History | None = field(default=None, repr=False)
     infeasible: Answer | None = field(default=None, repr=False)
 
+    def __post_init__(self) -> None:
+        self.z.flags.writeable = False  # all else is locked already
+
     @property
     def solved(self) -> bool:
         """Whether the status is SOLVED: Res(z) ≤ `tolerance` or, if asked for, a certified error ≤ `accuracy`.
@@ -167,7 +170,7 @@ class Solution(ReadOnly):
         """
         return active_set(self.problem, self.z, self.certificate.bound)
 
-    @sheltered()
+    @sheltered
     def polish(self) -> Solution:
         """The answer to rounding accuracy: the solution of the equations that the active set leaves, one linear solve.
 
@@ -190,7 +193,6 @@ class Solution(ReadOnly):
             return self._with(why=self._and_why(f"not polished: {error}"))
         if not (residual < _BETTER * self.residual or self._closer(z)):
             return self
-        z.flags.writeable = False
         left = int(known.undecided.sum())
         guessed = f", {left} rows of which are not proved" if left else ""
         told = f"polished by one linear solve on the active set{guessed}"

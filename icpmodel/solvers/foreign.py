@@ -26,7 +26,7 @@ import numpy as np
 from ..errors import InputError
 from ..numerics.arrays import as_list
 from ..numerics.plugins import load_plugins
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import is_ctrl_c
 from .formulations import Target
 
 _REGISTRY: dict[str, type[ForeignSolver]] = {}
@@ -199,13 +199,15 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
     try:
         # foreign chatter must not reach the user: OSQP prints about polishing whatever one asks, Pyomo logs failures
         logging.disable(logging.CRITICAL)
-        with sheltered(), _silence(), np.errstate(all="ignore"):
+        with _silence(), np.errstate(all="ignore"):
             solver.pose(target)
             begin = time.perf_counter()
             model = solver.set_up(target, tolerance, time_limit)
             setup = time.perf_counter() - begin
             claim = solver.run(model)
     except Exception as error:  # whatever a foreign package may raise; KeyboardInterrupt is none of these
+        if is_ctrl_c(error):
+            raise KeyboardInterrupt from error
         claim = Claim(None, f"{type(error).__name__}: {error}", False)
     finally:
         logging.disable(quiet)

@@ -86,7 +86,7 @@ class Race(Charted):
         return "\n".join([str(self.table()), *(f"{name}: left out, {reason}" for name, reason in self.skipped)])
 
 
-@sheltered()
+@sheltered
 def race(
     problem: ProblemData,
     methods: Sequence[str | Method] | None = None,

@@ -114,7 +114,7 @@ class StabilityMap(Charted):
         return f"{self.summary()}\nproved, and yet failed: {self.contradictions}; {printed}"
 
 
-@sheltered()
+@sheltered
 def stability(
     plane: str | Plane = "relaxation",
     problem: ProblemData | None = None,

@@ -82,7 +82,7 @@ def listed(reason: str) -> str:
     return f" {reason}" if len(several) == 1 else "".join(f"\n- {one}" for one in several)
 
 
-@sheltered()
+@sheltered
 def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigorous: bool = False) -> ErrorBound:
     """A bound on |z − z*| from one evaluation of p and r, or the reason why there is none.
 

@@ -64,7 +64,7 @@ class Certificate:
         return f"Certificate(residual={self.residual:.6g}, error_bound={self.error_bound}, unique={self.unique})"
 
 
-@sheltered()
+@sheltered
 def certify(
     problem: ProblemData, z: Any, *, bound: bool = True, sharp: bool | None = None, rigorous: bool = False
 ) -> Certificate:
@@ -114,7 +114,7 @@ class ActiveSet(ReadOnly):
         return f"{at} at the obstacle, {off} off it, {open_rows} undecided"
 
 
-@sheltered()
+@sheltered
 def active_set(problem: ProblemData, z: Any, bound: ErrorBound) -> ActiveSet:
     """The active set of z* as far as `bound` proves it, the error bound of this very `z` on this very `problem`.
 
