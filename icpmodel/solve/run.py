@@ -127,6 +127,9 @@ class Run:
         except Infeasible as proof:
             self.infeasible = proof.answer
             self.ended = Ended(Status.INFEASIBLE, proof.answer.reason)
+        except KeyboardInterrupt:
+            tried.outcome = Status.INTERRUPTED.value
+            raise
         except (MapError, MemoryError) as error:
             if self.best is None:
                 raise

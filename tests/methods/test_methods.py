@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from conformance import FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
+from icpmodel.solve.rules import after_trial, choose
 
 import icpmodel as icp
 from icpmodel import methods, scenes
@@ -16,7 +17,6 @@ from icpmodel.algebra.steps import Sweep, in_a_row
 from icpmodel.methods.lemke import Lemke
 from icpmodel.solve.candidate import Candidate, Watch, Watched
 from icpmodel.solve.goal import RTOL, Goal
-from icpmodel.solve.rules import after_trial, choose
 from icpmodel.solve.run import Run
 
 SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
