@@ -112,9 +112,10 @@ class Reduced(Method):
         """
         at_0 = problem.residual_at_0()
         scale = max((x for x in (at_0, problem.residual(z)) if x < np.inf), default=0.0)
-        last, shown_at, spent = len(found.stages) - 1, len(found.stages) // _SHOWN + 1, False
+        last, shown_at = len(found.stages) - 1, len(found.stages) // _SHOWN + 1
         yield (shown := z), None
         for share in self.shares:
+            spent = True  # nothing more is to be had from the stages that the last one hangs on
             for at, stage in enumerate(found.stages):
                 parts = [Part(restricted(found.problem, rows, z), rows, z, self.aim) for rows in stage]
                 follow = found.after if at == last else found.between[at]
@@ -126,7 +127,7 @@ class Reduced(Method):
                     _report(problem, parts, z)
                     if step % shown_at == 0:
                         yield (shown := z), None
-                spent = spent or all(part.over for part in parts)
+                spent = spent and (at == last or all(part.over for part in parts))
                 z, solved = found.forward(z, follow)
                 if not np.array_equal(solved, follow):
                     wider = found.with_core(follow & ~solved)

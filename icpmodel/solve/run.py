@@ -117,6 +117,7 @@ class Run:
 
     def _one(self, turn: Turn[Candidate]) -> Iterator[bool]:
         """One candidate until there is a reason to stop, left in `ended`; whether it is time for a look at others."""
+        self.candidate = turn.who
         self.tried.append(tried := Tried(turn.who))
         try:
             self.ended = yield from self._loop(turn)

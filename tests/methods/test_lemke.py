@@ -353,7 +353,7 @@ def test_a_long_path_is_looked_at_between_rounds_of_n_pivots():
     assert len({z.tobytes() for z in path}) > 1
 
 
-@pytest.mark.parametrize("n", [1, 10, 100, 1000])
+@pytest.mark.parametrize("n", [1, 10, 100, 400])
 def test_it_is_a_candidate_of_solve_whatever_n(n):
     """Others come before it where they are expected to cost less; where they fail it has its turn."""
     stages = choose(icp.ICP(sp.eye_array(n), -np.ones(n)), 1e-8)
