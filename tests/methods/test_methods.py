@@ -7,14 +7,15 @@ from itertools import islice
 import numpy as np
 import pytest
 from conformance import FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
-from icpmodel.solve.rules import after_trial, choose
 
 import icpmodel as icp
 from icpmodel import methods, scenes
 from icpmodel.algebra.steps import Sweep, in_a_row
-from icpmodel.solve.candidate import Candidate, Watch, Watched
+from icpmodel.solve.candidate import Candidate, Recent
+from icpmodel.solve.driver import carry_out
 from icpmodel.solve.goal import RTOL, Goal
 from icpmodel.solve.run import Run
+from icpmodel.solve.schedule import in_turn
 
 SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
 
