@@ -167,7 +167,7 @@ def test_mms_is_the_recursion_of_hong_and_li():
         ("psor", {"omega": 2.0}, "omega is 2.0; a finite number > 0 and < 2 was expected"),
         ("mms", {"inner": 0}, "inner is 0; a whole number >= 1"),
         ("mms", {"inner": True}, "inner is True"),
-        ("mnmmod", {"theta1": [1.0, 2.0]}, "theta1 is .1.0, 2.0.; a finite number > 0"),
+        ("mnmmod", {"theta1": [1.0, 2.0]}, "theta1 is a list; a finite number > 0"),
         ("mnmsor", {"theta1": -1.0}, "theta1 is -1.0"),
         ("mnmgs", {"maxiter": 3}, "mnmgs has no option maxiter; .* solve itself takes z0"),
         ("mms", {"omega": -1.0}, "omega has the entry -1"),
