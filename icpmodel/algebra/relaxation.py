@@ -26,7 +26,7 @@ from .steps import Step
 #: what theta1 may be instead of a number
 AUTO = "auto"
 #: an ω between two looks at the rate stays this many steps, until two factors agree to so much of their gap to 1
-_SETTLE, _AGREE = 12, 0.05
+SETTLE, _AGREE = 12, 0.05
 #: from the rate follows an ω that is multiplied by this, as too large a one costs more than too small a one …
 _CAUTION = 0.98
 #: … and it is taken where it comes nearer to 2 by this share
@@ -194,7 +194,7 @@ class AdaptedOmega:
             self.most = 1.0 + 0.5 * (self.value - 1.0) if self.value > RELAXED else 1.0
             self._change(self.most)
             return True
-        if self.value < self.most and self._steps >= _SETTLE and abs(factor - before) < _AGREE * (1.0 - factor):
+        if self.value < self.most and self._steps >= SETTLE and abs(factor - before) < _AGREE * (1.0 - factor):
             omega = min(_CAUTION * self._best(factor), self.most)
             if omega > self.value + _WORTH * (2.0 - self.value):
                 self._change(omega)

@@ -103,7 +103,7 @@ class Accelerated(Method):
         speed = _OF_CHEBYSHEV * -math.log((1.0 - math.sqrt(1.0 - rate)) / (1.0 + math.sqrt(1.0 - rate)))
         # of the sweeps between two combinations each adds to the history
         passes = 2.0 + 3.0 * (self.history_size + 1) / self.mixing_frequency
-        return Estimate.of_sweeps(facts, aim, speed, vectors=passes, calls=_HISTORY)
+        return Estimate.of_sweeps(facts, aim, speed, look=self.history_size + 2.0, vectors=passes, calls=_HISTORY)
 
     def differences(self, problem: ProblemData) -> Differences:
         """The history of a run, which makes the combinations."""

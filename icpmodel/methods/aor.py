@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 from ..algebra.relaxation import (
     RELAXED,
+    SETTLE,
     AdaptedOmega,
     a_number,
     best_omega,
@@ -108,7 +109,8 @@ class MNMAOR(_Relaxing):
             return None
         matrix = facts.matrix
         speed = sor_speed(best_omega(matrix.jacobi_radius), max(matrix.jacobi_radius, facts.coupling))
-        return Estimate.of_sweeps(facts, aim, speed / (_DRAGGED if facts.has_fixed_obstacle else 1.0))
+        dragged = _DRAGGED if facts.has_fixed_obstacle else 1.0
+        return Estimate.of_sweeps(facts, aim, speed / dragged, look=2.0 * SETTLE)  # until ω is what it will be
 
     def settled(self, problem: ProblemData) -> MNMAOR:
         """With ω = `relaxation`: acceleration needs no more."""

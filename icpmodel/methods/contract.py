@@ -44,24 +44,23 @@ class Infeasible(Exception):
 class Estimate(NamedTuple):
     """What a method expects to cost, in products with A: `setup`, then `steps` of `step` each; `memory` in bytes.
 
-    Memory is what it holds beyond the problem.
+    Memory is what it holds beyond the problem; before `look` steps its rate tells nothing.
     """
 
     setup: float
     step: float
     steps: float
     memory: float
+    look: int = 6
 
     @classmethod
-    def of_sweeps(cls, facts: Facts, aim: float, speed: float, *, vectors: float = 0.0, calls: float = 0.0) -> Estimate:
-        """Sweeps that reduce the logarithm of the residual by `speed` a step, with so many passes over vectors."""
-        n, nnz = facts.matrix.n, facts.matrix.nnz
-        step = (
-            work.COSTS.iterate + calls * work.COSTS.call + work.sweep(n, nnz) + vectors * work.COSTS.vector * n
-        ) / facts.matrix.unit
-        return cls(
-            work.COSTS.call / facts.matrix.unit, step, math.log(1.0 / aim) / speed + 1.0, 8.0 * n * (4.0 + vectors)
-        )
+    def of_sweeps(cls, facts: Facts, aim: float, speed: float, look: float = 6.0, **more: float) -> Estimate:
+        """Sweeps that reduce the logarithm of the residual by `speed` a step, each with `more` calls and vectors."""
+        n, nnz, costs = facts.matrix.n, facts.matrix.nnz, work.COSTS
+        calls, vectors = more.get("calls", 0.0), more.get("vectors", 0.0)
+        step = costs.iterate + calls * costs.call + work.sweep(n, nnz) + vectors * costs.vector * n
+        steps, unit = math.log(1.0 / aim) / speed + 1.0, facts.matrix.unit
+        return cls(costs.call / unit, step / unit, steps, 8.0 * n * (4.0 + vectors), math.ceil(look))
 
     @property
     def total(self) -> float:

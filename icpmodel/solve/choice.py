@@ -51,16 +51,16 @@ def choose(
     `aim` is the share of Res(0) that is asked for, `family` as in `solve`; `reduced` makes those that solve it in parts
     from what the best of the others is expected to cost.
     """
-    matrix, costs, least = problem.matrix, work.COSTS, math.inf
+    matrix, costs, cheapest = problem.matrix, work.COSTS, math.inf
 
-    def stage(calls: float, passes: float, *kinds: Callable[[], Iterable[Method]]) -> Choice:
+    def stage(calls: float, passes: float, *kinds: Callable[[], Iterable[Method]], least: float = 0.0) -> Choice:
         def made() -> list[Asked]:
-            nonlocal least
+            nonlocal cheapest
             found = [one for kind in kinds if (one := _best(problem, aim, family, kind())) is not None]
-            least = min([least, *(expected.cost for _, expected in found)])
+            cheapest = min([cheapest, *(expected.cost for _, expected in found)])
             return found
 
-        return Stage((calls * costs.call + passes * costs.entry * matrix.nnz) / matrix.unit, made)
+        return Stage((calls * costs.call + passes * costs.entry * matrix.nnz) / matrix.unit, made, least / matrix.unit)
 
     yield Stage(0.0, stage(0.0, 0.0, lambda: [Lemke()]).made)
     yield stage(20.0, 0.0, lambda: [Tridiagonal()])
@@ -71,9 +71,11 @@ def choose(
         yield stage(15.0, 0.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))])
         yield stage(15.0, 0.0, lambda: [Multilevel()], lambda: [Josephy()])
         yield stage(100.0, 60.0, lambda: _relaxed(problem))
-    yield stage(30.0, 30.0, lambda: [Newton()], lambda: [MNMMOD(theta1=AUTO)], lambda: [Proximal()])
+    factorised = 2.0 * work.least_factor_cost(matrix.n, matrix.nnz)
+    direct = (lambda: [Newton()], lambda: [MNMMOD(theta1=AUTO)], lambda: [Proximal()])
+    yield stage(30.0, 200.0, *direct, least=factorised)
     if reduced is not None:
-        yield Stage(stage(20.0, 20.0).cost, lambda: reduced(least))
+        yield Stage(stage(20.0, 20.0).cost, lambda: reduced(cheapest))
 
 
 def _relaxed(problem: ProblemData) -> list[Method]:
@@ -92,7 +94,9 @@ def _best(problem: ProblemData, aim: float, family: str | None, methods: Iterabl
         estimate = method.estimate(problem.facts, aim)
         if estimate is not None:
             why = f"{_WHY[method.family]}, expected to cost {estimate.total:.3g} products with A"
-            expected = Expected(estimate.total, estimate.setup, estimate.step, method.finite, WEIGHTS[method.family])
+            expected = Expected(
+                estimate.total, estimate.setup, estimate.step, method.finite, WEIGHTS[method.family], estimate.look
+            )
             found.append((Candidate(method, why), expected))
     return min(found, key=lambda one: one[1].weight * one[1].cost, default=None)
 

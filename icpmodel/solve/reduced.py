@@ -37,8 +37,8 @@ from .goal import RTOL
 from .part import Part, advance, together
 from .schedule import Expected
 
-#: the passes over A that a reduction takes
-_PASSES = 5.0
+#: the passes over A that a reduction takes, and the calls in Python
+_PASSES, _CALLS = 10.0, 300.0
 #: where there are many stages so many iterates of them are shown
 _SHOWN = 32
 
@@ -176,9 +176,9 @@ def _reduced(problem: ProblemData, aim: float, family: str | None, least: float)
     if found is None or (family is not None and found.pivoted):
         return []
     share = sum(rows.size for stage in found.stages for rows in stage) / problem.n
-    passes = _PASSES + work.COSTS.pivot_entry * found.pivoted / problem.matrix.unit
+    setup = _PASSES + (_CALLS * work.COSTS.call + work.COSTS.pivot_entry * found.pivoted) / problem.matrix.unit
     method = ReducedTo(blocks=found, aim=aim, family_of_parts=family)
-    return [(Candidate(method, repr(found)), Expected(passes + share * least, passes, 1.0, finite=True))]
+    return [(Candidate(method, repr(found)), Expected(setup + share * least, setup, 1.0, finite=True))]
 
 
 def _report(problem: ProblemData, parts: list[Part], z: Vector) -> None:

@@ -11,15 +11,15 @@ away; who waits goes on where it was. At every look the turn is with the least o
 w_i ≤ 2 being what the choice makes of the kind of the method. The second term lets each candidate show what it can do
 for 1/κ of what the best one has left, whatever was expected of it.
 
-**Bound.** Let T be what the best candidate, *, costs in hindsight, and let nobody's look cost more than it said. While
-* is not done, π_* ≤ κT. So a candidate i has its turn only with π_i ≤ κT. Where that is the second term, s_i ≤ T after
-the look. Where it is the first, l_i ≤ κT/w_i, and it is overdue when it has spent 2(s + l_i), s what it had spent when
-it said so: at most T if it had its turns by the second term before, at most l_i if it was overdue. So it spends no more
-than 4κT/w_i, as then s_i ≤ l_i ends its turns. With w_i ≥ 1/1.2 that is 4.8κT, and m candidates cost at most
-(4.8κ(m − 1) + 1)T and a look each, whatever was expected.
+**Bound.** Let T be what the best candidate, *, costs in hindsight, up to the look that would follow (half as much again,
+or a first look), and let nobody's look cost more than it said. While * is not done, π_* ≤ κT. So a candidate i has its
+turn only with π_i ≤ κT. Where that is the second term, s_i ≤ T after the look. Where it is the first, l_i ≤ κT/w_i, and
+it is overdue when it has spent 2(s + l_i), s what it had spent when it said so: at most T if it had its turns by the
+second term before, at most l_i if it was overdue. So it spends no more than 4κT/w_i, as then s_i ≤ l_i ends its turns.
+With w_i ≥ 1/1.2 that is 4.8κT, and m candidates cost at most (4.8κ(m − 1) + 1)T and a look each, whatever was expected.
 Where they cost what they expect to, the least expected cost is paid, and at most (m − 1)/κ of it for shows.
-Facts that further candidates need have a turn as well, when six times their cost is least: while * is not done they
-cost no more than κT/6.
+Facts that further candidates need have a turn as well, when six times their cost is least, and what these candidates
+cost at the least is not more either: while * is not done they cost no more than κT/6.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from typing import Generic, NamedTuple, TypeVar
 #: the share of what the best one has left that others may cost to show what they can do; facts may cost more,
 #: as what they tell stays
 SHARE, FACT_SHARE = 1 / 16, 1 / 6
-#: a look comes after so many steps, and whenever their number has grown by this factor
-_LOOK, _AGAIN = 6, 1.5
+#: a further look comes whenever the number of steps has grown by this factor
+_AGAIN = 1.5
 #: the doublings of the number of steps that are looked ahead
 _DOUBLINGS = 40
 
@@ -42,8 +42,8 @@ T = TypeVar("T")
 class Expected(NamedTuple):
     """What a candidate says: its whole `cost`, and that of its set-up and of a step.
 
-    `finite`: it ends after some steps, of which the rate of the residual says nothing. `weight`: what its cost is
-    multiplied by.
+    `finite`: it ends after some steps, of which the rate of the residual says nothing; else the rate is looked at after
+    `look` steps. `weight`: what its cost is multiplied by.
     """
 
     cost: float
@@ -51,6 +51,7 @@ class Expected(NamedTuple):
     step: float
     finite: bool = False
     weight: float = 1.0
+    look: int = 6
 
 
 class Turn(Generic[T]):
@@ -63,7 +64,7 @@ class Turn(Generic[T]):
         self.who, self.expected, self.need = who, expected, math.inf
         self.spent, self.fallen = 0.0, [0.0]
         self.due, self._whole = 2.0 * expected.cost, expected.cost
-        self._look = 1 if expected.finite else _LOOK
+        self._look = 1 if expected.finite else expected.look
         # the steps to come, and how many were made when that was found
         self._forecast: tuple[float, int] | None = None
 
@@ -113,10 +114,19 @@ class Turn(Generic[T]):
 
 
 class Stage(NamedTuple, Generic[T]):
-    """Candidates that are `made` only where the facts that they need, at this `cost`, are worth asking for."""
+    """Candidates that are `made` only where the facts that they need, at this `cost`, are worth asking for.
+
+    `least`: what each of them costs at least, whatever the facts are.
+    """
 
     cost: float
     made: Callable[[], list[tuple[T, Expected]]]
+    least: float = 0.0
+
+    @property
+    def priority(self) -> float:
+        """As that of a candidate."""
+        return max(self.cost / FACT_SHARE, self.least)
 
 
 def in_turn(*order: T) -> Iterator[Stage[T]]:
@@ -136,7 +146,7 @@ class Schedule(Generic[T]):
         """Whose turn it is, None where nobody is left."""
         while True:
             turn = min(self.waiting, key=lambda one: one.priority, default=None)
-            if self._next is None or (turn is not None and turn.priority < self._next.cost / FACT_SHARE):
+            if self._next is None or (turn is not None and turn.priority < self._next.priority):
                 break
             self.waiting += [Turn(who, expected) for who, expected in self._next.made()]
             self._next = next(self._stages, None)
