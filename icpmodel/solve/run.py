@@ -139,15 +139,20 @@ class Run:
                 self.fault, self.ended = error, Ended(Status.MAP_FAILED, str(error))
         tried.outcome = self.ended.status.value
 
-    def _begin(self) -> Vector:
-        """Where a new candidate begins: with the best iterate, unless that is of one that failed."""
-        if self.best is None:
+    def _begin(self, finite: bool) -> Vector:
+        """Where a new candidate begins: with the best iterate, unless that is of one that failed; afresh if `finite`.
+
+        What sweeps leave is small in the residual, but not near: it would lead the steps of Newton's methods astray.
+        """
+        failed = [one for one in self.tried if one.outcome != _WAITS]
+        if self.best is None or (finite and not failed):
             return self.start
-        failed = any(one.candidate is self.best.candidate and one.outcome != _WAITS for one in self.tried)
-        return self.best.z if not failed or self.restart is None else self.restart
+        if finite or any(one.candidate is self.best.candidate for one in failed):
+            return self.best.z if self.restart is None else self.restart
+        return self.best.z
 
     def _loop(self, turn: Turn[Candidate]) -> Generator[bool, None, Ended]:
-        candidate, begin = turn.who, self._begin()
+        candidate, begin = turn.who, self._begin(turn.who.method.finite)
         path = candidate.method.iterates(self.problem, begin)
         recent = Recent(self.target)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
