@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Vector, row_of
-from ..numerics.factorisation import fits
 from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
 from .operators import FactorisedOperator
@@ -137,12 +136,6 @@ def _chains(
         links.append(N)
         T, N = sp.csr_array(T + N @ T), sp.csr_array(N @ N)
     return slope, links, T
-
-
-def is_factorised(problem: ProblemData) -> bool:
-    """Whether systems with A may be left to a direct solver: its work is seen to the end, and its factors fit."""
-    fill = problem.matrix.fill
-    return fill.seen and fits(fill.entries)
 
 
 def derivative(problem: ProblemData, z: Vector) -> sp.csr_array:

@@ -79,6 +79,12 @@ class Blocks:
         return f"n = {n} -> {self.core} rows still open: {', '.join(text for text, holds in told.items() if holds)}"
 
     @property
+    def pivoted(self) -> float:
+        """n³/3, the entries that n pivots change, of the small blocks that have several rows, together."""
+        sizes = np.diff(self.starts)[np.logical_or.reduce((self.before, self.after, *self.between))]
+        return float((sizes[sizes > 1] ** 3.0).sum() / 3.0)
+
+    @property
     def parts(self) -> tuple[Rows, ...]:
         """The rows of the parts of all stages."""
         return tuple(part for stage in self.stages for part in stage)

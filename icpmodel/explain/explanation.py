@@ -149,8 +149,8 @@ class Explanation:
                 yield f"{self.instead.title} is proved here (theorem {self.instead.theorems}); {also}"
         if self.picked is not None:
             alone = "left to itself, " if self.asked else ""
-            measured = "; this goes by what was measured to be quick, not by what is proved"
-            why = self.why + ("" if best is None or _same(best.method, self.picked) else measured)
+            expected = "; this goes by what steps cost as well, and by what is expected, not by what is proved alone"
+            why = self.why + ("" if best is None or _same(best.method, self.picked) else expected)
             yield f"{alone}solve() begins with {self.picked!r}: {why}"
         if proved is None and self.instead is None:
             yield from what_to_do(self.problem, self.classes, self.picked)
@@ -202,7 +202,8 @@ def explain(
     if method is None:
         methods = members(problem)
         if picked is not None and not any(_same(picked, one) for one in methods.values()):
-            methods[f"{type(picked).__name__}, first choice of solve()"] = picked
+            title = f"{type(picked).__name__}, first choice of solve()"
+            methods[title] = picked.settled(problem) if isinstance(picked, ModulusMember) else picked
     else:
         wanted = named(method, **options) if isinstance(method, str) else method
         if not isinstance(wanted, ModulusMember):

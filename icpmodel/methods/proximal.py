@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from ..algebra.subproblems import with_fixed_obstacle
 from ..numerics import work
 from ..numerics.arrays import Vector, diagonal_positions, inner, norm, row_of
+from ..numerics.equilibration import balanced
 from ..numerics.factorisation import factorise
 from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
@@ -59,8 +60,6 @@ _PRODUCTS = 50
 _LARGE = 1e-6
 #: Au and Aᵀu that differ by no more are the same
 _SAME = 1e-13
-#: units are balanced to so small a share, by so many steps at the most
-_BALANCED, _PASSES = 1e-3, 60
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -321,24 +320,6 @@ class Interior:
             return np.asarray(unit * x)
 
         return solve
-
-
-def balanced(A: sp.csr_array) -> Vector:
-    """The W > 0 for which |a_ij|/√(w_i w_j) is 1 but for factors whose squared logarithms have the least sum.
-
-    Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972).
-    """
-    from scipy.sparse.linalg import cg
-
-    there = A.data != 0.0
-    i, j, size = row_of(A)[there], A.indices[there], np.log(np.abs(A.data[there]))
-    n = A.shape[0]
-    links = sp.csr_array((np.ones(i.size), (i, j)), shape=A.shape)
-    degree, right = (np.bincount(i, w, n) + np.bincount(j, w, n) for w in (np.ones(i.size), size))
-    inverse = sp.diags_array(1.0 / np.maximum(degree, 1.0))
-    # singular where the unknowns are of two kinds, as in a linear program: the units of one kind are then left alone
-    logarithms, _ = cg(sp.diags_array(degree) + links + links.T, right, rtol=_BALANCED, maxiter=_PASSES, M=inverse)
-    return np.exp(2.0 * logarithms)
 
 
 def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:

@@ -1,6 +1,7 @@
 """Equilibration: powers of two for the rows and columns of a matrix, which cost no digit, so that units decide nothing.
 
-All work with whole exponents, which `in_units` applies. Dense matrices that are pivoted have `kernels.balancing`.
+All but `balanced` work with whole exponents, which `in_units` applies. Dense matrices that are
+pivoted have `kernels.balancing`.
 References: Curtis and Reid, J. Inst. Math. Appl. 10 (1972); Higham, Accuracy and Stability (2002), section 7.3.
 """
 
@@ -24,6 +25,8 @@ _STEPS = 60
 _MEANS = 50
 #: below the exponent of every float
 _NONE = -(2**20)
+#: weights are balanced to so small a share, by so many steps at the most
+_BALANCED, _PASSES = 1e-3, 60
 
 
 def row_exponents(X: Any, columns: Any = 0) -> Exponents:
@@ -102,3 +105,21 @@ def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
     scaled = in_units(X, r, c)
     back = in_units(scaled, -r, -c)
     return scaled if np.array_equal(*((M.data if sp.issparse(M) else M) for M in (back, X))) else None
+
+
+def balanced(A: sp.csr_array) -> Vector:
+    """The W > 0 for which |a_ij|/√(w_i w_j) is 1 but for factors whose squared logarithms have the least sum.
+
+    Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972).
+    """
+    from scipy.sparse.linalg import cg
+
+    there = A.data != 0.0
+    i, j, size = row_of(A)[there], A.indices[there], np.log(np.abs(A.data[there]))
+    n = A.shape[0]
+    links = sp.csr_array((np.ones(i.size), (i, j)), shape=A.shape)
+    degree, right = (np.bincount(i, w, n) + np.bincount(j, w, n) for w in (np.ones(i.size), size))
+    inverse = sp.diags_array(1.0 / np.maximum(degree, 1.0))
+    # singular where the unknowns are of two kinds, as in a linear program: the units of one kind are then left alone
+    logarithms, _ = cg(sp.diags_array(degree) + links + links.T, right, rtol=_BALANCED, maxiter=_PASSES, M=inverse)
+    return np.exp(2.0 * logarithms)

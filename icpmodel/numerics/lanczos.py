@@ -15,22 +15,13 @@ SMALL_RADIUS = 0.7
 _LOOK, _SHARE, _MOST = 4, 0.3, 60
 
 
-def jacobi_radius(A: sp.csr_array, share: float = _SHARE) -> float:
-    """An estimate, usually from below, of the spectral radius ρ of the Jacobi matrix I − D⁻¹A.
-
-    Lanczos steps on the `couplings` from the vector of ones. For symmetric M-matrices, and those that a diagonal
-    similarity makes symmetric, their radius is ρ itself; what acts in one direction only counts as nothing, as it does
-    for Gauss–Seidel. `share` of 1 − ρ is what four more steps must gain for the next four to be made.
-    References: Young, Iterative Solution of Large Linear Systems (1971), chapter 6; Saad, Numerical Methods for Large
-    Eigenvalue Problems (2011), chapter 6.
-    """
-    n, diagonal = A.shape[0], np.abs(A.diagonal())
-    bound = float((abs(A) @ np.ones(n) / diagonal).max()) - 1.0
-    return bound if bound <= SMALL_RADIUS else radius_of(couplings(A), share=share)
-
-
 def couplings(A: sp.csr_array) -> sp.csr_array:
-    """√|a_ij a_ji|/√|a_ii a_jj|, i ≠ j, with the pattern of A, whose rows are sorted: see `jacobi_radius`."""
+    """√|a_ij a_ji|/√|a_ii a_jj|, i ≠ j, with the pattern of A, whose rows are sorted.
+
+    For symmetric M-matrices, and those that a diagonal similarity makes symmetric, their spectral radius is that of the
+    Jacobi matrix I − D⁻¹A; what acts in one direction only counts as nothing, as it does for Gauss–Seidel.
+    Reference: Young, Iterative Solution of Large Linear Systems (1971), chapter 6.
+    """
     from .kernels.products import couple  # loads numba
 
     weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
@@ -38,7 +29,11 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
 
 
 def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> float:
-    """As in `jacobi_radius`, of a symmetric `S` ≥ 0, by at most so many `steps`; inf where an entry is not finite."""
+    """An estimate, usually from below, of the spectral radius ρ of a symmetric `S` ≥ 0; inf if it is not finite.
+
+    By at most so many Lanczos `steps` from the vector of ones; `share` of 1 − ρ is what four more of them must gain for
+    the next four to be made. Reference: Saad, Numerical Methods for Large Eigenvalue Problems (2011), chapter 6.
+    """
     n = S.shape[0]
     price = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
     work.add(price)

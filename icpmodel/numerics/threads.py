@@ -11,7 +11,7 @@ from queue import SimpleQueue
 from typing import Any
 
 #: loops over so many entries are worth threads
-_THREADS_FROM = 1_000_000
+THREADS_FROM = 1_000_000
 #: so many rows a thread goes ahead of the one that follows it
 CHUNK = 50_000
 #: what makes rows low <= i < high
@@ -35,7 +35,7 @@ def in_parts(size: int, parts: int, work: OfRows) -> list[Any]:
 
 def threads_for(nnz: int) -> int:
     """How many threads a loop over `nnz` entries is worth."""
-    return cores() if nnz >= _THREADS_FROM else 1
+    return cores() if nnz >= THREADS_FROM else 1
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import chain
 from typing import Any, Self
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_array, as_vector, described, norm, not_finite
 from ..numerics.rounding import SMALLEST, gamma
-from ..numerics.threads import in_parts, threads_for
+from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
 from .affine import Constant
 from .facts import Facts
@@ -23,6 +24,8 @@ from .matrix import Matrix
 
 #: squares whose sum is outside this range may have over- or underflowed
 _SAFE = (1e-280, 1e280)
+#: rows whose squares are summed by one call, so that the sum is the same for any number of threads
+_PIECE = 10_000
 
 
 class ProblemData:
@@ -218,16 +221,21 @@ class ProblemData:
         return norm(np.minimum(self.q, -psi))
 
     def _is_large(self) -> bool:
-        return self.matrix.dense is None and threads_for(self.nnz) > 1
+        return self.matrix.dense is None and self.A.nnz >= THREADS_FROM
 
     def _squares(self, z: Vector, psi: Vector) -> float:
-        """Res(z)², without care for overflow, in one pass over A on all cores."""
+        """Res(z)², without care for overflow, in one pass over A on all cores, of which the sum does not depend."""
         from ..numerics.kernels.products import natural  # loads numba
 
         A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
         given = (A.indptr, A.indices, A.data, self.q, psi, z)
         add(self.matrix.unit)
-        return float(sum(in_parts(self.n, threads_for(A.nnz), lambda low, high: natural(*given, low, high))))
+        pieces = -(-self.n // _PIECE)
+
+        def squares(low: int, high: int) -> list[float]:
+            return [natural(*given, k * _PIECE, min((k + 1) * _PIECE, self.n)) for k in range(low, high)]
+
+        return float(sum(chain.from_iterable(in_parts(pieces, min(threads_for(A.nnz), pieces), squares))))
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def rounding(self, z: Any) -> tuple[Vector, Vector]:

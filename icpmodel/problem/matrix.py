@@ -18,8 +18,6 @@ from ..numerics.threads import in_parts, threads_for
 _SMALL = 64
 #: more diagonals than this are no band
 _WIDEST_BAND = 16
-#: a row is hardly dominant where its couplings, as Gauss–Seidel feels them, sum up to more than this
-HARDLY = 0.97
 #: a sum of a dominant row, rounding included
 _DOMINANT = 1.0 + 1e-12
 #: so many Lanczos steps tell a radius for which sweeps are to be relaxed from one for which they are not
@@ -132,18 +130,18 @@ class Matrix(ReadOnly):
         return of_band(self.n, rows.below, rows.above) if self.is_band else foreseen(self.sparse)
 
     @cached_property
-    def hardly_dominant(self) -> float:
-        """The share of the rows with Σ_{j≠i}|a_ij| > .97a_ii."""
-        return float(np.count_nonzero(self.rows.rest > HARDLY * self.rows.diagonal) / self.n)
-
-    @cached_property
     def couplings(self) -> sp.csr_array:
         """√|a_ij a_ji|/√|a_ii a_jj| off the diagonal: see `numerics.lanczos.couplings`."""
         return couplings(self.sparse)
 
     @cached_property
     def jacobi_radius(self) -> float:
-        """An estimate of the spectral radius of I − D⁻¹A, D > 0: of the row sums where they show it to be small."""
+        """An estimate of the spectral radius of I − D⁻¹A, by row sums where they show it to be small; inf unless D > 0.
+
+        See `numerics.lanczos`.
+        """
+        if not self.has_positive_diagonal:
+            return np.inf
         with np.errstate(over="ignore"):
             bound = float((self.rows.rest / self.rows.diagonal).max())
         return bound if bound <= SMALL_RADIUS else radius_of(self.couplings)

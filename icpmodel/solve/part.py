@@ -22,11 +22,11 @@ class Part:
     """Unknowns that do not interact with those of other parts.
 
     Parameters: the `problem` in these unknowns; their `rows`, and `z` of shape (n,), in the whole; `aim`, the share of
-    Res(0) for which its steps are forecast. It is run until nothing more is to be had: who runs it says when it is
-    enough.
+    Res(0) for which its steps are forecast, and the `family` that they are chosen from, as in `solve`. It is run until
+    nothing more is to be had: who runs it says when it is enough.
     """
 
-    def __init__(self, problem: ProblemData, rows: Rows, z: Vector, aim: float) -> None:
+    def __init__(self, problem: ProblemData, rows: Rows, z: Vector, aim: float, family: str | None = None) -> None:
         self.problem, self.rows = problem, rows
         start = z[rows]
         known = [at_start := problem.residual(start)]
@@ -34,7 +34,7 @@ class Part:
             known.append(problem.residual_at_0())
         scale = max((x for x in known if x < np.inf), default=0.0)
         self.run = Run(problem, start, at_start, Goal(0.0), aim=aim, scale=scale)
-        self.steps = self.run.steps(choose(problem, aim))
+        self.steps = self.run.steps(choose(problem, aim, family))
         self.over = False
 
     @property

@@ -18,7 +18,7 @@ from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 
@@ -59,8 +59,8 @@ class Reduced(Method):
 
     name: ClassVar[str] = "reduced"
     memoryless: ClassVar[bool] = False
-    #: the share of Res(0) for which the steps of parts are forecast
-    aim = RTOL
+    #: the share of Res(0) for which the steps of parts are forecast, and what these are chosen from
+    aim, family_of_parts = RTOL, cast("str | None", None)
     #: a stage is left at the first share of the residual of the start, the next time at the next one
     shares = (1e-9, 1e-12, 1e-15, 0.0)
 
@@ -92,7 +92,7 @@ class Reduced(Method):
     def _open_rows(self, problem: ProblemData, found: Blocks, z: Vector) -> Path:
         """The open rows until they have no more methods, and the rows at rest looked at."""
         (rows,) = found.parts
-        part = Part(restricted(found.problem, rows, z), rows, z, self.aim)
+        part = Part(restricted(found.problem, rows, z), rows, z, self.aim, self.family_of_parts)
         border = Border(found)
         while True:
             p = border.p(z)
@@ -113,11 +113,14 @@ class Reduced(Method):
         """
         at_0 = problem.residual_at_0()
         scale = max((x for x in (at_0, problem.residual(z)) if x < np.inf), default=0.0)
-        last, shown_at, spent = len(found.stages) - 1, len(found.stages) // _SHOWN + 1, False
+        last, shown_at = len(found.stages) - 1, len(found.stages) // _SHOWN + 1
         yield (shown := z), None
         for share in self.shares:
+            spent = True  # nothing more is to be had from the stages that the last one hangs on
             for at, stage in enumerate(found.stages):
-                parts = [Part(restricted(found.problem, rows, z), rows, z, self.aim) for rows in stage]
+                parts = [
+                    Part(restricted(found.problem, rows, z), rows, z, self.aim, self.family_of_parts) for rows in stage
+                ]
                 follow = found.after if at == last else found.between[at]
                 enough = share * scale if at < last or follow.any() else 0.0
                 for step in count(at):
@@ -127,7 +130,7 @@ class Reduced(Method):
                     _report(problem, parts, z)
                     if step % shown_at == 0:
                         yield (shown := z), None
-                spent = spent or all(part.over for part in parts)
+                spent = spent and (at == last or all(part.over for part in parts))
                 z, solved = found.forward(z, follow)
                 if not np.array_equal(solved, follow):
                     wider = found.with_core(follow & ~solved)
@@ -141,10 +144,11 @@ class Reduced(Method):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ReducedTo(Reduced):
-    """`Reduced` where it is known already what is left, `blocks`, and what is asked for: `aim`."""
+    """`Reduced` where it is known already what is left, `blocks`, and what is asked for: `aim` and the family."""
 
     blocks: Blocks
     aim: float = RTOL
+    family_of_parts: str | None = None
 
     def found(self, problem: ProblemData) -> Blocks:
         return self.blocks
@@ -161,17 +165,19 @@ def candidates(problem: ProblemData, aim: float = RTOL, family: str | None = Non
 
     `aim` is the share of Res(0) that is asked for, `family` as in `solve`.
     """
-    return choose(problem, aim, family, None if family == "paper" else lambda least: _reduced(problem, aim, least))
+    return choose(
+        problem, aim, family, None if family == "paper" else lambda least: _reduced(problem, aim, family, least)
+    )
 
 
-def _reduced(problem: ProblemData, aim: float, least: float) -> list[Asked]:
+def _reduced(problem: ProblemData, aim: float, family: str | None, least: float) -> list[Asked]:
     """The parts of the problem, which cost the share of its rows, or what does not rest on the obstacle."""
     found = structure(problem, WORTH * problem.n) or rows_at_rest(problem)
-    if found is None:
+    if found is None or (family is not None and found.pivoted):
         return []
     share = sum(rows.size for stage in found.stages for rows in stage) / problem.n
-    setup = _PASSES + _CALLS * work.COSTS.call / problem.matrix.unit
-    method = ReducedTo(blocks=found, aim=aim)
+    setup = _PASSES + (_CALLS * work.COSTS.call + work.COSTS.pivot_entry * found.pivoted) / problem.matrix.unit
+    method = ReducedTo(blocks=found, aim=aim, family_of_parts=family)
     return [(Candidate(method, repr(found)), Expected(setup + share * least, setup, 1.0, finite=True))]
 
 

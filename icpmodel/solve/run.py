@@ -117,6 +117,7 @@ class Run:
 
     def _one(self, turn: Turn[Candidate]) -> Iterator[bool]:
         """One candidate until there is a reason to stop, left in `ended`; whether it is time for a look at others."""
+        self.candidate = turn.who
         self.tried.append(tried := Tried(turn.who))
         try:
             self.ended = yield from self._loop(turn)
@@ -127,6 +128,9 @@ class Run:
         except Infeasible as proof:
             self.infeasible = proof.answer
             self.ended = Ended(Status.INFEASIBLE, proof.answer.reason)
+        except KeyboardInterrupt:
+            tried.outcome = Status.INTERRUPTED.value
+            raise
         except (MapError, MemoryError) as error:
             if self.best is None:
                 raise

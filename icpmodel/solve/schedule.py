@@ -11,7 +11,7 @@ away; who waits goes on where it was. At every look the turn is with the least o
 w_i ≤ 2 being what the choice makes of the kind of the method. The second term lets each candidate show what it can do
 for 1/κ of what the best one has left, whatever was expected of it.
 
-**Bound.** Let T be what the best candidate, *, costs in hindsight, up to the look that would follow (half as much again,
+**Bound.** Let T be what the best candidate, *, costs in hindsight, up to the look that would follow (half as much more,
 or a first look), and let nobody's look cost more than it said. While * is not done, π_* ≤ κT. So a candidate i has its
 turn only with π_i ≤ κT. Where that is the second term, s_i ≤ T after the look. Where it is the first, l_i ≤ κT/w_i, and
 it is overdue when it has spent 2(s + l_i), s what it had spent when it said so: at most T if it had its turns by the

@@ -18,7 +18,6 @@ from ..methods.contract import Method, named
 from ..methods.contract import names as method_names
 from ..numerics.arrays import Vector
 from ..numerics.factorisation import factorise
-from ..numerics.lanczos import jacobi_radius
 from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..solve.driver import RTOL
@@ -157,7 +156,7 @@ def own_methods() -> list[Competitor]:
     """
 
     def omega(problem: ICP) -> float:
-        return best_omega(jacobi_radius(problem.A))
+        return best_omega(problem.matrix.jacobi_radius)
 
     return [
         *(Own(name, named(name)) for name in method_names()),

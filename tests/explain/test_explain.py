@@ -374,11 +374,11 @@ def test_the_table_says_what_its_columns_mean():
 def test_theory_forecasts_members_of_the_family_only_and_the_advice_names_what_solve_begins_with():
     page = scenes.membrane(n=100).problem.explain()
     assert not [forecast.title for forecast in page.forecasts if "first choice of solve()" in forecast.title]
-    assert "solve() begins with PSOR(): plain sweeps are watched" in page.sections()["advice"]
+    assert f"solve() begins with {page.picked!r}: {page.why}" in page.sections()["advice"]
 
 
-def test_what_is_proved_and_what_is_measured_are_told_apart():
-    words = "this goes by what was measured to be quick, not by what is proved"
+def test_what_is_proved_and_what_is_expected_are_told_apart():
+    words = "this goes by what steps cost as well, and by what is expected, not by what is proved alone"
     page = scenes.bai_symmetric(n=4).problem.explain()
     assert (type(page.recommended.method) is not type(page.picked)) == (words in page.sections()["advice"])
     assert words in scenes.membrane(n=100).problem.explain().sections()["advice"]

@@ -56,10 +56,7 @@ _BY_DIAGONAL = (
 #: every method must, and need not be listed here
 MUST_FAIL = {
     **dict.fromkeys(
-        [
-            (m, "hand-cyclic")
-            for m in ("mms", "mnmaor", "mnmgs", "mnmj", "mnmsor", "nmms", "projection-fixed-point", "psor")
-        ],
+        [(m, "hand-cyclic") for m in _BY_DIAGONAL if m != "accelerated"],
         _CYCLIC,
     ),
     **dict.fromkeys(
@@ -78,7 +75,6 @@ MUST_FAIL = {
                 "hard-degenerate",
                 "hard-domain",
                 "hard-jump",
-                "hard-scaled",
                 "hard-semidefinite",
                 "hard-singular",
                 "hard-skew",
@@ -151,8 +147,8 @@ MUST_FAIL = {
         "A is only semidefinite, and X = A + Omega turns without shrinking",
     ),
     **dict.fromkeys(
-        [(m, "hard-skew") for m in _BY_DIAGONAL if m != "multilevel"],  # which hands over to newton
-        "far from H+: rho(D^-1|B|) = 20, and nothing but the diagonal is kept",
+        [(m, "hard-skew") for m in _BY_DIAGONAL],
+        "far from H+: rho(D^-1|B|) = 20, and nothing but the diagonal is kept, or smoothed with",
     ),
     **dict.fromkeys(
         [("lemke", s) for s in ("hard-domain", "hard-jump")], "why_not: psi is neither constant nor affine"

@@ -290,28 +290,17 @@ class TestAnswers:
         assert problem.A @ free == pytest.approx(1.0, abs=1e-8)
 
 
-class TestNewtonGoesOn:
-    def test_where_multigrid_leads_nowhere(self):
+class TestWhereItLeadsNowhere:
+    def test_it_ends_after_a_few_looks_and_another_method_solves_the_problem(self):
         """A cyclic matrix is P, but nothing for multigrid."""
         problem = scenes.hand_cyclic().problem
-        assert problem.solve(icp.Multilevel()).solved
-
-    def test_from_the_best_iterate(self):
-        """What follows on the looks is the path of Newton from the best of them."""
-        problem = scenes.hand_cyclic().problem
-        path = list(icp.Multilevel().iterates(problem, np.zeros(3)))
-        own = [problem.residual(z) for z, _ in path]
-        for looks in range(1, len(path)):
-            best = path[int(np.argmin(own[:looks]))][0]
-            newton = [z for z, _ in icp.Newton().iterates(problem, best)]
-            if len(newton) == len(path) - looks and all(map(np.array_equal, newton, [z for z, _ in path[looks:]])):
-                break
-        else:
-            pytest.fail("no part of the path is Newton's from the best iterate before it")
-        assert looks >= 5
+        solution = problem.solve(icp.Multilevel(), raise_on_failure=False)
+        assert solution.status is icp.Status.STAGNATED
+        assert solution.iterations < 20
+        assert problem.solve().solved
 
     def test_without_a_derivative_it_stands_still(self):
-        """Newton cannot follow then; the status says that the iterates stand still."""
+        """The status says that the iterates stand still."""
         A = scenes.hand_cyclic().problem.A
         psi = icp.Elementwise(lambda z: 0.1 * np.sin(z), lipschitz=0.1)
         solution = icp.ICP(A, [-1.0, -1.0, -1.0], psi).solve(icp.Multilevel(), raise_on_failure=False)
@@ -339,15 +328,24 @@ class TestNewtonGoesOn:
         assert "psi's derivative is not finite" in solution.message
 
 
+def test_for_the_best_of_several_jumps_it_is_newton_from_the_coarser_levels():
+    problem = scenes.dividend(n=211).problem
+    (_, _), *path = icp.Multilevel().iterates(problem, np.zeros(211))
+    newton = icp.Newton().iterates(problem, path[0][0])
+    assert all(np.array_equal(z, other) for (z, _), (other, _) in zip(path, newton, strict=True))
+    assert problem.residual(path[0][0]) < problem.residual_at_0()
+
+
 class TestMatricesThatMultigridIsNotMadeFor:
-    """They cost a moment, not all time and memory: other methods take over."""
+    """They cost a moment, not all time and memory: the method ends, and `solve` has others."""
 
     def test_coarsening_that_stalls(self):
         """Nothing is coupled: the coarsest level would be all of A, dense."""
         with pytest.raises(NoHierarchy):
             Hierarchy(icp.ICP(sp.eye_array(100_000), np.ones(100_000)))
-        solution = icp.ICP(sp.eye_array(1000, format="csr"), -np.ones(1000)).solve("multilevel")
-        assert np.array_equal(solution.z, np.ones(1000))
+        problem = icp.ICP(sp.eye_array(1000, format="csr"), -np.ones(1000))
+        assert len(list(icp.Multilevel().iterates(problem, np.zeros(1000)))) == 1
+        assert np.array_equal(problem.solve().z, np.ones(1000))
 
     def test_levels_that_fill_in(self):
         """A saddle point with random constraints: its Galerkin products are nearly dense."""

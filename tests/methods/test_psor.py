@@ -13,7 +13,7 @@ NUMBER = st.floats(-1e3, 1e3)
 
 FAMILIES = {
     "paper": {"modulus", "nmms", "mnmod", "mnmmod", "mnmaor", "mnmsor", "mnmgs", "mnmj"},
-    "modulus": {"psor", "newton", "multilevel", "accelerated"},
+    "modulus": {"psor", "newton", "multilevel", "proximal", "accelerated"},
     "shortcut": {"lemke", "josephy", "tridiagonal"},
     "": {"mms", "projection-fixed-point"},
 }

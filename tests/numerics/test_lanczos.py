@@ -5,20 +5,26 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.numerics.lanczos import couplings, jacobi_radius
+from icpmodel.numerics.lanczos import couplings, radius_of
+from icpmodel.problem.matrix import Matrix
 
 
 def test_jacobi_radius_of_the_five_point_matrix():
     """ρ = cos(π/(m + 1)); transport along the grid, an upwind stencil included, does not hide the diffusion."""
     A = icp.scenes.membrane(n=400).problem.A
-    assert 1 - jacobi_radius(A, share=1e-3) == pytest.approx(1 - np.cos(np.pi / 21), rel=0.01)
-    assert 1 <= (1 - jacobi_radius(A)) / (1 - np.cos(np.pi / 21)) <= 1.6
+    assert 1 - radius_of(couplings(A), share=1e-3) == pytest.approx(1 - np.cos(np.pi / 21), rel=0.01)
+    assert 1 <= (1 - Matrix(A).jacobi_radius) / (1 - np.cos(np.pi / 21)) <= 1.6
     skewed = icp.scenes.bai_nonsymmetric(n=400, mu=0).problem.A
     true = np.abs(np.linalg.eigvals(np.eye(400) - skewed.toarray() / 4)).max()
-    assert jacobi_radius(skewed, share=1e-3) == pytest.approx(true, rel=1e-3)
-    assert jacobi_radius(sp.csr_array([[1.0, 5.0], [0.0, 1.0]])) == 0.0
+    assert radius_of(couplings(skewed), share=1e-3) == pytest.approx(true, rel=1e-3)
+    assert Matrix([[1.0, 5.0], [0.0, 1.0]]).jacobi_radius == 0.0
     dominant = icp.scenes.bai_symmetric(n=400, mu=4).problem.A
-    assert jacobi_radius(dominant) == pytest.approx(0.5)
+    assert Matrix(dominant).jacobi_radius == pytest.approx(0.5)
+
+
+def test_without_a_positive_diagonal_there_is_no_radius_and_no_warning():
+    for A in ([[0.0, 1.0], [1.0, 1.0]], [[-1.0, 0.0], [0.0, 1.0]]):
+        assert Matrix(A).jacobi_radius == np.inf
 
 
 @pytest.mark.parametrize("seed", range(20))

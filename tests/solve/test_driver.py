@@ -1,11 +1,13 @@
 """The loop: when it stops, what it returns, and that it never calls solved what is not."""
 
+import math
 import re
 import signal
 import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from itertools import chain
 from typing import ClassVar
 
 import numba
@@ -20,6 +22,7 @@ from icpmodel.solve.candidate import Candidate
 from icpmodel.solve.driver import carry_out, solution_of
 from icpmodel.solve.goal import Goal
 from icpmodel.solve.run import Best, Run
+from icpmodel.solve.schedule import Stage, in_turn
 
 
 @pytest.fixture(autouse=True)
@@ -34,6 +37,15 @@ def ctrl_c_raises():
 def slow():
     """A problem on which the sweeps need thousands of steps."""
     return icp.scenes.bai_symmetric(n=900, mu=0).problem
+
+
+def run_on(problem, **options):
+    start = np.zeros(problem.n)
+    at_0 = problem.residual(start)
+    return Run(problem, start, at_0, Goal(0.0), aim=1e-14, scale=at_0, max_iter=10**5, **options)
+
+
+CYCLIC = icp.scenes.hand_cyclic().problem
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -245,10 +257,14 @@ def test_history_holds_every_tested_iterate():
     assert problem.solve("mnmgs").history is None
 
 
-def test_history_of_the_automatic_choice_spans_all_methods():
-    solution = icp.scenes.membrane(n=130**2).problem.solve(history=True)
-    assert "also tried: PSOR(): gave way" in solution.why
-    assert (np.diff(solution.history.iteration) >= 0).all()
+def test_history_spans_all_methods():
+    """Where a method begins, its first iterate has the number of the last one of the method before."""
+    run = run_on(CYCLIC, history=True)
+    carry_out(run, in_turn(Candidate(icp.PSOR(), "first"), Candidate(icp.Newton(), "second")))
+    solution = solution_of(run, None)
+    assert "also tried: PSOR(): cycled" in solution.why
+    assert set(np.diff(solution.history.iteration)) == {0, 1}
+    assert solution.history.iteration[0] == 0
     assert solution.history.iteration[-1] == solution.iterations
 
 
@@ -336,17 +352,18 @@ def test_advice_names_only_what_the_method_has():
 
 def test_page_status_and_message_name_the_same_methods():
     """The best iterate is Newton's, which stood still; the run ended with the divergence of another method."""
-    psi = icp.Function(lambda z: 0 * z, jacobian=lambda z: [[0.0]])  # no LCP for what is known of it: no pivots
-    solution = icp.ICP([[-1.0]], [-1.0], psi).solve(raise_on_failure=False)
-    last = repr(solution.last_method)
+    run = run_on(icp.ICP([[-1.0]], [-1.0]))
+    carry_out(run, in_turn(Candidate(icp.Newton(), "first"), Candidate(icp.MNMMOD(theta1=0.5), "second")))
+    solution = solution_of(run, None)
+    last = "MNMMOD(theta1=0.5)"
     assert (repr(solution.method), solution.status) == ("Newton()", Status.DIVERGED)
-    assert last.startswith("MNMMOD")
+    assert repr(solution.last_method) == last
     card = solution.summary()
     assert card["status"].startswith("diverged")
     assert card["status"].endswith(f"; the last method was {last}")
     assert card["method"].startswith("Newton(), which found this z\n")
     assert solution.message.startswith(f"{last} diverged: ")
-    assert "best residual 0.5 by Newton() (" in solution.message
+    assert f"best residual {solution.residual:.3g} by Newton() (" in solution.message
     assert "phi" not in solution.message.split("Advice")[1]  # several methods failed, whatever their options
     assert solution.about()["last_method"] == last
     assert last in str(solution)
@@ -395,23 +412,13 @@ def test_a_psi_without_a_value_at_zero_is_no_trap_for_the_fallback_methods():
     assert solution.residual == pytest.approx(icp.ICP(A, [-1.0, -1.0, -1.0]).residual(solution.z))
 
 
-def run_on(problem, **options):
-    start = np.zeros(problem.n)
-    at_0 = problem.residual(start)
-    return Run(problem, start, at_0, Goal(0.0), aim=1e-14, scale=at_0, max_iter=10**5, **options)
-
-
-CYCLIC = icp.scenes.hand_cyclic().problem
-
-
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
 def test_what_happens_while_the_next_method_is_chosen_loses_nothing(error):
-    def candidates():
-        yield Candidate(icp.PSOR(), "first", patience=5)
+    def chosen():
         raise error
 
     run = run_on(CYCLIC)
-    carry_out(run, candidates())
+    carry_out(run, chain(in_turn(Candidate(icp.PSOR(), "first")), [Stage(math.inf, chosen)]))
     solution = solution_of(run, None)
     assert solution.status is (Status.INTERRUPTED if error is KeyboardInterrupt else Status.CYCLED)
     assert repr(solution.last_method) == "PSOR()"
@@ -425,10 +432,10 @@ def test_ctrl_c_during_a_fallback_names_the_fallback():
             raise KeyboardInterrupt
 
     run = run_on(CYCLIC)
-    carry_out(run, iter([Candidate(icp.PSOR(), "first", patience=5), Candidate(Pressed(), "second")]))
+    carry_out(run, in_turn(Candidate(icp.PSOR(), "first"), Candidate(Pressed(), "second")))
     solution = solution_of(run, None)
     assert solution.message.startswith("Pressed() interrupted: by Ctrl-C")
-    assert [ended for _, ended in run.tried] == ["cycled", "interrupted"]
+    assert [one.outcome for one in run.tried] == ["cycled", "interrupted"]
 
 
 class Greedy(icp.MNMGS):
@@ -441,7 +448,7 @@ class Greedy(icp.MNMGS):
 
 def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
     run = run_on(CYCLIC)
-    carry_out(run, iter([Candidate(Greedy(), "first"), Candidate(icp.Newton(), "second")]))
+    carry_out(run, in_turn(Candidate(Greedy(), "first"), Candidate(icp.Newton(), "second")))
     assert solution_of(run, None).z == pytest.approx(np.full(3, 1 / 3))
     solution = CYCLIC.solve(Greedy(), raise_on_failure=False)
     assert solution.status is Status.STAGNATED
@@ -451,8 +458,8 @@ def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
 def test_an_operator_that_is_singular_is_passed_over_or_raised():
     singular = icp.MNMJ(phi=[-2.0, 0.0, 0.0])
     run = run_on(CYCLIC)
-    carry_out(run, iter([Candidate(singular, "first"), Candidate(icp.Newton(), "second")]))
-    assert [repr(one.method) for one, _ in run.tried] == ["Newton()"]
+    carry_out(run, in_turn(Candidate(singular, "first"), Candidate(icp.Newton(), "second")))
+    assert [repr(one.candidate.method) for one in run.tried] == ["Newton()"]
     with pytest.raises(icp.SingularOperator):
         CYCLIC.solve(singular)
 
@@ -579,11 +586,11 @@ def test_a_cycle_of_the_second_method_is_found_at_once():
     problem = icp.ICP([[0.1]], [1.0], icp.Affine([[-5.0]], 6.0))  # MNMGS(phi2=0.1) ends in a 2-cycle
     still = Scripted(script=((0.0, None),) * 1100)
     run = run_on(problem)
-    carry_out(run, iter([Candidate(still, "", 1000), Candidate(icp.MNMGS(phi2=0.1), "")]))
+    carry_out(run, in_turn(Candidate(still, ""), Candidate(icp.MNMGS(phi2=0.1), "")))
     solution = solution_of(run, None)
     assert solution.status is Status.CYCLED
     assert solution.iterations < 1100
-    assert [ended for _, ended in run.tried] == ["stagnated", "cycled"]
+    assert [one.outcome for one in run.tried] == ["stagnated", "cycled"]
 
 
 def test_where_0_solves_the_scale_is_taken_from_z0():

@@ -249,10 +249,10 @@ def test_ctrl_c_leaves_the_rows_that_are_solved_and_begins_no_others(last):
         assert set(names) == {"SOLVED"}
         return
     at = names.index("INTERRUPTED")
-    assert 0 < at < 4
+    assert at > 0
     assert set(names[:at]) == {"SOLVED"}
     assert set(names[at:]) == {"INTERRUPTED"}
-    assert "an earlier row was interrupted" in found.messages[4]
+    assert all("an earlier row was interrupted" in found.messages[row] for row in range(at + 1, 5))
 
 
 def test_a_psi_that_fails_fails_in_its_own_row():
