@@ -42,7 +42,7 @@ class Tridiagonal(Method):
     finite: ClassVar[bool] = True
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
-        n = facts.matrix.n
+        n = facts.matrix.n  # 60 ns a row were measured for n = 300 … 16 000, see work.Costs for the machine
         return Estimate(0.0, (6.0 * work.COSTS.call + 60.0 * n) / facts.matrix.unit, 1.0, 64.0 * n)
 
     def why_not(self, problem: ProblemData) -> str | None:

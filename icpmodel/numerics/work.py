@@ -69,7 +69,7 @@ class Fill(NamedTuple):
 
 
 class _Counted(threading.local):
-    total = 0.0
+    total = 0
 
 
 COSTS = Costs()
@@ -77,8 +77,8 @@ _counted = _Counted()
 
 
 def add(nanoseconds: float) -> None:
-    """Count work."""
-    _counted.total += nanoseconds
+    """Count work, in whole nanoseconds: what something cost then does not hang on what was counted before."""
+    _counted.total += int(nanoseconds)
 
 
 def done() -> float:

@@ -74,12 +74,13 @@ def choose(
         yield stage(15.0, 3.0, lambda: [PSOR(), MNMGS()])
         yield stage(15.0, 0.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))])
         yield stage(15.0, 0.0, lambda: [Multilevel()], lambda: [Josephy()])
-        yield stage(100.0, 60.0, lambda: _relaxed(problem))
+    if reduced is not None:
+        yield Stage(stage(20.0, 20.0).cost, lambda: reduced(cheapest))
+    if not problem.psi.takes_best:
+        yield stage(100.0, 90.0, lambda: _relaxed(problem))
     factorised = 2.0 * work.least_factor_cost(matrix.n, matrix.nnz)
     direct = (lambda: [Newton()], lambda: [MNMMOD(theta1=AUTO)], lambda: [Proximal()])
     yield stage(30.0, 200.0, *direct, least=factorised)
-    if reduced is not None:
-        yield Stage(stage(20.0, 20.0).cost, lambda: reduced(cheapest))
 
 
 def _relaxed(problem: ProblemData) -> list[Method]:

@@ -58,6 +58,7 @@ class Reduced(Method):
     """
 
     name: ClassVar[str] = "reduced"
+    family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
     #: the share of Res(0) for which the steps of parts are forecast, and what these are chosen from
     aim, family_of_parts = RTOL, cast("str | None", None)
