@@ -33,12 +33,13 @@ def foreseen(A: sp.csr_array, most: float = np.inf) -> Fill:
     return Fill(A.shape[0], 2.0 * (entries + A.shape[0]), entries + squares, within)
 
 
-def ordered(A: sp.csr_array, most: float) -> tuple[Fill, NDArray[np.int32]]:
-    """The fill of `A` and the order of its rows and columns, shape (n,); not `seen` beyond `most` entries."""
+def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf) -> tuple[Fill, NDArray[np.int32]]:
+    """The fill of `A` and the order of its rows and columns, shape (n,); not `seen` beyond `most` entries, or where
+    it costs more than `most_cost` nanoseconds."""
     from .kernels.graph import order
 
     n = A.shape[0]
-    entries, squares, within, path = _looked(A, np.inf, 0.5 * most - n, np.inf)
+    entries, squares, within, path = _looked(A, np.inf, 0.5 * most - n, most_cost - least_factor_cost(n, 0))
     return Fill(n, 2.0 * (entries + n), entries + squares, within), order(*path)
 
 

@@ -41,6 +41,7 @@ def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> flo
     """As in `jacobi_radius`, of a symmetric `S` ≥ 0, by at most so many `steps`; inf where an entry is not finite."""
     n = S.shape[0]
     price = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
+    work.afford(price)
     work.add(price)
     sums = S @ np.ones(n)
     bound = float(sums.max())
@@ -62,6 +63,7 @@ def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> flo
                 break
         next_to.append(size)
         before, v = v, w / size
+        work.afford(price)
         w = S @ v - size * before
         work.add(price)
     return radius
