@@ -21,14 +21,16 @@ Matrix = NDArray[np.float64]
 PIVOTS = 50
 #: a problem, or a block of one, with at most so many rows is pivoted
 PIVOT_UP_TO = 64
-#: arrays of n² entries that are held: A, its scaled copy, and the dictionary
-_ARRAYS = 3
+#: arrays of n² entries that are held at once: A, its exponents and units, its scaled copy, and the dictionary
+_ARRAYS = 5
+#: these made and filled cost so many nanoseconds per entry; 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
+_BEGIN = 45.0
 #: an inverse and a product with it take so many times as long as a factorisation
 _INVERSE = 6.0
 
 
 def too_large(n: int) -> str | None:
-    """Why n rows are not pivoted: A, its scaled copy and the dictionary do not fit into memory; None if they do."""
+    """Why n rows are not pivoted: the dense arrays do not fit into memory; None where they do."""
     if work.fits(_ARRAYS * 8.0 * n**2):
         return None
     return f"pivoting works on all n x n entries: with n = {n} they need {_ARRAYS * 8e-6 * n**2:.3g} MB"
@@ -69,13 +71,18 @@ class AffineLcp:
         return x * self.inverse if self.inverse.ndim == 1 else x @ self.inverse.T
 
 
+def dense_matrix(problem: ProblemData) -> Matrix:
+    """A as pivots take it. Raises OutOfTime and OutOfMemory where they cannot begin with it."""
+    work.afford(_BEGIN * problem.n**2, _ARRAYS * 8.0 * problem.n**2)
+    return problem.dense()
+
+
 def dense_lcp(problem: ProblemData) -> AffineLcp:
     """The LCP behind `problem`, where ψ is affine or amounts to a fixed obstacle. Raises SingularOperator, MapError."""
-    work.afford(memory=_ARRAYS * 8.0 * problem.n**2)
     if problem.psi.linear is None:
-        return AffineLcp(problem.dense(), problem.q, problem.facts.obstacle)
+        return AffineLcp(dense_matrix(problem), problem.q, problem.facts.obstacle)
     G, c = problem.psi.linear
-    return AffineLcp(problem.dense(), problem.q, c, None if problem.psi.is_constant else G.toarray())
+    return AffineLcp(dense_matrix(problem), problem.q, c, None if problem.psi.is_constant else G.toarray())
 
 
 def some_pivots(state: Any, entering: int, most: int) -> Any:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.affine_lcp import PIVOTS, AffineLcp, some_pivots, too_large
+from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_matrix, some_pivots, too_large
 from ..algebra.equations import derivative
 from ..errors import SingularOperator
 from ..numerics import work
@@ -52,9 +52,9 @@ class Josephy(Method):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         from ..numerics.kernels.pivoting import SOLVED  # loads numba
 
-        A, n = problem.dense(), problem.n
         best = problem.residual(z)
         yield z, best
+        A, n = dense_matrix(problem), problem.n
         with suppress(SingularOperator):
             while best > 0.0:
                 G = _derivative(problem, z)

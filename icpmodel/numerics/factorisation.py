@@ -73,6 +73,7 @@ def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: floa
     from .kernels.graph import permuted
 
     n = matrix.shape[0]
+    work.afford(work.least_factor_cost(n, matrix.nnz))
     if not np.isfinite(matrix.data).all():
         return None
     rows = np.arange(n, dtype=np.int32)
@@ -84,7 +85,6 @@ def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: floa
         shifted = sp.csr_array(matrix[rows])
     else:
         shifted = matrix
-    work.afford(work.least_factor_cost(n, matrix.nnz))
     most = work.free_memory() / _BYTES if most is None else most
     fill, order = ordered(shifted, most, work.nanoseconds_left())
     if fill.entries > most:
