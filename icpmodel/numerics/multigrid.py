@@ -32,7 +32,7 @@ def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
     A coarsest level that is still large is left to SuperLU, which raises RuntimeError in the first cycle where it is
     singular: a dense pseudoinverse would take all memory.
     """
-    with _docstrings():
+    with _docstrings(), work.COMPILER.busy():
         import pyamg
 
     with _quiet():

@@ -149,7 +149,7 @@ class _Budget(NamedTuple):
 
 
 class _Compiler:
-    """The seconds in which something was compiled, or loaded from the disk, whoever asked for it."""
+    """The seconds in which code was compiled, or loaded from the disk, whoever asked for it."""
 
     def __init__(self) -> None:
         self._lock, self._busy, self._since, self._total = threading.Lock(), 0, 0.0, 0.0
@@ -165,6 +165,15 @@ class _Compiler:
             self._busy -= 1
             if self._busy == 0:
                 self._total += time.perf_counter() - self._since
+
+    @contextmanager
+    def busy(self) -> Iterator[None]:
+        """A block that loads code."""
+        self.begins()
+        try:
+            yield
+        finally:
+            self.ends()
 
     def clock(self) -> float:
         with self._lock:

@@ -49,6 +49,8 @@ class Limits:
 
     def kept(self) -> AbstractContextManager[None]:
         """A block that keeps to the limits of time and memory: see `numerics.work`."""
+        from ..numerics import kernels  # noqa: F401  loads numba, before the clock begins
+
         return work.within(*(math.inf if limit is None else limit for limit in (self.time_limit, self.memory_limit)))
 
 

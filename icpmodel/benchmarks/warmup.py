@@ -1,0 +1,55 @@
+"""Every loop compiled once, so that no later process has to: all methods, bounds and pages on small scenes."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from ..errors import IcpError
+from ..icp import ICP
+from ..methods.contract import named, names
+from ..problem.elementwise import Elementwise
+from ..scenes import names as scene_names
+from ..scenes import parameters, scene
+from ..solve.many import solve_many
+
+#: unknowns of a scene that has a size, and iterations: enough for every loop to be entered
+_N, _STEPS = 100, 30
+
+
+def warm_up(say: Callable[[str], None] = lambda text: None) -> float:
+    """Compile all loops for the kinds of data that they are given, and keep them on disk. Returns the seconds.
+
+    Parameters: `say` is told what is at work.
+    """
+    begin = time.perf_counter()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name, problem in _problems():
+            for method in (None, *names()):
+                say(f"compiling: {name} by {method or 'solve()'}")
+                with suppress(IcpError):  # not every method takes every problem
+                    solution = problem.solve(method and named(method), max_iter=_STEPS, raise_on_failure=False)
+            say(f"compiling: what is proved of {name}")
+            with suppress(IcpError):
+                str(solution.polish())
+            with suppress(IcpError):
+                str(problem.explain())
+    return time.perf_counter() - begin
+
+
+def _problems() -> Iterator[tuple[str, ICP]]:
+    for name in scene_names():
+        yield name, scene(name, **({"n": _N} if "n" in parameters(name) else {})).problem
+    grid = scene("membrane", n=_N).problem
+    yield "an affine obstacle", ICP(grid.A, grid.q, 0.1 * grid.A)
+    yield "an elementwise obstacle", grid.with_psi(Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z)))
+    line = scene("obstacle_1d", n=_N).problem if "obstacle_1d" in scene_names() else grid
+    for problem in (grid, line):
+        with suppress(IcpError):
+            solve_many(problem.A, np.stack([problem.q, -problem.q]), problem.psi, raise_on_failure=False)
+    solve_many([[2.0, -1.0], [-1.0, 2.0]], [[-1.0, 3.0], [3.0, -1.0]])
