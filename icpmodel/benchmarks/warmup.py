@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import IcpError
 from ..icp import ICP
 from ..methods.contract import named, names
+from ..problem.affine import Affine
 from ..problem.elementwise import Elementwise
 from ..scenes import names as scene_names
 from ..scenes import parameters, scene
@@ -45,7 +46,7 @@ def _problems() -> Iterator[tuple[str, ICP]]:
     for name in scene_names():
         yield name, scene(name, **({"n": _N} if "n" in parameters(name) else {})).problem
     grid = scene("membrane", n=_N).problem
-    yield "an affine obstacle", ICP(grid.A, grid.q, 0.1 * grid.A)
+    yield "an affine obstacle", grid.with_psi(Affine(0.05 * grid.A, -1.0))
     yield "an elementwise obstacle", grid.with_psi(Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z)))
     line = ICP(3.0 * np.eye(_N) - np.eye(_N, k=1) - np.eye(_N, k=-1), -np.ones(_N))
     yield "a line", line

@@ -139,13 +139,15 @@ _TRIFLE = 2.0**24
 
 
 class _Budget(NamedTuple):
-    """When it begun, by the clock and by the count; when it ends; the bytes held at its begin and its limit."""
+    """When it began, by the clock and by the count; when it ends; the bytes held at its begin and their limit; and the
+    count at which it ends."""
 
     begun: float
     counted: float
     end: float
-    held: float
-    memory: float
+    held: float = 0.0
+    memory: float = math.inf
+    most: float = math.inf
 
 
 class _Compiler:
@@ -202,6 +204,17 @@ def within(seconds: float = math.inf, memory: float = math.inf, begun: float | N
         _counted.budget = before
 
 
+@contextmanager
+def of_count(nanoseconds: float) -> Iterator[None]:
+    """In this block `afford` raises where more work is to be counted, the same on every machine; other limits stay."""
+    before = _budget()
+    _counted.budget = (before or _Budget(clock(), done(), math.inf))._replace(most=done() + nanoseconds)
+    try:
+        yield
+    finally:
+        _counted.budget = before
+
+
 def afford(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
     """Raises OutOfTime or OutOfMemory where a step, by the table of costs and in bytes, is more than what is left."""
     if not fits(memory):
@@ -217,12 +230,14 @@ def nanoseconds_left() -> float:
     What the clock showed for what was counted so far tells how much slower than the table this machine is.
     """
     budget = _budget()
-    if budget is None or budget.end == math.inf:
+    if budget is None:
         return math.inf
+    if budget.end == math.inf:
+        return budget.most - done()
     now = clock()
     counted = 1e-9 * (done() - budget.counted)
     pace = max((now - budget.begun + _BELIEF) / (counted + _BELIEF), 1.0)
-    return 1e9 * (budget.end - now) / pace
+    return min(1e9 * (budget.end - now) / pace, budget.most - done())
 
 
 def pieces(nanoseconds: float) -> int:

@@ -103,3 +103,13 @@ def test_a_factorisation_is_foreseen_by_its_fill_and_not_begun():
         factorise(A)
     with pytest.raises(OutOfMemory):
         factorise(A, most=A.nnz)
+
+
+def test_a_limit_of_the_count_is_the_same_on_every_machine_and_leaves_other_limits():
+    with work.of_count(1e6):
+        work.add(9e5)
+        work.afford(1e5)
+        with pytest.raises(OutOfTime):
+            work.afford(1.1e5)
+    with work.within(0.0), work.of_count(1e6), pytest.raises(OutOfTime):
+        work.afford()

@@ -78,3 +78,14 @@ def test_of_many_problems_those_whose_turn_comes_too_late_are_not_begun():
 def test_a_memory_limit_is_a_number_of_bytes(wrong):
     with pytest.raises(icp.InputError, match="memory_limit"):
         icp.ICP([[2.0]], [1.0]).solve(memory_limit=wrong)
+
+
+def test_a_bound_that_would_cost_too_much_work_is_not_decided():
+    """A is positive definite and no H-matrix, and its factors are as good as dense."""
+    rng = np.random.default_rng(1)
+    n = 20_000
+    B = sum(
+        sp.coo_array((rng.standard_normal(n), (np.arange(n), rng.permutation(n))), (n, n)).tocsr() for _ in range(3)
+    )
+    problem = icp.ICP(sp.csr_array(B @ B.T + 0.3 * sp.eye_array(n)), rng.standard_normal(n))
+    assert "not decided within 60 s of work" in icp.theory.error_bound(problem, np.zeros(n)).reason
