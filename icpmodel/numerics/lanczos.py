@@ -13,6 +13,8 @@ SMALL_RADIUS = 0.7
 #: it is looked at whenever so many more Lanczos steps are made, and where they bring it no nearer to 1 than by this
 #: share of what is left it will do, as after the last number of steps
 _LOOK, _SHARE, _MOST = 4, 0.3, 60
+#: nanoseconds for which a_ji is found, in rows of thousands of entries
+_COUPLE = 40.0
 
 
 def jacobi_radius(A: sp.csr_array, share: float = _SHARE) -> float:
@@ -33,6 +35,7 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
     """√|a_ij a_ji|/√|a_ii a_jj|, i ≠ j, with the pattern of A, whose rows are sorted: see `jacobi_radius`."""
     from .kernels.products import couple  # loads numba
 
+    work.afford(_COUPLE * A.nnz)
     weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
     return sp.csr_array((couple(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)
 
