@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import OutOfMemory
+from ..errors import OutOfMemory, OutOfTime
 from . import work
 from .arrays import Vector, row_of
 from .fill import ordered
@@ -89,6 +89,8 @@ def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: floa
     fill, order = ordered(shifted, most, work.nanoseconds_left())
     if fill.entries > most:
         raise OutOfMemory(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")
+    if not fill.seen:
+        raise OutOfTime(f"the factorisation takes at least {1e-9 * work.factor_cost(fill):.2g} s, more than is left")
     work.afford(work.factor_cost(fill))
     rows, place = rows[order], np.empty(n, np.int32)
     place[order] = np.arange(n)
