@@ -6,6 +6,8 @@ IcpError
 ├── MapError                         the user's ψ raised or returned something unusable
 ├── NotApplicable                    a method or solver cannot take this problem; the sentence says why
 │   └── SingularOperator             X = M₁ + φ + Ω cannot be inverted; ``row`` says where
+├── OutOfTime                        a step was not begun, as the time that is left is too short for it
+├── OutOfMemory (also a MemoryError) a step was not begun, as the memory that is left is too small for it
 └── NotSolved                        the run ended without a solution; ``solution`` has the best iterate
 
 Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check or measurement; ``report`` has what was done
@@ -76,6 +78,14 @@ class SingularOperator(NotApplicable):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (str(self), self.row)
+
+
+class OutOfTime(IcpError):
+    """A step is foreseen to take longer than what is left of `time_limit`; a run ends with its best iterate then."""
+
+
+class OutOfMemory(IcpError, MemoryError):
+    """A step is foreseen to take more memory than there is, or `memory_limit` leaves; a run goes on without it."""
 
 
 class NotSolved(IcpError):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SingularOperator
+from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
@@ -16,14 +17,23 @@ from ..problem.data import ProblemData
 Matrix = NDArray[np.float64]
 
 
-#: the dictionary has n² entries, and every pivot changes all of them
-DENSE_UP_TO = 500
-
-
 #: so many pivots, times n + 1, and an LCP that is one of many counts as not solved
 PIVOTS = 50
 #: a problem, or a block of one, with at most so many rows is pivoted
 PIVOT_UP_TO = 64
+#: arrays of n² entries that are held at once: A, its exponents and units, its scaled copy, and the dictionary
+_ARRAYS = 5
+#: these made and filled cost so many nanoseconds per entry; 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
+_BEGIN = 45.0
+#: an inverse and a product with it take so many times as long as a factorisation
+_INVERSE = 6.0
+
+
+def too_large(n: int) -> str | None:
+    """Why n rows are not pivoted: the dense arrays do not fit into memory; None where they do."""
+    if work.fits(_ARRAYS * 8.0 * n**2):
+        return None
+    return f"pivoting works on all n x n entries: with n = {n} they need {_ARRAYS * 8e-6 * n**2:.3g} MB"
 
 
 class AffineLcp:
@@ -60,16 +70,43 @@ class AffineLcp:
         return x * self.inverse if self.inverse.ndim == 1 else x @ self.inverse.T
 
 
+def dense_matrix(problem: ProblemData) -> Matrix:
+    """A as pivots take it. Raises OutOfTime and OutOfMemory where they cannot begin with it."""
+    work.afford(_BEGIN * problem.n**2, _ARRAYS * 8.0 * problem.n**2)
+    return problem.dense()
+
+
 def dense_lcp(problem: ProblemData) -> AffineLcp:
     """The LCP behind `problem`, where ψ is affine or amounts to a fixed obstacle. Raises SingularOperator, MapError."""
     if problem.psi.linear is None:
-        return AffineLcp(problem.dense(), problem.q, problem.facts.obstacle)
+        return AffineLcp(dense_matrix(problem), problem.q, problem.facts.obstacle)
     G, c = problem.psi.linear
-    return AffineLcp(problem.dense(), problem.q, c, None if problem.psi.is_constant else G.toarray())
+    return AffineLcp(dense_matrix(problem), problem.q, c, None if problem.psi.is_constant else G.toarray())
+
+
+def some_pivots(state: Any, entering: int, most: int) -> Any:
+    """Up to `most` pivots as `kernels.pivoting.go_on` makes and returns them, in the pieces that a limit of time asks
+    for. Raises OutOfTime."""
+    from ..numerics.kernels.pivoting import UNFINISHED, go_on  # loads numba
+
+    n = len(state[0])
+    price = work.COSTS.pivot_entry * n**2
+    piece = work.pieces(price)
+    while True:
+        count = min(piece, most)
+        work.afford(min(count, n) * price)
+        found = go_on(*state, entering, count)
+        # as many pivots as were asked for, or at the end one at least for each entry of y
+        work.add(price * (count if found[0] == UNFINISHED else np.count_nonzero(found[2]) + 1))
+        most, entering = most - count, found[1]
+        if found[0] != UNFINISHED or most == 0:
+            return found
 
 
 def _inverse(G: Matrix | Vector) -> Any:
     """(I − G)⁻¹, as a diagonal where G is one."""
+    if G.ndim == 2:
+        work.afford(_INVERSE * work.dense_cost(len(G)))
     if G.ndim == 1 and (G != 1.0).all():
         return 1.0 / (1.0 - G)
     with suppress(np.linalg.LinAlgError):

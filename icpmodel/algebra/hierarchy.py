@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..numerics import work
 from ..numerics.arrays import Vector
-from ..numerics.multigrid import ruge_stuben
+from ..numerics.multigrid import HIERARCHY_BYTES, ruge_stuben
 from ..numerics.threads import one_behind_the_other, one_blas_thread, threads_for
 from ..problem.data import ProblemData
 
@@ -57,19 +57,22 @@ class Hierarchy:
     """
 
     def __init__(self, problem: ProblemData) -> None:
+        price = work.COSTS.hierarchy + work.COSTS.hierarchy_entry * problem.nnz
+        work.afford(price, HIERARCHY_BYTES * problem.nnz)
         self.levels = [Level(problem)]
         while self.levels[-1].A.shape[0] > _COARSEST and self._coarsen():
             if self.levels[-1].A.nnz > _FILL * problem.A.nnz:
                 raise NoHierarchy
         if self.levels[-1].A.shape[0] > _STALLED:
             raise NoHierarchy
-        work.add(work.COSTS.hierarchy + work.COSTS.hierarchy_entry * problem.A.nnz)
+        work.add(price)
         self._dense = self.levels[-1].A.toarray()
         self.restrict(self.levels[0].free)
 
     def _coarsen(self) -> bool:
         """One more level; False where there is none."""
         last = self.levels[-1]
+        work.afford(work.COSTS.hierarchy_entry * last.A.nnz)
         # direct interpolation costs least and is made for M-matrices
         made = ruge_stuben(last.A, interpolation="direct", max_coarse=_COARSEST, max_levels=2, keep=True).levels
         if len(made) == 1:
@@ -94,7 +97,9 @@ class Hierarchy:
 
         Parameters: `f` of shape (m,), m the rows of level `top`. Returns a new array of that shape.
         """
-        work.add(work.COSTS.cycle + work.COSTS.cycle_entry * self.levels[top].A.nnz)
+        price = work.COSTS.cycle + work.COSTS.cycle_entry * self.levels[top].A.nnz
+        work.afford(price)
+        work.add(price)
         return self._cycle(f, top)
 
     def _cycle(self, f: Vector, top: int) -> Vector:

@@ -123,6 +123,8 @@ class FactorisedOperator(Operator):
 
     def __init__(self, X: sp.csr_array) -> None:
         X = sp.csr_array(X)
+        price = work.least_factor_cost(X.shape[0], X.nnz)
+        work.afford(price)
         size = _row_maxima(X)
         if not size.all():
             row = int(np.argmin(size))
@@ -130,6 +132,7 @@ class FactorisedOperator(Operator):
         # rows and columns are brought to the size 1, so that units do not look like singularity
         self._row_scale = 1.0 / np.maximum(size, np.finfo(np.float64).tiny)
         scaled = sp.csr_array(sp.diags_array(self._row_scale) @ X)
+        work.afford(price)
         size = _row_maxima(sp.csr_array(scaled.T))
         self._column_scale = 1.0 / np.where(size > np.finfo(np.float64).tiny, size, 1.0)
         scaled = sp.csr_array(scaled @ sp.diags_array(self._column_scale))

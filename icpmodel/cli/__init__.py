@@ -17,6 +17,7 @@ from ..numerics.plugins import load_plugins
 from .charting import benchmark, race, report, stability
 from .output import complain
 from .solving import crosscheck, explain, scenes, solve
+from .warming import warmup
 
 __all__ = ["main"]
 
@@ -36,10 +37,11 @@ def commands() -> None:
     icpmodel stability units -o map.png      where a method converges, how fast, and where it fails
     icpmodel report membrane -o page.html    all of that, and pictures, on one page
     icpmodel benchmark sweep                 the numbers of the README, measured on this machine
+    icpmodel warmup                          compile all loops once, before the first solve
     """
 
 
-for _command in (solve, crosscheck, explain, race, stability, report, scenes, benchmark):
+for _command in (solve, crosscheck, explain, race, stability, report, scenes, benchmark, warmup):
     commands.add_command(_command)
 
 

@@ -31,7 +31,8 @@ _LIMITS = {
     "atol": "... or at atol, the larger of both, default 0 ...",
     "accuracy": "... or, instead, at this certified error of every entry of z.",
     "max_iter": "Iterations in all.",
-    "time_limit": "Seconds, looked at between iterations.",
+    "time_limit": "Seconds; what would take longer than what is left of them is not begun.",
+    "memory_limit": "Bytes that may be taken; by default what the machine has free.",
 }
 #: of a command that solves
 _SOLVE_OPTIONS = (

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.affine_lcp import DENSE_UP_TO, PIVOTS, AffineLcp
+from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_matrix, some_pivots, too_large
 from ..algebra.equations import derivative
 from ..errors import SingularOperator
 from ..numerics import work
@@ -47,23 +47,19 @@ class Josephy(Method):
         return Estimate(0.0, step, 5.0, 24.0 * n**2)
 
     def why_not(self, problem: ProblemData) -> str | None:
-        if problem.n > DENSE_UP_TO:
-            return f"pivoting works on all n x n entries: n = {problem.n} is more than {DENSE_UP_TO}"
-        return problem.psi.no_derivative()
+        return too_large(problem.n) or problem.psi.no_derivative()
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        from ..numerics.kernels.pivoting import SOLVED, go_on  # loads numba
+        from ..numerics.kernels.pivoting import SOLVED  # loads numba
 
-        A, n = problem.dense(), problem.n
         best = problem.residual(z)
         yield z, best
+        A, n = dense_matrix(problem), problem.n
         with suppress(SingularOperator):
             while best > 0.0:
                 G = _derivative(problem, z)
                 lcp = AffineLcp(A, problem.q, problem.psi.value(z) - (G * z if G.ndim == 1 else G @ z), G)
-                ended, _, y, _ = go_on(*lcp.start(), -1, PIVOTS * (n + 1))
-                # at least a pivot for each entry
-                work.add(work.COSTS.pivot_entry * n**2 * (np.count_nonzero(y) + 1))
+                ended, _, y, _ = some_pivots(lcp.start(), -1, PIVOTS * (n + 1))
                 if ended != SOLVED:
                     break
                 step = lcp.z(y) - z

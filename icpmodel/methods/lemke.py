@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..algebra.affine_lcp import DENSE_UP_TO, dense_lcp
+from ..algebra.affine_lcp import dense_lcp, some_pivots, too_large
 from ..algebra.equations import solve_on
 from ..errors import SingularOperator
 from ..numerics import work
@@ -56,23 +56,18 @@ class Lemke(Method):
         if problem.psi.linear is None and not problem.facts.has_fixed_obstacle:
             wanted = "constant or affine, or moves with z_i alone and by less"
             return f"pivoting needs a psi that is {wanted}, not {problem.psi!r}"
-        if problem.n > DENSE_UP_TO:
-            return f"pivoting works on all n x n entries: n = {problem.n} is more than {DENSE_UP_TO}"
-        return None
+        return too_large(problem.n)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # raises SingularOperator where I − G is singular, or A in the rows without obstacle
-        from ..numerics.kernels.pivoting import RAY, SINGULAR, UNFINISHED, go_on  # loads numba
+        from ..numerics.kernels.pivoting import RAY, SINGULAR, UNFINISHED  # loads numba
 
         yield z, None
         lcp = dense_lcp(problem)
         state = lcp.start()
-        ended, entering, n = UNFINISHED, -1, problem.n
+        ended, entering = UNFINISHED, -1
         while ended == UNFINISHED:
-            ended, entering, y, ray = go_on(*state, entering, n)
-            # as many pivots as were asked for, or at the end one at least for each entry of y
-            pivots = n if ended == UNFINISHED else np.count_nonzero(y) + 1
-            work.add(work.COSTS.pivot_entry * n**2 * pivots)
+            ended, entering, y, ray = some_pivots(state, entering, problem.n)
             if ended == SINGULAR:
                 row = int(np.argmax(lcp.free))
                 raise SingularOperator("A is singular in the rows and columns without obstacle", row)

@@ -328,6 +328,7 @@ def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
     rest, direction = f, inverse * f
     square = first = inner(rest, direction)
     for _ in range(most):
+        work.afford()
         if square <= _INEXACT**2 * first:
             return x
         image = M @ direction

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..errors import OutOfMemory, OutOfTime
 from . import work
 from .arrays import Vector, row_of
 from .fill import ordered
@@ -65,7 +65,7 @@ def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: floa
 
     With `diagonal_pivots`, for a symmetric matrix, it is None as well where SuperLU exchanged rows. Raises MemoryError
     before the factorisation where it will have more than `most` entries, by default those that fit into the memory
-    that is free.
+    that is free, and OutOfTime where it will take more time than is left.
     Reference: Li, ACM TOMS 31 (2005), for SuperLU and its mode for pivots near the diagonal.
     """
     from scipy.sparse.linalg import splu
@@ -73,6 +73,7 @@ def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: floa
     from .kernels.graph import permuted
 
     n = matrix.shape[0]
+    work.afford(work.least_factor_cost(n, matrix.nnz))
     if not np.isfinite(matrix.data).all():
         return None
     rows = np.arange(n, dtype=np.int32)
@@ -84,9 +85,13 @@ def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: floa
         shifted = sp.csr_array(matrix[rows])
     else:
         shifted = matrix
-    fill, order = ordered(shifted, free_memory() / _BYTES if most is None else most)
+    most = work.free_memory() / _BYTES if most is None else most
+    fill, order = ordered(shifted, most, work.nanoseconds_left())
+    if fill.entries > most:
+        raise OutOfMemory(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")
     if not fill.seen:
-        raise MemoryError(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")
+        raise OutOfTime(f"the factorisation takes at least {1e-9 * work.factor_cost(fill):.2g} s, more than is left")
+    work.afford(work.factor_cost(fill))
     rows, place = rows[order], np.empty(n, np.int32)
     place[order] = np.arange(n)
     arrays = permuted(matrix.indptr, matrix.indices, matrix.data, rows, place)
@@ -125,13 +130,4 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
 
 def fits(entries: float) -> bool:
     """Whether factors of so many entries fit into the memory that is free."""
-    return _BYTES * entries <= free_memory()
-
-
-def free_memory() -> float:
-    """The bytes that this process may still ask for, half of all where the system does not say."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            return 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
-    except (OSError, StopIteration, ValueError):
-        return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return _BYTES * entries <= work.free_memory()

@@ -8,12 +8,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..errors import OutOfTime
 from . import work
 from .work import Fill, least_factor_cost
 
 #: a row with more than this times √n neighbours goes last, and counts as one that fills up: Amestoy, Davis and Duff,
 #: ACM TOMS 30 (2004)
 _DENSE = 10.0
+#: the graph is made at the cost of so many looks per entry
+_GRAPH = 1.0
 
 
 def of_band(n: int, below: int, above: int) -> Fill:
@@ -33,24 +36,29 @@ def foreseen(A: sp.csr_array, most: float = np.inf) -> Fill:
     return Fill(A.shape[0], 2.0 * (entries + A.shape[0]), entries + squares, within)
 
 
-def ordered(A: sp.csr_array, most: float) -> tuple[Fill, NDArray[np.int32]]:
-    """The fill of `A` and the order of its rows and columns, shape (n,); not `seen` beyond `most` entries."""
+def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf) -> tuple[Fill, NDArray[np.int32]]:
+    """The fill of `A` and the order of its rows and columns, shape (n,); not `seen` beyond `most` entries, or where
+    it costs more than `most_cost` nanoseconds."""
     from .kernels.graph import order
 
     n = A.shape[0]
-    entries, squares, within, path = _looked(A, np.inf, 0.5 * most - n, np.inf)
+    entries, squares, within, path = _looked(A, np.inf, 0.5 * most - n, most_cost - least_factor_cost(n, 0))
     return Fill(n, 2.0 * (entries + n), entries + squares, within), order(*path)
 
 
 def _looked(
     A: sp.csr_array, a_look: float, most_entries: float, most_cost: float
 ) -> tuple[float, float, bool, tuple[Any, Any]]:
-    """Entries of L off its diagonal, the sum of their squares by columns, whether within the limits, and the path."""
+    """Entries of L off its diagonal, their squares summed by columns, whether within the limits, and the path."""
     from .kernels.elimination import minimum_degree
     from .kernels.graph import both_ways
 
+    work.afford(_GRAPH * work.COSTS.look * A.nnz)
     graph = both_ways(A.indptr, A.indices, int(_DENSE * A.shape[0] ** 0.5) + 16)
     prices = (2.0 * work.COSTS.factor_entry, work.COSTS.factor_flop, a_look)
-    entries, squares, looks, within, *path = minimum_degree(*graph, A.nnz, prices, most_entries, most_cost)
+    limits = most_entries, most_cost, work.nanoseconds_left() / work.COSTS.look
+    entries, squares, looks, within, *path = minimum_degree(*graph, A.nnz, prices, *limits)
     work.add(work.COSTS.call + work.COSTS.look * (looks + A.nnz))
+    if looks > limits[2]:
+        raise OutOfTime("to foresee what a factorisation costs takes longer than what is left of the time")
     return entries, squares, within, (path[0], path[1])

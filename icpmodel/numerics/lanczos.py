@@ -13,6 +13,8 @@ SMALL_RADIUS = 0.7
 #: it is looked at whenever so many more Lanczos steps are made, and where they bring it no nearer to 1 than by this
 #: share of what is left it will do, as after the last number of steps
 _LOOK, _SHARE, _MOST = 4, 0.3, 60
+#: nanoseconds for which a_ji is found, in rows of thousands of entries
+_COUPLE = 40.0
 
 
 def couplings(A: sp.csr_array) -> sp.csr_array:
@@ -24,6 +26,7 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
     """
     from .kernels.products import couple  # loads numba
 
+    work.afford(_COUPLE * A.nnz)
     weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
     return sp.csr_array((couple(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)
 
@@ -36,6 +39,7 @@ def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> flo
     """
     n = S.shape[0]
     price = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
+    work.afford(price)
     work.add(price)
     sums = S @ np.ones(n)
     bound = float(sums.max())
@@ -57,6 +61,7 @@ def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> flo
                 break
         next_to.append(size)
         before, v = v, w / size
+        work.afford(price)
         w = S @ v - size * before
         work.add(price)
     return radius

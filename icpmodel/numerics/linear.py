@@ -12,11 +12,11 @@ import scipy.sparse as sp
 
 from .arrays import Vector, bandwidths, is_symmetric, row_of
 from .equilibration import in_units, row_exponents
-from .factorisation import factorise, free_memory
+from .factorisation import factorise
 from .fill import foreseen
 from .multigrid import KrylovMultigrid
 from .threads import one_blas_thread
-from .work import COSTS, add, dense_cost, krylov_cost, least_factor_cost
+from .work import COSTS, add, afford, dense_cost, free_memory, krylov_cost, least_factor_cost
 
 #: (right-hand side, relative tolerance) ↦ solution, or None where none was found
 Solver = Callable[[Vector, float], Vector | None]
@@ -34,7 +34,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None) -> Solver:
 
     Multigrid is for matrices with a positive diagonal and nothing positive off it, and taken where a factorisation is
     foreseen to cost more, unless `by_multigrid` decides; where it does not converge they are factorised as well. Rows
-    are brought to one size first. The solver returns None where M is singular, or its factors do not fit into memory.
+    are brought to one size first. The solver returns None where M is singular. Raises OutOfTime and OutOfMemory.
     """
     n = M.shape[0]
     if n == 0:
@@ -55,6 +55,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None) -> Solver:
         return _bordered(scaled) or (_dense(scaled) if _is_as_good_as_dense(scaled) else _sparse(scaled))
 
     def solve(f: Vector, tolerance: float) -> Vector | None:
+        afford()
         right = np.ldexp(f, exponents)
         x = None if multigrid is None else multigrid.solve(f if symmetric else right, tolerance)
         if x is None:
@@ -112,6 +113,7 @@ def _bordered(M: sp.csr_array) -> Solver | None:
 def _dense(M: sp.csr_array) -> Solver:
     from scipy.linalg import lu_factor, lu_solve
 
+    afford(dense_cost(M.shape[0]), 16.0 * M.shape[0] ** 2)
     with warnings.catch_warnings(), one_blas_thread():  # of a pivot that is zero
         warnings.simplefilter("ignore")
         lu = lu_factor(M.toarray(), check_finite=False)
@@ -125,10 +127,7 @@ def _dense(M: sp.csr_array) -> Solver:
 
 
 def _sparse(M: sp.csr_array) -> Solver:
-    try:
-        lu = factorise(M)
-    except MemoryError:
-        lu = None
+    lu = factorise(M)
     return lambda f, tolerance: None if lu is None else lu.solve(f)
 
 

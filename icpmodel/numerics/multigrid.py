@@ -21,6 +21,9 @@ _STALLED = 500
 _KRYLOV_STEPS = 30
 #: steps where nothing else is left to try
 _STEPS = 100
+#: bytes that a hierarchy takes per entry of A: its levels, with what interpolates between them, hold about three times
+#: as many entries
+HIERARCHY_BYTES = 3 * 12
 
 
 def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
@@ -29,7 +32,7 @@ def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
     A coarsest level that is still large is left to SuperLU, which raises RuntimeError in the first cycle where it is
     singular: a dense pseudoinverse would take all memory.
     """
-    with _docstrings():
+    with _docstrings(), work.COMPILER.busy():
         import pyamg
 
     with _quiet():
@@ -43,6 +46,7 @@ class KrylovMultigrid:
     """CG, or BiCGSTAB where `A` (CSR, n × n) is not symmetric, with one cycle of `ruge_stuben` as preconditioner."""
 
     def __init__(self, A: sp.csr_array) -> None:
+        work.afford(work.krylov_cost(A.nnz, 0), HIERARCHY_BYTES * A.nnz)
         self._A, self._hierarchy = A, ruge_stuben(A)
         work.add(work.krylov_cost(A.nnz, 0))
         self._accelerate = "cg" if is_symmetric(A) else "bicgstab"
@@ -57,6 +61,7 @@ class KrylovMultigrid:
     def best(self, f: Vector, tolerance: float, maxiter: int = _KRYLOV_STEPS) -> Vector | None:
         """What the steps end with, near or far; None where the coarsest level is singular."""
         made: list[float] = []
+        work.afford(work.krylov_cost(self._A.nnz, 1, hierarchy=False))
         options = {"maxiter": maxiter, "accel": self._accelerate, "residuals": made}
         with _quiet():
             try:

@@ -1,13 +1,23 @@
-"""What work costs, in nanoseconds: one table of measured constants, and a count of what was done.
+"""What work costs, in nanoseconds: one table of measured constants, a count of what was done, and what may be spent.
 
 The count stands for a clock in whatever decides, so that the same problem takes the same way on every machine, with any
 number of threads and under any load. Whoever does work says so with `add`.
+
+Limits are kept by asking before: `within` says how much time and memory there is, and `afford` raises where a step is
+foreseen to take more than is left. Work in small pieces asks between them, one large piece before it is begun.
 """
 
 from __future__ import annotations
 
+import math
+import os
 import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
+
+from ..errors import OutOfMemory, OutOfTime
 
 
 class Costs(NamedTuple):
@@ -122,3 +132,151 @@ def krylov_cost(nnz: int, steps: int, hierarchy: bool = True) -> float:
     """What so many steps of a Krylov method cost that multigrid preconditions, with its hierarchy or without."""
     made = COSTS.hierarchy + COSTS.hierarchy_entry * nnz if hierarchy else 0.0
     return made + steps * (COSTS.krylov + COSTS.krylov_entry * nnz)
+
+
+#: seconds that count as having gone as foreseen, before it is known how far the table is from this machine
+_BELIEF = 0.1
+#: a piece of a long loop between two looks at the clock, in nanoseconds
+_PIECE = 2e7
+#: for fewer bytes the system is not asked how many are free
+_TRIFLE = 2.0**24
+
+
+class _Budget(NamedTuple):
+    """When it began, by the clock and by the count; when it ends; the bytes held at its begin and their limit; and the
+    count at which it ends."""
+
+    begun: float
+    counted: float
+    end: float
+    held: float = 0.0
+    memory: float = math.inf
+    most: float = math.inf
+
+
+class _Compiler:
+    """The seconds in which code was compiled, or loaded from the disk, whoever asked for it."""
+
+    def __init__(self) -> None:
+        self._lock, self._busy, self._since, self._total = threading.Lock(), 0, 0.0, 0.0
+
+    def begins(self) -> None:
+        with self._lock:
+            if self._busy == 0:
+                self._since = time.perf_counter()
+            self._busy += 1
+
+    def ends(self) -> None:
+        with self._lock:
+            self._busy -= 1
+            if self._busy == 0:
+                self._total += time.perf_counter() - self._since
+
+    @contextmanager
+    def busy(self) -> Iterator[None]:
+        """A block that loads code."""
+        self.begins()
+        try:
+            yield
+        finally:
+            self.ends()
+
+    def clock(self) -> float:
+        with self._lock:
+            now = self._since if self._busy else time.perf_counter()
+            return now - self._total
+
+
+#: who compiles says so here
+COMPILER = _Compiler()
+
+
+def clock() -> float:
+    """Seconds that pass while nothing is compiled; differences tell what a run took."""
+    return COMPILER.clock()
+
+
+@contextmanager
+def within(seconds: float = math.inf, memory: float = math.inf, begun: float | None = None) -> Iterator[None]:
+    """In this block of this thread `afford` raises where more is asked for than so many seconds and bytes."""
+    before, begun = _budget(), clock() if begun is None else begun
+    held = _held() if memory < math.inf else 0.0
+    _counted.budget = _Budget(begun, done(), begun + seconds, held, memory)
+    try:
+        yield
+    finally:
+        _counted.budget = before
+
+
+@contextmanager
+def of_count(nanoseconds: float) -> Iterator[None]:
+    """In this block `afford` raises where more work is to be counted, the same on every machine; other limits stay."""
+    before = _budget()
+    _counted.budget = (before or _Budget(clock(), done(), math.inf))._replace(most=done() + nanoseconds)
+    try:
+        yield
+    finally:
+        _counted.budget = before
+
+
+def afford(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
+    """Raises OutOfTime or OutOfMemory where a step, by the table of costs and in bytes, is more than what is left."""
+    if not fits(memory):
+        raise OutOfMemory(f"a step needs about {1e-6 * memory:.3g} MB, which is more than may still be taken")
+    left = nanoseconds_left()
+    if nanoseconds > left or left <= 0.0:
+        raise OutOfTime(f"a step of about {1e-9 * nanoseconds:.2g} s does not fit into what is left of the time")
+
+
+def nanoseconds_left() -> float:
+    """What may still be spent, by the table of costs; inf where nothing limits it.
+
+    What the clock showed for what was counted so far tells how much slower than the table this machine is.
+    """
+    budget = _budget()
+    if budget is None:
+        return math.inf
+    if budget.end == math.inf:
+        return budget.most - done()
+    now = clock()
+    counted = 1e-9 * (done() - budget.counted)
+    pace = max((now - budget.begun + _BELIEF) / (counted + _BELIEF), 1.0)
+    return min(1e9 * (budget.end - now) / pace, budget.most - done())
+
+
+def pieces(nanoseconds: float) -> int:
+    """How many steps of this cost, one at least, are a piece of a loop that asks `afford` between its pieces."""
+    return max(int(_PIECE / nanoseconds), 1) if nanoseconds_left() < math.inf else 2**31
+
+
+def free_memory() -> float:
+    """The bytes that may still be asked for: what the system has, or half of all where it does not say, and the limit
+    leaves."""
+    budget, left = _budget(), math.inf
+    if budget is not None and budget.memory < math.inf:
+        left = max(budget.memory - max(_held() - budget.held, 0.0), 0.0)
+    try:
+        with open("/proc/meminfo", encoding="ascii") as lines:
+            free = 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
+    except (OSError, StopIteration, ValueError):
+        free = 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return min(left, free)
+
+
+def fits(memory: float) -> bool:
+    """Whether so many bytes may still be asked for."""
+    budget = _budget()
+    return memory <= (_TRIFLE if budget is None else min(budget.memory, _TRIFLE)) or memory <= free_memory()
+
+
+def _budget() -> _Budget | None:
+    return getattr(_counted, "budget", None)
+
+
+def _held() -> float:
+    """The bytes that this process holds, 0 where the system does not say."""
+    try:
+        with open("/proc/self/statm", encoding="ascii") as line:
+            return float(line.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError):
+        return 0.0

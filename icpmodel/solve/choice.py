@@ -97,7 +97,7 @@ def _best(problem: ProblemData, aim: float, family: str | None, methods: Iterabl
         if method.family not in FAMILIES[family] or method.why_not(problem) is not None:
             continue
         estimate = method.estimate(problem.facts, aim)
-        if estimate is None:
+        if estimate is None or not work.fits(estimate.memory):
             continue
         cost, weight = estimate.total, WEIGHTS[method.family]
         if best is None or weight * cost < least:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import contextlib
 import inspect
 import math
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable, NotSolved
+from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
+from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, described
 from ..numerics.rounding import is_ctrl_c, sheltered
 from ..problem.data import ProblemData, as_problem
@@ -43,6 +44,7 @@ def solve(
     family: str | None = None,
     max_iter: int = 100_000,
     time_limit: float | None = None,
+    memory_limit: float | None = None,
     callback: Callable[[Progress], Any] | None = None,
     history: bool = False,
     progress: bool = False,
@@ -60,9 +62,10 @@ def solve(
     out of the modulus equation, without the shortcuts (pivots, the tridiagonal pass), None for both;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
     by default 1e-8 and 0; `accuracy` > 0 in the units of z, instead of the two;
-    `max_iter` iterations in all, a sweep or a Newton step each; `time_limit` in seconds, looked at between iterations,
-    set-up included, and at the first call of a process half a second for loading compiled code, or some seconds for
-    compiling it;
+    `max_iter` iterations in all, a sweep or a Newton step each; `time_limit` in seconds, kept to within a tenth
+    and .2 s: what is foreseen to take longer than what is left is not begun, and to compile and load loops at the first
+    calls of a process does not count; `memory_limit` in bytes that may be taken beyond what is held, by default what
+    the machine has free: methods that need more give way to others;
     `callback` gets a `Progress` per tested iterate and stops the run by returning True;
     `history` keeps the residuals in `Solution.history`; `progress` shows a bar where standard error is a terminal;
     `raise_on_failure`.
@@ -87,6 +90,7 @@ def solve(
         max_iter=max_iter,
         time_limit=time_limit,
         accuracy=accuracy,
+        memory_limit=memory_limit,
     )
     if callback is not None and not callable(callback):
         raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
@@ -94,13 +98,14 @@ def solve(
         as_truth(flag, name)
     n = as_problem(problem).n
     start = np.zeros(n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
-    run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
-    carry_out(run, _candidates(problem, method, options, run.aim, family))
-    if run.singular is not None and method is not None:
-        raise run.singular
-    if run.best is None:
-        raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
-    solution = solution_of(run, limits.accuracy)
+    with limits.kept():
+        run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
+        carry_out(run, _candidates(problem, method, options, run.aim, family))
+        if run.singular is not None and method is not None:
+            raise run.singular
+        if run.best is None:
+            raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
+        solution = solution_of(run, limits.accuracy)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
@@ -134,7 +139,7 @@ def _candidates(
 
 def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> Run:
     """The run from `start`. Raises MapError where ψ has no value there."""
-    clock = time.perf_counter()
+    clock = work.clock()
     moved = np.count_nonzero(start)
     at_start = scale = problem.residual(start) if moved else problem.residual_at_0()
     if not math.isfinite(scale) and (fault := fault_of_psi(problem, start)):
@@ -179,9 +184,10 @@ def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
         if run.best is None:
             run.best = run.found(run.start, run.at_start)
         run.ended = Ended(Status.INTERRUPTED, "by Ctrl-C")
-    except MemoryError:  # to choose the next method takes more than there is
-        if run.best is None:
-            raise
+    if run.best is None and run.refused is not None:
+        if not run.tried:
+            run.candidate = Candidate(MNMGS(), "the limits were reached before a method was chosen")
+        run.best = run.found(run.start, run.at_start)
 
 
 def judged(run: Run) -> Best:
@@ -232,7 +238,7 @@ def solution_of(run: Run, accuracy: float | None) -> Solution:
         tolerance=run.goal.tolerance,
         accuracy=accuracy,
         iterations=max(run.iteration, 0),
-        seconds=time.perf_counter() - run.clock,
+        seconds=work.clock() - run.clock,
         history=None if run.records is None else _history(run.records),
         infeasible=run.infeasible if status is Status.INFEASIBLE else None,
     )

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import math
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import MapError, NotApplicable
+from ..errors import MapError, NotApplicable, OutOfMemory, OutOfTime
+from ..numerics import work
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..problem.data import ProblemData
@@ -19,7 +22,8 @@ RTOL = 1e-8
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """When to stop: Res(z) ≤ max(`atol`, `rtol`·Res(0)), `max_iter` iterations, `time_limit` seconds (None: no limit).
+    """When to stop: Res(z) ≤ max(`atol`, `rtol`·Res(0)), `max_iter` iterations, `time_limit` seconds,
+    `memory_limit` bytes beyond what was held at the start (None: no limit but the machine's).
 
     With `accuracy`, a certified error of at most that is asked for instead of a residual.
     Raises InputError for numbers that make no sense.
@@ -30,6 +34,7 @@ class Limits:
     max_iter: int
     time_limit: float | None
     accuracy: float | None = None
+    memory_limit: float | None = None
 
     def __post_init__(self) -> None:
         as_number(self.rtol, "rtol", least=0, below=1)  # from 1 on, z = 0 would do
@@ -37,8 +42,16 @@ class Limits:
         as_number(self.max_iter, "max_iter", least=0, whole=True)
         if self.time_limit is not None:
             as_number(self.time_limit, "time_limit", least=0)
+        if self.memory_limit is not None:
+            as_number(self.memory_limit, "memory_limit", least=0)
         if self.accuracy is not None:
             as_number(self.accuracy, "accuracy", above=0)
+
+    def kept(self) -> AbstractContextManager[None]:
+        """A block that keeps to the limits of time and memory: see `numerics.work`."""
+        from ..numerics import kernels  # noqa: F401  loads numba, before the clock begins
+
+        return work.within(*(math.inf if limit is None else limit for limit in (self.time_limit, self.memory_limit)))
 
 
 @dataclass
@@ -70,8 +83,12 @@ class AccuracyGoal(Goal):
     def __init__(self, problem: ProblemData, accuracy: float, start: Vector) -> None:
         super().__init__(np.inf)
         self.problem, self.accuracy = problem, accuracy
-        bound = error_bound(problem, start)
-        self.looked_at, self.bound = start, bound.value
+        self.looked_at, self.bound = start, None
+        try:
+            bound = error_bound(problem, start)
+        except (OutOfTime, OutOfMemory):  # the run will tell
+            return
+        self.bound = bound.value
         if not bound.unique:
             raise NotApplicable(
                 f"accuracy: nothing bounds the error of this problem: {bound.reason}; give rtol instead"
@@ -99,7 +116,7 @@ class AccuracyGoal(Goal):
         """The bound on the error of `z`, None where there is none; at a point that does not move one look will do."""
         if not np.array_equal(z, self.looked_at):
             self.bound = None
-            with contextlib.suppress(MapError):
+            with contextlib.suppress(MapError, OutOfTime, OutOfMemory):
                 self.bound = error_bound(self.problem, z).value
             self.looked_at = z
         return self.bound

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
 from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.tridiagonal import Tridiagonal
+from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes, norm
 from ..numerics.rounding import sheltered
 from ..numerics.threads import cores, in_parts
@@ -85,6 +85,7 @@ def solve_many(
     Z0: Any = None,
     rtol: float = RTOL,
     atol: float = 0.0,
+    time_limit: float | None = None,
     raise_on_failure: bool = True,
 ) -> Solutions:
     """Solve k problems, row i of `Q` with A and ψ, or with the i-th of those that are lists, as `solve` would each.
@@ -96,7 +97,8 @@ def solve_many(
 
     Parameters: `A` as for `ICP`, or a list of k of them; `Q` shape (k, n), or (n,) where A or psi are k; `psi` as for
     `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `Z0` starts of shape (k, n) or (n,), or
-    earlier `Solutions`; `rtol` and `atol`: row i is solved where Res(z) ≤ max(atol, rtol·Res(0)).
+    earlier `Solutions`; `rtol` and `atol`: row i is solved where Res(z) ≤ max(atol, rtol·Res(0)); `time_limit` in
+    seconds, after which no row is begun that is not solved at once.
     Returns `Solutions`. Raises InputError for wrong shapes, NotSolved, which carries them, where a row is not solved
     unless `raise_on_failure` is False, and what else `solve` raises.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
@@ -108,8 +110,8 @@ def solve_many(
     >>> solve_many([[[2.0]], [[4.0]]], [-2.0]).Z.ravel()
     array([1. , 0.5])
     """
-    Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=None)
-    solutions = Batch(A, Q, psi, Z0, rtol, atol).solutions()
+    Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit)
+    solutions = Batch(A, Q, psi, Z0, rtol, atol, np.inf if time_limit is None else time_limit).solutions()
     if raise_on_failure and solutions.messages:
         raise NotSolved(solutions)
     return solutions
@@ -147,9 +149,9 @@ def _common(**several: Any) -> int:
 class Batch:
     """The rows of one `solve_many` and what is found for them."""
 
-    def __init__(self, A: Any, Q: Any, psi: Any, Z0: Any, rtol: float, atol: float) -> None:
-        self.clock, Q = time.perf_counter(), _rows(Q, "Q", np.inf)
-        self.psi, self.rtol, self.atol = psi, rtol, atol
+    def __init__(self, A: Any, Q: Any, psi: Any, Z0: Any, rtol: float, atol: float, time_limit: float = np.inf) -> None:
+        self.clock, Q = work.clock(), _rows(Q, "Q", np.inf)
+        self.psi, self.rtol, self.atol, self.time_limit = psi, rtol, atol, time_limit
         self.matrices = _each(A, lambda one: axes(one, "A") == 2)
         self.maps = _each(psi, lambda one: isinstance(one, Map) or callable(one))
         self.obstacles: Matrix | None = None
@@ -250,8 +252,13 @@ class Batch:
         if any(status is Status.INTERRUPTED for status, _ in self.failures.values()):
             self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
             return
+        left = self.time_limit - (work.clock() - self.clock)
+        if left <= 0.0:
+            self.failures[row] = Status.TIME_LIMIT, f"time_limit = {self.time_limit:g} s was over before its turn"
+            return
         problem, start = self._problem(row), self.start(row)
-        options: Any = {"rtol": self.rtol, "atol": self.atol, "raise_on_failure": False}
+        limit = left if left < np.inf else None
+        options: Any = {"rtol": self.rtol, "atol": self.atol, "time_limit": limit, "raise_on_failure": False}
         try:
             try:
                 solution = solve(problem, z0=start, **options)
@@ -296,5 +303,5 @@ class Batch:
         for row, (status, _) in self.failures.items():
             statuses[row] = status
         messages = {row: message for row, (_, message) in self.failures.items()}
-        seconds = time.perf_counter() - self.clock
+        seconds = work.clock() - self.clock
         return Solutions(self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages)

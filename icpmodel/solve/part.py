@@ -49,8 +49,10 @@ class Part:
         return residual if residual < np.inf else np.inf
 
     def step(self) -> None:
-        """One step; `over` where none is left."""
+        """One step; `over` where none is left. Raises OutOfTime and OutOfMemory."""
         self.over = next(self.steps, self) is self
+        if self.over and self.run.refused is not None and self.run.is_refused:
+            raise self.run.refused.error
 
 
 def together(parts: list[Part]) -> float:

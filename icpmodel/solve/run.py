@@ -6,14 +6,13 @@ Whole problems and parts of them go through it alike.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import MapError, SingularOperator
+from ..errors import MapError, OutOfTime, SingularOperator
 from ..methods.contract import SAFE_HINT, Infeasible, Iterate, Method
 from ..numerics import work
 from ..numerics.arrays import Vector, norm
@@ -34,6 +33,8 @@ _LOW = 0.1
 _BLOW_UP = 1e200
 #: how a candidate fares whose turn another one has
 _WAITS = "waits"
+#: its iterates are as good as those of one that goes on
+_GOOD = (_WAITS, Status.TIME_LIMIT.value, Status.MEMORY_LIMIT.value)
 #: another method may go where psi has values, or need no derivative
 _WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
 
@@ -55,6 +56,14 @@ class Tried:
 
     candidate: Candidate
     outcome: str = _WAITS
+
+
+class Refused(NamedTuple):
+    """What was not begun: the end that it makes, the candidate, None where one was to be chosen, and what it raised."""
+
+    ended: Ended
+    candidate: Candidate | None
+    error: Exception
 
 
 @dataclass(eq=False)
@@ -80,17 +89,20 @@ class Run:
     callback: Callable[[Progress], Any] | None = None
     history: bool = False
     progress: bool = False
-    clock: float = field(default_factory=time.perf_counter)
+    clock: float = field(default_factory=work.clock)
 
     def __post_init__(self) -> None:
         self.records: list[tuple[int, float, float]] | None = [] if self.history else None
         self.current, self.iteration = self.start, -1
+        self.candidate: Candidate
         self.path: Iterator[Iterate] = iter(())
         self.best: Best | None = None
         self.tried: list[Tried] = []
         self.ended = Ended(Status.STAGNATED, "")
         self.infeasible: Answer | None = None
         self.fault: MapError | None = None
+        # of what was not begun, as it would not have fitted into the time or the memory that were left: the last one
+        self.refused: Refused | None = None
         self.singular: SingularOperator | None = None
         self.bar = Bar()
         self.target = self.aim * self.scale if self.scale < np.inf else 0.0
@@ -98,7 +110,8 @@ class Run:
     def steps(self, stages: Iterator[Stage[Candidate]]) -> Iterator[None]:
         """The loop: a turn for each tested iterate that is not the last one of its candidate."""
         loops: dict[Turn[Candidate], Iterator[bool]] = {}
-        turn = (schedule := Schedule(stages)).turn()
+        schedule = Schedule(stages)
+        turn = self._turn(schedule)
         while turn is not None:
             loop = loops.get(turn) or loops.setdefault(turn, self._one(turn))
             following: Turn[Candidate] | None = turn
@@ -109,11 +122,35 @@ class Run:
                         if look:
                             break
                     else:
-                        if self.ended.status not in _WORTH_ANOTHER_METHOD:
+                        if self.ended.status not in _WORTH_ANOTHER_METHOD and not self.is_refused:
                             return
                         schedule.end(turn)
-                    following = schedule.turn()
+                    following = self._turn(schedule)
             turn = following
+        if self.refused is not None:
+            self.ended = self.refused.ended
+            self.candidate = self.refused.candidate or self.candidate
+
+    def _turn(self, schedule: Schedule[Candidate]) -> Turn[Candidate] | None:
+        """Whose turn it is, None where nobody is left or what must be known for that cannot be afforded."""
+        try:
+            return schedule.turn()
+        except (OutOfTime, MemoryError) as error:
+            self._refuse(error, None)
+            return None
+
+    def _refuse(self, error: Exception, candidate: Candidate | None) -> Ended:
+        late = isinstance(error, OutOfTime)
+        if late and self.time_limit is not None:
+            error = OutOfTime(f"time_limit = {self.time_limit:g} s, and {error}")
+        ended = Ended(Status.TIME_LIMIT if late else Status.MEMORY_LIMIT, str(error))
+        self.refused = Refused(ended, candidate, error)
+        return ended
+
+    @property
+    def is_refused(self) -> bool:
+        """Whether what ended last did so for a lack of time or memory that was foreseen."""
+        return self.refused is not None and self.ended is self.refused.ended
 
     def _one(self, turn: Turn[Candidate]) -> Iterator[bool]:
         """One candidate until there is a reason to stop, left in `ended`; whether it is time for a look at others."""
@@ -131,12 +168,12 @@ class Run:
         except KeyboardInterrupt:
             tried.outcome = Status.INTERRUPTED.value
             raise
-        except (MapError, MemoryError) as error:
+        except (OutOfTime, MemoryError) as error:
+            self.ended = self._refuse(error, turn.who)
+        except MapError as error:
             if self.best is None:
                 raise
-            self.ended = Ended(Status.STAGNATED, "the next step needs more memory than there is")
-            if isinstance(error, MapError):
-                self.fault, self.ended = error, Ended(Status.MAP_FAILED, str(error))
+            self.fault, self.ended = error, Ended(Status.MAP_FAILED, str(error))
         tried.outcome = self.ended.status.value
 
     def _begin(self, finite: bool) -> Vector:
@@ -147,7 +184,7 @@ class Run:
         failed = [one for one in self.tried if one.outcome != _WAITS]
         if self.best is None or (finite and not failed):
             return self.start
-        if finite or any(one.candidate is self.best.candidate for one in failed):
+        if finite or any(one.candidate is self.best.candidate and one.outcome not in _GOOD for one in failed):
             return self.best.z if self.restart is None else self.restart
         return self.best.z
 
@@ -171,7 +208,7 @@ class Run:
             if count or self.iteration < 0:  # where a candidate begins another one has been
                 self.iteration += 1
             self.current = z
-            residual, seconds = self._residual(z, hint), time.perf_counter() - self.clock
+            residual, seconds = self._residual(z, hint), work.clock() - self.clock
             if not count:
                 first = residual
                 turn.need = math.log(residual / self.target) if self.target < residual < np.inf else np.inf

@@ -37,6 +37,7 @@ class Status(Enum):
     INFEASIBLE = "infeasible"
     ITERATION_LIMIT = "iteration limit"
     TIME_LIMIT = "time limit"
+    MEMORY_LIMIT = "memory limit"
     INTERRUPTED = "interrupted"
     STOPPED = "stopped by callback"
     MAP_FAILED = "psi failed"
@@ -68,6 +69,7 @@ _ADVICE = {
     "INFEASIBLE": "this is proved: mend A, q or psi; `infeasible.witness` says which rows contradict each other",
     "ITERATION_LIMIT": "raise max_iter, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "TIME_LIMIT": "raise time_limit, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
+    "MEMORY_LIMIT": "raise memory_limit, free memory, or name a method that needs little, such as mnmgs",
     "INTERRUPTED": "pass this solution as z0 to go on",
     "STOPPED": "the callback returned True; pass this solution as z0 to go on",
     "MAP_FAILED": "mend psi, or start nearer to the solution; this is the best iterate before it failed",

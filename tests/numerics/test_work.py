@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.algebra.steps import compiled_step, in_a_row
+from icpmodel.errors import OutOfMemory, OutOfTime
 from icpmodel.numerics import work
 from icpmodel.numerics.factorisation import factorise
 
@@ -49,3 +52,64 @@ def test_a_thread_counts_its_own_work():
     with ThreadPoolExecutor(1) as pool:
         assert pool.submit(lambda: (work.add(5.0), work.done())[1]).result() == 5.0
     assert work.done() == before
+
+
+@given(seconds=st.floats(10.0, 1e6), share=st.floats(0.0, 2.0))
+def test_a_step_is_refused_exactly_where_it_is_foreseen_to_take_more_than_what_is_left(seconds, share):
+    assume(abs(share - 1.0) > 0.1)
+    with work.within(seconds):
+        if share > 1.0:
+            with pytest.raises(OutOfTime):
+                work.afford(1e9 * share * seconds)
+        else:
+            work.afford(1e9 * share * seconds)
+    work.afford(1e9 * share * seconds)  # nothing limits it any more
+
+
+def test_once_the_time_is_over_nothing_is_begun_and_an_inner_limit_ends_with_its_block():
+    with work.within(0.0):
+        with pytest.raises(OutOfTime):
+            work.afford()
+        with work.within(1e6):
+            work.afford(1e9)
+        with pytest.raises(OutOfTime):
+            work.afford()
+    with work.within():
+        work.afford(1e30)
+
+
+def test_memory_is_refused_beyond_the_limit_and_beyond_what_the_machine_has():
+    with work.within(memory=1e3):
+        assert work.fits(999.0)
+        with pytest.raises(OutOfMemory):
+            work.afford(memory=1001.0)
+    work.afford(memory=1001.0)
+    with pytest.raises(MemoryError):
+        work.afford(memory=1e18)
+
+
+def test_the_clock_stands_still_while_code_is_loaded_even_where_one_piece_asks_for_another():
+    with work.COMPILER.busy():
+        before = work.clock()
+        with work.COMPILER.busy():
+            assert work.clock() == before
+        assert work.clock() == before
+    assert work.clock() >= before
+
+
+def test_a_factorisation_is_foreseen_by_its_fill_and_not_begun():
+    A = icp.scenes.membrane(n=2500).problem.A
+    with work.within(1e-4), pytest.raises(OutOfTime):
+        factorise(A)
+    with pytest.raises(OutOfMemory):
+        factorise(A, most=A.nnz)
+
+
+def test_a_limit_of_the_count_is_the_same_on_every_machine_and_leaves_other_limits():
+    with work.of_count(1e6):
+        work.add(9e5)
+        work.afford(1e5)
+        with pytest.raises(OutOfTime):
+            work.afford(1.1e5)
+    with work.within(0.0), work.of_count(1e6), pytest.raises(OutOfTime):
+        work.afford()

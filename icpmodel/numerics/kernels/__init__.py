@@ -11,6 +11,7 @@ copies of such a loop, which cost up to a third of a sweep to choose from.
 from __future__ import annotations
 
 import contextlib
+import sys
 import warnings
 from typing import Any
 
@@ -18,9 +19,11 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba.core.caching import FunctionCache
+from numba.core.event import Listener, register
 from numba.extending import intrinsic
 
 from ...errors import IcpError
+from ..work import COMPILER
 
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise IcpError("NUMBA_DISABLE_JIT is set, and the loops of icpmodel exist in compiled code alone; unset it")
@@ -49,6 +52,34 @@ class Cache(FunctionCache):
         except Exception as error:
             told = "every process compiles anew; NUMBA_CACHE_DIR may name another folder"
             warnings.warn(f"compiled code cannot be kept in {self.cache_path} ({error}): {told}", stacklevel=2)
+
+
+def _tell(what: str) -> None:
+    if sys.stderr is not None and sys.stderr.isatty():
+        print(what, file=sys.stderr)
+
+
+class _Watch(Listener):
+    """Tells the clock of the runs when numba is busy, and a person who sees standard error what it is doing."""
+
+    told = False
+
+    def on_start(self, event: Any) -> None:
+        if event.kind == _LOCK:
+            COMPILER.begins()
+        elif not _Watch.told and event.data["dispatcher"].py_func.__module__.startswith(__name__):
+            _Watch.told = True
+            _tell("icpmodel compiles its loops, once per machine; `icpmodel warmup` compiles all")
+
+    def on_end(self, event: Any) -> None:
+        if event.kind == _LOCK:
+            COMPILER.ends()
+
+
+_LOCK, _COMPILE = "numba:compiler_lock", "numba:compile"
+_watch = _Watch()
+register(_LOCK, _watch)
+register(_COMPILE, _watch)
 
 
 def _one(typing_context: Any) -> Any:

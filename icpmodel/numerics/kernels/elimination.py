@@ -244,12 +244,12 @@ def _separator(lists, start, length, elements, weight, turn):
 
 
 @compiled
-def minimum_degree(start, length, lists, end, left_out, stored, prices, most_entries, most_cost):
+def minimum_degree(start, length, lists, end, left_out, stored, prices, most_entries, most_cost, most_looks):
     # rows of the least approximate degree first. Returns the entries of L without its diagonal, the sum of their
     # squares column by column, what was looked at, whether it came to the end within the limits, and what `order` asks
     # for. It ends early where the entries, or what the factorisation costs by the `prices` of (an entry, a
     # multiplication, a look), are more than the limits, and where a separator of the rest tells that it costs more than
-    # that, or a hundred times what it did to look: then entries and squares are rough
+    # that, or a hundred times what it did to look, or after so many looks: then entries and squares are rough
     n, an_entry, a_flop, a_look = length.size, prices[0], prices[1], prices[2]
     state = _begun(length)
     state[0] = start
@@ -276,7 +276,7 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
         for c in range(size + left_out, size + left_out + pivots):
             entries += c
             squares += float(c) * c
-        if entries > most_entries or an_entry * entries + a_flop * squares > most_cost:
+        if looks > most_looks or entries > most_entries or an_entry * entries + a_flop * squares > most_cost:
             return entries, squares, looks, False, into, turn
         if looks > back:
             rest = float(_separator(lists, start, length, elements, weight, turn))

@@ -11,7 +11,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ...errors import MapError
+from ...errors import MapError, OutOfMemory, OutOfTime
+from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ...problem.data import ProblemData, as_problem
@@ -27,6 +28,8 @@ from .supersolution import prove as prove_supersolution
 
 _SHARPEN_UP_TO = 10_000  #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
 _NEGLIGIBLE = 0.01  #: a share of the bound that is not worth another step
+#: the work that a bound may cost, in counted nanoseconds, where nobody limits it
+BUDGET = 60e9
 #: added to the sentence of a proof that rests on what a user says of ψ
 _WORD = ", given that psi is what the user says"
 _STEPS = 8  #: steps of the active-set Newton iteration that looks for a better z
@@ -93,7 +96,9 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
     Parameters: `z` shape (n,), or a `Solution`. `sharp`: look for a better point ẑ by a few active-set Newton steps (a
     factorisation each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error where the
     bound of z itself may be a hundred times too wide; by default where A has at most 10 000 entries or the proof is a
-    wide one. `rigorous`: no bound where it would rest on a user's word. Raises MapError where ψ fails at z.
+    wide one. `rigorous`: no bound where it would rest on a user's word. Where a step would
+    bring the counted work beyond a minute there is no bound, and the reason says so. Raises MapError where ψ fails
+    at z.
     Reference: the files of `icpmodel.theory.certificates`: `h_plus`, `representatives`, `definite`, `supersolution`.
 
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, -1])
@@ -106,6 +111,19 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
         as_truth(sharp, "sharp")
     if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:
         return ErrorBound.none("psi is computed by a user's function, whose rounding errors are not known")
+    if work.nanoseconds_left() < math.inf:  # whoever limits it is told
+        return _bound(problem, z, sharp)
+    try:
+        with work.of_count(BUDGET):
+            return _bound(problem, z, sharp)
+    except OutOfTime:
+        return ErrorBound.none(f"not decided within {1e-9 * BUDGET:.0f} s of work")
+    except OutOfMemory:
+        return ErrorBound.none("not decided within the memory that there is")
+
+
+def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
+    """The bound of the first proof that there is, or all reasons why there is none. Raises OutOfTime, OutOfMemory."""
     reasons = []
     for proof in proofs_of(problem).tried(problem):
         if isinstance(proof, str):

@@ -1,0 +1,91 @@
+"""Law 12, limits hold: what does not fit into the time or the memory that is left is not begun."""
+
+import time
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel.methods import named, names
+from icpmodel.solve.solution import Status
+
+
+def expander(n, seed=0):
+    """An M-matrix on a random graph, whose factors are as good as dense."""
+    rng = np.random.default_rng(seed)
+    rows = np.arange(n)
+    W = sum(sp.coo_array((np.ones(n), (rows, rng.permutation(n))), (n, n)).tocsr() for _ in range(3))
+    W = W + W.T
+    return icp.ICP(sp.csr_array(sp.diags_array(W.sum(axis=1) + 0.01) - W), rng.standard_normal(n))
+
+
+@pytest.mark.parametrize("method", [None, *names()])
+def test_without_time_every_method_ends_with_its_best_iterate(method):
+    problem = icp.scenes.membrane(n=900).problem
+    if method is not None and named(method).why_not(problem) is not None:
+        pytest.skip("not for this problem")
+    solution = problem.solve(method, time_limit=0, raise_on_failure=False)
+    assert solution.status is Status.TIME_LIMIT
+    assert solution.residual == problem.residual(solution.z) <= problem.residual_at_0()
+    assert "time_limit = 0 s" in solution.message
+
+
+@pytest.mark.parametrize("method", ["mnmmod", "mnmod", "lemke", "josephy"])
+def test_what_is_foreseen_to_take_longer_than_the_limit_is_not_begun(method):
+    """The bound is that of a watchdog: the factors take half a minute, the pivots minutes."""
+    begin = time.perf_counter()
+    solution = expander(12_000).solve(method, time_limit=0.3, raise_on_failure=False)
+    assert solution.status is Status.TIME_LIMIT
+    assert " left" in solution.message
+    assert solution.seconds < 2.0
+    assert time.perf_counter() - begin < 20.0  # first calls compile
+
+
+def test_another_method_takes_over_from_one_that_does_not_fit():
+    problem = expander(900)
+    assert problem.solve("newton", memory_limit=1e3, raise_on_failure=False).status is Status.MEMORY_LIMIT
+    assert problem.solve(memory_limit=1e3).solved
+
+
+@pytest.mark.parametrize("method", ["newton", "mnmmod", "mnmod"])
+def test_a_lack_of_memory_is_a_status_with_advice(method):
+    problem = icp.scenes.membrane(n=900).problem
+    with pytest.raises(icp.NotSolved) as failure:
+        problem.solve(method, memory_limit=1e3)
+    assert failure.value.solution.status is Status.MEMORY_LIMIT
+    assert "memory_limit" in failure.value.solution.message
+
+
+def test_pivots_are_refused_only_where_their_dense_arrays_do_not_fit():
+    large = icp.ICP(sp.eye_array(10**6, format="csr"), -np.ones(10**6))
+    assert "they need" in named("lemke").why_not(large)
+    assert named("lemke").why_not(expander(2_000)) is None
+
+
+def test_a_certified_error_that_cannot_be_had_in_time_is_no_reason_to_go_on():
+    solution = icp.scenes.membrane(n=900).problem.solve(accuracy=1e-6, time_limit=0, raise_on_failure=False)
+    assert solution.status is Status.TIME_LIMIT
+
+
+def test_of_many_problems_those_whose_turn_comes_too_late_are_not_begun():
+    problem = icp.scenes.membrane(n=100).problem
+    many = icp.solve_many(problem.A, np.stack([problem.q] * 3), problem.psi, time_limit=0, raise_on_failure=False)
+    assert many.statuses == (Status.TIME_LIMIT,) * 3
+
+
+@pytest.mark.parametrize("wrong", [-1.0, np.nan, "much"])
+def test_a_memory_limit_is_a_number_of_bytes(wrong):
+    with pytest.raises(icp.InputError, match="memory_limit"):
+        icp.ICP([[2.0]], [1.0]).solve(memory_limit=wrong)
+
+
+def test_a_bound_that_would_cost_too_much_work_is_not_decided():
+    """A is positive definite and no H-matrix, and its factors are as good as dense."""
+    rng = np.random.default_rng(1)
+    n = 20_000
+    B = sum(
+        sp.coo_array((rng.standard_normal(n), (np.arange(n), rng.permutation(n))), (n, n)).tocsr() for _ in range(3)
+    )
+    problem = icp.ICP(sp.csr_array(B @ B.T + 0.3 * sp.eye_array(n)), rng.standard_normal(n))
+    assert "not decided within 60 s of work" in icp.theory.error_bound(problem, np.zeros(n)).reason
