@@ -24,14 +24,14 @@ from .methods.aor import MNMSOR as MNMSOR
 from .methods.contract import Method as Method
 from .methods.factorised import MNMMOD as MNMMOD
 from .methods.factorised import MNMOD as MNMOD
-from .methods.josephy import Josephy as Josephy
-from .methods.lemke import Lemke as Lemke
 from .methods.mms import MMS as MMS
 from .methods.modulus import NMMS as NMMS
 from .methods.modulus import Modulus as Modulus
 from .methods.modulus import ProjectionFixedPoint as ProjectionFixedPoint
 from .methods.multilevel import Multilevel as Multilevel
 from .methods.newton import Newton as Newton
+from .methods.pivots import Josephy as Josephy
+from .methods.pivots import Lemke as Lemke
 from .methods.proximal import Proximal as Proximal
 from .methods.psor import PSOR as PSOR
 from .methods.tridiagonal import Tridiagonal as Tridiagonal

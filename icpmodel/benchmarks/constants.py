@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from ..algebra.hierarchy import Hierarchy
 from ..icp import ICP
-from ..methods.lemke import Lemke
+from ..methods.pivots import Lemke
 from ..methods.psor import PSOR
 from ..numerics import work
 from ..numerics.arrays import as_number

@@ -17,10 +17,9 @@ from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMAOR, MNMGS, MNMJ
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD
-from ..methods.josephy import Josephy
-from ..methods.lemke import Lemke
 from ..methods.multilevel import Multilevel
 from ..methods.newton import Newton
+from ..methods.pivots import Josephy, Lemke
 from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
 from ..methods.tridiagonal import Tridiagonal
@@ -111,4 +110,6 @@ def why_none(problem: ProblemData) -> str:
     """Why `choose` found no method that could start."""
     diagonal = problem.A.diagonal()
     i = int(np.argmin(diagonal))
+    if diagonal[i] > 0.0:
+        return "nothing that could be chosen fits into the memory that is left (memory_limit)"
     return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, and A + Omega could not be factorised"

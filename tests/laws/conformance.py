@@ -5,7 +5,7 @@ To check a method of your own, add it to METHODS.
 
 import icpmodel as icp
 from icpmodel import scenes
-from icpmodel.methods.lemke import Lemke
+from icpmodel.methods.pivots import Lemke
 from icpmodel.solve.reduced import Reduced
 
 #: a method that is a special case of another by default is given options of its own

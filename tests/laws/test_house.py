@@ -159,14 +159,13 @@ def test_no_two_files_import_each_other():
 
 
 def test_the_house_stays_small():
-    """23 500 lines, a dozen and a half of names at the door, a dozen of files in a room."""
+    """24 000 lines, a dozen and a half of names at the door, a dozen of files in a room."""
     # what exists, rounded up to 500: who adds more than that has to say here what for, and whether it may replace
-    # something. From 20 500 it grew by random families, Proximal, foreseen fill and careful readers of files.
-    assert sum(len(path.read_text().splitlines()) for path in HOUSE.rglob("*.py")) <= 23_500
+    # something. From 20 500 it grew by random families, Proximal, foreseen fill and careful readers of files, limits.
+    assert sum(len(path.read_text().splitlines()) for path in HOUSE.rglob("*.py")) <= 24_000
     doors = {path.name for path in HOUSE.iterdir()} - {"__pycache__", "__init__.py", "__init__.pyi", "__main__.py"}
     assert len(doors - {"py.typed"}) <= 18
-    # a room whose files are of one kind has a contract beside them: methods/ and its twelve
-    rooms = collections.Counter(path.parent for path in sources() if path.name not in ("__init__.py", "contract.py"))
+    rooms = collections.Counter(path.parent for path in sources() if path.name != "__init__.py")
     assert {str(room.relative_to(HOUSE)): files for room, files in rooms.items() if files > 12} == {}
 
 

@@ -6,8 +6,7 @@ import pytest
 
 import icpmodel as icp
 from icpmodel.algebra.affine_lcp import AffineLcp
-from icpmodel.methods.josephy import Josephy
-from icpmodel.methods.lemke import Lemke
+from icpmodel.methods.pivots import Josephy, Lemke
 
 
 def spd(rng, n, shift=1.0):

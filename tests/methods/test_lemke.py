@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.methods.lemke import Lemke
+from icpmodel.methods.pivots import Lemke
 from icpmodel.solve.choice import choose
 from icpmodel.theory.certificates.infeasible import infeasible, multipliers
 

@@ -163,9 +163,8 @@ def thresholds(tree):
                 yield ast.unparse(node)
 
 
-#: what is no choice: all n² entries need memory, and a batch of small problems is pivoted at once
+#: what is no choice: a batch of small problems is pivoted at once
 EXCEPTIONS = {
-    "problem.n > DENSE_UP_TO": "methods/lemke.py and josephy.py: n² entries",
     "problem.n <= PIVOT_UP_TO": "solve/many.py: the rows of a batch share one compiled call, no method is chosen",
 }
 

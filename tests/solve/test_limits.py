@@ -44,8 +44,10 @@ def test_what_is_foreseen_to_take_longer_than_the_limit_is_not_begun(method):
 
 def test_another_method_takes_over_from_one_that_does_not_fit():
     problem = expander(900)
-    assert problem.solve("newton", memory_limit=1e3, raise_on_failure=False).status is Status.MEMORY_LIMIT
-    assert problem.solve(memory_limit=1e3).solved
+    assert problem.solve("newton", memory_limit=1e5, raise_on_failure=False).status is Status.MEMORY_LIMIT
+    assert problem.solve(memory_limit=1e5).solved
+    with pytest.raises(icp.NotApplicable, match="fits into the memory"):
+        problem.solve(memory_limit=1e3)
 
 
 @pytest.mark.parametrize("method", ["newton", "mnmmod", "mnmod"])

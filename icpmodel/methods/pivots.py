@@ -1,0 +1,158 @@
+"""Pivots on a dense dictionary: Lemke's method for small LCPs, and Josephy's, Newton's for complementarity, by them.
+
+Lemke: an LCP with a fixed or affine obstacle is solved in finitely many steps, or proved to have no solution.
+Josephy: ψ is linearised at zᵏ, and the affine problem solved by pivots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, some_pivots, too_large
+from ..algebra.equations import derivative, solve_on
+from ..errors import SingularOperator
+from ..numerics import work
+from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
+from ..problem.facts import Facts
+from ..theory.certificates.infeasible import infeasible, multipliers
+from .contract import Estimate, Infeasible, Iterate, Method
+
+#: how often a step of Josephy's is halved, and the share of its length by which it has to reduce Res
+_HALVINGS, _SLOPE = 6, 0.1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Lemke(Method):
+    """Pivots from basis to basis of w = q + My + d·t, wᵀy = 0, t falling to 0; one iterate is up to n pivots.
+
+    ψ = c: M = A, and y = z − c. ψ = Gz + c: M = A(I − G)⁻¹, and y = (I − G)z − c. A ψ_i that moves with z_i alone, and
+    by less than it, is a constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated
+    first. Ties in the ratio test are broken lexicographically, so that, but for rounding, no basis comes back; the last
+    one is refined. The start has no influence. It finds a solution where A is a P-matrix, and one, if there is any,
+    where A is positive semidefinite (copositive-plus). Else it may end in a ray, which is tried as a proof that p ≥ 0
+    and r ≥ 0 contradict each other, as is the y of a linear program: then it raises `Infeasible`, and if neither is
+    one, it stands still.
+    References: Lemke, Management Science 11 (1965); Cottle, Pang and Stone, The Linear Complementarity Problem (1992),
+    sections 4.4 and 4.9.
+
+    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Lemke()).z
+    array([1., 1.])
+    """
+
+    name: ClassVar[str] = "lemke"
+    family: ClassVar[str] = "shortcut"
+    memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate:
+        n = facts.matrix.n
+        return Estimate(
+            8.0 * work.COSTS.call / facts.matrix.unit,
+            n**3 / 3.0 * work.COSTS.pivot_entry / facts.matrix.unit,
+            1.0,
+            24.0 * n**2,
+        )
+
+    def why_not(self, problem: ProblemData) -> str | None:
+        if problem.psi.linear is None and not problem.facts.has_fixed_obstacle:
+            wanted = "constant or affine, or moves with z_i alone and by less"
+            return f"pivoting needs a psi that is {wanted}, not {problem.psi!r}"
+        return too_large(problem.n)
+
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        # raises SingularOperator where I − G is singular, or A in the rows without obstacle
+        from ..numerics.kernels.pivoting import RAY, SINGULAR, UNFINISHED  # loads numba
+
+        yield z, None
+        lcp = dense_lcp(problem)
+        state = lcp.start()
+        ended, entering = UNFINISHED, -1
+        while ended == UNFINISHED:
+            ended, entering, y, ray = some_pivots(state, entering, problem.n)
+            if ended == SINGULAR:
+                row = int(np.argmax(lcp.free))
+                raise SingularOperator("A is singular in the rows and columns without obstacle", row)
+            z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
+            yield z, None
+        if ended == RAY:
+            answer = infeasible(problem, ray)
+            if not answer.holds and (y := multipliers(problem)) is not None:
+                answer = infeasible(problem, y)
+            if answer.holds:
+                raise Infeasible(answer)
+        else:
+            with suppress(SingularOperator):  # then what the pivots found has to do
+                z = solve_on(problem, z, ~lcp.free & (y == 0.0))
+                yield z, None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Josephy(Method):
+    """zᵏ⁺¹ solves the ICP with ψ(zᵏ) + ψ′(zᵏ)(z − zᵏ) in place of ψ, by the pivots of `Lemke`.
+
+    Near a solution where these affine problems have one answer each the steps converge quadratically. A step that does
+    not reduce the residual is halved. Where that does not help, I − ψ′ is singular, or the pivots
+    end in a ray, z stands still.
+    Reference: Josephy, Newton's method for generalized equations, MRC Technical Summary Report 1965 (1979); Cottle,
+    Pang and Stone, The Linear Complementarity Problem (1992), section 4.4, for the pivots.
+
+    >>> ICP([[2.0]], [-1.0], icp.Elementwise(np.cos, lambda z: -np.sin(z))).solve(icp.Josephy()).z.round(9)
+    array([0.73908513])
+    """
+
+    name: ClassVar[str] = "josephy"
+    family: ClassVar[str] = "shortcut"
+    memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate:
+        n = facts.matrix.n
+        step = (20.0 * work.COSTS.call + n**3 / 3.0 * work.COSTS.pivot_entry) / facts.matrix.unit
+        return Estimate(0.0, step, 5.0, 24.0 * n**2)
+
+    def why_not(self, problem: ProblemData) -> str | None:
+        return too_large(problem.n) or problem.psi.no_derivative()
+
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        from ..numerics.kernels.pivoting import SOLVED  # loads numba
+
+        best = problem.residual(z)
+        yield z, best
+        A, n = dense_matrix(problem), problem.n
+        with suppress(SingularOperator):
+            while best > 0.0:
+                G = _derivative(problem, z)
+                lcp = AffineLcp(A, problem.q, problem.psi.value(z) - (G * z if G.ndim == 1 else G @ z), G)
+                ended, _, y, _ = some_pivots(lcp.start(), -1, PIVOTS * (n + 1))
+                if ended != SOLVED:
+                    break
+                step = lcp.z(y) - z
+                following = _shortened(problem, z, step, best)
+                if following is None:
+                    yield z + step, None  # where ψ may have no value, which the run then ends with
+                    break
+                z, best = following
+                yield z, best
+
+
+def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:
+    """z + t·step and its residual for the first t of 1, 1/2, 1/4, … that reduces `residual` enough, None for none."""
+    for k in range(_HALVINGS + 1):
+        following = z + 0.5**k * step
+        reduced = problem.residual(following)
+        if reduced <= (1.0 - _SLOPE * 0.5**k) * residual:
+            return following, reduced
+    return None
+
+
+def _derivative(problem: ProblemData, z: Vector) -> Any:
+    """ψ′(z), dense, or its diagonal alone where ψ_i moves with z_i alone. Raises MapError where it is not finite."""
+    J = derivative(problem, z)
+    own = J.diagonal()
+    return own if np.count_nonzero(J.data) == np.count_nonzero(own) else J.toarray()
