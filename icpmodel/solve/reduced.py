@@ -37,8 +37,8 @@ from .goal import RTOL
 from .part import Part, advance, together
 from .schedule import Expected
 
-#: the passes over A that a reduction takes, and the calls in Python: 4 to 5 ms more than the sweeps of what is left were
-#: measured for n = 300 … 1400
+#: the passes over A that a reduction takes, and the calls in Python: 4 to 5 ms more than the sweeps of what is left
+#: were measured for n = 300 … 1400
 _PASSES, _CALLS = 10.0, 1500.0
 #: where there are many stages so many iterates of them are shown
 _SHOWN = 32
