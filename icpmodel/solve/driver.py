@@ -29,7 +29,11 @@ from .solution import History, Solution, Status
 #: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it, and for the second
 #: one where more would do
 _LEAST_AIM, _MOST_AIM = 1e-14, 0.5
-_residual = sheltered(ProblemData.residual)
+
+
+@sheltered
+def _residual(problem: ProblemData, z: Vector) -> float:
+    return problem.residual(z)
 
 
 @sheltered

@@ -35,6 +35,7 @@ ENDS = {
     Status.INFEASIBLE: (TerminationCondition.provenInfeasible, SolutionStatus.infeasible),
     Status.ITERATION_LIMIT: (TerminationCondition.iterationLimit, SolutionStatus.infeasible),
     Status.TIME_LIMIT: (TerminationCondition.maxTimeLimit, SolutionStatus.infeasible),
+    Status.MEMORY_LIMIT: (TerminationCondition.error, SolutionStatus.infeasible),
     Status.INTERRUPTED: (TerminationCondition.interrupted, SolutionStatus.infeasible),
     Status.STOPPED: (TerminationCondition.interrupted, SolutionStatus.infeasible),
     Status.MAP_FAILED: (TerminationCondition.error, SolutionStatus.infeasible),
