@@ -51,13 +51,7 @@ class Lemke(Method):
     finite: ClassVar[bool] = True
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
-        n = facts.matrix.n
-        return Estimate(
-            8.0 * work.COSTS.call / facts.matrix.unit,
-            n**3 / 3.0 * work.COSTS.pivot_entry / facts.matrix.unit,
-            1.0,
-            24.0 * n**2,
-        )
+        return _estimate(facts, 8.0, 1.0)
 
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.psi.linear is None and not problem.facts.has_fixed_obstacle:
@@ -112,9 +106,7 @@ class Josephy(Method):
     finite: ClassVar[bool] = True
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
-        n = facts.matrix.n
-        step = (20.0 * work.COSTS.call + n**3 / 3.0 * work.COSTS.pivot_entry) / facts.matrix.unit
-        return Estimate(0.0, step, 5.0, 24.0 * n**2)
+        return _estimate(facts, 20.0, 5.0)
 
     def why_not(self, problem: ProblemData) -> str | None:
         return too_large(problem.n) or problem.psi.no_derivative()
@@ -139,6 +131,13 @@ class Josephy(Method):
                     break
                 z, best = following
                 yield z, best
+
+
+def _estimate(facts: Facts, calls: float, steps: float) -> Estimate:
+    """So many LCPs, each of n/3 pivots and so many calls."""
+    n = facts.matrix.n
+    step = calls * work.COSTS.call + n**3 / 3.0 * work.COSTS.pivot_entry
+    return Estimate(0.0, step / facts.matrix.unit, steps, 24.0 * n**2)
 
 
 def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:

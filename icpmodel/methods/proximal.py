@@ -35,8 +35,6 @@ from ..problem.facts import Facts
 from ..theory.certificates.infeasible import infeasible
 from .contract import Estimate, Infeasible, Iterate, Method
 
-Mask = NDArray[np.bool_]
-
 #: the first μ, in units of W, and what is left of it after a problem that took at most `_QUICK` steps, or more
 _FIRST, _FALLS, _FALLS_SLOWLY, _QUICK = 0.1, 0.2, 0.5, 3
 #: so many steps may pass without a reduction of the subproblem's residual by a tenth; then μ grows by this factor

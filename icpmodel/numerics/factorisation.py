@@ -29,9 +29,8 @@ class Factors:
     `perm_c` says where column i of A went. `L`, `U` and `perm_r` are as SuperLU has them.
     """
 
-    def __init__(self, lu: Any, rows: NDArray[np.int32], columns: NDArray[np.int32], flops: float) -> None:
+    def __init__(self, lu: Any, rows: NDArray[np.int32], columns: NDArray[np.int32]) -> None:
         self._lu, self._rows, self._columns = lu, rows, columns
-        self.flops = flops
 
     @property
     def L(self) -> sp.csc_array:
@@ -107,7 +106,7 @@ def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: floa
     work.add(work.factor_cost(work.Fill(n, lu.nnz, flops, True)))
     if diagonal_pivots and not np.array_equal(lu.perm_r, lu.perm_c):
         return None
-    return Factors(lu, rows, order, flops)
+    return Factors(lu, rows, order)
 
 
 def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
@@ -126,8 +125,3 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
         if (rows >= 0).all():
             return np.asarray(rows, dtype=np.int32)
     return None
-
-
-def fits(entries: float) -> bool:
-    """Whether factors of so many entries fit into the memory that is free."""
-    return _BYTES * entries <= work.free_memory()

@@ -15,8 +15,6 @@ from .work import Fill, least_factor_cost
 #: a row with more than this times √n neighbours goes last, and counts as one that fills up: Amestoy, Davis and Duff,
 #: ACM TOMS 30 (2004)
 _DENSE = 10.0
-#: the graph is made at the cost of so many looks per entry
-_GRAPH = 1.0
 
 
 def of_band(n: int, below: int, above: int) -> Fill:
@@ -53,7 +51,7 @@ def _looked(
     from .kernels.elimination import minimum_degree
     from .kernels.graph import both_ways
 
-    work.afford(_GRAPH * work.COSTS.look * A.nnz)
+    work.afford(work.COSTS.look * A.nnz)  # to make the graph costs a look per entry
     graph = both_ways(A.indptr, A.indices, int(_DENSE * A.shape[0] ** 0.5) + 16)
     prices = (2.0 * work.COSTS.factor_entry, work.COSTS.factor_flop, a_look)
     limits = most_entries, most_cost, work.nanoseconds_left() / work.COSTS.look

@@ -31,7 +31,6 @@ class Elementwise(Map):
     """
 
     at_users_word = True
-    is_elementwise = True
 
     def __init__(
         self,

@@ -40,8 +40,6 @@ class Map(ReadOnly, ABC):
     is_constant: ClassVar[bool] = False
     #: whether ψ's values come from a user's code, so that nothing is known of their rounding errors
     at_users_word: bool = False
-    #: whether ψ_i(z) = f(z_i) + c_i
-    is_elementwise: ClassVar[bool] = False
     #: whether ψ_i is the best of several values, among which policy iteration chooses
     takes_best: ClassVar[bool] = False
 

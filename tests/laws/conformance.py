@@ -106,7 +106,8 @@ MUST_FAIL = {
     ),
     **dict.fromkeys(
         [
-            ("tridiagonal", scene)
+            (method, scene)
+            for method in ("tridiagonal", "proximal")
             for scene in (
                 "coulomb",
                 "dividend",
@@ -119,22 +120,7 @@ MUST_FAIL = {
         ],
         "why_not: an obstacle moves with other unknowns, or faster than its own, or it is not known how",
     ),
-    **dict.fromkeys(
-        [
-            ("proximal", scene)
-            for scene in (
-                "coulomb",
-                "dividend",
-                "hand-affine",
-                "hand-splittings",
-                "hard-domain",
-                "hard-jump",
-                "hard-steep",
-                "manufactured-affine",
-            )
-        ],
-        "why_not: an obstacle moves with other unknowns, or faster than its own, or it is not known how",
-    ),
+    ("proximal", "manufactured-affine"): "why_not: an obstacle moves with other unknowns, or it is not known how",
     ("lemke", "dividend"): "why_not: psi is neither constant nor affine",
     ("mms", "dividend"): "why_not: a row without obstacle",
     ("mms", "hand-free"): "why_not: a row without obstacle",
