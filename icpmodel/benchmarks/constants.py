@@ -96,6 +96,8 @@ def _passes(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]
         step = PSOR(omega=1.0).step_of(problem)
         yield {"call": 1, "row": n, "entry": A.nnz}, partial(A.__matmul__, z)
         yield {"call": 1, "sweep_row": n, "sweep_entry": A.nnz}, partial(step, z)
+        if A.shape[0] <= _ROWS:
+            yield {"sparse_flop": float(np.diff(A.indptr)[A.indices].sum())}, partial(A.__matmul__, A)
         yield {"vector": n}, partial(np.minimum, z, z, out=np.empty(n))
 
 
