@@ -147,17 +147,26 @@ class Matrix(ReadOnly):
         return bound if bound <= SMALL_RADIUS else radius_of(self.couplings)
 
     @cached_property
-    def rough_jacobi_radius(self) -> float:
-        """The mean of the row sums Σ_{j≠i}|a_ij|/|a_ii| where none is above 1.
+    def is_dominant(self) -> bool:
+        """Whether Σ_{j≠i}|a_ij| ≤ |a_ii| in every row."""
+        return bool((self.rows.rest <= _DOMINANT * np.abs(self.rows.diagonal)).all())
 
-        Where D⁻¹A is a symmetric M-matrix that mean is a Rayleigh quotient, and it costs no product with A. Where some
-        row is not dominant, a few Lanczos steps on `couplings`, for which units make no difference.
-        """
+    @cached_property
+    def rough_jacobi_radius(self) -> float:
+        """A Rayleigh quotient of |D|⁻¹|A| − I, for a look at the rows: the mean of Σ_{j≠i}|a_ij|/|a_ii| where A is
+        dominant; else that of Σ_{j≠i}|a_ij|/√|a_ii a_jj|, at most ρ where |A| is symmetric but for units."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            sums = self.rows.rest / np.abs(self.rows.diagonal)
-            if sums.max() <= _DOMINANT:
-                return min(float(sums.sum() / self.n), 1.0)
-            return radius_of(self.couplings, _ROUGH_STEPS)
+            if self.is_dominant:
+                return min(float((self.rows.rest / np.abs(self.rows.diagonal)).sum() / self.n), 1.0)
+            weight = 1.0 / np.sqrt(np.abs(self.rows.diagonal))
+            mean = float(weight @ (self.absolute @ weight)) / self.n - 1.0
+            return mean if mean < np.inf else np.inf
+
+    @cached_property
+    def excess(self) -> float:
+        """By how much the Jacobi radius is above 1, roughly: 0 where A is dominant, else by a few Lanczos steps on
+        `couplings`, for which units make no difference."""
+        return 0.0 if self.is_dominant else max(radius_of(self.couplings, _ROUGH_STEPS) - 1.0, 0.0)
 
     @cached_property
     def weights(self) -> Vector:

@@ -23,7 +23,7 @@ def diagonal_lipschitz(value: Any, n: int) -> sp.csr_array:
     vector = as_vector(value, n, "psi.lipschitz")
     if (vector < 0).any():
         raise InputError(f"psi.lipschitz has the entry {vector.min()}; numbers >= 0 were expected")
-    return freeze(sp.diags_array(vector).tocsr())
+    return freeze(sp.csr_array((vector, np.arange(n), np.arange(n + 1)), shape=(n, n)))
 
 
 def as_function(f: Any, name: str) -> Callable[..., Any]:

@@ -43,12 +43,16 @@ _WHY = {
 
 
 def choose(
-    problem: ProblemData, aim: float, family: str | None = None, reduced: Callable[[float], list[Asked]] | None = None
+    problem: ProblemData,
+    aim: float,
+    family: str | None = None,
+    reduced: Callable[[float], list[Asked]] | None = None,
+    least_reduced: float = 0.0,
 ) -> Iterator[Choice]:
     """The stages of candidates for `problem`: of each kind the one that is expected to cost least.
 
     `aim` is the share of Res(0) that is asked for, `family` as in `solve`; `reduced` makes those that solve it in parts
-    from what the best of the others is expected to cost.
+    from what the best of the others is expected to cost, and `least_reduced` is what these cost at the least.
     """
     matrix, costs, cheapest = problem.matrix, work.COSTS, math.inf
 
@@ -71,10 +75,11 @@ def choose(
         yield stage(30.0, 3.0, lambda: [MNMJ()], lambda: [Multilevel()])
     else:
         yield stage(15.0, 3.0, lambda: [PSOR(), MNMGS()])
-        yield stage(15.0, 0.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))])
-        yield stage(15.0, 0.0, lambda: [Multilevel()], lambda: [Josephy()])
+        yield stage(15.0, 0.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: [Josephy()])
+        unseen = 0.0 if matrix.is_dominant else 30.0
+        yield stage(15.0, unseen, lambda: [Multilevel()], least=costs.hierarchy)
     if reduced is not None:
-        yield Stage(stage(20.0, 20.0).cost, lambda: reduced(cheapest))
+        yield Stage(stage(20.0, 20.0).cost, lambda: reduced(cheapest), least_reduced)
     if not problem.psi.takes_best:
         yield stage(100.0, 90.0, lambda: _relaxed(problem))
     factorised = 2.0 * work.least_factor_cost(matrix.n, matrix.nnz)

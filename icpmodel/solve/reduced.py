@@ -167,20 +167,25 @@ def candidates(problem: ProblemData, aim: float = RTOL, family: str | None = Non
 
     `aim` is the share of Res(0) that is asked for, `family` as in `solve`.
     """
-    return choose(
-        problem, aim, family, None if family == "paper" else lambda least: _reduced(problem, aim, family, least)
-    )
+    if family == "paper":
+        return choose(problem, aim, family)
+    return choose(problem, aim, family, lambda cheapest: _reduced(problem, aim, family, cheapest), _setup(problem))
 
 
-def _reduced(problem: ProblemData, aim: float, family: str | None, least: float) -> list[Asked]:
+def _setup(problem: ProblemData) -> float:
+    """What any reduction costs at the least, in products with A."""
+    return _PASSES + _CALLS * work.COSTS.call / problem.matrix.unit
+
+
+def _reduced(problem: ProblemData, aim: float, family: str | None, cheapest: float) -> list[Asked]:
     """The parts of the problem, which cost the share of its rows, or what does not rest on the obstacle."""
     found = structure(problem, WORTH * problem.n) or rows_at_rest(problem)
     if found is None or (family is not None and found.pivoted):
         return []
     share = sum(rows.size for stage in found.stages for rows in stage) / problem.n
-    setup = _PASSES + (_CALLS * work.COSTS.call + work.COSTS.pivot_entry * found.pivoted) / problem.matrix.unit
+    setup = _setup(problem) + work.COSTS.pivot_entry * found.pivoted / problem.matrix.unit
     method = ReducedTo(blocks=found, aim=aim, family_of_parts=family)
-    return [(Candidate(method, repr(found)), Expected(setup + share * least, setup, 1.0, finite=True))]
+    return [(Candidate(method, repr(found)), Expected(setup + share * cheapest, setup, 1.0, finite=True))]
 
 
 def _report(problem: ProblemData, parts: list[Part], z: Vector) -> None:
