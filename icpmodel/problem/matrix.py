@@ -166,7 +166,10 @@ class Matrix(ReadOnly):
     def excess(self) -> float:
         """By how much the Jacobi radius is above 1, roughly: 0 where A is dominant, else by a few Lanczos steps on
         `couplings`, for which units make no difference."""
-        return 0.0 if self.is_dominant else max(radius_of(self.couplings, _ROUGH_STEPS) - 1.0, 0.0)
+        if self.is_dominant:
+            return 0.0
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            return max(radius_of(self.couplings, _ROUGH_STEPS) - 1.0, 0.0)
 
     @cached_property
     def weights(self) -> Vector:
