@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from icpmodel.solve.schedule import SHARE, Expected, Schedule, Stage, forecast
 
-KAPPA, LOOK, AGAIN = 1 / SHARE, 6, 1.5
+KAPPA, LOOK, AGAIN = 1 / SHARE, 6, 3.0
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def test_who_overruns_twofold_waits_and_goes_on_where_it_was_when_the_others_do_
     assert sum(turn.steps for turn in schedule.waiting) == 200  # nothing of what was made is lost
 
 
-def test_a_fact_is_asked_for_when_six_times_its_cost_is_least():
+def test_a_fact_is_asked_for_when_twelve_times_its_cost_is_least():
     asked = []
 
     def stage(cost, left):
@@ -135,7 +135,7 @@ def test_a_fact_is_asked_for_when_six_times_its_cost_is_least():
 
         return Stage(cost, made)
 
-    Schedule(iter([stage(0.0, 61.0), stage(10.0, 30.0), stage(6.0, 20.0)])).turn()
+    Schedule(iter([stage(0.0, 121.0), stage(10.0, 60.0), stage(6.0, 40.0)])).turn()
     assert asked == [0.0, 10.0]
 
 
@@ -157,5 +157,11 @@ class TestForecast:
             fallen.append(fallen[-1] + fall)
         assert 0.0 < forecast(fallen, need) <= forecast(fallen, 2 * need)
 
-    def test_what_never_fell_is_not_expected_to(self):
-        assert forecast([0.0] * 10, 1.0) == math.inf
+    @given(st.lists(st.floats(0.0, 3.0), min_size=6, max_size=60), st.integers(1, 30))
+    @settings(max_examples=60, deadline=None)
+    def test_a_halt_is_not_taken_for_the_end(self, falls, halt):
+        fallen = [0.0]
+        for fall in [*falls, *[0.0] * halt]:
+            fallen.append(fallen[-1] + fall)
+        speed = max(fallen[-1], 1.0) / (len(fallen) - 1)
+        assert forecast(fallen, fallen[-1] + 5.0) <= 8.0 * 5.0 / speed
