@@ -129,7 +129,8 @@ class Run:
             turn = following
         if self.refused is not None:
             self.ended = self.refused.ended
-            self.candidate = self.refused.candidate or self.candidate
+            if self.refused.candidate is not None:
+                self.candidate = self.refused.candidate
 
     def _turn(self, schedule: Schedule[Candidate]) -> Turn[Candidate] | None:
         """Whose turn it is, None where nobody is left or what must be known for that cannot be afforded."""
