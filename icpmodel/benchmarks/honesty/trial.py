@@ -27,7 +27,7 @@ PSI = {
     "raises": "lambda z: c if np.abs(z).max() < 1 else 1 / 0",
     "ragged": "lambda z: c if z[0] <= 0 else [1.0, [2.0]]",
     "writes": "lambda z: np.multiply(z, 0.5, out=z) + c",
-    "intervention": "icp.Intervention(np.abs(G))",
+    "intervention": "icp.Intervention(sp.csr_array(np.abs(G)))",
 }
 #: front end → how it is asked; `answer` is what comes back
 FRONTS = {
