@@ -11,6 +11,7 @@ import numpy as np
 from ...methods.contract import names as method_names
 from ...numerics.arrays import Vector
 from ...scenes import names as scene_names
+from ...scenes import parameters
 from ..families.gallery import family_names
 from .trial import ASKED, PSI, Rows, Trial
 
@@ -34,8 +35,11 @@ _OPTIONS: dict[str, tuple[str, ...]] = {
 }
 #: of `solve_many`
 _MANY = ("rtol", "atol", "time_limit")
-#: steps of a named method, which may need as many as there are
-_STEPS = "1000"
+#: steps of most runs, and seconds for many problems: what goes on for ever without them is not looked for here
+_STEPS, _SECONDS = "300", "0.1"
+_WITHOUT_DIAGONAL = ("josephy", "lemke", "mnmod", "modulus", "newton", "reduced")
+#: of `ASKED`: all bounds alike
+_WEIGHTS = [0.3, 0.2, 0.1, 0.03, 0.01, *[0.36 / (len(ASKED) - 5)] * (len(ASKED) - 5)]
 
 
 def drawn_trial(seed: int, number: int) -> Trial:
@@ -157,20 +161,28 @@ def _problem(rng: np.random.Generator, n: int, plain: bool = False) -> Trial:
 def _asked(rng: np.random.Generator, trial: Trial) -> Trial:
     """The trial with a front end, a method, options, and what is asked of the answer."""
     front = str(rng.choice(["solve", "many", "file"], p=[0.9, 0.07, 0.03]))
-    if trial.source or (front == "file" and trial.psi not in ("zero", "constant", "affine")):
+    if (
+        trial.source
+        or (front == "many" and len(trial.q) > 12)
+        or (front == "file" and trial.psi not in ("zero", "constant", "affine"))
+    ):
         front = "solve"
     wanted = _MANY if front == "many" else tuple(_OPTIONS)
     chosen = [name for name in wanted if rng.random() < 0.6 / len(wanted) ** 0.5]
     method = None
     if front != "many" and rng.random() < 0.45:
         method = str(rng.choice(method_names()))
+        if not all(trial.A[i][i] > 0 for i in range(len(trial.q))) and rng.random() < 0.8:  # most would refuse
+            method = str(rng.choice(_WITHOUT_DIAGONAL))
         chosen = [name for name in chosen if name != "family"]
     if "accuracy" in chosen:
         chosen = [name for name in chosen if name not in ("rtol", "atol")]
     options = [(name, str(rng.choice(_OPTIONS[name]))) for name in chosen]
-    if method is not None and "max_iter" not in chosen:
+    if front == "many" and "time_limit" not in chosen:
+        options.append(("time_limit", _SECONDS))
+    elif front != "many" and "max_iter" not in chosen and rng.random() < 0.9:
         options.append(("max_iter", _STEPS))
-    asked = "" if front == "many" else str(rng.choice(list(ASKED), p=[0.3, 0.22, 0.1, 0.12, 0.1, 0.1, 0.05, 0.01]))
+    asked = "" if front == "many" else str(rng.choice(list(ASKED), p=_WEIGHTS))
     return replace(trial, front=front, method=method, options=tuple(options), asked=asked)
 
 
@@ -180,14 +192,8 @@ def _gallery(rng: np.random.Generator) -> Trial:
         name, seed = rng.choice(family_names()), int(rng.integers(10**6))
         return Trial(source=f"icp.benchmarks.drawn({str(name)!r}, {n}, np.random.default_rng({seed}))")
     name = str(rng.choice(scene_names()))
-    size = f", {n}" if "n" in _parameters(name) else ""
+    size = f", {n}" if "n" in parameters(name) else ""
     return Trial(source=f"icp.scenes.scene({name!r}{size}).problem")
-
-
-def _parameters(name: str) -> Any:
-    from ...scenes import parameters
-
-    return parameters(name)
 
 
 def _large(rng: np.random.Generator) -> Trial:

@@ -80,9 +80,9 @@ def _rounded(x: float, digits: int) -> float:
     return float(f"{x:.{digits}e}") if digits else float(f"{x / abs(x):.0f}e{f'{abs(x):e}'.partition('e')[2]}")
 
 
-def _weight(x: float) -> tuple[int, int]:
+def _weight(x: float) -> tuple[int, bool, bool]:
     """How much there is to read in a number."""
-    return len(f"{x!r}".replace(".0", "")) + ("e" in f"{x!r}") * 10, x < 0
+    return len(f"{x!r}".replace(".0", "").replace("e", " " * 10)), x != 0.0, x < 0.0
 
 
 def _entries(value: Any) -> Iterator[float]:

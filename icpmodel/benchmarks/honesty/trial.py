@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,21 +54,30 @@ solver = pyo.SolverFactory("icpmodel")
 answer = solver.solve(model, load_solutions=False, raise_exception_on_nonoptimal_result=False)""",
 }
 _IMPORTS = {
-    "file": "import tempfile\n",
-    "cvxpy": "import contextlib\nimport cvxpy as cp\n",
-    "pyomo": "import pyomo.environ as pyo\nimport icpmodel.modelling.pyomo\n"
-    "from pyomo.mpec import Complementarity, complements\n",
+    "file": ("import tempfile",),
+    "cvxpy": ("import contextlib", "import cvxpy as cp"),
+    "pyomo": (
+        "import pyomo.environ as pyo",
+        "import icpmodel.modelling.pyomo",
+        "from pyomo.mpec import Complementarity, complements",
+    ),
 }
+#: how far from the answer a bound is asked for
+_OFF = {"there": "answer.z", "near": "answer.z + 1e-3 * np.cos(np.arange(problem.n))"} | {
+    f"at {size}": f"answer.z + {size} * np.cos(3 * np.arange(problem.n))" for size in ("1e-200", "1e-9", "1e9", "1e150")
+}
+_BOUNDS = {"bound": "", "sharp": ", sharp=True", "rough": ", sharp=False", "rigorous": ", rigorous=True"}
 #: what is asked of the answer
 ASKED = {
     "": "",
     "print": "told = str(answer)",
     "polish": "answer = answer.polish()",
-    "bound": "bound = icp.error_bound(problem, answer)",
-    "sharp": "bound = icp.error_bound(problem, answer, sharp=True)",
-    "rigorous": "bound = icp.error_bound(problem, answer, rigorous=True)",
-    "explain": "told = str(problem.explain())",
+    "explain": "page = problem.explain()\ntold = str(page)",
     "crosscheck": "told = str(problem.crosscheck(answer, solvers=['osqp'], time_limit=2.0))",
+} | {
+    f"{kind} {off}": f"z = {point}\nbound = icp.error_bound(problem, z{options})"
+    for kind, options in _BOUNDS.items()
+    for off, point in _OFF.items()
 }
 
 
@@ -106,21 +116,20 @@ class Trial:
 
     def setup(self) -> str:
         """The code up to the problem."""
-        lines = [
-            f"{_IMPORTS.get(self.front, '')}import numpy as np\nimport icpmodel as icp\nfrom numpy import inf, nan"
-        ]
-        if self.source:
-            lines.append(f"problem = {self.source}")
-            return "\n".join(lines)
-        data = {"A": self.A, "q": self.q}
-        psi = PSI[self.psi]
-        data |= {name: value for name, value in (("c", self.c), ("G", self.G)) if self._names(name, psi)}
-        lines += [f"{name} = np.array({_listed(value)})" for name, value in data.items()]
-        if self.front == "cvxpy":
-            lines.append(f"equal = {self.equal}")
-        elif self.front != "pyomo":
-            lines.append(f"psi = {psi}\nproblem = icp.ICP(A, q, psi)")
-        return "\n".join(lines)
+        psi, lines = PSI[self.psi], [f"problem = {self.source}"]
+        if not self.source:
+            named = {"A": self.A, "q": self.q} | {name: getattr(self, name) for name in ("c", "G") if self._has(name)}
+            lines = [f"{name} = np.array({_listed(value)})" for name, value in named.items()]
+            if self.front == "cvxpy":
+                lines.append(f"equal = {self.equal}")
+            elif self.front != "pyomo":
+                lines += [f"psi = {psi}", "problem = icp.ICP(A, q, psi)"]
+        text = "\n".join(lines)
+        more = (("sp.", "import scipy.sparse as sp"), ("inf", "from numpy import inf"))
+        imported = [line for word, line in more if word in text]
+        return "\n".join(
+            [*_IMPORTS.get(self.front, ()), "import numpy as np", "import icpmodel as icp", *imported, text]
+        )
 
     def question(self) -> str:
         """The code after it."""
@@ -137,8 +146,8 @@ class Trial:
         """The whole of it, as a user would write it."""
         return f"{self.setup()}\n{self.question()}"
 
-    def _names(self, name: str, psi: str) -> bool:
-        return self.front == "cvxpy" or name in psi.replace("icp", "").replace("np.", "") or self.front == "pyomo"
+    def _has(self, name: str) -> bool:
+        return self.front in ("cvxpy", "pyomo") or re.search(rf"\b{name}\b", PSI[self.psi]) is not None
 
 
 def _listed(value: Any) -> str:
