@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -47,12 +48,17 @@ class ExactProblem:
     """An ICP in fractions; ψ = Gz + c exactly, any other ψ by the values that it gives in floats."""
 
     def __init__(self, problem: Any) -> None:
-        A, self.n = problem.A, problem.n
-        self.rows = [
+        self.A, self.n = problem.A, problem.n
+        self.q, self.psi, self.linear = fractions(problem.q), problem.psi, problem.psi.linear
+
+    @cached_property
+    def rows(self) -> list[list[tuple[int, Fraction]]]:
+        """The entries of A."""
+        A = self.A
+        return [
             [(int(j), Fraction(x)) for j, x in zip(A.indices[low:high], A.data[low:high].tolist(), strict=True) if x]
             for low, high in zip(A.indptr[:-1], A.indptr[1:], strict=True)
         ]
-        self.q, self.psi, self.linear = fractions(problem.q), problem.psi, problem.psi.linear
 
     def obstacle(self, z: Any) -> list[Any]:
         """ψ(z); raises what the user's function raises, ValueError for NaN."""

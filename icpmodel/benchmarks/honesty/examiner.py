@@ -61,7 +61,7 @@ def examined(trial: Trial) -> tuple[str, list[Lie]]:
         return type(error).__name__, []
     except Exception as error:
         return "refused", [_foreign(error)]
-    lies, seconds = list(_false(trial, found)), time.perf_counter() - begin
+    seconds, lies = time.perf_counter() - begin, list(_false(trial, found))
     limit = trial.number("time_limit", math.inf) if not trial.asked else math.inf
     if seconds > 1.1 * limit + 0.2 and _late(trial, code, limit):
         lies.append(Lie("late", f"{seconds:.2g} s, time_limit = {limit:g}"))
