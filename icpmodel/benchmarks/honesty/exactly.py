@@ -16,6 +16,8 @@ Matrix = list[Vector]
 
 #: all active sets of so many unknowns are tried
 _MOST = 4
+#: one active set of so many unknowns is tried
+_MOST_NEARBY = 16
 #: as an obstacle: none
 _NONE = -math.inf
 
@@ -60,10 +62,10 @@ class ExactProblem:
             for low, high in zip(A.indptr[:-1], A.indptr[1:], strict=True)
         ]
 
-    def obstacle(self, z: Any) -> list[Any]:
+    def obstacle(self, z: Vector) -> list[Any]:
         """ψ(z); raises what the user's function raises, ValueError for NaN."""
         if self.linear is None:
-            value = np.asarray(self.psi.value(np.asarray(z, np.float64)))
+            value = np.asarray(self.psi.value(np.array([float(x) for x in z])))
             if np.isnan(value).any() or np.isposinf(value).any():
                 raise ValueError
             return fractions(value)
@@ -71,47 +73,61 @@ class ExactProblem:
         for i in range(self.n):
             for k in range(G.indptr[i], G.indptr[i + 1]):
                 if c[i] != _NONE:
-                    c[i] += Fraction(float(G.data[k])) * Fraction(float(z[G.indices[k]]))
+                    c[i] += Fraction(float(G.data[k])) * z[G.indices[k]]
         return c
+
+    def p(self, z: Vector) -> Vector:
+        """Az + q."""
+        return [q + sum((a * z[j] for j, a in row), Fraction(0)) for q, row in zip(self.q, self.rows, strict=True)]
 
     def residual(self, z: Any) -> Fraction | None:
         """Res(z)², None where ψ has no value or z is not finite."""
         if not np.isfinite(z).all():
             return None
         try:
-            obstacle = self.obstacle(z)
+            return self.residual_of(fractions(z))
         except Exception:
             return None
-        exact, total = fractions(z), Fraction(0)
-        for i, row in enumerate(self.rows):
-            p = self.q[i] + sum((a * exact[j] for j, a in row), Fraction(0))
-            total += (p if obstacle[i] == _NONE else min(p, exact[i] - obstacle[i])) ** 2
-        return total
+
+    def residual_of(self, z: Vector) -> Fraction:
+        """Res(z)² of fractions."""
+        rows = zip(self.obstacle(z), z, self.p(z), strict=True)
+        return sum(((p if c == _NONE else min(p, x - c)) ** 2 for c, x, p in rows), Fraction(0))
 
     def solutions(self) -> tuple[list[Vector], bool] | None:
         """All isolated solutions by all active sets, and whether no other ones are possible, as no set is singular;
         None where there are too many sets, or ψ is not affine."""
         if self.n > _MOST or self.linear is None:
             return None
-        n, c = self.n, fractions(self.linear[1])
-        A = [[dict(row).get(j, Fraction(0)) for j in range(n)] for row in self.rows]
-        moving = [
-            [(i == j) - Fraction(float(x)) for j, x in enumerate(r)] for i, r in enumerate(self.linear[0].toarray())
-        ]
+        tried = [self._on(active) for active in product((False, True), repeat=self.n)]
         found: list[Vector] = []
-        complete = True
-        for active in product((False, True), repeat=n):
-            if any(on and c[i] == _NONE for i, on in enumerate(active)):
-                continue
-            M = [moving[i] if on else A[i] for i, on in enumerate(active)]
-            z = solved_system(M, [c[i] if on else -self.q[i] for i, on in enumerate(active)])
-            if z is None:
-                complete = False
-            elif z not in found and all(
-                _times(A[i], z) + self.q[i] >= 0 and (c[i] == _NONE or _times(moving[i], z) >= c[i]) for i in range(n)
-            ):
+        for z in filter(None, tried):
+            if z not in found and self.residual_of(z) == 0:
                 found.append(z)
-        return found, complete
+        return found, None not in tried
+
+    def nearby(self, z: Any) -> list[Vector]:
+        """The solution with the active set that `z` has, if it is one."""
+        if self.linear is None or self.n > _MOST_NEARBY or not np.isfinite(z).all():
+            return []
+        exact = fractions(z)
+        active = [c != _NONE and x - c <= p for c, x, p in zip(self.obstacle(exact), exact, self.p(exact), strict=True)]
+        found = self._on(active)
+        return [found] if found and self.residual_of(found) == 0 else []
+
+    def _on(self, active: Sequence[bool]) -> Vector | None:
+        """z with r_i = 0 in the `active` rows and p_i = 0 in the others, empty where one has no obstacle, None where
+        the system is singular."""
+        G, c = self.linear[0].toarray().tolist(), fractions(self.linear[1])
+        if any(on and c[i] == _NONE for i, on in enumerate(active)):
+            return []
+        M = [
+            [(i == j) - Fraction(x) for j, x in enumerate(G[i])]
+            if on
+            else [dict(self.rows[i]).get(j, Fraction(0)) for j in range(self.n)]
+            for i, on in enumerate(active)
+        ]
+        return solved_system(M, [c[i] if on else -self.q[i] for i, on in enumerate(active)])
 
 
 def optimum(P: Any, q: Any, G: Any, h: Any, equal: int) -> Fraction | None:

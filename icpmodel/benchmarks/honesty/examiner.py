@@ -129,7 +129,7 @@ def _of_solution(trial: Trial, found: dict[str, Any]) -> Iterator[Lie]:
     answer, problem = found["answer"], found["problem"]
     exact = exactly.ExactProblem(problem)
     yield from _of_status(trial, exact, problem, answer.status, answer.z)
-    if "path" in found:
+    if "path" in found and trial.asked != "polish":  # which may prefer a smaller error
         yield from _of_path(exact, problem, answer.z, found["path"])
     elif not np.isfinite(answer.z).all():
         yield Lie("lost iterate", f"z is {answer.z}")
@@ -142,8 +142,7 @@ def _of_solution(trial: Trial, found: dict[str, Any]) -> Iterator[Lie]:
     if bound is None or not bound.unique:
         return
     solutions = exact.solutions()
-    known = [] if trial.known is None else [exactly.fractions(trial.known)]
-    isolated, complete = solutions if solutions is not None else (known, False)
+    isolated, complete = solutions if solutions is not None else (exact.nearby(answer.z), False)
     if len(isolated) > 1 or (complete and not isolated):
         yield Lie("false unique", f"there are {len(isolated)} solutions; {bound.proof}")
     elif isolated and bound.value is not None:

@@ -45,7 +45,8 @@ _WEIGHTS = [0.3, 0.2, 0.1, 0.03, 0.01, *[0.36 / (len(ASKED) - 5)] * (len(ASKED) 
 def drawn_trial(seed: int, number: int) -> Trial:
     """The trial that the two numbers stand for, whatever else is drawn."""
     rng = np.random.default_rng([seed, number])
-    kind = rng.choice(["program", "model", "gallery", "large", "small"], p=[0.03, 0.02, 0.03, 0.002, 0.918])
+    kinds = ["program", "model", "gallery", "large", "proved", "small"]
+    kind = rng.choice(kinds, p=[0.03, 0.02, 0.03, 0.002, 0.1, 0.818])
     if kind == "program":
         return _program(rng)
     if kind == "model":
@@ -53,6 +54,8 @@ def drawn_trial(seed: int, number: int) -> Trial:
         return replace(trial, front="pyomo", psi="constant", known=None)
     if kind == "large":
         return _large(rng)
+    if kind == "proved":
+        return _proved(rng)
     trial = _gallery(rng) if kind == "gallery" else _problem(rng, _size(rng))
     return _asked(rng, trial)
 
@@ -86,6 +89,11 @@ def _definite(rng: np.random.Generator, n: int) -> Array:
     return B @ B.T + np.diag(rng.integers(0, 2, n))
 
 
+def _flat(rng: np.random.Generator, n: int) -> Array:
+    u = rng.integers(1, 3, n)
+    return np.asarray(np.outer(u, u) + 10.0 ** -rng.integers(1, 9) * np.eye(n))
+
+
 def _m_matrix(rng: np.random.Generator, n: int) -> Array:
     B = np.abs(_sparse(rng, n))
     np.fill_diagonal(B, 0.0)
@@ -108,6 +116,7 @@ _MATRICES: tuple[_Made, ...] = (
     _low_rank,
     _no_row,
     _definite,
+    _flat,
     _m_matrix,
     _band,
     _nearly,
@@ -119,9 +128,9 @@ _MATRICES: tuple[_Made, ...] = (
 
 def _scales(rng: np.random.Generator, n: int) -> Vector:
     """1, or powers of ten up to 1e±8, or up to 1e±150 or beyond; for all or each by itself."""
-    most = [0, 8, 150, 300][rng.choice(4, p=[0.6, 0.3, 0.07, 0.03])]
+    most = [0, 8, 150, 322][rng.choice(4, p=[0.6, 0.3, 0.07, 0.03])]
     exponents = rng.integers(-most, most + 1, n if rng.random() < 0.5 else 1)
-    return np.asarray(10.0 ** np.broadcast_to(exponents, n).astype(np.float64))
+    return np.asarray(10.0 ** np.broadcast_to(exponents, n).clip(max=300).astype(np.float64))
 
 
 def _vector(rng: np.random.Generator, n: int) -> Vector:
@@ -156,6 +165,18 @@ def _problem(rng: np.random.Generator, n: int, plain: bool = False) -> Trial:
     raising = bool(rng.random() < 0.1)
     solution = None if known is None else tuple(map(float, known))
     return Trial(_rows(A), _row(q), kind, _row(c), _rows(G), raising=raising, known=solution)
+
+
+def _proved(rng: np.random.Generator) -> Trial:
+    """One of which a bound is known, at any scale, and a bound."""
+    n = int(rng.integers(1, 5 if rng.random() < 0.7 else 14))
+    A = (_definite, _flat, _m_matrix)[rng.integers(3)](rng, n) + rng.integers(0, 2) * np.eye(n)
+    scale, back = _scales(rng, n), _scales(rng, n)
+    A, q = scale[:, None] * A * (scale if rng.random() < 0.5 else back), rng.integers(0, 2) * scale * _vector(rng, n)
+    c, kind = _scales(rng, n) * _vector(rng, n), ("zero", "constant", "affine")[rng.integers(3)]
+    G = np.diag(rng.uniform(0.0, 1.0, n)) if rng.random() < 0.5 else _low_rank(rng, n) / 16
+    A, q = (np.clip(part, -1e307, 1e307) for part in (A, q))
+    return Trial(_rows(A), _row(q), kind, _row(c), _rows(G), asked=str(rng.choice(list(ASKED)[5:])))
 
 
 def _asked(rng: np.random.Generator, trial: Trial) -> Trial:
