@@ -173,7 +173,10 @@ def _proved(rng: np.random.Generator) -> Trial:
     A = (_definite, _flat, _m_matrix)[rng.integers(3)](rng, n) + rng.integers(0, 2) * np.eye(n)
     scale, back = _scales(rng, n), _scales(rng, n)
     A, q = scale[:, None] * A * (scale if rng.random() < 0.5 else back), rng.integers(0, 2) * scale * _vector(rng, n)
-    c, kind = _scales(rng, n) * _vector(rng, n), ("zero", "constant", "affine")[rng.integers(3)]
+    c, kind = (
+        _scales(rng, n) * (-1.0 if rng.random() < 0.3 else _vector(rng, n)),
+        ("zero", "constant", "affine")[rng.integers(3)],
+    )
     G = np.diag(rng.uniform(0.0, 1.0, n)) if rng.random() < 0.5 else _low_rank(rng, n) / 16
     A, q = (np.clip(part, -1e307, 1e307) for part in (A, q))
     return Trial(_rows(A), _row(q), kind, _row(c), _rows(G), asked=str(rng.choice(list(ASKED)[5:])))
