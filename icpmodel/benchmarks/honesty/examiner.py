@@ -54,14 +54,15 @@ def examined(trial: Trial) -> tuple[str, list[Lie]]:
         return "refused", []
     except Exception as error:
         return "refused", [_foreign(error)]
-    code, begin = compile(trial.question(), "question", "exec"), time.perf_counter()
+    code, begin = compile(trial.question(), "question", "exec"), _now()
     try:
         exec(code, found)
     except IcpError as error:
         return type(error).__name__, []
     except Exception as error:
         return "refused", [_foreign(error)]
-    seconds, lies = time.perf_counter() - begin, list(_false(trial, found))
+    seconds = _since(begin)
+    lies = list(_false(trial, found))
     limit = trial.number("time_limit", math.inf) if not trial.asked else math.inf
     if seconds > 1.1 * limit + 0.2 and _late(trial, code, limit):
         lies.append(Lie("late", f"{seconds:.2g} s, time_limit = {limit:g}"))
@@ -79,11 +80,20 @@ def _late(trial: Trial, code: Any, limit: float) -> bool:
     for _ in range(2):
         again: dict[str, Any] = {}
         exec(compile(trial.setup(), "setup", "exec"), again)
-        begin = time.perf_counter()
+        begin = _now()
         exec(code, again)
-        if time.perf_counter() - begin <= 1.1 * limit + 0.2:
+        if _since(begin) <= 1.1 * limit + 0.2:
             return False
     return True
+
+
+def _now() -> tuple[float, float]:
+    return time.perf_counter(), time.process_time()
+
+
+def _since(begin: tuple[float, float]) -> float:
+    """Seconds by the clock, or of the processors where these are fewer, as they were at work for others."""
+    return min(now - then for now, then in zip(_now(), begin, strict=True))
 
 
 def _end(trial: Trial, found: dict[str, Any]) -> str:
