@@ -1,11 +1,12 @@
 """Measurements behind the numbers of the README: the subcommands of `icpmodel benchmark` print them."""
 
 from .benchmark import benchmark, faster_peers
-from .certainty import bound_ratios, certificate_cost, false_success
+from .certainty import bound_ratios, certificate_cost
 from .constants import constants
 from .costs import dominant_cost, impulse_cost, reading_cost, small_cost, solve_cost
 from .families.gallery import drawn, family_names, gallery
 from .hindsight import choice, summary_of
+from .honesty.audit import honesty
 from .iterations import grid_order, sweep_cost, sweep_counts, tuned_and_automatic
 from .memory import memory
 
@@ -17,11 +18,11 @@ __all__ = [
     "constants",
     "dominant_cost",
     "drawn",
-    "false_success",
     "family_names",
     "faster_peers",
     "gallery",
     "grid_order",
+    "honesty",
     "impulse_cost",
     "memory",
     "reading_cost",

@@ -1,34 +1,24 @@
-"""How sharp the error bounds are, what a certificate costs, and whether "solved" is ever said of what is not."""
+"""How sharp the error bounds are, and what a certificate costs."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..errors import IcpError, InputError, MapError, NotApplicable
+from ..errors import InputError
 from ..icp import ICP
-from ..methods.contract import names as method_names
-from ..numerics.arrays import Vector, as_list, as_number, row_of
+from ..numerics.arrays import Vector
 from ..numerics.multigrid import linear_solve
 from ..present.table import Table
-from ..problem.data import ProblemData
-from ..scenes import Scene, names, parameters, scene
-from ..solve.progress import status_line
-from ..solve.solution import Solution, Status
-from ..study.cases import built, fresh, unbroken
+from ..scenes import names, scene
+from ..study.cases import built, fresh
 from ..study.timing import as_repeats, clocked, machine, timed
 from ..theory import error_bound
 
 #: how far z is from z*, in units of the largest entry of z*
 _DISTANCES = (1e-10, 1e-6, 1e-2, 1.0)
-#: the statuses as columns, in this order; a method that refuses a problem is "not applicable"
-_ENDS = (*(status.value for status in Status), "not applicable")
-#: what rounding may add to a residual that is computed in another order of summation
-_ROUNDING = 1e-12
 
 
 def bound_ratios(n: int = 900, trials: int = 10) -> Table:
@@ -95,80 +85,3 @@ def certificate_cost(n: int = 1_000_000, repeats: int = 5) -> Table:
     row = (problem.n, *medians, *taken.ratio("ours", "solve"), certify(problem).proof)
     heads = ("n", "certificate, s", "linear solve, s", "ratio", "lowest", "highest", "proof")
     return Table(f"A certificate against one linear solve ({machine()})", heads, (row,))
-
-
-def false_success(seeds: int = 10, n: int = 100, scenes: Sequence[str] = (), progress: bool = False) -> Table:
-    """How runs end, and what of it is false: all methods on SCENES, default all, from random starts.
-
-    Every method with its default options, and `solve()` without one, runs on every scene from `seeds` random starts, of
-    the size of the known solution; scenes with a `seed` are also built anew. An answer called SOLVED is false where
-    the problem is known to have no solution, or where ‖min(r, p)‖₂, computed anew in extended precision and not by the
-    package's judge, is above the tolerance; a bound is false where it is below the true error.
-    Parameters: `seeds` random starts, and random data; `n` wanted unknowns of the scenes that have a size; `scenes`
-    by name, default all; `progress` shows a line where standard error is a terminal.
-    Returns a `Table`: one row per scene and the sum.
-
-    >>> table = icp.benchmarks.false_success(seeds=1, scenes=["hand-lcp", "hard-jump"])
-    >>> [row[-2:] for row in table.rows]
-    [(0, 0), (0, 0), (0, 0)]
-    """
-    seeds = int(as_number(seeds, "seeds", least=1, whole=True))
-    found: list[tuple[str, Counter[str]]] = []
-    with status_line(progress) as say:
-        for name in as_list(scenes, "scenes") or names():
-            say(f"scene {name}")
-            count: Counter[str] = Counter()
-            for seed in range(seeds):
-                text = f"{name},seed={seed}" if "seed" in parameters(name) else name
-                for method in (None, *method_names()):
-                    count.update(_run(built(text, n), method, seed))
-            found.append((name, count))
-    ends = [end for end in _ENDS if any(count[end] for _, count in found)]
-    heads = ("scene", "runs", *ends, "false solved", "false bound")
-    found.append(("all", sum((count for _, count in found), Counter())))
-    rows = tuple((name, *(count[head] for head in heads[1:])) for name, count in found)
-    return Table(f"How {seeds} runs of each method end, and what of it is false", heads, rows)
-
-
-def _run(one: Scene, method: str | None, seed: int) -> list[str]:
-    size = 0.0 if seed == 0 else 1.0 if one.z_exact is None else np.abs(one.z_exact)  # the first start is the default
-    z0 = size * np.random.default_rng(seed).standard_normal(one.problem.n)
-    try:
-        solution = unbroken(one.problem.solve(method, z0=z0, max_iter=5000, raise_on_failure=False))
-    except NotApplicable:
-        return ["runs", "not applicable"]
-    except MapError:
-        return ["runs", Status.MAP_FAILED.value]  # ψ has no value at the start
-    return told_of(one, solution, z0)
-
-
-def told_of(one: Scene, solution: Solution, z0: Vector) -> list[str]:
-    """How the run from `z0` ended, and what of it is false, as keys to count."""
-    keys = ["runs", solution.status.value]
-    if solution.solved and (one.why_no_solution or _residual(solution.problem, solution.z) > _tolerance(solution, z0)):
-        keys.append("false solved")
-    bound = solution.error_bound if solution.solved else None
-    if bound is not None and one.z_exact is not None and bound < np.abs(solution.z - one.z_exact).max():
-        keys.append("false bound")
-    return keys
-
-
-def _tolerance(solution: Solution, z0: Vector) -> np.longdouble:
-    """1e-8·Res(0), Res(z0) where ψ has no value at 0 or 0 is a solution: what `solve` promises by default."""
-    start = _residual(solution.problem, np.zeros(z0.size))
-    if not 0 < start < np.inf:
-        start = _residual(solution.problem, z0)
-    return np.longdouble(1e-8) * start * (1 + _ROUNDING)
-
-
-def _residual(problem: ProblemData, z: Vector) -> np.longdouble:
-    """‖min(r, p)‖₂ in extended precision, row by row from the entries of A; NaN where ψ has no value."""
-    A, wide = problem.A, np.longdouble
-    try:
-        psi = problem.psi.value(z)
-    except IcpError:
-        return wide(np.nan)
-    p = problem.q.astype(wide)
-    np.add.at(p, row_of(A), A.data.astype(wide) * z.astype(wide)[A.indices])
-    least = np.minimum(z.astype(wide) - psi.astype(wide), p)
-    return wide(np.sqrt(np.sum(least * least)))

@@ -120,7 +120,7 @@ _COMMANDS: dict[str, Callable[..., Table]] = {
     "bounds": benchmarks.bound_ratios,
     "certificate": benchmarks.certificate_cost,
     "limit": benchmarks.solve_cost,
-    "honesty": benchmarks.false_success,
+    "honesty": benchmarks.honesty,
     "modelling": benchmarks.reading_cost,
     "dominant": benchmarks.dominant_cost,
     "impulse": benchmarks.impulse_cost,
@@ -150,7 +150,11 @@ def _faster(table: Table) -> list[str]:
 
 
 #: command → what is said below its table
-_BELOW: dict[str, Callable[[Table], list[str]]] = {"peers": _faster, "choice": benchmarks.summary_of}
+_BELOW: dict[str, Callable[[Any], list[str]]] = {
+    "peers": _faster,
+    "choice": benchmarks.summary_of,
+    "honesty": lambda audit: [f"{text}\n" for text in audit.reproductions],
+}
 
 
 def _command(name: str, function: Callable[..., Table]) -> click.Command:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ..icp import ICP
@@ -62,8 +64,8 @@ def ball(n: int = 900) -> Scene:
     u = _ball_solution(r)
     problem = ICP(five_point(m), -_boundary_sum(m), psi)
     known = {
-        "u": Quantity(0.0, lambda z: float(np.max(np.abs(z - u))), order=2.0),
-        "contact radius": Quantity(RADIUS, lambda z: _radius(float(problem.p(z).sum())), order=2.0),
+        "u": Quantity(0.0, partial(_farthest, u), order=2.0),
+        "contact radius": Quantity(RADIUS, partial(_radius, problem), order=2.0),
     }
     models = "A membrane held along the edge of a square and lifted by a ball from below."
     return Scene(problem=problem, models=models, quantities=known, h=h, points=points)
@@ -88,7 +90,7 @@ def coulomb(alpha: float = 30.0, mu: float = 0.3, mass: float = 1.0, g: float = 
     normal = mass * push * cosine
     z = np.array([normal, -min(mass * push * sine, mu * normal)])
     problem = ICP(np.eye(2) / mass, push * np.array([-cosine, sine]), Affine([[0.0, 0.0], [-mu, 0.0]]))
-    speed = Quantity(max(0.0, push * (sine - mu * cosine)), lambda z: float(problem.p(z)[1]), order=None)
+    speed = Quantity(max(0.0, push * (sine - mu * cosine)), partial(_slip, problem), order=None)
     models = "Whether a block put on a slope stays or slips within one time step, and the impulses that decide it."
     return Scene(problem=problem, models=models, z_exact=z, quantities={"slip speed": speed})
 
@@ -106,8 +108,16 @@ def _boundary_sum(m: int) -> Vector:
     return (values[:-2, 1:-1] + values[2:, 1:-1] + values[1:-1, :-2] + values[1:-1, 2:]).ravel()
 
 
-def _radius(force: float) -> float:
-    """a from 2πa²/√(1 − a²) = force: with f = force/2π, a⁴ + f²a² − f² = 0."""
-    f = force / (2.0 * np.pi)
+def _farthest(u: Vector, z: Vector) -> float:
+    return float(np.max(np.abs(z - u)))
+
+
+def _slip(problem: ICP, z: Vector) -> float:
+    return float(problem.p(z)[1])
+
+
+def _radius(problem: ICP, z: Vector) -> float:
+    """a from 2πa²/√(1 − a²) = Σp: with f = Σp/2π, a⁴ + f²a² − f² = 0."""
+    f = float(problem.p(z).sum()) / (2.0 * np.pi)
     # f·(√(f² + 4) − f)/2 without the cancellation for large f
     return float(np.sqrt(2.0 * f / (np.sqrt(f * f + 4.0) + f))) if f >= 0 else float("nan")

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..icp import ICP
-from ..numerics.arrays import as_number
+from ..numerics.arrays import Vector, as_number
 from ..problem.affine import Affine
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
@@ -37,7 +37,7 @@ def hard_many() -> Scene:
     and semidefinite. Honest: solved, and no claim that the solution is unique. Quantity: "z2 - z1" = 1.
     """
     models = "Two carriages coupled by a spring on a track, free to roll together."
-    known = {"z2 - z1": Quantity(1.0, lambda z: float(z[1] - z[0]), order=None)}
+    known = {"z2 - z1": Quantity(1.0, _gap, order=None)}
     return Scene(problem=ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, -1.0]), models=models, quantities=known)
 
 
@@ -50,7 +50,7 @@ def hard_steep() -> Scene:
     Quantity: "|z - 1/2|" = 1½.
     """
     models = "A spring under a hand that follows it too eagerly."
-    known = {"|z - 1/2|": Quantity(1.5, lambda z: float(abs(z[0] - 0.5)), order=None)}
+    known = {"|z - 1/2|": Quantity(1.5, _from_half, order=None)}
     return Scene(problem=ICP([[1.0]], [1.0], Affine([[1.5]], -1.0)), models=models, quantities=known)
 
 
@@ -62,7 +62,7 @@ def hard_jump() -> Scene:
     p = z − ½ > 0: the residual is at least ¼, and there is no solution, though p and r take either sign. (Were it to
     give way at 1, z = 1 − ε would have the residual ε and pass for a solution.) Honest: cycled or stagnated.
     """
-    problem = ICP([[1.0]], [-0.5], Function(lambda z: np.where(z < 0.75, 1.0, 0.0)))
+    problem = ICP([[1.0]], [-0.5], Function(_trapdoor))
     why = "r < 0 below 3/4, and from there on p and r are both positive"
     return Scene(problem=problem, models="A weight on a trapdoor that opens under it.", why_no_solution=why)
 
@@ -75,10 +75,8 @@ def hard_domain() -> Scene:
     parabola .05 i(32 − i), which passes 2 in row 2, so that there is no solution where ψ has values. Sweeps from 0 get
     there after a while only. Honest: ψ failed, with the best iterate before it did.
     """
-
-    psi = lambda z: -np.sqrt(np.where(z <= 2.0, 2.0 - z, np.nan))  # noqa: E731
-    slope = lambda z: 0.5 / np.sqrt(np.where(z < 2.0, 2.0 - z, np.nan))  # noqa: E731
-    problem = ICP(neighbours(31, -1.0, -1.0) + 2.0 * sp.eye_array(31), np.full(31, -0.1), Elementwise(psi, slope))
+    psi = Elementwise(_below_root, _its_slope)
+    problem = ICP(neighbours(31, -1.0, -1.0) + 2.0 * sp.eye_array(31), np.full(31, -0.1), psi)
     models = "A string pulled up out of the region where the shape of its support is known."
     return Scene(
         problem=problem, models=models, why_no_solution="p >= 0 lifts z out of the domain of psi, row 1 already"
@@ -186,3 +184,23 @@ def hard_empty_row() -> Scene:
     A = [[*PAIR[0], 0.0], [*PAIR[1], 0.0], [0.0, 0.0, 0.0]]
     models = "Two weights on a string, and a third on the floor beside it, tied to nothing."
     return by_hand(A, [-1.0, 3.0, 1.0], [0.0, 0.0, 2.0], [0.5, 0.0, 2.0], models)
+
+
+def _gap(z: Vector) -> float:
+    return float(z[1] - z[0])
+
+
+def _from_half(z: Vector) -> float:
+    return float(abs(z[0] - 0.5))
+
+
+def _trapdoor(z: Vector) -> Vector:
+    return np.where(z < 0.75, 1.0, 0.0)
+
+
+def _below_root(z: Vector) -> Vector:
+    return np.asarray(-np.sqrt(np.where(z <= 2.0, 2.0 - z, np.nan)))
+
+
+def _its_slope(z: Vector) -> Vector:
+    return np.asarray(0.5 / np.sqrt(np.where(z < 2.0, 2.0 - z, np.nan)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -43,24 +45,30 @@ def dividend(n: int = 241) -> Scene:
     h = COST / k
     x = np.linspace(0.0, LENGTH, 30 * k + 1)
     A, q = _operator(x.size, h)
-    problem = ICP(A, q, Intervention(lambda z: _best_payment(z, x, k)))
-
-    def smooth_fit(z: Vector, first: int) -> float:
-        """Where the slope reaches WORTH, by three cells from the `first` on; NaN where there are none."""
-        cells = slice(first, first + 3)
-        return level_crossing(x[cells] + h / 2, (np.diff(z) / h)[cells], WORTH)
-
-    # up to where it pays z solves the equation of the reserve at rest
-    boundary = lambda z: smooth_fit(z, int(np.argmax(problem.r(z) < problem.p(z))) - 3)  # noqa: E731
-    target = lambda z: smooth_fit(z, int(np.argmax(np.diff(z) / h < WORTH)) - 1)  # noqa: E731
+    problem = ICP(A, q, Intervention(partial(_best_payment, x=x, k=k)))
 
     known = {
-        "V(1)": Quantity(VALUE_AT_1, lambda z: float(z[20 * k]), order=2.0),
-        "x*": Quantity(BOUNDARY, boundary, order=2.0),
-        "target": Quantity(TARGET, target, order=2.0),
+        "V(1)": Quantity(VALUE_AT_1, itemgetter(20 * k), order=2.0),
+        "x*": Quantity(BOUNDARY, partial(_boundary, problem, x), order=2.0),
+        "target": Quantity(TARGET, partial(_target, x), order=2.0),
     }
     models = "The value of a reserve to its owner, who pays himself dividends at a fixed cost and a tax."
     return Scene(problem=problem, models=models, quantities=known, h=h, points=x)
+
+
+def _smooth_fit(x: Vector, z: Vector, first: int) -> float:
+    """Where the slope reaches WORTH, by three cells from the `first` on; NaN where there are none."""
+    h, cells = x[1] - x[0], slice(first, first + 3)
+    return level_crossing(x[cells] + h / 2, (np.diff(z) / h)[cells], WORTH)
+
+
+def _boundary(problem: ICP, x: Vector, z: Vector) -> float:
+    """Up to where it pays z solves the equation of the reserve at rest."""
+    return _smooth_fit(x, z, int(np.argmax(problem.r(z) < problem.p(z))) - 3)
+
+
+def _target(x: Vector, z: Vector) -> float:
+    return _smooth_fit(x, z, int(np.argmax(np.diff(z) / (x[1] - x[0]) < WORTH)) - 1)
 
 
 def _operator(n: int, h: float) -> tuple[Any, Vector]:

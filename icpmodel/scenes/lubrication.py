@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ..icp import ICP
@@ -35,7 +37,7 @@ def bearing(n: int = 300) -> Scene:
 
     known = {
         "p_max": Quantity(P_MAX, _top, order=2.0),
-        "cavitation angle": Quantity(CAVITATION, lambda z: _angle(float(H[0] - cubes[0] * z[0] / h)), order=2.0),
+        "cavitation angle": Quantity(CAVITATION, partial(_angle, H[0], cubes[0] / h), order=2.0),
     }
     models = "The pressure of the oil between a shaft and its bearing, and where the oil film tears."
     points = np.linspace(0.0, 2.0 * np.pi, n + 2)[1:-1]
@@ -49,7 +51,7 @@ def _top(z: Vector) -> float:
     return float(z[i] - slope**2 / (2.0 * bend)) if bend != 0 else float(z[i])
 
 
-def _angle(thickness: float) -> float:
-    """θ > π with H(θ) = `thickness`: the film tears where the gap widens."""
-    cosine = (thickness - 1.0) / ECCENTRICITY
+def _angle(thickness: float, drag: float, z: Vector) -> float:
+    """θ > π with H(θ) = `thickness` − `drag`·z_0, the flow: the film tears where the gap widens."""
+    cosine = float(thickness - drag * z[0] - 1.0) / ECCENTRICITY
     return float(2.0 * np.pi - np.arccos(cosine)) if abs(cosine) <= 1 else float("nan")

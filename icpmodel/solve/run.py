@@ -129,7 +129,8 @@ class Run:
             turn = following
         if self.refused is not None:
             self.ended = self.refused.ended
-            self.candidate = self.refused.candidate or self.candidate
+            if self.refused.candidate is not None:
+                self.candidate = self.refused.candidate
 
     def _turn(self, schedule: Schedule[Candidate]) -> Turn[Candidate] | None:
         """Whose turn it is, None where nobody is left or what must be known for that cannot be afforded."""
@@ -211,7 +212,7 @@ class Run:
             residual, seconds = self._residual(z, hint), work.clock() - self.clock
             if not count:
                 first = residual
-                turn.need = math.log(residual / self.target) if self.target < residual < np.inf else np.inf
+                turn.need = _fall(residual, self.target) if self.target < residual < np.inf else np.inf
             self.bar.update(self.iteration, residual, self.goal.tolerance)
             if self.records is not None:
                 self.records.append((self.iteration, residual, seconds))
@@ -221,7 +222,7 @@ class Run:
             if ended is not None:
                 return ended
             expected = recent.expected(residual)
-            fallen = math.log(first / residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0
+            fallen = _fall(first, residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0
             look, count = False, count + 1
             if count > 1:  # the set-up counts for the first step
                 look, spent = turn.stepped((spent + work.COSTS.iterate) / unit, fallen), 0.0
@@ -270,6 +271,11 @@ class Run:
         if self.best.residual <= 2 * floor < _LOW * self.scale:
             return Ended(Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {floor:.2g} at this z")
         return None
+
+
+def _fall(high: float, low: float) -> float:
+    """log(high/low), where the quotient may be out of range, too; infinite at low = 0."""
+    return math.log(high) - math.log(low) if low > 0.0 else math.inf
 
 
 def fault_of_psi(problem: ProblemData, z: Vector) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class Plane:
 def _relaxation(points: int, one: ProblemData) -> Plane:
     theta1 = Axis("theta1", "θ₁", np.linspace(0.1, 2.5, points))
     theta2 = Axis("theta2", "θ₂", np.linspace(0.0, 2.5, points))
-    return Plane(f"MNMAOR on {one!r}", theta1, theta2, lambda x, y: (one, MNMAOR(theta1=x, theta2=y)))
+    return Plane(f"MNMAOR on {one!r}", theta1, theta2, partial(_relaxed, one))
 
 
 def _shift(points: int, one: ProblemData) -> Plane:
@@ -67,21 +68,21 @@ def _shift(points: int, one: ProblemData) -> Plane:
         raise InputError(f"problem has A[{i}, {i}] = {D[i]:g}; the plane shift needs a positive diagonal")
     phi = Axis("phi / D", "φ / D", np.linspace(-1.0, 3.0, points))
     omega = Axis("Omega / D", "Ω / D", np.geomspace(0.05, 20.0, points), log=True)
-    return Plane(f"MNMGS on {one!r}", phi, omega, lambda x, y: (one, MNMGS(phi=x * D, phi2=y * D)))
+    return Plane(f"MNMGS on {one!r}", phi, omega, partial(_shifted, one, D))
 
 
 def _coupling(points: int, n: int, sweep: Method) -> Plane:
     mu = Axis("mu", "shift μ of the diagonal (A = 5-point matrix + μI)", np.geomspace(0.01, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 2.0, points))
     title = f"{sweep!r}: dominance against coupling of the obstacle"
-    return Plane(title, mu, norm, lambda x, y: (_grid(five_point(side(n), x), y), sweep))
+    return Plane(title, mu, norm, partial(_coupled, n, sweep))
 
 
 def _transport(points: int, n: int, sweep: Method) -> Plane:
     skew = Axis("skew", "skewness s (neighbours −1 − s and −1 + s)", np.linspace(0.0, 6.0, points))
     mu = Axis("mu", "shift μ of the diagonal", np.geomspace(0.01, 30.0, points), log=True)
     title = f"{sweep!r}: transport against dominance"
-    return Plane(title, skew, mu, lambda x, y: (_grid(five_point(side(n), y, x), 0.5), sweep))
+    return Plane(title, skew, mu, partial(_carried, n, sweep))
 
 
 def _condition(points: int, n: int, sweep: Method) -> Plane:
@@ -90,14 +91,7 @@ def _condition(points: int, n: int, sweep: Method) -> Plane:
         raise InputError(f"n is {n}; the plane condition needs a ring of at least 3 unknowns")
     kappa = Axis("condition number", "condition number κ of A", np.geomspace(10.0, 1e12, points), log=True)
     scale = Axis("scale of A", "size of the entries of A", np.geomspace(1e-200, 1e200, points), log=True)
-
-    def at(x: float, y: float) -> tuple[ProblemData, Method]:
-        z, _, r = complementary(n, seed=0)
-        ring = sp.diags_array([-1.0, -1.0, -1.0, -1.0], offsets=[-1, 1, n - 1, 1 - n], shape=(n, n))
-        A = y * (ring + (2.0 + 4.0 / x) * sp.eye_array(n))
-        return ICP(A, -(A @ (2.0 + z)), z - r), sweep
-
-    return Plane(f"{sweep!r}: condition number against units", kappa, scale, at)
+    return Plane(f"{sweep!r}: condition number against units", kappa, scale, partial(_ring, n, sweep))
 
 
 def _units(points: int, n: int, sweep: Method) -> Plane:
@@ -105,7 +99,37 @@ def _units(points: int, n: int, sweep: Method) -> Plane:
     scale = Axis("scale of A", "diagonal of A", np.geomspace(0.1, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 4.0, points))
     title = f"{sweep!r}: a change of units against coupling of the obstacle"
-    return Plane(title, scale, norm, lambda x, y: (_grid((x / 8.0) * five_point(side(n), 4.0), -y), sweep))
+    return Plane(title, scale, norm, partial(_in_units, n, sweep))
+
+
+# functions of the file, as what is public can be sent to another process
+
+
+def _relaxed(one: ProblemData, x: float, y: float) -> tuple[ProblemData, Method]:
+    return one, MNMAOR(theta1=x, theta2=y)
+
+
+def _shifted(one: ProblemData, D: Vector, x: float, y: float) -> tuple[ProblemData, Method]:
+    return one, MNMGS(phi=x * D, phi2=y * D)
+
+
+def _coupled(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
+    return _grid(five_point(side(n), x), y), sweep
+
+
+def _carried(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
+    return _grid(five_point(side(n), y, x), 0.5), sweep
+
+
+def _ring(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
+    z, _, r = complementary(n, seed=0)
+    ring = sp.diags_array([-1.0, -1.0, -1.0, -1.0], offsets=[-1, 1, n - 1, 1 - n], shape=(n, n))
+    A = y * (ring + (2.0 + 4.0 / x) * sp.eye_array(n))
+    return ICP(A, -(A @ (2.0 + z)), z - r), sweep
+
+
+def _in_units(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
+    return _grid((x / 8.0) * five_point(side(n), 4.0), -y), sweep
 
 
 def _grid(A: Any, norm: float) -> ICP:

@@ -220,3 +220,17 @@ def test_a_coarser_level_that_overflows_is_none():
 def test_what_linear_programming_cannot_be_given_proves_nothing():
     assert multipliers(icp.ICP(np.eye(3), [-1e308, -1e308, 1.0])) is None
     assert multipliers(icp.ICP(1e308 * np.ones((3, 3)), [-1.0, 0.0, 1.0])) is None
+
+
+def test_a_limit_that_is_over_before_a_method_is_chosen_is_an_end_like_others():
+    problem = icp.ICP(
+        [[1.0, -4.0], [-4.0, 1.0]], [-1.0, 1.0], lambda z: np.where(np.abs(z) > 1, np.nan, [-np.inf, 3.0])
+    )
+    solution = problem.solve(time_limit=0, raise_on_failure=False)
+    assert solution.status is icp.Status.TIME_LIMIT
+    assert solution.residual == problem.residual_at_0()
+
+
+def test_a_target_below_the_smallest_number_is_a_number():
+    """1e-8 times a residual of 4e-321 underflows."""
+    assert icp.ICP([[1.0]], [1.0], [-4e-321]).solve(raise_on_failure=False).residual <= 4e-321

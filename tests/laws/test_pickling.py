@@ -70,3 +70,27 @@ def test_what_is_read_only_stays_so_there():
             found = [array for value in vars(there).values() for array in arrays(value)]
             assert found
             assert not any(array.flags.writeable for array in found), type(one)
+
+
+@pytest.mark.parametrize("name", icp.scenes.names())
+def test_a_scene_is_the_same_there(name):
+    scene = icp.scenes.scene(name)
+    there, z = again(scene), np.zeros(scene.problem.n)
+    assert np.array_equal(there.problem.natural_map(z), scene.problem.natural_map(z), equal_nan=True)
+    assert str(there.errors(z)) == str(scene.errors(z))
+
+
+@pytest.mark.parametrize("name", ["relaxation", "shift", "coupling", "transport", "condition", "units"])
+def test_a_plane_is_the_same_there(name):
+    found = icp.stability(name, points=2, n=9, max_iter=2)
+    problem, method = again(found).plane.at(0.5, 0.5)
+    assert again(found).table() == found.table()
+    assert repr(method) == repr(found.plane.at(0.5, 0.5)[1])
+    assert np.array_equal(problem.q, found.plane.at(0.5, 0.5)[0].q)
+
+
+def test_every_public_name_is_found_there():
+    for name in set(dir(icp)) - {"study", "benchmarks", "methods", "scenes", "solvers", "theory"}:
+        if not name.startswith("_") and callable(getattr(icp, name)):
+            assert again(getattr(icp, name)) is getattr(icp, name)
+    assert all(repr(again(icp.methods.named(name))) == repr(icp.methods.named(name)) for name in icp.methods.names())

@@ -1,0 +1,105 @@
+"""The smallest trial that still shows a lie: fewer questions, fewer rows, simpler numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from .trial import Row, Trial
+
+_PARTS = ("A", "q", "c", "G")
+
+
+def shrunk(trial: Trial, shows: Callable[[Trial], bool], tries: int) -> Trial:
+    """A trial of which none of the simpler ones that `_simpler` knows `shows` the lie, after `tries` at the most."""
+    while tries > 0:
+        for one in _simpler(trial):
+            tries -= 1
+            if shows(one):
+                trial = one
+                break
+            if tries <= 0:
+                break
+        else:
+            break
+    return trial
+
+
+def _simpler(trial: Trial) -> Iterator[Trial]:
+    """Trials that are simpler by one step each, the largest steps first."""
+    if trial.raising:
+        yield replace(trial, raising=False)
+    for k in range(len(trial.options)):
+        yield replace(trial, options=trial.options[:k] + trial.options[k + 1 :])
+    if trial.asked:
+        yield replace(trial, asked="")
+    if trial.source:
+        return
+    if trial.front == "file":
+        yield replace(trial, front="solve")
+    if trial.method is not None:
+        yield replace(trial, method=None)
+    yield from (_without(trial, k) for k in range(len(trial.q)) if len(trial.q) > 1)
+    if trial.front == "cvxpy":
+        for k in range(trial.equal, len(trial.c) if len(trial.c) > 1 else 0):
+            yield replace(trial, c=_dropped(trial.c, k), G=_dropped(trial.G, k))
+    if trial.psi not in ("zero", "constant") and trial.front != "cvxpy":
+        yield replace(trial, psi="zero", known=None)
+    trial = replace(trial, known=None)
+    for digits in (0, 1, 2, 4):
+        for part in _PARTS:
+            value = _mapped(getattr(trial, part), partial(_rounded, digits=digits))
+            if value != getattr(trial, part):
+                yield replace(trial, **{part: value})
+    for part in _PARTS:
+        value = getattr(trial, part)
+        for k, x in enumerate(_entries(value)):
+            for simple in (0.0, 1.0, -1.0, _rounded(x, 0), _rounded(x, 1), _rounded(x, 3)):
+                if _weight(simple) < _weight(x):
+                    yield replace(trial, **{part: _with_entry(value, k, simple)})
+
+
+def _without(trial: Trial, k: int) -> Trial:
+    """The trial without the unknown `k`, and its row if it has one."""
+    A, q = tuple(_dropped(row, k) for row in _dropped(trial.A, k)), _dropped(trial.q, k)
+    program = trial.front == "cvxpy"
+    G, c = (trial.G, trial.c) if program else (_dropped(trial.G, k), _dropped(trial.c, k))
+    return replace(trial, A=A, q=q, c=c, G=tuple(_dropped(row, k) for row in G), known=None)
+
+
+def _dropped(values: tuple[Any, ...], k: int) -> tuple[Any, ...]:
+    return values[:k] + values[k + 1 :]
+
+
+def _rounded(x: float, digits: int) -> float:
+    """To so many significant digits after the first; 0: to the next power of ten."""
+    if x == 0.0 or abs(x) == float("inf"):
+        return x
+    return float(f"{x:.{digits}e}") if digits else float(f"{x / abs(x):.0f}e{f'{abs(x):e}'.partition('e')[2]}")
+
+
+def _weight(x: float) -> tuple[int, bool, bool]:
+    """How much there is to read in a number."""
+    return len(f"{x!r}".replace(".0", "").replace("e", " " * 10)), x != 0.0, x < 0.0
+
+
+def _entries(value: Any) -> Iterator[float]:
+    for one in value:
+        if isinstance(one, tuple):
+            yield from one
+        else:
+            yield one
+
+
+def _mapped(value: Any, change: Callable[[float], float]) -> Any:
+    return tuple(_mapped(one, change) if isinstance(one, tuple) else change(one) for one in value)
+
+
+def _with_entry(value: Any, k: int, x: float) -> Any:
+    if not isinstance(value[0], tuple):
+        return (*value[:k], x, *value[k + 1 :])
+    i, j = divmod(k, len(value[0]))
+    row: Row = (*value[i][:j], x, *value[i][j + 1 :])
+    return (*value[:i], row, *value[i + 1 :])
