@@ -11,8 +11,8 @@ away; who waits goes on where it was. At every look the turn is with the least o
 w_i ≤ 2 being what the choice makes of the kind of the method. The second term lets each candidate show what it can do
 for 1/κ of what the best one has left, whatever was expected of it.
 
-**Bound.** Let T be what the best candidate, *, costs in hindsight, up to the look that would follow (twice as much more,
-or a first look), and let nobody's look cost more than it said. While * is not done, π_* ≤ κT. So a candidate i has its
+**Bound.** Let T be what the best candidate, *, costs in hindsight, up to the look that would follow (twice as much
+more, or a first look), and let nobody's look cost more than it said. While * is not done, π_* ≤ κT. So a candidate i has its
 turn only with π_i ≤ κT. Where that is the second term, s_i ≤ T after the look. Where it is the first, l_i ≤ κT/w_i, and
 it is overdue when it has spent 2(s + l_i), s what it had spent when it said so: at most T if it had its turns by the
 second term before, at most l_i if it was overdue. So it spends no more than 4κT/w_i, as then s_i ≤ l_i ends its turns.
@@ -171,8 +171,8 @@ def forecast(fallen: list[float], need: float) -> float:
     windows = (fallen[half + 1 :], fallen[quarter + 1 : half + 1], fallen[k // 8 : quarter + 1])
     best, between, early = map(max, windows)
     left, steps = need - best, 0.0
-    if left <= 0.0:
-        return 1.0
+    if not 0.0 < left < math.inf:
+        return max(left, 1.0)
     most = left * k / (_SLOWER * max(*fallen, 1.0))
     now, before = (best - between) / (k - half), (between - early) / max(half - quarter, 1)
     if not now > 0.0:

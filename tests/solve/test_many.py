@@ -231,7 +231,7 @@ def test_starts_are_used_row_by_row_and_else_the_answer_of_the_row_before():
     assert all(np.array_equal(z0, first.Z[1]) for z0 in seen)
 
 
-@pytest.mark.parametrize("last", range(17, 57, 3))
+@pytest.mark.parametrize("last", range(17, 77, 3))
 def test_ctrl_c_leaves_the_rows_that_are_solved_and_begins_no_others(last):
     """Wherever it comes: in the loop, or while a row is set up."""
     rng = np.random.default_rng(9)
@@ -249,8 +249,7 @@ def test_ctrl_c_leaves_the_rows_that_are_solved_and_begins_no_others(last):
         assert set(names) == {"SOLVED"}
         return
     at = names.index("INTERRUPTED")
-    assert at > 0
-    assert set(names[:at]) == {"SOLVED"}
+    assert set(names[:at]) <= {"SOLVED"}
     assert set(names[at:]) == {"INTERRUPTED"}
     assert all("an earlier row was interrupted" in found.messages[row] for row in range(at + 1, 5))
 
