@@ -65,7 +65,9 @@ class Hierarchy:
         found = _LAST.get(problem.matrix)
         if found is None:
             _LAST.clear()
+            counted = work.done()
             found = _LAST[problem.matrix] = _coarser(finest)
+            work.add(counted - work.done())
         if isinstance(found, NoHierarchy):
             raise NoHierarchy
         finest.P, finest.kept, coarser = found

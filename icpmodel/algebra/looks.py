@@ -10,7 +10,7 @@ SIAM J. Numer. Anal. 20 (1983), for GCR.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 
 import numpy as np
 
@@ -32,15 +32,14 @@ _LEAST_SLOPE = 0.1
 
 
 def newton_looks(
-    problem: ProblemData, z: Vector, level: Level, hierarchy: Callable[[], Hierarchy], top: int = 0
+    hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
 ) -> Generator[tuple[Vector, float], float | None, None]:
-    """Newton's steps on `problem`, that of level `top` of the hierarchy: (z, residual) after each look.
+    """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each look.
 
-    The hierarchy is asked for when the sweeps are made, which need this `level` of it only. What is sent is the share
-    of Az + q that the next steps are to leave in the free rows, 0.1 where nothing is.
+    What is sent is the share of Az + q that the next steps are to leave in the free rows, 0.1 where nothing is.
     """
-    moves = not problem.psi.is_constant
-    omega, sweep = level.diagonal, _projected_sweep(problem, level)
+    level, moves = hierarchy.levels[top], not problem.psi.is_constant
+    omega, sweep = level.diagonal, projected_sweep(problem, level)
     newton: _NewtonStep | None = None
     while True:
         if moves:
@@ -50,15 +49,12 @@ def newton_looks(
         p, r = problem.p(z), problem.r(z)
         work.add(0.5 * work.COSTS.newton)
         if newton is None or not np.array_equal(r < p / omega, newton.active):
-            made = 0
-            while made < SWEEPS:
-                sweeps = in_a_row(sweep, z, SWEEPS - made)
-                z, made = sweeps[-1][0], made + len(sweeps)
+            z = swept(sweep, z, SWEEPS)
             p, r = problem.p(z), problem.r(z)
         share = (yield z, norm(np.minimum(p, r))) or _SHARE
         active = r < p / omega
         if newton is None or moves or not np.array_equal(active, newton.active):
-            newton = _NewtonStep(hierarchy(), problem, top, active, z, p, r)
+            newton = _NewtonStep(hierarchy, problem, top, active, z, p, r)
             z, _ = newton.further(newton.start, share)
         else:
             z, moved = newton.further(z, share)
@@ -66,13 +62,21 @@ def newton_looks(
                 return
 
 
-def _projected_sweep(problem: ProblemData, level: Level) -> Step:
+def projected_sweep(problem: ProblemData, level: Level) -> Step:
     """Projected Gauss–Seidel, from the last row to the first where what flows through A flows that way."""
     A, rows = level.A, level.rows
     downwards = rows.upper <= _FLOW * rows.lower
     matrix = (A.indptr, A.indices, A.data, rows.diag, problem.q)
     reach = rows.above if downwards else None
     return compiled_step(problem, "in_order", matrix, ((1.0,), downwards), reach=reach)
+
+
+def swept(sweep: Step, z: Vector, count: int) -> Vector:
+    """`z` after `count` sweeps."""
+    while count > 0:
+        sweeps = in_a_row(sweep, z, count)
+        z, count = sweeps[-1][0], count - len(sweeps)
+    return z
 
 
 class _NewtonStep:

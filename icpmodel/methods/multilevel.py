@@ -98,7 +98,7 @@ class Multilevel(Method):
         z = np.zeros(problems[-1].n)
         for top in range(len(problems) - 1, 0, -1):
             enough = share * problems[top].residual_at_0()
-            path = Newton().iterates(problems[top], z) if jumps else _looks(hierarchy, problems[top], z, top)
+            path = Newton().iterates(problems[top], z) if jumps else newton_looks(hierarchy, problems[top], z, top)
             for near, residual in islice(path, looks):
                 answer = near
                 if residual is not None and residual <= enough:
@@ -115,7 +115,7 @@ class Multilevel(Method):
         if problem.psi.takes_best:
             return start if problem.residual(start) <= min(first, at_0) else z
         mark, least, halved_at, better_at, best = np.inf, np.inf, 0, 0, z
-        for look, (iterate, residual) in enumerate(_looks(hierarchy, simple, start, 0)):
+        for look, (iterate, residual) in enumerate(newton_looks(hierarchy, simple, start, 0)):
             if not residual < np.inf:
                 break
             yield iterate, residual if simple is problem else None
@@ -138,7 +138,3 @@ def coarse_problem(problem: ProblemData, level: Level, coarser: Level) -> tuple[
     shift = -problem.q * level.inverse
     shift[kept] = 0.0
     return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(psi.coarsened(P, shift, kept)), shift
-
-
-def _looks(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int) -> Iterator[tuple[Vector, float]]:
-    return newton_looks(problem, z, hierarchy.levels[top], lambda: hierarchy, top)

@@ -1,4 +1,4 @@
-"""A better point ẑ near z where A is large, by sweeps and by Newton steps with multigrid: |z − z*| ≤ |z − ẑ| + δ(ẑ).
+"""A better point ẑ near z where A is large, by sweeps or by Newton steps with multigrid: |z − z*| ≤ |z − ẑ| + δ(ẑ).
 
 The proof for H₊-matrices multiplies the largest residual by v, as if it had one sign everywhere. What a solver leaves
 has both, and on a fine grid δ(z) is then thousands of times the error. A point ẑ that is nearer to z* by as much mends
@@ -7,21 +7,23 @@ that, and it needs no factorisation; whatever the steps are worth, δ(ẑ) is pr
 
 - |F_i(z)| ≤ Σ_j|V_ij||z_j − z*_j| for a V between A and I − Γ, and no ẑ has less rounding than z: where δ(z) is at most
   ten times what that leaves, it stands.
-- Four sweeps show how the error falls. Where δ falls with them by at most ten times what z moves, it is about ten times
-  the error at the most: that is so where the residual is smooth.
+- Four sweeps show how fast F falls. If that is how the error falls, it is the way that z has come, divided by the share
+  of F that is gone (Aitken): where δ(z) is at most ten times that, it stands. That is so where F is smooth.
+- Where sweeps are foreseen to cost less than a multigrid hierarchy, sweeps it is.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 from contextlib import suppress
-from functools import cache, partial
 
 import numpy as np
 
 from ...algebra.hierarchy import Hierarchy, Level, NoHierarchy
-from ...algebra.looks import newton_looks
+from ...algebra.looks import SWEEPS, newton_looks, projected_sweep, swept
 from ...algebra.subproblems import with_fixed_obstacle
+from ...numerics import work
 from ...numerics.arrays import Vector
 from ...problem.data import ProblemData
 from .h_plus import HPlusProof
@@ -47,34 +49,49 @@ def points_near(
     `for_p` and `for_r` bound the rounding errors of p(z) and r(z). Raises MapError where ψ fails, OutOfTime and
     OutOfMemory.
     """
-    if not np.isfinite(z).all() or bound <= _GOOD * _least(problem, z, proof, for_p, for_r):
+    first = _natural(problem, z)
+    with np.errstate(all="ignore"):
+        floor = float(proof.v.max() * np.maximum(for_p / proof.alpha, for_r / proof.beta).max())
+    if not (np.isfinite(z).all() and bound > _GOOD * max(first, floor)):
         return
     simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
-    if simple.psi.no_derivative() is not None:
-        return
     with suppress(NoHierarchy, StopIteration):
-        path = newton_looks(simple, z, Level(simple), cache(partial(Hierarchy, simple)))
-        step, beyond = yield next(path)[0]
-        if beyond <= _ENOUGH * step or abs(bound - beyond) <= _GOOD * step:
+        sweep, better, last, count, beyond = projected_sweep(simple, Level(simple)), z, first, float(SWEEPS), bound
+        price, left = work.sweep(problem.n, problem.nnz), work.COSTS.hierarchy_entry * problem.nnz
+        while count * price <= left:
+            work.afford(count * price)
+            better, left = swept(sweep, better, int(count)), left - count * price
+            step, beyond = yield better
+            now = _natural(problem, better)
+            if not now > 0 or beyond <= max(_ENOUGH * step, 2 * floor) or bound * (first - now) <= _GOOD * step * first:
+                return
+            count, last = _more(count, now / last, _AIM * step / beyond), now
+        if simple.psi.no_derivative() is not None:
             return
+        path = newton_looks(Hierarchy(simple), simple, better, 0)
+        next(path)
         share, before = _MOST, np.inf
         for _ in range(_LOOKS):
             # a look that finds another active set may leave as much as there was
             earlier, before = before, beyond
             step, beyond = yield path.send(share)[0]
-            if beyond <= _ENOUGH * step or not 2 * beyond <= earlier:
+            if beyond <= max(_ENOUGH * step, 2 * floor) or not 2 * beyond <= earlier:
                 return
             share = min(max(_AIM * step / beyond, _LEAST), _MOST)
 
 
-def _least(problem: ProblemData, z: Vector, proof: HPlusProof, for_p: Vector, for_r: Vector) -> float:
-    """What neither the error of `z` nor the rounding in δ is below; up to rounding."""
+def _more(count: float, left: float, wanted: float) -> float:
+    """How many sweeps leave the share `wanted` if the last `count` have `left` that share."""
+    falls = 0 < left < 1 and 0 < wanted < 1
+    return math.ceil(count * math.log(wanted) / math.log(left)) if falls else math.inf
+
+
+def _natural(problem: ProblemData, z: Vector) -> float:
+    """The largest |F_i(z)| in units of z, which no error in the largest entry is below; up to rounding."""
     A, G = problem.matrix, problem.psi.lipschitz
     assert G is not None  # there would be no proof
     with np.errstate(all="ignore"):
         r = problem.r(z)
         if G.nnz:
             r /= 1.0 + G @ np.ones(problem.n)
-        error = np.abs(np.minimum(problem.p(z) / (A.rows.rest + A.rows.diagonal), r)).max()
-        rounding = proof.v.max() * np.maximum(for_p / proof.alpha, for_r / proof.beta).max()
-        return float(max(error, rounding))
+        return float(np.abs(np.minimum(problem.p(z) / (A.rows.rest + A.rows.diagonal), r)).max())
