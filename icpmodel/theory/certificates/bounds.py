@@ -97,12 +97,14 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
     Lipschitz matrix at the user's word.
 
     Parameters: `z` shape (n,), or a `Solution`. `sharp`: look for a better point ẑ by a few active-set Newton steps (a
-    factorisation each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error where the
-    bound of z itself may be a hundred times too wide; by default where A has at most 10 000 entries or the proof is a
-    wide one. `rigorous`: no bound where it would rest on a user's word. Where a step would
-    bring the counted work beyond a minute there is no bound, and the reason says so. Raises MapError where ψ fails
-    at z.
-    Reference: the files of `icpmodel.theory.certificates`: `h_plus`, `representatives`, `definite`, `supersolution`.
+    factorisation each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error, where the
+    bound of z itself may be thousands of times too wide; False: the bound of z itself. By default as True where A has
+    at most 10 000 entries or the proof is a wide one; for larger A ẑ comes from sweeps or multigrid, for about half a
+    linear solve with the levels that `solve` leaves, and nothing is done where the bound of z itself is about ten times
+    the error or less. `rigorous`: no bound where it would rest on a user's word. Where a step would bring the counted
+    work beyond a minute there is no bound, and the reason says so. Raises MapError where ψ fails at z.
+    Reference: the files of `icpmodel.theory.certificates`: `h_plus`, `nearby`, `representatives`, `definite`,
+    `supersolution`.
 
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, -1])
     >>> bound = error_bound(problem, [1.0, 1.001])
