@@ -32,6 +32,8 @@ from .h_plus import HPlusProof
 _GOOD = 10.0
 #: the shares of |z − ẑ| where δ(ẑ) will do, and that is aimed at: the bound is then at most three times the error
 _ENOUGH, _AIM = 0.5, 0.25
+#: the share of the price of a hierarchy that sweeps may cost, which are foreseen to do for less than they do
+_SWEEPING = 0.25
 #: looks at the active set at the most, of which two in a row halve δ(ẑ)
 _LOOKS = 8
 #: what is left of Az + q by the steps between two looks: at the most, and at the least, where rounding takes over
@@ -57,14 +59,21 @@ def points_near(
     simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
     with suppress(NoHierarchy, StopIteration):
         sweep, better, last, count, beyond = projected_sweep(simple, Level(simple)), z, first, float(SWEEPS), bound
-        price, left = work.sweep(problem.n, problem.nnz), work.COSTS.hierarchy_entry * problem.nnz
+        price, left = work.sweep(problem.n, problem.nnz), _SWEEPING * work.COSTS.hierarchy_entry * problem.nnz
+        made = SWEEPS
         while count * price <= left:
+            count = min(count, made)  # the first ones fall faster than the rest
             work.afford(count * price)
-            better, left = swept(sweep, better, int(count)), left - count * price
-            step, beyond = yield better
-            now = _natural(problem, better)
-            if not now > 0 or beyond <= max(_ENOUGH * step, 2 * floor) or bound * (first - now) <= _GOOD * step * first:
+            better, left, made = swept(sweep, better, int(count)), left - count * price, made + int(count)
+            now, step = _natural(problem, better), float(np.abs(better - z).max())
+            beyond = bound * now / first  # as far as is known without the cost of another bound
+            if not now > 0 or bound * (first - now) <= _GOOD * step * first:
+                yield better
                 return
+            if beyond <= max(_ENOUGH * step, 2 * floor):
+                step, beyond = yield better
+                if beyond <= max(_ENOUGH * step, 2 * floor):
+                    return
             count, last = _more(count, now / last, _AIM * step / beyond), now
         if simple.psi.no_derivative() is not None:
             return
