@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from contextlib import suppress
 
 import numpy as np
 
@@ -57,36 +56,50 @@ def points_near(
     if not (np.isfinite(z).all() and bound > _GOOD * max(first, floor)):
         return
     simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
-    with suppress(NoHierarchy, StopIteration):
-        sweep, better, last, count, beyond = projected_sweep(simple, Level(simple)), z, first, float(SWEEPS), bound
-        price, left = work.sweep(problem.n, problem.nnz), _SWEEPING * work.COSTS.hierarchy_entry * problem.nnz
-        made = SWEEPS
-        while count * price <= left:
-            count = min(count, made)  # the first ones fall faster than the rest
-            work.afford(count * price)
-            better, left, made = swept(sweep, better, int(count)), left - count * price, made + int(count)
-            now, step = _natural(problem, better), float(np.abs(better - z).max())
-            beyond = bound * now / first  # as far as is known without the cost of another bound
-            if not now > 0 or bound * (first - now) <= _GOOD * step * first:
-                yield better
-                return
-            if beyond <= max(_ENOUGH * step, 2 * floor):
-                step, beyond = yield better
-                if beyond <= max(_ENOUGH * step, 2 * floor):
-                    return
-            count, last = _more(count, now / last, _AIM * step / beyond), now
-        if simple.psi.no_derivative() is not None:
+    sweep, better, last, count, beyond = projected_sweep(simple, Level(simple)), z, first, float(SWEEPS), bound
+    price, left = work.sweep(problem.n, problem.nnz), _SWEEPING * work.COSTS.hierarchy_entry * problem.nnz
+    made = SWEEPS
+    while count * price <= left:
+        count = min(count, made)  # the first ones fall faster than the rest
+        work.afford(count * price)
+        better, left, made = swept(sweep, better, int(count)), left - count * price, made + int(count)
+        now, step = _natural(problem, better), float(np.abs(better - z).max())
+        beyond = bound * now / first  # as far as is known without the cost of another bound
+        if not now > 0 or bound * (first - now) <= _GOOD * step * first:
+            yield better
             return
-        path = newton_looks(Hierarchy(simple), simple, better, 0)
-        next(path)
-        share, before = _MOST, np.inf
-        for _ in range(_LOOKS):
-            # a look that finds another active set may leave as much as there was
-            earlier, before = before, beyond
-            step, beyond = yield path.send(share)[0]
-            if beyond <= max(_ENOUGH * step, 2 * floor) or not 2 * beyond <= earlier:
+        if beyond <= max(_ENOUGH * step, 2 * floor):
+            step, beyond = yield better
+            if beyond <= max(_ENOUGH * step, 2 * floor):
                 return
-            share = min(max(_AIM * step / beyond, _LEAST), _MOST)
+        count, last = _more(count, now / last, _AIM * step / beyond), now
+    try:
+        hierarchy = None if simple.psi.no_derivative() else Hierarchy(simple)
+    except NoHierarchy:
+        hierarchy = None
+    if hierarchy is None:  # sweeps for its price
+        rest = 3 * _SWEEPING * work.COSTS.hierarchy_entry * problem.nnz
+        work.afford(rest)
+        yield swept(sweep, better, int(rest / price))
+        return
+    yield from _by_cycles(newton_looks(hierarchy, simple, better, 0), beyond, 2 * floor)
+
+
+def _by_cycles(path: Generator[tuple[Vector, float], float | None, None], beyond: float, enough: float) -> Points:
+    """The points of Newton's `path`, whose first is where δ is about `beyond`, until it is `enough` or stays."""
+    next(path)
+    share, before = _MOST, math.inf
+    for _ in range(_LOOKS):
+        # a look that finds another active set may leave as much as there was
+        earlier, before = before, beyond
+        try:
+            better, _ = path.send(share)
+        except StopIteration:  # its steps lead no further
+            return
+        step, beyond = yield better
+        if beyond <= max(_ENOUGH * step, enough) or not 2 * beyond <= earlier:
+            return
+        share = min(max(_AIM * step / beyond, _LEAST), _MOST)
 
 
 def _more(count: float, left: float, wanted: float) -> float:
