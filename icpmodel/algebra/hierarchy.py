@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,6 +15,7 @@ from ..numerics.arrays import Vector
 from ..numerics.multigrid import HIERARCHY_BYTES, ruge_stuben
 from ..numerics.threads import one_behind_the_other, one_blas_thread, threads_for
 from ..problem.data import ProblemData
+from ..problem.matrix import Matrix
 
 Mask = NDArray[np.bool_]
 
@@ -28,7 +30,7 @@ class NoHierarchy(Exception):
 
 
 class Level:
-    """A of one level, that of `problem`, CSR, shape (m, m), with its diagonal; and which rows are `free`.
+    """A of one level, that of `problem`, CSR, shape (m, m), with its diagonal; it never changes once it is made.
 
     Where there is a coarser level, `P`, CSR, shape (m, m_coarse), interpolates from it, and `kept`, shape (m_coarse,),
     are the points that are on it as well: P leaves their values alone.
@@ -40,7 +42,6 @@ class Level:
         if not (self.diagonal > 0).all():
             raise NoHierarchy
         self.inverse = 1.0 / self.diagonal
-        self.free: Mask = np.ones(problem.n, dtype=np.bool_)
         self.P: Any = None
         self.kept: Any = None
 
@@ -57,37 +58,30 @@ class Hierarchy:
     """
 
     def __init__(self, problem: ProblemData) -> None:
+        # whether the levels are still there makes no difference to what is counted
         price = work.COSTS.hierarchy + work.COSTS.hierarchy_entry * problem.nnz
         work.afford(price, HIERARCHY_BYTES * problem.nnz)
-        self.levels = [Level(problem)]
-        while self.levels[-1].A.shape[0] > _COARSEST and self._coarsen():
-            if self.levels[-1].A.nnz > _FILL * problem.A.nnz:
-                raise NoHierarchy
-        if self.levels[-1].A.shape[0] > _STALLED:
+        finest = Level(problem)
+        found = _LAST.get(problem.matrix)
+        if found is None:
+            _LAST.clear()
+            counted = work.done()
+            found = _LAST[problem.matrix] = _coarser(finest)
+            work.add(counted - work.done())
+        if isinstance(found, NoHierarchy):
             raise NoHierarchy
+        finest.P, finest.kept, coarser = found
         work.add(price)
+        self.levels = [finest, *coarser]
         self._dense = self.levels[-1].A.toarray()
-        self.restrict(self.levels[0].free)
-
-    def _coarsen(self) -> bool:
-        """One more level; False where there is none."""
-        last = self.levels[-1]
-        work.afford(work.COSTS.hierarchy_entry * last.A.nnz)
-        # direct interpolation costs least and is made for M-matrices
-        made = ruge_stuben(last.A, interpolation="direct", max_coarse=_COARSEST, max_levels=2, keep=True).levels
-        if len(made) == 1:
-            return False
-        if not np.isfinite(made[1].A.data).all():
-            raise NoHierarchy
-        last.P, last.kept = sp.csr_array(made[0].P), np.flatnonzero(made[0].splitting)
-        self.levels.append(Level(ProblemData(sp.csr_array(made[1].A), np.zeros(made[1].A.shape[0]))))
-        return True
+        self.restrict(np.ones(problem.n, dtype=np.bool_))
 
     def restrict(self, free: Mask, top: int = 0) -> None:
         """Let only the rows where `free`, shape (m,), of level `top` take part in the cycles that follow."""
-        for level in self.levels[top:]:
-            level.free = free
-            free = free if level.P is None else free[level.kept]
+        self._free = [free] * (top + 1)
+        for level in self.levels[top:-1]:
+            free = free[level.kept]
+            self._free.append(free)
         self._rows = np.flatnonzero(free)
         with one_blas_thread():
             self._inverse = np.linalg.pinv(self._dense[np.ix_(self._rows, self._rows)])
@@ -109,7 +103,7 @@ class Hierarchy:
         if level.P is None:
             x[self._rows] = self._inverse @ f[self._rows]
             return x
-        A, P, n, free, inverse = level.A, level.P, f.size, level.free, level.inverse
+        A, P, n, free, inverse = level.A, level.P, f.size, self._free[top], level.inverse
         threads = threads_for(A.nnz)
         matrix, transfer, coarse = (A.indptr, A.indices, A.data), (P.indptr, P.indices, P.data), np.zeros(P.shape[1])
         down = partial(sweep_down, *matrix, level.diag, inverse, free, f, x)
@@ -119,3 +113,36 @@ class Hierarchy:
         correct = partial(interpolate, free, *transfer, coarse, x)
         one_behind_the_other(n, threads, correct, partial(sweep_up, *matrix, inverse, free, f, x), level.rows.below)
         return x
+
+
+#: P and `kept` of the finest level and the levels below it, or why there are none, of the matrix that was asked for
+#: last: those of all would hold three times as much memory as the matrices themselves
+_LAST: WeakKeyDictionary[Matrix, tuple[Any, Any, list[Level]] | NoHierarchy] = WeakKeyDictionary()
+
+
+def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
+    """What is coarser than `finest`, which is not kept."""
+    levels = [finest]
+    try:
+        while levels[-1].A.shape[0] > _COARSEST and (level := _coarsened(levels[-1])) is not None:
+            levels.append(level)
+            if level.A.nnz > _FILL * finest.A.nnz:
+                raise NoHierarchy
+        if levels[-1].A.shape[0] > _STALLED:
+            raise NoHierarchy
+    except NoHierarchy as error:
+        return error.with_traceback(None)  # its frames hold the levels
+    return finest.P, finest.kept, levels[1:]
+
+
+def _coarsened(last: Level) -> Level | None:
+    """One more level below `last`, which gets P and `kept`; None where there is none."""
+    work.afford(work.COSTS.hierarchy_entry * last.A.nnz)
+    # direct interpolation costs least and is made for M-matrices
+    made = ruge_stuben(last.A, interpolation="direct", max_coarse=_COARSEST, max_levels=2, keep=True).levels
+    if len(made) == 1:
+        return None
+    if not np.isfinite(made[1].A.data).all():
+        raise NoHierarchy
+    last.P, last.kept = sp.csr_array(made[0].P), np.flatnonzero(made[0].splitting)
+    return Level(ProblemData(sp.csr_array(made[1].A), np.zeros(made[1].A.shape[0])))

@@ -23,21 +23,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..algebra.equations import derivative
-from ..algebra.hierarchy import Hierarchy, Level, Mask, NoHierarchy
-from ..algebra.steps import Step, compiled_step, in_a_row
+from ..algebra.hierarchy import Hierarchy, Level, NoHierarchy
+from ..algebra.looks import SWEEPS, newton_looks
 from ..algebra.subproblems import with_fixed_obstacle
 from ..numerics import work
-from ..numerics.arrays import Vector, inner, norm
+from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from .contract import Estimate, Iterate, Method, positive_diagonal
 from .newton import Newton
 
-#: sweeps where the active set has moved
-_SWEEPS = 4
-#: Krylov steps between two looks at the active set: until the rest has fallen to a share, and at the most
-_SHARE, _KRYLOV = 0.1, 8
 #: a coarser level is left at this share of its own Res(0), or after so many looks
 _COARSE, _LOOKS = 1e-4, 8
 #: the same where ψ is an intervention: a step there costs little against one on the finest level
@@ -46,10 +41,6 @@ _COARSE_JUMPS, _POLICIES = 1e-8, 30
 _NEAR = 1e-2
 #: where so many looks do not halve the residual, or the second number do not reduce it at all, others do better
 _PATIENCE, _SHORT_PATIENCE = 12, 5
-#: entries above the diagonal that weigh so much more than those below make the sweeps go backwards
-_FLOW = 1.1
-#: ψ_i is not followed where 1 − ∂ψ_i/∂z_i is smaller
-_LEAST_SLOPE = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -76,7 +67,7 @@ class Multilevel(Method):
         coarser = 2.0 * math.log2(max(matrix.n / 64.0, 1.0))  # looks
         setup = costs.hierarchy + costs.hierarchy_entry * matrix.nnz + coarser * costs.newton
         cycles = 3.0 * (costs.cycle + costs.cycle_entry * matrix.nnz)
-        look = 0.5 * costs.newton + _SWEEPS * work.sweep(matrix.n, matrix.nnz) + cycles
+        look = 0.5 * costs.newton + SWEEPS * work.sweep(matrix.n, matrix.nnz) + cycles
         # for matrices with ρ ≤ 1 eight looks are the rule; the others it is not made for
         looks = 8.0 * (1.0 + matrix.excess) ** 2
         return Estimate(setup / matrix.unit, look / matrix.unit, looks, 40.0 * matrix.nnz)
@@ -107,7 +98,7 @@ class Multilevel(Method):
         z = np.zeros(problems[-1].n)
         for top in range(len(problems) - 1, 0, -1):
             enough = share * problems[top].residual_at_0()
-            path = Newton().iterates(problems[top], z) if jumps else _path(hierarchy, problems[top], z, top)
+            path = Newton().iterates(problems[top], z) if jumps else newton_looks(hierarchy, problems[top], z, top)
             for near, residual in islice(path, looks):
                 answer = near
                 if residual is not None and residual <= enough:
@@ -124,7 +115,7 @@ class Multilevel(Method):
         if problem.psi.takes_best:
             return start if problem.residual(start) <= min(first, at_0) else z
         mark, least, halved_at, better_at, best = np.inf, np.inf, 0, 0, z
-        for look, (iterate, residual) in enumerate(_path(hierarchy, simple, start, 0)):
+        for look, (iterate, residual) in enumerate(newton_looks(hierarchy, simple, start, 0)):
             if not residual < np.inf:
                 break
             yield iterate, residual if simple is problem else None
@@ -147,95 +138,3 @@ def coarse_problem(problem: ProblemData, level: Level, coarser: Level) -> tuple[
     shift = -problem.q * level.inverse
     shift[kept] = 0.0
     return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(psi.coarsened(P, shift, kept)), shift
-
-
-def _path(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int) -> Iterator[tuple[Vector, float]]:
-    """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each look."""
-    level, moves = hierarchy.levels[top], not problem.psi.is_constant
-    omega, sweep = level.diagonal, _sweep(problem, level)
-    newton: _NewtonStep | None = None
-    while True:
-        if moves:
-            own = derivative(problem, z).diagonal()
-            # p and r then change alike with z_i
-            omega = level.diagonal / np.maximum(1.0 - own, _LEAST_SLOPE)
-        p, r = problem.p(z), problem.r(z)
-        work.add(0.5 * work.COSTS.newton)
-        if newton is None or not np.array_equal(r < p / omega, newton.active):
-            made = 0
-            while made < _SWEEPS:
-                sweeps = in_a_row(sweep, z, _SWEEPS - made)
-                z, made = sweeps[-1][0], made + len(sweeps)
-            p, r = problem.p(z), problem.r(z)
-        yield z, norm(np.minimum(p, r))
-        active = r < p / omega
-        if newton is None or moves or not np.array_equal(active, newton.active):
-            newton = _NewtonStep(hierarchy, problem, top, active, z, p, r)
-            z, _ = newton.further(newton.start)
-        else:
-            z, moved = newton.further(z)
-            if not moved:
-                return
-
-
-def _sweep(problem: ProblemData, level: Level) -> Step:
-    """Projected Gauss–Seidel, from the last row to the first where what flows through A flows that way."""
-    A, rows = level.A, level.rows
-    downwards = rows.upper <= _FLOW * rows.lower
-    matrix = (A.indptr, A.indices, A.data, rows.diag, problem.q)
-    reach = rows.above if downwards else None
-    return compiled_step(problem, "in_order", matrix, ((1.0,), downwards), reach=reach)
-
-
-class _NewtonStep:
-    """One linear system: (I − ψ′)z = … in the active rows, Az + q = 0 in the others. It may be gone on with."""
-
-    def __init__(
-        self, hierarchy: Hierarchy, problem: ProblemData, top: int, active: Mask, z: Vector, p: Vector, r: Vector
-    ) -> None:
-        self.hierarchy, self.problem, self.top, self.active = hierarchy, problem, top, active
-        hierarchy.restrict(~active, top)
-        self.J = None if problem.psi.is_constant else derivative(problem, z)
-        own = 0.0 if self.J is None else self.J.diagonal()
-        self.slope = np.maximum(1.0 - own, _LEAST_SLOPE)
-        self.coupled = self.J is not None and self.J.nnz > np.count_nonzero(own)
-        step = np.where(active, -r / self.slope, 0.0)
-        self.start = z + step
-        self.rest = np.where(active, -r, -p) - self._product(step)
-        self.directions: list[tuple[Vector, Vector]] = []
-
-    def further(self, z: Vector) -> tuple[Vector, bool]:
-        """`z` after some steps of GCR, and whether any was made: each reduces ‖rest‖₂ as the last directions allow."""
-        wanted, moved = _SHARE * norm(self.rest), False
-        for _ in range(_KRYLOV):
-            y = self._preconditioned(self.rest)
-            w = self._product(y)
-            for direction, image in self.directions:
-                share = inner(w, image)
-                w -= share * image
-                y -= share * direction
-            size = norm(w)
-            if not 0 < size < np.inf:
-                break
-            y /= size
-            w /= size
-            self.directions = [*self.directions[1 - _KRYLOV :], (y, w)]
-            share = inner(self.rest, w)
-            z, moved = z + share * y, True
-            self.rest = self.rest - share * w
-            if norm(self.rest) <= wanted:
-                break
-        return z, moved
-
-    def _preconditioned(self, f: Vector) -> Vector:
-        if not self.coupled:
-            return self.hierarchy.cycle(f, self.top)
-        step = np.where(self.active, f / self.slope, 0.0)
-        return step + self.hierarchy.cycle(f - self.problem.product(step), self.top)
-
-    def _product(self, y: Vector) -> Vector:
-        """The matrix of the system times `y`."""
-        image = self.problem.product(y)
-        if self.J is None:
-            return np.where(self.active, y, image)
-        return np.where(self.active, y - self.J @ y, image)

@@ -72,11 +72,14 @@ def test_the_bounds_are_never_below_the_error_and_sharp_ones_near_it():
 
 
 def test_a_certificate_is_compared_with_a_linear_solve():
-    n, certificate, solve, ratio, lowest, highest, proof = certificate_cost(n=2500, repeats=3).rows[0]
-    assert n == 2500
-    assert min(certificate, solve) > 0
-    assert lowest <= ratio <= highest
-    assert proof.startswith("A is an H+-matrix")
+    plain, after, scratch = certificate_cost(n=2500, repeats=3).rows
+    for n, _, certificate, solve, ratio, lowest, highest, share, _ in (plain, after, scratch):
+        assert n == 2500
+        assert min(certificate, solve) > 0
+        assert lowest <= ratio <= highest
+        assert share >= 1
+    assert after[-2:] == scratch[-2:]
+    assert after[-2] <= 3 < plain[-2]
 
 
 @pytest.mark.parametrize("skew", [0.0, 0.5])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -21,7 +22,9 @@ from ...problem.map import Map
 from ...problem.matrix import Matrix
 from ..matrices.classes import MatrixClasses
 from .definite import prove as prove_definite
+from .h_plus import HPlusProof
 from .h_plus import prove as prove_h_plus
+from .nearby import Points, points_near
 from .proof import Proof, norm_up
 from .representatives import prove as prove_representatives
 from .supersolution import prove as prove_supersolution
@@ -94,12 +97,14 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
     Lipschitz matrix at the user's word.
 
     Parameters: `z` shape (n,), or a `Solution`. `sharp`: look for a better point ẑ by a few active-set Newton steps (a
-    factorisation each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error where the
-    bound of z itself may be a hundred times too wide; by default where A has at most 10 000 entries or the proof is a
-    wide one. `rigorous`: no bound where it would rest on a user's word. Where a step would
-    bring the counted work beyond a minute there is no bound, and the reason says so. Raises MapError where ψ fails
-    at z.
-    Reference: the files of `icpmodel.theory.certificates`: `h_plus`, `representatives`, `definite`, `supersolution`.
+    factorisation each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error, where the
+    bound of z itself may be thousands of times too wide; False: the bound of z itself. By default as True where A has
+    at most 10 000 entries or the proof is a wide one; for larger A ẑ comes from sweeps or multigrid, for about half a
+    linear solve with the levels that `solve` leaves, and nothing is done where the bound of z itself is about ten times
+    the error or less. `rigorous`: no bound where it would rest on a user's word. Where a step would bring the counted
+    work beyond a minute there is no bound, and the reason says so. Raises MapError where ψ fails at z.
+    Reference: the files of `icpmodel.theory.certificates`: `h_plus`, `nearby`, `representatives`, `definite`,
+    `supersolution`.
 
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, -1])
     >>> bound = error_bound(problem, [1.0, 1.001])
@@ -129,9 +134,13 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         if isinstance(proof, str):
             reasons.append(proof.replace("; ", ", "))
             continue
-        delta, euclidean = proof.bound(problem, z, *problem.rounding(z))
+        delta, euclidean = proof.bound(problem, z, *(rounding := problem.rounding(z)))
         if sharp or (sharp is None and (proof.wide or problem.A.nnz <= _SHARPEN_UP_TO)):
-            delta, euclidean = _sharpened(problem, z, proof, delta, euclidean)
+            delta, euclidean = sharpened(problem, z, proof, _by_factorisation(problem, z, proof), delta, euclidean)
+        elif sharp is None and isinstance(proof, HPlusProof):
+            with suppress(OutOfTime, OutOfMemory):
+                points = points_near(problem, z, proof, float(delta.max()), *rounding)
+                delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
         sentence = proof.sentence + (_WORD if problem.psi.at_users_word else "")
         if np.isfinite(delta).all():
             return ErrorBound(float(delta.max()), delta, euclidean, sentence, "")
@@ -194,23 +203,31 @@ def proofs_of(problem: ProblemData) -> Proofs:
     return _PROOFS[problem.facts]
 
 
-def _sharpened(problem: ProblemData, z: Vector, proof: Proof, delta: Vector, euclidean: float) -> tuple[Vector, float]:
-    """The best of δ(z) and |z − ẑ| + δ(ẑ) over the points ẑ of an active-set Newton iteration from z."""
-    better = z
-    for _ in range(_STEPS if np.isfinite(z).all() else 0):
-        try:
-            found = proof.nearer(problem, better)
-            if found is None or not np.isfinite(found).all() or np.array_equal(found, better):
-                break
-            better = found
+def sharpened(
+    problem: ProblemData, z: Vector, proof: Proof, points: Points, delta: Vector, euclidean: float
+) -> tuple[Vector, float]:
+    """The best of δ(z) and |z − ẑ| + δ(ẑ) over the `points` ẑ, and the like for the Euclidean norms."""
+    told: Any = None
+    with suppress(StopIteration, MapError):  # ψ need not have a value anywhere but at z
+        while True:
+            better = points.send(told)
             beyond, beyond_euclidean = proof.bound(problem, better, *problem.rounding(better))
-        except MapError:  # ψ need not have a value anywhere but at z
-            break
-        step = np.abs(z - better)
-        with np.errstate(over="ignore", invalid="ignore"):
-            candidate = (step + beyond) * (1 + 4 * UNIT_ROUNDOFF)
-            if candidate.max() < delta.max() or not np.isfinite(delta).all():
-                delta, euclidean = candidate, (norm_up(step) + beyond_euclidean) * (1 + 4 * UNIT_ROUNDOFF)
-        if beyond.max() <= _NEGLIGIBLE * step.max():
-            break
+            step = np.abs(z - better)
+            with np.errstate(over="ignore", invalid="ignore"):
+                candidate = (step + beyond) * (1 + 4 * UNIT_ROUNDOFF)
+                if candidate.max() < delta.max() or not np.isfinite(delta).all():
+                    delta, euclidean = candidate, (norm_up(step) + beyond_euclidean) * (1 + 4 * UNIT_ROUNDOFF)
+            told = float(step.max()), float(beyond.max())
     return delta, euclidean
+
+
+def _by_factorisation(problem: ProblemData, z: Vector, proof: Proof) -> Points:
+    """The points of an active-set Newton iteration from `z`."""
+    for _ in range(_STEPS if np.isfinite(z).all() else 0):
+        found = proof.nearer(problem, z)
+        if found is None or not np.isfinite(found).all() or np.array_equal(found, z):
+            return
+        z = found
+        step, beyond = yield z
+        if beyond <= _NEGLIGIBLE * step:
+            return

@@ -1,0 +1,119 @@
+"""A better point ẑ near z where A is large, by sweeps or by Newton steps with multigrid: |z − z*| ≤ |z − ẑ| + δ(ẑ).
+
+The proof for H₊-matrices multiplies the largest residual by v, as if it had one sign everywhere. What a solver leaves
+has both, and on a fine grid δ(z) is then thousands of times the error. A point ẑ that is nearer to z* by as much mends
+that, and it needs no factorisation; whatever the steps are worth, δ(ẑ) is proved like any other bound. Where
+δ(ẑ) ≤ θ|z − ẑ|, the sum is at most (1 + θ)/(1 − θ) times the error. Steps that cannot help are not made:
+
+- |F_i(z)| ≤ Σ_j|V_ij||z_j − z*_j| for a V between A and I − Γ, and no ẑ has less rounding than z: where δ(z) is at most
+  ten times what that leaves, it stands.
+- Four sweeps show how fast F falls. If that is how the error falls, it is the way that z has come, divided by the share
+  of F that is gone (Aitken): where δ(z) is at most ten times that, it stands. That is so where F is smooth.
+- Where sweeps are foreseen to cost less than a multigrid hierarchy, sweeps it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+
+import numpy as np
+
+from ...algebra.hierarchy import Hierarchy, Level, NoHierarchy
+from ...algebra.looks import SWEEPS, newton_looks, projected_sweep, swept
+from ...algebra.subproblems import with_fixed_obstacle
+from ...numerics import work
+from ...numerics.arrays import Vector
+from ...problem.data import ProblemData
+from .h_plus import HPlusProof
+
+#: a bound that is at most so many times the error will do
+_GOOD = 10.0
+#: the shares of |z − ẑ| where δ(ẑ) will do, and that is aimed at: the bound is then at most three times the error
+_ENOUGH, _AIM = 0.5, 0.25
+#: the share of the price of a hierarchy that sweeps may cost, which are foreseen to do for less than they do
+_SWEEPING = 0.25
+#: looks at the active set at the most, of which two in a row halve δ(ẑ)
+_LOOKS = 8
+#: what is left of Az + q by the steps between two looks: at the most, and at the least, where rounding takes over
+_MOST, _LEAST = 0.1, 1e-12
+
+#: points ẑ; sent are the largest entries of |z − ẑ| and of δ(ẑ)
+Points = Generator[Vector, tuple[float, float], None]
+
+
+def points_near(
+    problem: ProblemData, z: Vector, proof: HPlusProof, bound: float, for_p: Vector, for_r: Vector
+) -> Points:
+    """Points that are probably nearer to z* than `z`, whose own bound is `bound`, as long as they are needed.
+
+    `for_p` and `for_r` bound the rounding errors of p(z) and r(z). Raises MapError where ψ fails, OutOfTime and
+    OutOfMemory.
+    """
+    first = _natural(problem, z)
+    with np.errstate(all="ignore"):
+        floor = float(proof.v.max() * np.maximum(for_p / proof.alpha, for_r / proof.beta).max())
+    if not (np.isfinite(z).all() and bound > _GOOD * max(first, floor)):
+        return
+    simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
+    sweep, better, last, count, beyond = projected_sweep(simple, Level(simple)), z, first, float(SWEEPS), bound
+    price, left = work.sweep(problem.n, problem.nnz), _SWEEPING * work.COSTS.hierarchy_entry * problem.nnz
+    made = SWEEPS
+    while count * price <= left:
+        count = min(count, made)  # the first ones fall faster than the rest
+        work.afford(count * price)
+        better, left, made = swept(sweep, better, int(count)), left - count * price, made + int(count)
+        now, step = _natural(problem, better), float(np.abs(better - z).max())
+        beyond = bound * now / first  # as far as is known without the cost of another bound
+        if not now > 0 or bound * (first - now) <= _GOOD * step * first:
+            yield better
+            return
+        if beyond <= max(_ENOUGH * step, 2 * floor):
+            step, beyond = yield better
+            if beyond <= max(_ENOUGH * step, 2 * floor):
+                return
+        count, last = _more(count, now / last, _AIM * step / beyond), now
+    try:
+        hierarchy = None if simple.psi.no_derivative() else Hierarchy(simple)
+    except NoHierarchy:
+        hierarchy = None
+    if hierarchy is None:  # sweeps for its price
+        rest = 3 * _SWEEPING * work.COSTS.hierarchy_entry * problem.nnz
+        work.afford(rest)
+        yield swept(sweep, better, int(rest / price))
+        return
+    yield from _by_cycles(newton_looks(hierarchy, simple, better, 0), beyond, 2 * floor)
+
+
+def _by_cycles(path: Generator[tuple[Vector, float], float | None, None], beyond: float, enough: float) -> Points:
+    """The points of Newton's `path`, whose first is where δ is about `beyond`, until it is `enough` or stays."""
+    next(path)
+    share, before = _MOST, math.inf
+    for _ in range(_LOOKS):
+        # a look that finds another active set may leave as much as there was
+        earlier, before = before, beyond
+        try:
+            better, _ = path.send(share)
+        except StopIteration:  # its steps lead no further
+            return
+        step, beyond = yield better
+        if beyond <= max(_ENOUGH * step, enough) or not 2 * beyond <= earlier:
+            return
+        share = min(max(_AIM * step / beyond, _LEAST), _MOST)
+
+
+def _more(count: float, left: float, wanted: float) -> float:
+    """How many sweeps leave the share `wanted` if the last `count` have `left` that share."""
+    falls = 0 < left < 1 and 0 < wanted < 1
+    return math.ceil(count * math.log(wanted) / math.log(left)) if falls else math.inf
+
+
+def _natural(problem: ProblemData, z: Vector) -> float:
+    """The largest |F_i(z)| in units of z, which no error in the largest entry is below; up to rounding."""
+    A, G = problem.matrix, problem.psi.lipschitz
+    assert G is not None  # there would be no proof
+    with np.errstate(all="ignore"):
+        r = problem.r(z)
+        if G.nnz:
+            r /= 1.0 + G @ np.ones(problem.n)
+        return float(np.abs(np.minimum(problem.p(z) / (A.rows.rest + A.rows.diagonal), r)).max())

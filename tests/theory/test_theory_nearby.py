@@ -1,0 +1,163 @@
+"""The bound of a z for which better points are sought: proved like any other, near the error, and what it decides."""
+
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel.algebra.hierarchy import Hierarchy
+from icpmodel.numerics import work
+from icpmodel.theory.certificates.bounds import proofs_of, sharpened
+from icpmodel.theory.certificates.nearby import points_near
+
+#: rows for which the sweeps are foreseen to cost more than a hierarchy, and others
+FEW, MANY = (3, 12), (80, 120)
+
+
+def drawn(rng, sizes, kind):
+    """A problem of small whole numbers and eighths, so that no product is rounded, A an H₊-matrix; z*; and how ψ is."""
+    n = int(rng.integers(*sizes))
+    off = rng.integers(-3, 4, (n, n)) * (rng.random((n, n)) < min(4 / n, 0.5))
+    if kind == "M":
+        off = -np.abs(off)
+    np.fill_diagonal(off, 0)
+    A = off + np.diag(np.abs(off).sum(axis=1) + rng.integers(0, 2, n) + (np.arange(n) == 0)).astype(float)
+    A[np.arange(1, n), np.arange(n - 1)] -= 1.0  # joined to row 0, which is strictly dominant
+    A[np.arange(1, n), np.arange(1, n)] += 1.0
+    z = rng.integers(-8, 9, n).astype(float)
+    at = rng.random(n) < 0.5
+    p, r = np.where(at, rng.integers(0, 5, n), 0.0), np.where(at, 0.0, rng.integers(0, 5, n))
+    if kind == "affine":
+        G = np.diag(rng.integers(-3, 4, n) / 8) + np.diag(rng.integers(-2, 3, n - 1) / 8, 1)
+        psi = icp.Affine(sp.csr_array(G), z - r - G @ z)
+    elif kind == "elementwise":
+        c = z - r - 0.5 * np.abs(z)
+        psi = icp.Elementwise(lambda x: 0.5 * np.abs(x) + c, lambda x: 0.5 * np.sign(x), lipschitz=0.5)
+    else:
+        psi = z - r
+    return icp.ICP(sp.csr_array(A), p - A @ z, psi), z
+
+
+def improved(problem, z):
+    """(δ(z), the best of δ over the better points, how many points there were), or None without a proof."""
+    proof = proofs_of(problem).h_plus
+    if isinstance(proof, str):
+        return None
+    rounding = problem.rounding(z)
+    delta, euclidean = proof.bound(problem, z, *rounding)
+    seen = []
+
+    def listened():
+        points = points_near(problem, z, proof, float(delta.max()), *rounding)
+        told = None
+        while True:
+            try:
+                better = points.send(told)
+            except StopIteration:
+                return
+            seen.append(better)
+            told = yield better
+
+    return delta, *sharpened(problem, z, proof, listened(), delta, euclidean), len(seen)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10**9),
+    kind=st.sampled_from(["M", "H", "affine", "elementwise"]),
+    sizes=st.sampled_from([FEW, FEW, MANY]),
+    distance=st.sampled_from([1e-12, 1e-6, 1e-2, 1.0, 1e6]),
+    smooth=st.booleans(),
+)
+def test_no_error_is_above_the_bound_in_exact_arithmetic(seed, kind, sizes, distance, smooth):
+    rng = np.random.default_rng(seed)
+    problem, exact = drawn(rng, sizes, kind)
+    off = np.ones(problem.n) if smooth else rng.standard_normal(problem.n)
+    z = exact + distance * off
+    found = improved(problem, z)
+    if found is None:
+        return
+    plain, delta, euclidean, _ = found
+    errors = [abs(Fraction(a) - Fraction(b)) for a, b in zip(z.tolist(), exact.tolist(), strict=True)]
+    assert all(error <= Fraction(bound) for error, bound in zip(errors, delta.tolist(), strict=True))
+    assert sum(error * error for error in errors) <= Fraction(euclidean) ** 2
+    assert delta.max() <= plain.max()
+
+
+def test_both_ways_to_better_points_are_gone():
+    """Else the test above would test nothing."""
+    for sizes in (FEW, MANY):
+        rng = np.random.default_rng(1)
+        found = [
+            improved(problem, z + 1e-3 * rng.standard_normal(z.size))
+            for problem, z in (drawn(rng, sizes, "M") for _ in range(20))
+        ]
+        assert sum(one is not None and one[3] > 0 and one[1].max() < 0.5 * one[0].max() for one in found) >= 5
+
+
+class TestLargeA:
+    @pytest.mark.parametrize("name", ["membrane", "ball"])
+    def test_the_bound_of_an_answer_is_near_its_error_and_decides_its_rows(self, name):
+        problem = icp.scenes.scene(name, 3000).problem
+        solution, exact = problem.solve("multilevel"), problem.solve(rtol=1e-13, raise_on_failure=False).polish().z
+        error, bound = np.abs(solution.z - exact).max(), solution.error_bound
+        assert error <= bound <= 3 * error
+        assert icp.error_bound(problem, solution.z, sharp=False).value > 30 * error
+        known = solution.active_set
+        assert known.active.any()
+        assert known.undecided.sum() <= 3
+
+    def test_a_bound_that_is_tight_already_costs_no_step(self):
+        problem = icp.scenes.scene("bai-symmetric", 4000).problem
+        z = problem.solve("mnmgs", rtol=1e-3).z
+        before = work.done()
+        bound = icp.error_bound(problem, z)
+        assert work.done() - before < 20 * problem.matrix.unit
+        assert bound.componentwise.tobytes() == icp.error_bound(problem, z, sharp=False).componentwise.tobytes()
+
+    def test_it_is_the_same_whether_the_levels_are_still_there_or_not(self):
+        used = icp.scenes.scene("membrane", 3000).problem
+        z = used.solve("multilevel").z
+        fresh = icp.scenes.scene("membrane", 3000).problem
+        assert icp.error_bound(used, z).componentwise.tobytes() == icp.error_bound(fresh, z).componentwise.tobytes()
+
+    def test_where_the_steps_are_not_affordable_the_plain_bound_stays(self):
+        problem = icp.scenes.scene("membrane", 3000).problem
+        z = problem.solve("multilevel").z
+        plain = icp.error_bound(problem, z, sharp=False).value
+        with work.of_count(20 * problem.matrix.unit):
+            assert icp.error_bound(problem, z).value == plain
+
+    def test_psi_need_not_have_a_value_anywhere_but_at_z(self):
+        problem = icp.scenes.scene("membrane", 3000).problem
+        z, seen = problem.solve("multilevel").z, []
+
+        def psi(x):
+            if seen and not np.array_equal(x, seen[0]):
+                raise ValueError("away from z")
+            seen.append(x.copy())
+            return np.minimum(x, 0.0) - 1.0
+
+        other = problem.with_psi(icp.Function(psi, lipschitz=0.5))
+        assert icp.error_bound(other, z).value == icp.error_bound(other, z, sharp=False).value
+
+
+def test_hierarchies_of_one_matrix_share_their_levels_and_nothing_that_changes():
+    problem = icp.scenes.scene("membrane", 900).problem
+    assert problem.matrix.rows.below == 30
+    before = work.done()
+    one = Hierarchy(problem)
+    first, before = work.done() - before, work.done()
+    other = Hierarchy(problem.with_q(-problem.q))
+    assert work.done() - before == first
+    assert all(a is b for a, b in zip(one.levels[1:], other.levels[1:], strict=True))
+    f = np.sin(np.arange(problem.n))
+    whole = one.cycle(f)
+    other.restrict(f > 0)
+    assert one.cycle(f).tobytes() == whole.tobytes()
+    assert all(level.P is not None for level, _ in pairwise(one.levels))
