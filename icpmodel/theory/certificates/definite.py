@@ -17,9 +17,9 @@ diagonal 0 ≤ Δ ≤ I and |Γ| ≤ L; a null vector x of the bracket has (Ax)_
 
 ‖g‖ takes a y near H⁻¹g: ‖g‖ ≤ √(yᵀHy) + ‖g − Hy‖₂/√λ for every y. Without it the curvature of an error, which A
 multiplies by λ_max, would be divided by λ_min.
-Units: the unknowns are scaled by S = diag(A)^(−1/2) and the rows of p by S, those of r by σS⁻¹, which keeps the form but
-for the factor σ, that of the largest entry of B; t is then the norm of S⁻¹e. S and σ are made of powers of two, so that
-scaling commits no error.
+Units: the unknowns are scaled by S = diag(A)^(−1/2) and the rows of p by S, those of r by σS⁻¹, which keeps the form;
+σ makes the largest entry of B about 1. t is then the norm of S⁻¹e. S and σ are powers of two, so that scaling commits
+no error.
 Reference: Pang, Math. Oper. Res. 12 (1987), for the idea of such bounds; Nesterov and Scrimali, Discrete Contin. Dyn.
 Syst. 31 (2011), for κ = ‖A‖‖L‖, which is never smaller where A ≥ 0; the proof above.
 """
@@ -32,6 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units_exactly, row_exponents, symmetric_exponents
 from ...numerics.factorisation import factorise
@@ -126,10 +127,11 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     if psi.lipschitz is None:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
     B, L = _slopes(psi, n)
-    work = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
-    if n > LARGEST or work > _LARGEST_WORK:
+    products = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
+    if n > LARGEST or products > _LARGEST_WORK:
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
     coupled = (sp.eye_array(n) != B).nnz > 0
+    work.build(products, 12)
     exponent = symmetric_exponents(A.diagonal())
     exponent_r = -exponent
     if coupled:  # so that AᵀB is about 1 as well

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ...numerics import work
 from ...numerics.arrays import Vector, row_of
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
@@ -60,7 +61,10 @@ def largest_above(N: sp.csr_array) -> float:
     """
     T = sp.csr_array(0.5 * (N + N.T))
     v = np.ones(T.shape[0])
+    work.build(N.nnz, 3)
     for _ in range(_POWER_STEPS):
+        work.afford(work.product(v.size, T.nnz))
+        work.add(work.product(v.size, T.nnz))
         w = T @ v
         largest = float(w.max())
         if not 0 < largest < np.inf:
@@ -73,9 +77,13 @@ def largest_above(N: sp.csr_array) -> float:
 def falling(S: sp.csr_array) -> Vector | None:
     """An x ≠ 0, shape (n,), about which xᵀSx < 0 is likely, None where the symmetric `S` (CSR) seems to have none."""
     if is_dense(S):
-        from scipy.linalg import eigh
+        from scipy.linalg import LinAlgError, eigh
 
-        value, x = eigh(S.toarray(), subset_by_index=(0, 0))
+        _count_eigenvalue(S)
+        try:
+            value, x = eigh(S.toarray(), subset_by_index=(0, 0))
+        except LinAlgError:
+            return None
         return x[:, 0] if value[0] < 0 else None
     from scipy.sparse.linalg import spsolve_triangular
 
@@ -104,6 +112,7 @@ def within_reach(S: sp.csr_array) -> bool:
         return True
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+    work.build(S.nnz, 3)
     order = reverse_cuthill_mckee(sp.csr_matrix(S), symmetric_mode=True)
     place = np.empty_like(order)
     place[order] = np.arange(order.size)
@@ -115,27 +124,45 @@ def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = 
     if is_dense(S if B is None else B):
         from scipy.linalg import LinAlgError, eigh
 
+        _count_eigenvalue(S)
         try:
             dense = None if B is None else B.toarray()
             return float(eigh(S.toarray(), dense, subset_by_index=(0, 0), eigvals_only=True)[0])
         except LinAlgError:
             return -np.inf
-    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     lu = lu or factorise(S, diagonal_pivots=True)
     if lu is None or not lu.U.diagonal().min() > 0:
         return -np.inf
-    inverse = LinearOperator(S.shape, matvec=lu.solve, dtype=np.float64)
+
+    def solve(f: Vector) -> Vector:
+        work.afford(work.product(f.size, S.nnz))
+        x = lu.solve(f)
+        if not np.isfinite(x).all():  # LAPACK, below ARPACK, prints what it thinks of them
+            raise ArithmeticError
+        return np.asarray(x)
+
+    inverse = LinearOperator(S.shape, matvec=solve, dtype=np.float64)
     start = np.random.default_rng(0).random(S.shape[0])
     try:
         return float(eigsh(S, 1, B, 0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
-    except ArpackNoConvergence:
+    except (ArpackError, ArithmeticError):
         return -np.inf
+
+
+def _count_eigenvalue(S: sp.csr_array) -> None:
+    """To make a dense S tridiagonal takes about as long as four factorisations."""
+    price = 4 * work.dense_cost(S.shape[0])
+    work.afford(price, 16.0 * S.shape[0] ** 2)
+    work.add(price)
 
 
 def _error_of_cholesky(S: sp.csr_array) -> float:
     """A bound on the norm of S − RᵀR, R the computed Cholesky factor, inf where there is none."""
     n = S.shape[0]
+    work.afford(work.dense_cost(n), 16.0 * n**2)
+    work.add(work.dense_cost(n))
     try:
         factor = np.linalg.cholesky(S.toarray())
     except np.linalg.LinAlgError:
@@ -149,6 +176,7 @@ def _distance_from_definite(S: sp.csr_array) -> float:
     lu = factorise(S, diagonal_pivots=True)
     if lu is None or not ((D := lu.U.diagonal()) > 0).all():
         return np.inf
+    work.build(lu.L.nnz, 6)
     L, U, ones = sp.csr_array(lu.L), sp.csr_array(lu.U), np.ones(S.shape[0])
     exact = sp.csr_array(sp.diags_array(D) @ L.T)
     size = abs(U) @ ones + abs(exact) @ ones
