@@ -39,8 +39,7 @@ def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> flo
     """
     n = S.shape[0]
     price = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
-    work.afford(price)
-    work.add(price)
+    work.spend(price)
     sums = S @ np.ones(n)
     bound = float(sums.max())
     if not SMALL_RADIUS < bound < np.inf:

@@ -111,9 +111,7 @@ def build_cost(nnz: int) -> float:
 
 def build(nnz: int, matrices: int = 1) -> None:
     """Count so many sparse matrices that are made of others, sums or scaled ones; raises where that is too much."""
-    price = matrices * build_cost(nnz)
-    afford(price)
-    add(price)
+    spend(matrices * build_cost(nnz))
 
 
 def sweep(n: int, nnz: int) -> float:
@@ -242,6 +240,12 @@ def afford(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
     left = nanoseconds_left()
     if nanoseconds > left or left <= 0.0:
         raise OutOfTime(f"a step of about {1e-9 * nanoseconds:.2g} s does not fit into what is left of the time")
+
+
+def spend(nanoseconds: float, memory: float = 0.0) -> None:
+    """Count a step that is made now; raises as `afford` does."""
+    afford(nanoseconds, memory)
+    add(nanoseconds)
 
 
 def nanoseconds_left() -> float:

@@ -114,9 +114,7 @@ class Dense:
     def of(cls, X: sp.csr_array, size: sp.csr_array) -> Dense | None:
         """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
         n = X.shape[0]
-        price = 4 * work.dense_cost(n)
-        work.afford(price)
-        work.add(price)
+        work.spend(4 * work.dense_cost(n))
         with np.errstate(all="ignore"):
             # so that units cost no accuracy
             S, rows, columns = equilibrated(size.toarray())
@@ -143,8 +141,7 @@ class Dense:
         return np.maximum(y, 0.0)
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
-        work.afford(3 * work.dense_cost(v.size))
-        work.add(3 * work.dense_cost(v.size))
+        work.spend(3 * work.dense_cost(v.size))
         try:
             return np.linalg.solve(mu * np.eye(v.size) - self.above @ F, v)
         except np.linalg.LinAlgError:
@@ -271,20 +268,14 @@ def _worthwhile(before: float, after: float) -> bool:
 
 
 def _noda(T: HomogeneousMap, best: Radius) -> Radius:
-    # where rho < 1 this start alone proves it: T(v) = v - start
-    best = _better(T, _steeper(T, 1.0, best.v), best)
-    for _ in range(20):
-        before, best = best, _better(T, _steeper(T, best.upper, best.v), best)
-        if not _worthwhile(before.upper, best.upper):
-            break
-    return best
-
-
-def _steeper(T: HomogeneousMap, mu: float, v: Vector) -> Vector | None:
-    """`T.steeper`, None as well where it takes too much."""
     with contextlib.suppress(OutOfTime, OutOfMemory):
-        return T.steeper(mu, v)
-    return None
+        # where rho < 1 this start alone proves it: T(v) = v - start
+        best = _better(T, T.steeper(1.0, best.v), best)
+        for _ in range(20):
+            before, best = best, _better(T, T.steeper(best.upper, best.v), best)
+            if not _worthwhile(before.upper, best.upper):
+                break
+    return best
 
 
 def _power(T: HomogeneousMap, best: Radius, steps: int) -> tuple[Radius, Vector]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ _DENSE, _DENSE_AT_MOST = 64, 2000
 #: rows up to which all is factorised, which takes seconds, and half the bandwidth up to which more are: a factorisation
 #: took (b/1200)³ · 8 s on grids of two and three dimensions
 _SMALL, _WIDEST = 10_000, 1500
+_TRIDIAGONAL = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
+_SQUARABLE = 2.0**500  #: inner products of vectors with such entries do not overflow
 _POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
 
 
@@ -63,8 +66,7 @@ def largest_above(N: sp.csr_array) -> float:
     v = np.ones(T.shape[0])
     work.build(N.nnz, 3)
     for _ in range(_POWER_STEPS):
-        work.afford(work.product(v.size, T.nnz))
-        work.add(work.product(v.size, T.nnz))
+        work.spend(work.product(v.size, T.nnz))
         w = T @ v
         largest = float(w.max())
         if not 0 < largest < np.inf:
@@ -79,7 +81,7 @@ def falling(S: sp.csr_array) -> Vector | None:
     if is_dense(S):
         from scipy.linalg import LinAlgError, eigh
 
-        _count_eigenvalue(S)
+        work.spend(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
         try:
             value, x = eigh(S.toarray(), subset_by_index=(0, 0))
         except LinAlgError:
@@ -124,7 +126,7 @@ def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = 
     if is_dense(S if B is None else B):
         from scipy.linalg import LinAlgError, eigh
 
-        _count_eigenvalue(S)
+        work.spend(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
         try:
             dense = None if B is None else B.toarray()
             return float(eigh(S.toarray(), dense, subset_by_index=(0, 0), eigvals_only=True)[0])
@@ -136,33 +138,28 @@ def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = 
     if lu is None or not lu.U.diagonal().min() > 0:
         return -np.inf
 
-    def solve(f: Vector) -> Vector:
-        work.afford(work.product(f.size, S.nnz))
-        x = lu.solve(f)
-        if not np.isfinite(x).all():  # LAPACK, below ARPACK, prints what it thinks of them
-            raise ArithmeticError
-        return np.asarray(x)
+    def operator(times: Callable[[Vector], Vector]) -> LinearOperator:
+        def checked(x: Vector) -> Vector:
+            work.afford(work.product(x.size, S.nnz))
+            x = times(x)
+            if not np.abs(x).max() < _SQUARABLE:  # LAPACK, below ARPACK, prints what it thinks of infinities
+                raise ArithmeticError
+            return x
 
-    inverse = LinearOperator(S.shape, matvec=solve, dtype=np.float64)
+        return LinearOperator(S.shape, matvec=checked, dtype=np.float64)
+
+    inverse, weight = operator(lu.solve), None if B is None else operator(lambda x: B @ x)
     start = np.random.default_rng(0).random(S.shape[0])
     try:
-        return float(eigsh(S, 1, B, 0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
+        return float(eigsh(S, 1, weight, 0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
     except (ArpackError, ArithmeticError):
         return -np.inf
-
-
-def _count_eigenvalue(S: sp.csr_array) -> None:
-    """To make a dense S tridiagonal takes about as long as four factorisations."""
-    price = 4 * work.dense_cost(S.shape[0])
-    work.afford(price, 16.0 * S.shape[0] ** 2)
-    work.add(price)
 
 
 def _error_of_cholesky(S: sp.csr_array) -> float:
     """A bound on the norm of S − RᵀR, R the computed Cholesky factor, inf where there is none."""
     n = S.shape[0]
-    work.afford(work.dense_cost(n), 16.0 * n**2)
-    work.add(work.dense_cost(n))
+    work.spend(work.dense_cost(n), 16.0 * n**2)
     try:
         factor = np.linalg.cholesky(S.toarray())
     except np.linalg.LinAlgError:

@@ -148,8 +148,7 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
     price = 3 * work.product(x.size, S.nnz)
 
     def image(x: Vector) -> Vector:
-        work.afford(price)
-        work.add(price)
+        work.spend(price)
         return x - (S @ x) / diagonal  # Jx
 
     with np.errstate(all="ignore"):  # beside a diagonal next to nothing J overflows, and NaN proves nothing

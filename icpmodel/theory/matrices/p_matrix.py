@@ -92,8 +92,7 @@ def by_pivots(A: sp.csr_array) -> Answer:
     """The exact test, for n ≤ 60 or so; the time doubles with each row."""
     n = A.shape[0]
     work.build(A.nnz, 8)
-    work.afford(_MINOR * 2.0**n)
-    work.add(_MINOR * 2.0**n)
+    work.spend(_MINOR * 2.0**n)
     r, c = natural_exponents(A)
     scaled = in_units(A, r, c).toarray()
     # what left the normal range is known up to the smallest float, or not at all
