@@ -9,17 +9,16 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...numerics import work
-from ...numerics.arrays import Vector, row_of
+from ...numerics.arrays import Vector
 from ...numerics.factorisation import factorise
+from ...numerics.fill import ordered
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
 _SHARES = (0.99, 0.9, 0.5)
 #: up to so many rows dense factorisations are the quicker ones for all, and for those with many entries
 _DENSE, _DENSE_AT_MOST = 64, 2000
-#: rows up to which all is factorised, which takes seconds, and half the bandwidth up to which more are: a factorisation
-#: took (b/1200)³ · 8 s on grids of two and three dimensions
-_SMALL, _WIDEST = 10_000, 1500
+_SECONDS = 15e9  #: what a factorisation may cost, in nanoseconds as they are counted
 _TRIDIAGONAL = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
 _SQUARABLE = 2.0**500  #: inner products of vectors with such entries do not overflow
 _POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
@@ -105,20 +104,8 @@ def is_dense(S: sp.csr_array) -> bool:
 
 
 def within_reach(S: sp.csr_array) -> bool:
-    """Whether the symmetric `S` (CSR) can be factorised in seconds: a million rows on a plane, fewer in space.
-
-    Half the bandwidth b of S in the order of Cuthill and McKee is about the size of its separators.
-    Reference: George and Liu, Computer Solution of Large Sparse Positive Definite Systems (1981).
-    """
-    if S.shape[0] <= _SMALL:
-        return True
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
-    work.build(S.nnz, 3)
-    order = reverse_cuthill_mckee(sp.csr_matrix(S), symmetric_mode=True)
-    place = np.empty_like(order)
-    place[order] = np.arange(order.size)
-    return bool(np.abs(place[row_of(S)] - place[S.indices]).max() <= _WIDEST)
+    """Whether the symmetric `S` (CSR) is foreseen to be factorised in seconds: a million rows on a plane."""
+    return is_dense(S) or ordered(S, np.inf, _SECONDS)[0].seen
 
 
 def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = None) -> float:
