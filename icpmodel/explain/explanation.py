@@ -22,7 +22,7 @@ from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.reduced import candidates
 from ..solve.schedule import Schedule
-from ..theory.answers import Answer, Limit
+from ..theory.answers import Allowance, Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, proofs_of
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import NAMES, MatrixClasses
@@ -215,12 +215,12 @@ def explain(
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
     unit = problem.matrix.unit
     products = math.inf if as_truth(thorough, "thorough") else _PRODUCTS + _NANOSECONDS / unit
-    with Limit(products, unit).kept(), one_blas_thread():
-        return _explained(problem, method, accuracy, Limit(_SHARE * products, unit), options)
+    with Allowance(products, unit).kept(), one_blas_thread():
+        return _explained(problem, method, accuracy, Allowance(_SHARE * products, unit), options)
 
 
 def _explained(
-    problem: ProblemData, method: str | Method | None, accuracy: float, limit: Limit, options: dict[str, Any]
+    problem: ProblemData, method: str | Method | None, accuracy: float, limit: Allowance, options: dict[str, Any]
 ) -> Explanation:
     asked, instead = method is not None, None
     classes = proofs_of(problem).classes.decided(limit)
@@ -255,7 +255,7 @@ def _explained(
     return Explanation(problem, classes, bound, forecasts, picked, why, accuracy, asked, instead)
 
 
-def _picked(problem: ProblemData, limit: Limit) -> tuple[Method | None, str]:
+def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
     """The method that `solve` begins with, and why."""
     with contextlib.suppress(OutOfTime, OutOfMemory), limit.kept():
         turn = Schedule(candidates(problem)).turn()

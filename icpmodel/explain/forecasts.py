@@ -17,7 +17,7 @@ from ..methods.modulus import ModulusMember
 from ..methods.psor import PSOR
 from ..numerics.rounding import at_most
 from ..problem.data import ProblemData
-from ..theory.answers import UNDECIDED, Answer, Limit
+from ..theory.answers import UNDECIDED, Allowance, Answer
 from ..theory.certificates.bounds import proofs_of
 from ..theory.certificates.supersolution import SupersolutionProof
 from ..theory.convergence.rates import Rate, predicted_rate
@@ -116,7 +116,9 @@ def members(problem: ProblemData) -> dict[str, Method]:
     return found
 
 
-def forecasts_of(problem: ProblemData, methods: dict[str, Method], accuracy: float, limit: Limit) -> Iterator[Forecast]:
+def forecasts_of(
+    problem: ProblemData, methods: dict[str, Method], accuracy: float, limit: Allowance
+) -> Iterator[Forecast]:
     """A forecast of each of the `methods` that is a member of the family and can start, made when it is asked for."""
     supersolution = False
     with suppress(OutOfTime, OutOfMemory), limit.kept():

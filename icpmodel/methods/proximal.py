@@ -284,13 +284,14 @@ class Interior:
         r, s, problem = self.r, self.s, self.path.problem
         rest = s - problem.p(self.z)
         solve = self._solver(s / r)
-        both = max(np.count_nonzero(self.bounded), 1)
+        both = max(int(np.count_nonzero(self.bounded)), 1)
         size = inner(r, s) / both
 
         def direction(target: Vector) -> tuple[Vector, Vector, float]:
             dr = solve(rest - np.where(self.bounded, target / r, 0.0))
             ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
-            longest = max(np.max(-x[self.bounded], initial=0.0) for x in (dr / r, ds / np.where(self.bounded, s, 1.0)))
+            steps = -dr / r, -ds / np.where(self.bounded, s, 1.0)
+            longest = max(float(np.max(x[self.bounded], initial=0.0)) for x in steps)
             return dr, ds, longest
 
         dr, ds, longest = direction(r * s)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
@@ -39,7 +40,7 @@ class Answer(ReadOnly):
 
 
 @dataclass(frozen=True)
-class Limit:
+class Allowance:
     """What one question may cost: so many `products` with A, of which each costs `unit` nanoseconds as they are
     counted. Others learn from `undecided` that it was not enough, or that something else was not."""
 
@@ -59,3 +60,6 @@ class Limit:
         if isinstance(error, MemoryError):
             return f"{UNDECIDED}: {error}"
         return f"{UNDECIDED} within {self.products:.3g} products with A"
+
+
+UNLIMITED = Allowance(math.inf, 1.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from ...numerics import work
 from ...numerics.arrays import Vector, described
 from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
 from ...problem.data import ProblemData
-from ..answers import Answer, Limit
+from ..answers import UNLIMITED, Allowance, Answer
 from ..certificates.bounds import proofs_of
 from .conditions import StepMatrices, printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44
 from .contraction import HomogeneousMap, radius
@@ -94,7 +93,7 @@ def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool =
     return _check(theorem, StepMatrices(problem, member), as_printed)
 
 
-def check_all(problem: ProblemData, member: Member, limit: Limit | None = None) -> dict[str, Check]:
+def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED) -> dict[str, Check]:
     """Every theorem, corrected: name → `Check`. What serves one is tried first on the next; `limit` is that of each.
 
     >>> from icpmodel import MNMGS
@@ -102,22 +101,19 @@ def check_all(problem: ProblemData, member: Member, limit: Limit | None = None) 
     ['4.1', '4.2', '4.3', '4.4', 'sharper']
     """
     try:
-        with nullcontext() if limit is None else limit.kept():
+        with limit.kept():
             step = StepMatrices(problem, member)
     except (OutOfTime, OutOfMemory) as error:
-        assert limit is not None
         return {name: _of(name, Answer(None, limit.undecided(error))) for name in _THEOREMS}
     found: dict[str, Check] = {}
-    for name in _CHEAPEST_FIRST if limit is None else _WORTHIEST_FIRST:
-        if limit is None:
-            found[name] = _check(name, step, False)
-            continue
+    dear = limit.is_felt(_MATRICES, step.A.nnz)
+    for name in _WORTHIEST_FIRST if dear else _CHEAPEST_FIRST:
         by = next((one for one in _FOLLOWS.get(name, ()) if one in found and found[one].holds), None)
         follows = Answer(True, f"it follows from theorem {by}, with the same v", by and found[by].vector)
         try:
             with limit.kept():
-                dear = by is not None and name != "sharper" and limit.is_felt(_MATRICES, step.A.nnz)
-                found[name] = _of(name, follows) if dear else _check(name, step, False)
+                taken = dear and by is not None and name != "sharper"
+                found[name] = _of(name, follows) if taken else _check(name, step, False)
         except (OutOfTime, OutOfMemory) as error:
             found[name] = _of(name, follows if by is not None else Answer(None, limit.undecided(error)))
     return {name: found[name] for name in _THEOREMS}

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ...errors import OutOfMemory, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, as_csr, bandwidths
-from ..answers import Answer, Limit
+from ..answers import Allowance, Answer
 from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
 from .h_matrix import decide, h_matrix, irreducible_blocks, row_sum_signs, without_zeros
@@ -74,7 +74,7 @@ class MatrixClasses(ReadOnly):
     def __init__(self, A: sp.csr_array) -> None:
         self.A = A
 
-    def decided(self, limit: Limit) -> MatrixClasses:
+    def decided(self, limit: Allowance) -> MatrixClasses:
         """A copy that was asked for everything, each within the `limit`; unknown beyond it."""
         asked = MatrixClasses(self.A)
         vars(asked).update(vars(self))
