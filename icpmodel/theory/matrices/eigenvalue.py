@@ -18,7 +18,7 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
 _SHARES = (0.99, 0.9, 0.5)
 #: up to so many rows dense factorisations are the quicker ones for all, and for those with many entries
 _DENSE, _DENSE_AT_MOST = 64, 2000
-_SECONDS = 15e9  #: what a factorisation may cost, in nanoseconds as they are counted
+_SECONDS = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
 _TRIDIAGONAL = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
 _SQUARABLE = 2.0**500  #: inner products of vectors with such entries do not overflow
 _POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
