@@ -92,8 +92,7 @@ class Hierarchy:
         Parameters: `f` of shape (m,), m the rows of level `top`. Returns a new array of that shape.
         """
         price = work.COSTS.cycle + work.COSTS.cycle_entry * self.levels[top].A.nnz
-        work.afford(price)
-        work.add(price)
+        work.spend(price)
         return self._cycle(f, top)
 
     def _cycle(self, f: Vector, top: int) -> Vector:

@@ -166,15 +166,23 @@ def at_their_size(scene: Scene, report: Report, parameters: dict[str, Any]) -> l
 
 
 @command(
-    *SOURCE_OPTIONS, *METHOD_OPTIONS, *from_signature(ICP.explain, {"accuracy": "To which the numbers of steps refer."})
+    *SOURCE_OPTIONS,
+    *METHOD_OPTIONS,
+    *from_signature(
+        ICP.explain,
+        {
+            "accuracy": "To which the numbers of steps refer.",
+            "thorough": "Let every question take as long as it takes.",
+        },
+    ),
 )
 @AS_JSON
-def explain(accuracy: float, as_json: bool, **arguments: Any) -> int:
+def explain(accuracy: float, thorough: bool, as_json: bool, **arguments: Any) -> int:
     """Say what is certain of the problem SOURCE before it is solved: classes, uniqueness, theorems, predicted rates."""
     problem, _ = named_problem(arguments)
     with status_line(True) as say:
         say("checking the theorems")
-        page = problem.explain(named_method(arguments), accuracy=accuracy)
+        page = problem.explain(named_method(arguments), accuracy=accuracy, thorough=thorough)
     print_told(page.about(), page, as_json)
     return 0
 

@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, OutOfMemory, OutOfTime
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..methods.newton import Newton
-from ..numerics.arrays import as_number, described
+from ..numerics.arrays import as_number, as_truth, described
 from ..numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
+from ..numerics.threads import one_blas_thread
 from ..present.card import Sections, inner_width
 from ..present.table import Table
 from ..problem.data import ProblemData, as_problem
 from ..solve.reduced import candidates
 from ..solve.schedule import Schedule
-from ..theory.answers import Answer
+from ..theory.answers import Allowance, Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, proofs_of
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import NAMES, MatrixClasses
 from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
+
+#: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
+#: machine of `work.Costs`; and the share of it that one question may cost
+_PRODUCTS, _NANOSECONDS, _SHARE = 600.0, 0.8e9, 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +125,10 @@ class Explanation:
                 "method with a smaller factor may need more steps"
             )
             yield f"steps: in exact arithmetic, from z = 0 until no entry of z is off by more than {self.accuracy:g}"
+        if left := [one for one in self.forecasts if one.undecided]:
+            within = left[0].checks[left[0].undecided[0]].reason
+            of = "; ".join(one.title for one in left)
+            yield f"{within}, which explain(thorough=True) lifts: theorems on {of}"
         if any(one.isotone for one in self.forecasts):
             yield (
                 "(isotone): the step keeps the order, and is monotone from super- and subsolutions (theorem monotone); "
@@ -154,7 +165,8 @@ class Explanation:
             yield f"{alone}solve() begins with {self.picked!r}: {why}"
         if proved is None and self.instead is None:
             yield from what_to_do(self.problem, self.classes, self.picked)
-        if proved is None and (found := proximal_point(self.problem)).holds:
+        # what is not known of A is not looked for while a page is printed
+        if proved is None and self.classes.semidefinite.holds and (found := proximal_point(self.problem)).holds:
             yield f"Proximal() is proved (theorem proximal): {found.reason}"
         largest = self.bound.value
         if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
@@ -176,14 +188,21 @@ class Explanation:
 
 @sheltered
 def explain(
-    problem: ProblemData, method: str | Method | None = None, *, accuracy: float = 1e-6, **options: Any
+    problem: ProblemData,
+    method: str | Method | None = None,
+    *,
+    accuracy: float = 1e-6,
+    thorough: bool = False,
+    **options: Any,
 ) -> Explanation:
     """What is certain of `problem` before it is solved, and which methods are proved to solve it.
 
     Parameters: `method` a member of the modulus family by name (with its `options`) or as an object, to be looked at
     alone; by default MNMJ, MNMGS, MNMSOR and MNMAOR with several θ₁, θ₂ and Ω, PSOR, MNMOD and MNMMOD, and the method
     that `solve()` tries first. `accuracy` > 0, in the units of z, to which the numbers of steps refer. A member with
-    theta1="auto" is looked at with the numbers of `settled`, although a run of mnmaor adapts them.
+    theta1="auto" is looked at with the numbers of `settled`, although a run of mnmaor adapts them. `thorough`: whether
+    every question may take as long as it takes; by default what is not decided within a number of products with A, as
+    they are counted, is left open, and the page says so.
     Returns an `Explanation`. Raises InputError for a method outside of the family.
     Reference: `icpmodel.theory`, which states and checks every theorem.
 
@@ -194,9 +213,18 @@ def explain(
     problem, accuracy = as_problem(problem), as_number(accuracy, "accuracy", above=0)
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
+    unit = problem.matrix.unit
+    products = math.inf if as_truth(thorough, "thorough") else _PRODUCTS + _NANOSECONDS / unit
+    with Allowance(products, unit).kept(), one_blas_thread():
+        return _explained(problem, method, accuracy, Allowance(_SHARE * products, unit), options)
+
+
+def _explained(
+    problem: ProblemData, method: str | Method | None, accuracy: float, limit: Allowance, options: dict[str, Any]
+) -> Explanation:
     asked, instead = method is not None, None
-    turn = Schedule(candidates(problem)).turn()
-    picked, why = (None, "") if turn is None else (turn.who.method, turn.who.why)
+    classes = proofs_of(problem).classes.decided(limit)
+    picked, why = _picked(problem, limit)
     if isinstance(method, type):
         raise InputError(f"method is the class {method.__name__}; an object such as {method.__name__}() was expected")
     if method is None:
@@ -210,11 +238,30 @@ def explain(
             raise InputError(f"method is {described(wanted)}; theory covers the members of the modulus family only")
         wanted = wanted.settled(problem)
         methods = {repr(wanted): wanted}
-    forecasts = tuple(forecasts_of(problem, methods, accuracy))
+    try:
+        with limit.kept():
+            bound = error_bound(problem, np.zeros(problem.n))
+    except (OutOfTime, OutOfMemory) as error:
+        bound = ErrorBound.none(limit.undecided(error))
+    # the first choice first, as not all may be looked at
+    first = sorted(methods, key=lambda title: not (picked is not None and _same(methods[title], picked)))
+    found = {
+        one.title: one for one in forecasts_of(problem, {title: methods[title] for title in first}, accuracy, limit)
+    }
+    forecasts = tuple(found[title] for title in methods if title in found)
     if asked and not any(one.proved_by for one in forecasts):
-        instead = next((one for one in forecasts_of(problem, members(problem), accuracy) if one.proved_by), None)
-    bound = error_bound(problem, np.zeros(problem.n))
-    return Explanation(problem, proofs_of(problem).classes, bound, forecasts, picked, why, accuracy, asked, instead)
+        others = forecasts_of(problem, members(problem), accuracy, limit)
+        instead = next((one for one in others if one.proved_by), None)
+    return Explanation(problem, classes, bound, forecasts, picked, why, accuracy, asked, instead)
+
+
+def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
+    """The method that `solve` begins with, and why."""
+    with contextlib.suppress(OutOfTime, OutOfMemory), limit.kept():
+        turn = Schedule(candidates(problem)).turn()
+        if turn is not None:
+            return turn.who.method, turn.who.why
+    return None, ""
 
 
 def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..algebra.splittings import Given, Whole
+from ..errors import OutOfMemory, OutOfTime
 from ..methods.aor import MNMAOR, MNMGS, MNMJ, MNMSOR
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD, MNMOD
@@ -15,7 +17,7 @@ from ..methods.modulus import ModulusMember
 from ..methods.psor import PSOR
 from ..numerics.rounding import at_most
 from ..problem.data import ProblemData
-from ..theory.answers import Answer
+from ..theory.answers import UNDECIDED, Allowance, Answer
 from ..theory.certificates.bounds import proofs_of
 from ..theory.certificates.supersolution import SupersolutionProof
 from ..theory.convergence.rates import Rate, predicted_rate
@@ -42,8 +44,8 @@ class Forecast:
     """What theory says of one method before it runs.
 
     `title` says how it was made; `method`; `checks` theorem → `Check`; `rate` the predicted `Rate`, or the `Answer`
-    that says why there is none; `steps` a bound on the number of steps from 0 to the wanted accuracy, or None;
-    `supersolution` whether a strict one is known, which makes the theorem "monotone" global.
+    that says why there is none, None where that takes too long; `steps` a bound on the number of steps from 0 to the
+    wanted accuracy, or None; `supersolution` whether a strict one is known, which makes the theorem "monotone" global.
 
     >>> forecast = ICP([[2.0]], [-2.0]).explain("mnmj").forecasts[0]
     >>> forecast.proved_by, forecast.factor < 1e-9, forecast.steps
@@ -53,7 +55,7 @@ class Forecast:
     title: str
     method: ModulusMember
     checks: dict[str, Check]
-    rate: Rate | Answer
+    rate: Rate | Answer | None
     steps: int | None
     supersolution: bool
 
@@ -76,7 +78,13 @@ class Forecast:
     @property
     def theorems(self) -> str:
         """The theorems of `proved_by`, in short."""
-        return ", ".join(self.proved_by).replace("4.1, 4.2, 4.3, 4.4", "4.1 to 4.4") or "none"
+        none = "not decided" if self.undecided else "none"
+        return ", ".join(self.proved_by).replace("4.1, 4.2, 4.3, 4.4", "4.1 to 4.4") or none
+
+    @property
+    def undecided(self) -> list[str]:
+        """The theorems that a limit left open."""
+        return [name for name, check in self.checks.items() if check.reason.startswith(UNDECIDED)]
 
     @property
     def factorises(self) -> bool:
@@ -108,14 +116,19 @@ def members(problem: ProblemData) -> dict[str, Method]:
     return found
 
 
-def forecasts_of(problem: ProblemData, methods: dict[str, Method], accuracy: float) -> Iterator[Forecast]:
+def forecasts_of(
+    problem: ProblemData, methods: dict[str, Method], accuracy: float, limit: Allowance
+) -> Iterator[Forecast]:
     """A forecast of each of the `methods` that is a member of the family and can start, made when it is asked for."""
-    supersolution = isinstance(proofs_of(problem).supersolution(problem), SupersolutionProof)
+    supersolution = False
+    with suppress(OutOfTime, OutOfMemory), limit.kept():
+        supersolution = isinstance(proofs_of(problem).supersolution(problem), SupersolutionProof)
     for title, one in methods.items():
         if isinstance(one, ModulusMember) and one.why_not(problem) is None:
-            checks = check_all(problem, one)
-            rate = predicted_rate(problem, one, checks)
-            steps = rate.steps(problem, np.zeros(problem.n), accuracy) if isinstance(rate, Rate) else None
+            checks, rate, steps = check_all(problem, one, limit), None, None
+            with suppress(OutOfTime, OutOfMemory), limit.kept():
+                rate = predicted_rate(problem, one, checks)
+                steps = rate.steps(problem, np.zeros(problem.n), accuracy) if isinstance(rate, Rate) else None
             yield Forecast(title, one, checks, rate, steps, supersolution)
 
 

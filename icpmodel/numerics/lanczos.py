@@ -39,8 +39,7 @@ def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> flo
     """
     n = S.shape[0]
     price = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
-    work.afford(price)
-    work.add(price)
+    work.spend(price)
     sums = S @ np.ones(n)
     bound = float(sums.max())
     if not SMALL_RADIUS < bound < np.inf:
@@ -56,7 +55,10 @@ def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> flo
         invariant = size <= 1e-12 * bound
         if invariant or step == min(steps, n) or step % _LOOK == 0:
             # eigvalsh reads the lower triangle
-            known, radius = radius, float(np.linalg.eigvalsh(np.diag(own) + np.diag(next_to, -1))[-1])
+            try:
+                known, radius = radius, float(np.linalg.eigvalsh(np.diag(own) + np.diag(next_to, -1))[-1])
+            except np.linalg.LinAlgError:  # what overflowed
+                return np.inf
             if invariant or radius - known <= share * abs(1.0 - radius):
                 break
         next_to.append(size)

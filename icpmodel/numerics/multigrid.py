@@ -21,6 +21,8 @@ _STALLED = 500
 _KRYLOV_STEPS = 30
 #: steps where nothing else is left to try
 _STEPS = 100
+#: what SciPy's direct solvers, on the coarsest level, make of a matrix that is singular, or not finite
+_FAILURES = (RuntimeError, ValueError, ArithmeticError)
 #: bytes that a hierarchy takes per entry of A: its levels, with what interpolates between them, hold about three times
 #: as many entries
 HIERARCHY_BYTES = 3 * 12
@@ -66,7 +68,7 @@ class KrylovMultigrid:
         with _quiet():
             try:
                 return np.asarray(self._hierarchy.solve(f, tol=tolerance, **options))
-            except RuntimeError:
+            except _FAILURES:
                 return None
             finally:
                 work.add(work.krylov_cost(self._A.nnz, len(made), hierarchy=False))

@@ -34,6 +34,9 @@ class Costs(NamedTuple):
     #: a Newton step in Python: the active set, slices of sparse matrices, a solver; per step and per entry of A
     newton: float = 400_000.0
     newton_entry: float = 60.0
+    #: a sparse matrix made of others, entry by entry; per entry: eight times what a product costs
+    built: float = 60_000.0
+    built_entry: float = 8.0
     #: A @ z, per stored entry and per row
     entry: float = 0.6
     row: float = 1.2
@@ -101,6 +104,16 @@ def done() -> float:
 def product(n: int, nnz: int) -> float:
     """What A @ z costs: the unit of all estimates."""
     return COSTS.call + COSTS.row * n + COSTS.entry * nnz
+
+
+def build_cost(nnz: int) -> float:
+    """What one sparse matrix costs that is made of others."""
+    return COSTS.built + COSTS.built_entry * nnz
+
+
+def build(nnz: int, matrices: int = 1) -> None:
+    """Count so many sparse matrices that are made of others, sums or scaled ones; raises where that is too much."""
+    spend(matrices * build_cost(nnz))
 
 
 def sweep(n: int, nnz: int) -> float:
@@ -214,7 +227,8 @@ def within(seconds: float = math.inf, memory: float = math.inf, begun: float | N
 def of_count(nanoseconds: float) -> Iterator[None]:
     """In this block `afford` raises where more work is to be counted, the same on every machine; other limits stay."""
     before = _budget()
-    _counted.budget = (before or _Budget(clock(), done(), math.inf))._replace(most=done() + nanoseconds)
+    within_all = before or _Budget(clock(), done(), math.inf)
+    _counted.budget = within_all._replace(most=min(done() + nanoseconds, within_all.most))
     try:
         yield
     finally:
@@ -228,6 +242,12 @@ def afford(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
     left = nanoseconds_left()
     if nanoseconds > left or left <= 0.0:
         raise OutOfTime(f"a step of about {1e-9 * nanoseconds:.2g} s does not fit into what is left of the time")
+
+
+def spend(nanoseconds: float, memory: float = 0.0) -> None:
+    """Count a step that is made now; raises as `afford` does."""
+    afford(nanoseconds, memory)
+    add(nanoseconds)
 
 
 def nanoseconds_left() -> float:

@@ -6,6 +6,7 @@ import contextlib
 import inspect
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -109,7 +110,7 @@ def solve(
             raise run.singular
         if run.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
-        solution = solution_of(run, limits.accuracy)
+        solution = replace(solution_of(run, limits.accuracy), time_limit=time_limit, memory_limit=memory_limit)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution

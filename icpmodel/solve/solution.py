@@ -18,7 +18,7 @@ from ..numerics.rounding import sheltered
 from ..present.card import Card
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
-from ..theory.certificates.bounds import ErrorBound, error_bound
+from ..theory.certificates.bounds import ErrorBound, error_bound, limited
 from ..theory.certificates.certificate import NOT_COMPUTED, ActiveSet, Certificate, active_set, certify
 
 
@@ -101,7 +101,8 @@ class Solution(ReadOnly):
     whose end the `status` is: another one where several were tried and the last was not the best; `residual` = Res(z),
     judged on the returned z, and the `tolerance` it was held against; `iterations` in all; `seconds` of the run, set-up
     included; `accuracy`, the certified error that was asked for, or None; `history` or None; `infeasible`, the proof
-    with its witness where the status is INFEASIBLE, else None.
+    with its witness where the status is INFEASIBLE, else None; `time_limit` and `memory_limit` of the run, or None: the
+    certificate and `polish` keep to them, too, each for itself.
 
     >>> solution = ICP([[2.0]], [-2.0]).solve("mnmgs")
     >>> solution.status, solution.iterations
@@ -123,6 +124,8 @@ class Solution(ReadOnly):
     accuracy: float | None = None
     history: History | None = field(default=None, repr=False)
     infeasible: Answer | None = field(default=None, repr=False)
+    time_limit: float | None = field(default=None, repr=False)
+    memory_limit: float | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         self.z.flags.writeable = False  # all else is locked already
@@ -156,12 +159,12 @@ class Solution(ReadOnly):
 
     @cached_property
     def certificate(self) -> Certificate:
-        """Everything that is certain of z; may cost one linear solve, once per A and ψ.
+        """Everything that is certain of z; may cost one linear solve, once per A and ψ, where the limits allow it.
 
         >>> ICP([[2.0]], [-2.0]).solve().certificate.unique
         True
         """
-        return certify(self.problem, self.z)
+        return certify(self.problem, self.z, time_limit=self.time_limit, memory_limit=self.memory_limit)
 
     @cached_property
     def active_set(self) -> ActiveSet:
@@ -180,7 +183,8 @@ class Solution(ReadOnly):
         rounding; else it is a candidate like any other. Returns the new solution if its residual or its error bound is
         the smaller one by a hundredth or more (where p is large in its units, rounding alone makes a residual), else
         this one. Its status is SOLVED where it reaches what was asked for, else it is unchanged. Where the equations
-        cannot be solved, because they are singular or ψ or its derivative fails, this answer with `why` saying so.
+        cannot be solved, because they are singular, ψ or its derivative fails or it would take too long or too much
+        memory, this answer with `why` saying so.
 
         >>> rough = ICP([[2, -1], [-1, 2]], [-1, 3]).solve("mnmgs", rtol=0.1)
         >>> rough.polish().z
@@ -189,9 +193,10 @@ class Solution(ReadOnly):
         problem, known = self.problem, self.active_set
         active = known.active | (known.undecided & nearer_to_obstacle(problem, self.z))
         try:
-            z = solve_on(problem, self.z, active)
+            with limited(self.time_limit, self.memory_limit):
+                z = solve_on(problem, self.z, active)
             residual = problem.residual(z)
-        except IcpError as error:
+        except (IcpError, MemoryError) as error:
             return self._with(why=self._and_why(f"not polished: {error}"))
         if not (residual < _BETTER * self.residual or self._closer(z)):
             return self
@@ -213,7 +218,7 @@ class Solution(ReadOnly):
         known = self.error_bound
         if known is None:
             return False
-        found = error_bound(self.problem, z).value
+        found = error_bound(self.problem, z, time_limit=self.time_limit, memory_limit=self.memory_limit).value
         return found is not None and found < _BETTER * known
 
     def _and_why(self, told: str) -> str:

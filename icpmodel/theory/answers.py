@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
+from ..numerics import work
 from ..numerics.arrays import ReadOnly
+
+UNDECIDED = "not decided"  #: how the reason begins where a limit left a question open
+#: what is felt of the limit of a question
+_SMALL = 0.05
 
 
 @dataclass(frozen=True)
@@ -30,3 +37,29 @@ class Answer(ReadOnly):
     def __str__(self) -> str:
         word = {True: "yes", False: "no", None: "unknown"}[self.holds]
         return f"{word}: {self.reason}"
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """What one question may cost: so many `products` with A, of which each costs `unit` nanoseconds as they are
+    counted. Others learn from `undecided` that it was not enough, or that something else was not."""
+
+    products: float
+    unit: float
+
+    def kept(self) -> AbstractContextManager[None]:
+        """A block in which more raises OutOfTime."""
+        return work.of_count(self.products * self.unit)
+
+    def is_felt(self, matrices: int, nnz: int) -> bool:
+        """Whether so many sparse matrices with so many entries take more than a small share of it."""
+        return matrices * work.build_cost(nnz) > _SMALL * self.products * self.unit
+
+    def undecided(self, error: Exception) -> str:
+        """Why there is no answer."""
+        if isinstance(error, MemoryError):
+            return f"{UNDECIDED}: {error}"
+        return f"{UNDECIDED} within {self.products:.3g} products with A"
+
+
+UNLIMITED = Allowance(math.inf, 1.0)

@@ -362,3 +362,7 @@ class TestMatricesThatMultigridIsNotMadeFor:
         plane = sp.kron(line, eye) + sp.kron(eye, line)
         A = sp.csr_array(sp.kron(plane, eye) + sp.kron(sp.eye_array(400), line))
         assert len(Hierarchy(icp.ICP(A, np.ones(8000))).levels) > 3
+
+
+def test_a_radius_whose_square_overflows_is_no_foreign_exception():
+    assert icp.Multilevel().estimate(icp.ICP([[1e-200, 1.0], [1.0, 1e-200]], [1.0, 1.0]).facts, 1e-8).steps == np.inf

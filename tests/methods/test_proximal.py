@@ -187,3 +187,13 @@ def test_a_path_through_few_columns_has_the_residual_of_its_iterates():
         few += np.count_nonzero(z != problem.psi.c) < 100
     assert few
     assert run(problem).solved
+
+
+def test_the_interior_steps_of_a_problem_without_any_obstacle_are_newton_steps():
+    """Nothing is bounded, so that there is no longest step and no complementarity to measure."""
+    A = [
+        [48321256.05119265, -136944226.83382624, 102118537.92098375],
+        [-136944226.83382624, 441599818.28677034, -304245947.0949065],
+        [102118537.92098375, -304245947.0949065, 219925488.61771172],
+    ]
+    assert run(icp.ICP(A, [-0.3597688079966724, 0.2148426585980065, 0.9585910347869577], -np.inf)).solved

@@ -91,3 +91,44 @@ def test_a_bound_that_would_cost_too_much_work_is_not_decided():
     )
     problem = icp.ICP(sp.csr_array(B @ B.T + 0.3 * sp.eye_array(n)), rng.standard_normal(n))
     assert "not decided within 60 s of work" in icp.theory.error_bound(problem, np.zeros(n)).reason
+
+
+def definite(n):
+    """A positive definite and no H-matrix on a random graph, whose factors are as good as dense."""
+    rng = np.random.default_rng(1)
+    B = sum(
+        sp.coo_array((rng.standard_normal(n), (np.arange(n), rng.permutation(n))), (n, n)).tocsr() for _ in range(3)
+    )
+    return icp.ICP(sp.csr_array(B @ B.T + 0.3 * sp.eye_array(n)), rng.standard_normal(n))
+
+
+@pytest.mark.parametrize(("name", "limit"), [("time_limit", 0.0), ("memory_limit", 1e3)])
+def test_the_limits_of_a_run_hold_for_its_certificate_and_its_polish(name, limit):
+    solution = definite(1000).solve("mnmgs", max_iter=1, raise_on_failure=False, **{name: limit})
+    assert f"not decided within {name} = {limit:g}" in solution.certificate.bound.reason
+    assert "not decided" in str(solution)
+    polished = solution.polish()
+    assert polished.residual == solution.residual
+    assert "not polished" in polished.why
+
+
+@pytest.mark.parametrize("name", ["time_limit", "memory_limit"])
+def test_a_bound_keeps_to_limits_of_its_own(name):
+    problem = definite(1000)
+    bound = icp.error_bound(problem, np.zeros(1000), **{name: 0})
+    assert bound.value is None
+    assert f"not decided within {name} = 0" in bound.reason
+    with pytest.raises(icp.InputError, match=name):
+        icp.error_bound(problem, np.zeros(1000), **{name: -1})
+
+
+def test_a_sharper_bound_that_would_cost_too_much_leaves_the_plain_one():
+    problem, z = expander(12_000), np.full(12_000, 10.0)
+    plain = icp.error_bound(problem, z, sharp=False)
+    assert icp.error_bound(problem, z, sharp=True, time_limit=1).value == plain.value
+
+
+def test_a_polish_that_would_take_for_ever_is_not_begun():
+    """Nobody limits it, but its factors are foreseen to take more than a minute."""
+    solution = expander(40_000).solve("mnmgs", z0=np.full(40_000, 10.0), max_iter=0, raise_on_failure=False)
+    assert "not polished" in solution.polish().why

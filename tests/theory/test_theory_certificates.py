@@ -654,3 +654,21 @@ class TestSupersolution:
         jumps = sp.csr_array((np.zeros(2), ([0, 1], [1, 0])), shape=(2, 2))
         found = supersolution.prove(icp.ICP(np.eye(2), [-1.0, 0.0], icp.Intervention(jumps)))
         assert found == "no strict supersolution was found by policy iteration"
+
+
+@pytest.mark.parametrize(
+    "psi", [icp.Elementwise(np.sin, np.cos, lipschitz=1.0), icp.Affine(np.eye(4)), icp.Affine(-np.eye(4))]
+)
+def test_a_lipschitz_constant_of_1_leaves_singular_choices_of_rows_and_no_foreign_exception(psi):
+    """I − G is zero there, so that policy iteration and Newton's steps meet empty rows, which SuperLU must not see."""
+    A = sp.diags_array([-np.ones(3), 2 * np.ones(4), -np.ones(3)], offsets=[-1, 0, 1])
+    problem = icp.ICP(A, -np.ones(4), psi)
+    solution = problem.solve(raise_on_failure=False)
+    assert solution.solved
+    bound = icp.error_bound(problem, solution.z, sharp=True)
+    assert bound.value is None or bound.value < 1e-6
+    assert icp.certify(problem, np.zeros(4)).bound.unique == bound.unique
+    assert "status" in str(solution)
+    assert "solution" in str(problem.explain())
+    assert problem.crosscheck(solution, ["osqp"]).rows
+    assert solution.polish().residual <= solution.residual

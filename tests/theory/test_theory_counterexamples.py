@@ -553,7 +553,7 @@ class TestDefinitenessOfLargeMatrices:
 
     def test_beyond_the_limit_the_answer_is_unknown_and_says_so(self):
         """Neighbours at random: no order of the rows makes a narrow band of them."""
-        n = 12_000
+        n = 20_000
         rows, columns = np.random.default_rng(0).integers(0, n, size=(2, 4 * n))
         S = sp.csr_array((np.full(4 * n, 0.5), (rows, columns)), shape=(n, n))
         S = sp.csr_array(S + S.T + 3 * sp.eye_array(n))

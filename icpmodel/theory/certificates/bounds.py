@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -12,14 +12,15 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ...errors import MapError, OutOfMemory, OutOfTime
+from ...errors import MapError, OutOfTime
 from ...numerics import work
-from ...numerics.arrays import ReadOnly, Vector, as_truth, not_finite
+from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ...problem.data import ProblemData, as_problem
 from ...problem.facts import Facts
 from ...problem.map import Map
 from ...problem.matrix import Matrix
+from ..answers import UNDECIDED
 from ..matrices.classes import MatrixClasses
 from .definite import prove as prove_definite
 from .h_plus import HPlusProof
@@ -88,8 +89,28 @@ def listed(reason: str) -> str:
     return f" {reason}" if len(several) == 1 else "".join(f"\n- {one}" for one in several)
 
 
+@contextmanager
+def limited(time_limit: float | None, memory_limit: float | None) -> Iterator[None]:
+    """A block in which what is foreseen to take more than these seconds and bytes, or without them and where nobody
+    else limits it more work than `BUDGET`, raises OutOfTime or OutOfMemory."""
+    with ExitStack() as kept:
+        if time_limit is not None or memory_limit is not None:
+            kept.enter_context(work.within(*(math.inf if x is None else x for x in (time_limit, memory_limit))))
+        if work.nanoseconds_left() == math.inf:
+            kept.enter_context(work.of_count(BUDGET))
+        yield
+
+
 @sheltered
-def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigorous: bool = False) -> ErrorBound:
+def error_bound(
+    problem: ProblemData,
+    z: Any,
+    *,
+    sharp: bool | None = None,
+    rigorous: bool = False,
+    time_limit: float | None = None,
+    memory_limit: float | None = None,
+) -> ErrorBound:
     """A bound on |z − z*| from one evaluation of p and r, or the reason why there is none.
 
     Bounds on the rounding errors are included, so that the bound is a proof for constant and affine ψ and for
@@ -101,8 +122,10 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
     bound of z itself may be thousands of times too wide; False: the bound of z itself. By default as True where A has
     at most 10 000 entries or the proof is a wide one; for larger A ẑ comes from sweeps or multigrid, for about half a
     linear solve with the levels that `solve` leaves, and nothing is done where the bound of z itself is about ten times
-    the error or less. `rigorous`: no bound where it would rest on a user's word. Where a step would bring the counted
-    work beyond a minute there is no bound, and the reason says so. Raises MapError where ψ fails at z.
+    the error or less. `rigorous`: no bound where it would rest on a user's word. `time_limit` in seconds and
+    `memory_limit` in bytes, as in `solve`; without them the limits are a minute of work, as it is counted, and the
+    memory that is free. What would take more is not begun: there is the bound without it, or none, and the reason says
+    so. Raises MapError where ψ fails at z.
     Reference: the files of `icpmodel.theory.certificates`: `h_plus`, `nearby`, `representatives`, `definite`,
     `supersolution`.
 
@@ -116,15 +139,19 @@ def error_bound(problem: ProblemData, z: Any, *, sharp: bool | None = None, rigo
         as_truth(sharp, "sharp")
     if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:
         return ErrorBound.none("psi is computed by a user's function, whose rounding errors are not known")
-    if work.nanoseconds_left() < math.inf:  # whoever limits it is told
+    for name, limit in (("time_limit", time_limit), ("memory_limit", memory_limit)):
+        if limit is not None:
+            as_number(limit, name, least=0)
+    if work.nanoseconds_left() < math.inf and time_limit is memory_limit is None:  # whoever limits it is told
         return _bound(problem, z, sharp)
     try:
-        with work.of_count(BUDGET):
+        with limited(time_limit, memory_limit):
             return _bound(problem, z, sharp)
     except OutOfTime:
-        return ErrorBound.none(f"not decided within {1e-9 * BUDGET:.0f} s of work")
-    except OutOfMemory:
-        return ErrorBound.none("not decided within the memory that there is")
+        within = f"{1e-9 * BUDGET:.0f} s of work" if time_limit is None else f"time_limit = {time_limit:g} s"
+    except MemoryError:
+        within = "the memory that there is" if memory_limit is None else f"memory_limit = {memory_limit:g} bytes"
+    return ErrorBound.none(f"{UNDECIDED} within {within}")
 
 
 def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
@@ -136,9 +163,10 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
             continue
         delta, euclidean = proof.bound(problem, z, *(rounding := problem.rounding(z)))
         if sharp or (sharp is None and (proof.wide or problem.A.nnz <= _SHARPEN_UP_TO)):
-            delta, euclidean = sharpened(problem, z, proof, _by_factorisation(problem, z, proof), delta, euclidean)
+            with suppress(OutOfTime, MemoryError):
+                delta, euclidean = sharpened(problem, z, proof, _by_factorisation(problem, z, proof), delta, euclidean)
         elif sharp is None and isinstance(proof, HPlusProof):
-            with suppress(OutOfTime, OutOfMemory):
+            with suppress(OutOfTime, MemoryError):
                 points = points_near(problem, z, proof, float(delta.max()), *rounding)
                 delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
         sentence = proof.sentence + (_WORD if problem.psi.at_users_word else "")

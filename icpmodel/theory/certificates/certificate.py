@@ -65,13 +65,11 @@ class Certificate:
 
 
 @sheltered
-def certify(
-    problem: ProblemData, z: Any, *, bound: bool = True, sharp: bool | None = None, rigorous: bool = False
-) -> Certificate:
+def certify(problem: ProblemData, z: Any, *, bound: bool = True, **options: Any) -> Certificate:
     """The one judge of an answer, ours or a foreign solver's.
 
     Parameters: `z` shape (n,), or a `Solution`; `bound` whether to look for an error bound as well, which may cost one
-    linear solve, and `sharp` and `rigorous` how: see `icpmodel.error_bound`.
+    linear solve, and how: the `options` of `icpmodel.error_bound`.
     Returns a `Certificate`. Raises InputError for what is no ICP or no such z, MapError where ψ fails.
 
     >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
@@ -88,7 +86,7 @@ def certify(
         residual_scaled=scaled,
         violation_p=float(np.maximum(-p, 0.0).max()),
         violation_r=float(np.maximum(-r, 0.0).max()),
-        bound=error_bound(problem, z, sharp=sharp, rigorous=rigorous) if bound else ErrorBound.none(NOT_COMPUTED),
+        bound=error_bound(problem, z, **options) if bound else ErrorBound.none(NOT_COMPUTED),
     )
 
 

@@ -17,8 +17,9 @@ diagonal 0 ≤ Δ ≤ I and |Γ| ≤ L; a null vector x of the bracket has (Ax)_
 
 ‖g‖ takes a y near H⁻¹g: ‖g‖ ≤ √(yᵀHy) + ‖g − Hy‖₂/√λ for every y. Without it the curvature of an error, which A
 multiplies by λ_max, would be divided by λ_min.
-Units: the unknowns are scaled by S = diag(AᵀB)^(−1/2) and the rows of p by S, those of r by S⁻¹, which keeps the form;
-t is then the norm of S⁻¹e. S is made of powers of two, so that scaling commits no error.
+Units: the unknowns are scaled by S = diag(A)^(−1/2) and the rows of p by S, those of r by σS⁻¹, which keeps the form;
+σ makes the largest entry of B about 1. t is then the norm of S⁻¹e. S and σ are powers of two, so that scaling commits
+no error.
 Reference: Pang, Math. Oper. Res. 12 (1987), for the idea of such bounds; Nesterov and Scrimali, Discrete Contin. Dyn.
 Syst. 31 (2011), for κ = ‖A‖‖L‖, which is never smaller where A ≥ 0; the proof above.
 """
@@ -31,8 +32,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from ...numerics import work
 from ...numerics.arrays import Vector
-from ...numerics.equilibration import in_units_exactly, symmetric_exponents
+from ...numerics.equilibration import in_units_exactly, row_exponents, symmetric_exponents
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, at_most, upper
 from ...problem.data import ProblemData
@@ -51,7 +53,8 @@ _SPLITS = (0.25, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class DefiniteProof(Proof):
-    """`smallest` ≤ λ and `gap` ≤ λ − κ of the problem scaled by 2^`exponent`, its Aᵀ, Bᵀ and Lᵀ as `A`, `B` and `L`.
+    """`smallest` ≤ λ and `gap` ≤ λ − κ of the problem scaled by 2^`exponent`, the rows of r by 2^`exponent_r`, its Aᵀ,
+    Bᵀ and Lᵀ as `A`, `B` and `L`.
 
     `H` differs from the symmetric part of AᵀB by at most `slack` in norm, and `solve` is about H⁻¹.
     """
@@ -59,6 +62,7 @@ class DefiniteProof(Proof):
     smallest: float
     gap: float
     exponent: np.ndarray
+    exponent_r: np.ndarray
     A: sp.csr_array
     B: sp.csr_array
     L: sp.csr_array
@@ -70,24 +74,25 @@ class DefiniteProof(Proof):
 
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            p, for_p = np.ldexp(problem.p(z), self.exponent), np.ldexp(for_p, self.exponent)
-            r, for_r = np.ldexp(problem.r(z), -self.exponent), np.ldexp(for_r, -self.exponent)
-            # all of it by one more power of two, so that no square over- or underflows
-            u, w = _split(p, r, p < r)
-            size = int(np.frexp(np.max(np.abs([u, w, for_p, for_r])))[1])
-            p, r, for_p, for_r = (np.ldexp(x, -size) for x in (p, r, for_p, for_r))
-            # what ldexp lost to underflow
-            for_p, for_r = for_p + 2 * SMALLEST, np.where(np.isposinf(r), 0.0, for_r + 2 * SMALLEST)
-            t = min(self._root(p, r, for_p, for_r, p < theta * r) for theta in _SPLITS)
-            delta = np.nextafter(np.ldexp(np.full(z.size, t), self.exponent + size), np.inf)
+            p, r = problem.p(z), problem.r(z)
+            scaled = np.ldexp(p, self.exponent), np.ldexp(r, self.exponent_r)
+            roots = (self._root(p, r, for_p, for_r, scaled[0] < theta * scaled[1]) for theta in _SPLITS)
+            deltas = [np.nextafter(np.ldexp(np.full(z.size, t), self.exponent + size), np.inf) for t, size in roots]
+            delta = min(deltas, key=lambda delta: float(np.nan_to_num(delta.max(), nan=np.inf)))
         return delta, float(delta.max())
 
-    def _root(self, p: Vector, r: Vector, for_p: Vector, for_r: Vector, balance: np.ndarray) -> float:
-        """The larger root of the quadratic for the split with u = p in the rows of `balance`, rounded up."""
-        u, w = _split(p, r, balance)
+    def _root(self, p: Vector, r: Vector, for_p: Vector, for_r: Vector, balance: np.ndarray) -> tuple[float, int]:
+        """t and an exponent e, 2^e·t the larger root of the quadratic for the split with u = p in the rows of
+        `balance`, rounded up; in units of 2^e what enters it is about 1, so that no square over- or underflows."""
+        u, w = np.where(balance, p, np.minimum(p, 0.0)), np.where(balance, np.minimum(r, 0.0), r)
         # min(x, 0) = 0 for certain where x exceeds its error
         for_u = np.where(~balance & (p > for_p), 0.0, for_p)
         for_w = np.where(balance & (r >= for_r), 0.0, for_r)
+        sizes = np.frexp(np.abs(u) + for_u)[1] + self.exponent, np.frexp(np.abs(w) + for_w)[1] + self.exponent_r
+        there = (u != 0.0) | (for_u > 0.0), (w != 0.0) | (for_w > 0.0)
+        size = max((int(of[any_].max()) for of, any_ in zip(sizes, there, strict=True) if any_.any()), default=0)
+        u, for_u = np.ldexp(u, self.exponent - size), np.ldexp(for_u, self.exponent - size) + 2 * SMALLEST
+        w, for_w = np.ldexp(w, self.exponent_r - size), np.ldexp(for_w, self.exponent_r - size) + 2 * SMALLEST
         U, W = np.abs(u) + for_u, np.abs(w) + for_w
         terms = np.diff(self.A.indptr) + np.diff(self.B.indptr) + 4
         error = upper(abs(self.B), for_u) + upper(abs(self.A), for_w) + terms * SMALLEST
@@ -98,25 +103,20 @@ class DefiniteProof(Proof):
         errors = float(np.sum(U * for_w + W * for_u)) + (u.size + 4) * UNIT_ROUNDOFF * float(np.sum(U * W))
         product = float(u @ w) - 2 * errors - 4 * u.size * SMALLEST
         square, rest = b * b, 4 * self.gap * product
-        root = float(np.sqrt(max(square - rest, 0.0) + 8 * UNIT_ROUNDOFF * (square + abs(rest))))
-        return (b + root) / (2 * self.gap) * (1 + 8 * UNIT_ROUNDOFF)
+        root = np.sqrt(max(square - rest, 0.0) + 8 * UNIT_ROUNDOFF * (square + abs(rest)) + 8 * SMALLEST)
+        return (b + float(root)) / (2 * self.gap) * (1 + 8 * UNIT_ROUNDOFF), size
 
     def _dual(self, g: Vector) -> float:
         """An upper bound of √λ·√(gᵀH⁻¹g), not above that of ‖g‖₂."""
         y, n = self.solve(g), g.size
-        gamma = 2 * UNIT_ROUNDOFF * (n + 8)
+        gamma, underflow = 2 * UNIT_ROUNDOFF * (n + 8), (n + 8) * SMALLEST
         image, size = self.H @ y, abs(self.H) @ np.abs(y)
-        energy = float(y @ image) + gamma * float(np.abs(y) @ size) + n * SMALLEST
-        rest = norm_up(np.abs(g - image) + gamma * (np.abs(g) + size))
+        energy = float(y @ image) + gamma * float(np.abs(y) @ size) + underflow * (1.0 + float(np.abs(y).sum()))
+        rest = norm_up(np.abs(g - image) + gamma * (np.abs(g) + size) + underflow)
         lost = 2 * self.slack * norm_up(y)
         energy += lost * norm_up(y)
-        dual = float(np.sqrt(max(self.smallest * energy, 0.0))) * (1 + 8 * UNIT_ROUNDOFF) + rest + lost
-        return float(np.fmin(dual, norm_up(g)))
-
-
-def _split(p: Vector, r: Vector, balance: np.ndarray) -> tuple[Vector, Vector]:
-    """(u, w): u = p and w = min(r, 0) in the rows of `balance`, w = r and u = min(p, 0) in the others."""
-    return np.where(balance, p, np.minimum(p, 0.0)), np.where(balance, np.minimum(r, 0.0), r)
+        root = float(np.sqrt(max(self.smallest * energy, 0.0) + 8 * SMALLEST))
+        return float(np.fmin(root * (1 + 8 * UNIT_ROUNDOFF) + rest + lost, norm_up(g)))
 
 
 def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
@@ -127,15 +127,20 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     if psi.lipschitz is None:
         return "no Lipschitz matrix of psi is known: give `lipschitz`"
     B, L = _slopes(psi, n)
-    work = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
-    if n > LARGEST or work > _LARGEST_WORK:
+    products = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
+    if n > LARGEST or products > _LARGEST_WORK:
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
+    coupled = (sp.eye_array(n) != B).nnz > 0
+    work.build(products, 12)
     exponent = symmetric_exponents(A.diagonal())
-    scaled = [in_units_exactly(X, left, exponent) for X, left in ((A, exponent), (B, -exponent), (L, -exponent))]
+    exponent_r = -exponent
+    if coupled:  # so that AᵀB is about 1 as well
+        exponent_r = exponent_r + int((row_exponents(B, exponent) + exponent).min())
+    scaled = [in_units_exactly(X, left, exponent) for X, left in ((A, exponent), (B, exponent_r), (L, exponent_r))]
     if any(X is None for X in scaled):
         return "A is not tested for definiteness: scaled to a diagonal of 1, its entries or those of psi underflow"
     A, B, L = scaled
-    At, coupled = sp.csr_array(A.T), (sp.eye_array(n) != B).nnz > 0
+    At = sp.csr_array(A.T)
     widest = int(np.diff(At.indptr).max()) + 4
     gamma, underflow = 2 * widest * UNIT_ROUNDOFF, n * widest * SMALLEST
     slack, ones = 0.0, np.ones(n)
@@ -159,7 +164,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
         return f"psi is too steep: {reach}"
     sentence = f"{name} is positive definite (the symmetric part, its diagonal scaled to 1, is >= {at_least(smallest)})"
     Bt, Lt = sp.csr_array(B.T), sp.csr_array(L.T)
-    return DefiniteProof(sentence, smallest, gap, exponent, At, Bt, Lt, H, slack, lu.solve)
+    return DefiniteProof(sentence, smallest, gap, exponent, exponent_r, At, Bt, Lt, H, slack, lu.solve)
 
 
 def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:

@@ -53,9 +53,14 @@ class RepresentativesProof(Proof):
             p, error_p = np.ldexp(problem.p(z), self.row_p), np.ldexp(for_p, self.row_p) + 2 * SMALLEST
             r, error_r = np.ldexp(problem.r(z), self.row_r), np.ldexp(for_r, self.row_r) + 2 * SMALLEST
             free = np.isposinf(r)
-            natural = np.minimum(self.K * p, np.where(free, np.inf, self.H * np.where(free, 0.0, r)))
-            errors = np.maximum(self.K * error_p, np.where(free, 0.0, self.H * error_r))
-            total = (np.abs(natural) + errors + SMALLEST).sum(axis=1) * (1 + (z.size + 8) * UNIT_ROUNDOFF)
+            r, error_r = np.where(free, 0.0, r), np.where(free, 0.0, error_r)
+            # an error counts on the side that is the smaller one alone
+            low, high = (
+                np.minimum(self.K * (p + sign * error_p), np.where(free, np.inf, self.H * (r + sign * error_r)))
+                for sign in (-1.0, 1.0)
+            )
+            total = np.maximum(np.abs(low), np.abs(high)) + SMALLEST
+            total = total.sum(axis=1) * (1 + (z.size + 8) * UNIT_ROUNDOFF)
             delta = np.nextafter(np.ldexp(total, self.column), np.inf)
         return delta, norm_up(delta)
 

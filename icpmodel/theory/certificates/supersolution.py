@@ -152,4 +152,4 @@ def _margin(problem: ProblemData, weight: Vector, s: Vector) -> float:
     for_p, for_r = problem.rounding(s)
     p, r = problem.p(s), problem.r(s)
     F = np.minimum((p - for_p) / weight, r - for_r)
-    return float((F - 4 * UNIT_ROUNDOFF * np.abs(F)).min())
+    return float((F - 4 * UNIT_ROUNDOFF * np.abs(F)).min()) - SMALLEST

@@ -42,6 +42,7 @@ import scipy.sparse as sp
 
 from ...algebra.splittings import AOR, Member
 from ...errors import InputError
+from ...numerics import work
 from ...numerics.arrays import Vector, as_csr, as_vector, described, diagonal_positions
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData, as_problem
@@ -74,6 +75,7 @@ class StepMatrices:
         self.omega = member.omega_of(problem)
         self.phi = as_vector(member.phi, self.n, "phi")
         self.phi1 = as_vector(getattr(member, "phi1", 1.0), self.n, "phi1")
+        work.build(self.A.nnz, 6)
         with np.errstate(all="ignore"):  # what overflows proves nothing
             self.M1 = as_csr(self.splitting.matrix(self.A), "M1", keep_diagonal=True)
             self.M = _shifted(self.M1, self.phi)
@@ -93,17 +95,20 @@ class StepMatrices:
     @cached_property
     def omega_G(self) -> sp.csr_array:
         """ΩG."""
+        work.build(self.G.nnz)
         return sp.csr_array(sp.diags_array(self.omega) @ self.G)
 
     @cached_property
     def size(self) -> sp.csr_array:
         """|M₁| + |φ| + Ω + |A| + ΩG."""
+        work.build(self.A.nnz, 5)
         diagonal = np.abs(self.phi) + self.omega + np.abs(self.D)
         return sp.csr_array(abs(self.M1) + abs(self.A) + self.omega_G + sp.diags_array(diagonal))
 
 
 def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     """|`matrix`| with a zero diagonal."""
+    work.build(matrix.nnz, 2)
     result = sp.csr_array(abs(matrix))
     return sp.csr_array(result - sp.diags_array(result.diagonal()))
 
@@ -116,6 +121,7 @@ def _shifted(matrix: sp.csr_array, diagonal: Vector) -> sp.csr_array:
 
 def sharper(step: StepMatrices) -> MonotoneMap:
     """T(v) = |X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v)."""
+    work.build(step.size.nnz, 6)
     X, omega = step.X, sp.diags_array(step.omega)
     first = sp.csr_array(abs(X - 2.0 * step.A))
     second = sp.csr_array(abs(X - 2.0 * omega) + 2.0 * step.omega_G)
@@ -124,6 +130,7 @@ def sharper(step: StepMatrices) -> MonotoneMap:
 
 def theorem_41(step: StepMatrices) -> MonotoneMap:
     """v ↦ Lv, L = |X⁻¹|(|N̂| + |A − Ω| + 2ΩG)."""
+    work.build(step.size.nnz, 6)
     F = abs(step.N) + abs(step.A - sp.diags_array(step.omega)) + 2.0 * step.omega_G
     return MonotoneMap(absolute_inverse(step.X, step.size), (sp.csr_array(F),), step.size)
 
@@ -240,6 +247,7 @@ def _jacobi(step: StepMatrices, name: str, diagonal: Vector, F: sp.csr_array, li
     if not (diagonal > 0).all():
         i = int(np.argmin(diagonal > 0))
         return f"{name} is {diagonal[i]:g} in row {i}, not positive"
+    work.build(step.size.nnz, 4)
     F, S = sp.csr_array(F), sp.csr_array(sp.diags_array(diagonal))
     # F is at most a few times the size, which the factor of theorem 4.3 may exceed
     size = sp.csr_array(step.size + F)

@@ -13,7 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...algebra.splittings import Given
-from ...errors import SingularOperator
+from ...errors import OutOfMemory, OutOfTime, SingularOperator
+from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import equilibrated, in_units
 from ...numerics.factorisation import factorise
@@ -96,6 +97,7 @@ class Comparison:
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
         """About (μI − |X⁻¹|F)⁻¹v, F ≥ 0, by (μ⟨X⟩ − F)y = ⟨X⟩v, without any proof; None where that is singular."""
+        work.build(self._C.nnz + F.nnz, 2)
         lu = factorise(sp.csr_array(mu * self._C - F))
         return None if lu is None else lu.solve(self._C @ v)
 
@@ -112,6 +114,7 @@ class Dense:
     def of(cls, X: sp.csr_array, size: sp.csr_array) -> Dense | None:
         """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
         n = X.shape[0]
+        work.spend(4 * work.dense_cost(n))
         with np.errstate(all="ignore"):
             # so that units cost no accuracy
             S, rows, columns = equilibrated(size.toarray())
@@ -138,6 +141,7 @@ class Dense:
         return np.maximum(y, 0.0)
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
+        work.spend(3 * work.dense_cost(v.size))
         try:
             return np.linalg.solve(mu * np.eye(v.size) - self.above @ F, v)
         except np.linalg.LinAlgError:
@@ -153,6 +157,11 @@ class HomogeneousMap(ABC):
     @abstractmethod
     def entries(self) -> int:
         """How many entries of matrices one evaluation reads."""
+
+    @property
+    def price(self) -> float:
+        """What one evaluation costs; to solve with X, or to sweep, counts itself."""
+        return 2.0 * work.product(0, self.entries)
 
     @abstractmethod
     def upper(self, v: Vector) -> Vector:
@@ -215,7 +224,8 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector]) -> Radius:
     with T(v) ≥ v where v > 0 gives ρ(T) ≥ 1. The best
     of `starts` (vectors of shape (n,), asked for only until one gives less than 1) is improved by v ← T(v) + v/4·ρ,
     which never makes the quotient larger, and, where a sparse factorisation is cheap, by Noda's iteration
-    v ← (μI − T_v)⁻¹v, μ the quotient, which converges quadratically and keeps v > 0.
+    v ← (μI − T_v)⁻¹v, μ the quotient, which converges quadratically and keeps v > 0; both for as long as the work may
+    be afforded. Raises OutOfTime where it ends before anything is decided.
     Reference: Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1979), chapter 2; Noda, Numer.
     Math. 17 (1971); Nussbaum, Linear Algebra Appl. 75 (1986), for maps that are not linear.
     """
@@ -231,6 +241,8 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector]) -> Radius:
             best = _noda(T, best)
         best, last = _power(T, best, int(np.clip(_READ // T.entries, 3, 100)))
         fails = best.upper >= 1 and (_invariant_part(T, last) or _invariant_part(T, best.v))
+        if best.upper >= 1 and not fails:
+            work.afford(T.price)
         return best._replace(holds=True if best.upper < 1 else False if fails else None)
 
 
@@ -238,6 +250,7 @@ def _quotient(T: HomogeneousMap, v: Vector) -> tuple[float, Vector]:
     """(max_i T(v)_i/v_i rounded up, T(v)); infinite for a v that is not positive."""
     if not ((v > 0).all() and np.isfinite(v).all()):
         return np.inf, v
+    work.add(T.price)
     image = T.upper(v)
     return float(np.nextafter((image / v).max(), np.inf)), image
 
@@ -255,12 +268,13 @@ def _worthwhile(before: float, after: float) -> bool:
 
 
 def _noda(T: HomogeneousMap, best: Radius) -> Radius:
-    # where rho < 1 this start alone proves it: T(v) = v - start
-    best = _better(T, T.steeper(1.0, best.v), best)
-    for _ in range(20):
-        before, best = best, _better(T, T.steeper(best.upper, best.v), best)
-        if not _worthwhile(before.upper, best.upper):
-            break
+    with contextlib.suppress(OutOfTime, OutOfMemory):
+        # where rho < 1 this start alone proves it: T(v) = v - start
+        best = _better(T, T.steeper(1.0, best.v), best)
+        for _ in range(20):
+            before, best = best, _better(T, T.steeper(best.upper, best.v), best)
+            if not _worthwhile(before.upper, best.upper):
+                break
     return best
 
 
@@ -268,6 +282,8 @@ def _power(T: HomogeneousMap, best: Radius, steps: int) -> tuple[Radius, Vector]
     """Power steps for as long as they gain, or until T(v) ≥ v: the best bound and the last v."""
     v = best.v
     for step in range(steps):
+        if work.nanoseconds_left() < T.price:
+            break
         before = best.upper
         quotient, image = _quotient(T, v)
         if quotient < before:
@@ -284,6 +300,9 @@ def _invariant_part(T: HomogeneousMap, v: Vector) -> bool:
     """Whether T(u) ≥ u on the support of some u ≤ v, u ≠ 0, that arises by dropping the entries that fail."""
     u = v.copy()
     for _ in range(50):
+        if work.nanoseconds_left() < T.price:
+            break
+        work.add(T.price)
         short = (u > 0) & ~(T.lower(u) >= u)
         if not short.any():
             return bool((u > 0).any())

@@ -27,6 +27,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from ...numerics import work
 from ...numerics.arrays import is_symmetric, row_of
 from ...numerics.equilibration import in_units, symmetric_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
@@ -114,6 +115,7 @@ def contraction_factor(step: StepMatrices, largest_work: int = _LARGEST_WORK) ->
     """An upper bound of ‖(A' − I)(A' + I)⁻¹‖₂, rounding included, or None where none below 1 was found."""
     if step.n > LARGEST:
         return None
+    work.build(step.A.nnz, 6)
     half = sp.diags_array(1.0 / np.sqrt(step.omega))
     A = sp.csr_array(half @ step.A @ half)
     if not np.isfinite(A.data).all() or not within_reach(sp.csr_array(A + A.T)):
@@ -143,6 +145,7 @@ def _from_eigenvalues(A: sp.csr_array, symmetric: bool) -> float | None:
 def _from_quotient(A: sp.csr_array) -> float | None:
     """σ² ≤ 1 − 4τ for a τ next to the largest with H − τKᵀK ≥ 0."""
     n, identity, absolute = A.shape[0], sp.eye_array(A.shape[0]), sp.csr_array(abs(A))
+    work.build(int(np.square(np.diff(A.indptr)).sum()), 4)
     size, K = sp.csr_array(absolute + identity), sp.csr_array(A + identity)
     H = sp.csr_array(0.5 * (A + A.T))
     KK = sp.csr_array(K.toarray().T @ K.toarray()) if is_dense(K) else sp.csr_array(K.T @ K)

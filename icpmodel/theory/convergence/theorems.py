@@ -8,16 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...algebra.splittings import Member
-from ...errors import InputError, SingularOperator
+from ...errors import InputError, OutOfMemory, OutOfTime, SingularOperator
+from ...numerics import work
 from ...numerics.arrays import Vector, described
 from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
 from ...problem.data import ProblemData
-from ..answers import Answer
+from ..answers import UNLIMITED, Allowance, Answer
 from ..certificates.bounds import proofs_of
 from .conditions import StepMatrices, printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44
 from .contraction import HomogeneousMap, radius
 from .rowwise import h_plus, rowwise
 from .structural import DEFINITE, MONOTONE, definite, monotone
+
+#: sparse matrices that are made for one theorem, about
+_MATRICES = 20
+#: nanoseconds that balancing takes for an entry
+_BALANCE = 100.0
 
 
 @dataclass(frozen=True)
@@ -87,16 +93,35 @@ def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool =
     return _check(theorem, StepMatrices(problem, member), as_printed)
 
 
-def check_all(problem: ProblemData, member: Member) -> dict[str, Check]:
-    """Every theorem, corrected: name → `Check`. What serves one is tried first on the next.
+def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED) -> dict[str, Check]:
+    """Every theorem, corrected: name → `Check`. What serves one is tried first on the next; `limit` is that of each.
 
     >>> from icpmodel import MNMGS
     >>> [name for name, found in check_all(ICP([[2, -1], [-1, 2]], [0, 0]), MNMGS()).items() if found.holds]
     ['4.1', '4.2', '4.3', '4.4', 'sharper']
     """
-    step = StepMatrices(problem, member)
-    found = {name: _check(name, step, False) for name in _CHEAPEST_FIRST}
+    try:
+        with limit.kept():
+            step = StepMatrices(problem, member)
+    except (OutOfTime, OutOfMemory) as error:
+        return {name: _of(name, Answer(None, limit.undecided(error))) for name in _THEOREMS}
+    found: dict[str, Check] = {}
+    dear = limit.is_felt(_MATRICES, step.A.nnz)
+    for name in _WORTHIEST_FIRST if dear else _CHEAPEST_FIRST:
+        by = next((one for one in _FOLLOWS.get(name, ()) if one in found and found[one].holds), None)
+        follows = Answer(True, f"it follows from theorem {by}, with the same v", by and found[by].vector)
+        try:
+            with limit.kept():
+                taken = dear and by is not None and name != "sharper"
+                found[name] = _of(name, follows) if taken else _check(name, step, False)
+        except (OutOfTime, OutOfMemory) as error:
+            found[name] = _of(name, follows if by is not None else Answer(None, limit.undecided(error)))
     return {name: found[name] for name in _THEOREMS}
+
+
+def _of(name: str, answer: Answer) -> Check:
+    theorem = _THEOREMS[name]
+    return Check(**vars(answer), theorem=name, sentence=theorem.sentence, false_as_printed=theorem.false)
 
 
 def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
@@ -126,6 +151,7 @@ def _starts(step: StepMatrices) -> Iterator[Vector]:
     if not isinstance(proof, str):
         yield proof.v
     if 1 < step.n <= 500:
+        work.spend(_BALANCE * step.n**2)
         from scipy.linalg import matrix_balance
 
         quotients = step.size.toarray() / step.size.diagonal()[:, None]
@@ -238,3 +264,7 @@ _THEOREMS = {
 }
 #: cheap conditions first: the v of one is the first that the next tries
 _CHEAPEST_FIRST = ("4.3", "4.4", "4.2", "4.1", "sharper", "h-plus", "rowwise", "monotone", "definite")
+#: with little to spend on them, those first that tell most
+_WORTHIEST_FIRST = ("4.3", "sharper", "4.4", "4.2", "4.1", "h-plus", "rowwise", "monotone", "definite")
+#: from which others a theorem follows, with the same v: see `conditions`
+_FOLLOWS = {"4.2": ("4.3",), "4.1": ("4.2", "4.3", "4.4"), "sharper": ("4.1", "4.2", "4.3", "4.4")}

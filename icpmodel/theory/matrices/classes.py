@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ...errors import OutOfMemory, OutOfTime
+from ...numerics import work
 from ...numerics.arrays import ReadOnly, as_csr, bandwidths
-from ..answers import Answer
+from ..answers import Allowance, Answer
 from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
 from .h_matrix import decide, h_matrix, irreducible_blocks, row_sum_signs, without_zeros
@@ -29,6 +31,9 @@ NAMES = {
     "semidefinite": "positive semidefinite",
     "p": "P-matrix",
 }
+
+#: those first on which others rest
+_BASIC_FIRST = sorted(NAMES, key=lambda name: name in ("m", "definite", "semidefinite", "p"))
 
 
 def classify(A: Any) -> MatrixClasses:
@@ -68,6 +73,22 @@ class MatrixClasses(ReadOnly):
 
     def __init__(self, A: sp.csr_array) -> None:
         self.A = A
+
+    def decided(self, limit: Allowance) -> MatrixClasses:
+        """A copy that was asked for everything, each within the `limit`; unknown beyond it."""
+        asked = MatrixClasses(self.A)
+        vars(asked).update(vars(self))
+        for name in _BASIC_FIRST:
+            try:
+                with limit.kept():
+                    vars(self)[name] = getattr(asked, name)
+            except (OutOfTime, OutOfMemory) as error:
+                vars(asked)[name] = unknown = Answer(None, limit.undecided(error))
+                if name == "h_plus":  # nor are others that rest on it asked for it once more
+                    vars(asked)["h"] = unknown
+                if name == "definite":
+                    vars(asked)["_definiteness"] = unknown, unknown
+        return asked
 
     def __str__(self) -> str:
         return "\n".join(f"{title:<29} {getattr(self, name)}" for name, title in NAMES.items())
@@ -123,6 +144,7 @@ class MatrixClasses(ReadOnly):
     @cached_property
     def symmetric(self) -> Answer:
         """A = Aᵀ, entry by entry. Witness of no: (i, j) with a_ij ≠ a_ji."""
+        work.build(self.A.nnz, 2)
         difference = sp.coo_array(self.A != self.A.T)
         if not difference.nnz:
             return Answer(True, "A equals its transpose")
@@ -163,11 +185,11 @@ class MatrixClasses(ReadOnly):
         pair = minor_of_order_two(self.A)
         if pair is not None:
             return Answer(False, f"the minor of rows and columns {pair[0]} and {pair[1]} is not positive", pair)
-        unknown, work, proved = None, 0, "every irreducible diagonal block is a P-matrix"
+        unknown, minors, proved = None, 0, "every irreducible diagonal block is a P-matrix"
         for rows, part in open_blocks(self.A):
             whole, small = rows.size == self.A.shape[0], rows.size <= LIMIT
-            work += 2**rows.size if small else 0
-            if small and work > 2 ** (LIMIT + 2):
+            minors += 2**rows.size if small else 0
+            if small and minors > 2 ** (LIMIT + 2):
                 return Answer(None, f"too many irreducible blocks of up to {LIMIT} rows to look at all of their minors")
             answer = by_pivots(part) if small else (self if whole else MatrixClasses(part))._p_by_theorems()
             reason = answer.reason if whole else f"{answer.reason} (irreducible block of {rows.size} rows)"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ...numerics import work
 from ...numerics.arrays import Vector, as_csr, diagonal_positions, row_of
 from ...numerics.factorisation import factorise
 from ...numerics.multigrid import KrylovMultigrid
@@ -28,6 +29,7 @@ def comparison_matrix(A: Any) -> sp.csr_array:
     """
     if not isinstance(A, sp.csr_array):
         A = as_csr(A, "A", keep_diagonal=True)
+    work.build(A.nnz)
     data = -np.abs(A.data)
     diagonal = diagonal_positions(A)
     data[diagonal] = -data[diagonal]
@@ -73,6 +75,7 @@ def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
     diagonal = M.diagonal()
     if (np.abs(diagonal) < np.finfo(np.float64).tiny).any():
         return None
+    work.build(M.nnz)
     rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ M)  # so that units do not look like singularity
     ones = np.ones(M.shape[0])
     if M.shape[0] > _FACTORISE_FIRST and (diagonal > 0).all():
@@ -96,6 +99,7 @@ def layered(comparison: sp.csr_array) -> Vector | None:
     """
     from ...numerics.kernels.graph import layer_increments, layers
 
+    work.build(comparison.nnz, 4)
     diagonal = comparison.diagonal()
     # exactly 0 where the entries cancel exactly; a row that is dominant by rounding only makes a bad v, no wrong one
     with np.errstate(over="ignore", invalid="ignore"):

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import Vector, row_of
+from ...numerics import work
+from ...numerics.arrays import Vector
 from ...numerics.factorisation import factorise
+from ...numerics.fill import ordered
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
 _SHARES = (0.99, 0.9, 0.5)
 #: up to so many rows dense factorisations are the quicker ones for all, and for those with many entries
 _DENSE, _DENSE_AT_MOST = 64, 2000
-#: rows up to which all is factorised, which takes seconds, and half the bandwidth up to which more are: a factorisation
-#: took (b/1200)³ · 8 s on grids of two and three dimensions
-_SMALL, _WIDEST = 10_000, 1500
+_SECONDS = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
+_TRIDIAGONAL = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
+_SQUARABLE = 2.0**500  #: inner products of vectors with such entries do not overflow
 _POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
 
 
@@ -60,7 +63,9 @@ def largest_above(N: sp.csr_array) -> float:
     """
     T = sp.csr_array(0.5 * (N + N.T))
     v = np.ones(T.shape[0])
+    work.build(N.nnz, 3)
     for _ in range(_POWER_STEPS):
+        work.spend(work.product(v.size, T.nnz))
         w = T @ v
         largest = float(w.max())
         if not 0 < largest < np.inf:
@@ -73,9 +78,13 @@ def largest_above(N: sp.csr_array) -> float:
 def falling(S: sp.csr_array) -> Vector | None:
     """An x ≠ 0, shape (n,), about which xᵀSx < 0 is likely, None where the symmetric `S` (CSR) seems to have none."""
     if is_dense(S):
-        from scipy.linalg import eigh
+        from scipy.linalg import LinAlgError, eigh
 
-        value, x = eigh(S.toarray(), subset_by_index=(0, 0))
+        work.spend(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
+        try:
+            value, x = eigh(S.toarray(), subset_by_index=(0, 0))
+        except LinAlgError:
+            return None
         return x[:, 0] if value[0] < 0 else None
     from scipy.sparse.linalg import spsolve_triangular
 
@@ -95,19 +104,8 @@ def is_dense(S: sp.csr_array) -> bool:
 
 
 def within_reach(S: sp.csr_array) -> bool:
-    """Whether the symmetric `S` (CSR) can be factorised in seconds: a million rows on a plane, fewer in space.
-
-    Half the bandwidth b of S in the order of Cuthill and McKee is about the size of its separators.
-    Reference: George and Liu, Computer Solution of Large Sparse Positive Definite Systems (1981).
-    """
-    if S.shape[0] <= _SMALL:
-        return True
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
-    order = reverse_cuthill_mckee(sp.csr_matrix(S), symmetric_mode=True)
-    place = np.empty_like(order)
-    place[order] = np.arange(order.size)
-    return bool(np.abs(place[row_of(S)] - place[S.indices]).max() <= _WIDEST)
+    """Whether the symmetric `S` (CSR) is foreseen to be factorised in seconds: a million rows on a plane."""
+    return is_dense(S) or ordered(S, np.inf, _SECONDS)[0].seen
 
 
 def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = None) -> float:
@@ -115,27 +113,40 @@ def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = 
     if is_dense(S if B is None else B):
         from scipy.linalg import LinAlgError, eigh
 
+        work.spend(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
         try:
             dense = None if B is None else B.toarray()
             return float(eigh(S.toarray(), dense, subset_by_index=(0, 0), eigvals_only=True)[0])
         except LinAlgError:
             return -np.inf
-    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     lu = lu or factorise(S, diagonal_pivots=True)
     if lu is None or not lu.U.diagonal().min() > 0:
         return -np.inf
-    inverse = LinearOperator(S.shape, matvec=lu.solve, dtype=np.float64)
+
+    def operator(times: Callable[[Vector], Vector]) -> LinearOperator:
+        def checked(x: Vector) -> Vector:
+            work.afford(work.product(x.size, S.nnz))
+            x = times(x)
+            if not np.abs(x).max() < _SQUARABLE:  # LAPACK, below ARPACK, prints what it thinks of infinities
+                raise ArithmeticError
+            return x
+
+        return LinearOperator(S.shape, matvec=checked, dtype=np.float64)
+
+    inverse, weight = operator(lu.solve), None if B is None else operator(lambda x: B @ x)
     start = np.random.default_rng(0).random(S.shape[0])
     try:
-        return float(eigsh(S, 1, B, 0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
-    except ArpackNoConvergence:
+        return float(eigsh(S, 1, weight, 0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
+    except (ArpackError, ArithmeticError):
         return -np.inf
 
 
 def _error_of_cholesky(S: sp.csr_array) -> float:
     """A bound on the norm of S − RᵀR, R the computed Cholesky factor, inf where there is none."""
     n = S.shape[0]
+    work.spend(work.dense_cost(n), 16.0 * n**2)
     try:
         factor = np.linalg.cholesky(S.toarray())
     except np.linalg.LinAlgError:
@@ -149,6 +160,7 @@ def _distance_from_definite(S: sp.csr_array) -> float:
     lu = factorise(S, diagonal_pivots=True)
     if lu is None or not ((D := lu.U.diagonal()) > 0).all():
         return np.inf
+    work.build(lu.L.nnz, 6)
     L, U, ones = sp.csr_array(lu.L), sp.csr_array(lu.U), np.ones(S.shape[0])
     exact = sp.csr_array(sp.diags_array(D) @ L.T)
     size = abs(U) @ ones + abs(exact) @ ones

@@ -24,6 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...numerics import work
 from ...numerics.arrays import Vector, row_of
 from ...numerics.equilibration import in_units, natural_exponents, row_exponents
 from ...numerics.rational import Rationals, as_witness, exact_sum, m_matrix, rationals
@@ -43,6 +44,7 @@ def irreducible_blocks(A: sp.csr_array) -> tuple[int, NDArray[np.int32]]:
     """
     from scipy.sparse.csgraph import connected_components
 
+    work.build(A.nnz, 2)
     return connected_components(without_zeros(A), connection="strong")
 
 
@@ -55,6 +57,7 @@ def without_zeros(A: sp.csr_array) -> sp.csr_array:
 
 def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
     """The sign of each row sum of `C` (CSR, shape (n, n), no row empty), without rounding: −1, 0 or 1, shape (n,)."""
+    work.build(C.nnz, 4)
     data, rows, n = C.data, row_of(C), C.shape[0]
     # in units of each row's largest entry, whole multiples of 2^-40 add up without rounding
     scaled = in_units(C, row_exponents(C)).data
@@ -124,6 +127,7 @@ def _spread(x: Vector, rows: NDArray[np.intp], n: int) -> Vector:
 
 def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
     """Whether `C` = ⟨C⟩ is a nonsingular M-matrix: its `count` diagonal blocks, or with the witness v > 0 all of it."""
+    work.build(C.nnz, 8)
     r, c = natural_exponents(C)
     S = without_zeros(in_units(within_blocks(C, block), r, c))
     if np.isfinite(S.data).all():
@@ -141,8 +145,10 @@ def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
 def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterator[tuple[str, Vector]]:
     """Vectors that may prove or disprove, by rising cost."""
     diagonal, x = S.diagonal(), np.ones(S.shape[0])
+    price = 3 * work.product(x.size, S.nnz)
 
     def image(x: Vector) -> Vector:
+        work.spend(price)
         return x - (S @ x) / diagonal  # Jx
 
     with np.errstate(all="ignore"):  # beside a diagonal next to nothing J overflows, and NaN proves nothing

@@ -23,6 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...numerics import work
 from ...numerics.arrays import row_of
 from ...numerics.equilibration import in_units, natural_exponents
 from ...numerics.rational import Rationals, eliminate, nearest, rationals
@@ -31,6 +32,7 @@ from ..answers import Answer
 from .h_matrix import by_row_sums, irreducible_blocks
 
 LIMIT = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
+_MINOR = 15.0  #: nanoseconds that a minor takes
 _PAIRS = 1000  #: at most so many nearly singular pairs are looked at in rational arithmetic
 _ROWS, _NEIGHBOURS = 200, 9  #: beyond LIMIT: so many rows are looked at, with so many of their neighbours
 
@@ -52,6 +54,7 @@ def open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
 
 def minor_of_order_two(A: sp.csr_array) -> Indices | None:
     """Indices i < j with a_ii a_jj ≤ a_ij a_ji, or None where no stored pair was found to have that."""
+    work.build(A.nnz, 8)
     S = in_units(A, *natural_exponents(A))
     with np.errstate(all="ignore"):
         product = sp.csr_array(S * sp.csr_array(S.T))
@@ -69,6 +72,7 @@ def minor_of_order_two(A: sp.csr_array) -> Indices | None:
 
 def by_small_minors(A: sp.csr_array) -> Answer:
     """For blocks beyond LIMIT of which no theorem tells anything: not P, with the witness, or unknown."""
+    work.build(A.nnz, 8)
     S = abs(in_units(A, *natural_exponents(A)))
     margin = 2 * S.diagonal() - S.sum(axis=1)
     coupling = sp.csr_array(S + S.T)
@@ -87,6 +91,8 @@ def by_small_minors(A: sp.csr_array) -> Answer:
 def by_pivots(A: sp.csr_array) -> Answer:
     """The exact test, for n ≤ 60 or so; the time doubles with each row."""
     n = A.shape[0]
+    work.build(A.nnz, 8)
+    work.spend(_MINOR * 2.0**n)
     r, c = natural_exponents(A)
     scaled = in_units(A, r, c).toarray()
     # what left the normal range is known up to the smallest float, or not at all

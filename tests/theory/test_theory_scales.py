@@ -1,0 +1,137 @@
+"""Every proof at every scale: what it says is held against rational arithmetic, with data of 1e±150, 1e±200, 1e±320."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from exact import exceeds, nearest_floats, rational, solutions, solve_rational
+
+import icpmodel as icp
+from icpmodel.theory.certificates.bounds import proofs_of
+from icpmodel.theory.convergence.conditions import StepMatrices
+from icpmodel.theory.convergence.theorems import check_all
+
+#: powers of ten; the last but one is below the normal floats
+SCALES = (0, 0, 0, -150, 150, -200, 200, -320, 300)
+PROOFS = ("h_plus", "representatives", "definite")
+
+
+def units(rng, n):
+    """One unit for all, or for each its own."""
+    powers = rng.choice(SCALES, n) if rng.random() < 0.3 else np.full(n, rng.choice(SCALES))
+    return np.array([10.0**k if k > -308 else 10.0 ** (k + 100) * 1e-100 for k in powers.tolist()])
+
+
+def drawn(rng):
+    """An ICP with up to four unknowns, of which A, q, ψ and z have sizes of their own; None where one is not finite."""
+    n = int(rng.integers(1, 5))
+    N = rng.normal(size=(n, n))
+    little = 10.0 ** rng.uniform(-6, 0) * np.eye(n)
+    A = [
+        N + np.diag(np.abs(N).sum(axis=1) * rng.uniform(0.9, 3)),
+        N @ N.T + little,
+        N @ N.T + little + N - N.T,
+        np.ones((n, n)) + little,
+    ][rng.integers(4)]
+    with np.errstate(all="ignore"):
+        d = units(rng, n)
+        A = A * d[:, None] * (d if rng.random() < 0.5 else units(rng, n))
+        q, c = (rng.normal(size=n) * units(rng, n) * (rng.random(n) < 0.7) for _ in range(2))
+        if rng.random() < 0.3:
+            c[rng.integers(n)] = -np.inf
+        slopes = [rng.normal(size=(n, n)) * 0.3 / n, np.diag(1 - 10.0 ** rng.uniform(-14, -1, n)), np.zeros((n, n))]
+        steep = -np.diag(np.abs(rng.normal(size=n)) * units(rng, n))
+        G = [*slopes, steep][rng.integers(4)]
+    if not all(np.isfinite(X).all() for X in (A, q, G)):
+        return None
+    return icp.ICP(A, q, icp.Affine(G, c))
+
+
+def points(rng, problem, exact):
+    """z near z*, and at every distance from it."""
+    n = problem.n
+    near = nearest_floats(exact) if all(abs(x) < Fraction(10) ** 308 for x in exact) else np.zeros(n)
+    with np.errstate(all="ignore"):
+        found = [near, np.zeros(n), near * (1 + 1e-10 * rng.normal(size=n))]
+        found += [near + rng.choice([-1, 0, 1], n) * units(rng, n) for _ in range(3)]
+    return [z for z in found if np.isfinite(z).all()]
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_no_bound_is_below_the_error_at_any_scale(seed):
+    rng, trials, bad = np.random.default_rng(seed), dict.fromkeys(PROOFS, 0), []
+    for problem in filter(None, (drawn(rng) for _ in range(30))):
+        found = solutions(problem)
+        for name in PROOFS:
+            proof = getattr(proofs_of(problem), name)
+            if isinstance(proof, str):
+                continue
+            assert len(found) == 1, (name, problem.A.toarray(), problem.psi)
+            for z in points(rng, problem, found[0]):
+                bound = icp.error_bound(problem, z, rigorous=True)
+                for delta in (proof.bound(problem, z, *problem.rounding(z))[0], bound.componentwise):
+                    if delta is not None and np.isfinite(delta).all():
+                        trials[name] += 1
+                        if exceeds(z, found[0], delta):
+                            bad.append((name, problem.A.toarray(), problem.q, problem.psi, z))
+    assert min(trials.values()) > 30
+    assert bad == []
+
+
+@pytest.mark.parametrize("rigorous", [False, True])
+@pytest.mark.parametrize("size", [1.0, 1e-150, 1e-200, 1e-300])
+def test_a_small_error_beside_a_far_obstacle_does_not_underflow_when_it_is_squared(size, rigorous):
+    n = 13
+    problem = icp.ICP(np.ones((n, n)) + 1e-3 * np.eye(n), np.zeros(n), -np.ones(n))
+    z = np.zeros(n)
+    z[:2] = size, -size
+    for sharp in (None, False):
+        bound = icp.error_bound(problem, z, sharp=sharp, rigorous=rigorous)
+        assert "positive definite" in bound.proof
+        assert size <= bound.value <= 40 * size
+
+
+def test_a_matrix_below_the_normal_floats_has_a_bound_that_holds():
+    psi = icp.Affine([[0.9651395178479033]], [-1.0])
+    problem = icp.ICP([[1.5e-323]], [1.8473554593164487], psi)
+    exact = solutions(problem)[0]
+    for z in (0.0, 1.0, -28.0, nearest_floats(exact)[0]):
+        for proof in (proofs_of(problem).representatives, proofs_of(problem).definite):
+            delta, _ = proof.bound(problem, np.array([z]), *problem.rounding([z]))
+            assert exceeds([z], exact, delta) == []
+    assert 28.6 < icp.error_bound(problem, [0.0], rigorous=True).value < 28.8
+
+
+def inverse(M):
+    n = len(M)
+    columns = [solve_rational(M, [Fraction(int(i == j)) for i in range(n)]) for j in range(n)]
+    return [[columns[j][i] for j in range(n)] for i in range(n)]
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_factor_of_theorem_sharper_holds_at_any_scale(seed):
+    """|X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v) ≤ σv, for the numbers v and σ that the check tells."""
+    rng, checked = np.random.default_rng(seed), 0
+    for problem in filter(None, (drawn(rng) for _ in range(20))):
+        n = problem.n
+        for member in (icp.MNMGS(), icp.MNMJ(), icp.MNMOD()):
+            if member.why_not(problem) is not None:
+                continue
+            found = check_all(problem, member)["sharper"]
+            if not found.holds:
+                continue
+            step, checked = StepMatrices(problem, member), checked + 1
+            A, X, G = (rational(M.toarray()) for M in (problem.A, step.M1, step.G))
+            omega, v, sigma = rational(step.omega)[0], rational(found.vector)[0], Fraction(found.number)
+            for i in range(n):
+                X[i][i] += omega[i]
+            w = []
+            for i in range(n):
+                own = [2 * omega[i] if i == j else 0 for j in range(n)]
+                of_p = sum(abs(X[i][j] - 2 * A[i][j]) * v[j] for j in range(n))
+                of_r = sum((abs(X[i][j] - own[j]) + 2 * omega[i] * G[i][j]) * v[j] for j in range(n))
+                w.append(max(of_p, of_r))
+            image = [sum(abs(x) * y for x, y in zip(row, w, strict=True)) for row in inverse(X)]
+            assert sigma < 1
+            assert all(x <= sigma * y for x, y in zip(image, v, strict=True)), (member, problem.A.toarray())
+    assert checked > 3
