@@ -5,7 +5,10 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
+from icpmodel.solve.goal import Limits
 from icpmodel.solve.many import ROWS_A_THREAD, UNKNOWNS_A_THREAD, Batch, solve_many
+
+LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=0, time_limit=None)
 
 
 class AtOnce(Batch):
@@ -16,7 +19,7 @@ class AtOnce(Batch):
 
 
 def at_once(A, Q, psi=0.0):
-    return AtOnce(A, Q, psi, None, 1e-8, 0.0).solutions()
+    return AtOnce(A, Q, psi, None, LIMITS).solutions()
 
 
 def spd(rng, n):
@@ -96,15 +99,15 @@ def test_what_the_pivots_get_wrong_is_not_called_solved():
     """The residual decides: where they return rubbish every row goes to solve()."""
 
     class Rubbish(Batch):
-        def pivoted(self, lcp, C, parts):
-            Z = np.full(self.Q.shape, np.nan)
+        def pivoted(self, lcp, Q, C):
+            Z = np.full(Q.shape, np.nan)
             Z[0] = 7.0
             return Z
 
     rng = np.random.default_rng(3)
     A, Q = spd(rng, 5), rng.normal(size=(4, 5))
     expected = solve_many(A, Q).Z
-    assert np.allclose(Rubbish(A, Q, 0.0, None, 1e-8, 0.0).solutions().Z, expected, rtol=1e-6)
+    assert np.allclose(Rubbish(A, Q, 0.0, None, LIMITS).solutions().Z, expected, rtol=1e-6)
 
 
 def test_overflow_is_safe_in_the_residuals():
@@ -216,7 +219,7 @@ def test_starts_are_used_row_by_row_and_else_the_answer_of_the_row_before():
             return z0
 
     def solve_seen(Z0):
-        return Seen(problem.A, Q, problem.psi.c, Z0, 1e-8, 0.0).solutions()
+        return Seen(problem.A, Q, problem.psi.c, Z0, LIMITS).solutions()
 
     first = solve_seen(None)
     assert np.array_equal(first.Z, solve_many(problem.A, Q, problem.psi.c).Z)
