@@ -211,7 +211,7 @@ class Run:
             residual, seconds = self._residual(z, hint), work.clock() - self.clock
             if not count:
                 first = residual
-                turn.need = math.log(residual / self.target) if self.target < residual < np.inf else np.inf
+                turn.need = math.log(residual / self.target) if 0.0 < self.target < residual < np.inf else np.inf
             self.bar.update(self.iteration, residual, self.goal.tolerance)
             if self.records is not None:
                 self.records.append((self.iteration, residual, seconds))
