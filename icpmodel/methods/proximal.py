@@ -290,7 +290,7 @@ class Interior:
         def direction(target: Vector) -> tuple[Vector, Vector, float]:
             dr = solve(rest - np.where(self.bounded, target / r, 0.0))
             ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
-            longest = max(np.max(-(dr / r)[self.bounded]), np.max(-(ds / s)[self.bounded]), 0.0)
+            longest = max(*(np.max(-(d / x)[self.bounded], initial=0.0) for d, x in ((dr, r), (ds, s))))
             return dr, ds, longest
 
         dr, ds, longest = direction(r * s)
