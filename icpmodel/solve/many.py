@@ -166,7 +166,8 @@ class Batch:
         k = _common(A=matrices, Q=Q, psi=self.maps, Z0=self.starts)
         # what is wrong in a row is said before another one is solved
         self.problems = [ProblemData(one, Q[0], self._psi(0)) for one in (matrices or [A])]
-        self.problem = self.problems[0]
+        problem = self.problem = self.problems[0]
+        self.small = problem.n <= PIVOT_UP_TO
         n = self.problem.n
         for name, rows in (("Z0", self.starts), ("psi", self.obstacles)):
             if rows is not None:
@@ -188,12 +189,11 @@ class Batch:
     def at_once(self) -> None:
         """The rows in compiled code, where there is some for them, while the limits allow it; a row is solved where its
         residual says so."""
-        problem, psi, n = self.problem, self.problem.psi, self.problem.n
+        problem, psi, n, small = self.problem, self.problem.psi, self.problem.n, self.small
         affine = psi.linear is not None and not psi.is_constant
         shared = len(self.problems) == 1 and (self.maps is None or self.obstacles is not None)
         if not shared or not (affine or problem.facts.has_fixed_obstacle):
             return
-        small = n <= PIVOT_UP_TO
         if not small and (affine or Tridiagonal().why_not(problem) is not None):
             return
         price = work.COSTS.pivot_entry * n**3 / 3.0 if small else work.COSTS.band_entry * 3.0 * n
@@ -220,6 +220,10 @@ class Batch:
                 self._judge(rows, C[rows])
                 self.solved[rows] = self.residuals[rows] <= self.tolerances[rows]
 
+    def _threads(self, Q: Matrix) -> int:
+        """How many threads the rows of `Q` are worth."""
+        return min(cores(), len(Q), -(-len(Q) // ROWS_A_THREAD) if self.small else -(-Q.size // UNKNOWNS_A_THREAD))
+
     def _values(self, Z: Matrix, C: Matrix) -> Matrix:
         """ψ(z), row by row."""
         psi = self.problem.psi
@@ -238,7 +242,7 @@ class Batch:
 
         def look(low: int, high: int) -> None:
             part = slice(low, high)
-            if problem.n <= PIVOT_UP_TO:
+            if self.small:
                 zeros = np.broadcast_to(zero, Z[part].shape)
                 judge(problem.dense(), Q[part], there[part], zeros, tolerances[part])
                 judge(problem.dense(), Q[part], here[part], Z[part], residuals[part])
@@ -249,7 +253,7 @@ class Batch:
             tolerances[part] = np.maximum(self.limits.atol, self.limits.rtol * tolerances[part])
             certain_rows(problem.matrix, problem.psi, Q[part], known[part], Z[part], residuals[part], tolerances[part])
 
-        in_parts(len(Q), _threads(Q), look)
+        in_parts(len(Q), self._threads(Q), look)
 
     def pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""
@@ -259,7 +263,7 @@ class Batch:
         X, scaled, limit = np.empty(Q.shape), scale(lcp.M), PIVOTS * (lcp.M.shape[0] + 1)
         in_parts(
             len(Q),
-            _threads(Q),
+            self._threads(Q),
             lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high]),
         )
         return X
@@ -270,7 +274,9 @@ class Batch:
 
         A, Z = self.problem.A, np.zeros(Q.shape)
         matrix = bands(A.indptr, A.indices, A.data)
-        in_parts(len(Q), _threads(Q), lambda low, high: many(*matrix, Q[low:high], C[low:high], _STEPS, Z[low:high]))
+        in_parts(
+            len(Q), self._threads(Q), lambda low, high: many(*matrix, Q[low:high], C[low:high], _STEPS, Z[low:high])
+        )
         return Z
 
     def solve(self, row: int) -> None:
@@ -299,7 +305,8 @@ class Batch:
         except MapError as error:
             self.failures[row] = Status.MAP_FAILED, str(error)
         except NotApplicable as error:
-            self.failures[row] = Status.STAGNATED, str(error)
+            status = Status.STAGNATED if limits.memory_limit is None else Status.MEMORY_LIMIT
+            self.failures[row] = status, str(error)
         except MemoryError as error:
             self.failures[row] = Status.MEMORY_LIMIT, str(error)
         except KeyboardInterrupt:  # before there was an iterate
@@ -341,9 +348,3 @@ class Batch:
         messages = {row: message for row, (_, message) in self.failures.items()}
         seconds = work.clock() - self.clock
         return Solutions(self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages)
-
-
-def _threads(Q: Matrix) -> int:
-    """How many threads the rows of `Q` are worth."""
-    rows, n = Q.shape
-    return min(cores(), rows, -(-rows // ROWS_A_THREAD) if n <= PIVOT_UP_TO else -(-Q.size // UNKNOWNS_A_THREAD))

@@ -288,3 +288,48 @@ def test_with_psi_keeps_what_is_known_of_a_and_forgets_the_proofs():
     assert other.matrix is problem.matrix
     assert other.facts is not problem.facts
     assert problem.with_q([1.0, 1.0]).facts is problem.facts
+
+
+@pytest.mark.parametrize("psi", [0.0, lambda z: 0.1 * np.sin(z)])
+def test_limits_of_time_and_memory_are_statuses_of_the_rows(psi):
+    """Law 12. A row that was not begun has its start, and nothing is said of its residual."""
+    rng = np.random.default_rng(7)
+    A, Q, Z0 = spd(rng, 5), rng.normal(size=(6, 5)), rng.normal(size=(6, 5))
+    found = solve_many(A, Q, psi, Z0=Z0, time_limit=0.0, raise_on_failure=False)
+    assert set(found.statuses) == {icp.Status.TIME_LIMIT}
+    assert np.array_equal(found.Z, Z0)
+    assert np.isinf(found.residuals).all()
+    assert solve_many(A, Q, psi, time_limit=60.0, memory_limit=1e9).failed == []
+    starved = solve_many(
+        icp.scenes.membrane(n=400).problem.A, np.ones((2, 400)) * -1, psi, memory_limit=0.0, raise_on_failure=False
+    )
+    assert set(starved.statuses) <= {icp.Status.SOLVED, icp.Status.MEMORY_LIMIT}
+
+
+def test_what_is_wrong_in_a_row_is_said_before_another_one_is_solved():
+    """As `ICP` says it: a matrix that is not finite, one of another size, a map of another length, texts and dates."""
+    never = icp.Function(lambda z: pytest.fail("a row was solved"))
+    good, Q = np.eye(2), np.ones((2, 2))
+    for A in ([good, np.array([[1.0, np.nan], [0.0, 1.0]])], [good, np.eye(3)], [good, 1j * good]):
+        with pytest.raises(icp.InputError):
+            solve_many(A, Q, never)
+    with pytest.raises(icp.InputError, match=r"psi.c has shape|psi has shape"):
+        solve_many(good, Q, [never, icp.Constant([1.0, 2.0, 3.0])])
+    for Q in (Q * 1j, [["a", "b"]], np.array([["2026-01-01", "2026-01-02"]], dtype="M8[D]"), [[1.0], [1.0, 2.0]], None):
+        for Z0 in (Q, None):
+            with pytest.raises(icp.InputError):
+                solve_many(good, np.ones((1, 2)) if Z0 is not None else Q, Z0=Z0)
+
+
+def test_a_singular_affine_obstacle_leaves_the_rows_to_the_other_methods():
+    found = solve_many([[2.0]], [[-2.0], [2.0]], icp.Affine([[1.0]], -1.0), raise_on_failure=False)
+    assert [status.name for status in found.statuses] == ["SOLVED", "SOLVED"]
+
+
+def test_ctrl_c_among_the_rows_at_once_leaves_what_was_solved():
+    class Interrupted(Batch):
+        def pivoted(self, lcp, Q, C):
+            raise KeyboardInterrupt
+
+    found = Interrupted([[2.0]], [[-2.0], [3.0]], 0.0, None, LIMITS).solutions()
+    assert set(found.statuses) == {icp.Status.INTERRUPTED}
