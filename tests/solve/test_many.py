@@ -315,10 +315,18 @@ def test_what_is_wrong_in_a_row_is_said_before_another_one_is_solved():
             solve_many(A, Q, never)
     with pytest.raises(icp.InputError, match=r"psi.c has shape|psi has shape"):
         solve_many(good, Q, [never, icp.Constant([1.0, 2.0, 3.0])])
-    for Q in (Q * 1j, [["a", "b"]], np.array([["2026-01-01", "2026-01-02"]], dtype="M8[D]"), [[1.0], [1.0, 2.0]], None):
-        for Z0 in (Q, None):
+    for wrong in (
+        Q * 1j,
+        [["a", "b"]],
+        np.array([["2026-01-01", "2026-01-02"]], dtype="M8[D]"),
+        [[1.0], [1.0, 2.0]],
+        None,
+    ):
+        with pytest.raises(icp.InputError):
+            solve_many(good, wrong)
+        if wrong is not None:
             with pytest.raises(icp.InputError):
-                solve_many(good, np.ones((1, 2)) if Z0 is not None else Q, Z0=Z0)
+                solve_many(good, Q, Z0=wrong)
 
 
 def test_a_singular_affine_obstacle_leaves_the_rows_to_the_other_methods():

@@ -118,7 +118,7 @@ class ProgramLcp:
         """x, ν and λ that belong to `y`."""
         values = self.unit * y
         n, m = self._n, self._m
-        x, multipliers = self._sign * values[:n], values[n : n + m]
+        x, multipliers = self._sign * values[:n], np.maximum(values[n : n + m], 0.0)
         force = np.maximum(self._force * self.problem.p(y), 0.0)[:n]
         inequality = np.zeros(self._factor.size)
         inequality[self._general] = multipliers[: self._general.size]
