@@ -21,15 +21,15 @@ UNIT_ROUNDOFF = 2.0**-53
 #: the smallest positive float64, the most that underflow can cost one operation
 SMALLEST = 2.0**-1074
 _FLUSHED = (
-    "this thread flushes subnormal numbers to zero (libraries compiled with -ffast-math set that mode): errors and bounds "
-    "below 2.2e-308 are not certain; unset it, for example by loading that library in another process"
+    "this thread flushes subnormal numbers to zero (libraries compiled with -ffast-math set that mode): errors and "
+    "bounds below 2.2e-308 are not certain; unset it, for example by loading that library in another process"
 )
 
 
 def sheltered(verb: Verb) -> Verb:
     """A verb of the package: it computes as NumPy does by default, whatever its user has asked of NumPy for himself,
-    and Ctrl-C stays a KeyboardInterrupt in compiled code, too. Warns where the processor flushes to zero what is smaller
-    than 2.2e-308, as some libraries make it do: proofs count on gradual underflow.
+    and Ctrl-C stays a KeyboardInterrupt in compiled code, too. Warns where the processor flushes to zero what is
+    smaller than 2.2e-308, as some libraries make it do: proofs count on gradual underflow.
     """
 
     @wraps(verb)
