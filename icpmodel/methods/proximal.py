@@ -284,19 +284,19 @@ class Interior:
         r, s, problem = self.r, self.s, self.path.problem
         rest = s - problem.p(self.z)
         solve = self._solver(s / r)
-        both = np.count_nonzero(self.bounded)
+        both = max(np.count_nonzero(self.bounded), 1)
         size = inner(r, s) / both
 
         def direction(target: Vector) -> tuple[Vector, Vector, float]:
             dr = solve(rest - np.where(self.bounded, target / r, 0.0))
             ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
-            longest = max(*(np.max(-(d / x)[self.bounded], initial=0.0) for d, x in ((dr, r), (ds, s))))
+            longest = max(*(float(np.max(-(d / x)[self.bounded], initial=0.0)) for d, x in ((dr, r), (ds, s))))
             return dr, ds, longest
 
         dr, ds, longest = direction(r * s)
         t = 1.0 / max(longest, 1.0)
         after = inner(np.where(self.bounded, r + t * dr, 0.0), s + t * ds) / both
-        dr, ds, longest = direction(r * s + dr * ds - (after / size) ** 3 * size)
+        dr, ds, longest = direction(r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0))
         t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
         self.r, self.s, self.z = np.where(self.bounded, r + t * dr, 1.0), s + t * ds, self.z + t * dr
         self.p = problem.p(self.z)

@@ -14,7 +14,7 @@ from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
 from ..errors import InputError, MapError, NotApplicable, NotSolved, OutOfMemory, OutOfTime, SingularOperator
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics import work
-from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes, norm
+from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes
 from ..numerics.rounding import is_ctrl_c, sheltered
 from ..numerics.threads import cores, in_parts
 from ..problem.data import ProblemData, as_map
@@ -233,25 +233,16 @@ class Batch:
 
     def _judge(self, rows: slice, C: Matrix) -> None:
         """The residuals of `rows`, which have the obstacles `C`, and what they are held against."""
-        from ..numerics.kernels.products import judge  # loads numba
-
         problem, Q, Z = self.problem, self.Q[rows], self.Z[rows]
-        residuals, tolerances, zero = self.residuals[rows], self.tolerances[rows], np.zeros((1, problem.n))
-        there, here = (np.broadcast_to(self._values(X, C), Q.shape) for X in (zero, Z))
-        known = C if problem.psi.linear is not None else here
+        residuals, tolerances = self.residuals[rows], self.tolerances[rows]
+        here, p = self._values(Z, C), (problem.A @ Z.T).T + Q
+        residuals[:] = _norms(np.minimum(p, Z - here))
+        at_0 = _norms(np.minimum(Q, -self._values(np.zeros((1, problem.n)), C)))
+        tolerances[:] = np.maximum(self.limits.atol, self.limits.rtol * at_0)
+        of_rows = Q, C if problem.psi.linear is not None else here, Z, residuals, tolerances
 
         def look(low: int, high: int) -> None:
-            part = slice(low, high)
-            if self.small:
-                zeros = np.broadcast_to(zero, Z[part].shape)
-                judge(problem.dense(), Q[part], there[part], zeros, tolerances[part])
-                judge(problem.dense(), Q[part], here[part], Z[part], residuals[part])
-            else:
-                for i in range(low, high):
-                    tolerances[i] = norm(np.minimum(Q[i], -there[i]))
-                    residuals[i] = norm(np.minimum(problem.product(Z[i]) + Q[i], Z[i] - here[i]))
-            tolerances[part] = np.maximum(self.limits.atol, self.limits.rtol * tolerances[part])
-            certain_rows(problem.matrix, problem.psi, Q[part], known[part], Z[part], residuals[part], tolerances[part])
+            certain_rows(problem.matrix, problem.psi, *(X[low:high] for X in of_rows))
 
         in_parts(len(Q), self._threads(Q), look)
 
@@ -348,3 +339,10 @@ class Batch:
         messages = {row: message for row, (_, message) in self.failures.items()}
         seconds = work.clock() - self.clock
         return Solutions(self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages)
+
+
+def _norms(F: Matrix) -> Vector:
+    """The norms of the rows, safe against over- and underflow of the squares; NaN where an entry is."""
+    largest = np.abs(F).max(axis=1)
+    unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)[:, None]
+    return np.asarray(unit[:, 0] * np.sqrt(np.square(F / unit).sum(axis=1)))
