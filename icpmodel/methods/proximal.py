@@ -284,13 +284,13 @@ class Interior:
         r, s, problem = self.r, self.s, self.path.problem
         rest = s - problem.p(self.z)
         solve = self._solver(s / r)
-        both = max(np.count_nonzero(self.bounded), 1)
+        both = int(np.count_nonzero(self.bounded)) or 1
         size = inner(r, s) / both
 
         def direction(target: Vector) -> tuple[Vector, Vector, float]:
             dr = solve(rest - np.where(self.bounded, target / r, 0.0))
             ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
-            longest = max(*(float(np.max(-(d / x)[self.bounded], initial=0.0)) for d, x in ((dr, r), (ds, s))))
+            longest = float(np.max([-(d / x)[self.bounded] for d, x in ((dr, r), (ds, s))], initial=0.0))
             return dr, ds, longest
 
         dr, ds, longest = direction(r * s)
