@@ -343,6 +343,11 @@ class Batch:
 
 def _norms(F: Matrix) -> Vector:
     """The norms of the rows, safe against over- and underflow of the squares; NaN where an entry is."""
-    largest = np.abs(F).max(axis=1)
-    unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)[:, None]
-    return np.asarray(unit[:, 0] * np.sqrt(np.square(F / unit).sum(axis=1)))
+    squares = np.einsum("ij,ij->i", F, F)
+    unsafe = ~((squares > 1e-280) & (squares < 1e280))
+    norms = np.sqrt(squares)
+    if unsafe.any():
+        largest = np.abs(F[unsafe]).max(axis=1)
+        unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)[:, None]
+        norms[unsafe] = unit[:, 0] * np.sqrt(np.square(F[unsafe] / unit).sum(axis=1))
+    return norms
