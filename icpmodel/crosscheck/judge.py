@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
+from ..problem.verdict import certain
 from ..solve.solution import Solution
 from ..solvers.foreign import Claim
 from ..solvers.formulations import Target, in_handy_units, targets
@@ -138,7 +139,8 @@ class Checked:
 
 
 def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
-    """Whether Res(y) ≤ max(rtol·Res(0), 4‖rounding of F(y)‖₂); false for NaN and infinities."""
+    """Whether the exact Res(y) ≤ rtol·Res(0), or rounding, which is small as well, explains what float64 makes of it;
+    false for NaN and infinities."""
     start = 0.0
     with contextlib.suppress(MapError):
         start = problem.residual_at_0()
@@ -146,7 +148,9 @@ def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
         start = 1.0  # which suits a problem in handy units
     residual = problem.residual(y)
     floor = 4 * float(np.linalg.norm(np.maximum(*problem.rounding(y))))
-    return bool(residual <= rtol * start or residual <= floor < np.inf)
+    if certain(problem, y, residual, rtol * start) <= rtol * start:
+        return True
+    return residual <= floor <= LOOSEST * start
 
 
 def finite(value: float) -> float | None:

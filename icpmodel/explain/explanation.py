@@ -240,7 +240,7 @@ def _explained(
         methods = {repr(wanted): wanted}
     try:
         with limit.kept():
-            bound = error_bound(problem, np.zeros(problem.n))
+            bound = error_bound(problem, np.zeros(problem.n), sharp=False)
     except (OutOfTime, OutOfMemory) as error:
         bound = ErrorBound.none(limit.undecided(error))
     # the first choice first, as not all may be looked at

@@ -133,6 +133,7 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
         k = int(np.argmin(np.isfinite(matrix.data)))
         raise _not_finite_entry(name, row_of(matrix)[k], matrix.indices[k], matrix.data[k])
     if keep_diagonal:
+        matrix.eliminate_zeros()  # as where a dense array was handed in
         matrix = _with_stored_diagonal(matrix)
     if matrix.nnz < _SHORT:
         matrix.indices = matrix.indices.astype(np.int32, copy=False)
@@ -198,7 +199,7 @@ def norm(x: Vector) -> float:
     if largest == 0.0 or not math.isfinite(largest):
         return largest
     x = x / largest
-    return largest * math.sqrt(x @ x)
+    return largest * math.sqrt(inner(x, x))
 
 
 class ReadOnly:

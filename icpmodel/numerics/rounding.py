@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 from decimal import ROUND_CEILING, Context, Decimal
 from functools import wraps
@@ -19,16 +20,23 @@ Verb = TypeVar("Verb", bound=Callable[..., Any])
 UNIT_ROUNDOFF = 2.0**-53
 #: the smallest positive float64, the most that underflow can cost one operation
 SMALLEST = 2.0**-1074
+_FLUSHED = (
+    "this thread flushes subnormal numbers to zero (libraries compiled with -ffast-math set that mode): errors and "
+    "bounds below 2.2e-308 are not certain; unset it, for example by loading that library in another process"
+)
 
 
 def sheltered(verb: Verb) -> Verb:
     """A verb of the package: it computes as NumPy does by default, whatever its user has asked of NumPy for himself,
-    and Ctrl-C stays a KeyboardInterrupt in compiled code, too.
+    and Ctrl-C stays a KeyboardInterrupt in compiled code, too. Warns where the processor flushes to zero what is
+    smaller than 2.2e-308, as some libraries make it do: proofs count on gradual underflow.
     """
 
     @wraps(verb)
     @np.errstate(divide="warn", over="warn", under="ignore", invalid="warn")
     def inner(*args: Any, **options: Any) -> Any:
+        if SMALLEST * 1.0 == 0.0:
+            warnings.warn(_FLUSHED, RuntimeWarning, stacklevel=2)
         try:
             return verb(*args, **options)
         except SystemError as error:

@@ -211,14 +211,7 @@ class ProblemData:
         >>> ICP([[3.0]], [-6.0]).residual_at_0()
         6.0
         """
-        psi = self.psi.value(np.zeros(self.n))
-        if self._is_large():
-            from ..numerics.kernels.products import natural_at_0  # loads numba
-
-            squares = float(natural_at_0(self.q, np.ascontiguousarray(psi)))
-            if _SAFE[0] < squares < _SAFE[1]:
-                return math.sqrt(squares)
-        return norm(np.minimum(self.q, -psi))
+        return norm(np.minimum(self.q, -self.psi.value(np.zeros(self.n))))
 
     def _is_large(self) -> bool:
         return self.matrix.dense is None and self.A.nnz >= THREADS_FROM

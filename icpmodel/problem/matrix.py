@@ -12,9 +12,9 @@ from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze
 from ..numerics.fill import foreseen, of_band
 from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
-from ..numerics.threads import in_parts, threads_for
+from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 
-#: a dense A of so many rows stays dense until its sparse form is asked for
+#: an A of so many rows is dense until its sparse form is asked for
 _SMALL = 64
 #: more diagonals than this are no band
 _WIDEST_BAND = 16
@@ -43,15 +43,18 @@ class Rows(NamedTuple):
 class Matrix(ReadOnly):
     """A as float64, every diagonal entry stored, and the facts about it.
 
-    `dense` is there where A was handed in as a dense array with few rows; then `sparse` is made when it is asked for.
+    With few rows it is `dense`, however it was handed in, so that the same numbers come out; then `sparse` is made when
+    it is asked for.
     Raises InputError where `A` is no square matrix of finite numbers.
     """
 
     def __init__(self, A: Any) -> None:
-        square = None if sp.issparse(A) else as_square(A, "A")
-        self.dense = square if square is not None and len(square) <= _SMALL else None
+        square: Any = as_csr(A, "A", keep_diagonal=True) if sp.issparse(A) else as_square(A, "A")
+        small, sparse = square.shape[0] <= _SMALL, sp.issparse(square)
+        self.dense = (square.toarray() if sparse else square) if small else None
         if self.dense is None:
-            self.sparse = as_csr(A if square is None else square, "A", keep_diagonal=True)
+            self.sparse = square if sparse else as_csr(square, "A", keep_diagonal=True)
+        self.lock()
         self._measure(self.sparse if self.dense is None else self.dense)
 
     @classmethod
@@ -84,7 +87,7 @@ class Matrix(ReadOnly):
             image: Vector = self.dense @ z
             return image
         A, threads = self.sparse, threads_for(self.nnz)
-        if threads == 1:
+        if self.nnz < THREADS_FROM:  # not where there is one core: the sums would be others
             return np.asarray(A @ z)
         from ..numerics.kernels import products  # loads numba
 

@@ -30,11 +30,21 @@ from .solution import History, Solution, Status
 #: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it, and for the second
 #: one where more would do
 _LEAST_AIM, _MOST_AIM = 1e-14, 0.5
+#: ends for which rounding is a better reason, where there is one
+_NO_FURTHER = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 
 @sheltered
-def _residual(problem: ProblemData, z: Vector) -> float:
-    return problem.residual(z)
+def _residual(run: Run, z: Vector) -> float:
+    return run.goal.judged(z, run.problem.residual(z))
+
+
+@sheltered
+def _is_luck(run: Run, z: Vector) -> bool:
+    """Whether rounding alone makes the residual of `z`, which was judged otherwise, small enough."""
+    with contextlib.suppress(MapError):
+        return run.goal.problem is not None and run.problem.residual(z) <= run.goal.tolerance
+    return False
 
 
 @sheltered
@@ -166,7 +176,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
         problem,
         start,
         at_start,
-        Goal(tolerance) if limits.accuracy is None else AccuracyGoal(problem, limits.accuracy, start),
+        Goal(tolerance, problem) if limits.accuracy is None else AccuracyGoal(problem, limits.accuracy, start),
         aim=min(max(share, _LEAST_AIM), _MOST_AIM),
         scale=scale if known else np.inf,
         restart=restart,
@@ -206,7 +216,7 @@ def judged(run: Run) -> Best:
     for one in judged:
         # a ψ that failed may fail again, or take long
         with contextlib.suppress(MapError, KeyboardInterrupt):
-            one.residual = _residual(problem, one.z)
+            one.residual = _residual(run, one.z)
         if one.residual < best.residual:
             best = one
     return best
@@ -219,6 +229,8 @@ def solution_of(run: Run, accuracy: float | None) -> Solution:
         status = Status.SOLVED
     elif status is Status.SOLVED:
         status, note = Status.MAP_FAILED, "psi gives different values at the same z"
+    elif status in _NO_FURTHER and _is_luck(run, best.z):
+        status, note = Status.PRECISION_LIMIT, "only as float64 rounds it is the residual of this z small enough"
     message = "solved"
     if status is Status.SOLVED:
         last = best.candidate

@@ -14,6 +14,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..problem.data import ProblemData
+from ..problem.verdict import certain
 from ..theory.certificates.bounds import error_bound
 
 #: the default relative tolerance
@@ -56,9 +57,14 @@ class Limits:
 
 @dataclass
 class Goal:
-    """Res(z) ≤ `tolerance`."""
+    """Res(z) ≤ `tolerance`, of the exact residual where the `problem` is given."""
 
     tolerance: float
+    problem: ProblemData | None = None
+
+    def judged(self, z: Vector, residual: float) -> float:
+        """The residual by which `z` is judged, `residual` being what float64 makes of Res(z)."""
+        return residual if self.problem is None else certain(self.problem, z, residual, self.tolerance)
 
     def reached(self, z: Vector, residual: float) -> bool:
         """Whether `z`, shape (n,), with Res(z) = `residual` is what was asked for; NaN is not."""
@@ -82,7 +88,7 @@ class AccuracyGoal(Goal):
 
     def __init__(self, problem: ProblemData, accuracy: float, start: Vector) -> None:
         super().__init__(np.inf)
-        self.problem, self.accuracy = problem, accuracy
+        self.of, self.accuracy = problem, accuracy
         self.looked_at, self.bound = start, None
         try:
             bound = error_bound(problem, start)
@@ -117,6 +123,6 @@ class AccuracyGoal(Goal):
         if not np.array_equal(z, self.looked_at):
             self.bound = None
             with contextlib.suppress(MapError, OutOfTime, OutOfMemory):
-                self.bound = error_bound(self.problem, z).value
+                self.bound = error_bound(self.of, z).value
             self.looked_at = z
         return self.bound

@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
-from ..errors import InputError, MapError, NotApplicable, NotSolved
+from ..errors import InputError, MapError, NotApplicable, NotSolved, OutOfMemory, OutOfTime, SingularOperator
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics import work
-from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes, norm
-from ..numerics.rounding import sheltered
+from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes
+from ..numerics.rounding import is_ctrl_c, sheltered
 from ..numerics.threads import cores, in_parts
-from ..problem.data import ProblemData
+from ..problem.data import ProblemData, as_map
 from ..problem.map import Map
+from ..problem.verdict import certain_rows
 from .driver import solve
 from .goal import RTOL, Limits
 from .solution import Status
@@ -27,6 +28,8 @@ Matrix = NDArray[np.float64]
 
 #: Newton's steps that a row may take where A is tridiagonal, before `solve` has a try at it
 _STEPS = 50
+#: arrays of the size of Q that the rows at once take
+_COPIES = 6
 #: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
 ROWS_A_THREAD, UNKNOWNS_A_THREAD = 200, 20_000
 
@@ -86,6 +89,7 @@ def solve_many(
     rtol: float = RTOL,
     atol: float = 0.0,
     time_limit: float | None = None,
+    memory_limit: float | None = None,
     raise_on_failure: bool = True,
 ) -> Solutions:
     """Solve k problems, row i of `Q` with A and ψ, or with the i-th of those that are lists, as `solve` would each.
@@ -97,8 +101,9 @@ def solve_many(
 
     Parameters: `A` as for `ICP`, or a list of k of them; `Q` shape (k, n), or (n,) where A or psi are k; `psi` as for
     `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `Z0` starts of shape (k, n) or (n,), or
-    earlier `Solutions`; `rtol` and `atol`: row i is solved where Res(z) ≤ max(atol, rtol·Res(0)); `time_limit` in
-    seconds, after which no row is begun that is not solved at once.
+    earlier `Solutions`; `rtol` and `atol`: row i is solved where Res(z) ≤ max(atol, rtol·Res(0)); `time_limit` and
+    `memory_limit` as for `solve`, of all rows together: one that does not finish has its best iterate, one that was not
+    begun its start, with an infinite residual.
     Returns `Solutions`. Raises InputError for wrong shapes, NotSolved, which carries them, where a row is not solved
     unless `raise_on_failure` is False, and what else `solve` raises.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
@@ -110,8 +115,8 @@ def solve_many(
     >>> solve_many([[[2.0]], [[4.0]]], [-2.0]).Z.ravel()
     array([1. , 0.5])
     """
-    Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit)
-    solutions = Batch(A, Q, psi, Z0, rtol, atol, np.inf if time_limit is None else time_limit).solutions()
+    limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit, memory_limit=memory_limit)
+    solutions = Batch(A, Q, psi, Z0, limits).solutions()
     if raise_on_failure and solutions.messages:
         raise NotSolved(solutions)
     return solutions
@@ -149,52 +154,75 @@ def _common(**several: Any) -> int:
 class Batch:
     """The rows of one `solve_many` and what is found for them."""
 
-    def __init__(self, A: Any, Q: Any, psi: Any, Z0: Any, rtol: float, atol: float, time_limit: float = np.inf) -> None:
-        self.clock, Q = work.clock(), _rows(Q, "Q", np.inf)
-        self.psi, self.rtol, self.atol, self.time_limit = psi, rtol, atol, time_limit
-        self.matrices = _each(A, lambda one: axes(one, "A") == 2)
+    def __init__(self, A: Any, Q: Any, psi: Any, Z0: Any, limits: Limits) -> None:
+        self.clock, self.limits, self.psi, Q = work.clock(), limits, psi, _rows(Q, "Q", np.inf)
+        matrices = _each(A, lambda one: axes(one, "A") == 2)
         self.maps = _each(psi, lambda one: isinstance(one, Map) or callable(one))
         self.obstacles: Matrix | None = None
         if self.maps is None and isinstance(psi, list | tuple | np.ndarray) and axes(psi, "psi") == 2:
             self.obstacles = _rows(psi, "psi", -np.inf)
             self.maps = list(self.obstacles)
         self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", np.inf)
-        k = _common(A=self.matrices, Q=Q, psi=self.maps, Z0=self.starts)
-        self.problem = ProblemData(A if self.matrices is None else self.matrices[0], Q[0], self._psi(0))
+        k = _common(A=matrices, Q=Q, psi=self.maps, Z0=self.starts)
+        # what is wrong in a row is said before another one is solved
+        self.problems = [ProblemData(one, Q[0], self._psi(0)) for one in (matrices or [A])]
+        problem = self.problem = self.problems[0]
+        self.small = problem.n <= PIVOT_UP_TO
+        n = self.problem.n
+        for name, rows in (("Z0", self.starts), ("psi", self.obstacles)):
+            if rows is not None:
+                self.problem.vector(rows[0], name)  # has the right length
+        if self.obstacles is None and self.maps is not None:
+            self.maps = [as_map(one, n) for one in self.maps]
+        self.Q, self.Z = np.broadcast_to(Q, (k, n)), np.zeros((k, n))
         if self.starts is not None:
-            self.problem.vector(self.starts[0], "Z0")  # has the right length
-        shape = k, self.problem.n
-        self.Q, self.Z = np.broadcast_to(Q, shape), np.zeros(shape)
+            self.Z[:] = self.starts
         self.residuals, self.tolerances = np.full(k, np.inf), np.zeros(k)
         self.solved = np.zeros(k, dtype=bool)
         self.failures: dict[int, tuple[Status, str]] = {}
+        self.interrupted = False
 
     def _psi(self, row: int) -> Any:
         """ψ of one row."""
         return self.psi if self.maps is None else self.maps[row if len(self.maps) > 1 else 0]
 
     def at_once(self) -> None:
-        """All rows in compiled code, where there is some for them; a row is solved where its residual says so."""
-        problem = self.problem
-        affine = problem.psi.linear is not None and not problem.psi.is_constant
-        shared = self.matrices is None and (self.maps is None or self.obstacles is not None)
+        """The rows in compiled code, where there is some for them, while the limits allow it; a row is solved where its
+        residual says so."""
+        problem, psi, n, small = self.problem, self.problem.psi, self.problem.n, self.small
+        affine = psi.linear is not None and not psi.is_constant
+        shared = len(self.problems) == 1 and (self.maps is None or self.obstacles is not None)
         if not shared or not (affine or problem.facts.has_fixed_obstacle):
             return
-        small = problem.n <= PIVOT_UP_TO
         if not small and (affine or Tridiagonal().why_not(problem) is not None):
             return
-        with np.errstate(over="ignore", invalid="ignore"), suppress(MapError):
+        price = work.COSTS.pivot_entry * n**3 / 3.0 if small else work.COSTS.band_entry * 3.0 * n
+        with (
+            np.errstate(over="ignore", invalid="ignore"),
+            suppress(MapError, SingularOperator, OutOfTime, OutOfMemory),  # then it is seen row by row what remains
+        ):
+            work.afford(memory=_COPIES * 8.0 * self.Q.size)
             c: Any = self.obstacles
-            if affine and problem.psi.linear is not None:
-                c = problem.psi.linear[1]
+            if affine and psi.linear is not None:
+                c = psi.linear[1]
             elif c is None:
                 c = problem.facts.obstacle
             C = np.broadcast_to(c, self.Q.shape)
-            if small:
-                self._pivot(C)
-            else:
-                self._solve_tridiagonal(C)
-        self.solved = self.residuals <= self.tolerances
+            G = psi.linear[0].toarray() if affine and psi.linear else None
+            lcp = AffineLcp(problem.dense(), self.Q[0], C[0], G) if small else None
+            piece = work.pieces(price)
+            for low in range(0, len(C), piece):
+                rows = slice(low, low + piece)
+                work.afford(price)
+                work.add(price * len(C[rows]))
+                of_rows = self.Q[rows], C[rows]
+                self.Z[rows] = self.by_thomas(*of_rows) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
+                self._judge(rows, C[rows])
+                self.solved[rows] = self.residuals[rows] <= self.tolerances[rows]
+
+    def _threads(self, Q: Matrix) -> int:
+        """How many threads the rows of `Q` are worth."""
+        return min(cores(), len(Q), -(-len(Q) // ROWS_A_THREAD) if self.small else -(-Q.size // UNKNOWNS_A_THREAD))
 
     def _values(self, Z: Matrix, C: Matrix) -> Matrix:
         """ψ(z), row by row."""
@@ -203,82 +231,84 @@ class Batch:
             return C
         return (psi.linear[0] @ Z.T).T + psi.linear[1] if psi.linear else np.array([psi.value(z) for z in Z])
 
-    def _pivot(self, C: Matrix) -> None:
-        """The rows by Lemke's method."""
-        from ..numerics.kernels.products import judge  # loads numba
-
-        problem, Q, A = self.problem, self.Q, self.problem.dense()
-        moves = problem.psi.linear is not None and not problem.psi.is_constant
-        G = problem.psi.linear[0].toarray() if moves and problem.psi.linear else None
-        lcp = AffineLcp(A, Q[0], C[0], G)
-        at_0, zero, parts = np.empty(len(Q)), np.broadcast_to(0.0, Q.shape), min(cores(), -(-len(Q) // ROWS_A_THREAD))
-        self.Z = np.ascontiguousarray(lcp.back(self.pivoted(lcp, C, parts)))
-        there, here = (np.broadcast_to(self._values(Z, C), Q.shape) for Z in (zero[:1], self.Z))
+    def _judge(self, rows: slice, C: Matrix) -> None:
+        """The residuals of `rows`, which have the obstacles `C`, and what they are held against."""
+        problem, Q, Z = self.problem, self.Q[rows], self.Z[rows]
+        residuals, tolerances = self.residuals[rows], self.tolerances[rows]
+        here, p = self._values(Z, C), (problem.A @ Z.T).T + Q
+        residuals[:] = _norms(np.minimum(p, Z - here))
+        at_0 = _norms(np.minimum(Q, -self._values(np.zeros((1, problem.n)), C)))
+        tolerances[:] = np.maximum(self.limits.atol, self.limits.rtol * at_0)
+        of_rows = Q, C if problem.psi.linear is not None else here, Z, residuals, tolerances
 
         def look(low: int, high: int) -> None:
-            judge(A, Q[low:high], here[low:high], self.Z[low:high], self.residuals[low:high])
-            judge(A, Q[low:high], there[low:high], zero[low:high], at_0[low:high])
+            certain_rows(problem.matrix, problem.psi, *(X[low:high] for X in of_rows))
 
-        in_parts(len(Q), parts, look)
-        self.tolerances = np.maximum(self.atol, self.rtol * at_0)
+        in_parts(len(Q), self._threads(Q), look)
 
-    def pivoted(self, lcp: AffineLcp, C: Matrix, parts: int) -> Matrix:
+    def pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""
         from ..numerics.kernels.balancing import scale
         from ..numerics.kernels.pivoting import many  # loads numba
 
-        Q, X, scaled, limit = self.Q, np.empty(self.Q.shape), scale(lcp.M), PIVOTS * (self.problem.n + 1)
-        in_parts(len(Q), parts, lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high]))
+        X, scaled, limit = np.empty(Q.shape), scale(lcp.M), PIVOTS * (lcp.M.shape[0] + 1)
+        in_parts(
+            len(Q),
+            self._threads(Q),
+            lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high]),
+        )
         return X
 
-    def _solve_tridiagonal(self, C: Matrix) -> None:
-        """The rows by the direct method for tridiagonal A."""
+    def by_thomas(self, Q: Matrix, C: Matrix) -> Matrix:
+        """What the direct method for tridiagonal A makes of the rows."""
         from ..numerics.kernels.thomas import bands, many  # loads numba
 
-        A, Q, Z, k = self.problem.A, self.Q, self.Z, len(C)
+        A, Z = self.problem.A, np.zeros(Q.shape)
         matrix = bands(A.indptr, A.indices, A.data)
         in_parts(
-            k,
-            min(cores(), k, -(-Z.size // UNKNOWNS_A_THREAD)),
-            lambda low, high: many(*matrix, Q[low:high], C[low:high], _STEPS, Z[low:high]),
+            len(Q), self._threads(Q), lambda low, high: many(*matrix, Q[low:high], C[low:high], _STEPS, Z[low:high])
         )
-        here, there = self._values(Z, C), np.broadcast_to(self._values(np.zeros((1, self.problem.n)), C), C.shape)
-        for row, (z, q) in enumerate(zip(Z, Q, strict=True)):
-            self.residuals[row] = norm(np.minimum(self.problem.product(z) + q, z - here[row]))
-            self.tolerances[row] = max(self.atol, self.rtol * norm(np.minimum(q, -there[row])))
+        return Z
 
     def solve(self, row: int) -> None:
         """One row by `ICP.solve`; none where an earlier one was interrupted."""
-        if any(status is Status.INTERRUPTED for status, _ in self.failures.values()):
+        if self.interrupted:
             self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
             return
-        left = self.time_limit - (work.clock() - self.clock)
-        if left <= 0.0:
-            self.failures[row] = Status.TIME_LIMIT, f"time_limit = {self.time_limit:g} s was over before its turn"
-            return
-        problem, start = self._problem(row), self.start(row)
-        limit = left if left < np.inf else None
-        options: Any = {"rtol": self.rtol, "atol": self.atol, "time_limit": limit, "raise_on_failure": False}
+        limits, left = self.limits, None
+        if limits.time_limit is not None:
+            left = limits.time_limit - (work.clock() - self.clock)
+            if left <= 0.0:
+                told = f"time_limit = {limits.time_limit:g} s was over before its turn"
+                self.failures[row] = Status.TIME_LIMIT, told
+                return
+        free = None if limits.memory_limit is None else work.free_memory()
+        options: Any = {"rtol": limits.rtol, "atol": limits.atol, "time_limit": left, "memory_limit": free}
         try:
+            problem, start = self._problem(row), self.start(row)
             try:
-                solution = solve(problem, z0=start, **options)
+                solution = solve(problem, z0=start, raise_on_failure=False, **options)
             except MapError:
                 if start is None or self.starts is not None:
                     raise
-                solution = solve(problem, **options)  # psi of this row has no value at the answer of the one before
+                # psi of this row has no value at the answer of the one before
+                solution = solve(problem, raise_on_failure=False, **options)
         except MapError as error:
             self.failures[row] = Status.MAP_FAILED, str(error)
-            return
         except NotApplicable as error:
-            self.failures[row] = Status.STAGNATED, str(error)
-            return
+            status = Status.STAGNATED if limits.memory_limit is None else Status.MEMORY_LIMIT
+            self.failures[row] = status, str(error)
+        except MemoryError as error:
+            self.failures[row] = Status.MEMORY_LIMIT, str(error)
         except KeyboardInterrupt:  # before there was an iterate
             self.failures[row] = Status.INTERRUPTED, "interrupted by Ctrl-C before its first iterate"
-            return
-        self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
-        self.solved[row] = solution.solved
-        if not solution.solved:
-            self.failures[row] = solution.status, solution.message
+            self.interrupted = True
+        else:
+            self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
+            self.solved[row] = solution.solved
+            if not solution.solved:
+                self.failures[row] = solution.status, solution.message
+            self.interrupted = solution.status is Status.INTERRUPTED
 
     def start(self, row: int) -> Vector | None:
         """Where `solve` begins."""
@@ -288,16 +318,20 @@ class Batch:
 
     def _problem(self, row: int) -> ProblemData:
         """The problem of one row, which shares with the others what they have in common."""
-        if self.matrices is not None and len(self.matrices) > 1:
-            return ProblemData(self.matrices[row], self.Q[row], self._psi(row))
-        problem = self.problem.with_q(self.Q[row])
+        problem = self.problems[row if len(self.problems) > 1 else 0].with_q(self.Q[row])
         return problem if self.maps is None else problem.with_psi(self._psi(row))
 
     def solutions(self) -> Solutions:
         """All rows, at once where that can be, the others one by one."""
-        self.at_once()
-        for left_open in np.flatnonzero(~self.solved):
-            self.solve(int(left_open))
+        with self.limits.kept():
+            try:
+                self.at_once()
+            except (KeyboardInterrupt, SystemError) as error:
+                if not is_ctrl_c(error):
+                    raise
+                self.interrupted = True
+            for left_open in np.flatnonzero(~self.solved):
+                self.solve(int(left_open))
         self.Z.flags.writeable = False
         statuses = [Status.SOLVED] * len(self.Z)
         for row, (status, _) in self.failures.items():
@@ -305,3 +339,15 @@ class Batch:
         messages = {row: message for row, (_, message) in self.failures.items()}
         seconds = work.clock() - self.clock
         return Solutions(self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages)
+
+
+def _norms(F: Matrix) -> Vector:
+    """The norms of the rows, safe against over- and underflow of the squares; NaN where an entry is."""
+    squares = np.einsum("ij,ij->i", F, F)
+    unsafe = ~((squares > 1e-280) & (squares < 1e280))
+    norms = np.sqrt(squares)
+    if unsafe.any():
+        largest = np.abs(F[unsafe]).max(axis=1)
+        unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)[:, None]
+        norms[unsafe] = unit[:, 0] * np.sqrt(np.square(F[unsafe] / unit).sum(axis=1))
+    return norms

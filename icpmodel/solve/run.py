@@ -235,11 +235,9 @@ class Run:
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The method's hint while it is only a hint; the judge where a decision hangs on it."""
         low, high = SAFE_HINT
-        if z is self.start:
-            return self.at_start
-        if hint is not None and low < hint < high and hint > self.goal.tolerance:
+        if z is not self.start and hint is not None and low < hint < high and hint > self.goal.tolerance:
             return hint
-        return self.problem.residual(z)
+        return self.goal.judged(z, self.at_start if z is self.start else self.problem.residual(z))
 
     def _test(self, z: Vector, residual: float, seconds: float, first: float) -> Ended | None:
         """What the iterate itself says: it is what was wanted, or it has run away from the `first` residual."""

@@ -17,6 +17,7 @@ from ..numerics.arrays import ReadOnly, Vector
 from ..numerics.rounding import sheltered
 from ..present.card import Card
 from ..problem.data import ProblemData
+from ..problem.verdict import certain
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, limited
 from ..theory.certificates.certificate import NOT_COMPUTED, ActiveSet, Certificate, active_set, certify
@@ -196,6 +197,8 @@ class Solution(ReadOnly):
             with limited(self.time_limit, self.memory_limit):
                 z = solve_on(problem, self.z, active)
             residual = problem.residual(z)
+            if not self.accuracy:
+                residual = certain(problem, z, residual, self.tolerance)
         except (IcpError, MemoryError) as error:
             return self._with(why=self._and_why(f"not polished: {error}"))
         if not (residual < _BETTER * self.residual or self._closer(z)):

@@ -1,5 +1,7 @@
 """icpmodel as a solver of CVXPY: right answers and duals, proofs where there is no answer, in any units."""
 
+from fractions import Fraction
+
 import cvxpy as cp
 import numpy as np
 import pytest
@@ -289,3 +291,63 @@ def test_ctrl_c_is_not_swallowed(make, monkeypatch):
 
 def interrupt():
     raise KeyboardInterrupt
+
+
+def a_wild_program(seed):
+    """Small data in units that differ by 10^±9 from row to row; some are infeasible or unbounded."""
+    random = np.random.default_rng(seed)
+    n, m, k = random.integers(1, 4), random.integers(0, 3), random.integers(0, 5)
+    B = random.integers(-2, 3, (random.integers(0, n + 1), n))
+    rows = [random.integers(-3, 4, (i, n)) * 10.0 ** random.integers(-6, 7, (i, 1)) for i in (m, k)]
+    sides = [random.integers(-4, 5, i) * 10.0 ** random.integers(-8, 9) for i in (m, k)]
+    q = random.integers(-3, 4, n) * 10.0 ** random.integers(-8, 9)
+    return B.T @ B * 10.0 ** random.integers(-12, 9), q, rows[0], sides[0], rows[1], sides[1]
+
+
+def exactly(*arrays):
+    return [
+        [[Fraction(float(x)) for x in row] for row in a] if np.ndim(a) == 2 else [Fraction(float(x)) for x in a]
+        for a in arrays
+    ]
+
+
+def faults(data, x, equality, inequality):
+    """What is wrong in the user's units, in fractions, each with the sum of the |terms| that it is a share of."""
+    P, q, A, b, F, g, x, equality, inequality = exactly(*data, x, equality, inequality)
+    for row, side in zip(A, b, strict=True):
+        yield terms_of(row, x, [-side])
+    for row, side in zip(F, g, strict=True):
+        wrong, size = terms_of(row, x, [-side])
+        yield max(wrong, 0), size
+    for j, slope in enumerate(q):
+        columns = [row[j] for row in A], [row[j] for row in F]
+        yield terms_of(P[j] + columns[0] + columns[1], x + equality + inequality, [slope])
+    slack = [side - terms_of(row, x, [])[0] for row, side in zip(F, g, strict=True)]
+    sizes = [terms_of(u, v, [])[1] for u, v in ((q, x), (b, equality), (g, inequality))]
+    sizes += [abs(x[j]) * terms_of(P[j], x, [])[1] for j in range(len(x))]
+    yield terms_of(inequality, slack, [])[0], sum(sizes)
+    yield from ((-min(u, 0), Fraction(0)) for u in inequality)
+
+
+def terms_of(row, x, others):
+    terms = [a * b for a, b in zip(row, x, strict=True)] + others
+    return sum(terms, Fraction(0)), sum(map(abs, terms), Fraction(0))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_optimal_is_said_of_what_is_optimal_in_the_units_of_the_user(seed):
+    """Rows, gradient, signs and gap hold to 1e-6 of their terms, whatever the units; judged in fractions."""
+    data = a_wild_program(seed)
+    found = solve_program(Program(*(sp.csr_array(a) if np.ndim(a) == 2 else a for a in data)), time_limit=0.5)
+    if found.status == cp.OPTIMAL:
+        for wrong, size in faults(data, found.x, found.equality, found.inequality):
+            assert abs(wrong) <= 1e-6 * size
+
+
+def test_programs_that_a_residual_in_other_units_calls_solved():
+    y = cp.Variable(2)
+    rows = [y[0] + 2 * y[1] == 4, y >= 0, y[0] - y[1] >= 1]
+    assert solve(cp.Problem(cp.Minimize(1e-10 * cp.sum_squares(y) + cp.sum(y)), rows)).status == cp.OPTIMAL
+    assert y.value == pytest.approx([2, 1], rel=1e-6)
+    problem = solve(cp.Problem(cp.Minimize(1e-10 * cp.square(y[0]) + y[0]), [y[0] <= -3, y[0] >= -1]))
+    assert problem.status == cp.INFEASIBLE

@@ -5,7 +5,10 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
+from icpmodel.solve.goal import Limits
 from icpmodel.solve.many import ROWS_A_THREAD, UNKNOWNS_A_THREAD, Batch, solve_many
+
+LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=0, time_limit=None)
 
 
 class AtOnce(Batch):
@@ -16,7 +19,7 @@ class AtOnce(Batch):
 
 
 def at_once(A, Q, psi=0.0):
-    return AtOnce(A, Q, psi, None, 1e-8, 0.0).solutions()
+    return AtOnce(A, Q, psi, None, LIMITS).solutions()
 
 
 def spd(rng, n):
@@ -96,15 +99,15 @@ def test_what_the_pivots_get_wrong_is_not_called_solved():
     """The residual decides: where they return rubbish every row goes to solve()."""
 
     class Rubbish(Batch):
-        def pivoted(self, lcp, C, parts):
-            Z = np.full(self.Q.shape, np.nan)
+        def pivoted(self, lcp, Q, C):
+            Z = np.full(Q.shape, np.nan)
             Z[0] = 7.0
             return Z
 
     rng = np.random.default_rng(3)
     A, Q = spd(rng, 5), rng.normal(size=(4, 5))
     expected = solve_many(A, Q).Z
-    assert np.allclose(Rubbish(A, Q, 0.0, None, 1e-8, 0.0).solutions().Z, expected, rtol=1e-6)
+    assert np.allclose(Rubbish(A, Q, 0.0, None, LIMITS).solutions().Z, expected, rtol=1e-6)
 
 
 def test_overflow_is_safe_in_the_residuals():
@@ -216,7 +219,7 @@ def test_starts_are_used_row_by_row_and_else_the_answer_of_the_row_before():
             return z0
 
     def solve_seen(Z0):
-        return Seen(problem.A, Q, problem.psi.c, Z0, 1e-8, 0.0).solutions()
+        return Seen(problem.A, Q, problem.psi.c, Z0, LIMITS).solutions()
 
     first = solve_seen(None)
     assert np.array_equal(first.Z, solve_many(problem.A, Q, problem.psi.c).Z)
@@ -284,3 +287,56 @@ def test_with_psi_keeps_what_is_known_of_a_and_forgets_the_proofs():
     assert other.matrix is problem.matrix
     assert other.facts is not problem.facts
     assert problem.with_q([1.0, 1.0]).facts is problem.facts
+
+
+@pytest.mark.parametrize("psi", [0.0, lambda z: 0.1 * np.sin(z)])
+def test_limits_of_time_and_memory_are_statuses_of_the_rows(psi):
+    """Law 12. A row that was not begun has its start, and nothing is said of its residual."""
+    rng = np.random.default_rng(7)
+    A, Q, Z0 = spd(rng, 5), rng.normal(size=(6, 5)), rng.normal(size=(6, 5))
+    found = solve_many(A, Q, psi, Z0=Z0, time_limit=0.0, raise_on_failure=False)
+    assert set(found.statuses) == {icp.Status.TIME_LIMIT}
+    assert np.array_equal(found.Z, Z0)
+    assert np.isinf(found.residuals).all()
+    assert solve_many(A, Q, psi, time_limit=60.0, memory_limit=1e9).failed == []
+    starved = solve_many(
+        icp.scenes.membrane(n=400).problem.A, np.ones((2, 400)) * -1, psi, memory_limit=0.0, raise_on_failure=False
+    )
+    assert set(starved.statuses) <= {icp.Status.SOLVED, icp.Status.MEMORY_LIMIT}
+
+
+def test_what_is_wrong_in_a_row_is_said_before_another_one_is_solved():
+    """As `ICP` says it: a matrix that is not finite, one of another size, a map of another length, texts and dates."""
+    never = icp.Function(lambda z: pytest.fail("a row was solved"))
+    good, Q = np.eye(2), np.ones((2, 2))
+    for A in ([good, np.array([[1.0, np.nan], [0.0, 1.0]])], [good, np.eye(3)], [good, 1j * good]):
+        with pytest.raises(icp.InputError):
+            solve_many(A, Q, never)
+    with pytest.raises(icp.InputError, match=r"psi.c has shape|psi has shape"):
+        solve_many(good, Q, [never, icp.Constant([1.0, 2.0, 3.0])])
+    for wrong in (
+        Q * 1j,
+        [["a", "b"]],
+        np.array([["2026-01-01", "2026-01-02"]], dtype="M8[D]"),
+        [[1.0], [1.0, 2.0]],
+        None,
+    ):
+        with pytest.raises(icp.InputError):
+            solve_many(good, wrong)
+        if wrong is not None:
+            with pytest.raises(icp.InputError):
+                solve_many(good, Q, Z0=wrong)
+
+
+def test_a_singular_affine_obstacle_leaves_the_rows_to_the_other_methods():
+    found = solve_many([[2.0]], [[-2.0], [2.0]], icp.Affine([[1.0]], -1.0), raise_on_failure=False)
+    assert [status.name for status in found.statuses] == ["SOLVED", "SOLVED"]
+
+
+def test_ctrl_c_among_the_rows_at_once_leaves_what_was_solved():
+    class Interrupted(Batch):
+        def pivoted(self, lcp, Q, C):
+            raise KeyboardInterrupt
+
+    found = Interrupted([[2.0]], [[-2.0], [3.0]], 0.0, None, LIMITS).solutions()
+    assert set(found.statuses) == {icp.Status.INTERRUPTED}

@@ -46,8 +46,11 @@ _PROOFS = 4
 _PATIENCE = 30
 #: what a proof holds by, exact or not
 _HOW = {True: "in exact arithmetic", False: "up to rounding"}
-#: the residual up to which an answer is called inaccurate and not an error
-_INACCURATE = 1e-6
+#: what may be wrong in the units of the program, as a multiple of the tolerance in those of the LCP, and up to what an
+#: answer is called inaccurate and not an error
+_USERS, _INACCURATE = 1e2, 1e-4
+#: shares of the tolerance that are tried one after the other, and what may be noise beside 1
+_SHARES, _NOISE = (1.0, 1e-4, 1e-8, 1e-14), (0.0, 1e-13)
 
 
 class ProximalPoint(NamedTuple):
@@ -130,39 +133,61 @@ def solve_program(
     return replace(outcome, seconds=time.perf_counter() - begin)
 
 
+class _Answer(NamedTuple):
+    """How far it is from optimal in the units of the program, its `residual` in those of the LCP; x, ν and λ."""
+
+    violation: float = np.inf
+    residual: float = np.inf
+    values: tuple[Vector, Vector, Vector] | None = None
+
+    def or_better(self, lcp: ProgramLcp, z: Vector, residual: float) -> _Answer:
+        """`z`, or what is left of it without what may be noise, if it is better."""
+        for noise in _NOISE:
+            values = lcp.back(np.where(np.abs(z) <= noise, 0.0, z))
+            self = min(self, _Answer(lcp.program.violation(*values), residual, values), key=lambda one: one[:2])
+        return self
+
+
 def _outcome(program: Program, lcp: ProgramLcp, tolerance: float, end: float, points: Points) -> ProgramOutcome:
-    begin, steps, best, residual, waited, proofs = time.perf_counter(), 0, None, np.inf, 0, 0
-    if lcp.only_bounds:
-        found = _run(lcp.problem, None, tolerance, end - begin)
-        steps, best, residual = found.iterations, found.z, found.residual
-        if found.status is Status.INFEASIBLE:
-            return _unbounded(True, steps)
-    if residual > tolerance:
-        for point in points(lcp.problem, tolerance, end - time.perf_counter()):
+    begin, steps, best, least = time.perf_counter(), 0, _Answer(), np.inf
+    if lcp.bounds_cross:
+        return ProgramOutcome("infeasible", f"the bounds of a variable contradict each other, {_HOW[True]}")
+    for share in _SHARES:  # units in which a row hides behind the others ask for less
+        inner, residual, waited, proofs = share * tolerance, np.inf, 0, 0
+        if lcp.only_bounds:
+            found = _run(lcp.problem, None, inner, end - time.perf_counter())
+            steps, residual = steps + found.iterations, found.residual
+            if found.status is Status.INFEASIBLE:
+                return _unbounded(True, steps)
+            best = best.or_better(lcp, found.z, residual)
+        for point in points(lcp.problem, inner, end - time.perf_counter()) if residual > inner else ():
             steps += point.steps
             waited += 1
             if point.residual < residual:
-                best, residual, waited = point.z, point.residual, 0
-            if residual <= tolerance or waited >= _PATIENCE:
+                residual, waited = point.residual, 0
+                best = best.or_better(lcp, point.z, residual)
+            if residual <= inner or waited >= _PATIENCE:
                 break
             proof = lcp.contradiction(point.direction)
             proofs += proof is not None
             if proof is not None and (proof[1] or proofs >= _PROOFS):
                 outcome = without_solution(program, *proof, tolerance, end - time.perf_counter())
                 return replace(outcome, steps=steps + outcome.steps)
-    if best is None:
+        least = min(least, residual)
+        if residual > inner or (best.violation <= _USERS * tolerance and least <= tolerance):
+            break
+    if best.values is None:
         seconds = time.perf_counter() - begin
         return ProgramOutcome("solver_error", f"no proximal point was found in {seconds:.3g} s", steps=steps)
-    if residual <= tolerance:
+    x, equality, inequality = best.values
+    told = f"a residual of {least:.3g}, and rows or multipliers are wrong by {best.violation:.3g} of their terms"
+    status, message = "user_limit" if time.perf_counter() >= end else "solver_error", f"no answer was found: {told}"
+    if best.violation <= _USERS * tolerance and least <= tolerance:
         status, message = "optimal", "solved"
-    elif residual <= _INACCURATE:
-        status, message = "optimal_inaccurate", f"the residual is {residual:.3g}, not {tolerance:.3g}"
-    else:
-        status = "user_limit" if time.perf_counter() >= end else "solver_error"
-        message = f"no solution and no proof that there is none was found; the best residual is {residual:.3g}"
-    x, equality, inequality = lcp.back(best)
+    elif best.violation <= _INACCURATE:
+        status, message = "optimal_inaccurate", told
     value = float(0.5 * x @ (program.P @ x) + program.q @ x)
-    return ProgramOutcome(status, message, x, equality, inequality, value, residual, steps)
+    return ProgramOutcome(status, message, x, equality, inequality, value, least, steps)
 
 
 def without_solution(

@@ -46,13 +46,41 @@ class Program:
     F: sp.csr_array
     g: Vector
 
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
+    def violation(self, x: Vector, equality: Vector, inequality: Vector) -> float:
+        """How far x, ν and λ ≥ 0 are from being optimal, whatever the units: the largest of what is wrong in a row, of
+        Ax = b, Fx ≤ g, or Px + q + Fᵀλ + Aᵀν = 0, as a share of the sum of its |terms|, of what λᵀ(g − Fx) is of those
+        of the objectives, and of the lesser share that a λ_i and its slack have; inf where one is not a number."""
+        P, A, F, g = abs(self.P), abs(self.A), sp.csr_array(abs(self.F)), np.where(self.g < np.inf, self.g, 0.0)
+        gradient = self.P @ x + self.q + self.F.T @ inequality + self.A.T @ equality
+        of_gradient = P @ np.abs(x) + np.abs(self.q) + F.T @ inequality + A.T @ np.abs(equality)
+        of_rows = np.abs(g) + F @ np.abs(x)
+        slack = np.where(self.g < np.inf, g - self.F @ x, 0.0)
+        terms = np.abs(x) @ (P @ np.abs(x) + np.abs(self.q)) + np.abs(self.b) @ np.abs(equality)
+        pull = np.zeros(g.size)
+        np.maximum.at(pull, row_of(F), F.data / np.where(of_gradient > 0, of_gradient, 1.0)[F.indices])
+        shares = (
+            _shares(gradient, of_gradient),
+            _shares(self.A @ x - self.b, np.abs(self.b) + A @ np.abs(x)),
+            _shares(np.minimum(slack, 0.0), of_rows),
+            np.minimum(_shares(slack, of_rows), inequality * pull),
+            _shares(np.array([inequality @ slack]), np.array([terms + np.abs(g) @ inequality])),
+        )
+        largest = float(np.concatenate(shares).max(initial=0.0))
+        return largest if largest < np.inf else np.inf
+
+
+def _shares(wrong: Vector, size: Vector) -> Vector:
+    """|wrong|/size, 0 where nothing is wrong."""
+    return np.where(wrong == 0, 0.0, np.abs(wrong) / size)
+
 
 class ProgramLcp:
     """The LCP of a `Program` as the ICP `problem` in y, (x, λ, ν) = `unit`·y, its entries about 1 by powers of two, and
-    the way back; `only_bounds` tells whether it has no multipliers."""
+    the way back; `only_bounds` tells whether there are no multipliers, `bounds_cross` whether no x is in its bounds."""
 
     def __init__(self, program: Program) -> None:
-        n = program.q.size
+        self.program, n = program, program.q.size
         F = sp.csr_array(program.F)
         F.eliminate_zeros()
         single = (np.diff(F.indptr) == 1) & np.isfinite(program.g)
@@ -64,6 +92,8 @@ class ProgramLcp:
         upper, self._upper_row = _tightest(n, column[up], value[up], rows[up])
         lower, self._lower_row = _tightest(n, column[down], -value[down], rows[down])
         lower = -lower
+        # the quotients are rounded once each, which does not make bounds cross
+        self.bounds_cross = bool((lower > upper).any())
         self._factor = np.zeros(F.shape[0])
         self._factor[rows] = np.abs(a)
         turned = np.isneginf(lower) & (upper < np.inf)
@@ -88,7 +118,7 @@ class ProgramLcp:
         """x, ν and λ that belong to `y`."""
         values = self.unit * y
         n, m = self._n, self._m
-        x, multipliers = self._sign * values[:n], values[n : n + m]
+        x, multipliers = self._sign * values[:n], np.maximum(values[n : n + m], 0.0)
         force = np.maximum(self._force * self.problem.p(y), 0.0)[:n]
         inequality = np.zeros(self._factor.size)
         inequality[self._general] = multipliers[: self._general.size]

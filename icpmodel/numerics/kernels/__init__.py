@@ -104,12 +104,13 @@ def row_sum(total, k, stop, indices, data, z):
     return total
 
 
-def compiled(function: Any, *, cache: bool = True, reassociate: bool = False) -> Any:
+def compiled(function: Any, *, cache: bool = True, reassociate: bool = False, exact: bool = False) -> Any:
     """`function` compiled by numba; with `cache` the code is kept on disk between runs.
 
-    With `reassociate` sums may be added up in another order, which lets inner products run in vector instructions.
+    With `reassociate` sums may be added up in another order, which lets inner products run in vector instructions. With
+    `exact` every operation is rounded by itself.
     """
-    options = _OPTIONS | ({"fastmath": {"contract", "reassoc"}} if reassociate else {})
+    options = _OPTIONS | ({"fastmath": False if exact else {"contract", "reassoc"}} if reassociate or exact else {})
     code = numba.njit(function, **options)
     if cache:
         # without a writable folder for its cache numba raises; then every process compiles anew

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from functools import partial
-
 import numpy as np
 
 from . import compiled, one, row_sum, uint
@@ -54,17 +51,6 @@ def natural(indptr, indices, data, q, psi, z, low, high):
     return squares
 
 
-@partial(compiled, reassociate=True)
-def natural_at_0(q, psi):
-    # the same for z = 0, where A does not matter, over all rows
-    squares = 0.0
-    for i in range(uint(q.size)):
-        p, r = q[i], -psi[i]
-        least = r if r <= p or r != r else p
-        squares += least * least
-    return squares
-
-
 @compiled
 def couple(indptr, indices, data, weight):
     # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: what row j > i is asked
@@ -86,28 +72,3 @@ def couple(indptr, indices, data, weight):
                     out[uint(here)] = out[k]
             k += one()
     return out
-
-
-@compiled
-def judge(M, Q, C, Z, norms):
-    # the norms of min(z - c, Mz + q) for the rows of Q, C and Z: NaN stays NaN, squares do not overflow
-    n = M.shape[0]
-    F = np.empty(n)
-    for k in range(Q.shape[0]):
-        largest = 0.0
-        for i in range(n):
-            p = Q[k, i]
-            for j in range(n):
-                p += M[i, j] * Z[k, j]
-            r = Z[k, i] - C[k, i]
-            if math.isnan(p) or math.isnan(r):
-                largest = math.nan
-                break
-            F[i] = abs(p if p < r else r)
-            largest = max(largest, F[i])
-        total = 0.0
-        if 0.0 < largest < np.inf:
-            for i in range(n):
-                total += (F[i] / largest) ** 2
-            largest *= math.sqrt(total)
-        norms[k] = largest
