@@ -6,7 +6,6 @@ import contextlib
 import inspect
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -120,7 +119,7 @@ def solve(
             raise run.singular
         if run.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
-        solution = replace(solution_of(run, limits.accuracy), time_limit=time_limit, memory_limit=memory_limit)
+        solution = solution_of(run, limits)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
@@ -222,7 +221,7 @@ def judged(run: Run) -> Best:
     return best
 
 
-def solution_of(run: Run, accuracy: float | None) -> Solution:
+def solution_of(run: Run, limits: Limits) -> Solution:
     """What the run found."""
     best, last, status, note = judged(run), run.candidate, run.ended.status, run.ended.note
     if run.goal.judge(best.z, best.residual):
@@ -253,11 +252,13 @@ def solution_of(run: Run, accuracy: float | None) -> Solution:
         why="; ".join([best.candidate.why, *(["also tried: " + ", ".join(others)] if others else [])]),
         residual=best.residual,
         tolerance=run.goal.tolerance,
-        accuracy=accuracy,
+        accuracy=limits.accuracy,
         iterations=max(run.iteration, 0),
         seconds=work.clock() - run.clock,
         history=None if run.records is None else _history(run.records),
         infeasible=run.infeasible if status is Status.INFEASIBLE else None,
+        time_limit=limits.time_limit,
+        memory_limit=limits.memory_limit,
     )
 
 
