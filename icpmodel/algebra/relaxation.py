@@ -123,12 +123,12 @@ def sor_speed(omega: float, radius: float) -> float:
 
 
 def relaxation(problem: ProblemData) -> float:
-    """A cautious ω, where it is not adapted: 2/(1 + √(1 − ρ²)), at most 1.4, ρ = `rough_jacobi_radius`; 1 if ρ ≥ 1.
+    """A cautious ω, where it is not adapted: 2/(1 + √(1 − ρ²)), at most 1.4, ρ = `coupled_radius`; 1 if ρ ≥ 1.
 
     On the rows that do not touch the obstacle a smaller ω is the best than for all of A, acceleration hardly needs
     more, and with θ₂ = θ₁ the factor √2 − 1 … 1 of the fastest errors outweighs beyond 1.4 what the slow ones gain.
     """
-    rho = problem.matrix.rough_jacobi_radius
+    rho = problem.matrix.coupled_radius
     return min(best_omega(rho), _UNWATCHED) if rho < 1.0 else 1.0
 
 

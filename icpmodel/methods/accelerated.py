@@ -99,7 +99,7 @@ class Accelerated(Method):
         if self.of is not None and not isinstance(self.of, PSOR):
             return None
         omega = self.of.omega if self.of is not None else 1.0
-        rate = math.exp(-sor_speed(omega, max(facts.matrix.rough_jacobi_radius, facts.coupling)))
+        rate = math.exp(-sor_speed(omega, max(facts.matrix.coupled_radius, facts.coupling)))
         speed = _OF_CHEBYSHEV * -math.log((1.0 - math.sqrt(1.0 - rate)) / (1.0 + math.sqrt(1.0 - rate)))
         # of the sweeps between two combinations each adds to the history
         passes = 2.0 + 3.0 * (self.history_size + 1) / self.mixing_frequency

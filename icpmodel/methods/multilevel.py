@@ -69,8 +69,8 @@ class Multilevel(Method):
         cycles = 3.0 * (costs.cycle + costs.cycle_entry * matrix.nnz)
         look = 0.5 * costs.newton + SWEEPS * work.sweep(matrix.n, matrix.nnz) + cycles
         # for matrices with ρ ≤ 1 eight looks are the rule; the others it is not made for
-        excess = 1.0 + matrix.excess
-        looks = 8.0 * excess * excess  # ** 2 may raise OverflowError
+        radius = max(matrix.coupled_radius, 1.0)
+        looks = 8.0 * radius * radius  # ** 2 may raise OverflowError
         return Estimate(setup / matrix.unit, look / matrix.unit, looks, 40.0 * matrix.nnz)
 
     def why_not(self, problem: ProblemData) -> str | None:

@@ -77,7 +77,7 @@ class Newton(Method):
         matrix = facts.matrix
         step = (work.COSTS.newton + work.COSTS.newton_entry * matrix.nnz + work.factor_cost(matrix.fill)) / matrix.unit
         # where rows are not dominant signs wander: about twice as many steps were measured
-        wander = 2.0 if matrix.excess else 1.0
+        wander = 2.0 if matrix.coupled_radius > 1.0 else 1.0
         return Estimate(0.0, step, wander * (3.0 + math.log2(matrix.n)), 16.0 * matrix.fill.entries)
 
     def why_not(self, problem: ProblemData) -> str | None:

@@ -166,13 +166,12 @@ class Matrix(ReadOnly):
             return mean if mean < np.inf else np.inf
 
     @cached_property
-    def excess(self) -> float:
-        """By how much the Jacobi radius is above 1, roughly: 0 where A is dominant, else by a few Lanczos steps on
-        `couplings`, for which units make no difference."""
+    def coupled_radius(self) -> float:
+        """As rough, but the same in all units: where A is not dominant, by a few Lanczos steps on `couplings`."""
         if self.is_dominant:
-            return 0.0
+            return self.rough_jacobi_radius
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return max(radius_of(self.couplings, _ROUGH_STEPS) - 1.0, 0.0)
+            return radius_of(self.couplings, _ROUGH_STEPS)
 
     @cached_property
     def weights(self) -> Vector:

@@ -36,7 +36,7 @@ def certain_rows(matrix: Matrix, psi: Map, Q: Rows, C: Rows, Z: Rows, residuals:
 
     Row i has `Q`[i], and ψ(z) = Gz + `C`[i] where `psi` is linear, else `C`[i] = ψ(Z[i]), taken as exact to an ulp.
     """
-    from ..numerics.kernels.verdicts import raised  # loads numba
+    from ..numerics.kernels.products import raised  # loads numba
 
     linear = psi.linear is not None
     G = psi.linear[0] if psi.linear is not None else zero(matrix.n)

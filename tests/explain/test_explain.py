@@ -156,7 +156,7 @@ def test_one_method_can_be_asked_for():
 
 def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
     """The sweeps of projected SOR are a member of the family: with a rate, on the page and by name."""
-    problem = scenes.bai_symmetric(n=100).problem
+    problem = scenes.bai_symmetric(n=400).problem
     page = problem.explain()
     row = next(forecast for forecast in page.forecasts if forecast.title == "PSOR(), newest values")
     assert isinstance(page.picked, icp.PSOR)

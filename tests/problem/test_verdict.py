@@ -66,9 +66,10 @@ def test_what_rounding_forbids_has_a_residual_above_the_tolerance():
     """Where float64 itself makes a residual of this z small enough the status says that rounding is the reason."""
     A, q, _ = NEARLY_SINGULAR["two rows"]
     problem = icp.ICP(sp.csr_array(A), q)
-    solution = problem.solve(raise_on_failure=False)
+    solution = problem.solve(raise_on_failure=False, max_iter=5000)
     by_luck = problem.residual(solution.z) <= solution.tolerance < solution.residual
-    assert solution.status is (icp.Status.PRECISION_LIMIT if by_luck else icp.Status.STAGNATED)
+    assert (solution.status is icp.Status.PRECISION_LIMIT) is by_luck
+    assert not solution.solved
 
 
 near_one = st.sampled_from([0.0, 1.0, -1.0, 3.0, 0.1, -0.3, 1.0 + 2.0**-40, 2.0**60, -(2.0**60), 1e-8, 2.0**-537])

@@ -20,9 +20,11 @@ from icpmodel import Status
 from icpmodel.methods.contract import _REGISTRY, Method
 from icpmodel.solve.candidate import Candidate
 from icpmodel.solve.driver import carry_out, solution_of
-from icpmodel.solve.goal import Goal
+from icpmodel.solve.goal import Goal, Limits
 from icpmodel.solve.run import Best, Run
 from icpmodel.solve.schedule import Stage, in_turn
+
+LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=1000, time_limit=None)
 
 
 @pytest.fixture(autouse=True)
@@ -261,7 +263,7 @@ def test_history_spans_all_methods():
     """Where a method begins, its first iterate has the number of the last one of the method before."""
     run = run_on(CYCLIC, history=True)
     carry_out(run, in_turn(Candidate(icp.PSOR(), "first"), Candidate(icp.Newton(), "second")))
-    solution = solution_of(run, None)
+    solution = solution_of(run, LIMITS)
     assert "also tried: PSOR(): cycled" in solution.why
     assert set(np.diff(solution.history.iteration)) == {0, 1}
     assert solution.history.iteration[0] == 0
@@ -354,7 +356,7 @@ def test_page_status_and_message_name_the_same_methods():
     """The best iterate is Newton's, which stood still; the run ended with the divergence of another method."""
     run = run_on(icp.ICP([[-1.0]], [-1.0]))
     carry_out(run, in_turn(Candidate(icp.Newton(), "first"), Candidate(icp.MNMMOD(theta1=0.5), "second")))
-    solution = solution_of(run, None)
+    solution = solution_of(run, LIMITS)
     last = "MNMMOD(theta1=0.5)"
     assert (repr(solution.method), solution.status) == ("Newton()", Status.DIVERGED)
     assert repr(solution.last_method) == last
@@ -419,7 +421,7 @@ def test_what_happens_while_the_next_method_is_chosen_loses_nothing(error):
 
     run = run_on(CYCLIC)
     carry_out(run, chain(in_turn(Candidate(icp.PSOR(), "first")), [Stage(math.inf, chosen)]))
-    solution = solution_of(run, None)
+    solution = solution_of(run, LIMITS)
     assert solution.status is (Status.INTERRUPTED if error is KeyboardInterrupt else Status.MEMORY_LIMIT)
     assert repr(solution.last_method) == "PSOR()"
     assert np.isfinite(solution.residual)
@@ -433,7 +435,7 @@ def test_ctrl_c_during_a_fallback_names_the_fallback():
 
     run = run_on(CYCLIC)
     carry_out(run, in_turn(Candidate(icp.PSOR(), "first"), Candidate(Pressed(), "second")))
-    solution = solution_of(run, None)
+    solution = solution_of(run, LIMITS)
     assert solution.message.startswith("Pressed() interrupted: by Ctrl-C")
     assert [one.outcome for one in run.tried] == ["cycled", "interrupted"]
 
@@ -449,7 +451,7 @@ class Greedy(icp.MNMGS):
 def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
     run = run_on(CYCLIC)
     carry_out(run, in_turn(Candidate(Greedy(), "first"), Candidate(icp.Newton(), "second")))
-    assert solution_of(run, None).z == pytest.approx(np.full(3, 1 / 3))
+    assert solution_of(run, LIMITS).z == pytest.approx(np.full(3, 1 / 3))
     solution = CYCLIC.solve(Greedy(), raise_on_failure=False)
     assert solution.status is Status.MEMORY_LIMIT
 
@@ -586,7 +588,7 @@ def test_a_cycle_of_the_second_method_is_found_at_once():
     still = Scripted(script=((0.0, None),) * 1100)
     run = run_on(problem)
     carry_out(run, in_turn(Candidate(still, ""), Candidate(icp.MNMGS(phi2=0.1), "")))
-    solution = solution_of(run, None)
+    solution = solution_of(run, LIMITS)
     assert solution.status is Status.CYCLED
     assert solution.iterations < 1100
     assert [one.outcome for one in run.tried] == ["stagnated", "cycled"]

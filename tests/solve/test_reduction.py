@@ -18,12 +18,14 @@ from icpmodel.scenes.grid import five_point
 from icpmodel.solve.candidate import Candidate
 from icpmodel.solve.choice import choose
 from icpmodel.solve.driver import carry_out, solution_of
-from icpmodel.solve.goal import RTOL, Goal
+from icpmodel.solve.goal import RTOL, Goal, Limits
 from icpmodel.solve.part import Part, advance
 from icpmodel.solve.reduced import Reduced, ReducedTo, candidates, proved_of_earlier
 from icpmodel.solve.run import Run
 from icpmodel.solve.schedule import Stage, in_turn
 from icpmodel.theory.certificates.infeasible import Known, infeasible
+
+LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=1000, time_limit=None)
 
 
 def p_matrix(rng, n, skew=3.0):
@@ -48,7 +50,7 @@ def plain(problem):
     at_0 = problem.residual_at_0()
     run = Run(problem, np.zeros(problem.n), at_0, Goal(1e-12 * at_0), aim=1e-12, scale=at_0)
     carry_out(run, choose(problem, 1e-12))
-    solution = solution_of(run, None)
+    solution = solution_of(run, LIMITS)
     assert solution.residual <= 1e-9 * (1.0 + at_0)
     return solution.z
 
@@ -270,7 +272,7 @@ class TestRest:
         alone = problem.solve(Guessed(), raise_on_failure=False)
         run = run_of(problem)
         carry_out(run, chain(in_turn(Candidate(ReducedTo(blocks=guess), "")), later(choose(problem, RTOL))))
-        for solution in (alone, solution_of(run, None)):
+        for solution in (alone, solution_of(run, LIMITS)):
             assert solution.solved
             assert solution.residual == problem.residual(solution.z) <= solution.tolerance
         assert run.tried[0].outcome == "stagnated"
@@ -359,7 +361,7 @@ class TestTheRun:
             run = run_of(problem)
             usual = later(choose(problem, RTOL))
             carry_out(run, chain(in_turn(Candidate(ReducedTo(blocks=wrong), "blocks")), usual))
-            solution = solution_of(run, None)
+            solution = solution_of(run, LIMITS)
             assert solution.solved
             assert solution.residual <= solution.tolerance
             assert "Reduced(): stagnated" in solution.why
@@ -434,7 +436,7 @@ def test_where_too_many_rows_leave_the_obstacle_the_reduction_ends():
     assert 1 < len(list(itertools.islice(method.iterates(problem, np.zeros(problem.n)), 50))) < 50
     run = run_of(problem)
     carry_out(run, chain(in_turn(Candidate(method, "rows at rest")), later(choose(problem, RTOL))))
-    assert solution_of(run, None).solved
+    assert solution_of(run, LIMITS).solved
     made = [candidate.method.name for stage in candidates(problem) for candidate, _ in stage.made()]
     assert made
     assert "reduced" not in made

@@ -201,7 +201,7 @@ def test_a_figure_needs_a_file_name(path):
 def test_memory_is_measured_in_a_process_of_its_own():
     (row,) = memory(["membrane"], [10_000]).rows
     name, n, method, size, peak, ratio, note = row
-    assert (name, n, method, note) == ("membrane", 10_000, "psor", "")
+    assert (name, n, method in icp.methods.names(), note) == ("membrane", 10_000, True, "")
     assert size == pytest.approx((49_600 * 12 + 10_001 * 4) / 2**20)
     assert peak > 0
     assert ratio == pytest.approx(peak / size)
