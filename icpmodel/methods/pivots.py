@@ -134,9 +134,9 @@ class Josephy(Method):
 
 
 def _estimate(facts: Facts, calls: float, steps: float) -> Estimate:
-    """So many LCPs, each of n/3 pivots and so many calls."""
+    """So many LCPs, each of n/2 pivots, as half of the rows leave the obstacle, and so many calls."""
     n = facts.matrix.n
-    step = calls * work.COSTS.call + n**3 / 3.0 * work.COSTS.pivot_entry
+    step = calls * work.COSTS.call + n**3 / 2.0 * work.COSTS.pivot_entry
     return Estimate(0.0, step / facts.matrix.unit, steps, 24.0 * n**2)
 
 

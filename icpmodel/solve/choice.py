@@ -70,7 +70,7 @@ def choose(
         return Stage(cost / matrix.unit, made, least / matrix.unit)
 
     yield stage(0.0, 0.0, lambda: [Lemke()])
-    yield stage(20.0, 0.0, lambda: [Tridiagonal()])
+    yield stage(6.0, 0.0, lambda: [Tridiagonal()])
     if problem.psi.takes_best:
         yield stage(30.0, 3.0, lambda: [MNMJ()], lambda: [Multilevel()])
     else:
@@ -79,12 +79,12 @@ def choose(
         yield stage(15.0, unseen, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: [Josephy()])
         yield stage(15.0, 0.0, lambda: [Multilevel()], least=costs.hierarchy)
     if reduced is not None:
-        yield Stage(stage(20.0, 20.0).cost, lambda: reduced(cheapest), least_reduced)
+        yield Stage(stage(100.0, 60.0).cost, lambda: reduced(cheapest), least_reduced)
     if not problem.psi.takes_best:
         yield stage(100.0, 90.0, lambda: _relaxed(problem))
     factorised = 2.0 * work.least_factor_cost(matrix.n, matrix.nnz)
     direct = (lambda: [Newton()], lambda: [MNMMOD(theta1=AUTO)], lambda: [Proximal()])
-    yield stage(30.0, 200.0, *direct, least=factorised)
+    yield stage(30.0, 80.0, *direct, least=factorised)
 
 
 def _relaxed(problem: ProblemData) -> list[Method]:

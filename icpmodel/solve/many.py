@@ -285,7 +285,8 @@ class Batch:
         free = None if limits.memory_limit is None else work.free_memory()
         options: Any = {"rtol": limits.rtol, "atol": limits.atol, "time_limit": left, "memory_limit": free}
         try:
-            problem, start = self._problem(row), self.start(row)
+            problem = self._problem(row)
+            start = self.start(row, problem)
             try:
                 solution = solve(problem, z0=start, raise_on_failure=False, **options)
             except MapError:
@@ -310,11 +311,16 @@ class Batch:
                 self.failures[row] = solution.status, solution.message
             self.interrupted = solution.status is Status.INTERRUPTED
 
-    def start(self, row: int) -> Vector | None:
-        """Where `solve` begins."""
+    def start(self, row: int, problem: ProblemData) -> Vector | None:
+        """Where `solve` begins: at 0 where that is the answer, as elsewhere Res(0) = 0 would be no tolerance."""
         if self.starts is not None:
             return np.asarray(self.starts[row if len(self.starts) > 1 else 0])
-        return self.Z[row - 1] if row and self.solved[row - 1] else None
+        if not (row and self.solved[row - 1]):
+            return None
+        with suppress(MapError):
+            if problem.residual_at_0() == 0.0:
+                return None
+        return np.asarray(self.Z[row - 1])
 
     def _problem(self, row: int) -> ProblemData:
         """The problem of one row, which shares with the others what they have in common."""

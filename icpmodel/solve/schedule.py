@@ -177,7 +177,7 @@ def forecast(fallen: list[float], need: float) -> float:
     most = left * k / (_SLOWER * max(*fallen, 1.0))
     now, before = (best - between) / (k - half), (between - early) / max(half - quarter, 1)
     if not now > 0.0:
-        return most
+        return max(most, 1.0)
     change = math.sqrt(min(now / before, 1.0)) if before > 0.0 else 1.0
     now *= change
     while left > now * k and steps < most and change < 1.0:

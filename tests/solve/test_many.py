@@ -340,3 +340,11 @@ def test_ctrl_c_among_the_rows_at_once_leaves_what_was_solved():
 
     found = Interrupted([[2.0]], [[-2.0], [3.0]], 0.0, None, LIMITS).solutions()
     assert set(found.statuses) == {icp.Status.INTERRUPTED}
+
+
+def test_a_row_that_0_solves_is_not_judged_by_the_answer_of_the_row_before():
+    q = np.array([1.0, 0.0])
+    found = solve_many(np.eye(2), [q, -q, q], lambda z: np.array([-0.1 * z[0], z[0]]), raise_on_failure=False)
+    assert found.solved.all()
+    assert np.array_equal(found.tolerances[[0, 2]], [0.0, 0.0])
+    assert np.array_equal(found.Z[2], [0.0, 0.0])
