@@ -20,8 +20,6 @@ _SMALL = 64
 _WIDEST_BAND = 16
 #: a sum of a dominant row, rounding included
 _DOMINANT = 1.0 + 1e-12
-#: so many Lanczos steps tell a radius for which sweeps are to be relaxed from one for which they are not
-_ROUGH_STEPS = 3
 
 
 class Rows(NamedTuple):
@@ -166,11 +164,11 @@ class Matrix(ReadOnly):
 
     @cached_property
     def coupled_radius(self) -> float:
-        """As rough, but the same in all units: where A is not dominant, by a few Lanczos steps on `couplings`."""
-        if self.is_dominant:
-            return self.rough_jacobi_radius
+        """The mean row sum of `couplings`, a Rayleigh quotient: the radius as roughly, but the same in all units, and
+        what acts in one direction only counts as nothing."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return radius_of(self.couplings, _ROUGH_STEPS)
+            mean = float(self.couplings.data.sum()) / self.n
+        return mean if mean < np.inf else np.inf
 
     @cached_property
     def weights(self) -> Vector:

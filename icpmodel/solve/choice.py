@@ -75,8 +75,7 @@ def choose(
         yield stage(30.0, 3.0, lambda: [MNMJ()], lambda: [Multilevel()])
     else:
         yield stage(15.0, 3.0, lambda: [PSOR(), MNMGS()])
-        unseen = 0.0 if matrix.is_dominant else 30.0
-        yield stage(15.0, unseen, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: [Josephy()])
+        yield stage(15.0, 12.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: [Josephy()])
         yield stage(15.0, 0.0, lambda: [Multilevel()], least=costs.hierarchy)
     if reduced is not None:
         yield Stage(stage(100.0, 60.0).cost, lambda: reduced(cheapest), least_reduced)
