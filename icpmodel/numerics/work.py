@@ -155,6 +155,8 @@ _BELIEF = 0.1
 _PIECE = 2e7
 #: for fewer bytes the system is not asked how many are free
 _TRIFLE = 2.0**24
+#: and for at most this share of what it had free not so many seconds ago
+_MODEST, _LATELY = 0.05, 0.5
 
 
 class _Budget(NamedTuple):
@@ -277,18 +279,40 @@ def free_memory() -> float:
     budget, left = _budget(), math.inf
     if budget is not None and budget.memory < math.inf:
         left = max(budget.memory - max(_held() - budget.held, 0.0), 0.0)
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            free = 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
-    except (OSError, StopIteration, ValueError):
-        free = 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return min(left, free)
+    return min(left, _SYSTEM.free())
 
 
 def fits(memory: float) -> bool:
     """Whether so many bytes may still be asked for."""
     budget = _budget()
-    return memory <= (_TRIFLE if budget is None else min(budget.memory, _TRIFLE)) or memory <= free_memory()
+    if memory <= (_TRIFLE if budget is None else min(budget.memory, _TRIFLE)):
+        return True
+    modest = (budget is None or budget.memory == math.inf) and memory <= _MODEST * _SYSTEM.lately_free()
+    return modest or memory <= free_memory()
+
+
+class _System:
+    """The memory that the system has free, which it takes as long to ask for as to solve a small problem."""
+
+    def __init__(self) -> None:
+        self.seen, self.at = 0.0, -math.inf
+
+    def free(self) -> float:
+        """Now."""
+        try:
+            with open("/proc/meminfo", encoding="ascii") as lines:
+                free = 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
+        except (OSError, StopIteration, ValueError):
+            free = 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        self.seen, self.at = free, time.monotonic()
+        return free
+
+    def lately_free(self) -> float:
+        """Not long ago."""
+        return self.seen if time.monotonic() - self.at < _LATELY else self.free()
+
+
+_SYSTEM = _System()
 
 
 def _budget() -> _Budget | None:
