@@ -29,8 +29,8 @@ from .h_plus import HPlusProof
 
 #: a bound that is at most so many times the error will do
 _GOOD = 10.0
-#: the shares of |z − ẑ| where δ(ẑ) will do, and that is aimed at: the bound is then at most three times the error
-_ENOUGH, _AIM = 0.5, 0.25
+#: the shares of |z − ẑ| where δ(ẑ) will do, and that is aimed at: the bound is then at most nine times the error
+_ENOUGH, _AIM = 0.8, 0.6
 #: the share of the price of a hierarchy that sweeps may cost, which are foreseen to do for less than they do
 _SWEEPING = 0.25
 #: looks at the active set at the most, of which two in a row halve δ(ẑ)
