@@ -31,6 +31,7 @@ from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
 #: machine of `work.Costs`; and the share of it that one question may cost
 _PRODUCTS, _NANOSECONDS, _SHARE = 600.0, 0.8e9, 0.2
+_CENTURY = 3e9  #: in seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +241,8 @@ def _explained(
         methods = {repr(wanted): wanted}
     try:
         with limit.kept():
-            bound = error_bound(problem, np.zeros(problem.n), sharp=False)
+            time_limit = _CENTURY if limit.products == math.inf else None  # without any it would be a minute
+            bound = error_bound(problem, np.zeros(problem.n), sharp=False, time_limit=time_limit)
     except (OutOfTime, OutOfMemory) as error:
         bound = ErrorBound.none(limit.undecided(error))
     # the first choice first, as not all may be looked at

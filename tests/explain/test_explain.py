@@ -13,6 +13,8 @@ from icpmodel import scenes
 from icpmodel.explain.explanation import _NANOSECONDS, _PRODUCTS, explain, what_to_do
 from icpmodel.explain.forecasts import shown
 from icpmodel.numerics import work
+from icpmodel.theory.answers import Allowance
+from icpmodel.theory.matrices.classes import MatrixClasses
 
 SIZES = {name: {"dividend": 31}.get(name, 49) for name in scenes.names() if "n" in scenes.parameters(name)}
 
@@ -454,3 +456,13 @@ def test_what_overflows_in_an_eigenvalue_iteration_is_no_foreign_exception_and_p
     """LAPACK, below ARPACK, prints what it thinks of infinities; ARPACK raises where it cannot begin."""
     assert "solution" in str(built("hard-scaled").explain())
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_page_leaves_no_trace_on_a_thorough_one():
+    """Law 6: what rests on a question that a limit left open is asked anew by whoever has no limit."""
+    problem = expander(300)
+    few = Allowance(10.0, problem.matrix.unit)
+    A = sp.csr_array(abs(problem.A) * -1.0 + 2.0 * sp.diags_array(problem.A.diagonal()) - 1e-3 * sp.eye_array(300))
+    used, fresh = MatrixClasses(A), MatrixClasses(A)
+    assert used.decided(few).m.holds is None
+    assert str(used) == str(fresh)

@@ -76,13 +76,16 @@ class MatrixClasses(ReadOnly):
 
     def decided(self, limit: Allowance) -> MatrixClasses:
         """A copy that was asked for everything, each within the `limit`; unknown beyond it."""
-        asked = MatrixClasses(self.A)
+        asked, all_known = MatrixClasses(self.A), True
         vars(asked).update(vars(self))
         for name in _BASIC_FIRST:
             try:
                 with limit.kept():
-                    vars(self)[name] = getattr(asked, name)
+                    answer = getattr(asked, name)
+                if all_known:  # else it may rest on what a limit left open, and is not to be kept
+                    vars(self)[name] = answer
             except (OutOfTime, OutOfMemory) as error:
+                all_known = False
                 vars(asked)[name] = unknown = Answer(None, limit.undecided(error))
                 if name == "h_plus":  # nor are others that rest on it asked for it once more
                     vars(asked)["h"] = unknown
