@@ -216,9 +216,11 @@ class Batch:
                 work.afford(price)
                 work.add(price * len(C[rows]))
                 of_rows = self.Q[rows], C[rows]
-                self.Z[rows] = self.by_thomas(*of_rows) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
-                self._judge(rows, C[rows])
-                self.solved[rows] = self.residuals[rows] <= self.tolerances[rows]
+                Z = self.by_thomas(*of_rows) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
+                residuals, tolerances = self._judged(Z, *of_rows)
+                good = self.solved[rows] = residuals <= tolerances
+                for kept, found in ((self.Z, Z), (self.residuals, residuals), (self.tolerances, tolerances)):
+                    kept[rows][good] = found[good]
 
     def _threads(self, Q: Matrix) -> int:
         """How many threads the rows of `Q` are worth."""
@@ -231,20 +233,20 @@ class Batch:
             return C
         return (psi.linear[0] @ Z.T).T + psi.linear[1] if psi.linear else np.array([psi.value(z) for z in Z])
 
-    def _judge(self, rows: slice, C: Matrix) -> None:
-        """The residuals of `rows`, which have the obstacles `C`, and what they are held against."""
-        problem, Q, Z = self.problem, self.Q[rows], self.Z[rows]
-        residuals, tolerances = self.residuals[rows], self.tolerances[rows]
+    def _judged(self, Z: Matrix, Q: Matrix, C: Matrix) -> tuple[Vector, Vector]:
+        """The residuals of the rows `Z`, which have the obstacles `C`, and what they are held against."""
+        problem = self.problem
         here, p = self._values(Z, C), (problem.A @ Z.T).T + Q
-        residuals[:] = _norms(np.minimum(p, Z - here))
+        residuals = _norms(np.minimum(p, Z - here))
         at_0 = _norms(np.minimum(Q, -self._values(np.zeros((1, problem.n)), C)))
-        tolerances[:] = np.maximum(self.limits.atol, self.limits.rtol * at_0)
+        tolerances = np.maximum(self.limits.atol, self.limits.rtol * at_0)
         of_rows = Q, C if problem.psi.linear is not None else here, Z, residuals, tolerances
 
         def look(low: int, high: int) -> None:
             certain_rows(problem.matrix, problem.psi, *(X[low:high] for X in of_rows))
 
         in_parts(len(Q), self._threads(Q), look)
+        return residuals, tolerances
 
     def pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""

@@ -340,3 +340,15 @@ def test_ctrl_c_among_the_rows_at_once_leaves_what_was_solved():
 
     found = Interrupted([[2.0]], [[-2.0], [3.0]], 0.0, None, LIMITS).solutions()
     assert set(found.statuses) == {icp.Status.INTERRUPTED}
+
+
+def test_a_row_that_was_not_begun_has_its_start():
+    """Law 12: where pivots over- or underflow they leave NaN, which is no iterate of anything."""
+    rng = np.random.default_rng(0)
+    A, Q = 1e-200 * rng.standard_normal((20, 20)), 1e200 * rng.standard_normal((100, 20))
+    found = icp.solve_many(A, Q, Z0=np.ones(20), time_limit=0.01, raise_on_failure=False)
+    assert np.isfinite(found.Z).all()
+    late = [row for row, said in found.messages.items() if said.endswith("before its turn")]
+    assert late
+    assert (found.Z[late] == 1.0).all()
+    assert np.isposinf(found.residuals[late]).all()
