@@ -287,7 +287,8 @@ class Batch:
         free = None if limits.memory_limit is None else work.free_memory()
         options: Any = {"rtol": limits.rtol, "atol": limits.atol, "time_limit": left, "memory_limit": free}
         try:
-            problem, start = self._problem(row), self.start(row)
+            problem = self._problem(row)
+            start = self.start(row, problem)
             try:
                 solution = solve(problem, z0=start, raise_on_failure=False, **options)
             except MapError:
@@ -312,10 +313,13 @@ class Batch:
                 self.failures[row] = solution.status, solution.message
             self.interrupted = solution.status is Status.INTERRUPTED
 
-    def start(self, row: int) -> Vector | None:
-        """Where `solve` begins."""
+    def start(self, row: int, problem: ProblemData) -> Vector | None:
+        """Where `solve` begins: at 0 where that is a solution, else the start would be the measure of its residual."""
         if self.starts is not None:
             return np.asarray(self.starts[row if len(self.starts) > 1 else 0])
+        with suppress(MapError):  # ψ need not have a value at 0
+            if problem.residual_at_0() == 0.0:
+                return None
         return self.Z[row - 1] if row and self.solved[row - 1] else None
 
     def _problem(self, row: int) -> ProblemData:

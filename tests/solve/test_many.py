@@ -352,3 +352,11 @@ def test_a_row_that_was_not_begun_has_its_start():
     assert late
     assert (found.Z[late] == 1.0).all()
     assert np.isposinf(found.residuals[late]).all()
+
+
+def test_the_row_before_is_no_measure_of_what_is_small():
+    """Res(z) ≤ rtol·Res(0): where 0 is the solution a start from the row before would put its own residual in place."""
+    psi = icp.Elementwise(lambda x: np.abs(x) / 2, c=np.zeros(1))
+    found = icp.solve_many([[1.0]], [[-1.0], [1.0]], psi)
+    assert found.Z.ravel().tolist() == [1.0, 0.0]
+    assert found.residuals[1] == 0.0
