@@ -213,8 +213,8 @@ def test_starts_are_used_row_by_row_and_else_the_answer_of_the_row_before():
     seen = []
 
     class Seen(Batch):
-        def start(self, row):
-            z0 = super().start(row)
+        def start(self, row, one):
+            z0 = super().start(row, one)
             seen.append(None if z0 is None else z0.copy())
             return z0
 
