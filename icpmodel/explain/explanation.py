@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, OutOfMemory, OutOfTime
+from ..errors import InputError, OutOfTime
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..methods.newton import Newton
@@ -243,7 +243,7 @@ def _explained(
         with limit.kept():
             time_limit = _CENTURY if limit.products == math.inf else None  # without any it would be a minute
             bound = error_bound(problem, np.zeros(problem.n), sharp=False, time_limit=time_limit)
-    except (OutOfTime, OutOfMemory) as error:
+    except (OutOfTime, MemoryError) as error:
         bound = ErrorBound.none(limit.undecided(error))
     # the first choice first, as not all may be looked at
     first = sorted(methods, key=lambda title: not (picked is not None and _same(methods[title], picked)))
@@ -259,7 +259,7 @@ def _explained(
 
 def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
     """The method that `solve` begins with, and why."""
-    with contextlib.suppress(OutOfTime, OutOfMemory), limit.kept():
+    with contextlib.suppress(OutOfTime, MemoryError), limit.kept():
         turn = Schedule(candidates(problem)).turn()
         if turn is not None:
             return turn.who.method, turn.who.why

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
-from ..errors import InputError, MapError, NotApplicable, NotSolved, OutOfMemory, OutOfTime, SingularOperator
+from ..errors import InputError, MapError, NotApplicable, NotSolved, OutOfTime, SingularOperator
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes
@@ -199,7 +199,7 @@ class Batch:
         price = work.COSTS.pivot_entry * n**3 / 3.0 if small else work.COSTS.band_entry * 3.0 * n
         with (
             np.errstate(over="ignore", invalid="ignore"),
-            suppress(MapError, SingularOperator, OutOfTime, OutOfMemory),  # then it is seen row by row what remains
+            suppress(MapError, SingularOperator, OutOfTime, MemoryError),  # then it is seen row by row what remains
         ):
             work.afford(memory=_COPIES * 8.0 * self.Q.size)
             c: Any = self.obstacles

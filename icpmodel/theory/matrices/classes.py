@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import OutOfMemory, OutOfTime
+from ...errors import OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, as_csr, bandwidths
 from ..answers import Allowance, Answer
@@ -84,7 +84,7 @@ class MatrixClasses(ReadOnly):
                     answer = getattr(asked, name)
                 if all_known:  # else it may rest on what a limit left open, and is not to be kept
                     vars(self)[name] = answer
-            except (OutOfTime, OutOfMemory) as error:
+            except (OutOfTime, MemoryError) as error:
                 all_known = False
                 vars(asked)[name] = unknown = Answer(None, limit.undecided(error))
                 if name == "h_plus":  # nor are others that rest on it asked for it once more
