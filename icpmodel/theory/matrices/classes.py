@@ -82,7 +82,7 @@ class MatrixClasses(ReadOnly):
             try:
                 with limit.kept():
                     answer = getattr(asked, name)
-                if all_known:  # else it may rest on what a limit left open, and is not to be kept
+                if all_known or answer.holds is not None:  # an unknown may rest on what a limit left open
                     vars(self)[name] = answer
             except (OutOfTime, MemoryError) as error:
                 all_known = False
