@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, OutOfMemory, OutOfTime
+from ..errors import InputError, OutOfTime
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..methods.newton import Newton
@@ -31,6 +31,7 @@ from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
 #: machine of `work.Costs`; and the share of it that one question may cost
 _PRODUCTS, _NANOSECONDS, _SHARE = 600.0, 0.8e9, 0.2
+_CENTURY = 3e9  #: in seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,8 +241,9 @@ def _explained(
         methods = {repr(wanted): wanted}
     try:
         with limit.kept():
-            bound = error_bound(problem, np.zeros(problem.n), sharp=False)
-    except (OutOfTime, OutOfMemory) as error:
+            time_limit = _CENTURY if limit.products == math.inf else None  # without any it would be a minute
+            bound = error_bound(problem, np.zeros(problem.n), sharp=False, time_limit=time_limit)
+    except (OutOfTime, MemoryError) as error:
         bound = ErrorBound.none(limit.undecided(error))
     # the first choice first, as not all may be looked at
     first = sorted(methods, key=lambda title: not (picked is not None and _same(methods[title], picked)))
@@ -257,7 +259,7 @@ def _explained(
 
 def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
     """The method that `solve` begins with, and why."""
-    with contextlib.suppress(OutOfTime, OutOfMemory), limit.kept():
+    with contextlib.suppress(OutOfTime, MemoryError), limit.kept():
         turn = Schedule(candidates(problem)).turn()
         if turn is not None:
             return turn.who.method, turn.who.why

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..algebra.splittings import Given, Whole
-from ..errors import OutOfMemory, OutOfTime
+from ..errors import OutOfTime
 from ..methods.aor import MNMAOR, MNMGS, MNMJ, MNMSOR
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD, MNMOD
@@ -121,12 +121,12 @@ def forecasts_of(
 ) -> Iterator[Forecast]:
     """A forecast of each of the `methods` that is a member of the family and can start, made when it is asked for."""
     supersolution = False
-    with suppress(OutOfTime, OutOfMemory), limit.kept():
+    with suppress(OutOfTime, MemoryError), limit.kept():
         supersolution = isinstance(proofs_of(problem).supersolution(problem), SupersolutionProof)
     for title, one in methods.items():
         if isinstance(one, ModulusMember) and one.why_not(problem) is None:
             checks, rate, steps = check_all(problem, one, limit), None, None
-            with suppress(OutOfTime, OutOfMemory), limit.kept():
+            with suppress(OutOfTime, MemoryError), limit.kept():
                 rate = predicted_rate(problem, one, checks)
                 steps = rate.steps(problem, np.zeros(problem.n), accuracy) if isinstance(rate, Rate) else None
             yield Forecast(title, one, checks, rate, steps, supersolution)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import MapError, NotApplicable, OutOfMemory, OutOfTime
+from ..errors import MapError, NotApplicable, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
@@ -92,7 +92,7 @@ class AccuracyGoal(Goal):
         self.looked_at, self.bound = start, None
         try:
             bound = error_bound(problem, start)
-        except (OutOfTime, OutOfMemory):  # the run will tell
+        except (OutOfTime, MemoryError):  # the run will tell
             return
         self.bound = bound.value
         if not bound.unique:
@@ -122,7 +122,7 @@ class AccuracyGoal(Goal):
         """The bound on the error of `z`, None where there is none; at a point that does not move one look will do."""
         if not np.array_equal(z, self.looked_at):
             self.bound = None
-            with contextlib.suppress(MapError, OutOfTime, OutOfMemory):
+            with contextlib.suppress(MapError, OutOfTime, MemoryError):
                 self.bound = error_bound(self.of, z).value
             self.looked_at = z
         return self.bound

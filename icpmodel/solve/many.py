@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
-from ..errors import InputError, MapError, NotApplicable, NotSolved, OutOfMemory, OutOfTime, SingularOperator
+from ..errors import InputError, MapError, NotApplicable, NotSolved, OutOfTime, SingularOperator
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes
@@ -199,7 +199,7 @@ class Batch:
         price = work.COSTS.pivot_entry * n**3 / 3.0 if small else work.COSTS.band_entry * 3.0 * n
         with (
             np.errstate(over="ignore", invalid="ignore"),
-            suppress(MapError, SingularOperator, OutOfTime, OutOfMemory),  # then it is seen row by row what remains
+            suppress(MapError, SingularOperator, OutOfTime, MemoryError),  # then it is seen row by row what remains
         ):
             work.afford(memory=_COPIES * 8.0 * self.Q.size)
             c: Any = self.obstacles
@@ -216,9 +216,11 @@ class Batch:
                 work.afford(price)
                 work.add(price * len(C[rows]))
                 of_rows = self.Q[rows], C[rows]
-                self.Z[rows] = self.by_thomas(*of_rows) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
-                self._judge(rows, C[rows])
-                self.solved[rows] = self.residuals[rows] <= self.tolerances[rows]
+                Z = self.by_thomas(*of_rows) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
+                residuals, tolerances = self._judged(Z, *of_rows)
+                good = self.solved[rows] = residuals <= tolerances
+                for kept, found in ((self.Z, Z), (self.residuals, residuals), (self.tolerances, tolerances)):
+                    kept[rows][good] = found[good]
 
     def _threads(self, Q: Matrix) -> int:
         """How many threads the rows of `Q` are worth."""
@@ -231,20 +233,20 @@ class Batch:
             return C
         return (psi.linear[0] @ Z.T).T + psi.linear[1] if psi.linear else np.array([psi.value(z) for z in Z])
 
-    def _judge(self, rows: slice, C: Matrix) -> None:
-        """The residuals of `rows`, which have the obstacles `C`, and what they are held against."""
-        problem, Q, Z = self.problem, self.Q[rows], self.Z[rows]
-        residuals, tolerances = self.residuals[rows], self.tolerances[rows]
+    def _judged(self, Z: Matrix, Q: Matrix, C: Matrix) -> tuple[Vector, Vector]:
+        """The residuals of the rows `Z`, which have the obstacles `C`, and what they are held against."""
+        problem = self.problem
         here, p = self._values(Z, C), (problem.A @ Z.T).T + Q
-        residuals[:] = _norms(np.minimum(p, Z - here))
+        residuals = _norms(np.minimum(p, Z - here))
         at_0 = _norms(np.minimum(Q, -self._values(np.zeros((1, problem.n)), C)))
-        tolerances[:] = np.maximum(self.limits.atol, self.limits.rtol * at_0)
+        tolerances = np.maximum(self.limits.atol, self.limits.rtol * at_0)
         of_rows = Q, C if problem.psi.linear is not None else here, Z, residuals, tolerances
 
         def look(low: int, high: int) -> None:
             certain_rows(problem.matrix, problem.psi, *(X[low:high] for X in of_rows))
 
         in_parts(len(Q), self._threads(Q), look)
+        return residuals, tolerances
 
     def pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""
@@ -312,15 +314,13 @@ class Batch:
             self.interrupted = solution.status is Status.INTERRUPTED
 
     def start(self, row: int, problem: ProblemData) -> Vector | None:
-        """Where `solve` begins: at 0 where that is the answer, as elsewhere Res(0) = 0 would be no tolerance."""
+        """Where `solve` begins: at 0 where that is a solution, else the start would be the measure of its residual."""
         if self.starts is not None:
             return np.asarray(self.starts[row if len(self.starts) > 1 else 0])
-        if not (row and self.solved[row - 1]):
-            return None
-        with suppress(MapError):
+        with suppress(MapError):  # ψ need not have a value at 0
             if problem.residual_at_0() == 0.0:
                 return None
-        return np.asarray(self.Z[row - 1])
+        return self.Z[row - 1] if row and self.solved[row - 1] else None
 
     def _problem(self, row: int) -> ProblemData:
         """The problem of one row, which shares with the others what they have in common."""

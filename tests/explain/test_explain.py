@@ -11,8 +11,11 @@ import scipy.sparse as sp
 import icpmodel as icp
 from icpmodel import scenes
 from icpmodel.explain.explanation import _NANOSECONDS, _PRODUCTS, explain, what_to_do
-from icpmodel.explain.forecasts import shown
+from icpmodel.explain.forecasts import forecasts_of, shown
 from icpmodel.numerics import work
+from icpmodel.theory.answers import Allowance
+from icpmodel.theory.convergence.theorems import check_all
+from icpmodel.theory.matrices.classes import MatrixClasses
 
 SIZES = {name: {"dividend": 31}.get(name, 49) for name in scenes.names() if "n" in scenes.parameters(name)}
 
@@ -454,3 +457,28 @@ def test_what_overflows_in_an_eigenvalue_iteration_is_no_foreign_exception_and_p
     """LAPACK, below ARPACK, prints what it thinks of infinities; ARPACK raises where it cannot begin."""
     assert "solution" in str(built("hard-scaled").explain())
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_page_leaves_no_trace_on_a_thorough_one():
+    """Law 6: what rests on a question that a limit left open is asked anew by whoever has no limit."""
+    problem = expander(300)
+    few = Allowance(10.0, problem.matrix.unit)
+    A = sp.csr_array(abs(problem.A) * -1.0 + 2.0 * sp.diags_array(problem.A.diagonal()) - 1e-3 * sp.eye_array(300))
+    used, fresh = MatrixClasses(A), MatrixClasses(A)
+    assert used.decided(few).m.holds is None
+    assert str(used) == str(fresh)
+
+
+class Full(Allowance):
+    """Where the system itself has no more memory, which nobody foresaw."""
+
+    def kept(self):
+        raise MemoryError("Unable to allocate 8. TiB")
+
+
+def test_a_memory_error_that_nobody_foresaw_leaves_a_question_open():
+    """Law 12: it is no exception of the package's own, and escapes no more than those are allowed to."""
+    problem, limit = icp.ICP([[2.0]], [-2.0]), Full(1.0, 1.0)
+    assert MatrixClasses(problem.A).decided(limit).m.reason == "not decided: Unable to allocate 8. TiB"
+    assert {one.holds for one in check_all(problem, icp.MNMJ(), limit).values()} == {None}
+    assert next(forecasts_of(problem, {"mnmj": icp.MNMJ()}, 1e-6, limit)).rate is None

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import icpmodel as icp
 from icpmodel.algebra.hierarchy import Hierarchy
 from icpmodel.numerics import work
-from icpmodel.theory.certificates.bounds import proofs_of, sharpened
+from icpmodel.theory.certificates.bounds import limited, proofs_of, sharpened
 from icpmodel.theory.certificates.nearby import points_near
 
 #: rows for which the sweeps are foreseen to cost more than a hierarchy, and others
@@ -161,3 +161,33 @@ def test_hierarchies_of_one_matrix_share_their_levels_and_nothing_that_changes()
     other.restrict(f > 0)
     assert one.cycle(f).tobytes() == whole.tobytes()
     assert all(level.P is not None for level, _ in pairwise(one.levels))
+
+
+def test_a_residual_that_underflows_in_units_of_z_is_no_reason_to_look_further():
+    """p = 1e-320 over a diagonal of 2e10 is 0 in float64, though δ(z) is not: there was a division by it."""
+    n = 10_001
+    off = np.full(n - 1, -0.9999e10)
+    A = sp.diags_array([off, np.full(n, 2e10), off], offsets=[-1, 0, 1])
+    bound = icp.error_bound(icp.ICP(A, np.full(n, 1e-320), np.full(n, -np.inf)), np.zeros(n))
+    assert 0 < bound.value < 1e-300
+
+
+def test_what_was_found_before_a_limit_is_kept():
+    """A limit that comes between two better points costs the second one only."""
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -1.0])
+    z, proof = np.array([1.0, 1.5]), proofs_of(problem).h_plus
+
+    def points():
+        yield np.ones(2)
+        raise icp.errors.OutOfTime("no more")
+
+    delta, euclidean = proof.bound(problem, z, *problem.rounding(z))
+    assert sharpened(problem, z, proof, points(), delta, euclidean)[0].max() < 0.51 < delta.max()
+
+
+def test_only_who_sets_no_limit_of_time_has_a_minute():
+    """A limit on memory is none on time, and a long time is not cut short."""
+    with limited(None, 1e9):
+        assert work.nanoseconds_left() < np.inf
+    with limited(1e6, None):
+        assert work.nanoseconds_left() > 1e14

@@ -101,9 +101,9 @@ class Counts:
             for one in [*workers, self.second]:
                 one.close()
 
-    def _count(self, number: int, trial: Trial, end: str, lies: list[Lie]) -> None:
+    def _count(self, number: int, trial: Trial, solved: bool, lies: list[Lie]) -> None:
         count = self.counts.setdefault(trial.label, Counter())
-        count.update(["problems", *{lie.kind for lie in lies}, *(["solved"] if end in ("solved", "optimal") else [])])
+        count.update(["problems", *{lie.kind for lie in lies}, *["solved"] * solved])
         for lie in lies:
             sort = trial.label, *_sort(lie)
             self.shown[sort] += 1

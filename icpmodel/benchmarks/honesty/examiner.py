@@ -14,22 +14,13 @@ import numpy as np
 
 from ...errors import IcpError
 from ...icp import ICP
-from ...solve.solution import Solution, Status
+from ...solve.solution import Status
 from . import exactly
 from .trial import Trial
 
 #: the columns of the table
-KINDS = (
-    "false solved",
-    "false bound",
-    "false unique",
-    "false infeasible",
-    "foreign exception",
-    "late",
-    "lost iterate",
-    "crash",
-    "hang",
-)
+_FALSE = ("false solved", "false bound", "false unique", "false infeasible")
+KINDS = (*_FALSE, "foreign exception", "late", "lost iterate", "crash", "hang")
 #: what the computed tolerance may lose to rounding
 _ROUNDING = Fraction(1, 10**9)
 #: what rounding may add to a residual, as a share of the terms that it is summed of
@@ -45,28 +36,24 @@ class Lie(NamedTuple):
     told: str
 
 
-def examined(trial: Trial) -> tuple[str, list[Lie]]:
-    """How the run of `trial` ended, in a word, and what of it is false."""
+def examined(trial: Trial) -> tuple[bool, list[Lie]]:
+    """Whether the answer to `trial` is that it is solved, and what is false."""
     found: dict[str, Any] = {}
+    code = compile(trial.question(), "question", "exec")
     try:
         exec(compile(trial.setup(), "setup", "exec"), found)
-    except IcpError:
-        return "refused", []
-    except Exception as error:
-        return "refused", [_foreign(error)]
-    code, begin = compile(trial.question(), "question", "exec"), _now()
-    try:
+        begin = _now()
         exec(code, found)
-    except IcpError as error:
-        return type(error).__name__, []
+        seconds = _since(begin)
+    except IcpError:
+        return False, []
     except Exception as error:
-        return "refused", [_foreign(error)]
-    seconds = _since(begin)
+        return False, [_foreign(error)]
     lies = list(_false(trial, found))
     limit = trial.number("time_limit", math.inf) if not trial.asked else math.inf
     if seconds > 1.1 * limit + 0.2 and _late(trial, code, limit):
         lies.append(Lie("late", f"{seconds:.2g} s, time_limit = {limit:g}"))
-    return _end(trial, found), lies
+    return _is_solved(trial, found["answer"]), lies
 
 
 def _foreign(error: Exception) -> Lie:
@@ -96,13 +83,10 @@ def _since(begin: tuple[float, float]) -> float:
     return min(now - then for now, then in zip(_now(), begin, strict=True))
 
 
-def _end(trial: Trial, found: dict[str, Any]) -> str:
-    answer = found["answer"]
-    if isinstance(answer, Solution):
-        return answer.status.value
-    if trial.front == "cvxpy":
-        return str(answer.status)
-    return "solved" if trial.front == "pyomo" or not answer.messages else "failed"
+def _is_solved(trial: Trial, answer: Any) -> bool:
+    if trial.front in ("cvxpy", "pyomo"):
+        return str(answer.status if trial.front == "cvxpy" else answer.solver.termination_condition) == "optimal"
+    return bool(not answer.messages if trial.front == "many" else answer.solved)
 
 
 def _false(trial: Trial, found: dict[str, Any]) -> Iterator[Lie]:
@@ -132,7 +116,7 @@ def _of_status(trial: Trial, exact: Any, problem: Any, status: Status, z: Any) -
         if known is not None and exact.residual(np.array(known)) == 0:
             yield Lie("false infeasible", f"z = {known} is a solution")
         elif (solutions := exact.solutions()) is not None and solutions[0]:
-            yield Lie("false infeasible", f"z = {_floats(solutions[0][0])} is a solution")
+            yield Lie("false infeasible", f"z = {list(map(_near, solutions[0][0]))} is a solution")
 
 
 def _of_solution(trial: Trial, found: dict[str, Any]) -> Iterator[Lie]:
@@ -217,23 +201,18 @@ def _of_program(trial: Trial, found: dict[str, Any]) -> Iterator[Lie]:
 
 def _of_model(trial: Trial, found: dict[str, Any]) -> Iterator[Lie]:
     """A Pyomo model, in the user's own rows."""
-    results = found["answer"]
-    problem = ICP(trial.A, trial.q, np.array(trial.c))
-    exact, end = exactly.ExactProblem(problem), str(results.solver.termination_condition)
-    if end == "optimal":
-        found["model"].solutions.load_from(results)
-        residual = exact.residual(np.array([found["model"].x[i].value for i in range(len(trial.q))]))
-        start = exact.residual(np.zeros(len(trial.q))) or Fraction(0)
+    exact = exactly.ExactProblem(ICP(trial.A, trial.q, np.array(trial.c)))
+    if _is_solved(trial, found["answer"]):
+        found["model"].solutions.load_from(found["answer"])
+        residual = exact.residual(np.array([found["model"].x[i].value for i in range(exact.n)]))
+        start = exact.residual(np.zeros(exact.n)) or Fraction(0)
         if residual is None or residual > _FRONT**2 * (start + 1):
             yield Lie("false solved", f'"optimal", and the residual is {_root(residual or Fraction(-1)):.3g}')
 
 
 def _root(square: Fraction) -> float:
     """√square to a few digits, whatever its size."""
-    if square <= 0:
-        return 0.0
-    shift = (square.numerator.bit_length() - square.denominator.bit_length()) // 2
-    return float(math.ldexp(math.sqrt(square / Fraction(4) ** shift), shift)) if abs(shift) < 1000 else math.inf
+    return _near(_up(square))
 
 
 def _up(square: Fraction) -> Fraction:
@@ -249,7 +228,3 @@ def _near(x: Fraction) -> float:
         return float(x)
     except OverflowError:
         return math.inf
-
-
-def _floats(z: Any) -> list[float]:
-    return [_near(x) for x in z]

@@ -13,7 +13,7 @@ from ...numerics.arrays import Vector
 from ...scenes import names as scene_names
 from ...scenes import parameters
 from ..families.gallery import family_names
-from .trial import ASKED, PSI, Rows, Trial
+from .trial import ASKED, PSI, Trial, tuples
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 _Made = Callable[[np.random.Generator, int], Array]
@@ -42,22 +42,20 @@ _WITHOUT_DIAGONAL = ("josephy", "lemke", "mnmod", "modulus", "newton", "reduced"
 _WEIGHTS = [0.3, 0.2, 0.1, 0.03, 0.01, *[0.36 / (len(ASKED) - 5)] * (len(ASKED) - 5)]
 
 
+@np.errstate(over="ignore")
 def drawn_trial(seed: int, number: int) -> Trial:
     """The trial that the two numbers stand for, whatever else is drawn."""
     rng = np.random.default_rng([seed, number])
-    kinds = ["program", "model", "gallery", "large", "proved", "small"]
-    kind = rng.choice(kinds, p=[0.03, 0.02, 0.03, 0.002, 0.1, 0.818])
-    if kind == "program":
-        return _program(rng)
-    if kind == "model":
-        trial = _problem(rng, int(rng.integers(1, 5)), plain=True)
-        return replace(trial, front="pyomo", psi="constant", known=None)
-    if kind == "large":
-        return _large(rng)
-    if kind == "proved":
-        return _proved(rng)
-    trial = _gallery(rng) if kind == "gallery" else _problem(rng, _size(rng))
-    return _asked(rng, trial)
+    kinds = (_program, _model, _gallery, _large, _proved, _small)
+    return kinds[rng.choice(6, p=[0.03, 0.02, 0.03, 0.002, 0.1, 0.818])](rng)
+
+
+def _model(rng: np.random.Generator) -> Trial:
+    return replace(_problem(rng, int(rng.integers(1, 5)), plain=True), front="pyomo", psi="constant")
+
+
+def _small(rng: np.random.Generator) -> Trial:
+    return _asked(rng, _problem(rng, _size(rng)))
 
 
 def _size(rng: np.random.Generator) -> int:
@@ -150,21 +148,20 @@ def _problem(rng: np.random.Generator, n: int, plain: bool = False) -> Trial:
         G = np.eye(n) if rng.random() < 0.5 else np.roll(np.eye(n), 1, axis=1)
     whole = bool((np.round(A) == A).all())
     if plain:
-        return Trial(_rows(A), tuple(q), kind, tuple(c))
+        return Trial(tuples(A), tuple(q), kind, tuple(c))
     if whole and kind in ("zero", "constant") and rng.random() < 0.3:  # made for a solution, in exact arithmetic
         c = np.round(c) if kind == "constant" else np.zeros(n)
         above, below = rng.integers(0, 3, n), rng.integers(0, 3, n)
         known = c + np.where(below > 0, 0, above)
         q = np.asarray(below - A @ known, dtype=np.float64)
     else:
-        with np.errstate(over="ignore"):
-            A, q = _scales(rng, n)[:, None] * A * _scales(rng, n), _scales(rng, n) * q
-            c = _scales(rng, n) * c
+        A, q = _scales(rng, n)[:, None] * A * _scales(rng, n), _scales(rng, n) * q
+        c = _scales(rng, n) * c
         A, q, c = (np.clip(part, -1e307, 1e307) for part in (A, q, c))
         c = np.where(rng.random(n) < rng.choice([0.0, 0.0, 0.3]), -np.inf, c)
     raising = bool(rng.random() < 0.1)
-    solution = None if known is None else tuple(map(float, known))
-    return Trial(_rows(A), _row(q), kind, _row(c), _rows(G), raising=raising, known=solution)
+    solution = None if known is None else tuples(known)
+    return Trial(tuples(A), tuples(q), kind, tuples(c), tuples(G), raising=raising, known=solution)
 
 
 def _proved(rng: np.random.Generator) -> Trial:
@@ -173,23 +170,18 @@ def _proved(rng: np.random.Generator) -> Trial:
     A = (_definite, _flat, _m_matrix)[rng.integers(3)](rng, n) + rng.integers(0, 2) * np.eye(n)
     scale, back = _scales(rng, n), _scales(rng, n)
     A, q = scale[:, None] * A * (scale if rng.random() < 0.5 else back), rng.integers(0, 2) * scale * _vector(rng, n)
-    c, kind = (
-        _scales(rng, n) * (-1.0 if rng.random() < 0.3 else _vector(rng, n)),
-        ("zero", "constant", "affine")[rng.integers(3)],
-    )
+    c = _scales(rng, n) * (-1.0 if rng.random() < 0.3 else _vector(rng, n))
+    kind = ("zero", "constant", "affine")[rng.integers(3)]
     G = np.diag(rng.uniform(0.0, 1.0, n)) if rng.random() < 0.5 else _low_rank(rng, n) / 16
     A, q = (np.clip(part, -1e307, 1e307) for part in (A, q))
-    return Trial(_rows(A), _row(q), kind, _row(c), _rows(G), asked=str(rng.choice(list(ASKED)[5:])))
+    return Trial(tuples(A), tuples(q), kind, tuples(c), tuples(G), asked=str(rng.choice(list(ASKED)[5:])))
 
 
 def _asked(rng: np.random.Generator, trial: Trial) -> Trial:
     """The trial with a front end, a method, options, and what is asked of the answer."""
     front = str(rng.choice(["solve", "many", "file"], p=[0.9, 0.07, 0.03]))
-    if (
-        trial.source
-        or (front == "many" and len(trial.q) > 12)
-        or (front == "file" and trial.psi not in ("zero", "constant", "affine"))
-    ):
+    is_data = trial.psi in ("zero", "constant", "affine")
+    if trial.source or (front == "many" and len(trial.q) > 12) or (front == "file" and not is_data):
         front = "solve"
     wanted = _MANY if front == "many" else tuple(_OPTIONS)
     chosen = [name for name in wanted if rng.random() < 0.6 / len(wanted) ** 0.5]
@@ -214,10 +206,10 @@ def _gallery(rng: np.random.Generator) -> Trial:
     n = int(rng.integers(3, 60))
     if rng.random() < 0.5:
         name, seed = rng.choice(family_names()), int(rng.integers(10**6))
-        return Trial(source=f"icp.benchmarks.drawn({str(name)!r}, {n}, np.random.default_rng({seed}))")
+        return _asked(rng, Trial(source=f"icp.benchmarks.drawn({str(name)!r}, {n}, np.random.default_rng({seed}))"))
     name = str(rng.choice(scene_names()))
     size = f", {n}" if "n" in parameters(name) else ""
-    return Trial(source=f"icp.scenes.scene({name!r}{size}).problem")
+    return _asked(rng, Trial(source=f"icp.scenes.scene({name!r}{size}).problem"))
 
 
 def _large(rng: np.random.Generator) -> Trial:
@@ -242,12 +234,4 @@ def _program(rng: np.random.Generator) -> Trial:
     G, c = rng.integers(-2, 3, (m, n)) * _scales(rng, m).clip(1e-8, 1e8)[:, None], rng.integers(-4, 5, m)
     equal = int(rng.integers(0, min(m, n))) if n > 1 else 0
     q = rng.integers(-3, 4, n) * rng.choice([1.0, 1e-4, 1e4])
-    return Trial(_rows(P), _row(q), "zero", _row(c), _rows(G), front="cvxpy", equal=equal)
-
-
-def _row(values: Any) -> tuple[float, ...]:
-    return tuple(float(value) + 0.0 for value in values)
-
-
-def _rows(values: Any) -> Rows:
-    return tuple(_row(row) for row in values)
+    return Trial(tuples(P), tuples(q), "zero", tuples(c), tuples(G), front="cvxpy", equal=equal)

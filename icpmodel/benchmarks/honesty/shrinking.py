@@ -7,9 +7,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from .trial import Row, Trial
+import numpy as np
 
-_PARTS = ("A", "q", "c", "G")
+from .trial import Trial, tuples
 
 
 def shrunk(trial: Trial, shows: Callable[[Trial], bool], tries: int) -> Trial:
@@ -48,17 +48,19 @@ def _simpler(trial: Trial) -> Iterator[Trial]:
     if trial.psi not in ("zero", "constant") and trial.front != "cvxpy":
         yield replace(trial, psi="zero", known=None)
     trial = replace(trial, known=None)
+    parts = {part: np.array(getattr(trial, part)) for part in ("A", "q", "c", "G")}
     for digits in (0, 1, 2, 4):
-        for part in _PARTS:
-            value = _mapped(getattr(trial, part), partial(_rounded, digits=digits))
-            if value != getattr(trial, part):
-                yield replace(trial, **{part: value})
-    for part in _PARTS:
-        value = getattr(trial, part)
-        for k, x in enumerate(_entries(value)):
+        for part, values in parts.items():
+            rounded = np.vectorize(partial(_rounded, digits=digits), otypes=[np.float64])(values)
+            if not np.array_equal(rounded, values):
+                yield replace(trial, **{part: tuples(rounded)})
+    for part, values in parts.items():
+        for k, x in enumerate(values.ravel().tolist()):
             for simple in (0.0, 1.0, -1.0, _rounded(x, 0), _rounded(x, 1), _rounded(x, 3)):
                 if _weight(simple) < _weight(x):
-                    yield replace(trial, **{part: _with_entry(value, k, simple)})
+                    other = values.copy()
+                    other.flat[k] = simple
+                    yield replace(trial, **{part: tuples(other)})
 
 
 def _without(trial: Trial, k: int) -> Trial:
@@ -83,23 +85,3 @@ def _rounded(x: float, digits: int) -> float:
 def _weight(x: float) -> tuple[int, bool, bool]:
     """How much there is to read in a number."""
     return len(f"{x!r}".replace(".0", "").replace("e", " " * 10)), x != 0.0, x < 0.0
-
-
-def _entries(value: Any) -> Iterator[float]:
-    for one in value:
-        if isinstance(one, tuple):
-            yield from one
-        else:
-            yield one
-
-
-def _mapped(value: Any, change: Callable[[float], float]) -> Any:
-    return tuple(_mapped(one, change) if isinstance(one, tuple) else change(one) for one in value)
-
-
-def _with_entry(value: Any, k: int, x: float) -> Any:
-    if not isinstance(value[0], tuple):
-        return (*value[:k], x, *value[k + 1 :])
-    i, j = divmod(k, len(value[0]))
-    row: Row = (*value[i][:j], x, *value[i][j + 1 :])
-    return (*value[:i], row, *value[i + 1 :])

@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 Row = tuple[float, ...]
 Rows = tuple[Row, ...]
 
@@ -152,3 +154,8 @@ class Trial:
 
 def _listed(value: Any) -> str:
     return "[" + ", ".join(map(_listed, value)) + "]" if isinstance(value, tuple) else repr(float(value))
+
+
+def tuples(values: Any) -> Any:
+    """A vector or matrix as tuples of floats, without −0."""
+    return tuple(map(tuples, values)) if np.ndim(values) > 1 else tuple(float(value) + 0.0 for value in values)

@@ -13,7 +13,7 @@ from typing import Any
 from .examiner import Lie, examined
 from .trial import Trial
 
-Examine = Callable[[Trial], tuple[str, list[Lie]]]
+Outcome = tuple[bool, list[Lie]]
 
 #: seconds after which a trial hangs; none has a limit beyond one second, and compilation takes half a minute
 _HANGS = 120.0
@@ -21,7 +21,7 @@ _HANGS = 120.0
 _ENDS = 1.0
 
 
-def _serve(connection: Connection, examine: Examine) -> None:
+def _serve(connection: Connection, examine: Callable[[Trial], Outcome]) -> None:
     """Answers one trial after the other until the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent
     warnings.simplefilter("ignore")
@@ -37,7 +37,7 @@ def _serve(connection: Connection, examine: Examine) -> None:
 class Worker:
     """A process that examines trials by `examine`, begun anew after a trial that it does not survive."""
 
-    examine: Examine = examined
+    examine: Callable[[Trial], Outcome] = examined
     hangs: float = _HANGS
     process: Any = field(default=None, init=False)
     connection: Any = field(default=None, init=False)
@@ -52,20 +52,20 @@ class Worker:
             there.close()
         self.connection.send(trial)
 
-    def end(self) -> tuple[str, list[Lie]]:
+    def end(self) -> Outcome:
         """What came of it."""
         try:
             if self.connection.poll(self.hangs):
-                found: tuple[str, list[Lie]] = self.connection.recv()
+                found: Outcome = self.connection.recv()
                 return found
             lie = Lie("hang", f"no end after {self.hangs:g} s")
         except (EOFError, ConnectionError):
             self.process.join()
             lie = Lie("crash", f"the process ended with code {self.process.exitcode}")
         self.close()
-        return lie.kind, [lie]
+        return False, [lie]
 
-    def ask(self, trial: Trial) -> tuple[str, list[Lie]]:
+    def ask(self, trial: Trial) -> Outcome:
         """`begin` and `end`."""
         self.begin(trial)
         return self.end()

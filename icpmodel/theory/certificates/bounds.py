@@ -91,12 +91,12 @@ def listed(reason: str) -> str:
 
 @contextmanager
 def limited(time_limit: float | None, memory_limit: float | None) -> Iterator[None]:
-    """A block in which what is foreseen to take more than these seconds and bytes, or without them and where nobody
-    else limits it more work than `BUDGET`, raises OutOfTime or OutOfMemory."""
+    """A block in which what is foreseen to take more than these seconds and bytes, or where nobody limits the time more
+    work than `BUDGET`, raises OutOfTime or OutOfMemory."""
     with ExitStack() as kept:
         if time_limit is not None or memory_limit is not None:
             kept.enter_context(work.within(*(math.inf if x is None else x for x in (time_limit, memory_limit))))
-        if work.nanoseconds_left() == math.inf:
+        if time_limit is None and work.nanoseconds_left() == math.inf:
             kept.enter_context(work.of_count(BUDGET))
         yield
 
@@ -162,13 +162,13 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
             reasons.append(proof.replace("; ", ", "))
             continue
         delta, euclidean = proof.bound(problem, z, *(rounding := problem.rounding(z)))
+        points: Points | None = None
         if sharp or (sharp is None and (proof.wide or problem.A.nnz <= _SHARPEN_UP_TO)):
-            with suppress(OutOfTime, MemoryError):
-                delta, euclidean = sharpened(problem, z, proof, _by_factorisation(problem, z, proof), delta, euclidean)
+            points = _by_factorisation(problem, z, proof)
         elif sharp is None and isinstance(proof, HPlusProof):
-            with suppress(OutOfTime, MemoryError):
-                points = points_near(problem, z, proof, float(delta.max()), *rounding)
-                delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
+            points = points_near(problem, z, proof, float(delta.max()), *rounding)
+        if points is not None:
+            delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
         sentence = proof.sentence + (_WORD if problem.psi.at_users_word else "")
         if np.isfinite(delta).all():
             return ErrorBound(float(delta.max()), delta, euclidean, sentence, "")
@@ -234,9 +234,11 @@ def proofs_of(problem: ProblemData) -> Proofs:
 def sharpened(
     problem: ProblemData, z: Vector, proof: Proof, points: Points, delta: Vector, euclidean: float
 ) -> tuple[Vector, float]:
-    """The best of δ(z) and |z − ẑ| + δ(ẑ) over the `points` ẑ, and the like for the Euclidean norms."""
+    """The best of δ(z) and |z − ẑ| + δ(ẑ) over the `points` ẑ that the limits allow, and the like for the Euclidean
+    norms."""
     told: Any = None
-    with suppress(StopIteration, MapError):  # ψ need not have a value anywhere but at z
+    # ψ need not have a value anywhere but at z
+    with suppress(StopIteration, MapError, OutOfTime, MemoryError):
         while True:
             better = points.send(told)
             beyond, beyond_euclidean = proof.bound(problem, better, *problem.rounding(better))

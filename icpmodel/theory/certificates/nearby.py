@@ -53,7 +53,8 @@ def points_near(
     first = _natural(problem, z)
     with np.errstate(all="ignore"):
         floor = float(proof.v.max() * np.maximum(for_p / proof.alpha, for_r / proof.beta).max())
-    if not (np.isfinite(z).all() and bound > _GOOD * max(first, floor)):
+    # what underflows to 0 leaves nothing to go by
+    if not (first > 0 and np.isfinite(z).all() and bound > _GOOD * max(first, floor)):
         return
     simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
     sweep, better, last, count, beyond = projected_sweep(simple, Level(simple)), z, first, float(SWEEPS), bound

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...algebra.splittings import Given
-from ...errors import OutOfMemory, OutOfTime, SingularOperator
+from ...errors import OutOfTime, SingularOperator
 from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import equilibrated, in_units
@@ -268,7 +268,7 @@ def _worthwhile(before: float, after: float) -> bool:
 
 
 def _noda(T: HomogeneousMap, best: Radius) -> Radius:
-    with contextlib.suppress(OutOfTime, OutOfMemory):
+    with contextlib.suppress(OutOfTime, MemoryError):
         # where rho < 1 this start alone proves it: T(v) = v - start
         best = _better(T, T.steeper(1.0, best.v), best)
         for _ in range(20):

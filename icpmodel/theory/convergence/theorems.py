@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...algebra.splittings import Member
-from ...errors import InputError, OutOfMemory, OutOfTime, SingularOperator
+from ...errors import InputError, OutOfTime, SingularOperator
 from ...numerics import work
 from ...numerics.arrays import Vector, described
 from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
@@ -103,7 +103,7 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
     try:
         with limit.kept():
             step = StepMatrices(problem, member)
-    except (OutOfTime, OutOfMemory) as error:
+    except (OutOfTime, MemoryError) as error:
         return {name: _of(name, Answer(None, limit.undecided(error))) for name in _THEOREMS}
     found: dict[str, Check] = {}
     dear = limit.is_felt(_MATRICES, step.A.nnz)
@@ -114,7 +114,7 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
             with limit.kept():
                 taken = dear and by is not None and name != "sharper"
                 found[name] = _of(name, follows) if taken else _check(name, step, False)
-        except (OutOfTime, OutOfMemory) as error:
+        except (OutOfTime, MemoryError) as error:
             found[name] = _of(name, follows if by is not None else Answer(None, limit.undecided(error)))
     return {name: found[name] for name in _THEOREMS}
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import OutOfMemory, OutOfTime
+from ...errors import OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, as_csr, bandwidths
 from ..answers import Allowance, Answer
@@ -76,13 +76,16 @@ class MatrixClasses(ReadOnly):
 
     def decided(self, limit: Allowance) -> MatrixClasses:
         """A copy that was asked for everything, each within the `limit`; unknown beyond it."""
-        asked = MatrixClasses(self.A)
+        asked, all_known = MatrixClasses(self.A), True
         vars(asked).update(vars(self))
         for name in _BASIC_FIRST:
             try:
                 with limit.kept():
-                    vars(self)[name] = getattr(asked, name)
-            except (OutOfTime, OutOfMemory) as error:
+                    answer = getattr(asked, name)
+                if all_known or answer.holds is not None:  # an unknown may rest on what a limit left open
+                    vars(self)[name] = answer
+            except (OutOfTime, MemoryError) as error:
+                all_known = False
                 vars(asked)[name] = unknown = Answer(None, limit.undecided(error))
                 if name == "h_plus":  # nor are others that rest on it asked for it once more
                     vars(asked)["h"] = unknown
