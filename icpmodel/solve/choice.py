@@ -74,7 +74,7 @@ def choose(
     if problem.psi.takes_best:
         yield stage(30.0, 3.0, lambda: [MNMJ()], lambda: [Multilevel()])
     else:
-        yield stage(15.0, 3.0, lambda: [PSOR(), MNMGS()])
+        yield stage(8.0, 3.0, lambda: [PSOR(), MNMGS()])
         yield stage(15.0, 12.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: [Josephy()])
         yield stage(15.0, 0.0, lambda: [Multilevel()], least=costs.hierarchy)
     if reduced is not None:

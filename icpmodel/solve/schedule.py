@@ -19,8 +19,8 @@ its turns by the second term before, at most l_i if it was overdue. So it spends
 ends its turns. With w_i ≥ 1/1.2 that is 4.8κT, and m candidates cost at most (4.8κ(m − 1) + 1)T and a look each,
 whatever was expected.
 Where they cost what they expect to, the least expected cost is paid, and at most (m − 1)/κ of it for shows.
-Facts that further candidates need have a turn as well, when κ times their cost is least, and what these candidates cost
-at the least is not more either: while * is not done each look at facts costs no more than T.
+Facts that further candidates need have a turn as well, when twelve times their cost is least, and what these candidates
+cost at the least is not more either: while * is not done each look at facts costs no more than κT/12.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Generic, NamedTuple, TypeVar
 
-#: the share of what the best one has left that others may cost to show what they can do, and facts: 1/κ
-SHARE = 1 / 8
+#: the share of what the best one has left that others may cost to show what they can do, and facts
+SHARE, FACT_SHARE = 1 / 8, 1 / 12
 #: a further look comes whenever the number of steps has grown by this factor
 _AGAIN = 3.0
 #: the least share of the mean speed so far that is expected, a residual that has not fallen counting as fallen by e
@@ -120,7 +120,7 @@ class Stage(NamedTuple, Generic[T]):
     @property
     def priority(self) -> float:
         """As that of a candidate."""
-        return max(self.cost / SHARE, self.least)
+        return max(self.cost / FACT_SHARE, self.least)
 
 
 def in_turn(*order: T) -> Iterator[Stage[T]]:

@@ -125,7 +125,7 @@ def test_who_overruns_twofold_waits_and_goes_on_where_it_was_when_the_others_do_
     assert sum(turn.steps for turn in schedule.waiting) == 200  # nothing of what was made is lost
 
 
-def test_a_fact_is_asked_for_when_eight_times_its_cost_is_least():
+def test_a_fact_is_asked_for_when_twelve_times_its_cost_is_least():
     asked = []
 
     def stage(cost, left):
@@ -135,7 +135,7 @@ def test_a_fact_is_asked_for_when_eight_times_its_cost_is_least():
 
         return Stage(cost, made)
 
-    Schedule(iter([stage(0.0, 81.0), stage(10.0, 40.0), stage(6.0, 30.0)])).turn()
+    Schedule(iter([stage(0.0, 121.0), stage(10.0, 60.0), stage(6.0, 40.0)])).turn()
     assert asked == [0.0, 10.0]
 
 
