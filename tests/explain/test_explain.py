@@ -98,12 +98,14 @@ def test_the_classes_are_the_known_ones(name, facts):
     assert {key: getattr(classes, key).holds for key in facts} == facts
 
 
-def test_the_choice_of_solve_is_named_with_its_reason():
-    problem = scenes.membrane(n=100).problem
-    page, solution = problem.explain(), problem.solve()
-    assert repr(page.picked) == repr(solution.method)
-    assert page.why == solution.why
-    assert f"solve() begins with {solution.method!r}" in str(page)
+@pytest.mark.parametrize("name", ["membrane", "bai-nonsymmetric", "manufactured-elementwise"])
+@pytest.mark.parametrize("n", [16, 100, 900])
+def test_the_method_that_solve_begins_with_is_named_with_its_reason(name, n):
+    problem = scenes.scene(name, n=n).problem
+    page, begun = problem.explain(), problem.solve(max_iter=1, raise_on_failure=False)
+    assert repr(page.picked) == repr(begun.last_method)
+    assert begun.why.startswith(page.why)
+    assert f"solve() begins with {begun.last_method!r}" in str(page)
 
 
 def test_the_recommended_method_is_proved_to_need_the_fewest_steps():

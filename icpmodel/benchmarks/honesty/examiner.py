@@ -25,6 +25,7 @@ KINDS = (*_FALSE, "foreign exception", "late", "lost iterate", "crash", "hang")
 _ROUNDING = Fraction(1, 10**9)
 #: what rounding may add to a residual, as a share of the terms that it is summed of
 _LOST = 1e-12
+_EPS = Fraction(np.finfo(np.float64).eps)
 #: the default of `solve`, and what is at least called wrong by the front ends, which have tolerances of their own
 _RTOL, _FRONT = 1e-8, Fraction(1, 10**5)
 
@@ -195,7 +196,10 @@ def _of_program(trial: Trial, found: dict[str, Any]) -> Iterator[Lie]:
     if least is not None:
         P, q = [exactly.fractions(row) for row in trial.A], exactly.fractions(trial.q)
         value, size = exactly.objective(P, q, x), sum(abs(a * b) for a, b in zip(q, x, strict=True))
-        if value - least > 10 * _FRONT * (abs(least) + size) + _FRONT / 100 * max(map(abs, q)):
+        # the quadratic form of an x with its entries rounded, which need not vanish where that of x does
+        rounded = exactly.objective([[abs(a) for a in row] for row in P], [Fraction(0)] * len(x), [abs(a) for a in x])
+        allowed = 10 * _FRONT * (abs(least) + size) + _FRONT / 100 * max(map(abs, q)) + _EPS * rounded
+        if value - least > allowed:
             yield Lie("false solved", f'"optimal" at {_near(value):.6g}, the optimum is {_near(least):.6g}')
 
 
