@@ -10,14 +10,16 @@ from .solvers import cvxpy, pyomo
 
 
 class ICP(ProblemData):
-    """Find z with p = Az + q ≥ 0, r = z − ψ(z) ≥ 0 and pᵀr = 0.
+    """Find z with p = Az + q ≥ 0, r = z − ψ(z) ≥ 0 and pᵀr = 0; with an obstacle above as well, ψ(z) ≤ z ≤ ψ̄(z) with
+    p_i ≥ 0 where z_i = ψ_i(z), p_i ≤ 0 where z_i = ψ̄_i(z), and p_i = 0 in between.
 
     Parameters: `A` dense array-like or any SciPy sparse matrix, shape (n, n); `q` array-like, shape (n,); `psi` a
     number, a vector of shape (n,) (−inf: no obstacle in that row), an `Affine`, `Elementwise`, `Function` or
-    `Intervention` map, or any callable z ↦ ψ(z). ψ = 0 is the linear complementarity problem (LCP).
-    The data is copied: A becomes float64 CSR with every diagonal entry stored. An ICP never changes; `with_q` and
-    `with_psi` make new ones that share the rest.
-    Raises InputError where A, q or ψ has a wrong shape, is empty, complex or not finite.
+    `Intervention` map, or any callable z ↦ ψ(z); `upper` = ψ̄ the same (+inf: none in that row), or None. ψ = 0 is the
+    linear complementarity problem (LCP); a row without any obstacle is the equation p_i = 0.
+    The data is copied: A becomes float64 CSR with every diagonal entry stored. An ICP never changes; `with_q`,
+    `with_psi` and `with_upper` make new ones that share the rest.
+    Raises InputError where A, q or ψ has a wrong shape, is empty, complex or not finite, and where the obstacles cross.
     Its verbs are functions of the package with the problem as their first argument, and their help is these functions'.
     Reference: Kumar, Deepmala and Das, More on modulus based iterative method for solving implicit complementarity
     problem; Bensoussan and Lions (1973).
@@ -29,6 +31,8 @@ class ICP(ProblemData):
     (True, True)
     >>> problem
     ICP(n=2, nnz=4, psi=Constant(0))
+    >>> ICP([[2, -1], [-1, 2]], [-3, 3], psi=-1, upper=[0.25, np.inf]).solve("psor").z
+    array([ 0.25, -1.  ])
     """
 
     __slots__ = ()

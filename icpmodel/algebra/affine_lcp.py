@@ -39,11 +39,17 @@ def too_large(n: int) -> str | None:
 class AffineLcp:
     """The LCP My + q ≥ 0, y ≥ 0 (0 and any sign in the rows that are `free`) behind an ICP with ψ(z) = Gz + c.
 
+    With an obstacle above, Hz + d, there is a row more for each that it has: p of the LCP is Az + q + Ds, D = |diag(A)|,
+    and y goes on with s, of which the rows are D(Hz + d − z) ≥ 0. So p may be negative where z is at the upper one.
     Parameters: `A` dense, shape (n, n); `q` and `c` shape (n,); `G` dense, shape (n, n), or its diagonal, shape (n,),
-    if it is one, or None for 0. Raises SingularOperator where I − G is singular.
+    if it is one, or None for 0; `above` (d, H) alike, or None. Raises SingularOperator where I − G is singular.
+    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.2, for the rows more.
     """
 
-    def __init__(self, A: Matrix, q: Vector, c: Vector, G: Matrix | Vector | None = None) -> None:
+    def __init__(
+        self, A: Matrix, q: Vector, c: Vector, G: Matrix | Vector | None = None, above: tuple[Vector, Any] | None = None
+    ) -> None:
+        self.n, self.rows = len(A), None
         self.free = c == -np.inf
         self.c = np.where(self.free, 0.0, c)
         self.M, self.inverse = A, None
@@ -51,7 +57,38 @@ class AffineLcp:
             with one_blas_thread():
                 self.inverse = _inverse(G)
                 self.M = A * self.inverse if G.ndim == 1 else A @ self.inverse
+        if above is not None:
+            q = self._with_rows_above(A, q, *above)
         self.q = q + self.M @ self.c
+
+    def _with_rows_above(self, A: Matrix, q: Vector, d: Vector, H: Any) -> Vector:
+        """M and c with the rows for the obstacle above; returns q with them."""
+        n, self.rows = self.n, np.flatnonzero(d < np.inf)
+        k, weight = self.rows.size, np.abs(np.diagonal(A))[self.rows]
+        self.weight = np.where(weight > 0.0, weight, 1.0)
+        moves = np.eye(n) if H is None else np.eye(n) - (np.diag(H) if H.ndim == 1 else H)
+        if self.inverse is not None:
+            moves = moves * self.inverse if self.inverse.ndim == 1 else moves @ self.inverse
+        M = np.zeros((n + k, n + k))
+        M[:n, :n], M[n:, :n] = self.M, -self.weight[:, None] * moves[self.rows]
+        M[self.rows, n + np.arange(k)] = self.weight
+        self.M, self.c = M, np.append(self.c, np.zeros(k))
+        self.free = np.append(self.free, np.zeros(k, dtype=bool))
+        return self.extended(q, d)
+
+    def extended(self, Q: Any, D: Any) -> Any:
+        """Right-hand sides, shape (n,) or one in each row, with those of the rows above, where d is `D`."""
+        return Q if self.rows is None else np.concatenate([Q, self.weight * D[..., self.rows]], axis=-1)
+
+    def held(self, y: Vector) -> tuple[Any, Any]:
+        """The rows that are at an obstacle where the pivots end with `y`, and of these the ones at the upper; masks of
+        shape (n,), the second None where there is none."""
+        active = ~self.free[: self.n] & (y[: self.n] == 0.0)
+        if self.rows is None:
+            return active, None
+        above = np.zeros(self.n, dtype=bool)
+        above[self.rows] = y[self.n :] > 0.0
+        return active | above, above
 
     def start(self) -> Any:
         """The first dictionary, as `kernels.pivoting.go_on` takes it."""
@@ -64,7 +101,8 @@ class AffineLcp:
         return self.back(y + self.c)
 
     def back(self, x: Any) -> Any:
-        """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix."""
+        """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix, and without the entries for rows above."""
+        x = x[..., : self.n]
         if self.inverse is None:
             return x
         return x * self.inverse if self.inverse.ndim == 1 else x @ self.inverse.T
@@ -78,10 +116,15 @@ def dense_matrix(problem: ProblemData) -> Matrix:
 
 def dense_lcp(problem: ProblemData) -> AffineLcp:
     """The LCP behind `problem`, where ψ is affine or amounts to a fixed obstacle. Raises SingularOperator, MapError."""
+    A = dense_matrix(problem)
     if problem.psi.linear is None:
-        return AffineLcp(dense_matrix(problem), problem.q, problem.facts.obstacle)
-    G, c = problem.psi.linear
-    return AffineLcp(dense_matrix(problem), problem.q, c, None if problem.psi.is_constant else G.toarray())
+        above = problem.facts.upper_obstacle
+        return AffineLcp(A, problem.q, problem.facts.obstacle, None, None if above is None else (above, None))
+    (G, c), moves, above = problem.psi.linear, not problem.psi.is_constant, None
+    if problem.upper is not None and problem.upper.linear is not None:
+        H, d = problem.upper.linear
+        above = d, H.toarray() if moves else None
+    return AffineLcp(A, problem.q, c, G.toarray() if moves else None, above)
 
 
 def some_pivots(state: Any, entering: int, most: int) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,7 +13,9 @@ from ..errors import MapError, SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Vector, row_of
 from ..numerics.linear import solver_of
+from ..problem.between import chosen
 from ..problem.data import ProblemData
+from ..problem.map import Map
 from .operators import FactorisedOperator
 
 #: steps of iterative refinement, or of Newton's method with the first derivative kept
@@ -28,26 +31,60 @@ def equations_on(problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.c
     return sp.csr_array(keep @ problem.A + follow @ (sp.eye_array(problem.n) - jacobian))
 
 
-def nearer_to_obstacle(problem: ProblemData, z: Vector) -> NDArray[np.bool_]:
-    """The rows with r_i < p_i/Ω_i, Ω = `weights`: there the modulus takes the obstacle's side; a mask, shape (n,)."""
+class Pattern(NamedTuple):
+    """Where the modulus takes an obstacle's side, `active`, a mask of shape (n,), and of these rows those that take the
+    one `above`, None where there is none; `r`, shape (n,), is how far z is from the obstacle that each row is nearer to.
+    """
+
+    r: Vector
+    active: NDArray[np.bool_]
+    above: NDArray[np.bool_] | None = None
+
+    @classmethod
+    def at(cls, problem: ProblemData, z: Vector, p: Vector, omega: Vector) -> Pattern:
+        """At `z`, where Az + q = `p`: rows with r_i < p_i/Ω_i, and those with z_i − ψ̄_i > p_i/Ω_i."""
+        r, above = problem.r(z), problem.r_upper(z)
+        return cls.of(r, above, p / omega)
+
+    @classmethod
+    def of(cls, r: Vector, above: Vector | None, a: Vector) -> Pattern:
+        """From r = z − ψ, `above` = z − ψ̄ and a = p/Ω."""
+        if above is None:
+            return cls(r, r < a)
+        taken = above > a
+        return cls(np.where(taken, above, r), (r < a) | taken, taken)
+
+    def is_that_of(self, other: Pattern) -> bool:
+        """Whether every row takes the same side."""
+        same = np.array_equal(self.active, other.active)
+        return same and (self.above is None or other.above is None or np.array_equal(self.above, other.above))
+
+
+def pattern_at(problem: ProblemData, z: Vector) -> Pattern:
+    """The rows that take an obstacle's side at `z`, with Ω = `weights`."""
     with np.errstate(over="ignore", invalid="ignore"):
-        return problem.r(z) < problem.p(z) / problem.matrix.weights
+        return Pattern.at(problem, z, problem.p(z), problem.matrix.weights)
 
 
-def solve_on(problem: ProblemData, z: Vector, active: NDArray[np.bool_]) -> Vector:
+def solve_on(
+    problem: ProblemData, z: Vector, active: NDArray[np.bool_], above: NDArray[np.bool_] | None = None
+) -> Vector:
     """The solution of z_i = ψ_i(z) in the `active` rows, (Az + q)_i = 0 in the others, near `z`.
 
     One factorisation, of the other rows alone where ψ has no derivative, then refinement while the residual falls.
-    Parameters: `z` shape (n,), `active` a mask of shape (n,). Returns a vector of shape (n,). It is a candidate, no
-    more: `error_bound` says what it is worth. Raises SingularOperator where the equations are singular, MapError where
-    ψ or its Jacobian fails.
+    Parameters: `z` shape (n,), `active` a mask of shape (n,), `above` one of the rows with ψ̄ in place of ψ, or None.
+    Returns a vector of shape (n,). It is a candidate, no more: `error_bound` says what it is worth. Raises
+    SingularOperator where the equations are singular, MapError where ψ or its Jacobian fails.
     """
-    jacobian = problem.psi.jacobian(z)
+    psi = chosen(problem.psi, above)
+    jacobian = psi.jacobian(z)
     with np.errstate(over="ignore", invalid="ignore"):
-        return _refined(problem, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
+        return _refined(problem, psi, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
 
 
-def _refined(problem: ProblemData, z: Vector, active: NDArray[np.bool_], jacobian: sp.csr_array | None) -> Vector:
+def _refined(
+    problem: ProblemData, psi: Map, z: Vector, active: NDArray[np.bool_], jacobian: sp.csr_array | None
+) -> Vector:
     free = np.flatnonzero(~active)
     try:
         if jacobian is not None:
@@ -61,12 +98,12 @@ def _refined(problem: ProblemData, z: Vector, active: NDArray[np.bool_], jacobia
     best, smallest = z, np.inf
     for _ in range(_REFINEMENTS):
         if jacobian is not None:
-            z = z - operator.solve(np.where(active, problem.r(z), problem.p(z)))
+            z = z - operator.solve(np.where(active, z - psi.value(z), problem.p(z)))
         else:
-            z = np.where(active, problem.psi.value(z), z)
+            z = np.where(active, psi.value(z), z)
             if free.size:
                 z[free] -= operator.solve(problem.p(z)[free])
-        equations = np.abs(np.where(active, problem.r(z), problem.p(z)))
+        equations = np.abs(np.where(active, z - psi.value(z), problem.p(z)))
         size = float(equations.max())
         if not size < smallest:
             break
@@ -156,9 +193,10 @@ def _product(A: sp.csr_array, B: sp.csr_array) -> sp.csr_array:
     return sp.csr_array(A @ B)
 
 
-def derivative(problem: ProblemData, z: Vector) -> sp.csr_array:
-    """ψ′(z), CSR, shape (n, n), where `Newton.why_not` is None. Raises MapError where it is not finite."""
-    J = problem.psi.jacobian(z)
+def derivative(psi: Map, z: Vector, above: NDArray[np.bool_] | None = None) -> sp.csr_array:
+    """ψ′(z), in the rows `above`, a mask, ψ̄′(z), CSR, shape (n, n), where `Newton.why_not` is None. Raises MapError
+    where it is not finite."""
+    J = chosen(psi, above).jacobian(z)
     assert J is not None
     if not np.isfinite(J.data).all():
         raise MapError("psi's derivative is not finite")

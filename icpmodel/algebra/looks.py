@@ -16,9 +16,10 @@ import numpy as np
 
 from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm
+from ..problem.between import mid
 from ..problem.data import ProblemData
-from .equations import derivative
-from .hierarchy import Hierarchy, Level, Mask
+from .equations import Pattern, derivative
+from .hierarchy import Hierarchy, Level
 from .steps import Step, compiled_step, in_a_row
 
 #: sweeps where the active set has moved
@@ -42,19 +43,21 @@ def newton_looks(
     omega, sweep = level.diagonal, projected_sweep(problem, level)
     newton: _NewtonStep | None = None
     while True:
+        p = problem.p(z)
         if moves:
-            own = derivative(problem, z).diagonal()
+            # which obstacle a row is held by is told by the sign of p
+            own = derivative(problem.psi, z, None if problem.upper is None else p < 0).diagonal()
             # p and r then change alike with z_i
             omega = level.diagonal / np.maximum(1.0 - own, _LEAST_SLOPE)
-        p, r = problem.p(z), problem.r(z)
+        pattern = Pattern.at(problem, z, p, omega)
         work.add(0.5 * work.COSTS.newton)
-        if newton is None or not np.array_equal(r < p / omega, newton.active):
+        if newton is None or not pattern.is_that_of(newton.pattern):
             z = swept(sweep, z, SWEEPS)
-            p, r = problem.p(z), problem.r(z)
-        share = (yield z, norm(np.minimum(p, r))) or _SHARE
-        active = r < p / omega
-        if newton is None or moves or not np.array_equal(active, newton.active):
-            newton = _NewtonStep(hierarchy, problem, top, active, z, p, r)
+            p = problem.p(z)
+            pattern = Pattern.at(problem, z, p, omega)
+        share = (yield z, norm(mid(p, problem.r(z), problem.r_upper(z)))) or _SHARE
+        if newton is None or moves or not pattern.is_that_of(newton.pattern):
+            newton = _NewtonStep(hierarchy, problem, top, pattern, z, p)
             z, _ = newton.further(newton.start, share)
         else:
             z, moved = newton.further(z, share)
@@ -83,11 +86,13 @@ class _NewtonStep:
     """One linear system: (I − ψ′)z = … in the active rows, Az + q = 0 in the others. It may be gone on with."""
 
     def __init__(
-        self, hierarchy: Hierarchy, problem: ProblemData, top: int, active: Mask, z: Vector, p: Vector, r: Vector
+        self, hierarchy: Hierarchy, problem: ProblemData, top: int, pattern: Pattern, z: Vector, p: Vector
     ) -> None:
-        self.hierarchy, self.problem, self.top, self.active = hierarchy, problem, top, active
+        self.hierarchy, self.problem, self.top, self.pattern = hierarchy, problem, top, pattern
+        r, self.active, above = pattern
+        active = self.active
         hierarchy.restrict(~active, top)
-        self.J = None if problem.psi.is_constant else derivative(problem, z)
+        self.J = None if problem.psi.is_constant else derivative(problem.psi, z, above)
         own = 0.0 if self.J is None else self.J.diagonal()
         self.slope = np.maximum(1.0 - own, _LEAST_SLOPE)
         self.coupled = self.J is not None and self.J.nnz > np.count_nonzero(own)

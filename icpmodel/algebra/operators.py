@@ -4,7 +4,8 @@ By |x − y| = x + y − 2 min(x, y) every method of the family is the one step
 
     z⁺ = z − 2 X⁻¹ F_Ω(z),        F_Ω(z) = min(Az + q, Ω(z − ψ(z))),
 
-so a method is nothing but a choice of X and Ω. `Operator.step` is that line; the triangular and diagonal operators fuse
+so a method is nothing but a choice of X and Ω; with an obstacle above, F_Ω is mid(Ω(z − ψ̄(z)), Az + q, Ω(z − ψ(z))),
+the median of the three, and all else stays. `Operator.step` is that line; the triangular and diagonal operators fuse
 it into one compiled pass over A.
 """
 
@@ -23,6 +24,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, diagonal_positions, norm
 from ..numerics.factorisation import factorise
 from ..numerics.rounding import UNIT_ROUNDOFF
+from ..problem.between import mid
 from ..problem.data import ProblemData
 from .steps import Step, compiled_step
 
@@ -38,9 +40,11 @@ class Operator(ABC):
         """The modulus step z ↦ (z − 2 X⁻¹ F_Ω(z), Res(z)) on `problem` with Ω = diag(`omega`)."""
 
         def step(z: Vector) -> tuple[Vector, float]:
-            p, r = problem.matrix.product(z) + problem.q, z - problem.psi.value(z)
-            residual = norm(np.minimum(p, r))
-            return z - 2.0 * self.solve(np.minimum(p, omega * r)), residual
+            p, r, above = problem.matrix.product(z) + problem.q, z - problem.psi.value(z), problem.r_upper(z)
+            if above is None:
+                residual = norm(np.minimum(p, r))
+                return z - 2.0 * self.solve(np.minimum(p, omega * r)), residual
+            return z - 2.0 * self.solve(mid(p, omega * r, omega * above)), norm(mid(p, r, above))
 
         return step
 

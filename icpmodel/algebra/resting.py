@@ -32,7 +32,7 @@ _FIRST_SLACK, _SLACK, _ROUNDS = 1.3, 4.0, 8
 def rows_at_rest(problem: ProblemData) -> Blocks | None:
     """The blocks that are left once rows that probably rest on a fixed obstacle are taken out; None for few of them."""
     A = problem.A
-    if not problem.facts.has_fixed_obstacle or np.count_nonzero(A.data > 0) != problem.n:
+    if problem.upper is not None or not problem.facts.has_fixed_obstacle or np.count_nonzero(A.data > 0) != problem.n:
         return None
     with np.errstate(over="ignore", invalid="ignore"), suppress(MapError):
         problem = with_fixed_obstacle(problem)

@@ -11,6 +11,7 @@ import numpy as np
 from ..numerics import work
 from ..numerics.arrays import Vector, bandwidths
 from ..numerics.threads import CHUNK, one_behind_the_other, threads_for
+from ..problem.between import Sides, values
 from ..problem.data import ProblemData
 from ..problem.user_code import raising_map_error
 
@@ -65,14 +66,14 @@ def compiled_step(
     from ..numerics.kernels.sweeps import SWEEPS, USER_SWEEPS
 
     psi, inside = problem.psi, problem.psi.kernel_data()
-    if isinstance(inside, tuple) and len(inside) == 2:
+    if isinstance(inside, tuple) and len(inside) == 2 and not isinstance(inside, Sides):
         return _step_with(problem, getattr(USER_SWEEPS, name), inside, before, after)
     sweep, price = getattr(SWEEPS, name), work.sweep(problem.n, problem.nnz)
 
     def step(z: Vector) -> tuple[Vector, float]:
         work.add(price)
         out = np.empty(z.size)
-        squares = sweep(*before, psi.value(z) if inside is None else inside, *after, z, out)
+        squares = sweep(*before, values(psi, z) if inside is None else inside, *after, z, out)
         return out, float(np.sqrt(squares))
 
     nnz = problem.nnz
@@ -81,9 +82,10 @@ def compiled_step(
     if nnz <= few:
         some = partial(SWEEPS.some_in_order, *before, inside, *after)
         return Sweep(step, _counted(partial(_in_one_call, some), price))
-    if psi.linear is not None and not psi.is_constant:  # the second sweep asks for what psi takes from the first too
-        G = psi.linear[0]
-        reach, nnz = max(reach, bandwidths(G)[1]), nnz + G.nnz
+    for one in (psi, psi.upper):  # the second sweep asks for what psi takes from the first too
+        if one is not None and one.linear is not None and one.linear[0].nnz:
+            G = one.linear[0]
+            reach, nnz = max(reach, bandwidths(G)[1]), nnz + G.nnz
     if reach * (nnz / problem.n + 4) > _NEAR:
         return step
     two = partial(SWEEPS.two_in_order, *before, inside, after[0])

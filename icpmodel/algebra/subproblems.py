@@ -10,6 +10,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector, row_of
+from ..problem.affine import Constant
+from ..problem.between import Between
 from ..problem.data import ProblemData
 from .affine_lcp import PIVOT_UP_TO
 
@@ -23,11 +25,16 @@ Mask = NDArray[np.bool_]
 
 
 def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
-    """The LCP with the same solutions, where `has_fixed_obstacle`.
+    """The problem with fixed obstacles that has the same solutions, where `has_fixed_obstacle`: an LCP, or a box.
 
     The problem itself where ψ is constant. Raises MapError where ψ fails.
     """
-    return problem if problem.psi.is_constant else problem.with_psi(problem.facts.obstacle)
+    if problem.psi.is_constant:
+        return problem
+    n, above = problem.n, problem.facts.upper_obstacle
+    psi = Constant(problem.facts.obstacle).bind(n)
+    # without a look at whether they cross, which is said of the answer
+    return problem.with_psi(psi if above is None else Between(psi, Constant(above).bind(n)))
 
 
 def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
@@ -112,9 +119,14 @@ class Blocks:
 
         A, z = self.problem.A, z.copy()
         # rows of a best jump are never in a block
-        G, c = self.problem.psi.linear or (sp.csr_array(A.shape), np.full(z.size, -np.inf))
+        psi, above = self.problem.psi, None
+        G, c = psi.linear or (sp.csr_array(A.shape), np.full(z.size, -np.inf))
         slopes = (G.indptr, G.indices, G.data)
-        return z, apart(A.indptr, A.indices, A.data, self.problem.q, c, slopes, self.rows, self.starts, wanted, z)
+        if psi.upper is not None and psi.upper.linear is not None:
+            H, d = psi.upper.linear
+            above = (H.indptr, H.indices, H.data), d
+        given = (c, slopes, above, self.rows, self.starts, wanted)
+        return z, apart(A.indptr, A.indices, A.data, self.problem.q, *given, z)
 
 
 def resting(problem: ProblemData, open_rows: Mask) -> Blocks:
@@ -163,6 +175,10 @@ def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
     """The rows that `Blocks.forward` does not solve: those alone without one answer, and moving ψ inside a block."""
     psi, alone = problem.psi, sizes[part] == 1
     wrong: Mask = alone & ~(problem.A.diagonal() > 0)
+    if psi.upper is not None:
+        if psi.upper.linear is None or psi.linear is None:
+            return np.ones(problem.n, dtype=bool)
+        wrong |= ~alone | ~(psi.upper.linear[0].diagonal() < 1)
     if psi.linear is not None:
         G = psi.linear[0]
         i, j = row_of(G), G.indices

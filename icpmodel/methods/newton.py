@@ -7,7 +7,8 @@ merit function takes over where these steps fail:
 
     Ψ(z) = ½‖φ(p/Ω, r)‖²,        φ(a, b) = a + b − √(a² + b²), zero where a ≥ 0, b ≥ 0, ab = 0 (Fischer and Burmeister).
 
-Let θ = ‖φ‖. The first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one. Plain steps may
+With an obstacle above, rows with z_i − ψ̄_i > p_i/Ω_i take z_i = ψ̄_i(z), and −φ(−p/Ω, ψ̄ − z) takes the place of p/Ω in
+Ψ (Billups). Let θ = ‖φ‖. The first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one. Plain steps may
 raise θ, but within `_PATIENCE` of them there must be a new mark; those that do nothing but shrink the active set are
 not counted, as there are at most n in a row. Else the run goes back to its best iterate and takes a semismooth Newton
 step for φ = 0 from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get
@@ -26,11 +27,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..algebra.equations import Stepper, derivative, step_of
+from ..algebra.equations import Pattern, Stepper, derivative, step_of
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, norm
 from ..numerics.linear import solver_of
+from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from .contract import Estimate, Iterate, Method
@@ -60,7 +62,7 @@ class Newton(Method):
     search takes over (see the module's docstring). It cannot cycle, but where A is no P-matrix it may end at a z
     that is no solution.
     References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002); De Luca, Facchinei and Kanzow, Math. Program.
-    75 (1996), for the merit function; Bokanowski, Maroso and Zidani, SIAM J. Numer. Anal. 47 (2009), for policy
+    75 (1996), for the merit function; Billups, PhD thesis, Wisconsin (1995), for it with two obstacles; Bokanowski, Maroso and Zidani, SIAM J. Numer. Anal. 47 (2009), for policy
     iteration.
 
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Newton()).z
@@ -96,25 +98,50 @@ class Newton(Method):
 
 
 class Point:
-    """z with all that is evaluated there: p, r, the scaled a = p/Ω, φ, θ = ‖φ‖, the residual, and when asked for ψ′."""
+    """z with all that is evaluated there: p, r of the nearer obstacle, φ, θ = ‖φ‖, the residual, when asked for ψ′."""
 
     def __init__(self, problem: ProblemData, omega: Vector, z: Vector) -> None:
-        self.problem, self.z, self.p, self.r = problem, z, problem.p(z), problem.r(z)
-        self.residual = norm(np.minimum(self.p, self.r))
-        self.a = self.p / omega
-        self.free = np.isposinf(self.r)  # no obstacle: φ = a
-        self.b = np.where(self.free, 0.0, self.r)
-        self.root = np.hypot(self.a, self.b)
-        both = (self.a > 0) & (self.b > 0)  # there a + b − √(a² + b²) would cancel
-        total = np.where(both, self.a + self.b + self.root, 1.0)
-        self.phi = np.where(both, 2.0 * self.a * (self.b / total), self.a + self.b - self.root)
-        self.phi[self.free] = self.a[self.free]
+        self.problem, self.omega, self.z, self.p, below = problem, omega, z, problem.p(z), problem.r(z)
+        above = problem.r_upper(z)
+        self.residual = norm(mid(self.p, below, above))
+        a = self.p / omega
+        pattern = Pattern.of(below, above, a)
+        self.r, self.active, self.above = pattern
+        self.inner = None if above is None else _Fischer(-a, -above)
+        self.outer = _Fischer(a if self.inner is None else -self.inner.phi, below)
+        self.phi = self.outer.phi
         self.theta = norm(self.phi)
-        self.active = self.r < self.a
 
     @cached_property
     def jacobian(self) -> sp.csr_array:
-        return derivative(self.problem, self.z)
+        return derivative(self.problem.psi, self.z, self.above)
+
+    def derivative(self) -> tuple[sp.csr_array, Vector]:
+        """V, an element of the generalised derivative of φ at z, and the sum of the slopes that it is made of."""
+        problem, (of_p, of_r) = self.problem, self.outer.slopes()
+        identity, total, V = sp.eye_array(problem.n), of_r, 0
+        if self.inner is not None:
+            assert problem.upper is not None
+            inner, of_s = self.inner.slopes()
+            of_p, of_s = of_p * inner, of_p * of_s
+            J, total = derivative(problem.upper, self.z), total + of_s
+            V = sp.diags_array(of_s) @ (identity - J)
+        J = self.jacobian if self.above is None else derivative(problem.psi, self.z)
+        V = V + sp.diags_array(of_p / self.omega) @ problem.A + sp.diags_array(of_r) @ (identity - J)
+        return sp.csr_array(V), total + of_p
+
+
+class _Fischer:
+    """φ(a, b) = a + b − √(a² + b²), and a where b = ∞."""
+
+    def __init__(self, a: Vector, b: Vector) -> None:
+        self.a, self.free = a, np.isposinf(b)
+        self.b = np.where(self.free, 0.0, b)
+        self.root = np.hypot(a, self.b)
+        both = (a > 0) & (self.b > 0)  # there a + b − √(a² + b²) would cancel
+        total = np.where(both, a + self.b + self.root, 1.0)
+        self.phi = np.where(both, 2.0 * a * (self.b / total), a + self.b - self.root)
+        self.phi[self.free] = a[self.free]
 
     def slopes(self) -> tuple[Vector, Vector]:
         """(∂φ/∂a, ∂φ/∂b), an element of the generalised derivative where a = b = 0."""
@@ -228,11 +255,9 @@ class Path:
         self.descents += 1
         if best.theta == 0 or self.descents > _DESCENTS:
             return None
-        in_a, in_b = best.slopes()
-        move = sp.eye_array(self.problem.n) - best.jacobian
-        V = sp.csr_array(sp.diags_array(in_a / self.omega) @ self.problem.A + sp.diags_array(in_b) @ move)
+        V, total = best.derivative()
         phi = best.phi / best.theta
-        for direction in self.directions(V, phi, in_a + in_b):
+        for direction in self.directions(V, phi, total):
             slope = float(phi @ (V @ direction))
             if slope < -_SHIFT:
                 new = self.along(best, best.theta * direction, slope)

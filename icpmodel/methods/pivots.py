@@ -20,6 +20,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
+from ..problem.map import Map
 from ..theory.certificates.infeasible import infeasible, multipliers
 from .contract import Estimate, Infeasible, Iterate, Method
 
@@ -57,7 +58,7 @@ class Lemke(Method):
         if problem.psi.linear is None and not problem.facts.has_fixed_obstacle:
             wanted = "constant or affine, or moves with z_i alone and by less"
             return f"pivoting needs a psi that is {wanted}, not {problem.psi!r}"
-        return too_large(problem.n)
+        return too_large(_rows(problem.facts))
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # raises SingularOperator where I − G is singular, or A in the rows without obstacle
@@ -68,12 +69,14 @@ class Lemke(Method):
         state = lcp.start()
         ended, entering = UNFINISHED, -1
         while ended == UNFINISHED:
-            ended, entering, y, ray = some_pivots(state, entering, problem.n)
+            ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
             if ended == SINGULAR:
                 row = int(np.argmax(lcp.free))
                 raise SingularOperator("A is singular in the rows and columns without obstacle", row)
             z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
             yield z, None
+        if ended == RAY and problem.upper is not None:
+            return
         if ended == RAY:
             answer = infeasible(problem, ray)
             if not answer.holds and (y := multipliers(problem)) is not None:
@@ -82,7 +85,7 @@ class Lemke(Method):
                 raise Infeasible(answer)
         else:
             with suppress(SingularOperator):  # then what the pivots found has to do
-                z = solve_on(problem, z, ~lcp.free & (y == 0.0))
+                z = solve_on(problem, z, *lcp.held(y))
                 yield z, None
 
 
@@ -109,19 +112,20 @@ class Josephy(Method):
         return _estimate(facts, 20.0, 5.0)
 
     def why_not(self, problem: ProblemData) -> str | None:
-        return too_large(problem.n) or problem.psi.no_derivative()
+        return too_large(_rows(problem.facts)) or problem.psi.no_derivative()
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         from ..numerics.kernels.pivoting import SOLVED  # loads numba
 
         best = problem.residual(z)
         yield z, best
-        A, n = dense_matrix(problem), problem.n
+        A = dense_matrix(problem)
         with suppress(SingularOperator):
             while best > 0.0:
-                G = _derivative(problem, z)
-                lcp = AffineLcp(A, problem.q, problem.psi.value(z) - (G * z if G.ndim == 1 else G @ z), G)
-                ended, _, y, _ = some_pivots(lcp.start(), -1, PIVOTS * (n + 1))
+                c, G = _linearised(problem.psi, z)
+                above = None if problem.upper is None else _linearised(problem.upper, z)
+                lcp = AffineLcp(A, problem.q, c, G, above)
+                ended, _, y, _ = some_pivots(lcp.start(), -1, PIVOTS * (len(lcp.q) + 1))
                 if ended != SOLVED:
                     break
                 step = lcp.z(y) - z
@@ -135,7 +139,7 @@ class Josephy(Method):
 
 def _estimate(facts: Facts, calls: float, steps: float) -> Estimate:
     """So many LCPs, each of n/2 pivots, as half of the rows leave the obstacle, and so many calls."""
-    n = facts.matrix.n
+    n = _rows(facts)
     step = calls * work.COSTS.call + n**3 / 2.0 * work.COSTS.pivot_entry
     return Estimate(0.0, step / facts.matrix.unit, steps, 24.0 * n**2)
 
@@ -150,8 +154,17 @@ def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -
     return None
 
 
-def _derivative(problem: ProblemData, z: Vector) -> Any:
-    """ψ′(z), dense, or its diagonal alone where ψ_i moves with z_i alone. Raises MapError where it is not finite."""
-    J = derivative(problem, z)
+def _rows(facts: Facts) -> int:
+    """Of the LCP: two for each unknown where there are obstacles above."""
+    return facts.matrix.n * (1 if facts.psi.upper is None else 2)
+
+
+def _linearised(psi: Map, z: Vector) -> tuple[Vector, Any]:
+    """(c, G) with Gx + c for ψ near `z`: G dense, or its diagonal alone where ψ_i moves with z_i alone. Raises MapError
+    where it is not finite."""
+    J = derivative(psi, z)
     own = J.diagonal()
-    return own if np.count_nonzero(J.data) == np.count_nonzero(own) else J.toarray()
+    if np.count_nonzero(J.data) == np.count_nonzero(own):
+        return psi.value(z) - own * z, own
+    G = J.toarray()
+    return psi.value(z) - G @ z, G

@@ -1,6 +1,8 @@
 """The proximal method: A is made definite by a multiple of a diagonal, which falls while the centre moves.
 
-    zᵏ⁺¹ solves the LCP(A + μ_k W, q − μ_k W zᵏ),    W a positive diagonal in the units of p/z.
+    zᵏ⁺¹ solves the LCP(A + μ_k W, q − μ_k W zᵏ),    W a positive diagonal in the units of p/z,
+
+or with an obstacle above the problem with both.
 
 Each of these problems has one solution, which Newton's method on the modulus equation finds in a few steps from zᵏ if
 μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more the quicker
@@ -30,6 +32,7 @@ from ..numerics.arrays import Vector, diagonal_positions, inner, norm, row_of
 from ..numerics.equilibration import balanced
 from ..numerics.factorisation import factorise
 from ..numerics.linear import solver_of
+from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from ..theory.certificates.infeasible import infeasible
@@ -104,7 +107,7 @@ class Proximal(Method):
             path = ProximalPath(simple, z)
             while path.advance():
                 yield path.z, path.residual if simple is problem else None
-        if path.runs_away(path.z - z):
+        if simple.upper is None and path.runs_away(path.z - z):
             answer = infeasible(simple, path.z - z)
             if answer.holds:
                 raise Infeasible(answer)
@@ -114,7 +117,7 @@ class ProximalPath:
     """The run: z with p, the `centre` of the subproblem with its p, and what its steps have come to."""
 
     def __init__(self, problem: ProblemData, z: Vector) -> None:
-        self.problem, self.c = problem, problem.facts.obstacle
+        self.problem, self.c, self.top = problem, problem.facts.obstacle, problem.facts.upper_obstacle
         self.z, self.p = z, problem.p(z)
         self.centre = self.z, self.p
         self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
@@ -124,7 +127,7 @@ class ProximalPath:
     @property
     def residual(self) -> float:
         """Res(z)."""
-        return norm(np.minimum(self.z - self.c, self.p))
+        return norm(mid(self.p, self.z - self.c, None if self.top is None else self.z - self.top))
 
     @cached_property
     def is_symmetric(self) -> bool:
@@ -145,8 +148,8 @@ class ProximalPath:
 
     @cached_property
     def resting(self) -> tuple[Vector, Vector]:
-        """(c, Ac + q) with 0 for the rows without obstacle."""
-        c = np.where(np.isneginf(self.c), 0.0, self.c)
+        """(c, Ac + q) with 0, or what is nearest to it and not above, for the rows without obstacle below."""
+        c = np.where(np.isneginf(self.c), 0.0 if self.top is None else np.minimum(self.top, 0.0), self.c)
         return c, self.problem.p(c)
 
     def runs_away(self, y: Vector) -> bool:
@@ -157,7 +160,8 @@ class ProximalPath:
 
     def size(self, p: Vector) -> float:
         """‖min(p, Wr)‖ in the units of W."""
-        return norm(np.minimum(self.root * (self.z - self.c), p / self.root))
+        top = None if self.top is None else self.root * (self.z - self.top)
+        return norm(mid(p / self.root, self.root * (self.z - self.c), top))
 
     def pull(self) -> Vector:
         """p of the subproblem: p + μW(z − centre)."""
@@ -214,10 +218,14 @@ class ProximalPath:
         from ..numerics.kernels.graph import cut  # loads numba
 
         problem, A = self.problem, self.problem.A
-        active = self.weights * (self.z - self.c) < self.pull()
+        pull = self.pull()
+        active = self.weights * (self.z - self.c) < pull
+        z = np.where(active, self.c, self.z)
+        if self.top is not None:
+            above = self.weights * (self.z - self.top) > pull
+            active, z = active | above, np.where(above, self.top, z)
         free = np.flatnonzero(~active)
         self.spent += (free.size / active.size) ** 2
-        z = np.where(active, self.c, self.z)
         if free.size:
             starts, columns, values, p = cut(A.indptr, A.indices, A.data, problem.q, free, z)
             M = sp.csr_array((values, columns, starts), shape=(free.size, free.size))
@@ -227,11 +235,11 @@ class ProximalPath:
             if x is None:
                 return False
             z[free] += x
-        self.z, self.p = z, self._product(free, z)
+        self.z, self.p = z, self._product(free if self.top is None else np.flatnonzero(z != self.resting[0]), z)
         return bool(np.isfinite(self.p).all())
 
     def _product(self, free: NDArray[np.intp], z: Vector) -> Vector:
-        """p(z): by the columns of the few rows that do not rest on the obstacle, where A is symmetric."""
+        """p(z): by the columns of the few rows, `free`, that do not rest on the lower obstacle, where A is symmetric."""
         A, terms = self.problem.A, int(np.diff(self.problem.A.indptr)[free].sum())
         if not self.is_symmetric or 3 * terms > A.nnz:  # to take rows out costs as much as to multiply twice
             return self.problem.p(z)
@@ -257,19 +265,30 @@ class ProximalPath:
 class Interior:
     """Newton's steps with the modulus rounded off, √(x² + 4ε²) for |x|: then r, s > 0 and rs = ε², and ε falls.
 
-    s comes to p as z does to the solution. Every row counts, but there is no sign pattern to be found; each step is a
-    proximal one with its own z for centre. That they lead on is not proved: where they do not, the others go on.
+    s comes to p as z does to the solution; with an obstacle above, r and s have a second column for it, r₂ = ψ̄ − z, and
+    s₁ − s₂ comes to p. Every row counts, but there is no sign pattern to be found; each step is a proximal one with its
+    own z for centre. That they lead on is not proved: where they do not, the others go on.
     Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε.
     """
 
     def __init__(self, path: ProximalPath) -> None:
         self.path, A = path, path.problem.A
-        self.bounded = ~np.isneginf(path.c)
         self.diagonal, self.row = path.problem.matrix.rows.diag, row_of(A)
-        size = np.abs(np.minimum(path.resting[1], 0.0) / path.root).max()
-        self.r = np.where(self.bounded, size / path.root, 1.0)
-        self.s = np.where(self.bounded, size * path.root, 0.0)
-        self.z = path.resting[0] + np.where(self.bounded, self.r, 0.0)
+        c, p = path.resting
+        size = float(np.abs((np.minimum(p, 0.0) if path.top is None else p) / path.root).max())
+        bounded, r, s = ~np.isneginf(path.c), size / path.root, size * path.root
+        self.z = c + np.where(bounded, r, 0.0)
+        sides = [(bounded, r)]
+        if path.top is not None:
+            # in the middle where there is less room; rows that cannot move keep a trace of it
+            has = np.isfinite(path.top)
+            r = np.where(bounded & has, np.clip(0.5 * (path.top - path.c), _LEAST * r, r), r)
+            self.z = np.where(bounded, path.c + r, np.where(has, np.minimum(c, path.top - r), c))
+            sides = [(bounded, r), (has, np.maximum(path.top - self.z, r))]
+        self.bounded = np.column_stack([has for has, _ in sides])
+        self.r = np.where(self.bounded, np.column_stack([r for _, r in sides]), 1.0)
+        self.s = np.where(self.bounded, s[:, None], 0.0)
+        self.sign = np.array([1.0, -1.0])[: len(sides)]
         self.p, self.best, self.waited = path.p, np.inf, 0
 
     def leads_on(self, whole: float) -> bool:
@@ -282,31 +301,32 @@ class Interior:
     def advance(self) -> bool:
         """One step, False where it fails."""
         r, s, problem = self.r, self.s, self.path.problem
-        rest = s - problem.p(self.z)
-        solve = self._solver(s / r)
+        rest = s @ self.sign - problem.p(self.z)
+        solve = self._solver(np.where(self.bounded, s / r, 0.0).sum(axis=1))
         both = max(int(np.count_nonzero(self.bounded)), 1)
-        size = inner(r, s) / both
+        size = inner(r.ravel(), s.ravel()) / both
 
-        def direction(target: Vector) -> tuple[Vector, Vector, float]:
-            dr = solve(rest - np.where(self.bounded, target / r, 0.0))
+        def direction(target: Vector) -> tuple[Vector, Vector, Vector, float]:
+            dz = solve(rest - np.where(self.bounded, target / r, 0.0) @ self.sign)
+            dr = dz[:, None] * self.sign
             ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
             steps = -dr / r, -ds / np.where(self.bounded, s, 1.0)
             longest = max(float(np.max(x[self.bounded], initial=0.0)) for x in steps)
-            return dr, ds, longest
+            return dz, dr, ds, longest
 
-        dr, ds, longest = direction(r * s)
+        _, dr, ds, longest = direction(r * s)
         t = 1.0 / max(longest, 1.0)
-        after = inner(np.where(self.bounded, r + t * dr, 0.0), s + t * ds) / both
-        dr, ds, longest = direction(r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0))
+        after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
+        dz, dr, ds, longest = direction(r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0))
         t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
-        self.r, self.s, self.z = np.where(self.bounded, r + t * dr, 1.0), s + t * ds, self.z + t * dr
+        self.r, self.s, self.z = np.where(self.bounded, r + t * dr, 1.0), s + t * ds, self.z + t * dz
         self.p = problem.p(self.z)
         return bool(np.isfinite(self.p).all())
 
     def _solver(self, slopes: Vector) -> Callable[[Vector], Vector]:
         A = self.path.problem.A
         data = A.data.copy()
-        data[self.diagonal] += np.where(self.bounded, slopes, 0.0) + _STEADY * self.path.weights
+        data[self.diagonal] += slopes + _STEADY * self.path.weights
         unit = 1.0 / np.sqrt(data[self.diagonal])
         M = sp.csr_array((data * unit[self.row] * unit[A.indices], A.indices, A.indptr), shape=A.shape)
         lu = factorise(M, diagonal_pivots=True)

@@ -48,6 +48,8 @@ class Tridiagonal(Method):
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.nnz > 3 * problem.n - 2:
             return f"A is not tridiagonal: it has {problem.nnz} entries"
+        if problem.upper is not None:
+            return "its one pass is for rows that once open stay open, which is so with one obstacle only"
         if not problem.facts.has_fixed_obstacle:
             return f"it needs a psi_i that moves with z_i alone, by less than it, which is not known of {problem.psi!r}"
         rows = problem.matrix.rows

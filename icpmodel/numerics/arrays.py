@@ -28,7 +28,8 @@ _FEW = 10_000
 def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None, number: bool = True) -> Vector:
     """A float64 copy of `value`, a number or of shape (n,), (n, 1) or (1, n), as a vector; `n` None for any length.
 
-    `infinite` is the one infinite value that is allowed, `number` whether a number is. Raises InputError.
+    `infinite` is the infinite value that is allowed, +inf standing for both, `number` whether a number is. Raises
+    InputError.
     """
     if sp.issparse(value):
         value = value.toarray()
@@ -43,7 +44,9 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
     if array.size == 0:
         raise InputError(f"{name} is empty; at least one entry was expected")
     vector = np.array(array, dtype=np.float64)
-    if found := not_finite(vector if infinite is None else np.where(vector == infinite, 0.0, vector), name):
+    if infinite is not None:
+        allowed = np.where(np.abs(vector) == np.inf if infinite == np.inf else vector == infinite, 0.0, vector)
+    if found := not_finite(vector if infinite is None else allowed, name):
         wanted = "a finite number" if infinite is None else f"a finite number or {infinite}"
         raise InputError(f"{found}; {wanted} was expected")
     return vector

@@ -18,7 +18,8 @@ from .map import Map
 class Constant(Map):
     """ψ(z) = c: an obstacle that does not move.
 
-    Parameters: `c` a number or a vector of shape (n,), in the units of z; −inf means no obstacle in that row.
+    Parameters: `c` a number or a vector of shape (n,), in the units of z; −inf means no obstacle in that row, as +inf
+    does for one above.
 
     >>> Constant([0, 1]).bind(2).value(np.array([5.0, 5.0]))
     array([0., 1.])
@@ -27,12 +28,12 @@ class Constant(Map):
     is_constant = True
 
     def __init__(self, c: Any) -> None:
-        self.c = as_vector(c, None if axes(c, "psi") else 1, "psi", infinite=-np.inf)
+        self.c = as_vector(c, None if axes(c, "psi") else 1, "psi", infinite=np.inf)
         self._is_number = axes(c, "psi") == 0
 
     def bind(self, n: int) -> Constant:
         bound = object.__new__(Constant)
-        bound.c = np.full(n, self.c[0]) if self._is_number else as_vector(self.c, n, "psi", infinite=-np.inf)
+        bound.c = np.full(n, self.c[0]) if self._is_number else as_vector(self.c, n, "psi", infinite=np.inf)
         bound._is_number = False
         bound.c.flags.writeable = False
         bound.lipschitz = zero(n)
@@ -64,7 +65,7 @@ class Constant(Map):
         return Constant(moved(self.c)).bind(self.c.size)
 
     def describe(self) -> str:
-        free = int(np.isneginf(self.c).sum())
+        free = int(np.isinf(self.c).sum())
         rows = f"; {free} row{'s' if free > 1 else ''} without obstacle" if free else ""
         return f"constant: G = 0, a linear complementarity problem{rows}"
 
@@ -76,7 +77,8 @@ class Constant(Map):
 class Affine(Map):
     """ψ(z) = Gz + c. Its Lipschitz matrix is |G|.
 
-    Parameters: `G` dense or sparse, shape (n, n); `c` a number or a vector of shape (n,), −inf for no obstacle.
+    Parameters: `G` dense or sparse, shape (n, n); `c` a number or a vector of shape (n,), −inf for no obstacle
+    (+inf where it is one above).
 
     >>> Affine([[0, 1], [0, 0]], [1, 2]).bind(2).value(np.array([3.0, 4.0]))
     array([5., 2.])
@@ -85,7 +87,7 @@ class Affine(Map):
     def __init__(self, G: Any, c: Any = 0.0) -> None:
         self.G = as_csr(G, "psi.G")
         n = self.G.shape[0]
-        self.c = as_vector(c, n, "psi.c", infinite=-np.inf)
+        self.c = as_vector(c, n, "psi.c", infinite=np.inf)
         self.c.flags.writeable = False
         self.lipschitz = self.links = freeze(abs(self.G))
         self.linear = self.G, self.c

@@ -17,6 +17,7 @@ from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
 from .affine import Constant
+from .between import Between, mid
 from .facts import Facts
 from .function import Function
 from .map import Map
@@ -32,7 +33,8 @@ class ProblemData:
     """A, q and ψ, and what follows from them at a z: p = Az + q, r = z − ψ(z), Res(z), and their rounding errors.
 
     `icpmodel.ICP` is this with the verbs that users call. `matrix` is A with the facts about it, `facts` those about A
-    and ψ; problems that share A, or A and ψ, share these.
+    and ψ; problems that share A, or A and ψ, share these. Where there is an obstacle above, `psi` is a `Between`, and
+    `upper` is not None.
     Parameters: see `icpmodel.ICP`.
     """
 
@@ -44,10 +46,10 @@ class ProblemData:
     n: int
     facts: Facts
 
-    def __init__(self, A: Any, q: Any, psi: Any = 0.0) -> None:
+    def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None) -> None:
         matrix = Matrix(A)
         n = matrix.n
-        self._set(matrix, as_vector(q, n, "q", number=False), as_map(psi, n), None)
+        self._set(matrix, as_vector(q, n, "q", number=False), as_map(psi, n, upper), None)
 
     def _set(self, matrix: Matrix, q: Vector, psi: Map, facts: Facts | None) -> None:
         q.flags.writeable = False
@@ -119,22 +121,49 @@ class ProblemData:
         return self._with(as_vector(q, self.n, "q", number=False), self.psi, self.facts)
 
     def with_psi(self, psi: Any) -> Self:
-        """The problem with another `psi` (anything that `ICP` takes); A and q are shared.
+        """The problem with another `psi` (anything that `ICP` takes) below z; A, q and what is above are shared.
 
         >>> ICP([[2.0]], [1.0]).with_psi(-3).solve().z
         array([-0.5])
         """
-        return self._with(self.q, as_map(psi, self.n), None)
+        return self.with_sides(psi, None if isinstance(psi, Between) else self.upper)
+
+    def with_sides(self, psi: Any, upper: Any = None) -> Self:
+        """The problem with another `psi` below z and another `upper`, or None, above it; A and q are shared.
+
+        >>> ICP([[2.0]], [-8.0]).with_sides(1, 3).solve().z
+        array([3.])
+        """
+        return self._with(self.q, as_map(psi, self.n, upper), None)
+
+    @property
+    def upper(self) -> Map | None:
+        """ψ̄, the obstacle above z, or None.
+
+        >>> ICP([[2.0]], [1.0], upper=[3.0]).upper
+        Constant(3)
+        """
+        return self.psi.upper
+
+    def with_upper(self, upper: Any) -> Self:
+        """The problem with another `upper` (anything that `ICP` takes) above z, None for none; the rest is shared.
+
+        >>> ICP([[2.0]], [-8.0]).with_upper(3).solve().z
+        array([3.])
+        """
+        return self.with_sides(self.psi.lower if isinstance(self.psi, Between) else self.psi, upper)
 
     def frozen(self, z: Any) -> Self:
-        """The ICP with its obstacle held at c = ψ(z): an LCP in y = z − c. z solves the one iff it solves the other.
+        """The ICP with its obstacles held at c = ψ(z), and ψ̄(z): where there is one below z only, an LCP in y = z − c.
+        z solves the one iff it solves the other.
 
         Parameters: `z` shape (n,). Returns the problem with constant ψ.
 
         >>> ICP([[2.0]], [1.0], psi=lambda z: 0.5 * z - 1).frozen([-2.0])
         ICP(n=1, nnz=1, psi=Constant(-2))
         """
-        return self.with_psi(self.psi.value(self.vector(z)))
+        z = self.vector(z)
+        return self.with_sides(self.psi.value(z), None if self.upper is None else self.upper.value(z))
 
     def vector(self, z: Any, name: str = "z", *, finite: bool = False) -> Vector:
         """`z` as a float64 vector of shape (n,), of a `Solution` its z; NaN and infinities pass unless `finite`.
@@ -176,9 +205,23 @@ class ProblemData:
         z = self.vector(z)
         return z - self.psi.value(z)
 
+    @np.errstate(under="ignore")
+    def r_upper(self, z: Any) -> Vector | None:
+        """z − ψ̄(z) ≤ 0, shape (n,), −inf where there is no obstacle above; None where there is none in any row.
+
+        >>> ICP([[2.0]], [1.0], upper=4).r_upper([3.0])
+        array([-1.])
+        """
+        if self.upper is None:
+            return None
+        z = self.vector(z)
+        return z - self.upper.value(z)
+
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def natural_map(self, z: Any, omega: Any = 1.0) -> Vector:
         """F_Ω(z) = min(Az + q, Ω(z − ψ(z))), shape (n,): zero exactly at the solutions, for every Ω > 0.
+
+        With an obstacle above it is mid(Ω(z − ψ̄(z)), Az + q, Ω(z − ψ(z))), the median of the three.
 
         Parameters: `z` shape (n,); `omega` the diagonal of Ω, a positive number or vector of shape (n,).
         Raises InputError where it is not positive.
@@ -189,20 +232,33 @@ class ProblemData:
         omega = as_vector(omega, self.n, "omega")
         if not (omega > 0).all():
             raise InputError(f"omega has the entry {omega.min()}; positive numbers were expected")
-        return np.minimum(self.p(z), omega * self.r(z))
+        return self.scaled_map(z, of_r=omega)
+
+    def scaled_map(self, z: Vector, of_p: Any = 1.0, of_r: Any = 1.0) -> Vector:
+        """mid(b(z − ψ̄), ap, b(z − ψ)) with rows scaled by a = `of_p` > 0 and b = `of_r` > 0, numbers or shape (n,).
+
+        >>> ICP([[2.0]], [-1.0]).scaled_map(np.array([3.0]), of_p=0.1)
+        array([0.5])
+        """
+        above = self.r_upper(z)
+        return mid(of_p * self.p(z), of_r * self.r(z), None if above is None else of_r * above)
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual(self, z: Any) -> float:
         """Res(z) = ‖min(r(z), p(z))‖₂, the natural residual; safe against overflow, NaN where z or ψ(z) is.
+
+        With an obstacle above it is that of mid(z − ψ̄(z), p(z), r(z)); where ψ_i(z) > ψ̄_i(z), so that no z_i will do,
+        the larger |z_i − ψ_i|, |z_i − ψ̄_i| takes the place of the median.
 
         >>> ICP([[3.0]], [-6.0]).residual([1.0])
         3.0
         """
         z = self.vector(z)
         psi = self.psi.value(z)
-        if self._is_large() and _SAFE[0] < (squares := self._squares(z, psi)) < _SAFE[1]:
+        upper = None if self.upper is None else self.upper.value(z)
+        if self._is_large() and _SAFE[0] < (squares := self._squares(z, psi, upper)) < _SAFE[1]:
             return math.sqrt(squares)
-        return norm(np.minimum(self.product(z) + self.q, z - psi))
+        return norm(mid(self.product(z) + self.q, z - psi, None if upper is None else z - upper))
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual_at_0(self) -> float:
@@ -211,17 +267,18 @@ class ProblemData:
         >>> ICP([[3.0]], [-6.0]).residual_at_0()
         6.0
         """
-        return norm(np.minimum(self.q, -self.psi.value(np.zeros(self.n))))
+        zero = np.zeros(self.n)
+        return norm(mid(self.q, -self.psi.value(zero), None if self.upper is None else -self.upper.value(zero)))
 
     def _is_large(self) -> bool:
         return self.matrix.dense is None and self.A.nnz >= THREADS_FROM
 
-    def _squares(self, z: Vector, psi: Vector) -> float:
+    def _squares(self, z: Vector, psi: Vector, upper: Vector | None) -> float:
         """Res(z)², without care for overflow, in one pass over A on all cores, of which the sum does not depend."""
         from ..numerics.kernels.products import natural  # loads numba
 
         A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
-        given = (A.indptr, A.indices, A.data, self.q, psi, z)
+        given = (A.indptr, A.indices, A.data, self.q, psi, None if upper is None else np.ascontiguousarray(upper), z)
         add(self.matrix.unit)
         pieces = -(-self.n // _PIECE)
 
@@ -234,7 +291,8 @@ class ProblemData:
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
         """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).
 
-        γ_k(|A||z| + |q|) for p and γ_k(|z| + G|z| + |ψ(z)|) for r, 0 where r is infinite, with
+        γ_k(|A||z| + |q|) for p and γ_k(|z| + G|z| + |ψ(z)|) for r, 0 where r is infinite, the larger one where there is
+        an obstacle above as well, with
         γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the entries of the row, and k·2⁻¹⁰⁷⁴ for underflow. ψ itself is
         taken as exact to a few u, which holds for constant and affine maps.
         Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
@@ -244,11 +302,14 @@ class ProblemData:
         (True, True)
         """
         z = self.vector(z)
-        psi = self.psi.value(z)
-        free = np.isneginf(psi)
+        psi = np.abs(self.psi.value(z))
+        if self.upper is not None:
+            above = np.abs(self.upper.value(z))
+            psi = np.where(np.isinf(psi), above, np.where(np.isinf(above), psi, np.maximum(psi, above)))
+        free = np.isposinf(psi)
         terms = np.diff(self.A.indptr) + 2
         for_p = gamma(terms) * (self.matrix.absolute @ np.abs(z) + np.abs(self.q)) + terms * SMALLEST
-        size = np.abs(z) + np.where(free, 0.0, np.abs(psi))
+        size = np.abs(z) + np.where(free, 0.0, psi)
         entries: Any = 3
         if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
             size = size + self.psi.lipschitz @ np.abs(z)
@@ -257,15 +318,18 @@ class ProblemData:
 
     @property
     def is_lcp(self) -> bool:
-        """Whether ψ is constant, so that y = z − c solves an ordinary LCP.
+        """Whether ψ is constant, and the only obstacle, so that y = z − c solves an ordinary LCP.
 
         >>> ICP([[2.0]], [1.0], psi=3).is_lcp
         True
         """
-        return self.psi.is_constant
+        return self.psi.is_constant and self.upper is None
 
     def __repr__(self) -> str:
-        return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={self.psi!r})"
+        psi, upper = self.psi, ""
+        if isinstance(psi, Between):
+            psi, upper = psi.lower, f", upper={psi.upper!r}"
+        return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={psi!r}{upper})"
 
 
 def as_problem(problem: Any) -> ProblemData:
@@ -275,21 +339,43 @@ def as_problem(problem: Any) -> ProblemData:
     return problem
 
 
-def as_map(psi: Any, n: int) -> Map:
-    """Whatever a user may give as ψ, as a `Map` for vectors of length `n`.
+def as_map(psi: Any, n: int, upper: Any = None) -> Map:
+    """Whatever a user may give as ψ, as a `Map` for vectors of length `n`, and as ψ̄, `upper`, where that is not None.
 
-    Parameters: `psi` a `Map`, a number, a vector of shape (n,), or a callable z ↦ ψ(z).
-    Raises InputError where it is none of these.
+    Parameters: each a `Map`, a number, a vector of shape (n,), or a callable z ↦ ψ(z).
+    Raises InputError where it is none of these, and where the two cross for every z.
     """
-    if type(psi) is float and psi == 0.0:
-        return _at_zero(n)
-    if isinstance(psi, Map):
-        return psi.bind(n)
-    if callable(psi):
-        return Function(psi).bind(n)
-    if isinstance(psi, str) or psi is None:
-        raise InputError(f"psi is {psi!r}; a number, a vector, a callable or one of icpmodel's maps was expected")
-    return Constant(psi).bind(n)
+    if upper is None:
+        if type(psi) is float and psi == 0.0:
+            return _at_zero(n)
+        return psi.bind(n) if isinstance(psi, Between) else _one_side(psi, n, "psi", -np.inf)
+    if isinstance(psi, Between):
+        raise InputError("psi has an obstacle above z already; give upper, or that one")
+    both = Between(_one_side(psi, n, "psi", -np.inf), _one_side(upper, n, "upper", np.inf))
+    if (row := both.crossed_everywhere()) is not None:
+        below, above = both.lower.linear[1][row], both.upper.linear[1][row]  # type: ignore[index]
+        raise InputError(
+            f"the obstacles cross in row {row}: psi has {below:g} there, upper {above:g}; psi <= upper was expected"
+        )
+    return both
+
+
+def _one_side(value: Any, n: int, name: str, none: float) -> Map:
+    """The obstacle `value`, of which a user speaks as `name`, and where the infinite number `none` means none."""
+    if isinstance(value, Between):
+        raise InputError(f"{name} has two sides; one obstacle was expected")
+    if isinstance(value, Map):
+        bound = value.bind(n)
+        c = getattr(bound, "c", None)
+        if c is not None and (wrong := c == -none).any():
+            i = int(np.argmax(wrong))
+            raise InputError(f"{name}.c[{i}] is {c[i]}; a finite number or {none} was expected")
+        return bound
+    if callable(value):
+        return Function(value).bind(n)
+    if isinstance(value, str) or value is None:
+        raise InputError(f"{name} is {value!r}; a number, a vector, a callable or one of icpmodel's maps was expected")
+    return Constant(as_vector(value, n, name, infinite=none)).bind(n)
 
 
 @lru_cache(maxsize=1)

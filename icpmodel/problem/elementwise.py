@@ -47,7 +47,7 @@ class Elementwise(Map):
             raise InputError("psi.f and psi.derivative: both or neither must be compiled with numba.njit")
 
     def bind(self, n: int) -> Elementwise:
-        c = as_vector(self.c, n, "psi.c", infinite=-np.inf)
+        c = as_vector(self.c, n, "psi.c", infinite=np.inf)
         c.flags.writeable = False
         bound = Elementwise(self.f, self.derivative, self.given_lipschitz, c)
         if self.given_lipschitz is not None:

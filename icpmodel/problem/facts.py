@@ -41,15 +41,23 @@ class Facts:
 
     @cached_property
     def obstacle(self) -> Vector:
-        """c such that the LCP with the obstacle c has the same solutions, where `has_fixed_obstacle`.
+        """c such that the problem with the obstacle c has the same solutions, where `has_fixed_obstacle`.
 
         r_i(z) = z_i − ψ_i(z_i) then grows with z_i, so that r_i ≥ 0 says z_i ≥ c_i with r_i(c_i) = 0. The n equations
         are solved at once by Newton's method, kept in the bracket that the Lipschitz constant ℓ_i < 1 gives,
         −r/(1 − ℓ) ≤ c − z ≤ −r/(1 + ℓ) for r > 0, and by halving it where ψ has no derivative, to rounding or until
         nothing moves; −inf where ψ_i is. Raises MapError where ψ fails.
         """
-        psi, n = self.psi, self.matrix.n
-        if psi.is_constant:
+        return self._fixed(self.psi, -np.inf)
+
+    @cached_property
+    def upper_obstacle(self) -> Vector | None:
+        """The same of the obstacle above, None where there is none."""
+        return None if self.psi.upper is None else self._fixed(self.psi.upper, np.inf)
+
+    def _fixed(self, psi: Map, none: float) -> Vector:
+        n = self.matrix.n
+        if psi.is_constant or (psi.linear is not None and not psi.linear[0].nnz):
             return psi.value(np.zeros(n))
         from ..numerics.kernels.roots import improve, settled  # loads numba
 
@@ -65,11 +73,13 @@ class Facts:
                 break
             c = following
             value = psi.value(c)
-        c = np.where(np.isneginf(value), -np.inf, c)
-        if not (c < np.inf).all():  # nor NaN
-            i = int(np.argmin(c < np.inf))
+        c = np.where(value == none, none, c)
+        good = (np.abs(c) < np.inf) | (c == none)
+        if not good.all():  # nor NaN
+            i = int(np.argmin(good))
+            name = "psi" if none < 0 else "upper"
             raise MapError(
-                f"psi_{i} leads to {c[i]} where z_{i} = psi_{i}(z_{i}) is sought; a finite number was expected"
+                f"{name}_{i} leads to {c[i]} where z_{i} = psi_{i}(z_{i}) is sought; a finite number was expected"
             )
         c.flags.writeable = False
         return c

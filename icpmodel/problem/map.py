@@ -1,7 +1,8 @@
 """The contract of the obstacle map ψ, and what every map can do without being asked for its kind.
 
-ψ may be −∞ in a row: that row has no obstacle, and p_i = 0 must hold there. A new kind of ψ is one file with a subclass
-of `Map` that has `bind`, `value` and `jacobian`; all else has a generic default, which it may replace by a quicker one.
+ψ may be −∞ in a row: that row has no obstacle, and p_i = 0 must hold there. A map may as well be the obstacle above z,
+where +∞ means none. A new kind of ψ is one file with a subclass of `Map` that has `bind`, `value` and `jacobian`; all
+else has a generic default, which it may replace by a quicker one.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -36,12 +37,14 @@ class Map(ReadOnly, ABC):
     linear: tuple[sp.csr_array, Vector] | None = None
     #: a CSR matrix with an entry wherever ψ_i may depend on z_j, or None where that is not known
     links: sp.csr_array | None = None
+    #: the obstacle above z, where this is the one below it and there is another: see `between.Between`
+    upper: Map | None = None
     #: whether ψ does not depend on z
-    is_constant: ClassVar[bool] = False
+    is_constant: bool = False
     #: whether ψ's values come from a user's code, so that nothing is known of their rounding errors
     at_users_word: bool = False
     #: whether ψ_i is the best of several values, among which policy iteration chooses
-    takes_best: ClassVar[bool] = False
+    takes_best: bool = False
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in self.__dict__:

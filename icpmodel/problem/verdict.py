@@ -26,26 +26,42 @@ def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float) 
     add(problem.matrix.unit)
     psi = problem.psi
     c = psi.linear[1] if psi.linear is not None else psi.value(z)
-    residuals = np.array([residual])
-    certain_rows(problem.matrix, psi, problem.q[None], c[None], z[None], residuals, np.array([tolerance]))
+    residuals, above = np.array([residual]), None
+    if psi.upper is not None:
+        above = (psi.upper.linear[1] if psi.upper.linear is not None else psi.upper.value(z))[None]
+    certain_rows(problem.matrix, psi, problem.q[None], c[None], z[None], residuals, np.array([tolerance]), above)
     return float(residuals[0])
 
 
-def certain_rows(matrix: Matrix, psi: Map, Q: Rows, C: Rows, Z: Rows, residuals: Vector, tolerances: Vector) -> None:
+def certain_rows(
+    matrix: Matrix,
+    psi: Map,
+    Q: Rows,
+    C: Rows,
+    Z: Rows,
+    residuals: Vector,
+    tolerances: Vector,
+    above: Rows | None = None,
+) -> None:
     """Where `residuals`[i] ≤ `tolerances`[i], but Res(Z[i]) without rounding might not be, it becomes a bound of that.
 
-    Row i has `Q`[i], and ψ(z) = Gz + `C`[i] where `psi` is linear, else `C`[i] = ψ(Z[i]), taken as exact to an ulp.
+    Row i has `Q`[i], and ψ(z) = Gz + `C`[i] where `psi` is linear, else `C`[i] = ψ(Z[i]), taken as exact to an ulp; the
+    same of what is `above`.
     """
     from ..numerics.kernels.products import raised  # loads numba
 
-    linear = psi.linear is not None
-    G = psi.linear[0] if psi.linear is not None else zero(matrix.n)
     if matrix.dense is None:
         of_A = matrix.sparse.indptr, matrix.sparse.indices, matrix.sparse.data
     else:
         of_A = *_full(matrix.n), matrix.dense.reshape(-1)
-    of_G, known = (G.indptr, G.indices, G.data), 0.0 if linear else 2.0 * UNIT_ROUNDOFF
-    raised(*of_A, _locked(Q), *of_G, _locked(C), known, _locked(Z), tolerances, residuals)
+    upper = None if psi.upper is None or above is None else _side(psi.upper, above)
+    raised(*of_A, _locked(Q), *_side(psi, C), _locked(Z), tolerances, residuals, upper)
+
+
+def _side(psi: Map, C: Rows) -> tuple[Any, ...]:
+    """One obstacle, Gz + C, as the compiled loop takes it."""
+    G = zero(C.shape[1]) if psi.linear is None else psi.linear[0]
+    return G.indptr, G.indices, G.data, _locked(C), 2.0 * UNIT_ROUNDOFF if psi.linear is None else 0.0
 
 
 def _locked(X: Rows) -> Rows:

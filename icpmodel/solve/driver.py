@@ -230,6 +230,8 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         status, note = Status.MAP_FAILED, "psi gives different values at the same z"
     elif status in _NO_FURTHER and _is_luck(run, best.z):
         status, note = Status.PRECISION_LIMIT, "only as float64 rounds it is the residual of this z small enough"
+    if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
+        status, note = Status.CROSSED, crossed
     message = "solved"
     if status is Status.SOLVED:
         last = best.candidate
@@ -260,6 +262,18 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         time_limit=limits.time_limit,
         memory_limit=limits.memory_limit,
     )
+
+
+def _crossed(problem: ProblemData, z: Vector) -> str:
+    """In which row ψ > ψ̄ at `z`, beyond rounding; empty where there is none."""
+    with contextlib.suppress(MapError):
+        below, above = problem.r(z), problem.r_upper(z)
+        if above is not None:
+            gap = above - below - 2.0 * problem.rounding(z)[1]
+            if (gap > 0.0).any():
+                i = int(np.argmax(gap))
+                return f"psi_{i} = {z[i] - below[i]:.6g} is above upper_{i} = {z[i] - above[i]:.6g} at this z"
+    return ""
 
 
 def _history(records: list[tuple[int, float, float]]) -> History:

@@ -95,7 +95,8 @@ class AccuracyGoal(Goal):
         except (OutOfTime, MemoryError):  # the run will tell
             return
         self.bound = bound.value
-        if not bound.unique:
+        # whether obstacles that move cross is told by a small bound alone
+        if not bound.unique and (problem.upper is None or problem.psi.is_constant):
             raise NotApplicable(
                 f"accuracy: nothing bounds the error of this problem: {bound.reason}; give rtol instead"
             )

@@ -17,6 +17,7 @@ from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes
 from ..numerics.rounding import is_ctrl_c, sheltered
 from ..numerics.threads import cores, in_parts
+from ..problem.between import mid
 from ..problem.data import ProblemData, as_map
 from ..problem.map import Map
 from ..problem.verdict import certain_rows
@@ -85,6 +86,7 @@ def solve_many(
     Q: Any,
     psi: Any = 0.0,
     *,
+    upper: Any = None,
     Z0: Any = None,
     rtol: float = RTOL,
     atol: float = 0.0,
@@ -100,7 +102,8 @@ def solve_many(
     row, and the start is the row of `Z0`, or the answer of the row before. Ctrl-C leaves the rows that are solved.
 
     Parameters: `A` as for `ICP`, or a list of k of them; `Q` shape (k, n), or (n,) where A or psi are k; `psi` as for
-    `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `Z0` starts of shape (k, n) or (n,), or
+    `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `upper` the same of obstacles above, +inf
+    for none, or None; `Z0` starts of shape (k, n) or (n,), or
     earlier `Solutions`; `rtol` and `atol`: row i is solved where Res(z) ≤ max(atol, rtol·Res(0)); `time_limit` and
     `memory_limit` as for `solve`, of all rows together: one that does not finish has its best iterate, one that was not
     begun its start, with an infinite residual.
@@ -116,23 +119,32 @@ def solve_many(
     array([1. , 0.5])
     """
     limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit, memory_limit=memory_limit)
-    solutions = Batch(A, Q, psi, Z0, limits).solutions()
+    solutions = Batch(A, Q, psi, upper, Z0, limits).solutions()
     if raise_on_failure and solutions.messages:
         raise NotSolved(solutions)
     return solutions
 
 
 def _rows(value: Any, name: str, infinite: float) -> Matrix:
-    """`value` as a float64 matrix, one row per problem, checked; +inf as `infinite` stands for none."""
+    """`value` as a float64 matrix, one row per problem, checked; `infinite` is allowed, 0 for neither infinity."""
     array = np.array(as_real(as_array(value, name), name), dtype=np.float64)
     if array.ndim not in (1, 2) or array.size == 0:
         raise InputError(f"{name} has shape {array.shape}; one row per problem was expected")
     array = np.atleast_2d(array)
-    right = np.isfinite(array) | (np.isneginf(array) & (infinite < 0))
+    right = np.isfinite(array) | ((array == infinite) & (infinite != 0.0))
     if not right.all():
         i, j = np.argwhere(~right)[0]
         raise InputError(f"{name}[{i}, {j}] is {array[i, j]}; a finite number was expected")
     return array
+
+
+def _listed(value: Any, name: str, none: float) -> tuple[list[Any] | None, Matrix | None]:
+    """The obstacles of `value`, one for each problem, or None; and these as a matrix where they are rows of numbers."""
+    maps = _each(value, lambda one: isinstance(one, Map) or callable(one))
+    if maps is None and isinstance(value, list | tuple | np.ndarray) and axes(value, name) == 2:
+        rows = _rows(value, name, none)
+        return list(rows), rows
+    return maps, None
 
 
 def _each(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
@@ -154,26 +166,26 @@ def _common(**several: Any) -> int:
 class Batch:
     """The rows of one `solve_many` and what is found for them."""
 
-    def __init__(self, A: Any, Q: Any, psi: Any, Z0: Any, limits: Limits) -> None:
-        self.clock, self.limits, self.psi, Q = work.clock(), limits, psi, _rows(Q, "Q", np.inf)
+    def __init__(self, A: Any, Q: Any, psi: Any, upper: Any, Z0: Any, limits: Limits) -> None:
+        self.clock, self.limits, Q = work.clock(), limits, _rows(Q, "Q", 0.0)
         matrices = _each(A, lambda one: axes(one, "A") == 2)
-        self.maps = _each(psi, lambda one: isinstance(one, Map) or callable(one))
-        self.obstacles: Matrix | None = None
-        if self.maps is None and isinstance(psi, list | tuple | np.ndarray) and axes(psi, "psi") == 2:
-            self.obstacles = _rows(psi, "psi", -np.inf)
-            self.maps = list(self.obstacles)
-        self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", np.inf)
-        k = _common(A=matrices, Q=Q, psi=self.maps, Z0=self.starts)
+        self.psi, self.maps, self.obstacles = psi, *_listed(psi, "psi", -np.inf)
+        self.upper, self.uppers, self.above = upper, *_listed(upper, "upper", np.inf)
+        self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", 0.0)
+        k = _common(A=matrices, Q=Q, psi=self.maps, upper=self.uppers, Z0=self.starts)
         # what is wrong in a row is said before another one is solved
-        self.problems = [ProblemData(one, Q[0], self._psi(0)) for one in (matrices or [A])]
+        self.problems = [ProblemData(one, Q[0], self._psi(0), self._upper(0)) for one in (matrices or [A])]
         problem = self.problem = self.problems[0]
         self.small = problem.n <= PIVOT_UP_TO
         n = self.problem.n
-        for name, rows in (("Z0", self.starts), ("psi", self.obstacles)):
+        for name, rows in (("Z0", self.starts), ("psi", self.obstacles), ("upper", self.above)):
             if rows is not None:
                 self.problem.vector(rows[0], name)  # has the right length
-        if self.obstacles is None and self.maps is not None:
+        if self.uppers is None and self.obstacles is None and self.maps is not None:
             self.maps = [as_map(one, n) for one in self.maps]
+        elif self.uppers is not None:
+            for row in range(k):
+                as_map(self._psi(row), n, self._upper(row))
         self.Q, self.Z = np.broadcast_to(Q, (k, n)), np.zeros((k, n))
         if self.starts is not None:
             self.Z[:] = self.starts
@@ -186,12 +198,17 @@ class Batch:
         """ψ of one row."""
         return self.psi if self.maps is None else self.maps[row if len(self.maps) > 1 else 0]
 
+    def _upper(self, row: int) -> Any:
+        """ψ̄ of one row, or None."""
+        return self.upper if self.uppers is None else self.uppers[row if len(self.uppers) > 1 else 0]
+
     def at_once(self) -> None:
         """The rows in compiled code, where there is some for them, while the limits allow it; a row is solved where its
         residual says so."""
         problem, psi, n, small = self.problem, self.problem.psi, self.problem.n, self.small
         affine = psi.linear is not None and not psi.is_constant
         shared = len(self.problems) == 1 and (self.maps is None or self.obstacles is not None)
+        shared = shared and (self.uppers is None or self.above is not None)
         if not shared or not (affine or problem.facts.has_fixed_obstacle):
             return
         if not small and (affine or Tridiagonal().why_not(problem) is not None):
@@ -209,50 +226,75 @@ class Batch:
                 c = problem.facts.obstacle
             C = np.broadcast_to(c, self.Q.shape)
             G = psi.linear[0].toarray() if affine and psi.linear else None
-            lcp = AffineLcp(problem.dense(), self.Q[0], C[0], G) if small else None
+            D = self._above_at_once(affine)
+            H = psi.upper.linear[0].toarray() if affine and psi.upper and psi.upper.linear else None
+            above = None if D is None else (D[0], H)
+            lcp = AffineLcp(problem.dense(), self.Q[0], C[0], G, above) if small else None
             piece = work.pieces(price)
             for low in range(0, len(C), piece):
                 rows = slice(low, low + piece)
                 work.afford(price)
                 work.add(price * len(C[rows]))
-                of_rows = self.Q[rows], C[rows]
-                Z = self.by_thomas(*of_rows) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
+                of_rows = self.Q[rows], C[rows], None if D is None else D[rows]
+                Z = self.by_thomas(*of_rows[:2]) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
                 residuals, tolerances = self._judged(Z, *of_rows)
                 good = self.solved[rows] = residuals <= tolerances
                 for kept, found in ((self.Z, Z), (self.residuals, residuals), (self.tolerances, tolerances)):
                     kept[rows][good] = found[good]
 
+    def _above_at_once(self, affine: bool) -> Matrix | None:
+        """The obstacles above, or d of Hz + d, row by row; None where there are none."""
+        upper = self.problem.upper
+        if upper is None:
+            return None
+        d: Any = self.above
+        if affine and upper.linear is not None:
+            d = upper.linear[1]
+        elif d is None:
+            d = self.problem.facts.upper_obstacle
+        D: Matrix = np.broadcast_to(d, self.Q.shape)
+        if (infinite := np.isinf(D)).any() and not (infinite == infinite[0]).all():
+            raise SingularOperator("rows have obstacles above in different places", 0)  # so that each is solved alone
+        return D
+
     def _threads(self, Q: Matrix) -> int:
         """How many threads the rows of `Q` are worth."""
         return min(cores(), len(Q), -(-len(Q) // ROWS_A_THREAD) if self.small else -(-Q.size // UNKNOWNS_A_THREAD))
 
-    def _values(self, Z: Matrix, C: Matrix) -> Matrix:
+    def _values(self, psi: Map, Z: Matrix, C: Matrix) -> Matrix:
         """ψ(z), row by row."""
-        psi = self.problem.psi
         if psi.is_constant:
             return C
         return (psi.linear[0] @ Z.T).T + psi.linear[1] if psi.linear else np.array([psi.value(z) for z in Z])
 
-    def _judged(self, Z: Matrix, Q: Matrix, C: Matrix) -> tuple[Vector, Vector]:
-        """The residuals of the rows `Z`, which have the obstacles `C`, and what they are held against."""
-        problem = self.problem
-        here, p = self._values(Z, C), (problem.A @ Z.T).T + Q
-        residuals = _norms(np.minimum(p, Z - here))
-        at_0 = _norms(np.minimum(Q, -self._values(np.zeros((1, problem.n)), C)))
+    def _judged(self, Z: Matrix, Q: Matrix, C: Matrix, D: Matrix | None) -> tuple[Vector, Vector]:
+        """The residuals of the rows `Z`, which have the obstacles `C` and `D`, and what they are held against."""
+        problem, psi, upper = self.problem, self.problem.psi, self.problem.upper
+        zero = np.zeros((1, problem.n))
+        here, p, above, above_0 = self._values(psi, Z, C), (problem.A @ Z.T).T + Q, None, None
+        if upper is not None and D is not None:
+            above, above_0 = self._values(upper, Z, D), -self._values(upper, zero, D)
+        residuals = _norms(mid(p, Z - here, None if above is None else Z - above))
+        at_0 = _norms(mid(Q, -self._values(psi, zero, C), above_0))
         tolerances = np.maximum(self.limits.atol, self.limits.rtol * at_0)
-        of_rows = Q, C if problem.psi.linear is not None else here, Z, residuals, tolerances
+        of_rows = [Q, C if psi.linear is not None else here, Z, residuals, tolerances]
+        if upper is not None and D is not None and above is not None:
+            of_rows.append(D if upper.linear is not None else above)
 
         def look(low: int, high: int) -> None:
-            certain_rows(problem.matrix, problem.psi, *(X[low:high] for X in of_rows))
+            certain_rows(problem.matrix, psi, *(X[low:high] for X in of_rows))
 
         in_parts(len(Q), self._threads(Q), look)
         return residuals, tolerances
 
-    def pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix) -> Matrix:
+    def pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""
         from ..numerics.kernels.balancing import scale
         from ..numerics.kernels.pivoting import many  # loads numba
 
+        if D is not None:
+            Q = lcp.extended(Q, D)
+            C = np.concatenate([C, np.zeros((len(C), len(lcp.q) - lcp.n))], axis=1)
         X, scaled, limit = np.empty(Q.shape), scale(lcp.M), PIVOTS * (lcp.M.shape[0] + 1)
         in_parts(
             len(Q),
@@ -325,7 +367,9 @@ class Batch:
     def _problem(self, row: int) -> ProblemData:
         """The problem of one row, which shares with the others what they have in common."""
         problem = self.problems[row if len(self.problems) > 1 else 0].with_q(self.Q[row])
-        return problem if self.maps is None else problem.with_psi(self._psi(row))
+        if self.maps is None and self.uppers is None:
+            return problem
+        return problem.with_sides(self._psi(row), self._upper(row))
 
     def solutions(self) -> Solutions:
         """All rows, at once where that can be, the others one by one."""

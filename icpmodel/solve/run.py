@@ -277,12 +277,16 @@ def _fall(high: float, low: float) -> float:
 
 
 def fault_of_psi(problem: ProblemData, z: Vector) -> str:
-    """Which entry of ψ(z) is NaN or +∞ although z is finite; empty where none is."""
+    """Which entry of ψ(z) is NaN or +∞, or of ψ̄(z) NaN or −∞, although z is finite; empty where none is."""
     if not np.isfinite(z).all():
         return ""
-    psi = problem.psi.value(z)
-    bad = ~(np.isfinite(psi) | np.isneginf(psi))
-    return f"psi(z)[{np.argmax(bad)}] is {psi[np.argmax(bad)]}" if bad.any() else ""
+    for name, psi, none in (("psi", problem.psi, -np.inf), ("upper", problem.upper, np.inf)):
+        if psi is not None:
+            value = psi.value(z)
+            bad = ~(np.isfinite(value) | (value == none))
+            if bad.any():
+                return f"{name}(z)[{np.argmax(bad)}] is {value[np.argmax(bad)]}"
+    return ""
 
 
 def _state(k: int, z: Vector, residual: float, seconds: float) -> Progress:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.equations import nearer_to_obstacle, solve_on
+from ..algebra.equations import pattern_at, solve_on
 from ..errors import IcpError, MapError
 from ..methods.contract import Method
 from ..numerics.arrays import ReadOnly, Vector
@@ -42,6 +42,7 @@ class Status(Enum):
     INTERRUPTED = "interrupted"
     STOPPED = "stopped by callback"
     MAP_FAILED = "psi failed"
+    CROSSED = "obstacles cross"
 
     @property
     def advice(self) -> str:
@@ -74,6 +75,7 @@ _ADVICE = {
     "INTERRUPTED": "pass this solution as z0 to go on",
     "STOPPED": "the callback returned True; pass this solution as z0 to go on",
     "MAP_FAILED": "mend psi, or start nearer to the solution; this is the best iterate before it failed",
+    "CROSSED": "mend psi or upper, or start elsewhere: no z is between them in that row where the run has come to",
 }
 
 #: a residual or a bound counts as better than another one if it is at most this share of it
@@ -192,10 +194,9 @@ class Solution(ReadOnly):
         array([0.5, 0. ])
         """
         problem, known = self.problem, self.active_set
-        active = known.active | (known.undecided & nearer_to_obstacle(problem, self.z))
         try:
             with limited(self.time_limit, self.memory_limit):
-                z = solve_on(problem, self.z, active)
+                z = solve_on(problem, self.z, *known.completed(pattern_at(problem, self.z)))
             residual = problem.residual(z)
             if not self.accuracy:
                 residual = certain(problem, z, residual, self.tolerance)
@@ -310,6 +311,7 @@ class Solution(ReadOnly):
             "no_error_bound_because": bound.reason or None,
             "unique": bound.unique or None,
             "rows_active": int(known.active.sum()),
+            **({} if known.above is None else {"rows_active_above": int(known.above.sum())}),
             "rows_inactive": int(known.inactive.sum()),
             "rows_undecided": int(known.undecided.sum()),
         }

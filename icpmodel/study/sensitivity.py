@@ -9,13 +9,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..algebra.equations import equations_on, nearer_to_obstacle
+from ..algebra.equations import equations_on, pattern_at
 from ..algebra.operators import FactorisedOperator
 from ..errors import IcpError, InputError
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..present.card import Card
+from ..problem.between import chosen
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
 from ..theory.certificates.bounds import bound_of_change
@@ -92,7 +93,7 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
         certified = bound_of_change(problem, z, unit * of_p, unit * of_r)
     observed = _observed(problem, z, change, trials, random)
     return Sensitivity(
-        local=_local(problem, solution.z, known.active | (known.undecided & nearer_to_obstacle(problem, solution.z))),
+        local=_local(problem, solution.z, *known.completed(pattern_at(problem, solution.z))),
         exact=problem.n <= _INVERT_UP_TO,
         certified=None if certified is None else certified / unit,
         observed=None if observed is None else observed / unit,
@@ -103,17 +104,23 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
 
 
 def _moved_by(problem: ProblemData, z: Vector, size: float) -> tuple[Vector, Vector]:
-    """E/size where p and where r counts: |A||z| + |q|, and |G||z| + |c| or |ψ(z)|; divided first, so none overflows."""
-    psi, x = problem.psi, np.abs(z) / size
-    of_r = np.abs(psi.value(z)) / size if psi.linear is None else abs(psi.linear[0]) @ x + np.abs(psi.linear[1]) / size
-    return problem.matrix.absolute @ x + np.abs(problem.q) / size, np.where(np.isfinite(of_r), of_r, 0.0)
+    """E/size where p and where r counts: |A||z| + |q|, and |G||z| + |c| or |ψ(z)|, of both obstacles the larger one;
+    divided first, so none overflows."""
+    x, of_r = np.abs(z) / size, np.zeros(z.size)
+    for psi in (problem.psi, problem.upper):
+        if psi is None:
+            continue
+        linear = psi.linear
+        moved = np.abs(psi.value(z)) / size if linear is None else abs(linear[0]) @ x + np.abs(linear[1]) / size
+        of_r = np.maximum(of_r, np.where(np.isfinite(moved), moved, 0.0))
+    return problem.matrix.absolute @ x + np.abs(problem.q) / size, of_r
 
 
-def _local(problem: ProblemData, z: Vector, active: NDArray[np.bool_]) -> float | None:
+def _local(problem: ProblemData, z: Vector, active: NDArray[np.bool_], above: NDArray[np.bool_] | None) -> float | None:
     """‖J⁻¹ diag(E/max|z|)‖_∞ = ‖diag(E/max|z|) J⁻ᵀ‖₁, computed or estimated."""
     from scipy.sparse.linalg import LinearOperator, onenormest
 
-    jacobian = problem.psi.jacobian(z)
+    jacobian = chosen(problem.psi, above).jacobian(z)
     if jacobian is None:
         return None
     of_p, of_r = _moved_by(problem, z, float(np.abs(z).max()))

@@ -39,6 +39,7 @@ ENDS = {
     Status.INTERRUPTED: (TerminationCondition.interrupted, SolutionStatus.infeasible),
     Status.STOPPED: (TerminationCondition.interrupted, SolutionStatus.infeasible),
     Status.MAP_FAILED: (TerminationCondition.error, SolutionStatus.infeasible),
+    Status.CROSSED: (TerminationCondition.error, SolutionStatus.infeasible),
 }
 #: options of `icpmodel.solve` that Pyomo has under names of its own
 _PYOMOS = {

@@ -249,9 +249,10 @@ def row(indptr, indices, data, i, z):
 
 
 @compiled
-def apart(indptr, indices, data, q, c, slopes, rows, starts, wanted, z):
+def apart(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
     # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
-    # having no entry there. Returns which may be solved: none that needs units of its own, or need not have one answer
+    # having no entry there. Returns which may be solved: none that needs units of its own, or need not have one answer.
+    # `above` is None, or (slopes, d) of the obstacle above; then there are only rows
     solved, place = np.zeros_like(wanted), np.full(z.size, -1, np.int32)
     for k in np.flatnonzero(wanted):
         b, i = starts[k + 1] - starts[k], rows[starts[k]]
@@ -259,6 +260,9 @@ def apart(indptr, indices, data, q, c, slopes, rows, starts, wanted, z):
             own, p = row(indptr, indices, data, i, z)
             slope, r = row(*slopes, i, z)
             z[i] = max((r + c[i]) / (1.0 - slope), -(p + q[i]) / own)
+            if above is not None:
+                slope, r = row(*above[0], i, z)
+                z[i] = min((r + above[1][i]) / (1.0 - slope), z[i])
             solved[k] = own > 0.0 and slope < 1.0 and math.isfinite(z[i])
             continue
         block, S, f = rows[starts[k] : starts[k + 1]], np.zeros((b, b)), np.empty(b)

@@ -48,6 +48,14 @@ def look(indptr, indices, data, low, high, diag, diagonal, rest):
     return below, above, lower, whole - lower
 
 
+@inlined
+def median(least, below, above):
+    # of below, p and above, `least` = min(p, below), as `between.mid` has it; NaN stays
+    if above > below:
+        return above if abs(above) > abs(below) else below
+    return above if above > least or above != above else least
+
+
 @compiled
 def product(indptr, indices, data, z, low, high, out):
     # rows low <= i < high of Az
@@ -56,12 +64,15 @@ def product(indptr, indices, data, z, low, high, out):
 
 
 @compiled
-def natural(indptr, indices, data, q, psi, z, low, high):
-    # the sum of min(p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is
+def natural(indptr, indices, data, q, psi, upper, z, low, high):
+    # the sum of min(p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is. With
+    # `upper`, else None, of the median's square: see `between.mid`
     squares = 0.0
     for i in range(uint(low), uint(high)):
         p, r = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z), z[i] - psi[i]
         least = r if r <= p or r != r else p
+        if upper is not None:
+            least = median(least, r, z[i] - upper[i])
         squares += least * least
     return squares
 
@@ -132,6 +143,35 @@ def twice(start, left, k, stop, sign, indices, data, z):
 
 
 @inlined
+def gap(i, indptr, indices, data, c, known, z, pairs):
+    # (z - c - Gz)_i, where c is off by up to `known` times itself, and a bound on its error; infinite where c is
+    if abs(c[i]) == np.inf:
+        return -c[i], 0.0
+    start = z[i] - c[i]
+    part = start - z[i]
+    left = (z[i] - (start - part)) - (c[i] + part)
+    k, stop = uint(indptr[i]), uint(indptr[i + uint(1)])
+    if pairs:
+        r, for_r = twice(start, left, k, stop, -1.0, indices, data, z)
+    else:
+        r, for_r = once(start, left, k, stop, -1.0, indices, data, z)
+    return r, for_r + known * abs(c[i])
+
+
+@inlined
+def worst_median(of_p, of_r, of_s):
+    # the same of the median of p, r and s <= r, and of r and s themselves where these may cross
+    (p, for_p), (r, for_r), (s, for_s) = of_p, of_r, of_s
+    if math.isnan(p + for_p) or math.isnan(r + for_r) or math.isnan(s + for_s):
+        return np.inf
+    low, high = max(s - for_s, min(p - for_p, r - for_r)), max(s + for_s, min(p + for_p, r + for_r))
+    size = max(abs(low), abs(high))
+    if s + for_s > r - for_r:
+        size = max(size, abs(r) + for_r, abs(s) + for_s)
+    return size
+
+
+@inlined
 def worst(of_p, of_r):
     # the largest |min(p, r)| that (value, bound on its error) of both leave possible
     (p, for_p), (r, for_r) = of_p, of_r
@@ -141,9 +181,10 @@ def worst(of_p, of_r):
 
 
 @partial(compiled, exact=True)
-def raised(indptr, indices, data, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals):
+def raised(indptr, indices, data, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper):
     # residuals within their tolerances become bounds of the exact ones where rounding could lift these above them.
-    # Row by row p = Az + q and r = z - c - Gz, where c is off by up to `known` times itself
+    # Row by row p = Az + q and r = z - c - Gz, where c is off by up to `known` times itself; `upper` is None or
+    # (indptr, indices, data, C, known) of the obstacle above
     for row in range(Z.shape[0]):
         q, c, z = Q[row], C[row], Z[row]
         bound = 0.0
@@ -152,22 +193,18 @@ def raised(indptr, indices, data, Q, G_indptr, G_indices, G_data, C, known, Z, t
                 break
             scale, squares = 0.0, 0.0
             for i in range(uint(z.size)):
-                k, stop, of_r = uint(indptr[i]), uint(indptr[i + uint(1)]), (np.inf, 0.0)
+                k, stop = uint(indptr[i]), uint(indptr[i + uint(1)])
                 if pairs:
                     of_p = twice(q[i], 0.0, k, stop, 1.0, indices, data, z)
                 else:
                     of_p = once(q[i], 0.0, k, stop, 1.0, indices, data, z)
-                if c[i] != -np.inf:
-                    start = z[i] - c[i]
-                    part = start - z[i]
-                    left = (z[i] - (start - part)) - (c[i] + part)
-                    k, stop = uint(G_indptr[i]), uint(G_indptr[i + uint(1)])
-                    if pairs:
-                        r, for_r = twice(start, left, k, stop, -1.0, G_indices, G_data, z)
-                    else:
-                        r, for_r = once(start, left, k, stop, -1.0, G_indices, G_data, z)
-                    of_r = r, for_r + known * abs(c[i])
-                size = worst(of_p, of_r)
+                of_r = gap(i, G_indptr, G_indices, G_data, c, known, z, pairs)
+                if upper is None:
+                    size = worst(of_p, of_r)
+                else:
+                    above = upper[3][row]
+                    of_s = gap(i, upper[0], upper[1], upper[2], above, upper[4], z, pairs)
+                    size = worst_median(of_p, of_r, of_s)
                 if size > scale:
                     squares = 1.0 + squares * (scale / size) ** 2
                     scale = size

@@ -12,7 +12,7 @@ from . import compiled
 @compiled
 def settled(c, value, tolerance):
     # whether |c - psi(c)| <= tolerance |c| in all rows that have an obstacle
-    return np.all((value == -np.inf) | (np.abs(c - value) <= tolerance * np.abs(c)))
+    return np.all((np.abs(value) == np.inf) | (np.abs(c - value) <= tolerance * np.abs(c)))
 
 
 @compiled
@@ -21,7 +21,7 @@ def improve(c, value, slope, own, low, high, out):
     # the middle of it; `own` is psi' or empty. Returns whether anything moved
     moved = False
     for i in range(c.size):
-        r = 0.0 if value[i] == -np.inf else c[i] - value[i]
+        r = 0.0 if abs(value[i]) == math.inf else c[i] - value[i]
         near, far = c[i] - r / (1.0 + slope[i]), c[i] - r / (1.0 - slope[i])
         low[i], high[i] = max(low[i], min(near, far)), min(high[i], max(near, far))
         newton = c[i] - r / (1.0 - own[i]) if own.size else math.nan

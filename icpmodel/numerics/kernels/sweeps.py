@@ -4,7 +4,7 @@ A sweep makes one pass over the CSR arrays of A: it writes the next iterate to `
 it started from, which falls out for free. There is no branch per stored entry: `diag[i]` splits row i of A at its
 diagonal entry, so that the loop over the strict lower triangle and the loop over the rest need no comparison of
 indices. ψ enters as `psi`, resolved when the loop is compiled: a vector ψ(z), (c, indptr, indices, data) for Gz + c, or
-(c, f) for f(z_i) + c_i with f compiled by numba.
+(c, f) for f(z_i) + c_i with f compiled by numba; with an obstacle above, `Sides` of two such.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numba import types
 from numba.extending import overload
 
 from . import compiled, inlined, one, row_sum, uint
+from .products import median
 
 
 def psi_entry(psi, i, z):
@@ -27,9 +28,47 @@ def psi_entry(psi, i, z):
 def _psi_entry(psi, i, z):
     if isinstance(psi, types.Array):
         return lambda psi, i, z: psi[i]
+    if isinstance(psi, types.BaseNamedTuple):
+        return lambda psi, i, z: psi_entry(psi[0], i, z)
     if isinstance(psi, types.BaseTuple) and len(psi) == 4:
         return lambda psi, i, z: row_sum(psi[0][i], psi[1][i], psi[1][i + uint(1)], psi[2], psi[3], z)
     return lambda psi, i, z: psi[1](z[i]) + psi[0][i]
+
+
+def upper_entry(psi, i, z):
+    """The entry of the obstacle above, None where there is none."""
+    raise TypeError("upper_entry exists in compiled code only")
+
+
+@overload(upper_entry)
+def _upper_entry(psi, i, z):
+    if isinstance(psi, types.BaseNamedTuple):
+        return lambda psi, i, z: psi_entry(psi[1], i, z)
+    return lambda psi, i, z: None
+
+
+def lifted(least, zi, low, top, weight):
+    """mid(weight (z_i - top), p, weight (z_i - low)), `least` = min(p, weight (z_i - low)); that where top is None."""
+    raise TypeError("lifted exists in compiled code only")
+
+
+@overload(lifted)
+def _lifted(least, zi, low, top, weight):
+    if isinstance(top, types.NoneType):
+        return lambda least, zi, low, top, weight: least
+    return lambda least, zi, low, top, weight: median(least, weight * (zi - low), weight * (zi - top))
+
+
+def capped(value, top):
+    """min(value, top); `value` where top is None."""
+    raise TypeError("capped exists in compiled code only")
+
+
+@overload(capped)
+def _capped(value, top):
+    if isinstance(top, types.NoneType):
+        return lambda value, top: value
+    return lambda value, top: top if value > top else value
 
 
 @inlined
@@ -38,7 +77,7 @@ def _smaller(p, r):
 
 
 @numba.njit(fastmath={"contract"}, error_model="numpy", nogil=True)
-def _moved(par, i, zi, own, obstacle, p, rest, old, new):
+def _moved(par, i, zi, own, obstacle, top, p, rest, old, new):
     # out_i. `par` tells which sweep it is, and numba drops the other branch when it compiles. (What a function of the
     # row makes would be compiled anew by every process: numba takes what it closes over for a part of its name, and
     # that is never the same.)
@@ -46,13 +85,13 @@ def _moved(par, i, zi, own, obstacle, p, rest, old, new):
         # X = diag(1/inverse) + tau * (strict lower triangle of A), and out = z - 2 X^-1 F(z):
         # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j))
         omega, inverse, tau = par
-        x, F = inverse[i], _smaller(p, omega[i] * (zi - obstacle))
+        x, F = inverse[i], lifted(_smaller(p, omega[i] * (zi - obstacle)), zi, obstacle, top, omega[i])
         return (zi + x * (tau * old - 2.0 * F)) - (x * tau) * new
     # projected SOR: max(psi_i(z), z_i - omega/a_ii (sum_{j before i} a_ij out_j + sum_{others} a_ij z_j + q_i));
     # a division costs less than one more number per row from memory
     scale = par[0] / own
     moved = (zi - scale * rest) - scale * new
-    return obstacle if moved < obstacle else moved
+    return capped(obstacle if moved < obstacle else moved, top)
 
 
 @inlined
@@ -71,9 +110,9 @@ def _row(i, forward, indptr, indices, data, diag, q, psi, par, z, out):
         k += one()
     zi, own = z[i], data[d]
     rest = row_sum(q[i] + own * zi, first_left, end_left, indices, data, z)
-    p, obstacle = rest + old, psi_entry(psi, i, z)
-    natural = _smaller(p, zi - obstacle)
-    out[i] = _moved(par, i, zi, own, obstacle, p, rest, old, new)
+    p, obstacle, top = rest + old, psi_entry(psi, i, z), upper_entry(psi, i, z)
+    natural = lifted(_smaller(p, zi - obstacle), zi, obstacle, top, 1.0)
+    out[i] = _moved(par, i, zi, own, obstacle, top, p, rest, old, new)
     return natural * natural
 
 
@@ -115,10 +154,11 @@ def diagonal(indptr, indices, data, q, psi, omega, inverse, z, out):
     start = uint(indptr[0])
     for i in range(uint(z.size)):
         end = uint(indptr[i + uint(1)])
-        p, r = row_sum(q[i], start, end, indices, data, z), z[i] - psi_entry(psi, i, z)
-        start, natural = end, _smaller(p, r)
+        low, top = psi_entry(psi, i, z), upper_entry(psi, i, z)
+        p, r = row_sum(q[i], start, end, indices, data, z), z[i] - low
+        start, natural = end, lifted(_smaller(p, r), z[i], low, top, 1.0)
         squares += natural * natural
-        out[i] = z[i] - (2.0 * inverse[i]) * _smaller(p, omega[i] * r)
+        out[i] = z[i] - (2.0 * inverse[i]) * lifted(_smaller(p, omega[i] * r), z[i], low, top, omega[i])
     return squares
 
 
@@ -127,16 +167,18 @@ def triangular(indptr, indices, data, q, psi, omega, start, stop, x_indices, x_d
     squares, n = 0.0, z.size
     for step in range(n):
         i = uint(step if forward else n - 1 - step)
-        p, r = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z), z[i] - psi_entry(psi, i, z)
+        low, top = psi_entry(psi, i, z), upper_entry(psi, i, z)
+        p, r = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z), z[i] - low
         total = 0.0
         k, end = uint(start[i]), uint(stop[i])
         while k < end:
             j = uint(x_indices[k])
             total += x_data[k] * (out[j] - z[j])
             k += one()
-        natural = _smaller(p, r)
+        natural = lifted(_smaller(p, r), z[i], low, top, 1.0)
         squares += natural * natural
-        out[i] = z[i] - inverse[i] * (2.0 * _smaller(p, omega[i] * r) + total)
+        moved = lifted(_smaller(p, omega[i] * r), z[i], low, top, omega[i])
+        out[i] = z[i] - inverse[i] * (2.0 * moved + total)
     return squares
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...algebra.equations import nearer_to_obstacle
+from ...algebra.equations import pattern_at
 from ...errors import InputError
 from ...numerics.arrays import Vector, described
 from ...solve.driver import RTOL
@@ -61,7 +61,7 @@ def solution_figure(solution: Solution, points: Vector | None = None) -> Figure:
     n = solution.problem.n
     if points is not None and np.shape(points) not in ((n,), (n, 2)):
         raise InputError(f"points has shape {np.shape(points)}; ({n},) or ({n}, 2) was expected")
-    contact = nearer_to_obstacle(solution.problem, solution.z)
+    contact = pattern_at(solution.problem, solution.z).active
     flat = points is None or np.ndim(points) == 1
     return _line(solution, points, contact) if flat else _plane(solution, points, contact)
 
@@ -77,6 +77,10 @@ def _line(solution: Solution, points: Vector | None, contact: Any) -> Figure:
     psi = solution.problem.psi.value(solution.z)
     psi = np.where(np.isfinite(psi), psi, np.nan)
     above.plot(x[keep], psi[keep], color=ORANGE, label="obstacle ψ(z)", linewidth=2.5, markersize=5, **style)
+    if solution.problem.upper is not None:
+        top = solution.problem.upper.value(solution.z)
+        top = np.where(np.isfinite(top), top, np.nan)
+        above.plot(x[keep], top[keep], color=PURPLE, label="obstacle above", linewidth=2.5, markersize=5, **style)
     above.plot(x[keep], solution.z[keep], color=BLUE, label="z", linewidth=1.5, markersize=3, **style)
     below.plot(x[keep], solution.p[keep], color=GREEN, markersize=3, **style)
     for k, axes in enumerate((above, below)):

@@ -170,11 +170,30 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         if points is not None:
             delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
         sentence = proof.sentence + (_WORD if problem.psi.at_users_word else "")
+        if (row := may_cross(problem, z, delta)) is not None:
+            told = f"psi <= upper is not proved within {at_most(float(delta.max()))} of z, where z* would be: row {row}"
+            return ErrorBound.none(told)
         if np.isfinite(delta).all():
             return ErrorBound(float(delta.max()), delta, euclidean, sentence, "")
         fault = not_finite(z, "z") or "the proof bounds nothing at this z: it is too far from z*"
         return ErrorBound.none(fault, sentence)
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
+
+
+def may_cross(problem: ProblemData, z: Vector, delta: Vector) -> int | None:
+    """A row in which ψ ≤ ψ̄ is not certain for all |x − z| ≤ `delta`, so that a zero of F need not be a solution; None
+    where there is none, be it because both are fixed, or move alike."""
+    psi, above = problem.psi, problem.r_upper(z)
+    if above is None or psi.upper is None or psi.is_constant:
+        return None
+    if psi.linear is not None and psi.upper.linear is not None and not (psi.linear[0] - psi.upper.linear[0]).nnz:
+        return None
+    below, change, for_r = problem.r(z), psi.change(delta), problem.rounding(z)[1]
+    with np.errstate(over="ignore", invalid="ignore"):
+        safe = np.isinf(below) | np.isinf(above)
+        if change is not None:
+            safe |= below - above > (2.0 * change + 2.0 * for_r) * (1 + 8 * UNIT_ROUNDOFF)
+    return None if safe.all() else int(np.argmin(safe))
 
 
 def bound_of_change(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> float | None:
@@ -216,7 +235,7 @@ class Proofs:
         if self.psi.linear is not None:
             yield self.representatives
         yield self.definite
-        if self.psi.takes_best:
+        if self.psi.takes_best and self.psi.upper is None:
             yield self.supersolution(problem)
 
 

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...algebra.equations import Pattern
 from ...errors import InputError
 from ...numerics.arrays import ReadOnly, as_truth, described
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered, upper
 from ...present.card import Card
+from ...problem.between import mid
 from ...problem.data import ProblemData, as_problem
 from .bounds import ErrorBound, error_bound
 
@@ -28,7 +30,9 @@ class Certificate:
 
     `residual` = ‖min(r, p)‖₂; `residual_max` the max-norm of the same vector; `residual_scaled` the max-norm of
     min(r, D⁻¹p) with D = |diag(A)|, in the units of z, or None where the diagonal has a zero; `violation_p` and
-    `violation_r` the largest negative parts of p and r; `bound` the `ErrorBound`.
+    `violation_r` the largest negative parts of p and r; `bound` the `ErrorBound`. With an obstacle above, the median
+    with z − ψ̄ takes the place of the minimum, p may be negative where z touches it, or where there is none below, and
+    `violation_r` is how far z is beyond either of them.
 
     >>> certify(ICP([[2.0]], [-2.0]), [1.0]).residual
     0.0
@@ -78,14 +82,17 @@ def certify(problem: ProblemData, z: Any, *, bound: bool = True, **options: Any)
     z, bound = as_problem(problem).vector(z), as_truth(bound, "bound")
     diagonal = np.abs(problem.A.diagonal())
     with np.errstate(over="ignore", invalid="ignore"):
-        p, r = problem.p(z), problem.r(z)
-        scaled = None if (diagonal == 0).any() else float(np.abs(np.minimum(r, p / diagonal)).max())
+        p, r, above = problem.p(z), problem.r(z), problem.r_upper(z)
+        scaled = None if (diagonal == 0).any() else float(np.abs(mid(p / diagonal, r, above)).max())
+        beyond, wrong = np.maximum(-r, 0.0), np.maximum(-p, 0.0)
+        if above is not None:
+            beyond, wrong = np.maximum(beyond, above), np.where(np.isposinf(-above), wrong, 0.0)
     return Certificate(
         residual=problem.residual(z),
-        residual_max=float(np.abs(np.minimum(r, p)).max()),
+        residual_max=float(np.abs(mid(p, r, above)).max()),
         residual_scaled=scaled,
-        violation_p=float(np.maximum(-p, 0.0).max()),
-        violation_r=float(np.maximum(-r, 0.0).max()),
+        violation_p=float(wrong.max()),
+        violation_r=float(beyond.max()),
         bound=error_bound(problem, z, **options) if bound else ErrorBound.none(NOT_COMPUTED),
     )
 
@@ -94,6 +101,9 @@ def certify(problem: ProblemData, z: Any, *, bound: bool = True, **options: Any)
 class ActiveSet(ReadOnly):
     """The rows that are proved to be `active` (p* > 0, r* = 0) and `inactive` (r* > 0, p* = 0); masks of shape (n,).
 
+    With an obstacle above, inactive rows are off both, and `above` are those at the upper one (p* < 0, z* = ψ̄); None
+    where there is none.
+
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, 3])
     >>> print(problem.solve().active_set)
     1 at the obstacle, 1 off it, 0 undecided
@@ -101,15 +111,28 @@ class ActiveSet(ReadOnly):
 
     active: NDArray[np.bool_]
     inactive: NDArray[np.bool_]
+    above: NDArray[np.bool_] | None = None
 
     @property
     def undecided(self) -> NDArray[np.bool_]:
         """The rows of which nothing is proved: too near to both, or no error bound."""
-        return ~(self.active | self.inactive)
+        decided = self.active | self.inactive
+        return ~decided if self.above is None else ~(decided | self.above)
+
+    def completed(self, pattern: Pattern) -> tuple[NDArray[np.bool_], NDArray[np.bool_] | None]:
+        """(active, above) as `solve_on` takes them, what is undecided taken from `pattern`."""
+        active = self.active | (self.undecided & pattern.active)
+        if self.above is None or pattern.above is None:
+            return active, None
+        return active | self.above, self.above | (self.undecided & pattern.above)
 
     def __str__(self) -> str:
         at, off, open_rows = (int(mask.sum()) for mask in (self.active, self.inactive, self.undecided))
-        return f"{at} at the obstacle, {off} off it, {open_rows} undecided"
+        if self.above is None:
+            return f"{at} at the obstacle, {off} off it, {open_rows} undecided"
+        return (
+            f"{at} at the lower obstacle, {int(self.above.sum())} at the upper, {off} off both, {open_rows} undecided"
+        )
 
 
 @sheltered
@@ -132,11 +155,19 @@ def active_set(problem: ProblemData, z: Any, bound: ErrorBound) -> ActiveSet:
     if delta is not None and delta.size != problem.n:
         raise InputError(f"bound is that of {delta.size} unknowns; {problem.n} were expected")
     change = None if delta is None else problem.psi.change(delta)
+    below, above = problem.r(z), problem.r_upper(z)
     if delta is None or change is None:
-        return ActiveSet(nothing, nothing)
+        return ActiveSet(nothing, nothing, None if above is None else nothing)
     for_p, for_r = problem.rounding(z)
     inflate = 1 + 8 * UNIT_ROUNDOFF
     with np.errstate(over="ignore", invalid="ignore"):
-        active = problem.p(z) > (for_p + upper(problem.matrix.absolute, delta)) * inflate
-        inactive = problem.r(z) > (for_r + delta + change) * inflate
-    return ActiveSet(active & ~inactive, inactive & ~active)
+        of_p = (for_p + upper(problem.matrix.absolute, delta)) * inflate
+        of_r = (for_r + delta + change) * inflate
+        p = problem.p(z)
+        active, inactive = p > of_p, below > of_r
+        if above is None:
+            return ActiveSet(active & ~inactive, inactive & ~active)
+        # a row with p* > 0 is at ψ, whatever is said of r; where both are said of it, something is wrong with the bound
+        inactive &= -above > of_r
+        at_upper = p < -of_p
+    return ActiveSet(active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive)

@@ -17,6 +17,9 @@ diagonal 0 ≤ Δ ≤ I and |Γ| ≤ L; a null vector x of the bracket has (Ax)_
 
 ‖g‖ takes a y near H⁻¹g: ‖g‖ ≤ √(yᵀHy) + ‖g − Hy‖₂/√λ for every y. Without it the curvature of an error, which A
 multiplies by λ_max, would be divided by λ_min.
+With an obstacle above, a row may as well have p' ≤ 0 and z' = ψ̄, w = z − ψ̄ and u = max(p, 0); B = I then where an
+obstacle moves. Of any two points with p ≥ 0 at ψ, p ≤ 0 at ψ̄ and p = 0 in between no term (p' − p*)(e − w − g) is
+positive, where |g| ≤ L|x − y| is the move of ψ or of ψ̄, or what is between them, if ψ ≤ ψ̄ at both.
 Units: the unknowns are scaled by S = diag(A)^(−1/2) and the rows of p by S, those of r by σS⁻¹, which keeps the form;
 σ makes the largest entry of B about 1. t is then the norm of S⁻¹e. S and σ are powers of two, so that scaling commits
 no error.
@@ -28,6 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -74,20 +78,24 @@ class DefiniteProof(Proof):
 
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            p, r = problem.p(z), problem.r(z)
+            p, r, sign, room = _reflected(problem, z)
             scaled = np.ldexp(p, self.exponent), np.ldexp(r, self.exponent_r)
-            roots = (self._root(p, r, for_p, for_r, scaled[0] < theta * scaled[1]) for theta in _SPLITS)
+            given = p, r, sign, for_p, for_r, room >= for_r
+            roots = (self._root(*given, scaled[0] < theta * scaled[1]) for theta in _SPLITS)
             deltas = [np.nextafter(np.ldexp(np.full(z.size, t), self.exponent + size), np.inf) for t, size in roots]
             delta = min(deltas, key=lambda delta: float(np.nan_to_num(delta.max(), nan=np.inf)))
         return delta, float(delta.max())
 
-    def _root(self, p: Vector, r: Vector, for_p: Vector, for_r: Vector, balance: np.ndarray) -> tuple[float, int]:
+    def _root(
+        self, p: Vector, r: Vector, sign: Any, for_p: Vector, for_r: Vector, holds: np.ndarray, balance: np.ndarray
+    ) -> tuple[float, int]:
         """t and an exponent e, 2^e·t the larger root of the quadratic for the split with u = p in the rows of
-        `balance`, rounded up; in units of 2^e what enters it is about 1, so that no square over- or underflows."""
-        u, w = np.where(balance, p, np.minimum(p, 0.0)), np.where(balance, np.minimum(r, 0.0), r)
+        `balance`, rounded up; in units of 2^e what enters it is about 1, so that no square over- or underflows. p and r
+        are those of `_reflected`, and z is where it may be for certain in the rows where it `holds`."""
+        u, w = sign * np.where(balance, p, np.minimum(p, 0.0)), sign * np.where(balance, np.minimum(r, 0.0), r)
         # min(x, 0) = 0 for certain where x exceeds its error
         for_u = np.where(~balance & (p > for_p), 0.0, for_p)
-        for_w = np.where(balance & (r >= for_r), 0.0, for_r)
+        for_w = np.where(balance & holds, 0.0, for_r)
         sizes = np.frexp(np.abs(u) + for_u)[1] + self.exponent, np.frexp(np.abs(w) + for_w)[1] + self.exponent_r
         there = (u != 0.0) | (for_u > 0.0), (w != 0.0) | (for_w > 0.0)
         size = max((int(of[any_].max()) for of, any_ in zip(sizes, there, strict=True) if any_.any()), default=0)
@@ -167,10 +175,24 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     return DefiniteProof(sentence, smallest, gap, exponent, exponent_r, At, Bt, Lt, H, slack, lu.solve)
 
 
+def _reflected(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Vector]:
+    """(p, r, sign, room): where `sign` is −1, the row is seen from the obstacle above, p is −p and r is ψ̄ − z.
+
+    `room` ≥ 0 where z is between the obstacles: r where there is one. A row that is above the upper one is seen from
+    there, one that is below the lower one from here, and in between the sign of p decides.
+    """
+    p, r, above = problem.p(z), problem.r(z), problem.r_upper(z)
+    if above is None:
+        return p, r, 1.0, r
+    there = (above > 0) | ((p < 0) & (r >= 0))
+    sign = np.where(there, -1.0, 1.0)
+    return sign * p, np.where(there, -above, r), sign, np.minimum(r, -above)
+
+
 def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:
     """B and L with r(x) − r(y) = B(x − y) − g, |g| ≤ L|x − y|; L takes up the rounding of I − G."""
     identity = sp.csr_array(sp.eye_array(n))
-    if psi.linear is None:
+    if psi.linear is None or (psi.upper is not None and not psi.is_constant):
         assert psi.lipschitz is not None
         return identity, psi.lipschitz
     G, c = psi.linear

@@ -7,6 +7,9 @@ A an H₊-matrix and v > 0 with α = ⟨A⟩v > 0 and β = (I − G)v > 0: ICP h
 Proof: rows of p and of r may be scaled, so take F = min(α⁻¹p, β⁻¹r). F(z) − F(z*) = (Θα⁻¹A + (I − Θ)β⁻¹(I − Γ))(z − z*)
 with a diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G, and the comparison matrix of the bracket maps v above 1. No other scaling of the
 rows gives less: |min(sp, r)|/min(sα, β) is smallest at s = β/α. Rows without obstacle have Θ_i = 1.
+With an obstacle above, |ψ̄(x) − ψ̄(y)| ≤ G|x − y| too, F is the median mid(β⁻¹(z − ψ̄), α⁻¹p, β⁻¹r), whose differences
+are means of the three as those of min are of the two, and the rest of the proof stays. That F has one zero says that
+there is one solution if ψ ≤ ψ̄ there.
 
 Reference: Chen and Xiang, Math. Program. 106 (2006), for ψ = 0; the proof above for ψ with Lipschitz matrix G.
 """
@@ -24,6 +27,7 @@ from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units, natural_exponents
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
+from ...problem.between import mid
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
@@ -44,7 +48,9 @@ class HPlusProof(Proof):
 
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore"):
-            F = np.abs(np.minimum(problem.p(z) / self.alpha, problem.r(z) / self.beta))
+            above = problem.r_upper(z)
+            top = None if above is None else above / self.beta
+            F = np.abs(mid(problem.p(z) / self.alpha, problem.r(z) / self.beta, top))
             # two quotients may have underflowed
             factor = float(np.max(F + np.maximum(for_p / self.alpha, for_r / self.beta))) + SMALLEST
             delta = np.nextafter(self.v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)

@@ -24,6 +24,7 @@ from ...algebra.looks import SWEEPS, newton_looks, projected_sweep, swept
 from ...algebra.subproblems import with_fixed_obstacle
 from ...numerics import work
 from ...numerics.arrays import Vector
+from ...problem.between import mid
 from ...problem.data import ProblemData
 from .h_plus import HPlusProof
 
@@ -114,7 +115,8 @@ def _natural(problem: ProblemData, z: Vector) -> float:
     A, G = problem.matrix, problem.psi.lipschitz
     assert G is not None  # there would be no proof
     with np.errstate(all="ignore"):
-        r = problem.r(z)
+        r, above = problem.r(z), problem.r_upper(z)
         if G.nnz:
-            r /= 1.0 + G @ np.ones(problem.n)
-        return float(np.abs(np.minimum(problem.p(z) / (A.rows.rest + A.rows.diagonal), r)).max())
+            moves = 1.0 + G @ np.ones(problem.n)
+            r, above = r / moves, None if above is None else above / moves
+        return float(np.abs(mid(problem.p(z) / (A.rows.rest + A.rows.diagonal), r, above)).max())

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...algebra.equations import nearer_to_obstacle, solve_on
+from ...algebra.equations import pattern_at, solve_on
 from ...errors import IcpError
 from ...numerics.arrays import Vector
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
@@ -29,7 +29,8 @@ class Proof(ABC):
     def nearer(self, problem: ProblemData, z: Vector) -> Vector | None:
         """A point that is probably nearer to z* than `z`, by one step of the active-set Newton iteration, or None."""
         try:
-            return solve_on(problem, z, nearer_to_obstacle(problem, z))
+            pattern = pattern_at(problem, z)
+            return solve_on(problem, z, pattern.active, pattern.above)
         except IcpError:  # the equations are singular, or ψ or its Jacobian fails
             return None
 

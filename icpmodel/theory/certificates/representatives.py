@@ -14,7 +14,8 @@ whose denominator does not vanish, hence monotone in each d_k, hence largest at 
 Σ_j max(K_ij, H_ij)|F_j|, and with the rows of p multiplied by any s > 0 Σ_j max(K_ij/s_j, H_ij)|min(s_j p_j, r_j)|,
 which is least at s_j = K_ij/H_ij; s may be another one for every i. The signs are compared along the edges of the
 cube: two representatives V and V′ that differ in row k have det V′/det V = (row k of V′)(column k of V⁻¹). Rows without
-obstacle always take the row of A.
+obstacle always take the row of A. With an obstacle above that moves alike, ψ̄ = Gz + c̄, F is the median of the three,
+whose differences are means as well, and all else stays.
 
 Reference: Sznajder and Gowda, Linear Algebra Appl. 223/224 (1995), for the row W-property; Cottle and Dantzig, J.
 Combin. Theory 8 (1970); Chen and Xiang, Math. Program. 106 (2006), for the norm of B_d⁻¹; the proof above.
@@ -29,6 +30,7 @@ import numpy as np
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units_exactly, mean_exponents, row_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ...problem.between import mid
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
@@ -51,18 +53,25 @@ class RepresentativesProof(Proof):
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             p, error_p = np.ldexp(problem.p(z), self.row_p), np.ldexp(for_p, self.row_p) + 2 * SMALLEST
-            r, error_r = np.ldexp(problem.r(z), self.row_r), np.ldexp(for_r, self.row_r) + 2 * SMALLEST
-            free = np.isposinf(r)
-            r, error_r = np.where(free, 0.0, r), np.where(free, 0.0, error_r)
-            # an error counts on the side that is the smaller one alone
+            error_r, r, above = np.ldexp(for_r, self.row_r) + 2 * SMALLEST, problem.r(z), problem.r_upper(z)
+            # an error counts on the side that is the median alone
             low, high = (
-                np.minimum(self.K * (p + sign * error_p), np.where(free, np.inf, self.H * (r + sign * error_r)))
+                mid(
+                    self.K * (p + sign * error_p),
+                    self._of_r(r, sign * error_r, np.inf),
+                    None if above is None else self._of_r(above, sign * error_r, -np.inf),
+                )
                 for sign in (-1.0, 1.0)
             )
             total = np.maximum(np.abs(low), np.abs(high)) + SMALLEST
             total = total.sum(axis=1) * (1 + (z.size + 8) * UNIT_ROUNDOFF)
             delta = np.nextafter(np.ldexp(total, self.column), np.inf)
         return delta, norm_up(delta)
+
+    def _of_r(self, r: Vector, error: Vector, none: float) -> np.ndarray:
+        """H times `r` in its units with its `error`, `none` in the columns where there is no obstacle."""
+        free = r == none
+        return np.where(free, none, self.H * (np.ldexp(np.where(free, 0.0, r), self.row_r) + error))
 
 
 def prove(matrix: Matrix, psi: Map) -> RepresentativesProof | str:
@@ -74,6 +83,10 @@ def prove(matrix: Matrix, psi: Map) -> RepresentativesProof | str:
         return "psi is neither constant nor affine, so I - G has no rows to be compared with those of A"
     A, (G, c) = matrix.sparse.toarray(), psi.linear
     free = np.isneginf(c)
+    if psi.upper is not None:
+        if psi.upper.linear is None or (psi.upper.linear[0] - G).nnz:
+            return "the two obstacles do not move alike, so I - G has other rows for the one than for the other"
+        free &= np.isposinf(psi.upper.linear[1])
     is_lcp = psi.is_constant and not free.any()
     B = np.where(free[:, None], A, np.eye(n) - G.toarray())
     column = mean_exponents(np.vstack([A, B]))

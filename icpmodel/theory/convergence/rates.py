@@ -13,6 +13,7 @@ from ...algebra.splittings import Member
 from ...errors import InputError
 from ...numerics.arrays import Vector, as_number, as_vector, described
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most, upper
+from ...problem.between import mid
 from ...problem.data import ProblemData, as_problem
 from ..answers import Answer
 from ..certificates.bounds import error_bound
@@ -60,10 +61,11 @@ class Rate(ABC):
             raise InputError("problem has another A or psi than the rate; make the rate of this problem")
         with np.errstate(all="ignore"):
             r, omega = problem.r(z0), step.omega
-            F = np.minimum(problem.p(z0), omega * r)
+            above = problem.r_upper(z0)
+            F = mid(problem.p(z0), omega * r, None if above is None else omega * above)
             for_p, for_r = problem.rounding(z0)
             # either side may be the smaller one, within its error
-            for_F = np.maximum(for_p, np.where(np.isposinf(r), 0.0, omega * for_r)) + 4 * UNIT_ROUNDOFF * np.abs(F)
+            for_F = np.maximum(for_p, omega * for_r) + 4 * UNIT_ROUNDOFF * np.abs(F)
             return float(np.nan_to_num(self._distance(problem, z0, F, for_F), nan=math.inf, posinf=math.inf))
 
     @abstractmethod

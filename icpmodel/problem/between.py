@@ -1,0 +1,165 @@
+"""Two obstacles: one below z and one above it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..numerics.arrays import Vector, freeze
+from .map import Map
+
+
+class Sides(NamedTuple):
+    """What a compiled loop, or whoever asks for both values at once, gets of two obstacles."""
+
+    lower: Any
+    upper: Any
+
+
+class Between(Map):
+    """ψ ≤ z ≤ ψ̄: as a map it is the obstacle below, `lower`, and it has another one above, `upper`.
+
+    `ICP` makes it of its `psi` and `upper`; all that is known of both maps together, G for one, is known of this one.
+
+    >>> psi = Between(icp.Constant(0), icp.Constant(1)).bind(2)
+    >>> psi.value(np.zeros(2)), psi.upper.value(np.zeros(2))
+    (array([0., 0.]), array([1., 1.]))
+    """
+
+    upper: Map
+
+    def __init__(self, lower: Map, upper: Map) -> None:
+        self.lower, self.upper = lower, upper
+        self.is_constant = lower.is_constant and upper.is_constant
+        self.at_users_word = lower.at_users_word or upper.at_users_word
+        self.takes_best = lower.takes_best or upper.takes_best
+        if upper.linear is not None:
+            self.linear = lower.linear
+        if lower.links is not None and upper.links is not None:
+            self.links = sp.csr_array(lower.links + upper.links)
+
+    def bind(self, n: int) -> Between:
+        return Between(self.lower.bind(n), self.upper.bind(n))
+
+    def crossed_everywhere(self) -> int | None:
+        """A row where ψ_i > ψ̄_i whatever z is, as far as that can be seen of constant and affine maps; else None."""
+        if self.linear is None or self.upper.linear is None:
+            return None
+        (G, c), (H, d) = self.linear, self.upper.linear
+        crossed = c > d
+        if G.nnz or H.nnz:
+            crossed &= np.diff(sp.csr_array(G - H).indptr) == 0
+        return int(np.argmax(crossed)) if crossed.any() else None
+
+    @cached_property
+    def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
+        G, H = self.lower.lipschitz, self.upper.lipschitz
+        if G is None or H is None:
+            return None
+        return G if self.is_constant else freeze(sp.csr_array(G.maximum(H)))
+
+    def value(self, z: Vector) -> Vector:
+        return self.lower.value(z)
+
+    def jacobian(self, z: Vector) -> sp.csr_array | None:
+        return self.lower.jacobian(z)
+
+    def no_derivative(self) -> str | None:
+        return self.lower.no_derivative() or self.upper.no_derivative()
+
+    def change(self, delta: Vector) -> Vector | None:
+        below, above = self.lower.change(delta), self.upper.change(delta)
+        return None if below is None or above is None else np.maximum(below, above)
+
+    def isotone(self) -> bool | None:
+        found = {self.lower.isotone(), self.upper.isotone()}
+        return False if False in found else None if None in found else True
+
+    def kernel_data(self) -> Any:
+        # a user's compiled function is called from Python here: with two of them every pair would be compiled
+        sides = Sides(self.lower.kernel_data(), self.upper.kernel_data())
+        known = all(isinstance(one, np.ndarray) or (isinstance(one, tuple) and len(one) == 4) for one in sides)
+        return sides if known else None
+
+    def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
+        return self._of_both(lambda one: one.restricted(rows, z))
+
+    def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
+        return self._of_both(lambda one: one.coarsened(P, shift, kept))
+
+    def in_units(self, unit: float) -> Map:
+        return self._of_both(lambda one: one.in_units(unit))
+
+    def perturbed(self, n: int, moved: Callable[[Any], Any]) -> Map:
+        return self._of_both(lambda one: one.perturbed(n, moved))
+
+    def _of_both(self, made: Callable[[Map], Map]) -> Between:
+        return Between(made(self.lower), made(self.upper))
+
+    def describe(self) -> str:
+        return f"{self.lower.describe()}; above: {self.upper.describe()}"
+
+    def __repr__(self) -> str:
+        return f"Between({self.lower!r}, {self.upper!r})"
+
+
+class Chosen(Map):
+    """The one obstacle that is `psi.upper` in the rows `above`, a mask of shape (n,), and ψ itself in the others."""
+
+    def __init__(self, psi: Map, above: NDArray[np.bool_]) -> None:
+        assert psi.upper is not None
+        self.sides, self.above = (psi, psi.upper), above
+        self.is_constant = psi.is_constant
+
+    def bind(self, n: int) -> Chosen:
+        return self
+
+    def value(self, z: Vector) -> Vector:
+        below, above = (one.value(z) for one in self.sides)
+        return np.where(self.above, above, below)
+
+    def jacobian(self, z: Vector) -> sp.csr_array | None:
+        below, above = (one.jacobian(z) for one in self.sides)
+        if below is None or above is None:
+            return None
+        if not (below.nnz or above.nnz):
+            return below
+        keep, take = (sp.diags_array(mask.astype(np.float64)) for mask in (~self.above, self.above))
+        return sp.csr_array(keep @ below + take @ above)
+
+    def slopes(self, z: Vector) -> Vector | None:
+        below, above = (one.slopes(z) for one in self.sides)
+        return None if below is None or above is None else np.where(self.above, above, below)
+
+
+def values(psi: Map, z: Vector) -> Any:
+    """ψ(z), with ψ̄(z), where there is one, as compiled loops take the two."""
+    return psi.value(z) if psi.upper is None else Sides(psi.value(z), psi.upper.value(z))
+
+
+def chosen(psi: Map, above: NDArray[np.bool_] | None) -> Map:
+    """`psi` as one obstacle, in the rows that are `above` the one above z; itself where there is none above."""
+    return psi if psi.upper is None or above is None else Chosen(psi, above)
+
+
+def mid(p: Vector, below: Vector, above: Vector | None = None) -> Vector:
+    """mid(z − ψ̄, p, z − ψ), the median of the three, `below` = z − ψ and `above` = z − ψ̄ ≤ z − ψ; min(p, z − ψ) where
+    nothing is above. Where the obstacles cross, ψ_i > ψ̄_i, the larger one of the two in absolute value: never 0.
+
+    >>> mid(np.array([3.0, -3.0, 0.5]), np.ones(3), -np.ones(3))
+    array([ 1. , -1. ,  0.5])
+    """
+    least: Vector = np.minimum(p, below)
+    if above is None:
+        return least
+    result: Vector = np.maximum(above, least)
+    crossed = above > below
+    if crossed.any():
+        larger = np.where(np.abs(above) > np.abs(below), above, below)
+        result = np.where(crossed, larger, result)
+    return result
