@@ -39,8 +39,8 @@ def too_large(n: int) -> str | None:
 class AffineLcp:
     """The LCP My + q ≥ 0, y ≥ 0 (0 and any sign in the rows that are `free`) behind an ICP with ψ(z) = Gz + c.
 
-    With an obstacle above, Hz + d, there is a row more for each that it has: p of the LCP is Az + q + Ds, D = |diag(A)|,
-    and y goes on with s, of which the rows are D(Hz + d − z) ≥ 0. So p may be negative where z is at the upper one.
+    With an obstacle above, Hz + d, there is a row more for each that it has: the first rows are Az + q + Ds ≥ 0 with
+    D = |diag(A)|, and y goes on with s, whose rows are D(Hz + d − z) ≥ 0: p < 0 where z is at the upper one.
     Parameters: `A` dense, shape (n, n); `q` and `c` shape (n,); `G` dense, shape (n, n), or its diagonal, shape (n,),
     if it is one, or None for 0; `above` (d, H) alike, or None. Raises SingularOperator where I − G is singular.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.2, for the rows more.
@@ -49,7 +49,8 @@ class AffineLcp:
     def __init__(
         self, A: Matrix, q: Vector, c: Vector, G: Matrix | Vector | None = None, above: tuple[Vector, Any] | None = None
     ) -> None:
-        self.n, self.rows = len(A), None
+        self.n = len(A)
+        self.rows: Any = None
         self.free = c == -np.inf
         self.c = np.where(self.free, 0.0, c)
         self.M, self.inverse = A, None
@@ -120,11 +121,12 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
     if problem.psi.linear is None:
         above = problem.facts.upper_obstacle
         return AffineLcp(A, problem.q, problem.facts.obstacle, None, None if above is None else (above, None))
-    (G, c), moves, above = problem.psi.linear, not problem.psi.is_constant, None
+    (G, c), moves = problem.psi.linear, not problem.psi.is_constant
+    of_upper: Any = None
     if problem.upper is not None and problem.upper.linear is not None:
         H, d = problem.upper.linear
-        above = d, H.toarray() if moves else None
-    return AffineLcp(A, problem.q, c, G.toarray() if moves else None, above)
+        of_upper = d, H.toarray() if moves else None
+    return AffineLcp(A, problem.q, c, G.toarray() if moves else None, of_upper)
 
 
 def some_pivots(state: Any, entering: int, most: int) -> Any:

@@ -33,7 +33,7 @@ def equations_on(problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.c
 
 class Pattern(NamedTuple):
     """Where the modulus takes an obstacle's side, `active`, a mask of shape (n,), and of these rows those that take the
-    one `above`, None where there is none; `r`, shape (n,), is how far z is from the obstacle that each row is nearer to.
+    one `above`, None where there is none; `r`, shape (n,), is z less the obstacle that each row is nearer to.
     """
 
     r: Vector

@@ -8,9 +8,9 @@ merit function takes over where these steps fail:
     Ψ(z) = ½‖φ(p/Ω, r)‖²,        φ(a, b) = a + b − √(a² + b²), zero where a ≥ 0, b ≥ 0, ab = 0 (Fischer and Burmeister).
 
 With an obstacle above, rows with z_i − ψ̄_i > p_i/Ω_i take z_i = ψ̄_i(z), and −φ(−p/Ω, ψ̄ − z) takes the place of p/Ω in
-Ψ (Billups). Let θ = ‖φ‖. The first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one. Plain steps may
-raise θ, but within `_PATIENCE` of them there must be a new mark; those that do nothing but shrink the active set are
-not counted, as there are at most n in a row. Else the run goes back to its best iterate and takes a semismooth Newton
+Ψ (Billups). Let θ = ‖φ‖. The first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one. Plain
+steps may raise θ, but within `_PATIENCE` of them there must be a new mark; those that do nothing but shrink the active
+set are not counted, as there are at most n in a row. Else the run goes back to its best iterate and takes a semismooth Newton
 step for φ = 0 from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get
 half the patience. So the marks fall for ever, or the method ends.
 """
@@ -62,8 +62,8 @@ class Newton(Method):
     search takes over (see the module's docstring). It cannot cycle, but where A is no P-matrix it may end at a z
     that is no solution.
     References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002); De Luca, Facchinei and Kanzow, Math. Program.
-    75 (1996), for the merit function; Billups, PhD thesis, Wisconsin (1995), for it with two obstacles; Bokanowski, Maroso and Zidani, SIAM J. Numer. Anal. 47 (2009), for policy
-    iteration.
+    75 (1996), for the merit function; Billups, PhD thesis, Wisconsin (1995), for it with two obstacles; Bokanowski,
+    Maroso and Zidani, SIAM J. Numer. Anal. 47 (2009), for policy iteration.
 
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Newton()).z
     array([1., 1.])

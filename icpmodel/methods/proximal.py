@@ -239,7 +239,7 @@ class ProximalPath:
         return bool(np.isfinite(self.p).all())
 
     def _product(self, free: NDArray[np.intp], z: Vector) -> Vector:
-        """p(z): by the columns of the few rows, `free`, that do not rest on the lower obstacle, where A is symmetric."""
+        """p(z): by the columns of the few rows, `free`, that are not at the lower obstacle, where A is symmetric."""
         A, terms = self.problem.A, int(np.diff(self.problem.A.indptr)[free].sum())
         if not self.is_symmetric or 3 * terms > A.nnz:  # to take rows out costs as much as to multiply twice
             return self.problem.p(z)
