@@ -7,12 +7,12 @@ merit function takes over where these steps fail:
 
     Ψ(z) = ½‖φ(p/Ω, r)‖²,        φ(a, b) = a + b − √(a² + b²), zero where a ≥ 0, b ≥ 0, ab = 0 (Fischer and Burmeister).
 
-With an obstacle above, rows with z_i − ψ̄_i > p_i/Ω_i take z_i = ψ̄_i(z), and −φ(−p/Ω, ψ̄ − z) takes the place of p/Ω in
-Ψ (Billups). Let θ = ‖φ‖. The first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one. Plain
-steps may raise θ, but within `_PATIENCE` of them there must be a new mark; those that do nothing but shrink the active
-set are not counted, as there are at most n in a row. Else the run goes back to its best iterate and takes a semismooth Newton
-step for φ = 0 from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get
-half the patience. So the marks fall for ever, or the method ends.
+With an obstacle above, rows with z_i − ψ̄_i > p_i/Ω_i take z_i = ψ̄_i(z), and −φ(−p/Ω, ψ̄ − z) takes the place of p/Ω
+in Ψ (Billups). Let θ = ‖φ‖. The first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one.
+Plain steps may raise θ, but within `_PATIENCE` of them there must be a new mark; those that do nothing but shrink the
+active set are not counted, as there are at most n in a row. Else the run goes back to its best iterate and takes a
+semismooth Newton step for φ = 0 from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later
+plain steps get half the patience. So the marks fall for ever, or the method ends.
 """
 
 from __future__ import annotations
