@@ -51,7 +51,7 @@ _LEAST = 1e-12
 _INTERIOR = 20
 #: their μ, and the share of the way to the boundary that they go
 _STEADY, _NEARLY_ALL = 1e-9, 0.995
-#: so many steps without a better iterate are the last ones
+#: so many steps without a better iterate are the last ones, but for those through the interior
 _LAST = 100
 #: the relative residual of an inexact solve, and up to which a solve counts as one
 _INEXACT, _BACKWARD = 1e-4, 1e-6
@@ -174,8 +174,10 @@ class ProximalPath:
         work.add(work.COSTS.newton)
         if whole < _REDUCED * self.best:
             self.best, self.idle = whole, 0
-        if whole == 0.0 or self.idle > _LAST:
+        if whole == 0.0:
             return False
+        if self.idle > _LAST:
+            return self.inside is None and self._goes_inside()
         if self.inside is not None:
             if self.inside.leads_on(whole) and self.inside.advance():
                 self.z, self.p = self.inside.z, self.inside.p
@@ -191,14 +193,21 @@ class ProximalPath:
         elif not self._falls(own):
             self._begin(*self.centre, _GROWS * self.shift)
             if self.spent >= _INTERIOR:
-                self.spent, self.inside = -np.inf, Interior(self)  # once
-                return self.advance()
+                return self._goes_inside()
         while not self._step():
             if not self.shift < 1.0 / _LEAST:
                 return False
             self._begin(*self.centre, _GROWS * self.shift)
         self.made += 1
         return True
+
+    def _goes_inside(self) -> bool:
+        """The first of the steps through the interior, which are tried once; False where they were."""
+        if self.spent == -np.inf:
+            return False
+        self._begin(*self.centre, self.shift)
+        self.spent, self.idle, self.inside = -np.inf, 0, Interior(self)
+        return self.advance()
 
     def _begin(self, z: Vector, p: Vector, shift: float) -> None:
         self.z, self.p, self.shift = z, p, shift
