@@ -236,7 +236,7 @@ class Batch:
                 work.afford(price)
                 work.add(price * len(C[rows]))
                 of_rows = self.Q[rows], C[rows], None if D is None else D[rows]
-                Z = self.by_thomas(*of_rows[:2]) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
+                Z = self.by_thomas(*of_rows) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
                 residuals, tolerances = self._judged(Z, *of_rows)
                 good = self.solved[rows] = residuals <= tolerances
                 for kept, found in ((self.Z, Z), (self.residuals, residuals), (self.tolerances, tolerances)):
@@ -303,15 +303,18 @@ class Batch:
         )
         return X
 
-    def by_thomas(self, Q: Matrix, C: Matrix) -> Matrix:
+    def by_thomas(self, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """What the direct method for tridiagonal A makes of the rows."""
         from ..numerics.kernels.thomas import bands, many  # loads numba
 
         A, Z = self.problem.A, np.zeros(Q.shape)
         matrix = bands(A.indptr, A.indices, A.data)
-        in_parts(
-            len(Q), self._threads(Q), lambda low, high: many(*matrix, Q[low:high], C[low:high], _STEPS, Z[low:high])
-        )
+
+        def of_rows(low: int, high: int) -> None:
+            above = None if D is None else D[low:high]
+            many(*matrix, Q[low:high], C[low:high], above, _STEPS, Z[low:high])
+
+        in_parts(len(Q), self._threads(Q), of_rows)
         return Z
 
     def solve(self, row: int) -> None:
