@@ -64,9 +64,9 @@ def product(lower, diagonal, upper, q, z, p):
 
 @compiled
 def newton(lower, diagonal, upper, q, c, top, held, free, limit):
-    # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). With an obstacle at `top` above,
-    # else None, z = top where p < diagonal * (z - top). `free` is changed, and so is what the others are `held` at,
-    # which is c itself where there is one obstacle. Returns the last z, and how the steps ended
+    # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). With an obstacle above, at
+    # `top`, else None, z = top where p < diagonal * (z - top). `free` is changed, and so is what the others are `held`
+    # at, which is c itself where there is one obstacle. Returns the last z, and how the steps ended
     z, p, f = np.empty(q.size), np.empty(q.size), -q
     for _ in range(limit):
         if not solve(lower, diagonal, upper, free, f, held, z):
