@@ -164,7 +164,12 @@ def test_many_problems_at_once_with_two_obstacles_are_those_one_by_one():
             for k in range(5):
                 c, d = (one[k] if one.ndim == 2 else one for one in (below, D))
                 np.testing.assert_allclose(many.Z[k], ICP(A, Q[k], c, upper=d).solve().z, atol=1e-6)
-    G = 0.1 * np.eye(6)
+    G, D = 0.1 * np.eye(6), 1.0 + rng.random((5, 6))
+    for psi, upper in ((Affine(G, -1.0), D), (-D, Affine(G, 1.0))):
+        many = icp.solve_many(dense.dense(), Q[:, :6], psi, upper=upper)
+        for k in range(5):
+            c, d = (one[k] if isinstance(one, np.ndarray) else one for one in (psi, upper))
+            np.testing.assert_allclose(many.Z[k], ICP(dense.dense(), Q[k, :6], c, upper=d).solve().z, atol=1e-6)
     many = icp.solve_many(dense.dense(), Q[:, :6], Affine(G, -1.0), upper=Affine(G, 1.0))
     for k in range(5):
         alone = ICP(dense.dense(), Q[k, :6], Affine(G, -1.0), upper=Affine(G, 1.0)).solve()
