@@ -57,6 +57,14 @@ class Between(Map):
         return int(np.argmax(crossed)) if crossed.any() else None
 
     @cached_property
+    def parallel(self) -> bool:
+        """Whether ψ = Gz + c and ψ̄ = Gz + c̄, with one G and c ≤ c̄, so that ψ ≤ ψ̄ at every z."""
+        if self.linear is None or self.upper.linear is None:
+            return False
+        (G, c), (H, d) = self.linear, self.upper.linear
+        return bool((c <= d).all() and not (G - H).nnz)
+
+    @cached_property
     def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
         G, H = self.lower.lipschitz, self.upper.lipschitz
         if G is None or H is None:

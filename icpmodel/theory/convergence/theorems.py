@@ -203,7 +203,10 @@ _OTHER_VALUES = {
     False: "it is about methods whose modulus sees the newest values: projected SOR",
     True: "it is about methods whose modulus sees the iterate before, here it sees the newest values",
 }
-_CONVERGES = "then ICP has one solution and the method converges to it from every start"
+_CONVERGES = (
+    "then ICP has one solution (with an obstacle above: if ψ ≤ ψ̄ at the limit, else none) and the method converges to "
+    "it from every start"
+)
 
 _THEOREMS = {
     "4.1": _Theorem(
