@@ -31,8 +31,8 @@ class Certificate:
     `residual` = ‖min(r, p)‖₂; `residual_max` the max-norm of the same vector; `residual_scaled` the max-norm of
     min(r, D⁻¹p) with D = |diag(A)|, in the units of z, or None where the diagonal has a zero; `violation_p` and
     `violation_r` the largest negative parts of p and r; `bound` the `ErrorBound`. With an obstacle above, the median
-    with z − ψ̄ takes the place of the minimum, `violation_p` is the largest of −p in rows without obstacle above and of p
-    in rows without one below, and `violation_r` how far z is beyond either of them.
+    with z − ψ̄ takes the place of the minimum, `violation_p` is the largest of −p in rows without obstacle above and
+    of p in rows without one below, and `violation_r` how far z is beyond either of them.
 
     >>> certify(ICP([[2.0]], [-2.0]), [1.0]).residual
     0.0

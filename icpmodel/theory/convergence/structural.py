@@ -18,8 +18,8 @@ without obstacle included), M₁ = A, φ = 0, Ω any positive diagonal. Write A'
 K = A' + I and e = Ω^½(z − z*). Then e⁺ = (I − 2K⁻¹(ΘA' + I − Θ))e = K⁻¹(I − 2Θ)(A' − I)e with a diagonal 0 ≤ Θ ≤ I, so
 w = Ke has ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A' − I)K⁻¹‖₂. With H the symmetric part of A', ‖Kx‖² − ‖(A' − I)x‖² = 4xᵀHx:
 σ² ≤ 1 − 4τ exactly if H − τKᵀK ≥ 0, which a factorisation proves, and some τ > 0 does it. For symmetric A' with
-eigenvalues λ, σ = max|1 − λ|/(1 + λ); for large others σ² ≤ 1 − 4λ_min(H)/(‖A'‖₂ + 1)². ‖Kx‖² = ‖x‖² + 2xᵀHx + ‖A'x‖² ≥ ‖x‖²,
-hence ‖eᵏ‖₂ ≤ σᵏ‖Ke⁰‖₂. It is a Peaceman–Rachford iteration.
+eigenvalues λ, σ = max|1 − λ|/(1 + λ); for large others σ² ≤ 1 − 4λ_min(H)/(‖A'‖₂ + 1)².
+‖Kx‖² = ‖x‖² + 2xᵀHx + ‖A'x‖² ≥ ‖x‖², hence ‖eᵏ‖₂ ≤ σᵏ‖Ke⁰‖₂. It is a Peaceman–Rachford iteration.
 
 Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984); Peaceman and Rachford, J.
 SIAM 3 (1955); Ortega and Rheinboldt (1970), section 13.2, for monotone convergence.
