@@ -366,16 +366,22 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
         raise InputError(f"{name} has two sides; one obstacle was expected")
     if isinstance(value, Map):
         bound = value.bind(n)
-        c = getattr(bound, "c", None)
-        if c is not None and (wrong := c == -none).any():
-            i = int(np.argmax(wrong))
-            raise InputError(f"{name}.c[{i}] is {c[i]}; a finite number or {none} was expected")
-        return bound
+        return bound if (c := getattr(bound, "c", None)) is None else _checked(bound, c, f"{name}.c", none)
     if callable(value):
         return Function(value).bind(n)
     if isinstance(value, str) or value is None:
         raise InputError(f"{name} is {value!r}; a number, a vector, a callable or one of icpmodel's maps was expected")
-    return Constant(as_vector(value, n, name, infinite=none)).bind(n)
+    vector = as_vector(value, n, name, infinite=none)
+    bound = Constant(vector).bind(n)
+    return bound if none < 0.0 else _checked(bound, vector, name, none)  # both infinities pass there
+
+
+def _checked(bound: Map, c: Vector, name: str, none: float) -> Map:
+    """`bound`, whose `c` may be infinite as `none` is."""
+    if (wrong := c == -none).any():
+        i = int(np.argmax(wrong))
+        raise InputError(f"{name}[{i}] is {c[i]}; a finite number or {none} was expected")
+    return bound
 
 
 @lru_cache(maxsize=1)
