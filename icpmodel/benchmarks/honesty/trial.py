@@ -163,7 +163,7 @@ class Trial:
     def _texts(self) -> tuple[str, str]:
         """ψ, and ψ̄ or nothing."""
         above = PSI[self.upper] if self.upper else ""
-        return PSI[self.psi], re.sub(r"\bG\b", "H", re.sub(r"\bc\b", "d", above))
+        return PSI[self.psi], re.sub(r"\bG\b", "H", re.sub(r"\bc\b(?!=)", "d", above))
 
 
 def _listed(value: Any) -> str:
