@@ -250,12 +250,49 @@ def test_isotone_steps_go_down_from_a_supersolution_between_two_obstacles(seed, 
     assert check("monotone", shrinking, member).holds is False
 
 
-def test_what_is_about_one_obstacle_says_nothing_of_two():
-    """Farkas's proof of infeasibility, and supersolutions of an impulse control."""
-    problem = icp.ICP([[-1.0]], [-2.0], 0.0, upper=1.0)
-    assert multipliers(problem) is None
-    assert infeasible(problem, np.ones(1)).holds is None
-    assert infeasible(problem.with_upper(None), np.ones(1)).holds is True
+@settings(max_examples=25, deadline=None)
+@given(SEEDS)
+def test_infeasibility_between_fixed_obstacles_is_proved_and_true(seed):
+    """Farkas: y_i ≥ 0 where nothing is above, y_i ≤ 0 where nothing is below, and (Az + q)ᵀy < 0 in the whole box."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 5))
+    A, c = rng.integers(-3, 4, (n, n)).astype(float), rng.integers(-3, 4, n).astype(float)
+    d = c + rng.integers(0, 4, n)
+    c, d = np.where(rng.random(n) < 0.4, -np.inf, c), np.where(rng.random(n) < 0.5, np.inf, d)
+    problem = icp.ICP(A, rng.integers(-5, 6, n), c, upper=d)
+    y = multipliers(problem)
+    found = infeasible(problem, rng.normal(size=n) if y is None else y)
+    if found.holds:
+        assert not pieces(problem).solutions
+        y = [Fraction(x) for x in found.witness]
+        assert all((x >= 0 or c[i] == -np.inf) and (x <= 0 or d[i] == np.inf) for i, x in enumerate(y))
+        total = sum((Fraction(x) * b for x, b in zip(problem.q.tolist(), y, strict=True)), Fraction(0))
+        for column, low, high in zip(A.T.tolist(), c.tolist(), d.tolist(), strict=True):
+            entry = sum((Fraction(a) * b for a, b in zip(column, y, strict=True)), Fraction(0))
+            total += entry * Fraction(high if entry > 0 else low) if entry else 0
+        assert total < 0
+    assert problem.solve(raise_on_failure=False).infeasible is None or not pieces(problem).solutions
+
+
+def test_infeasible_boxes_are_found():
+    """Where z₂ ≤ 1 keeps p₁ = z₂ − 3 below 0, and mirrored; and where every row is held on both sides never."""
+    for sign, psi, upper in ((1.0, [0.0, -np.inf], [np.inf, 1.0]), (-1.0, [-np.inf, -1.0], [0.0, np.inf])):
+        problem = icp.ICP([[0.0, 1.0], [0.0, 1.0]], [-3.0 * sign, 0.0], psi, upper=upper)
+        found = infeasible(problem, multipliers(problem))
+        assert found.holds is True
+        assert found.witness.tolist() == [sign, 0.0]
+        assert "no z with psi <= z <= upper" in found.reason
+        if sign > 0:
+            assert problem.solve("lemke", raise_on_failure=False).status is icp.Status.INFEASIBLE
+    held = icp.ICP([[0.0, 1.0], [0.0, 1.0]], [-3.0, 0.0], 0.0, upper=1.0)
+    assert multipliers(held) is None
+    assert infeasible(held, np.array([1.0, 0.0])).holds is None
+    moving = held.with_sides(icp.Affine(np.eye(2)), 1.0)
+    assert multipliers(moving) is None
+    assert infeasible(moving, np.array([1.0, 0.0])).holds is None
+
+
+def test_supersolutions_say_nothing_of_two_obstacles():
     jumps = icp.Intervention(sp.csr_array([[0.0, -1.0], [-1.0, 0.0]]))
     control = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0], jumps)
     assert error_bound(control, np.zeros(2)).unique
