@@ -159,6 +159,12 @@ def test_problems_share_what_they_have_in_common():
     frozen = moving.frozen([0.5, 1.0])
     assert frozen.psi.value(np.zeros(2)).tolist() == [0.25, 0.5]
     assert frozen.upper.value(np.zeros(2)).tolist() == [1.125, 1.25]
+    # where they touch, rounding may part them
+    touching = icp.ICP(np.eye(1), [-9.0], lambda z: 0.1 * z + 0.2, upper=lambda z: 0.3 + (z - 1) * 0.1)
+    assert touching.psi.value(np.array([-2.0])) > touching.upper.value(np.array([-2.0]))
+    assert touching.frozen([-2.0]).solve().z.tolist() == touching.psi.value(np.array([-2.0])).tolist()
+    with pytest.raises(icp.InputError, match="cross in row 0"):
+        touching.with_upper(lambda z: z - 1e-9).frozen([0.2])
     assert "upper=Constant(1 ... inf)" in repr(problem)
     for again in (pickle.loads(pickle.dumps(problem)), copy.deepcopy(problem)):
         assert again.upper.value(np.zeros(2)).tolist() == [1.0, np.inf]
