@@ -68,6 +68,9 @@ class Explanation:
     def sections(self) -> dict[str, str]:
         """The page, part by part: title → text."""
         solution = f"neither existence nor uniqueness is proved:{listed(self.bound.reason)}"
+        if _is_boxed(self.problem):
+            known = "exists, as every row has a fixed obstacle on both sides"
+            solution = f"{known}; that it is the only one is not proved:{listed(self.bound.reason)}"
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"
         return {

@@ -499,6 +499,8 @@ def test_two_obstacles_are_named_and_said_to_cross_or_not():
     assert "psi <= upper is not proved" in own.sections()["solution"]
     crossing = "the obstacles may cross for some z"
     assert [crossing in page.sections()["methods"] for page in (box, alike, own)] == [False, False, True]
+    several = icp.ICP([[1.0, 3.0], [3.0, 1.0]], [1.0, 1.0], -1.0, upper=1.0).explain()
+    assert several.sections()["solution"].startswith("exists, as every row has a fixed obstacle on both sides; that")
     assert "definite" in next(one for one in box.forecasts if one.title.startswith("MNMOD")).proved_by
 
 

@@ -292,6 +292,14 @@ def test_infeasible_boxes_are_found():
     assert infeasible(moving, np.array([1.0, 0.0])).holds is None
 
 
+def test_the_side_without_a_lipschitz_matrix_is_named():
+    for psi, upper, name in ((0.0, np.exp, "upper"), (np.sin, 5.0, "psi"), (np.sin, np.exp, "psi")):
+        problem = icp.ICP([[2.0]], [1.0], psi, upper=upper)
+        told = f"no Lipschitz matrix of {name} is known: give `lipschitz`"
+        assert error_bound(problem, [0.0]).reason == told
+        assert check("4.1", problem, icp.MNMGS()).reason == told
+
+
 def test_supersolutions_say_nothing_of_two_obstacles():
     jumps = icp.Intervention(sp.csr_array([[0.0, -1.0], [-1.0, 0.0]]))
     control = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0], jumps)

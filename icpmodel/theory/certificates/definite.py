@@ -48,7 +48,7 @@ from ...problem.map import Map
 from ...problem.matrix import Matrix
 from ..matrices.comparison_matrix import positive_diagonal
 from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
-from .proof import Proof, norm_up
+from .proof import Proof, no_lipschitz, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
 LARGEST = 50_000
@@ -135,7 +135,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     if not (positive := positive_diagonal(A)).holds:
         return f"A is not positive definite: {positive.reason}"
     if psi.lipschitz is None:
-        return "no Lipschitz matrix of psi is known: give `lipschitz`"
+        return no_lipschitz(psi)
     B, L = _slopes(psi, n)
     products = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
     if n > LARGEST or products > _LARGEST_WORK:
