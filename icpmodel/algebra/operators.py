@@ -44,7 +44,8 @@ class Operator(ABC):
             if above is None:
                 residual = norm(np.minimum(p, r))
                 return z - 2.0 * self.solve(np.minimum(p, omega * r)), residual
-            return z - 2.0 * self.solve(mid(p, omega * r, omega * above)), norm(mid(p, r, above))
+            moved = np.maximum(omega * above, np.minimum(p, omega * r))
+            return z - 2.0 * self.solve(moved), norm(mid(p, r, above))
 
         return step
 

@@ -23,7 +23,7 @@ from ..problem.data import ProblemData, as_problem
 from ..solve.reduced import candidates
 from ..solve.schedule import Schedule
 from ..theory.answers import Allowance, Answer
-from ..theory.certificates.bounds import ErrorBound, error_bound, listed, proofs_of
+from ..theory.certificates.bounds import ErrorBound, error_bound, listed, never_cross, proofs_of
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import NAMES, MatrixClasses
 from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
@@ -68,12 +68,15 @@ class Explanation:
     def sections(self) -> dict[str, str]:
         """The page, part by part: title → text."""
         solution = f"neither existence nor uniqueness is proved:{listed(self.bound.reason)}"
+        if _is_boxed(self.problem):
+            known = "exists, as every row has a fixed obstacle on both sides"
+            solution = f"{known}; that it is the only one is not proved:{listed(self.bound.reason)}"
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"
         return {
             "problem": repr(self.problem),
             "matrix A": str(self.classes),
-            "map psi": self.problem.psi.describe(),
+            "map psi" if self.problem.upper is None else "obstacles": self.problem.psi.describe(),
             "solution": solution,
             "methods": "\n".join(self._methods()),
             "advice": "\n".join(self._advice()),
@@ -126,6 +129,12 @@ class Explanation:
                 "method with a smaller factor may need more steps"
             )
             yield f"steps: in exact arithmetic, from z = 0 until no entry of z is off by more than {self.accuracy:g}"
+        proved = any(one.proved_by for one in self.forecasts)
+        if proved and not self.bound.unique and not never_cross(self.problem.psi):
+            yield (
+                "the obstacles may cross for some z: the point that a method is proved to converge to is the solution "
+                "if psi <= upper there, and else there is none"
+            )
         if left := [one for one in self.forecasts if one.undecided]:
             within = left[0].checks[left[0].undecided[0]].reason
             of = "; ".join(one.title for one in left)
@@ -269,25 +278,41 @@ def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]
 def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
     """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with."""
     yield "nothing above proves that a method converges; solve() tries several and calls nothing solved that is not"
-    psi = problem.psi
+    psi, both = problem.psi, problem.upper is not None
     if psi.lipschitz is None and not psi.takes_best:
-        yield "give psi's Lipschitz matrix (lipschitz=...): without it no theorem can be applied"
+        whose = "the Lipschitz matrices of psi and upper" if both else "psi's Lipschitz matrix"
+        yield f"give {whose} (lipschitz=...): without it no theorem can be applied"
     elif classes.h_plus.holds and not (psi.is_constant or psi.takes_best):
         yield "A is an H+-matrix, but psi moves too much for it: a smaller G, or a larger diagonal of A, is needed"
     if psi.takes_best:
-        if classes.z.holds:
+        if both and not psi.isotone():
+            yield "for an intervention the theorem needs two obstacles that rise with z, which is not known of these"
+        elif classes.z.holds:
             yield "for an intervention: mnmj (phi >= |D - Omega|) converges monotonically from super- and subsolutions"
         else:
             yield "A is no Z-matrix, which the theorem on interventions needs; check the signs of its discretisation"
-    elif classes.definite.holds and not problem.is_lcp:
-        yield "A is positive definite: with the obstacle frozen at an iterate, mnmod and mnmmod are proved"
+    elif classes.definite.holds and not psi.is_constant:
+        held = "the obstacles" if both else "the obstacle"
+        yield f"A is positive definite: with {held} frozen at an iterate, mnmod and mnmmod are proved"
     elif classes.p.holds:
         later = "" if isinstance(picked, Newton) else ", on which solve() falls back"
-        yield f"A is a P-matrix, so with constant psi the solution is unique, but sweeps may cycle: try newton{later}"
+        held = "obstacles that do not move" if both else "constant psi"
+        yield f"A is a P-matrix, so with {held} the solution is unique, but sweeps may cycle: try newton{later}"
+    elif _is_boxed(problem):
+        yield "z has a fixed obstacle on both sides in every row, so that there is a solution, perhaps one of many"
     elif classes.semidefinite.holds and problem.is_lcp:
         yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
     elif classes.p.holds is False:
         yield "A is no P-matrix: there may be no solution, or many; check signs and units of the model"
+
+
+def _is_boxed(problem: ProblemData) -> bool:
+    """Whether z is held between fixed obstacles in every row: Az + q is continuous and the box compact, so that there
+    is a solution (Hartman and Stampacchia, Acta Math. 115, 1966)."""
+    if problem.upper is None or not problem.psi.is_constant:
+        return False
+    zero = np.zeros(problem.n)
+    return bool(np.isfinite(problem.psi.value(zero)).all() and np.isfinite(problem.upper.value(zero)).all())
 
 
 def _same(one: Method, other: Method) -> bool:

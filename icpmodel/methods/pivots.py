@@ -75,10 +75,8 @@ class Lemke(Method):
                 raise SingularOperator("A is singular in the rows and columns without obstacle", row)
             z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
             yield z, None
-        if ended == RAY and problem.upper is not None:
-            return
         if ended == RAY:
-            answer = infeasible(problem, ray)
+            answer = infeasible(problem, ray[: problem.n])
             if not answer.holds and (y := multipliers(problem)) is not None:
                 answer = infeasible(problem, y)
             if answer.holds:

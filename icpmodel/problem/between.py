@@ -57,6 +57,14 @@ class Between(Map):
         return int(np.argmax(crossed)) if crossed.any() else None
 
     @cached_property
+    def parallel(self) -> bool:
+        """Whether ψ = Gz + c and ψ̄ = Gz + c̄, with one G and c ≤ c̄, so that ψ ≤ ψ̄ at every z."""
+        if self.linear is None or self.upper.linear is None:
+            return False
+        (G, c), (H, d) = self.linear, self.upper.linear
+        return bool((c <= d).all() and not (G - H).nnz)
+
+    @cached_property
     def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
         G, H = self.lower.lipschitz, self.upper.lipschitz
         if G is None or H is None:
@@ -70,7 +78,8 @@ class Between(Map):
         return self.lower.jacobian(z)
 
     def no_derivative(self) -> str | None:
-        return self.lower.no_derivative() or self.upper.no_derivative()
+        above = self.upper.no_derivative()
+        return self.lower.no_derivative() or (above and above.replace("psi", "upper", 1))
 
     def change(self, delta: Vector) -> Vector | None:
         below, above = self.lower.change(delta), self.upper.change(delta)
@@ -102,7 +111,10 @@ class Between(Map):
         return Between(made(self.lower), made(self.upper))
 
     def describe(self) -> str:
-        return f"{self.lower.describe()}; above: {self.upper.describe()}"
+        if self.is_constant:
+            return f"below: {self.lower!r}, above: {self.upper!r}; neither moves: a problem with bounds on both sides"
+        sides = (f"{one!r}, fixed" if one.is_constant else one.describe() for one in (self.lower, self.upper))
+        return "below: {}; above: {}; ".format(*sides) + ("they never" if self.parallel else "they may") + " cross"
 
     def __repr__(self) -> str:
         return f"Between({self.lower!r}, {self.upper!r})"

@@ -157,13 +157,19 @@ class ProblemData:
         """The ICP with its obstacles held at c = ψ(z), and ψ̄(z): where there is one below z only, an LCP in y = z − c.
         z solves the one iff it solves the other.
 
-        Parameters: `z` shape (n,). Returns the problem with constant ψ.
+        Parameters: `z` shape (n,). Returns the problem with constant ψ. Raises InputError where the obstacles cross at
+        z by more than rounding; by less they are made equal.
 
         >>> ICP([[2.0]], [1.0], psi=lambda z: 0.5 * z - 1).frozen([-2.0])
         ICP(n=1, nnz=1, psi=Constant(-2))
         """
         z = self.vector(z)
-        return self.with_sides(self.psi.value(z), None if self.upper is None else self.upper.value(z))
+        psi = self.psi.value(z)
+        if self.upper is None:
+            return self.with_psi(psi)
+        upper = self.upper.value(z)
+        touch = (psi > upper) & (psi - upper <= 2.0 * self.rounding(z)[1])
+        return self.with_sides(psi, np.where(touch, psi, upper))
 
     def vector(self, z: Any, name: str = "z", *, finite: bool = False) -> Vector:
         """`z` as a float64 vector of shape (n,), of a `Solution` its z; NaN and infinities pass unless `finite`.
@@ -366,16 +372,22 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
         raise InputError(f"{name} has two sides; one obstacle was expected")
     if isinstance(value, Map):
         bound = value.bind(n)
-        c = getattr(bound, "c", None)
-        if c is not None and (wrong := c == -none).any():
-            i = int(np.argmax(wrong))
-            raise InputError(f"{name}.c[{i}] is {c[i]}; a finite number or {none} was expected")
-        return bound
+        return bound if (c := getattr(bound, "c", None)) is None else _checked(bound, c, f"{name}.c", none)
     if callable(value):
         return Function(value).bind(n)
     if isinstance(value, str) or value is None:
         raise InputError(f"{name} is {value!r}; a number, a vector, a callable or one of icpmodel's maps was expected")
-    return Constant(as_vector(value, n, name, infinite=none)).bind(n)
+    vector = as_vector(value, n, name, infinite=none)
+    bound = Constant(vector).bind(n)
+    return bound if none < 0.0 else _checked(bound, vector, name, none)  # both infinities pass there
+
+
+def _checked(bound: Map, c: Vector, name: str, none: float) -> Map:
+    """`bound`, whose `c` may be infinite as `none` is."""
+    if (wrong := c == -none).any():
+        i = int(np.argmax(wrong))
+        raise InputError(f"{name}[{i}] is {c[i]}; a finite number or {none} was expected")
+    return bound
 
 
 @lru_cache(maxsize=1)

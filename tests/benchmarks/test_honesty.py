@@ -45,8 +45,8 @@ class Boaster(icp.ICP):
         raise ZeroDivisionError("of one's own")
 
 
-def boaster(claim="SOLVED", q=(-1.0, -2.0), A=((2.0, 0.0), (0.0, 3.0))):
-    return type("Boaster", (Boaster,), {"claim": claim})(A, q)
+def boaster(claim="SOLVED", q=(-1.0, -2.0), A=((2.0, 0.0), (0.0, 3.0)), upper=None):
+    return type("Boaster", (Boaster,), {"claim": claim})(A, q, upper=upper)
 
 
 def claims(front="", **options):
@@ -64,6 +64,8 @@ def test_a_planted_lie_is_found():
     ]
     assert claims("'STAGNATED'", asked="explain") == ["foreign exception"]
     assert claims("'STAGNATED'") == []
+    assert claims("'CROSSED', upper=9.0") == ["false crossing"]
+    assert claims("'SOLVED', upper=0.25") == ["false solved"]
 
 
 def test_a_death_and_a_hang_are_answers():
@@ -99,6 +101,54 @@ def test_the_smallest_problem_is_shown():
         "psi = 0.0",
         "problem = icp.ICP(A, q, psi)",
         "answer = problem.solve(raise_on_failure=False)",
+    ]
+
+
+def test_an_obstacle_above_goes_where_it_is_not_needed_and_stays_where_it_is():
+    trial = Trial(
+        A=((3.0, 1.0), (1.0, 2.0)),
+        q=(-1.0, -2.0),
+        psi="affine",
+        c=(0.0, -np.inf),
+        G=((0.5, 0.25), (0.0, 0.0)),
+        upper="tanh",
+        d=(1.0, np.inf),
+        H=((0.5, 0.0), (0.0, 0.5)),
+    )
+    found: dict[str, object] = {}
+    exec(trial.code(), found)
+    assert found["problem"].upper.value(np.ones(2)).tolist() == [1.0 + np.tanh(1.0), np.inf]
+    exec(replace(trial, upper="affine", front="many").code(), found)
+    assert len(found["answer"].Z) == 3
+    assert found["problem"].upper.value(np.ones(2)).tolist() == [1.5, np.inf]
+    assert shrunk(trial, lambda _: True, 500).code().splitlines()[4:] == [
+        "psi = 0.0",
+        "problem = icp.ICP(A, q, psi)",
+        "answer = problem.solve(raise_on_failure=False)",
+    ]
+    needed = shrunk(trial, lambda one: one.upper != "" and max(one.d) == np.inf, 500)
+    assert needed.code().splitlines()[-4:-1] == ["psi = 0.0", "upper = d", "problem = icp.ICP(A, q, psi, upper=upper)"]
+    assert (needed.d, needed.H) == ((np.inf,), ((0.0,),))
+
+
+def test_all_solutions_between_two_obstacles_are_found_in_fractions():
+    def solutions(A, q, psi, upper):
+        return ExactProblem(icp.ICP(A, q, psi, upper=upper)).solutions()
+
+    assert solutions([[2.0]], [-9.0], 0.0, 1.0) == ([[1]], True)
+    assert solutions([[2.0]], [-1.0], -np.inf, 1.0) == ([[Fraction(1, 2)]], True)
+    assert sorted(solutions([[-1.0]], [0.0], -1.0, 2.0)[0]) == [[-1], [0], [2]]
+    assert solutions([[0.0]], [-1.0], 0.0, np.inf)[0] == []
+    assert solutions([[1.0]], [9.0], icp.Affine([[0.5]], 0.0), icp.Affine([[-0.5]], 3.0)) == ([[0]], True)
+    crossing = icp.ICP([[1.0]], [-9.0], icp.Affine([[0.5]], 0.0), upper=icp.Affine([[-0.5]], -3.0))
+    exact = ExactProblem(crossing)
+    assert exact.solutions() == ([], True)
+    assert exact.crosses(np.array([-2.0]))
+    assert not exact.crosses(np.array([-4.0]))
+    assert exact.residual(np.array([0.0])) == 9
+    assert exact.residual(np.array([-3.0])) == Fraction(9, 4)
+    assert ExactProblem(icp.ICP(np.eye(9), -np.arange(9.0), 1.0, upper=3.0)).nearby(np.arange(9.0).clip(1, 3)) == [
+        [1, 1, 2, 3, 3, 3, 3, 3, 3]
     ]
 
 

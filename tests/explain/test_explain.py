@@ -484,3 +484,37 @@ def test_a_memory_error_that_nobody_foresaw_leaves_a_question_open():
     assert MatrixClasses(problem.A).decided(limit).m.reason == "not decided: Unable to allocate 8. TiB"
     assert {one.holds for one in check_all(problem, icp.MNMJ(), limit).values()} == {None}
     assert next(forecasts_of(problem, {"mnmj": icp.MNMJ()}, 1e-6, limit)).rate is None
+
+
+def test_two_obstacles_are_named_and_said_to_cross_or_not():
+    A, q, G = [[4.0, -1.0], [-1.0, 4.0]], [1.0, -9.0], [[0.0, 0.3], [0.1, 0.0]]
+    box = icp.ICP(A, q, -1.0, upper=[1.0, np.inf]).explain()
+    alike = icp.ICP(A, q, icp.Affine(G, -1.0), upper=icp.Affine(G, 0.5)).explain()
+    own = icp.ICP(A, q, icp.Affine(G, -1.0), upper=icp.Affine(-np.array(G), -0.8)).explain()
+    assert "map psi" not in box.sections()
+    assert box.sections()["obstacles"].endswith("neither moves: a problem with bounds on both sides")
+    assert alike.sections()["obstacles"].endswith("they never cross")
+    assert own.sections()["obstacles"].endswith("they may cross")
+    assert [page.bound.unique for page in (box, alike, own)] == [True, True, False]
+    assert "psi <= upper is not proved" in own.sections()["solution"]
+    crossing = "the obstacles may cross for some z"
+    assert [crossing in page.sections()["methods"] for page in (box, alike, own)] == [False, False, True]
+    several = icp.ICP([[1.0, 3.0], [3.0, 1.0]], [1.0, 1.0], -1.0, upper=1.0).explain()
+    assert several.sections()["solution"].startswith("exists, as every row has a fixed obstacle on both sides; that")
+    assert "definite" in next(one for one in box.forecasts if one.title.startswith("MNMOD")).proved_by
+
+
+def test_what_to_do_between_two_obstacles():
+    def told(A, psi, upper):
+        problem = icp.ICP(A, np.ones(2), psi, upper=upper)
+        return " ".join(what_to_do(problem, icp.theory.classify(problem.A)))
+
+    indefinite, definite, turn = [[1.0, 3.0], [3.0, 1.0]], [[2.0, 1.0], [1.0, 2.0]], [[0.0, -1.0], [1.0, 0.0]]
+    assert "so that there is a solution" in told(indefinite, -1.0, 1.0)
+    assert "there may be no solution" in told(indefinite, -1.0, [1.0, np.inf])
+    assert "where p >= 0, r >= 0 can be met" not in told(turn, -1.0, [1.0, np.inf])
+    assert "with the obstacles frozen" in told(definite, icp.Affine(np.eye(2)), 5.0)
+    assert "frozen" not in told(definite, -1.0, 5.0)
+    assert "the Lipschitz matrices of psi and upper" in told(definite, np.sin, 5.0)
+    jumps = icp.Intervention(sp.csr_array([[0.0, -1.0], [-1.0, 0.0]]))
+    assert "two obstacles that rise with z" in told(definite, jumps, lambda z: 5.0 - z)

@@ -42,12 +42,13 @@ def honesty(
     """How often the package says what is false, of problems drawn afresh: every kind of A, q, ψ, scale, option, method
     and front end.
 
-    "solved" is false where ‖min(r, p)‖₂ in exact arithmetic is above the tolerance; a bound, uniqueness or
-    infeasibility where all solutions, found in fractions by all active sets for n ≤ 4, or the one the data were made
-    for, say otherwise. A foreign exception is one that the package does not raise on purpose; late is what comes after
-    1.1 × the time limit and .2 s, three times in a row; an iterate is lost where a better one was seen by the callback.
-    Every trial runs in another process, so that a crash and a hang, of two minutes, are counted too. Of each sort of
-    lie the smallest problem is looked for that shows it.
+    "solved" is false where ‖min(r, p)‖₂, with an obstacle above that of the median, in exact arithmetic is above the
+    tolerance; a bound, uniqueness or infeasibility where all solutions, found in fractions by all active sets for n ≤
+    4, or the one the data were made for, say otherwise; a crossing where the obstacles do not cross. A foreign
+    exception is one that the package does not raise on purpose; late is what comes after 1.1 × the time limit and .2 s,
+    three times in a row; an iterate is lost where a better one was seen by the callback. Every trial runs in another
+    process, so that a crash and a hang, of two minutes, are counted too. Of each sort of lie the smallest problem is
+    looked for that shows it.
     Parameters: `minutes` after which no trial is begun; `seed` of the draw; `problems`, how many, instead of minutes:
     the same number and seed are the same trials; `processes` at work.
     Returns an `Audit`, a `Table` with `reproductions`. Raises Interrupted, whose `report` is the audit so far.

@@ -18,12 +18,12 @@ Matrix = list[Vector]
 _MOST = 4
 #: one active set of so many unknowns is tried
 _MOST_NEARBY = 16
-#: as an obstacle: none
-_NONE = -math.inf
+#: the row of p, of ψ, of ψ̄
+_FREE, _BELOW, _ABOVE = 0, 1, 2
 
 
 def fractions(values: Any) -> list[Any]:
-    """Finite floats as fractions, −inf as it is."""
+    """Finite floats as fractions, infinite ones as they are."""
     return [Fraction(value) if math.isfinite(value) else value for value in np.asarray(values, np.float64).tolist()]
 
 
@@ -47,11 +47,14 @@ def _times(row: Sequence[Fraction], x: Vector) -> Fraction:
 
 
 class ExactProblem:
-    """An ICP in fractions; ψ = Gz + c exactly, any other ψ by the values that it gives in floats."""
+    """An ICP in fractions; ψ = Gz + c exactly, any other ψ by the values that it gives in floats; ψ̄ alike."""
 
     def __init__(self, problem: Any) -> None:
         self.A, self.n = problem.A, problem.n
-        self.q, self.psi, self.linear = fractions(problem.q), problem.psi, problem.psi.linear
+        self.q, self.psi, self.upper = fractions(problem.q), getattr(problem.psi, "lower", problem.psi), problem.upper
+        sides = [side for side in (self.psi, self.upper) if side is not None]
+        #: (G, c) of ψ and, where it is there, of ψ̄; None where one is not affine
+        self.linear = None if any(side.linear is None for side in sides) else [side.linear for side in sides]
 
     @cached_property
     def rows(self) -> list[list[tuple[int, Fraction]]]:
@@ -62,17 +65,21 @@ class ExactProblem:
             for low, high in zip(A.indptr[:-1], A.indptr[1:], strict=True)
         ]
 
-    def obstacle(self, z: Vector) -> list[Any]:
-        """ψ(z); raises what the user's function raises, ValueError for NaN."""
-        if self.linear is None:
-            value = np.asarray(self.psi.value(np.array([float(x) for x in z])))
-            if np.isnan(value).any() or np.isposinf(value).any():
+    def obstacles(self, z: Vector) -> list[tuple[Any, Any]]:
+        """(ψ_i(z), ψ̄_i(z)), infinite for none; raises what the user's function raises, ValueError for NaN."""
+        above = [math.inf] * self.n if self.upper is None else self._value(self.upper, z, math.inf)
+        return list(zip(self._value(self.psi, z, -math.inf), above, strict=True))
+
+    def _value(self, psi: Any, z: Vector, none: float) -> list[Any]:
+        if psi.linear is None:
+            value = np.asarray(psi.value(np.array([float(x) for x in z])))
+            if np.isnan(value).any() or (value == -none).any():
                 raise ValueError
             return fractions(value)
-        G, c = self.linear[0].tocsr(), fractions(self.linear[1])
+        G, c = psi.linear[0].tocsr(), fractions(psi.linear[1])
         for i in range(self.n):
             for k in range(G.indptr[i], G.indptr[i + 1]):
-                if c[i] != _NONE:
+                if c[i] != none:
                     c[i] += Fraction(float(G.data[k])) * z[G.indices[k]]
         return c
 
@@ -91,15 +98,19 @@ class ExactProblem:
 
     def residual_of(self, z: Vector) -> Fraction:
         """Res(z)² of fractions."""
-        rows = zip(self.obstacle(z), z, self.p(z), strict=True)
-        return sum(((p if c == _NONE else min(p, x - c)) ** 2 for c, x, p in rows), Fraction(0))
+        rows = zip(self.obstacles(z), z, self.p(z), strict=True)
+        return sum((_natural(p, x, c, d) ** 2 for (c, d), x, p in rows), Fraction(0))
+
+    def crosses(self, z: Any) -> bool:
+        """Whether ψ_i(z) > ψ̄_i(z) in some row."""
+        return any(c > d for c, d in self.obstacles(fractions(z)))
 
     def solutions(self) -> tuple[list[Vector], bool] | None:
         """All isolated solutions by all active sets, and whether no other ones are possible, as no set is singular;
         None where there are too many sets, or ψ is not affine."""
         if self.n > _MOST or self.linear is None:
             return None
-        tried = [self._on(active) for active in product((False, True), repeat=self.n)]
+        tried = [self._on(kinds) for kinds in product(range(1 + len(self.linear)), repeat=self.n)]
         found: list[Vector] = []
         for z in filter(None, tried):
             if z not in found and self.residual_of(z) == 0:
@@ -107,27 +118,42 @@ class ExactProblem:
         return found, None not in tried
 
     def nearby(self, z: Any) -> list[Vector]:
-        """The solution with the active set that `z` has, if it is one."""
+        """The solution whose rows are of the kinds that they are of at `z`, if it is one."""
         if self.linear is None or self.n > _MOST_NEARBY or not np.isfinite(z).all():
             return []
         exact = fractions(z)
-        active = [c != _NONE and x - c <= p for c, x, p in zip(self.obstacle(exact), exact, self.p(exact), strict=True)]
-        found = self._on(active)
+        rows = zip(self.obstacles(exact), exact, self.p(exact), strict=True)
+        found = self._on([_ABOVE if x - d >= p else _BELOW if x - c <= p else _FREE for (c, d), x, p in rows])
         return [found] if found and self.residual_of(found) == 0 else []
 
-    def _on(self, active: Sequence[bool]) -> Vector | None:
-        """z with r_i = 0 in the `active` rows and p_i = 0 in the others, empty where one has no obstacle, None where
-        the system is singular."""
-        G, c = self.linear[0].toarray().tolist(), fractions(self.linear[1])
-        if any(on and c[i] == _NONE for i, on in enumerate(active)):
-            return []
-        M = [
-            [(i == j) - Fraction(x) for j, x in enumerate(G[i])]
-            if on
-            else [dict(self.rows[i]).get(j, Fraction(0)) for j in range(self.n)]
-            for i, on in enumerate(active)
-        ]
-        return solved_system(M, [c[i] if on else -self.q[i] for i, on in enumerate(active)])
+    def _on(self, kinds: Sequence[int]) -> Vector | None:
+        """z with p_i = 0, z_i = ψ_i or z_i = ψ̄_i as the `kinds` of rows say, empty where one has no such obstacle, None
+        where the system is singular."""
+        M, right = [], []
+        for i, kind in enumerate(kinds):
+            if kind == _FREE:
+                M.append([dict(self.rows[i]).get(j, Fraction(0)) for j in range(self.n)])
+                right.append(-self.q[i])
+                continue
+            G, c = self._sides[kind - 1]
+            if math.isinf(c[i]):
+                return []
+            M.append([(i == j) - x for j, x in enumerate(G[i])])
+            right.append(c[i])
+        return solved_system(M, right)
+
+    @cached_property
+    def _sides(self) -> list[tuple[Matrix, list[Any]]]:
+        """G and c of each obstacle."""
+        return [(list(map(fractions, G.toarray())), fractions(c)) for G, c in self.linear or ()]
+
+
+def _natural(p: Fraction, x: Fraction, c: Any, d: Any) -> Fraction:
+    """mid(x − d, p, x − c), infinite c and d for none; the larger of the two in absolute value where c > d."""
+    if c > d:
+        return max(abs(x - c), abs(x - d))
+    least = p if c == -math.inf else min(p, x - c)
+    return least if d == math.inf else max(x - d, least)
 
 
 def optimum(P: Any, q: Any, G: Any, h: Any, equal: int) -> Fraction | None:

@@ -19,7 +19,7 @@ from . import exactly
 from .trial import Trial
 
 #: the columns of the table
-_FALSE = ("false solved", "false bound", "false unique", "false infeasible")
+_FALSE = ("false solved", "false bound", "false unique", "false infeasible", "false crossing")
 KINDS = (*_FALSE, "foreign exception", "late", "lost iterate", "crash", "hang")
 #: what the computed tolerance may lose to rounding
 _ROUNDING = Fraction(1, 10**9)
@@ -106,12 +106,14 @@ def _false(trial: Trial, found: dict[str, Any]) -> Iterator[Lie]:
 
 
 def _of_status(trial: Trial, exact: Any, problem: Any, status: Status, z: Any) -> Iterator[Lie]:
-    """What is false of "solved" and of "infeasible"."""
+    """What is false of "solved", of "infeasible" and of "obstacles cross"."""
     if status is Status.SOLVED and "accuracy" not in dict(trial.options):
         residual, tolerance = exact.residual(z), _tolerance(trial, exact, problem)
         if residual is None or residual > (tolerance * (1 + _ROUNDING)) ** 2:
             true = "none" if residual is None else f"{_root(residual):.3g}"
             yield Lie("false solved", f"the exact residual is {true}, the tolerance {_near(tolerance):.3g}")
+    if status is Status.CROSSED and not exact.crosses(z):
+        yield Lie("false crossing", f"psi <= upper at z = {list(z)}")
     if status is Status.INFEASIBLE:
         known = trial.known if trial.front != "many" else None
         if known is not None and exact.residual(np.array(known)) == 0:

@@ -151,17 +151,38 @@ def _problem(rng: np.random.Generator, n: int, plain: bool = False) -> Trial:
         return Trial(tuples(A), tuple(q), kind, tuple(c))
     if whole and kind in ("zero", "constant") and rng.random() < 0.3:  # made for a solution, in exact arithmetic
         c = np.round(c) if kind == "constant" else np.zeros(n)
-        above, below = rng.integers(0, 3, n), rng.integers(0, 3, n)
-        known = c + np.where(below > 0, 0, above)
-        q = np.asarray(below - A @ known, dtype=np.float64)
+        room, push, gap = rng.integers(0, 3, n), rng.integers(0, 3, n), rng.integers(0, 3, n)
+        known, above = c + np.where(push > 0, 0, room), {}
+        if rng.random() < 0.3:
+            pressed = rng.random(n) < 0.4
+            d = np.where(pressed, c + room, known + gap)
+            known, push = np.where(pressed, d, known), np.where(pressed, -push, push)
+            above = {"upper": "constant", "d": tuples(d)}
+        q = np.asarray(push - A @ known, dtype=np.float64)
     else:
         A, q = _scales(rng, n)[:, None] * A * _scales(rng, n), _scales(rng, n) * q
-        c = _scales(rng, n) * c
-        A, q, c = (np.clip(part, -1e307, 1e307) for part in (A, q, c))
+        unit = _scales(rng, n)
+        A, q, c = (np.clip(part, -1e307, 1e307) for part in (A, q, unit * c))
+        above = _above(rng, kind, c, G, unit) if rng.random() < 0.35 else {}
         c = np.where(rng.random(n) < rng.choice([0.0, 0.0, 0.3]), -np.inf, c)
     raising = bool(rng.random() < 0.1)
     solution = None if known is None else tuples(known)
-    return Trial(tuples(A), tuples(q), kind, tuples(c), tuples(G), raising=raising, known=solution)
+    return Trial(tuples(A), tuples(q), kind, tuples(c), tuples(G), **above, raising=raising, known=solution)
+
+
+def _above(rng: np.random.Generator, kind: str, c: Vector, G: Array, unit: Vector) -> dict[str, Any]:
+    """An obstacle above the one of that `kind`: like it, or of any kind; mostly not below it, in some rows equal to it,
+    in some none."""
+    n = c.size
+    upper = ("constant", "affine", *PSI)[rng.integers(len(PSI) + 2)]
+    if rng.random() < 0.5:
+        upper = "constant" if kind == "zero" else kind
+    H = G if rng.random() < 0.5 else np.where(rng.random((n, n)) < 2 / n, rng.integers(-2, 3, (n, n)) / 4, 0.0)
+    base = np.zeros(n) if kind == "zero" else c
+    room = rng.choice([0.0, 1.0, 3.0, 1e-9], n) if rng.random() < 0.8 else _vector(rng, n)
+    d = np.clip(base + unit * room, -1e307, 1e307)
+    d = np.where(rng.random(n) < rng.choice([0.0, 0.0, 0.4]), np.inf, d)
+    return {"upper": upper, "d": tuples(d), "H": tuples(H)}
 
 
 def _proved(rng: np.random.Generator) -> Trial:
@@ -173,14 +194,18 @@ def _proved(rng: np.random.Generator) -> Trial:
     c = _scales(rng, n) * (-1.0 if rng.random() < 0.3 else _vector(rng, n))
     kind = ("zero", "constant", "affine")[rng.integers(3)]
     G = np.diag(rng.uniform(0.0, 1.0, n)) if rng.random() < 0.5 else _low_rank(rng, n) / 16
-    A, q = (np.clip(part, -1e307, 1e307) for part in (A, q))
-    return Trial(tuples(A), tuples(q), kind, tuples(c), tuples(G), asked=str(rng.choice(list(ASKED)[5:])))
+    A, q, c = (np.clip(part, -1e307, 1e307) for part in (A, q, np.broadcast_to(c, n)))
+    above = _above(rng, kind, c, G, _scales(rng, n)) if rng.random() < 0.4 else {}
+    if above and above["upper"] not in ("constant", "affine"):
+        above |= {"upper": kind if kind == "affine" else "constant"}
+    asked = str(rng.choice(list(ASKED)[5:]))
+    return Trial(tuples(A), tuples(q), kind, tuples(c), tuples(G), **above, asked=asked)
 
 
 def _asked(rng: np.random.Generator, trial: Trial) -> Trial:
     """The trial with a front end, a method, options, and what is asked of the answer."""
     front = str(rng.choice(["solve", "many", "file"], p=[0.9, 0.07, 0.03]))
-    is_data = trial.psi in ("zero", "constant", "affine")
+    is_data = trial.psi in ("zero", "constant", "affine") and not trial.upper
     if trial.source or (front == "many" and len(trial.q) > 12) or (front == "file" and not is_data):
         front = "solve"
     wanted = _MANY if front == "many" else tuple(_OPTIONS)
@@ -206,10 +231,16 @@ def _gallery(rng: np.random.Generator) -> Trial:
     n = int(rng.integers(3, 60))
     if rng.random() < 0.5:
         name, seed = rng.choice(family_names()), int(rng.integers(10**6))
-        return _asked(rng, Trial(source=f"icp.benchmarks.drawn({str(name)!r}, {n}, np.random.default_rng({seed}))"))
+        source = f"icp.benchmarks.drawn({str(name)!r}, {n}, np.random.default_rng({seed})){_pressed(rng)}"
+        return _asked(rng, Trial(source=source))
     name = str(rng.choice(scene_names()))
     size = f", {n}" if "n" in parameters(name) else ""
-    return _asked(rng, Trial(source=f"icp.scenes.scene({name!r}{size}).problem"))
+    return _asked(rng, Trial(source=f"icp.scenes.scene({name!r}{size}).problem{_pressed(rng)}"))
+
+
+def _pressed(rng: np.random.Generator) -> str:
+    """Nothing, or an obstacle above a problem that has none."""
+    return f".with_upper({rng.choice([0.0, 0.1, 1.0, 10.0])})" if rng.random() < 0.3 else ""
 
 
 def _large(rng: np.random.Generator) -> Trial:
@@ -224,7 +255,7 @@ def _large(rng: np.random.Generator) -> Trial:
         source = f"icp.benchmarks.drawn({family!r}, {n}, np.random.default_rng({seed}))"
     method = None if rng.random() < 0.3 else str(rng.choice(method_names()))
     limits = (("time_limit", str(rng.choice(["0.05", "0.3", "1.0"]))),)
-    return Trial(source=source, method=method, options=limits)
+    return Trial(source=f"({source}){_pressed(rng)}", method=method, options=limits)
 
 
 def _program(rng: np.random.Generator) -> Trial:

@@ -37,6 +37,8 @@ def _simpler(trial: Trial) -> Iterator[Trial]:
         yield replace(trial, asked="")
     if trial.source:
         return
+    if trial.upper:
+        yield replace(trial, upper="", d=(), H=(), known=None)
     if trial.front == "file":
         yield replace(trial, front="solve")
     if trial.method is not None:
@@ -47,8 +49,10 @@ def _simpler(trial: Trial) -> Iterator[Trial]:
             yield replace(trial, c=_dropped(trial.c, k), G=_dropped(trial.G, k))
     if trial.psi not in ("zero", "constant") and trial.front != "cvxpy":
         yield replace(trial, psi="zero", known=None)
+    if trial.upper not in ("", "constant"):
+        yield replace(trial, upper="constant", known=None)
     trial = replace(trial, known=None)
-    parts = {part: np.array(getattr(trial, part)) for part in ("A", "q", "c", "G")}
+    parts = {part: np.array(getattr(trial, part)) for part in ("A", "q", "c", "G", "d", "H") if getattr(trial, part)}
     for digits in (0, 1, 2, 4):
         for part, values in parts.items():
             rounded = np.vectorize(partial(_rounded, digits=digits), otypes=[np.float64])(values)
@@ -68,7 +72,8 @@ def _without(trial: Trial, k: int) -> Trial:
     A, q = tuple(_dropped(row, k) for row in _dropped(trial.A, k)), _dropped(trial.q, k)
     program = trial.front == "cvxpy"
     G, c = (trial.G, trial.c) if program else (_dropped(trial.G, k), _dropped(trial.c, k))
-    return replace(trial, A=A, q=q, c=c, G=tuple(_dropped(row, k) for row in G), known=None)
+    d, H = _dropped(trial.d, k), tuple(_dropped(row, k) for row in _dropped(trial.H, k))
+    return replace(trial, A=A, q=q, c=c, G=tuple(_dropped(row, k) for row in G), d=d, H=H, known=None)
 
 
 def _dropped(values: tuple[Any, ...], k: int) -> tuple[Any, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 Row = tuple[float, ...]
 Rows = tuple[Row, ...]
 
-#: kind of ψ → its text, in which c is a vector, −inf for no obstacle, and G a matrix
+#: kind of ψ → its text, in which c is a vector, −inf for no obstacle, and G a matrix; for ψ̄ they are d and H
 PSI = {
     "zero": "0.0",
     "constant": "c",
@@ -41,7 +41,7 @@ FRONTS = {
 assert (again.A.data.tobytes(), again.q.tobytes()) == (problem.A.data.tobytes(), problem.q.tobytes())
 problem = again
 answer = problem.solve({arguments}raise_on_failure=False)""",
-    "many": "answer = icp.solve_many(A, [q, -q, q], psi, {arguments}raise_on_failure=False)",
+    "many": "answer = icp.solve_many(A, [q, -q, q], psi, {upper}{arguments}raise_on_failure=False)",
     "cvxpy": """x = cp.Variable(len(q))
 rows = [G[:equal] @ x == c[:equal]] * (equal > 0) + [G[equal:] @ x <= c[equal:]] * (equal < len(c))
 answer = cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, cp.psd_wrap(A)) + q @ x), rows)
@@ -86,7 +86,8 @@ ASKED = {
 @dataclass(frozen=True)
 class Trial:
     """A, q and ψ = `psi` of `PSI` with its `c` and `G`, or the text `source` of a problem; asked by the front end
-    `front`, with a `method` or None and `options` as texts; then `asked` of the answer, a key of `ASKED`.
+    `front`, with a `method` or None and `options` as texts; then `asked` of the answer, a key of `ASKED`. With an
+    obstacle above, `upper` is its kind, with `d` and `H`, else empty.
 
     For "cvxpy" A is the matrix of the objective, and the rows of Gx ≤ c from number `equal` on are inequalities.
     `raising`: the user has asked NumPy to raise. `known` is a solution that the data were made for, or None.
@@ -97,6 +98,9 @@ class Trial:
     psi: str = "zero"
     c: Row = ()
     G: Rows = ()
+    upper: str = ""
+    d: Row = ()
+    H: Rows = ()
     source: str = ""
     front: str = "solve"
     method: str | None = None
@@ -118,14 +122,17 @@ class Trial:
 
     def setup(self) -> str:
         """The code up to the problem."""
-        psi, lines = PSI[self.psi], [f"problem = {self.source}"]
+        lines = [f"problem = {self.source}"]
         if not self.source:
-            named = {"A": self.A, "q": self.q} | {name: getattr(self, name) for name in ("c", "G") if self._has(name)}
+            psi, upper = self._texts()
+            named = {"A": self.A, "q": self.q}
+            named |= {name: getattr(self, name) for name in ("c", "G", "d", "H") if self._has(name)}
             lines = [f"{name} = np.array({_listed(value)})" for name, value in named.items()]
             if self.front == "cvxpy":
                 lines.append(f"equal = {self.equal}")
             elif self.front != "pyomo":
-                lines += [f"psi = {psi}", "problem = icp.ICP(A, q, psi)"]
+                above = [f"upper = {upper}", "problem = icp.ICP(A, q, psi, upper=upper)"]
+                lines += [f"psi = {psi}", *(above if upper else ["problem = icp.ICP(A, q, psi)"])]
         text = "\n".join(lines)
         more = (("sp.", "import scipy.sparse as sp"), ("inf", "from numpy import inf"))
         imported = [line for word, line in more if word in text]
@@ -137,7 +144,8 @@ class Trial:
         """The code after it."""
         named = [] if self.method is None else [repr(self.method)]
         arguments = "".join(f"{one}, " for one in (*named, *(f"{name}={text}" for name, text in self.options)))
-        text = "\n".join([FRONTS[self.front].format(arguments=arguments), ASKED[self.asked]]).strip()
+        upper = "upper=upper, " if self.upper else ""
+        text = "\n".join([FRONTS[self.front].format(arguments=arguments, upper=upper), ASKED[self.asked]]).strip()
         if "callback" in dict(self.options):
             text = f"path = []\n{text}"
         if self.raising:
@@ -149,7 +157,13 @@ class Trial:
         return f"{self.setup()}\n{self.question()}"
 
     def _has(self, name: str) -> bool:
-        return self.front in ("cvxpy", "pyomo") or re.search(rf"\b{name}\b", PSI[self.psi]) is not None
+        foreign = self.front in ("cvxpy", "pyomo") and name in ("c", "G")
+        return foreign or re.search(rf"\b{name}\b", " ".join(self._texts())) is not None
+
+    def _texts(self) -> tuple[str, str]:
+        """ψ, and ψ̄ or nothing."""
+        above = PSI[self.upper] if self.upper else ""
+        return PSI[self.psi], re.sub(r"\bG\b", "H", re.sub(r"\bc\b(?!=)", "d", above))
 
 
 def _listed(value: Any) -> str:

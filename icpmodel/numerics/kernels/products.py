@@ -49,11 +49,17 @@ def look(indptr, indices, data, low, high, diag, diagonal, rest):
 
 
 @inlined
+def larger(least, above):
+    # max(least, above); NaN stays
+    return above if above > least or above != above else least
+
+
+@inlined
 def median(least, below, above):
     # of below, p and above, `least` = min(p, below), as `between.mid` has it; NaN stays
     if above > below:
         return above if abs(above) > abs(below) else below
-    return above if above > least or above != above else least
+    return larger(least, above)
 
 
 @compiled

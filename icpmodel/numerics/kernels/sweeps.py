@@ -16,7 +16,7 @@ from numba import types
 from numba.extending import overload
 
 from . import compiled, inlined, one, row_sum, uint
-from .products import median
+from .products import larger, median
 
 
 def psi_entry(psi, i, z):
@@ -59,6 +59,19 @@ def _lifted(least, zi, low, top, weight):
     return lambda least, zi, low, top, weight: median(least, weight * (zi - low), weight * (zi - top))
 
 
+def pressed(least, zi, top, weight):
+    """max(weight (z_i - top), `least`), the median of a step; where the obstacles cross it moves z_i to the one above,
+    and, unlike `lifted`, nothing jumps."""
+    raise TypeError("pressed exists in compiled code only")
+
+
+@overload(pressed)
+def _pressed(least, zi, top, weight):
+    if isinstance(top, types.NoneType):
+        return lambda least, zi, top, weight: least
+    return lambda least, zi, top, weight: larger(least, weight * (zi - top))
+
+
 def capped(value, top):
     """min(value, top); `value` where top is None."""
     raise TypeError("capped exists in compiled code only")
@@ -85,7 +98,7 @@ def _moved(par, i, zi, own, obstacle, top, p, rest, old, new):
         # X = diag(1/inverse) + tau * (strict lower triangle of A), and out = z - 2 X^-1 F(z):
         # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j))
         omega, inverse, tau = par
-        x, F = inverse[i], lifted(_smaller(p, omega[i] * (zi - obstacle)), zi, obstacle, top, omega[i])
+        x, F = inverse[i], pressed(_smaller(p, omega[i] * (zi - obstacle)), zi, top, omega[i])
         return (zi + x * (tau * old - 2.0 * F)) - (x * tau) * new
     # projected SOR: max(psi_i(z), z_i - omega/a_ii (sum_{j before i} a_ij out_j + sum_{others} a_ij z_j + q_i));
     # a division costs less than one more number per row from memory
@@ -158,7 +171,7 @@ def diagonal(indptr, indices, data, q, psi, omega, inverse, z, out):
         p, r = row_sum(q[i], start, end, indices, data, z), z[i] - low
         start, natural = end, lifted(_smaller(p, r), z[i], low, top, 1.0)
         squares += natural * natural
-        out[i] = z[i] - (2.0 * inverse[i]) * lifted(_smaller(p, omega[i] * r), z[i], low, top, omega[i])
+        out[i] = z[i] - (2.0 * inverse[i]) * pressed(_smaller(p, omega[i] * r), z[i], top, omega[i])
     return squares
 
 
@@ -177,7 +190,7 @@ def triangular(indptr, indices, data, q, psi, omega, start, stop, x_indices, x_d
             k += one()
         natural = lifted(_smaller(p, r), z[i], low, top, 1.0)
         squares += natural * natural
-        moved = lifted(_smaller(p, omega[i] * r), z[i], low, top, omega[i])
+        moved = pressed(_smaller(p, omega[i] * r), z[i], top, omega[i])
         out[i] = z[i] - inverse[i] * (2.0 * moved + total)
     return squares
 

@@ -16,6 +16,7 @@ from ...errors import MapError, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
+from ...problem.between import Between
 from ...problem.data import ProblemData, as_problem
 from ...problem.facts import Facts
 from ...problem.map import Map
@@ -180,13 +181,16 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
 
 
+def never_cross(psi: Map) -> bool:
+    """Whether there is one obstacle, or two with ψ ≤ ψ̄ at every z, because both are fixed, or move alike."""
+    return not isinstance(psi, Between) or psi.parallel
+
+
 def may_cross(problem: ProblemData, z: Vector, delta: Vector) -> int | None:
     """A row in which ψ ≤ ψ̄ is not certain for all |x − z| ≤ `delta`, so that a zero of F need not be a solution; None
-    where there is none, be it because both are fixed, or move alike."""
+    where there is none."""
     psi, above = problem.psi, problem.r_upper(z)
-    if above is None or psi.upper is None or psi.is_constant:
-        return None
-    if psi.linear is not None and psi.upper.linear is not None and not (psi.linear[0] - psi.upper.linear[0]).nnz:
+    if above is None or never_cross(psi):
         return None
     below, change, for_r = problem.r(z), psi.change(delta), problem.rounding(z)[1]
     with np.errstate(over="ignore", invalid="ignore"):

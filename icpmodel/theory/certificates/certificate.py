@@ -31,8 +31,8 @@ class Certificate:
     `residual` = ‖min(r, p)‖₂; `residual_max` the max-norm of the same vector; `residual_scaled` the max-norm of
     min(r, D⁻¹p) with D = |diag(A)|, in the units of z, or None where the diagonal has a zero; `violation_p` and
     `violation_r` the largest negative parts of p and r; `bound` the `ErrorBound`. With an obstacle above, the median
-    with z − ψ̄ takes the place of the minimum, p may be negative where z touches it, or where there is none below, and
-    `violation_r` is how far z is beyond either of them.
+    with z − ψ̄ takes the place of the minimum, `violation_p` is the largest of −p in rows without obstacle above and
+    of p in rows without one below, and `violation_r` how far z is beyond either of them.
 
     >>> certify(ICP([[2.0]], [-2.0]), [1.0]).residual
     0.0
@@ -86,7 +86,9 @@ def certify(problem: ProblemData, z: Any, *, bound: bool = True, **options: Any)
         scaled = None if (diagonal == 0).any() else float(np.abs(mid(p / diagonal, r, above)).max())
         beyond, wrong = np.maximum(-r, 0.0), np.maximum(-p, 0.0)
         if above is not None:
-            beyond, wrong = np.maximum(beyond, above), np.where(np.isposinf(-above), wrong, 0.0)
+            # p < 0 where nothing is above, p > 0 where nothing is below
+            beyond, wrong = np.maximum(beyond, above), np.where(np.isneginf(above), wrong, 0.0)
+            wrong = np.where(np.isposinf(r), np.maximum(p, wrong), wrong)
     return Certificate(
         residual=problem.residual(z),
         residual_max=float(np.abs(mid(p, r, above)).max()),

@@ -17,9 +17,10 @@ diagonal 0 ≤ Δ ≤ I and |Γ| ≤ L; a null vector x of the bracket has (Ax)_
 
 ‖g‖ takes a y near H⁻¹g: ‖g‖ ≤ √(yᵀHy) + ‖g − Hy‖₂/√λ for every y. Without it the curvature of an error, which A
 multiplies by λ_max, would be divided by λ_min.
-With an obstacle above, a row may as well have p' ≤ 0 and z' = ψ̄, w = z − ψ̄ and u = max(p, 0); B = I then where an
-obstacle moves. Of any two points with p ≥ 0 at ψ, p ≤ 0 at ψ̄ and p = 0 in between no term (p' − p*)(e − w − g) is
-positive, where |g| ≤ L|x − y| is the move of ψ or of ψ̄, or what is between them, if ψ ≤ ψ̄ at both.
+With an obstacle above, a row may as well have p' ≤ 0 and z' = ψ̄, w = z − ψ̄ and u = max(p, 0); B = I − G then
+where ψ̄ = Gz + c̄ moves alike, B = I where it moves in another way. Of any two points with p ≥ 0 at ψ, p ≤ 0 at ψ̄ and
+p = 0 in between no term (p' − p*)(Be − w − g) is positive, where |g| ≤ L|x − y| is the move of ψ or of ψ̄, or what is
+between them, if ψ ≤ ψ̄ at both.
 Units: the unknowns are scaled by S = diag(A)^(−1/2) and the rows of p by S, those of r by σS⁻¹, which keeps the form;
 σ makes the largest entry of B about 1. t is then the norm of S⁻¹e. S and σ are powers of two, so that scaling commits
 no error.
@@ -41,12 +42,13 @@ from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units_exactly, row_exponents, symmetric_exponents
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, at_most, upper
+from ...problem.between import Between
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
 from ..matrices.comparison_matrix import positive_diagonal
 from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
-from .proof import Proof, norm_up
+from .proof import Proof, no_lipschitz, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
 LARGEST = 50_000
@@ -133,7 +135,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     if not (positive := positive_diagonal(A)).holds:
         return f"A is not positive definite: {positive.reason}"
     if psi.lipschitz is None:
-        return "no Lipschitz matrix of psi is known: give `lipschitz`"
+        return no_lipschitz(psi)
     B, L = _slopes(psi, n)
     products = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
     if n > LARGEST or products > _LARGEST_WORK:
@@ -192,11 +194,14 @@ def _reflected(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Ve
 def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:
     """B and L with r(x) − r(y) = B(x − y) − g, |g| ≤ L|x − y|; L takes up the rounding of I − G."""
     identity = sp.csr_array(sp.eye_array(n))
-    if psi.linear is None or (psi.upper is not None and not psi.is_constant):
+    if psi.linear is None or (isinstance(psi, Between) and not psi.parallel):
         assert psi.lipschitz is not None
         return identity, psi.lipschitz
     G, c = psi.linear
-    bound = sp.csr_array(sp.diags_array(np.isfinite(c).astype(float)) @ G)
+    held = np.isfinite(c)
+    if psi.upper is not None and psi.upper.linear is not None:
+        held |= np.isfinite(psi.upper.linear[1])
+    bound = sp.csr_array(sp.diags_array(held.astype(float)) @ G)
     bound.eliminate_zeros()
     B = sp.csr_array(identity - bound)
     g, b = bound.diagonal(), B.diagonal()

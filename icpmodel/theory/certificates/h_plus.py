@@ -32,7 +32,7 @@ from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
 from ..matrices.comparison_matrix import comparison_matrix, positive_diagonal, scaling_vectors
-from .proof import Proof, norm_up
+from .proof import Proof, no_lipschitz, norm_up
 
 _POLICY_UP_TO = 200_000  #: beyond this size a factorisation for every choice of rows is too dear
 _POLICY_STEPS = 30
@@ -68,7 +68,7 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     if not (positive := positive_diagonal(A)).holds:
         return f"A is not an H+-matrix: {positive.reason}"
     if G is None:
-        return "no Lipschitz matrix of psi is known: give `lipschitz`"
+        return no_lipschitz(psi)
     comparison = comparison_matrix(A)
     dominated = False
     for name, v in _candidates(comparison, G):

@@ -1,9 +1,11 @@
-"""A proof that no z has p(z) ≥ 0 and r(z) ≥ 0, for constant ψ = c: a combination of the rows that says 0 < 0.
+"""A proof that no z has p(z) ≥ 0 and r(z) ≥ 0, for constant obstacles: a combination of the rows that says 0 < 0.
 
 With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
 obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Where it is known of
 some unknowns in which interval every solution has them, (Aᵀy)_j z_j is at most its largest value there, whatever the
 sign of (Aᵀy)_j. That no z solves the problem is then proved, though one may have p ≥ 0 and r ≥ 0.
+An obstacle above, ψ̄ = c̄, is such an interval: z ≤ c̄. In rows that have it nothing is known of p ≥ 0, so y_i ≤ 0 there,
+y_i = 0 where there is one below as well, and then (Az + q)ᵀy ≥ 0 at every solution as before.
 
 Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
 """
@@ -13,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -44,79 +47,112 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> A
 
     Often Aᵀy is 0 in many rows, which floats seldom hold: tried are the simple fractions next to `y`, `y` itself, and
     where up to 30 of its entries are not 0 the exact solution of these equations. All is checked in rational
-    arithmetic. Returns True with the witness y, floats or fractions, and `number` = (q + Ac)ᵀy; else None.
+    arithmetic. Returns True with the witness y, floats or fractions, and `number`, which (Az + q)ᵀy is at most, without
+    an obstacle above (q + Ac)ᵀy; else None.
     """
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
-    if not problem.is_lcp or not np.isfinite(y).all() or not y.any():
+    if not problem.psi.is_constant or not np.isfinite(y).all() or not y.any():
         return unknown
-    sure = known or Known(np.full(problem.n, -np.inf), np.full(problem.n, np.inf), "")
-    free = np.isneginf(problem.facts.obstacle)
+    rows = _Rows.of(problem, known)
+    free = rows.falls & rows.rises
     y = y / np.abs(y).max()
-    y = np.where((y > _ZERO) | (free & (y < -_ZERO)), y, 0.0)
-    for found in _tried(problem, y, np.flatnonzero((y != 0) | free), sure):
-        exact = _contradiction(problem, free, found, sure)
+    y = np.where((rows.rises & (y > _ZERO)) | (rows.falls & (y < -_ZERO)), y, 0.0)
+    for found in _tried(problem, y, np.flatnonzero((y != 0) | free), rows):
+        exact = _contradiction(problem, rows, found)
         if exact is not None:
             break
     else:
         return unknown
     witness, number = [found.get(i, Fraction(0)) for i in range(problem.n)], nearest(exact)
-    rows = [i for i in range(problem.n) if witness[i]]
-    named = ", ".join(map(str, rows[:5])) + (f" and {len(rows) - 5} more" if len(rows) > 5 else "")
+    used = [i for i in range(problem.n) if witness[i]]
+    named = ", ".join(map(str, used[:5])) + (f" and {len(used) - 5} more" if len(used) > 5 else "")
     sign = "y >= 0 where there is an obstacle" if free.any() else "y >= 0"
-    where = f"for a y that is not 0 in row{'s' if len(rows) > 1 else ''} {named}"
-    if known is None:
+    where = f"for a y that is not 0 in row{'s' if len(used) > 1 else ''} {named}"
+    if known is None and problem.upper is not None:
+        signs = "p >= 0 where nothing is above and p <= 0 where nothing is below"
+        reason = f"no z with psi <= z <= upper has {signs}: (Az + q)'y <= {number:.3g} {where}"
+    elif known is None:
         reason = f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {number:.3g} {where}"
     else:
         proved = f"{np.count_nonzero(np.isfinite(known.high))} unknowns are proved to be what they are ({known.proof})"
         then = f"{proved}, and then (Az + q)'y <= {number:.3g}, {sign}, {where}"
         reason = f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {then}"
-    y = as_witness(witness, lambda x: _contradiction(problem, free, dict(enumerate(x)), sure) is not None)
+    y = as_witness(witness, lambda x: _contradiction(problem, rows, dict(enumerate(x))) is not None)
     return Answer(True, reason, y, number)
 
 
-def _tried(problem: ProblemData, y: Vector, support: np.ndarray, known: Known) -> Iterator[Combination]:
+class _Rows(NamedTuple):
+    """Where z is known to be, from `low` to `high`, and where p ≤ 0 may be taken for granted, as y_i `falls` there, and
+    p ≥ 0, as it `rises`: masks of shape (n,)."""
+
+    low: Vector
+    high: Vector
+    falls: np.ndarray
+    rises: np.ndarray
+
+    @classmethod
+    def of(cls, problem: ProblemData, known: Known | None = None) -> _Rows:
+        low, high = problem.facts.obstacle, problem.facts.upper_obstacle
+        high = np.full(problem.n, np.inf) if high is None else high
+        falls, rises = np.isneginf(low), np.isposinf(high)
+        if known is not None:
+            low = np.where(np.isfinite(known.low), known.low, low)
+            high = np.where(np.isfinite(known.high), known.high, high)
+        return cls(low, high, falls, rises)
+
+
+def _tried(problem: ProblemData, y: Vector, support: np.ndarray, rows: _Rows) -> Iterator[Combination]:
     yield {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
     yield {int(i): Fraction(float(y[i])) for i in support}
     if support.size <= _RATIONAL:
-        yield _exact(problem, support, y, known)
+        yield _exact(problem, support, y, rows)
 
 
 def multipliers(problem: ProblemData) -> Vector | None:
     """A candidate y for `infeasible`: (q + Ac)ᵀy < 0, Aᵀy ≤ 0 and 0 ≤ y ≤ 1 in floats, for constant ψ = c.
 
-    In rows without an obstacle −1 ≤ y ≤ 1 and (Aᵀy)_i = 0. Of several the one with the most room for rounding, by
-    linear programming (HiGHS); None where there is none, as where some z has p, r ≥ 0, or none is found in a second.
+    In rows without an obstacle −1 ≤ y ≤ 1 and (Aᵀy)_i = 0, in those with one above alone −1 ≤ y ≤ 0 and (Aᵀy)_i ≥ 0,
+    with both y_i = 0 and t_i ≥ 0, (Aᵀy)_i(c̄_i − c_i) is added to the sum. Of several the one with the most room for
+    rounding, by linear programming (HiGHS); None where there is none, as where some z has p, r ≥ 0, or none is found in
+    a second.
     """
-    if not problem.is_lcp:
+    if not problem.psi.is_constant:
         return None
     from scipy.optimize import linprog
 
-    c, A, n = problem.facts.obstacle, problem.A.tocsc(), problem.n
-    free = np.isneginf(c)
-    load = problem.p(np.where(free, 0.0, c))
-    with np.errstate(over="ignore"):
+    A, n, (low, high, falls, rises) = problem.A.tocsc(), problem.n, _Rows.of(problem)
+    free, both, sign = falls & rises, ~(falls | rises), np.where(falls, -1.0, 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        load = problem.p(np.where(free, 0.0, np.where(falls, high, low)))
+        width = np.where(both, high - low, 1.0)[:, None]
         size, sums = np.abs(load).sum(), abs(A).sum(axis=0)
-    if not (np.isfinite(10.0 * size) and np.isfinite(sums).all()):
+    if not (np.isfinite(10.0 * size) and np.isfinite(sums).all() and np.isfinite(width).all()):
         return None
+    # the unknowns are y, t, and the room, in shares of what the rows could be
+    k, columns = int(both.sum()), sp.csr_array(A.T) * (sign[:, None] * width)
+    more = -sp.eye_array(n).tocsc()[:, both]
+    total = np.concatenate([load, np.ones(k), [size]])
+    least = np.concatenate([np.where(falls, -1.0, 0.0), np.zeros(k + 1)])
+    most = np.concatenate([np.where(rises, 1.0, 0.0), np.full(k, np.inf), [1.0]])
     found = linprog(
-        np.append(load, -10.0 * size),  # the last unknown is the room, in shares of what the rows could be
-        A_ub=sp.vstack([sp.hstack([A[:, ~free].T, sums[~free, None]]), np.append(load, size)[None]]),
+        np.append(total[:-1], -10.0 * size),
+        A_ub=sp.vstack([sp.hstack([columns, more, (sums * width[:, 0])[:, None]]).tocsr()[~free], total[None]]),
         b_ub=np.zeros(n - free.sum() + 1),
-        A_eq=sp.hstack([A[:, free].T, np.zeros((free.sum(), 1))]),
+        A_eq=sp.hstack([A[:, free].T, np.zeros((free.sum(), k + 1))]),
         b_eq=np.zeros(free.sum()),
-        bounds=np.column_stack([np.append(np.where(free, -1.0, 0.0), 0.0), np.ones(n + 1)]),
+        bounds=np.column_stack([least, most]),
         options={"time_limit": _SECONDS},
     )
-    return np.asarray(found.x[:-1]) if found.status == 0 and load @ found.x[:-1] < 0 else None
+    return np.asarray(found.x[:n]) if found.status == 0 and total[:-1] @ found.x[:-1] < 0 else None
 
 
-def _contradiction(problem: ProblemData, free: np.ndarray, y: Combination, known: Known) -> Fraction | None:
-    """(q + Ac)ᵀy where it is negative and y has the right signs, in exact arithmetic; else None."""
-    A, c = problem.A, problem.facts.obstacle
+def _contradiction(problem: ProblemData, rows: _Rows, y: Combination) -> Fraction | None:
+    """What (Az + q)ᵀy is at most, where it is negative and y has the right signs, in exact arithmetic; else None."""
+    A = problem.A
     columns: dict[int, Fraction] = {}
     total = Fraction(0)
     for i, weight in y.items():
-        if weight < 0 and not free[i]:
+        if (weight < 0 and not rows.falls[i]) or (weight > 0 and not rows.rises[i]):
             return None
         if weight:
             total += weight * Fraction(float(problem.q[i]))
@@ -124,20 +160,20 @@ def _contradiction(problem: ProblemData, free: np.ndarray, y: Combination, known
                 j = int(A.indices[k])
                 columns[j] = columns.get(j, Fraction(0)) + weight * Fraction(float(A.data[k]))
     for j, entry in columns.items():
-        end = float(known.high[j] if entry > 0 else known.low[j])
-        if not np.isfinite(end) and (entry > 0 or (entry and free[j])):
-            return None
         if entry:
-            total += entry * Fraction(end if np.isfinite(end) else float(c[j]))
+            end = float(rows.high[j] if entry > 0 else rows.low[j])
+            if not np.isfinite(end):
+                return None
+            total += entry * Fraction(end)
     return total if total < 0 else None
 
 
-def _exact(problem: ProblemData, support: np.ndarray, y: Vector, known: Known) -> Combination:
+def _exact(problem: ProblemData, support: np.ndarray, y: Vector, bounds: _Rows) -> Combination:
     """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or must be; x_i left open is y_i."""
     with np.errstate(over="ignore", invalid="ignore"):
         tight = np.abs(problem.A.T @ y) <= _ZERO * (problem.matrix.absolute.T @ np.abs(y))
     tight[support] = True
-    tight &= ~np.isfinite(known.high)
+    tight &= ~(np.isfinite(bounds.low) & np.isfinite(bounds.high))
     rows = [row for row in rationals(problem.A[support][:, tight].T) if any(row)]
     x = [Fraction(float(y[i])) for i in support]
     done: list[int] = []

@@ -12,7 +12,9 @@ from ...algebra.equations import pattern_at, solve_on
 from ...errors import IcpError
 from ...numerics.arrays import Vector
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ...problem.between import Between
 from ...problem.data import ProblemData
+from ...problem.map import Map
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,12 @@ class Proof(ABC):
     @abstractmethod
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         """(δ, ε), |z − z*| ≤ δ and ‖z − z*‖₂ ≤ ε, p(z) and r(z) known to `for_p` and `for_r`; not finite if unknown."""
+
+
+def no_lipschitz(psi: Map) -> str:
+    """Why nothing is proved where ψ, or ψ̄, has no Lipschitz matrix."""
+    lower = psi.lower if isinstance(psi, Between) else psi
+    return f"no Lipschitz matrix of {'psi' if lower.lipschitz is None else 'upper'} is known: give `lipschitz`"
 
 
 def norm_up(x: Vector) -> float:

@@ -30,7 +30,7 @@ import numpy as np
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units_exactly, mean_exponents, row_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
-from ...problem.between import mid
+from ...problem.between import Between, mid
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
@@ -83,8 +83,8 @@ def prove(matrix: Matrix, psi: Map) -> RepresentativesProof | str:
         return "psi is neither constant nor affine, so I - G has no rows to be compared with those of A"
     A, (G, c) = matrix.sparse.toarray(), psi.linear
     free = np.isneginf(c)
-    if psi.upper is not None:
-        if psi.upper.linear is None or (psi.upper.linear[0] - G).nnz:
+    if isinstance(psi, Between):
+        if not psi.parallel or psi.upper.linear is None:
             return "the two obstacles do not move alike, so I - G has other rows for the one than for the other"
         free &= np.isposinf(psi.upper.linear[1])
     is_lcp = psi.is_constant and not free.any()

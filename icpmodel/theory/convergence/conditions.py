@@ -11,6 +11,16 @@ diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G, because min(a, b) − min(c, d) is a mea
 T(v) ≤ σv with v > 0, σ < 1 makes the step a contraction by σ in max_i |z_i|/v_i. By Banach it has one fixed point,
 which is the one zero of min(p, Ωr), that is the one solution, and converges to it from everywhere.
 
+**Two obstacles.** ψ̄ above z, with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| too, changes nothing in T: the step z⁺ = z − 2X⁻¹F has
+F = max(Ω(z − ψ̄), min(p, Ωr)), the median mid(Ω(z − ψ̄), p, Ωr) where ψ ≤ ψ̄. Like that of two minima the difference of
+two maxima is a mean of the differences of what they are taken of; so F(z) − F(y) is in every row a mean of three, with
+weights that depend on z and y, and the two of the obstacles, Ω(I − Γ)(z − y) and Ω(I − Γ̄)(z − y), have a mean of the
+same form. The same holds of mid with any rows scaled, hence of the error bounds in `certificates`, and of maxima and
+minima of two functions that are isotone. What the one zero z° of F says is less than with one obstacle: every solution
+is a zero of F, and a zero is a solution exactly if ψ(z°) ≤ ψ̄(z°): F_i = 0 says there that p_i ≥ 0 and z_i = ψ_i, or
+p_i ≤ 0 and z_i = ψ̄_i, or p_i = 0 between them, but z_i = ψ̄_i where ψ_i > ψ̄_i. So there is one solution, z°, if ψ ≤ ψ̄
+there, and else there is none; the method converges to z° in both cases.
+
 **4.1** is T with both parts replaced by |N̂| + |A − Ω| + 2ΩG, the sum L of the paper. X − 2A = N̂ − (A − Ω) and
 X − 2Ω = N̂ + (A − Ω): the same v and σ serve "sharper".
 

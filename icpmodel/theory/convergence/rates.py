@@ -13,7 +13,6 @@ from ...algebra.splittings import Member
 from ...errors import InputError
 from ...numerics.arrays import Vector, as_number, as_vector, described
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most, upper
-from ...problem.between import mid
 from ...problem.data import ProblemData, as_problem
 from ..answers import Answer
 from ..certificates.bounds import error_bound
@@ -29,7 +28,8 @@ class Rate(ABC):
     """Every step of the method, in exact arithmetic, reduces a norm of the error z − z* to `factor` times it, or less.
 
     |zᵏ − z*| ≤ factorᵏ·‖z⁰ − z*‖·v entry by entry. `factor` < 1 and `v` > 0, shape (n,), are proved, whatever q is;
-    `sentence` is the theorem behind them, `norm` the norm in words.
+    `sentence` is the theorem behind them, `norm` the norm in words. With an obstacle above z* stands for the point that
+    the method converges to, which is the solution if ψ ≤ ψ̄ there.
 
     >>> from icpmodel import MNMJ
     >>> problem = ICP([[2, -1], [-1, 2]], [-2, -2])
@@ -62,7 +62,9 @@ class Rate(ABC):
         with np.errstate(all="ignore"):
             r, omega = problem.r(z0), step.omega
             above = problem.r_upper(z0)
-            F = mid(problem.p(z0), omega * r, None if above is None else omega * above)
+            F = np.minimum(problem.p(z0), omega * r)
+            if above is not None:  # where the obstacles cross as well: what the step is made of
+                F = np.maximum(F, omega * above)
             for_p, for_r = problem.rounding(z0)
             # either side may be the smaller one, within its error
             for_F = np.maximum(for_p, omega * for_r) + 4 * UNIT_ROUNDOFF * np.abs(F)
@@ -70,7 +72,7 @@ class Rate(ABC):
 
     @abstractmethod
     def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
-        """See `distance`; F = min(p, Ωr) at z⁰, known to `for_F`. NaN where nothing is known."""
+        """See `distance`; F at z⁰, min(p, Ωr) or the median, known to `for_F`. NaN where nothing is known."""
 
     def error_after(self, k: int, distance: float) -> Vector:
         """A bound on |zᵏ − z*| entry by entry, shape (n,): factorᵏ·distance·v, `distance` as `distance` gives it."""

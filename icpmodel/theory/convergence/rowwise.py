@@ -4,7 +4,9 @@
 
     z_i⁺ = max(ψ_i(z), z_i − (ω/a_ii)(Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i));
 
-the newest values are in Az, while ψ sees the z that the sweep began with. For v > 0 let T(v) = w,
+the newest values are in Az, while ψ sees the z that the sweep began with; with an obstacle above z_i⁺ is min(ψ̄_i(z),
+that), and |min(a, b) − min(c, d)| has the same bound as that of two maxima, below: with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| all
+stays, with what `conditions` says of two obstacles. For v > 0 let T(v) = w,
 
     w_i = max((Gv)_i, |1 − ω|v_i + (ω/a_ii)(Σ_{j<i} |a_ij|w_j + Σ_{j>i} |a_ij|v_j)).
 
@@ -20,7 +22,7 @@ as w_j ≤ v_j for j < i, |1 − ω|v_i + (ω/a_ii)Σ_{j≠i}|a_ij|v_j = v_i −
 entry of the maximum. The same v bounds the error of any z (`certificates.h_plus`).
 
 **Distance.** z_i⁺ − z_i = −min(r_i, (ω/a_ii)(p_i + Σ_{j<i} a_ij(z_j⁺ − z_j))), and min is nonexpansive, so
-d = |z⁺ − z| has d_i ≤ |F_i|/Ω_i + (ω/a_ii)Σ_{j<i}|a_ij|d_j with Ω = D/ω and F = min(p, Ωr).
+d = |z⁺ − z| has d_i ≤ |F_i|/Ω_i + (ω/a_ii)Σ_{j<i}|a_ij|d_j with Ω = D/ω and F = min(p, Ωr), or the median.
 
 Reference: Cryer, SIAM J. Control 9 (1971); Ahn, J. Optim. Theory Appl. 33 (1981), for nonsymmetric A; both for ψ = 0.
 """

@@ -9,14 +9,17 @@ up to the smallest. For M₁ = D the condition on X is φ ≥ |D − Ω|. Where 
 projected SOR, D > 0 and ω ≤ 1 take the place of the conditions on X: row by row z_i⁺ is the larger of ψ_i(z) and
 (1 − ω)z_i − (ω/a_ii)(Σ_{j≠i} a_ij z_j + q_i), the newest z, whose coefficients are ≥ 0; and where z_j⁺ ≤ s_j for j < i
 the newest p_i is at least p_i(s) ≥ 0, so that a sweep from s goes down.
+With an isotone ψ̄ above, z_i⁺ is the smaller of that and of (1 − 2ω_i/x_i)z_i + (2ω_i/x_i)ψ̄_i(z), in projected SOR
+ψ̄_i(z): isotone too. F is then max(z − ψ̄, min(p, r)), F(s) ≥ 0 says in each row that s_i ≥ ψ̄_i(s), or p_i ≥ 0 and
+r_i ≥ 0, and the rest stays, but the limit is a solution if ψ ≤ ψ̄ there, see `conditions`.
 
-**definite.** Let A be positive definite (xᵀAx > 0, symmetric or not), ψ constant (rows without obstacle included),
-M₁ = A, φ = 0, Ω any positive diagonal. Write A' = Ω^(−½)AΩ^(−½), also positive definite, K = A' + I and
-e = Ω^½(z − z*). Then e⁺ = (I − 2K⁻¹(ΘA' + I − Θ))e = K⁻¹(I − 2Θ)(A' − I)e with a diagonal 0 ≤ Θ ≤ I, so w = Ke has
-‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A' − I)K⁻¹‖₂. With H the symmetric part of A', ‖Kx‖² − ‖(A' − I)x‖² = 4xᵀHx: σ² ≤ 1 − 4τ exactly
-if H − τKᵀK ≥ 0, which a factorisation proves, and some τ > 0 does it. For symmetric A' with eigenvalues λ,
-σ = max|1 − λ|/(1 + λ); for large others σ² ≤ 1 − 4λ_min(H)/(‖A'‖₂ + 1)². ‖Kx‖² = ‖x‖² + 2xᵀHx + ‖A'x‖² ≥ ‖x‖²,
-hence ‖eᵏ‖₂ ≤ σᵏ‖Ke⁰‖₂. It is a Peaceman–Rachford iteration.
+**definite.** Let A be positive definite (xᵀAx > 0, symmetric or not), ψ, and ψ̄ where there is one, constant (rows
+without obstacle included), M₁ = A, φ = 0, Ω any positive diagonal. Write A' = Ω^(−½)AΩ^(−½), also positive definite,
+K = A' + I and e = Ω^½(z − z*). Then e⁺ = (I − 2K⁻¹(ΘA' + I − Θ))e = K⁻¹(I − 2Θ)(A' − I)e with a diagonal 0 ≤ Θ ≤ I, so
+w = Ke has ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A' − I)K⁻¹‖₂. With H the symmetric part of A', ‖Kx‖² − ‖(A' − I)x‖² = 4xᵀHx:
+σ² ≤ 1 − 4τ exactly if H − τKᵀK ≥ 0, which a factorisation proves, and some τ > 0 does it. For symmetric A' with
+eigenvalues λ, σ = max|1 − λ|/(1 + λ); for large others σ² ≤ 1 − 4λ_min(H)/(‖A'‖₂ + 1)².
+‖Kx‖² = ‖x‖² + 2xᵀHx + ‖A'x‖² ≥ ‖x‖², hence ‖eᵏ‖₂ ≤ σᵏ‖Ke⁰‖₂. It is a Peaceman–Rachford iteration.
 
 Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984); Peaceman and Rachford, J.
 SIAM 3 (1955); Ortega and Rheinboldt (1970), section 13.2, for monotone convergence.
@@ -48,11 +51,11 @@ MONOTONE = (
     "(for M₁ = D: φ ≥ |D − Ω|), or the method is projected SOR with ω ≤ 1, D > 0, the step is isotone and converges "
     "downwards from every supersolution that lies above a subsolution, upwards from that subsolution; global "
     "convergence also needs A1 ≥ 0, ψ(z + t) ≤ ψ(z) + t for t ≥ 0, ψ convex and a strict supersolution, which are not "
-    "checked here"
+    "checked here; with an obstacle above, isotone too, the limit is a solution if ψ ≤ ψ̄ there"
 )
 DEFINITE = (
-    "If A is positive definite, ψ constant, M₁ = A and φ = 0, the method converges from every start for every "
-    "diagonal Ω > 0; with Ω = ωI and w = (A + ωI)(z − z*), ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A − ωI)(A + ωI)⁻¹‖₂ < 1"
+    "If A is positive definite, the obstacles constant, M₁ = A and φ = 0, the method converges from every start for "
+    "every diagonal Ω > 0; with Ω = ωI and w = (A + ωI)(z − z*), ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A − ωI)(A + ωI)⁻¹‖₂ < 1"
 )
 
 
@@ -64,7 +67,7 @@ def monotone(step: StepMatrices) -> Answer:
         return Answer(False, reason)
     reasons = {
         None: "it is not known whether psi is isotone",
-        False: "psi is not isotone: psi.G has a negative entry",
+        False: "psi is not isotone: its G has a negative entry",
         True: "the step is isotone: monotone convergence from super- and subsolutions",
     }
     isotone = step.problem.psi.isotone()
@@ -95,8 +98,8 @@ def definite(step: StepMatrices) -> Answer:
 
     Then |zᵏ − z*| ≤ σᵏ‖Ω^(−½)(A + Ω)(z⁰ − z*)‖₂ v.
     """
-    if not step.problem.is_lcp:
-        return Answer(False, "psi is not constant")
+    if not step.problem.psi.is_constant:
+        return Answer(False, "psi is not constant" if step.problem.upper is None else "an obstacle is not constant")
     if step.phi.any():
         return Answer(False, "phi is not zero")
     if (step.M1 != step.A).nnz:

@@ -15,6 +15,7 @@ from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
 from ...problem.data import ProblemData
 from ..answers import UNLIMITED, Allowance, Answer
 from ..certificates.bounds import proofs_of
+from ..certificates.proof import no_lipschitz
 from .conditions import StepMatrices, printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44
 from .contraction import HomogeneousMap, radius
 from .rowwise import h_plus, rowwise
@@ -164,7 +165,7 @@ def _by_radius(name: str, make: Callable[[StepMatrices], HomogeneousMap | str]) 
 
     def decide(step: StepMatrices) -> Answer:
         if step.G is None:
-            return Answer(None, "no Lipschitz matrix of psi is known: give `lipschitz`")
+            return Answer(None, no_lipschitz(step.problem.psi))
         T = make(step)
         if isinstance(T, str):
             return Answer(False, T)
@@ -203,7 +204,10 @@ _OTHER_VALUES = {
     False: "it is about methods whose modulus sees the newest values: projected SOR",
     True: "it is about methods whose modulus sees the iterate before, here it sees the newest values",
 }
-_CONVERGES = "then ICP has one solution and the method converges to it from every start"
+_CONVERGES = (
+    "then ICP has one solution (with an obstacle above: if ψ ≤ ψ̄ at the limit, else none) and the method converges to "
+    "it from every start"
+)
 
 _THEOREMS = {
     "4.1": _Theorem(

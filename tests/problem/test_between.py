@@ -1,0 +1,277 @@
+"""Two obstacles as one map, the problem that has them, and the last word on their residual, held against fractions."""
+
+import copy
+import math
+import pickle
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel.problem.between import Between, chosen, mid
+from icpmodel.problem.verdict import certain
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def maps(rng, n):
+    """One map of each kind that a user can give, with a Lipschitz matrix where it can have one."""
+    G, c = rng.normal(size=(n, n)) * 0.4, rng.normal(size=n)
+    return [
+        icp.Constant(c),
+        icp.Affine(G, c),
+        icp.Elementwise(np.sin, np.cos, lipschitz=1.0, c=c),
+        icp.Function(lambda z: np.sin(G @ z) + c, lambda z: np.cos(G @ z)[:, None] * G, lipschitz=np.abs(G)),
+        icp.Intervention(sp.csr_array(-np.abs(rng.normal(size=(n, n))))),
+    ]
+
+
+def pair(rng, n):
+    lower, upper = (maps(rng, n)[rng.integers(5)] for _ in range(2))
+    return Between(lower, upper).bind(n)
+
+
+@settings(max_examples=60, deadline=None)
+@given(SEEDS)
+def test_what_is_known_of_both_is_true_of_each(seed):
+    """G bounds the differences of both, `change` too; links, isotone, constant, a user's word likewise."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    both = pair(rng, n)
+    x, y = rng.normal(size=(2, n)) * 3
+    delta = np.abs(x - y)
+    for one in (both.lower, both.upper):
+        moved = np.abs(one.value(x) - one.value(y)) * (1 - 1e-12)
+        assert (moved <= both.lipschitz @ delta + 1e-15).all()
+        assert (moved <= both.change(delta)).all()
+        assert not both.isotone() or (one.value(x) <= one.value(np.maximum(x, y)) + 1e-12).all()
+        assert not both.is_constant or not moved.any()
+    assert both.value(x).tolist() == both.lower.value(x).tolist()
+    sides = both.lower, both.upper
+    assert both.at_users_word == any(one.at_users_word for one in sides)
+    assert both.takes_best == any(one.takes_best for one in sides)
+    assert (both.links is None) == any(one.links is None for one in sides)
+    assert (both.linear is None) == any(one.linear is None for one in sides)
+
+
+@settings(max_examples=40, deadline=None)
+@given(SEEDS)
+def test_both_sides_go_along_wherever_the_map_goes(seed):
+    """To some rows, to a coarser level, to other units, to changed data."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    both, z = pair(rng, n), rng.normal(size=n)
+    rows = np.flatnonzero(rng.random(n) < 0.5)
+    rows = rows if rows.size else np.array([0])
+    P, shift, kept = sp.csr_array(rng.normal(size=(n, 2))), rng.normal(size=n), np.array([1, 0])
+    y = rng.normal(size=2)
+    for made, at, expected in (
+        (both.restricted(rows, z), z[rows], lambda one: one.value(z)[rows]),
+        (both.coarsened(P, shift, kept), y, lambda one: one.value(P @ y + shift)[kept]),
+        (both.in_units(4.0), z, lambda one: one.value(4.0 * z) / 4.0),
+    ):
+        assert made.value(at) == pytest.approx(expected(both.lower), rel=1e-12, abs=1e-12)
+        assert made.upper.value(at) == pytest.approx(expected(both.upper), rel=1e-12, abs=1e-12)
+    twice = Between(icp.Constant(1.0), icp.Affine(np.eye(n), 3.0)).bind(n).perturbed(n, lambda x: 2.0 * x)
+    assert twice.value(z).tolist() == [2.0] * n
+    assert twice.upper.value(z) == pytest.approx(2.0 * z + 6.0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(SEEDS)
+def test_one_obstacle_is_chosen_row_by_row_with_its_derivative(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    both, z, above = pair(rng, n), rng.normal(size=n), rng.random(n) < 0.5
+    one = chosen(both, above).bind(n)
+    assert one.value(z).tolist() == np.where(above, both.upper.value(z), both.value(z)).tolist()
+    low, top = (side.jacobian(z).toarray() for side in (both, both.upper))
+    assert one.jacobian(z).toarray() == pytest.approx(np.where(above[:, None], top, low))
+    assert one.slopes(z) == pytest.approx(one.jacobian(z).diagonal())
+    assert chosen(both, None) is both
+    assert chosen(both.lower, above) is both.lower
+
+
+def test_the_median_at_the_ends_and_where_the_obstacles_cross():
+    inf, nan = np.inf, np.nan
+    for p, below, above, result in (
+        (2.0, inf, -inf, 2.0),
+        (2.0, 1.0, -inf, 1.0),
+        (-2.0, inf, -1.0, -1.0),
+        (0.0, 3.0, -3.0, 0.0),
+        (5.0, 0.0, 0.0, 0.0),
+        (0.0, -2.0, 1.0, -2.0),
+        (0.0, -1.0, 2.0, 2.0),
+        (9.0, 1.0, 3.0, 3.0),
+        (-9.0, -3.0, -1.0, -3.0),
+    ):
+        assert mid(*(np.array([x]) for x in (p, below, above))).tolist() == [result]
+    for given_ in ((nan, 1.0, -1.0), (0.0, nan, -1.0), (0.0, 1.0, nan)):
+        assert np.isnan(mid(*(np.array([x]) for x in given_))).all()
+    assert mid(np.array([3.0]), np.array([2.0])).tolist() == [2.0]
+
+
+@pytest.mark.parametrize(
+    ("psi", "upper", "words"),
+    [
+        ([0.0, 2.0], [1.0, 1.0], "cross in row 1: psi has 2 there, upper 1"),
+        (icp.Affine([[0, 1], [1, 0]], 3.0), icp.Affine([[0, 1], [0, 0]], 2.0), "cross in row 0: psi has 3 there"),
+        (0.0, [1.0, -np.inf], r"upper\[1\] is -inf"),
+        (0.0, icp.Constant([1.0, -np.inf]), r"upper.c\[1\] is -inf"),
+        (icp.Constant([1.0, np.inf]), 3.0, r"psi.c\[1\] is inf"),
+        (0.0, [1.0, np.nan], r"upper\[1\] is nan"),
+        (0.0, [1.0, 2.0, 3.0], r"upper has shape \(3,\)"),
+        (0.0, "one", "upper is 'one'"),
+        (Between(icp.Constant(0.0), icp.Constant(1.0)), 2.0, "psi has an obstacle above z already"),
+        (0.0, Between(icp.Constant(0.0), icp.Constant(1.0)), "upper has two sides"),
+    ],
+)
+def test_bad_obstacles_are_named_with_what_was_found(psi, upper, words):
+    with pytest.raises(icp.InputError, match=words):
+        icp.ICP(np.eye(2), np.ones(2), psi, upper=upper)
+
+
+def test_a_crossing_that_may_be_left_again_is_no_bad_input():
+    for psi, upper in (
+        (icp.Affine(np.eye(2), 3.0), 2.0),
+        (lambda z: z + 1, lambda z: z),
+        (icp.Affine([[0.0, 1.0], [1.0, 0.0]], 3.0), icp.Affine([[0.0, 1.5], [2.0, 0.0]], 2.0)),
+        ([-np.inf, 1.0], [-5.0, 1.0]),
+    ):
+        icp.ICP(np.eye(2), np.ones(2), psi, upper=upper)
+
+
+def test_problems_share_what_they_have_in_common():
+    problem = icp.ICP([[2.0, 1.0], [1.0, 2.0]], [1.0, -9.0], -1.0, upper=[1.0, np.inf])
+    assert problem.with_q([1.0, 1.0]).facts is problem.facts
+    assert problem.with_psi(-2.0).upper is not None
+    assert problem.with_psi(-2.0).upper.value(np.zeros(2)).tolist() == [1.0, np.inf]
+    assert problem.with_upper(None).upper is None
+    assert problem.with_upper(None).is_lcp
+    assert problem.with_upper(4.0).psi.value(np.zeros(2)).tolist() == [-1.0, -1.0]
+    assert problem.with_upper(4.0).matrix is problem.matrix
+    assert not problem.is_lcp
+    moving = icp.ICP(np.eye(2), np.ones(2), icp.Affine(np.eye(2) / 2), upper=icp.Affine(np.eye(2) / 4, 1.0))
+    frozen = moving.frozen([0.5, 1.0])
+    assert frozen.psi.value(np.zeros(2)).tolist() == [0.25, 0.5]
+    assert frozen.upper.value(np.zeros(2)).tolist() == [1.125, 1.25]
+    # where they touch, rounding may part them
+    touching = icp.ICP(np.eye(1), [-9.0], lambda z: 0.1 * z + 0.2, upper=lambda z: 0.3 + (z - 1) * 0.1)
+    assert touching.psi.value(np.array([-2.0])) > touching.upper.value(np.array([-2.0]))
+    assert touching.frozen([-2.0]).solve().z.tolist() == touching.psi.value(np.array([-2.0])).tolist()
+    with pytest.raises(icp.InputError, match="cross in row 0"):
+        touching.with_upper(lambda z: z - 1e-9).frozen([0.2])
+    assert "upper=Constant(1 ... inf)" in repr(problem)
+    for again in (pickle.loads(pickle.dumps(problem)), copy.deepcopy(problem)):
+        assert again.upper.value(np.zeros(2)).tolist() == [1.0, np.inf]
+        assert again.solve().z.tolist() == problem.solve().z.tolist()
+    with pytest.raises(AttributeError):
+        problem.upper = None
+
+
+def test_fixed_obstacles_are_found_on_both_sides():
+    """Where each moves with its own z_i, and by less: z_i = ψ_i(z_i) and z_i = ψ̄_i(z_i), +inf where there is none."""
+    low = icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), lipschitz=0.5, c=[0.0, -np.inf, 1.0])
+    top = icp.Elementwise(lambda z: 0.5 * np.tanh(z), lipschitz=0.5, c=[3.0, 1.0, np.inf])
+    facts = icp.ICP(np.eye(3), np.ones(3), low, upper=top).facts
+    assert facts.has_fixed_obstacle
+    c, d = facts.obstacle, facts.upper_obstacle
+    assert c[[0, 2]] == pytest.approx(0.5 * np.sin(c[[0, 2]]) + [0.0, 1.0], abs=1e-12)
+    assert d[:2] == pytest.approx(0.5 * np.tanh(d[:2]) + [3.0, 1.0], abs=1e-12)
+    assert (c[1], d[2]) == (-np.inf, np.inf)
+    assert not icp.ICP(np.eye(3), np.ones(3), low, upper=icp.Affine(np.ones((3, 3)), 5.0)).facts.has_fixed_obstacle
+    assert icp.ICP(np.eye(3), np.ones(3), low).facts.upper_obstacle is None
+    fails = icp.Elementwise(lambda z: np.where(z > 1, np.nan, 0.9 * z), lipschitz=0.9, c=1.0)
+    with pytest.raises(icp.MapError, match="upper_0"):
+        _ = icp.ICP(np.eye(1), np.ones(1), -1.0, upper=fails).facts.upper_obstacle
+
+
+def exact_sides(problem, z):
+    """p, z − ψ and z − ψ̄ in fractions, infinite where there is no obstacle."""
+    z = [Fraction(float(x)) for x in z]
+
+    def dot(row, last):
+        return sum((Fraction(float(a)) * x for a, x in zip(row, z, strict=True) if a), Fraction(float(last)))
+
+    p = [dot(row, last) for row, last in zip(problem.A.toarray(), problem.q, strict=True)]
+    sides = []
+    for psi in (problem.psi, problem.upper):
+        G, c = psi.linear[0].toarray(), psi.linear[1]
+        sides.append([x - dot(g, b) if np.isfinite(b) else -b for x, g, b in zip(z, G, c, strict=True)])
+    return p, *sides
+
+
+def exact_squares(problem, z):
+    """Res(z)²; the larger one of the two distances where the obstacles cross."""
+    total = Fraction(0)
+    for p, below, above in zip(*exact_sides(problem, z), strict=True):
+        value = max(abs(below), abs(above)) if above > below else max(above, min(p, below))
+        total += Fraction(value) ** 2
+    return total
+
+
+near_one = st.sampled_from([0.0, 1.0, -1.0, 3.0, 0.1, -0.3, 1.0 + 2.0**-40, 2.0**60, -(2.0**60), 1e-8])
+
+
+@st.composite
+def given_problems(draw):
+    """A problem with two affine obstacles and a z, whose rows may cancel, of any size."""
+    n = draw(st.integers(1, 3))
+    vector = st.lists(near_one, min_size=n, max_size=n).map(np.array)
+    matrix = st.lists(vector, min_size=n, max_size=n).map(np.array)
+    A, G, H = draw(matrix), draw(matrix) * draw(st.sampled_from([0, 1])), draw(matrix) * draw(st.sampled_from([0, 1]))
+    q, c, d, z = (draw(vector) for _ in range(4))
+    mask = st.lists(st.booleans(), min_size=n, max_size=n).map(np.array)
+    c, d = np.where(draw(mask), -np.inf, c), np.where(draw(mask), np.inf, d)
+    touch = draw(mask) & np.isfinite(c)
+    d, H = np.where(touch, c, d), np.where(touch[:, None], G, H)
+    unit = 2.0 ** draw(st.sampled_from([-450, 0, 420]))
+    same = (G == H).all(axis=1)
+    d = np.where(same, np.maximum(c, d), d)  # else it is bad input
+    kind = draw(st.sampled_from([np.array, sp.csr_array]))
+    problem = icp.ICP(kind(A), q * unit, icp.Affine(G, c * unit), upper=icp.Affine(H, d * unit))
+    return problem, z * unit
+
+
+@settings(max_examples=60, deadline=None)
+@given(given_problems())
+def test_a_certain_residual_is_never_below_the_exact_one_and_tight(drawn):
+    problem, z = drawn
+    exact = exact_squares(problem, z)
+    root = float(Fraction(math.isqrt(int(exact * 4**1200)), 2**1200))
+    assert certain(problem, z, 0.0, root * (1 + 1e-12) + 1e-300) <= root * (1 + 1e-12) + 1e-300
+    assert root == 0.0 or Fraction(certain(problem, z, 0.0, root / 2)) ** 2 >= exact
+
+
+@settings(max_examples=60, deadline=None)
+@given(given_problems())
+def test_the_rounding_errors_of_p_and_of_both_r_are_bounded(drawn):
+    problem, z = drawn
+    p, below, above = exact_sides(problem, z)
+    for_p, for_r = problem.rounding(z)
+    for exact, computed, bound in (
+        (p, problem.p(z), for_p),
+        (below, problem.r(z), for_r),
+        (above, problem.r_upper(z), for_r),
+    ):
+        for x, y, b in zip(exact, computed, bound, strict=True):
+            assert x == y if isinstance(x, float) else abs(x - Fraction(float(y))) <= Fraction(float(b))
+
+
+def test_the_residual_of_a_large_problem_is_that_of_the_median():
+    """In one compiled pass over A, NaN and crossing rows included."""
+    rng = np.random.default_rng(3)
+    n = 40_000
+    A = sp.csr_array(sp.diags_array([rng.normal(size=n - abs(k)) for k in range(-6, 7)], offsets=range(-6, 7)))
+    c = np.where(rng.random(n) < 0.2, -np.inf, rng.normal(size=n))
+    d = np.where(rng.random(n) < 0.2, np.inf, np.where(np.isfinite(c), c, 0.0) + rng.random(n).round(1))
+    problem, z = icp.ICP(A, rng.normal(size=n), c, upper=d), rng.normal(size=n)
+    assert problem.residual(z) == pytest.approx(np.linalg.norm(problem.natural_map(z)), rel=1e-12)
+    moving = problem.with_sides(icp.Affine(sp.eye_array(n), 0.0), icp.Affine(-0.5 * sp.eye_array(n), 0.3))
+    assert moving.residual(z) == pytest.approx(np.linalg.norm(moving.natural_map(z)), rel=1e-12)
+    assert np.isnan(problem.residual(np.where(np.arange(n) == 77, np.nan, z)))
+    assert problem.residual_at_0() == pytest.approx(np.linalg.norm(problem.natural_map(np.zeros(n))), rel=1e-12)

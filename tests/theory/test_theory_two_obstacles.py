@@ -1,0 +1,366 @@
+"""Two obstacles: what theory says of them holds against all 3ⁿ pieces in fractions, and along real runs."""
+
+import itertools
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from exact import exceeds, nearest_floats, pieces
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel.problem.between import Between, mid
+from icpmodel.theory import active_set, check, check_all, error_bound, predicted_rate, proximal_point
+from icpmodel.theory.certificates.bounds import may_cross, never_cross, proofs_of
+from icpmodel.theory.certificates.infeasible import infeasible, multipliers
+from icpmodel.theory.convergence.rates import PeacemanRachford, Rate
+
+SEEDS = st.integers(0, 2**32 - 1)
+NUMBERS = st.integers(-1000, 1000)
+MEMBERS = {
+    "mnmj": lambda D: icp.MNMJ(),
+    "mnmgs": lambda D: icp.MNMGS(phi2=1.2 * D),
+    "mnmaor": lambda D: icp.MNMAOR(theta1=0.9, theta2=0.6),
+    "mnmmod": lambda D: icp.MNMMOD(theta1=float(D.max())),
+    "psor": lambda D: icp.PSOR(omega=0.9),
+}
+
+
+def obstacles(rng, kind, n, size=1.0):
+    """(ψ, ψ̄) of one kind: constant, moving alike, or each in its own way, so that they cross somewhere; some rows
+    without one or the other, in some the two are equal."""
+    c = rng.normal(size=n)
+    d = c + np.abs(rng.normal(size=n)) * (rng.random(n) < 0.8)
+    c, d = np.where(rng.random(n) < 0.15, -np.inf, c), np.where(rng.random(n) < 0.15, np.inf, d)
+    if kind == "constant":
+        return icp.Constant(c), icp.Constant(d)
+    G = rng.normal(size=(n, n)) * size / n
+    return icp.Affine(G, c), icp.Affine(G if kind == "alike" else rng.normal(size=(n, n)) * size / n, d)
+
+
+def drawn(rng, kind, n=None):
+    """A problem with two obstacles of that `kind`, mostly with a proof: A dominant or definite."""
+    n = int(rng.integers(1, 5)) if n is None else n
+    B = rng.normal(size=(n, n))
+    rows = np.abs(B).sum(axis=1) * rng.uniform(0.7, 2)
+    A = B - np.diag(B.diagonal() - rows) if rng.random() < 0.6 else B @ B.T + 0.3 * np.eye(n)
+    psi, upper = obstacles(rng, kind, n, rng.choice([0.1, 0.4, 1.0]))
+    return icp.ICP(A, rng.normal(size=n) * 3, psi, upper=upper)
+
+
+def in_units(problem, rows, columns):
+    """The problem with z in units of `columns` and p in units of `rows`, powers of two, so that nothing is rounded."""
+
+    def moved(psi):
+        G, c = psi.linear
+        return icp.Affine(G.toarray() * columns[:, None] / columns, c * columns)
+
+    A = problem.A.toarray() * rows[:, None] / columns
+    return icp.ICP(A, problem.q * rows, moved(problem.psi), upper=moved(problem.upper))
+
+
+@given(*[st.tuples(NUMBERS, NUMBERS, NUMBERS)] * 2)
+def test_the_median_is_a_mean(one, other):
+    """mid(a, b, c) − mid(a′, b′, c′) is between the least and the largest of the three differences."""
+    one, other = ([*np.sort([x[0], x[2]]).tolist(), x[1]] for x in (one, other))
+    first, second = (mid(*(np.array([float(y)]) for y in (x[2], x[1], x[0])))[0] for x in (one, other))
+    assert first == sorted(one)[1]
+    differences = [a - b for a, b in zip(one, other, strict=True)]
+    assert min(differences) <= first - second <= max(differences)
+
+
+@settings(max_examples=80, deadline=None)
+@given(SEEDS)
+def test_the_natural_map_is_zero_exactly_at_the_solutions(seed):
+    """In whole numbers, nothing of which is rounded, for every Ω; and nowhere in a row where the obstacles cross."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 5))
+    A, G, H = (rng.integers(-3, 4, (n, n)).astype(float) for _ in range(3))
+    z, gap, p = rng.integers(-4, 5, n), rng.integers(0, 3, (2, n)), rng.integers(-4, 5, n)
+    below, above = np.where(p > 0, 0, gap[0]), np.where(p < 0, 0, gap[1])
+    psi, upper = icp.Affine(G, z - below - G @ z), icp.Affine(H, z + above - H @ z)
+    problem = icp.ICP(A, np.where((below > 0) & (above > 0), 0, p) - A @ z, psi, upper=upper)
+    omega = 2.0 ** rng.integers(-3, 4, n)
+    assert not problem.natural_map(z, omega).any()
+    other = z + rng.integers(-2, 3, n)
+    p, low, top = problem.p(other), psi.value(other), upper.value(other)
+    held = ((p >= 0) & (other == low)) | ((p <= 0) & (other == top)) | (p == 0)
+    solved = (held & (low <= other) & (other <= top)).all()
+    assert bool(problem.natural_map(other, omega).any()) != solved
+    assert problem.natural_map(other)[low > top].all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(SEEDS, st.sampled_from(["constant", "alike", "own"]))
+def test_no_bound_is_below_the_true_error_and_what_is_unique_is(seed, kind):
+    """Every proof and the bound that is told, from points near and far: |z − z*| ≤ δ, z* the one solution."""
+    rng = np.random.default_rng(seed)
+    problem = drawn(rng, kind)
+    exact = pieces(problem)
+    start = nearest_floats((exact.solutions + exact.others + [np.zeros(problem.n)])[0])
+    for distance in (0.0, 1e-12, 0.1, 30.0):
+        z = start + distance * rng.normal(size=problem.n)
+        told = error_bound(problem, z)
+        assert not told.unique or len(exact.solutions) == 1
+        assert told.value is None or not exceeds(z, exact.solutions[0], told.componentwise)
+        for proof in (getattr(proofs_of(problem), name) for name in ("h_plus", "representatives", "definite")):
+            if not isinstance(proof, str):
+                assert len(exact.solutions) + len(exact.others) == 1
+                delta, _ = proof.bound(problem, z, *problem.rounding(z))
+                if may_cross(problem, z, delta) is None:
+                    assert not exceeds(z, exact.solutions[0], delta)
+
+
+def test_each_kind_of_obstacle_has_bounds_and_crossing_ones_none():
+    """So that the test above is not about nothing: most problems have a bound where no row may cross."""
+    rng = np.random.default_rng(5)
+    for kind, least in (("constant", 15), ("alike", 8), ("own", 2)):
+        problems = [drawn(rng, kind) for _ in range(25)]
+        bounds = [error_bound(one, one.solve(raise_on_failure=False).z) for one in problems]
+        assert sum(bound.value is not None for bound in bounds) >= least
+        assert all(never_cross(one.psi) == (kind != "own") for one in problems if one.n > 1)
+    crossing = icp.ICP([[2.0]], [-9.0], icp.Affine([[0.5]], [0.0]), upper=icp.Affine([[-0.5]], [-3.0]))
+    bound = error_bound(crossing, [-2.0])
+    assert not bound.unique
+    assert "psi <= upper is not proved" in bound.reason
+    assert "row 0" in bound.reason
+    assert crossing.solve(raise_on_failure=False).status is icp.Status.CROSSED
+
+
+@pytest.mark.parametrize("decades", [40, 150, 300])
+def test_units_of_any_size_leave_the_bounds_true(decades):
+    rng = np.random.default_rng(decades)
+    bounded = 0
+    for k in range(12):
+        plain = drawn(rng, ("constant", "alike", "own")[k % 3], n=2)
+        share = decades // 2 if k % 2 else 0
+        rows, columns = (2.0 ** np.round(rng.uniform(-x, x, 2) * 3.3) for x in (decades - share, share))
+        problem = in_units(plain, rows, columns)
+        exact = pieces(problem)
+        z = problem.solve(raise_on_failure=False, time_limit=1).z + 1e-3 * columns * (k % 4 == 0)
+        bound = error_bound(problem, z)
+        assert not bound.unique or len(exact.solutions) == 1
+        if bound.value is not None:
+            bounded += 1
+            assert not exceeds(z, exact.solutions[0], bound.componentwise)
+    assert bounded >= 4
+
+
+@settings(max_examples=30, deadline=None)
+@given(SEEDS, st.sampled_from(["constant", "alike", "own"]))
+def test_the_three_kinds_of_rows_are_right(seed, kind):
+    """p* > 0 at the lower obstacle, p* < 0 at the upper one, p* = 0 off both: decided exactly."""
+    rng = np.random.default_rng(seed)
+    problem = drawn(rng, kind)
+    exact = pieces(problem).solutions
+    z = (nearest_floats(exact[0]) if exact else np.zeros(problem.n)) + 10.0 ** rng.uniform(-16, 0) * rng.normal(
+        size=problem.n
+    )
+    bound = error_bound(problem, z)
+    rows = active_set(problem, z, bound)
+    kinds = np.array([rows.active, rows.above, rows.inactive, rows.undecided])
+    assert (kinds.sum(axis=0) == 1).all()
+    if bound.value is None:
+        assert rows.undecided.all()
+        return
+    for i in range(problem.n):
+        row = problem.A.toarray()[i].tolist()
+        p = sum((Fraction(a) * x for a, x in zip(row, exact[0], strict=True)), Fraction(problem.q[i]))
+        assert rows.undecided[i] or [p > 0, p < 0, p == 0] == [rows.active[i], rows.above[i], rows.inactive[i]]
+
+
+@settings(max_examples=25, deadline=None)
+@given(SEEDS, st.sampled_from(["constant", "alike", "own"]), st.sampled_from(sorted(MEMBERS)))
+def test_no_run_is_slower_than_its_rate(seed, kind, name):
+    """From every start, also from where the obstacles cross, to the one zero, solution or not; `distance` is a bound
+    and `steps` are enough."""
+    rng = np.random.default_rng(seed)
+    problem = drawn(rng, kind)
+    member = MEMBERS[name](problem.A.diagonal())
+    rate = predicted_rate(problem, member)
+    exact = pieces(problem)
+    if not isinstance(rate, Rate) or isinstance(rate, PeacemanRachford):
+        return
+    [zero] = exact.solutions + exact.others
+    zero = nearest_floats(zero)
+    z0 = zero + rng.normal(size=problem.n) * 10.0 ** rng.uniform(-2, 2)
+    path = [z for z, _ in itertools.islice(member.iterates(problem, z0), 25)]
+    error = np.array([(np.abs(z - zero) / rate.v).max() for z in path])
+    rounding = 1e-12 * (error[0] + (np.abs(zero) / rate.v).max() + (1 / rate.v).max())
+    assert (error <= rate.factor ** np.arange(25) * error[0] + rounding).all()
+    assert error[0] <= rate.distance(problem, z0) + rounding
+    steps = rate.steps(problem, z0, 1e-6)
+    if steps < 2000:
+        last = next(itertools.islice(member.iterates(problem, z0), steps, None))[0]
+        assert (np.abs(last - zero) <= 1e-6 + rounding * rate.v).all()
+
+
+def test_rates_are_proved_for_each_kind_and_each_member():
+    rng = np.random.default_rng(8)
+    for kind, name in itertools.product(("constant", "alike", "own"), MEMBERS):
+        problems = [drawn(rng, kind, 2) for _ in range(6)]
+        rates = [predicted_rate(one, MEMBERS[name](one.A.diagonal())) for one in problems]
+        assert any(isinstance(rate, Rate) for rate in rates), (kind, name)
+
+
+@settings(max_examples=15, deadline=None)
+@given(SEEDS)
+def test_peaceman_rachford_contracts_between_fixed_obstacles(seed):
+    """Theorem definite holds with ψ̄ constant as well, and asks for that."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 5))
+    B = rng.normal(size=(n, n))
+    A = B @ B.T + 0.3 * np.eye(n) + (B - B.T) * rng.uniform(0, 2)
+    psi, upper = obstacles(rng, "constant", n)
+    problem, member = icp.ICP(A, rng.normal(size=n) * 3, psi, upper=upper), icp.MNMMOD(theta1=1.5)
+    found = check("definite", problem, member)
+    assert found.holds is True
+    [zero] = pieces(problem).solutions
+    zero, X, z = nearest_floats(zero), A + 1.5 * np.eye(n), rng.normal(size=n) * 5
+    norms = [np.linalg.norm(X @ (z - zero)) for z, _ in itertools.islice(member.iterates(problem, z), 12)]
+    assert all(after <= found.number * before + 1e-12 * norms[0] for before, after in itertools.pairwise(norms))
+    assert check("definite", problem.with_upper(lambda z: z + 9.0), member).reason == "an obstacle is not constant"
+
+
+@settings(max_examples=25, deadline=None)
+@given(SEEDS, st.booleans())
+def test_isotone_steps_go_down_from_a_supersolution_between_two_obstacles(seed, newest):
+    """Theorem monotone: A a Z-matrix, both obstacles isotone, each F_i(s) ≥ 0 through p and r, or through s ≥ ψ̄."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 5))
+    A = -np.abs(rng.normal(size=(n, n)))
+    np.fill_diagonal(A, rng.uniform(0.5, 4, n))
+    G, H, s, room = *(np.abs(rng.normal(size=(n, n))) * 0.5 for _ in range(2)), rng.normal(size=n), rng.random((3, n))
+    beyond = rng.random(n) < 0.3
+    psi = icp.Affine(G, s - room[0] - G @ s)
+    upper = icp.Affine(H, s + np.where(beyond, -room[1], room[1]) - H @ s)
+    problem = icp.ICP(A, np.where(beyond, rng.normal(size=n), room[2]) - A @ s, psi, upper=upper)
+    member = icp.PSOR(omega=0.8) if newest else icp.MNMJ(phi=np.full(n, 0.25) * A.diagonal(), phi2=0.8 * A.diagonal())
+    assert check("monotone", problem, member).holds is True
+    path = [z for z, _ in itertools.islice(member.iterates(problem, s), 8)]
+    assert all(
+        (after <= before + 1e-9 * (1 + np.abs(before).max())).all() for before, after in itertools.pairwise(path)
+    )
+    lower = s - rng.random(n)
+    below, above = (next(itertools.islice(member.iterates(problem, z), 1, None))[0] for z in (lower, s))
+    assert (below <= above + 1e-9).all()
+    shrinking = problem.with_sides(psi, icp.Affine(-H, upper.linear[1]))
+    assert check("monotone", shrinking, member).holds is False
+
+
+@settings(max_examples=25, deadline=None)
+@given(SEEDS)
+def test_infeasibility_between_fixed_obstacles_is_proved_and_true(seed):
+    """Farkas: y_i ≥ 0 where nothing is above, y_i ≤ 0 where nothing is below, and (Az + q)ᵀy < 0 in the whole box."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 5))
+    A, c = rng.integers(-3, 4, (n, n)).astype(float), rng.integers(-3, 4, n).astype(float)
+    d = c + rng.integers(0, 4, n)
+    c, d = np.where(rng.random(n) < 0.4, -np.inf, c), np.where(rng.random(n) < 0.5, np.inf, d)
+    problem = icp.ICP(A, rng.integers(-5, 6, n), c, upper=d)
+    y = multipliers(problem)
+    found = infeasible(problem, rng.normal(size=n) if y is None else y)
+    if found.holds:
+        assert not pieces(problem).solutions
+        y = [Fraction(x) for x in found.witness]
+        assert all((x >= 0 or c[i] == -np.inf) and (x <= 0 or d[i] == np.inf) for i, x in enumerate(y))
+        total = sum((Fraction(x) * b for x, b in zip(problem.q.tolist(), y, strict=True)), Fraction(0))
+        for column, low, high in zip(A.T.tolist(), c.tolist(), d.tolist(), strict=True):
+            entry = sum((Fraction(a) * b for a, b in zip(column, y, strict=True)), Fraction(0))
+            total += entry * Fraction(high if entry > 0 else low) if entry else 0
+        assert total < 0
+    assert problem.solve(raise_on_failure=False).infeasible is None or not pieces(problem).solutions
+
+
+def test_infeasible_boxes_are_found():
+    """Where z₂ ≤ 1 keeps p₁ = z₂ − 3 below 0, and mirrored; and where every row is held on both sides never."""
+    for sign, psi, upper in ((1.0, [0.0, -np.inf], [np.inf, 1.0]), (-1.0, [-np.inf, -1.0], [0.0, np.inf])):
+        problem = icp.ICP([[0.0, 1.0], [0.0, 1.0]], [-3.0 * sign, 0.0], psi, upper=upper)
+        found = infeasible(problem, multipliers(problem))
+        assert found.holds is True
+        assert found.witness.tolist() == [sign, 0.0]
+        assert "no z with psi <= z <= upper" in found.reason
+        if sign > 0:
+            assert problem.solve("lemke", raise_on_failure=False).status is icp.Status.INFEASIBLE
+    held = icp.ICP([[0.0, 1.0], [0.0, 1.0]], [-3.0, 0.0], 0.0, upper=1.0)
+    assert multipliers(held) is None
+    assert infeasible(held, np.array([1.0, 0.0])).holds is None
+    moving = held.with_sides(icp.Affine(np.eye(2)), 1.0)
+    assert multipliers(moving) is None
+    assert infeasible(moving, np.array([1.0, 0.0])).holds is None
+
+
+def test_the_side_without_a_lipschitz_matrix_is_named():
+    for psi, upper, name in ((0.0, np.exp, "upper"), (np.sin, 5.0, "psi"), (np.sin, np.exp, "psi")):
+        problem = icp.ICP([[2.0]], [1.0], psi, upper=upper)
+        told = f"no Lipschitz matrix of {name} is known: give `lipschitz`"
+        assert error_bound(problem, [0.0]).reason == told
+        assert check("4.1", problem, icp.MNMGS()).reason == told
+
+
+def test_supersolutions_say_nothing_of_two_obstacles():
+    jumps = icp.Intervention(sp.csr_array([[0.0, -1.0], [-1.0, 0.0]]))
+    control = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0], jumps)
+    assert error_bound(control, np.zeros(2)).unique
+    assert not error_bound(control.with_upper(5.0), np.zeros(2)).unique
+
+
+def test_the_proximal_theorem_covers_a_box():
+    turn = [[0.0, -1.0], [1.0, 0.0]]
+    assert proximal_point(icp.ICP(turn, [1.0, -1.0], 0.0, upper=[2.0, np.inf])).holds is True
+    assert proximal_point(icp.ICP(turn, [1.0, -1.0], 0.0, upper=icp.Affine(np.eye(2), 1.0))).holds is False
+
+
+def test_obstacles_that_never_cross_are_known():
+    one = icp.Affine([[0.5, 0.0], [0.2, 0.0]], [0.0, -np.inf]).bind(2)
+    assert Between(one, icp.Affine(one.G, [0.0, 3.0]).bind(2)).parallel
+    assert not Between(one, icp.Affine(one.G, [-1.0, 3.0]).bind(2)).parallel
+    assert not Between(one, icp.Constant(9).bind(2)).parallel
+    assert not Between(icp.Function(np.sin).bind(2), icp.Function(np.exp).bind(2)).parallel
+    touching = icp.ICP(np.eye(2), [1.0, 1.0], [0.0, 1.0], upper=[0.0, 1.0])
+    assert error_bound(touching, [0.0, 1.0]).value < 1e-15
+
+
+def test_a_sign_of_p_is_wrong_where_no_obstacle_pushes_that_way():
+    """p < 0 asks for an obstacle above, p > 0 for one below; and z may be beyond either."""
+    problem = icp.ICP(np.eye(4), np.zeros(4), [0.0, -np.inf, -np.inf, 0.0], upper=[np.inf, 5.0, np.inf, 5.0])
+    for z, of_p, of_r in (
+        ([-3.0, 0.0, 0.0, 0.0], 3.0, 3.0),
+        ([0.0, 2.0, 0.0, 0.0], 2.0, 0.0),
+        ([0.0, -2.0, 0.0, 0.0], 0.0, 0.0),
+        ([0.0, 0.0, -4.0, 0.0], 4.0, 0.0),
+        ([0.0, 0.0, 4.0, 0.0], 4.0, 0.0),
+        ([0.0, 0.0, 0.0, 7.0], 0.0, 2.0),
+    ):
+        found = icp.certify(problem, z, bound=False)
+        assert (found.violation_p, found.violation_r) == (of_p, of_r)
+
+
+def test_all_theorems_are_decided_with_an_obstacle_above():
+    problem = icp.ICP([[4.0, -1.0], [-1.0, 4.0]], [1.0, -9.0], -1.0, upper=1.0)
+    holds = [name for name, found in check_all(problem, icp.MNMGS()).items() if found.holds]
+    assert holds == ["4.1", "4.2", "4.3", "4.4", "sharper"]
+    assert "if ψ ≤ ψ̄ at the limit" in check("4.1", problem, icp.MNMGS()).sentence
+
+
+def test_bounds_of_many_unknowns_are_true_and_close():
+    """Where points near z are found by sweeps and multigrid: an answer made beforehand, at either obstacle and off."""
+    rng = np.random.default_rng(0)
+    A = icp.scenes.membrane(n=3600).problem.A
+    i, j = np.divmod(np.arange(3600), 60)
+    exact = np.sin(i / 20) * np.cos(j / 15)
+    low, high = exact < -0.3, exact > 0.4
+    p = np.where(low, 1.0, np.where(high, -1.0, 0.0)) * A.diagonal() * rng.random(3600)
+    c, d = exact - np.where(low, 0.0, rng.random(3600)), exact + np.where(high, 0.0, rng.random(3600))
+    problem = icp.ICP(A, p - A @ exact, c, upper=d)
+    for off in (rng.normal(size=3600), np.ones(3600)):
+        z = exact + 1e-4 * off
+        bound, error = error_bound(problem, z), np.abs(z - exact)
+        assert (error <= bound.componentwise + 1e-12).all()
+        assert bound.value <= 10 * error.max() < error_bound(problem, z, sharp=False).value
+        rows = active_set(problem, exact, error_bound(problem, exact))
+        assert not (rows.active & ~low).any()
+        assert not (rows.above & ~high).any()
+        assert (rows.active.sum() > 0.9 * low.sum()) & (rows.above.sum() > 0.9 * high.sum())
