@@ -69,7 +69,7 @@ class Ownership:
             size = sum(np.where(side == 0, 0.0, np.log2(np.abs(side))) for side in self._coefficient)
         opposite = np.sign(first) * np.sign(second) < 0
         cost = _NOT_IN_R * ~self._in_r() + _MISSING * missing + _OPPOSITE * opposite - size
-        own = cheapest(self._row, self._col, cost, self.m) if self.m == self.n else None
+        own = cheapest(self._row, self._col, cost, self.m, self.n) if self.m == self.n else None
         if own is None:
             raise InputError(self._not_square(rows))
         return own
