@@ -1,7 +1,7 @@
 """icpmodel as a solver of CVXPY: convex quadratic programs as ICPs, with proofs where there is no answer.
 
-The matrix M of such an ICP, with constant obstacles, is positive semidefinite and mostly singular, while Newton's method wants systems that can
-be solved. M + σI is positive definite, so
+The obstacles of such an ICP are constant. Its matrix M is positive semidefinite and mostly singular, while Newton's
+method wants systems that can be solved. M + σI is positive definite, so
 
     z⁺ solves the ICP with M + σI and q − σz        (σ > 0; the obstacles are the same)
 
@@ -63,8 +63,8 @@ class ProximalPoint(NamedTuple):
 
 
 def proximal_points(problem: ICP, tolerance: float, time_limit: float = np.inf) -> Iterator[ProximalPoint]:
-    """The proximal points of `problem`, an ICP with constant obstacles and a positive semidefinite A of entries about 1, from its obstacle on.
-    It ends when the time is over, or no σ lets Newton's method succeed. Raises KeyboardInterrupt after Ctrl-C."""
+    """The proximal points of `problem`, constant obstacles and a positive semidefinite A of entries about 1, from its
+    lower obstacle on. It ends when the time is over, or no σ lets Newton's method succeed. Raises KeyboardInterrupt after Ctrl-C."""
     end = time.perf_counter() + time_limit
     c = problem.psi.value(np.zeros(problem.n))
     z = np.where(np.isneginf(c), 0.0, c)
