@@ -64,7 +64,8 @@ class ProximalPoint(NamedTuple):
 
 def proximal_points(problem: ICP, tolerance: float, time_limit: float = np.inf) -> Iterator[ProximalPoint]:
     """The proximal points of `problem`, constant obstacles and a positive semidefinite A of entries about 1, from its
-    lower obstacle on. It ends when the time is over, or no σ lets Newton's method succeed. Raises KeyboardInterrupt after Ctrl-C."""
+    lower obstacle on. It ends when the time is over, or no σ lets Newton's method succeed. Raises KeyboardInterrupt
+    after Ctrl-C."""
     end = time.perf_counter() + time_limit
     c = problem.psi.value(np.zeros(problem.n))
     z = np.where(np.isneginf(c), 0.0, c)
