@@ -85,7 +85,7 @@ def test_equations_are_arranged_by_their_entries_and_signs():
     """The order and the signs: a diagonal without zeros, or opposite entries on both sides of it; rows with an
     obstacle stay."""
     for A, free, expected in (
-        ([[0, -2.0], [3, 1]], [1, 1], [[3, 1], [0, 2]]),
+        ([[0, -2.0, 0], [0, 0, 4], [3, 0, 0]], [1, 1, 1], [[3, 0, 0], [0, 2, 0], [0, 0, 4]]),
         ([[2.0, 1], [1, 0]], [0, 1], [[2, 1], [-1, 0]]),
         ([[-2.0, 1], [1, -1]], [0, 1], [[-2, 1], [-1, 1]]),
         ([[1.0, 0], [1, 0]], [0, 1], [[1, 0], [1, 0]]),
