@@ -8,11 +8,13 @@ merit function takes over where these steps fail:
     Ψ(z) = ½‖φ(p/Ω, r)‖²,        φ(a, b) = a + b − √(a² + b²), zero where a ≥ 0, b ≥ 0, ab = 0 (Fischer and Burmeister).
 
 With an obstacle above, rows with z_i − ψ̄_i > p_i/Ω_i take z_i = ψ̄_i(z), and −φ(−p/Ω, ψ̄ − z) takes the place of p/Ω
-in Ψ (Billups). Let θ = ‖φ‖. The first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one.
-Plain steps may raise θ, but within `_PATIENCE` of them there must be a new mark; those that do nothing but shrink the
-active set are not counted, as there are at most n in a row. Else the run goes back to its best iterate and takes a
-semismooth Newton step for φ = 0 from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later
-plain steps get half the patience. So the marks fall for ever, or the method ends.
+in Ψ (Billups). A row on one obstacle with |p_i|/Ω_i > ψ̄_i − ψ_i would take the other at once. That is right where the
+row is dominant; where others move p_i by more, such rows go round together, and are set free first. Let θ = ‖φ‖. The
+first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one. Plain steps may raise θ, but within
+`_PATIENCE` of them there must be a new mark; those that do nothing but shrink the active set are not counted, as there
+are at most n in a row. Else the run goes back to its best iterate and takes a semismooth Newton step for φ = 0 from
+there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get half the patience. So
+the marks fall for ever, or the method ends.
 """
 
 from __future__ import annotations
@@ -105,7 +107,7 @@ class Point:
         above = problem.r_upper(z)
         self.residual = norm(mid(self.p, below, above))
         a = self.p / omega
-        pattern = Pattern.of(below, above, a)
+        pattern = Pattern.of(below, above, a if above is None else _within_reach(problem, a, below - above))
         self.r, self.active, self.above = pattern
         self.inner = None if above is None else _Fischer(-a, -above)
         self.outer = _Fischer(a if self.inner is None else -self.inner.phi, below)
@@ -129,6 +131,13 @@ class Point:
         J = self.jacobian if self.above is None else derivative(problem.psi, self.z)
         V = V + sp.diags_array(of_p / self.omega) @ problem.A + sp.diags_array(of_r) @ (identity - J)
         return sp.csr_array(V), total + of_p
+
+
+def _within_reach(problem: ProblemData, a: Vector, gap: Vector) -> Vector:
+    """`a` = p/Ω, in rows that are not dominant no more than half the `gap` between the obstacles."""
+    rows, half = problem.matrix.rows, 0.5 * gap
+    free = (rows.rest > np.abs(rows.diagonal)) & (half > 0)
+    return np.where(free, np.clip(a, -half, half), a)
 
 
 class _Fischer:

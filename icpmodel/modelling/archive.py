@@ -55,15 +55,16 @@ def opened(path: Path) -> Iterator[tuple[BinaryIO, int]]:
             yield file, os.fstat(file.fileno()).st_size
 
 
-def write_archive(path: Path, kind: str, arrays: dict[str, Any]) -> None:
+def write_archive(path: Path, kind: str, arrays: dict[str, Any], *others: str) -> None:
     """The `arrays` and their `kind` in the file `path`: an interruption at any moment leaves the old file or the new.
 
-    Raises FileError where it cannot be written, or where another kind of file is in its place.
+    A file of this kind or of the `others` is replaced. Raises FileError where it cannot be written, or where another
+    kind of file is in its place.
     """
     if path.suffix.lower() != ".npz":
         raise FileError(f"{path}: a file whose name ends in .npz was expected; all of it is written to one file")
     with told(path, "written"):
-        check_free(path, kind)
+        check_free(path, kind, *others)
         beside = path.with_name(f".{secrets.token_hex(8)}.part")
         with beside.open("xb") as file:
             try:
@@ -84,22 +85,23 @@ def write_archive(path: Path, kind: str, arrays: dict[str, Any]) -> None:
                 os.close(folder)
 
 
-def check_free(path: Path, kind: str) -> None:
-    """Raise FileError where something is at `path` that must not be replaced: all but a file of the same kind."""
+def check_free(path: Path, *kinds: str) -> None:
+    """Raise FileError where something is at `path` that must not be replaced: all but a file of these kinds."""
     if path.is_symlink():
         raise FileError(f"{path}: is a symbolic link, which is not followed; name the file behind it, or another one")
     if not os.path.lexists(path) or (path.is_file() and not path.stat().st_size):
         return
     try:
-        with read_archive(path, kind):
+        with read_archive(path, *kinds):
             path.open("r+b").close()  # it is protected where this fails
     except FileError as error:
         raise FileError(f"{path}: is in the way; remove it, or choose another name ({error})") from error
 
 
 @contextmanager
-def read_archive(path: Path, kind: str) -> Iterator[Archive]:
-    """The arrays of a file that `write_archive` wrote, while it is open. Raises FileError for anything else."""
+def read_archive(path: Path, *kinds: str) -> Iterator[Archive]:
+    """The arrays of a file of one of the `kinds` that `write_archive` wrote, while it is open. Raises FileError for
+    anything else."""
     if path.suffix.lower() != ".npz":
         raise FileError(f"{path}: a file whose name ends in .npz was expected")
     with opened(path) as (file, size):
@@ -109,8 +111,8 @@ def read_archive(path: Path, kind: str) -> Iterator[Archive]:
             raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
         with directory:
             archive = Archive(path, directory, size)
-            if (found := archive.text("format")) != kind:
-                raise FileError(f"{path}: field format is {found!r}; {kind!r} was expected")
+            if (found := archive.text("format")) not in kinds:
+                raise FileError(f"{path}: field format is {found!r}; {' or '.join(map(repr, kinds))} was expected")
             yield archive
 
 

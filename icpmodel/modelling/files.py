@@ -1,8 +1,10 @@
 """Problems and solutions on disk. Files are data: nothing is ever unpickled or evaluated.
 
 What is saved is one `.npz` file, which other programs read with `numpy.load`: of a problem q, psi (zero, constant or
-affine), c, and A as the CSR arrays A_data, A_indices and A_indptr, likewise G of an affine ψ; of a solution z, p, r and
-its certificate as JSON text. A problem can also be read from Matrix Market files, as other programs write them:
+affine), c, and A as the CSR arrays A_data, A_indices and A_indptr, likewise G of an affine ψ, and where there is an
+obstacle above the same of it: upper, upper_c and upper_G; of a solution z, p, r and its certificate as JSON text. The
+two forms of problems have names of their own, so that nobody overlooks the upper one. A problem can also be read from
+Matrix Market files, as other programs write them:
 
     folder/A.mtx        A
     folder/q.mtx        q, n × 1
@@ -10,7 +12,9 @@ its certificate as JSON text. A problem can also be read from Matrix Market file
     folder/c.mtx        c, n × 1      (constant and affine)
     folder/G.mtx        G             (affine)
 
-ψ given by Python code has no file form.
+and psi.json may have a second field, "upper": "constant" or "affine", with upper_c.mtx and upper_G.mtx. A file of c has
+no infinite numbers: where an obstacle is missing in some rows take the `.npz` file. ψ given by Python code has no file
+form.
 """
 
 from __future__ import annotations
@@ -26,22 +30,25 @@ import scipy.sparse as sp
 from ..errors import FileError, InputError
 from ..icp import ICP
 from ..problem.affine import Affine
+from ..problem.between import Between
 from ..problem.data import as_problem
 from ..solve.solution import Solution
 from .archive import as_path, check_free, read_archive, told, write_archive
 from .matrix_market import read_matrix, read_vector
 
-_PROBLEM, _SOLUTION = "icpmodel problem 1", "icpmodel solution 1"
-#: kind of ψ → what is stored of it
+_PROBLEM, _BETWEEN, _SOLUTION = "icpmodel problem 1", "icpmodel problem 2", "icpmodel solution 1"
+#: what the names of what is stored of an obstacle begin with
+_PREFIX = {"psi": "", "upper": "upper_"}
+#: kind of an obstacle → what is stored of it
 _KINDS: dict[str, tuple[str, ...]] = {"zero": (), "constant": ("c",), "affine": ("c", "G")}
 
 
 def save_problem(problem: ICP, path: str | PathLike[str]) -> None:
     """Write `problem` to the `.npz` file `path`; other programs may take `scipy.io.mmwrite("A.mtx", problem.A)`.
 
-    ψ must be zero, constant or affine. The file is written beside and then renamed, so that whatever happens the old
-    file or the new one is there, whole; only a file that holds a saved problem is replaced, and links are not followed.
-    Raises InputError for any other ψ, FileError where the path cannot be written.
+    Both obstacles must be zero, constant or affine. The file is written beside and then renamed, so that whatever
+    happens the old file or the new one is there, whole; only a file that holds a saved problem is replaced, and links
+    are not followed. Raises InputError for any other ψ, FileError where the path cannot be written.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -50,19 +57,18 @@ def save_problem(problem: ICP, path: str | PathLike[str]) -> None:
     ICP(n=1, nnz=1, psi=Constant(3))
     """
     psi = as_problem(problem).psi
-    if psi.linear is None:
-        raise InputError(f"psi is {psi!r}; only zero, constant and affine maps can be written to a file")
-    G, c = psi.linear
-    kind = "affine" if not psi.is_constant else "constant" if c.any() else "zero"
-    arrays: dict[str, Any] = {"psi": np.array(kind)}
-    stored = {"A": problem.A, "q": problem.q, "c": c, "G": G}
-    for name in ("A", "q", *_KINDS[kind]):
-        part = stored[name]
-        if sp.issparse(part):
-            arrays |= {f"{name}_data": part.data, f"{name}_indices": part.indices, f"{name}_indptr": part.indptr}
-        else:
-            arrays[name] = part
-    write_archive(as_path(path), _PROBLEM, arrays)
+    sides = {"psi": psi} if not isinstance(psi, Between) else {"psi": psi.lower, "upper": psi.upper}
+    arrays: dict[str, Any] = _fields("A", problem.A) | {"q": problem.q}
+    for side, one in sides.items():
+        if one.linear is None:
+            raise InputError(f"{side} is {one!r}; only zero, constant and affine maps can be written to a file")
+        G, c = one.linear
+        kind = "affine" if not one.is_constant else "constant" if c.any() else "zero"
+        arrays[side] = np.array(kind)
+        for name in _KINDS[kind]:
+            arrays |= _fields(_PREFIX[side] + name, G if name == "G" else c)
+    kinds = (_PROBLEM, _BETWEEN)
+    write_archive(as_path(path), kinds[len(sides) - 1], arrays, *kinds)
 
 
 def load_problem(path: str | PathLike[str], q: str | PathLike[str] | None = None) -> ICP:
@@ -86,7 +92,7 @@ def load_problem(path: str | PathLike[str], q: str | PathLike[str] | None = None
     if q is None:
         raise FileError(f"{path}: is neither an .npz file nor a folder; a Matrix Market file of A needs its q as well")
     A = read_matrix(path)
-    return _problem(path, {"A": A, "q": read_vector(as_path(q), A.shape[0])})
+    return _problem(path, {"A": A, "q": read_vector(as_path(q), A.shape[0]), "psi": "zero"})
 
 
 def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
@@ -131,17 +137,25 @@ def load_solution(path: str | PathLike[str]) -> dict[str, Any]:
 
 def _problem(path: Path, parts: dict[str, Any]) -> ICP:
     try:
-        psi = Affine(parts["G"], parts["c"]) if "G" in parts else parts.get("c", 0.0)
-        return ICP(parts["A"], parts["q"], psi)
+        sides = []
+        for side, prefix in _PREFIX.items():
+            c = parts.get(f"{prefix}c", 0.0 if side in parts else None)
+            sides.append(Affine(parts[f"{prefix}G"], c) if f"{prefix}G" in parts else c)
+        return ICP(parts["A"], parts["q"], *sides)
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
 
 
 def _from_archive(path: Path) -> dict[str, Any]:
-    with read_archive(path, _PROBLEM) as archive:
-        of_psi, q = _stored(path, archive.text("psi")), archive.vector("q")
-        readers: dict[str, Any] = {"A": archive.matrix, "c": archive.vector, "G": archive.matrix}
-        return {"q": q} | {name: readers[name](name, q.size) for name in ("A", *of_psi)}
+    with read_archive(path, _PROBLEM, _BETWEEN) as archive:
+        q = archive.vector("q")
+        parts: dict[str, Any] = {"q": q, "A": archive.matrix("A", q.size)}
+        for side in ("psi", "upper") if archive.text("format") == _BETWEEN else ("psi",):
+            parts[side] = archive.text(side)
+            for name in _stored(path, side, parts[side]):
+                read = archive.matrix if name == "G" else archive.vector
+                parts[_PREFIX[side] + name] = read(_PREFIX[side] + name, q.size)
+        return parts
 
 
 def _from_folder(path: Path) -> dict[str, Any]:
@@ -152,17 +166,30 @@ def _from_folder(path: Path) -> dict[str, Any]:
         raise FileError(f'{declared}: no such file; it declares psi, for an LCP as {{"psi": "zero"}}')
     with told(declared, "read"):
         content = _json(declared, declared.read_text(encoding="utf-8"))
-    if not isinstance(content, dict) or content.keys() != {"psi"}:
+    if not isinstance(content, dict) or content.keys() not in ({"psi"}, {"psi", "upper"}):
         found = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
-        raise FileError(f'{declared}: {found}; the field psi alone was expected, for an LCP {{"psi": "zero"}}')
-    of_psi, A = _stored(declared, content["psi"]), read_matrix(path / "A.mtx")
-    parts = {"A": A} | {name: read_vector(path / f"{name}.mtx", A.shape[0]) for name in ("q", *of_psi[:1])}
-    return parts | ({"G": read_matrix(path / "G.mtx")} if "G" in of_psi else {})
+        wanted = "the field psi alone was expected, or psi and upper"
+        raise FileError(f'{declared}: {found}; {wanted}, for an LCP {{"psi": "zero"}}')
+    stored = {side: _stored(declared, side, kind) for side, kind in content.items()}
+    A = read_matrix(path / "A.mtx")
+    parts = {"A": A, "q": read_vector(path / "q.mtx", A.shape[0])} | content
+    for side, names in stored.items():
+        for name in (_PREFIX[side] + name for name in names):
+            file = path / f"{name}.mtx"
+            parts[name] = read_matrix(file) if name.endswith("G") else read_vector(file, A.shape[0])
+    return parts
 
 
-def _stored(path: Path, kind: Any) -> tuple[str, ...]:
+def _fields(name: str, part: Any) -> dict[str, Any]:
+    """`part`, an array or a CSR matrix, as the arrays that are stored of it."""
+    if not sp.issparse(part):
+        return {name: part}
+    return {f"{name}_data": part.data, f"{name}_indices": part.indices, f"{name}_indptr": part.indptr}
+
+
+def _stored(path: Path, side: str, kind: Any) -> tuple[str, ...]:
     if not isinstance(kind, str) or kind not in _KINDS:
-        raise FileError(f"{path}: field psi is {kind!r}; one of {', '.join(_KINDS)} was expected")
+        raise FileError(f"{path}: field {side} is {kind!r}; one of {', '.join(_KINDS)} was expected")
     return _KINDS[kind]
 
 

@@ -1,4 +1,4 @@
-"""Which unknown is each row's own: of r = Rz + … the j with r_i = ρz_j − …, ρ > 0, every j once; and the matchings."""
+"""Which unknown is each row's own: of r = Rz + … the j with r_i = ρz_j − …, ρ > 0, no j twice; and the matchings."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def looks_like_r(R: sp.csr_array) -> int:
 
 
 def own_entries(R: sp.csr_array) -> Columns | None:
-    """The own column of each row of `R`, CSR (n, n): a permutation with positive entries; None if there is none. It
+    """The own column of each row of `R`, CSR (m, n): positive entries, none in one column; None if that cannot be. It
     costs least in all: 1 for a 1, as z − ψ(z) is mostly written so, else 2 + log(the row's largest / entry)."""
     n = R.shape[0]
     if _is_alone(R):
-        return R.indices.astype(np.intp) if np.bincount(R.indices).max() == 1 else None
+        return R.indices.astype(np.intp) if np.bincount(R.indices, minlength=1).max() <= 1 else None
     rows, positive = row_of(R), R.data > 0
     rows, columns, entries = rows[positive], R.indices[positive], R.data[positive]
     largest = np.zeros(n)
@@ -34,7 +34,26 @@ def own_entries(R: sp.csr_array) -> Columns | None:
     if not largest.all():
         return None
     cost = np.where(entries == 1.0, 1.0, 2.0 + np.log(largest[rows] / entries))
-    return cheapest(rows, columns, cost, n)
+    return cheapest(rows, columns, cost, n, R.shape[1])
+
+
+def arranged(A: sp.csr_array, free: NDArray[np.bool_]) -> tuple[Columns, NDArray[np.float64]]:
+    """Which row of `A`, CSR (n, n), should be the i-th, and its sign, where the rows `free` are equations: these may be
+    exchanged and multiplied by −1. They stay as they are where each has an entry on the diagonal or in a column whose
+    own row has one in turn, as Cᵀ and C have; else they get a diagonal without zeros, if there is one. It is made
+    positive; where it is zero the two entries get opposite signs, which adds nothing to A + Aᵀ."""
+    order, rows = np.arange(A.shape[0]), np.flatnonzero(free)
+    if (np.asarray(abs(A).multiply(abs(A).T).sum(axis=1))[rows] == 0).any():
+        block = sp.coo_array(A[rows][:, rows])
+        block.eliminate_zeros()
+        if np.unique(block.row).size == rows.size:
+            cost = -np.log2(np.abs(block.data))
+            own = cheapest(block.row, block.col, cost, rows.size, rows.size)
+            if own is not None:
+                order[rows[own]] = rows
+                A = A[order]
+    diagonal, both = A.diagonal(), np.asarray(A.multiply(A.T).sum(axis=1))
+    return order, np.where(free & ((diagonal < 0) | ((diagonal == 0) & (both > 0))), -1.0, 1.0)
 
 
 def unowned(R: sp.csr_array) -> tuple[int, int]:
@@ -44,16 +63,16 @@ def unowned(R: sp.csr_array) -> tuple[int, int]:
     return int(rows[0]), int(columns[0])
 
 
-def cheapest(rows: Columns, columns: Columns, cost: NDArray[np.float64], n: int) -> Columns | None:
-    """One of its columns for each of n rows, none for two, that together cost least; None where that cannot be."""
+def cheapest(rows: Columns, columns: Columns, cost: NDArray[np.float64], m: int, n: int) -> Columns | None:
+    """One of n columns for each of m rows, none for two, that together cost least; None where that cannot be."""
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
     order = np.lexsort((cost, rows))
-    own: Columns = columns[order[np.searchsorted(rows[order], np.arange(n))]].astype(np.intp)
-    if np.unique(own).size == n:
+    own: Columns = columns[order[np.searchsorted(rows[order], np.arange(m))]].astype(np.intp)
+    if np.unique(own).size == m:
         return own
     try:
-        graph = sp.csr_array((cost - cost.min() + 1.0, (rows, columns)), shape=(n, n))
+        graph = sp.csr_array((cost - cost.min() + 1.0, (rows, columns)), shape=(m, n))
         return np.asarray(min_weight_full_bipartite_matching(graph)[1], dtype=np.intp)
     except ValueError:  # there is no full matching
         return None

@@ -14,9 +14,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..errors import NotApplicable
 from ..numerics.arrays import Vector
+from ..problem.between import Between
 from ..problem.data import ProblemData
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
@@ -33,6 +35,8 @@ _FUNCTIONS += tuple(f"arc{name}" for name in _FUNCTIONS[4:])
 def to_pyomo(problem: ProblemData) -> Any:
     """`problem` as a Pyomo model: variables z[i], and complements(p_i ≥ 0, r_i ≥ 0) for every row i with an obstacle.
 
+    With an obstacle above as well a row is complements(c_i ≤ f_i ≤ d_i, p_i) where the two move alike, f = z − Gz; else
+    it gets a variable v[i], complements(p_i + v_i ≥ 0, r_i ≥ 0) and `above[i]`, complements(v_i ≥ 0, ψ̄_i − z_i ≥ 0).
     A row without obstacle is the equality constraint `equation[i]`, p_i = 0. `objective` is the constant 0, without
     which some solvers do not start: every point that satisfies the conditions is a solution.
     Parameters: `problem` with a ψ that is constant, affine, read from a Pyomo model, or Python code of arithmetic and
@@ -47,6 +51,8 @@ def to_pyomo(problem: ProblemData) -> Any:
 
     model = pyo.ConcreteModel()
     model.z = pyo.Var(range(problem.n))
+    if isinstance(problem.psi, Between):
+        return _between(problem, problem.psi, model)
     obstacle, p = _obstacle(problem.psi, model.z), _moved(problem.A, problem.q, model.z)
     held = [i for i, one in enumerate(obstacle) if not (isinstance(one, float) and one == -np.inf)]
     _add_conditions(model, held, p, {i: model.z[i] - obstacle[i] for i in held})
@@ -63,8 +69,44 @@ def _add_conditions(model: Any, held: list[int], p: Any, r: Any) -> None:
     model.objective = pyo.Objective(expr=0.0)
 
 
+def _between(problem: ProblemData, psi: Between, model: Any) -> Any:
+    """`problem` with its obstacles `psi` on both sides, in the variables z of `model`."""
+    import pyomo.environ as pyo
+    from pyomo.mpec import Complementarity, complements
+
+    z, p = model.z, _moved(problem.A, problem.q, model.z)
+    below, above = _obstacle(psi.lower, z), _obstacle(psi.upper, z)
+    missing = [[isinstance(one, float) and np.isinf(one) for one in side] for side in (below, above)]
+    free = [i for i in z if missing[0][i] and missing[1][i]]
+    two = [i for i in z if not (missing[0][i] or missing[1][i])]
+    ends, body = {}, {}
+    if psi.linear is not None and psi.upper.linear is not None:
+        (G, c), (H, d) = psi.linear, psi.upper.linear
+        moves = _moved(sp.csr_array(sp.eye_array(problem.n) - G), np.zeros(problem.n), z)
+        apart = np.diff(sp.csr_array(G - H).indptr) > 0
+        ends = {i: (float(c[i]), float(d[i])) for i in two if not apart[i]}
+        body = {i: z[i] if G.indptr[i] == G.indptr[i + 1] else moves[i] for i in ends}
+    model.v = pyo.Var([i for i in two if i not in ends])
+    for i, v in model.v.items():
+        p[i] = p[i] + v
+
+    def rule(_: Any, i: int) -> Any:
+        if i in ends:
+            low, high = ends[i]
+            return complements(body[i] == low if low == high else pyo.inequality(low, body[i], high), p[i])
+        if missing[0][i]:
+            return complements(p[i] <= 0, z[i] - above[i] <= 0)
+        return complements(p[i] >= 0, z[i] - below[i] >= 0)
+
+    model.complementarity = Complementarity(sorted({*z} - {*free}), rule=rule)
+    model.above = Complementarity([*model.v], rule=lambda m, i: complements(m.v[i] >= 0, above[i] - z[i] >= 0))
+    model.equation = pyo.Constraint(free, rule=lambda _, i: p[i] == 0)
+    model.objective = pyo.Objective(expr=0.0)
+    return model
+
+
 def _obstacle(psi: Map, z: Any) -> list[Any]:
-    """ψ_i(z) as Pyomo expressions of the variables `z`; numbers where they do not move, −inf in rows without."""
+    """ψ_i(z) as Pyomo expressions of the variables `z`; numbers where they do not move, ±inf in rows without."""
     variables = list(z.values())
     if psi.linear is not None:
         return _moved(*psi.linear, z)
@@ -77,12 +119,15 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
         if isinstance(psi, Elementwise):
             f: Any = psi.f
             values = [f.py_func(one) for one in symbols] if is_compiled(f) else np.asarray(f(symbols))
-            found = [-np.inf if c == -np.inf else one + c for one, c in zip(values, psi.c.tolist(), strict=True)]
+            found = [c if np.isinf(c) else one + c for one, c in zip(values, psi.c.tolist(), strict=True)]
         elif isinstance(psi, Function):
             found = list(np.asarray(code(symbols)).reshape(len(variables)))
         else:
             raise TypeError("it takes the best of several")
+        # a row is without obstacle or is not, whatever z is
+        here = psi.value(np.full(len(variables), 0.5)).tolist()
         found = [one.expression if isinstance(one, _Symbol) else float(one) for one in found]
+        found = [value if np.isinf(value) else one for one, value in zip(found, here, strict=True)]
         _compare(psi, found, z)
     except Exception as error:  # a user's code may raise anything when it is given symbols
         raise NotApplicable(f"{psi!r} has no Pyomo expression: {type(error).__name__}: {error}") from error
@@ -93,7 +138,7 @@ def _moved(G: Any, c: Any, z: Any) -> list[Any]:
     """Gz + c, row by row, as Pyomo expressions: `G` CSR, shape (n, n), `z` Pyomo variables by number."""
     start, data, columns = G.indptr.tolist(), G.data.tolist(), G.indices.tolist()
     rows = ([data[k] * z[columns[k]] for k in range(*ends)] for ends in itertools.pairwise(start))
-    return [one if one == -np.inf else sum(row) + one for row, one in zip(rows, c.tolist(), strict=True)]
+    return [one if np.isinf(one) else sum(row) + one for row, one in zip(rows, c.tolist(), strict=True)]
 
 
 def _compare(psi: Map, expressions: list[Any], z: Any) -> None:

@@ -67,6 +67,18 @@ def test_problem_and_solution_travel_through_files(capsys, tmp_path):
     assert "agrees" in out
 
 
+def test_an_obstacle_above_is_read_from_a_folder_or_a_file_and_printed(capsys, tmp_path):
+    problem = str(tmp_path / "p.npz")
+    for name, part in {"A": [[2.0, -1], [-1, 2]], "q": [[-8.0], [3]], "upper_c": [[1.0], [5]]}.items():
+        mmwrite(tmp_path / f"{name}.mtx", np.array(part))
+    (tmp_path / "psi.json").write_text('{"psi": "zero", "upper": "constant"}')
+    for source, more in ((str(tmp_path), ["--save-problem", problem]), (problem, [])):
+        code, out, _ = call(capsys, "solve", source, *more)
+        assert code == 0
+        assert "upper=Constant(1 ... 5)" in out
+        assert "1 at the upper" in out
+
+
 def test_a_foreign_file_in_the_way_is_told_before_the_work(capsys, tmp_path):
     foreign = tmp_path / "data.npz"
     np.savez(foreign, x=np.ones(3))

@@ -327,12 +327,15 @@ def test_crosscheck_asks_about_the_answer_or_solves_first():
 
 x, X, s, i = cp.Variable(2, name="x"), cp.Variable((2, 2), name="X"), cp.Variable(name="s"), cp.Variable(2, name="i")
 REFUSED = {
-    "a constraint": (lambda: icp.complements(x >= 0, x), r"was given the constraint 0.0 <= x; give the two"),
-    "a text": (lambda: icp.complements("x", x), r"was given 'x'; CVXPY expressions were expected"),
-    "None": (lambda: icp.complements(x, None), "was given None; CVXPY expressions were expected"),
+    "a constraint": (
+        lambda: icp.complements(x >= 0, x),
+        r"was given the constraint 0.0 <= x as p; give the exp",
+    ),
+    "a text": (lambda: icp.complements("x", x), r"was given 'x' as p; a CVXPY expression was expected"),
+    "None": (lambda: icp.complements(x, None), "was given None as r; a CVXPY expression was expected"),
     "shapes": (lambda: icp.complements(2 * x, s), r"p = 2.0 \* x has shape \(2,\), r = s \(\)"),
     "no list": (lambda: icp.Problem(3), r"constraints is 3; a list of complements\(p, r\)"),
-    "no pair": (lambda: icp.Problem([x >= 0]), r"constraints\[0\] is 0.0 <= x; complements\(p, r\) was expected"),
+    "no pair": (lambda: icp.Problem([x >= 0]), r"constraints\[0\] is the inequality 0.0 <= x, which has no p; bounds"),
     "nothing": (lambda: icp.Problem([]), r"the constraints have 0 entries, the variables 0 \(no variables\)"),
     "no variables": (lambda: icp.Problem(icp.complements(1, 2)), r"have 1 entries, the variables 0 \(no variables\)"),
     "too few rows": (
@@ -346,15 +349,41 @@ REFUSED = {
     "complex": (lambda: icp.Problem(icp.complements(1j * x, x)), r"is complex; real expressions were expected"),
     "an attribute": (
         lambda: icp.Problem(icp.complements(cp.Variable(nonneg=True, name="y") - 1, s)),
-        r"the variable y has the attribute nonneg; .* for example complements\(p, y\) for y >= 0",
+        r"the variable y has the attribute nonneg; .*: complements\(p, y\) for y >= 0, .*upper=...\)",
     ),
     "bounds": (
         lambda: icp.Problem(icp.complements(cp.Variable(bounds=[0, 1], name="y") - 1, s)),
         r"the variable y has the attribute bounds",
     ),
-    "z falls": (
-        lambda: icp.Problem(icp.complements(2 * x - 1, 1 - cp.square(x) - x)).icp,
-        r"r = 1.0 \+ -.* is not z - psi\(z\) in entry \[0\]: an entry appears with a negative factor only",
+    "no equation": (
+        lambda: icp.Problem(3 * x),
+        r"constraints is .*; a list of complements\(p, r\) and equations p == 0",
+    ),
+    "a bent equation": (
+        lambda: icp.Problem([icp.complements(s, s), cp.exp(x) == 1]),
+        r"the equation exp\(x\) \+ -.* == 0 is not affine in the variables; .*\(complements\(1, r\) says r = 0",
+    ),
+    "a complex equation": (lambda: icp.Problem([1j * x == 1]), r"the equation .* == 0 is complex"),
+    "p bent beside bounds": (
+        lambda: icp.Problem(icp.complements(cp.exp(x), x, upper=1)),
+        r"p = exp\(x\) is not affine in the variables; lower and upper are bounds of the second one",
+    ),
+    "the shape of a bound": (
+        lambda: icp.complements(x, x, upper=[1, 2, 3]),
+        r"upper = \[1. 2. 3.\] has shape \(3,\), r = x \(2,\)",
+    ),
+    "a bound that is none": (lambda: icp.complements(x, x, lower="0"), r"was given '0' as lower; a CVXPY expression"),
+    "a bound that is NaN": (
+        lambda: icp.Problem(icp.complements(x, x, upper=[1, np.nan])).icp,
+        r"upper\[1\] of complements\(x, x, upper=.*\) is nan; a number was expected, or inf for none",
+    ),
+    "a bound on the wrong side": (
+        lambda: icp.Problem(icp.complements(x, x, lower=cp.Parameter(value=np.inf))).icp,
+        r"lower\[0\] of complements\(x, x, lower=.*\) is inf; a number was expected, or -inf for none",
+    ),
+    "bounds that cross": (
+        lambda: icp.Problem([icp.complements(x, x), icp.complements(i, i, lower=[0, 2], upper=1)]).icp,
+        r"lower is larger than upper in complements\(i, i, lower=\[0. 2.\], upper=1.0\), entry \[1\]",
     ),
     "z is bent": (
         lambda: icp.Problem(icp.complements(2 * s - 1, cp.exp(s) - 1)).icp,

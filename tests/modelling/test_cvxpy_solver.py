@@ -351,3 +351,16 @@ def test_programs_that_a_residual_in_other_units_calls_solved():
     assert y.value == pytest.approx([2, 1], rel=1e-6)
     problem = solve(cp.Problem(cp.Minimize(1e-10 * cp.square(y[0]) + y[0]), [y[0] <= -3, y[0] >= -1]))
     assert problem.status == cp.INFEASIBLE
+
+
+def test_proofs_hold_with_bounds_on_both_sides():
+    """A row that the box forbids, or that only its upper side does, and an objective that falls beside a box."""
+    x, y, w = cp.Variable(3), cp.Variable(2), np.array([1.0, 2.0, -1.0])
+    box = [x >= 0, x <= 1]
+    for row, status in ((w @ x >= 4, cp.INFEASIBLE), (w @ x <= -1.5, cp.INFEASIBLE), (w @ x == 2.5, cp.OPTIMAL)):
+        assert solve(cp.Problem(cp.Minimize(cp.sum_squares(x - 0.3)), [*box, row])).status == status
+    falls = cp.Problem(cp.Minimize(cp.sum_squares(x) - y[0]), [*box, cp.sum(x) + y[1] == 1, y[0] >= y[1]])
+    assert solve(falls).status == cp.UNBOUNDED
+    held = solve(cp.Problem(cp.Minimize(-w @ x - y[0]), [*box, y[0] + x[0] <= 2, y[0] >= y[1], y[1] == 0]))
+    assert held.value == pytest.approx(-4)
+    assert box[1].dual_value == pytest.approx([0, 2, 0], abs=1e-6)

@@ -5,6 +5,7 @@ import io
 import itertools
 import json
 import os
+import pickle
 import resource
 import signal
 import sys
@@ -60,6 +61,58 @@ def test_a_problem_comes_back_to_the_last_bit(tmp_path_factory, write, kind, see
     assert type(back.psi) is type(problem.psi)
 
 
+@pytest.mark.parametrize("upper", ["constant", "affine"])
+@pytest.mark.parametrize("kind", ["zero", "constant", "affine"])
+def test_the_obstacle_above_comes_back_from_both_forms(tmp_path, kind, upper):
+    """And a file without one is written as before, so that what knows of none reads it, and refuses the others."""
+    A, G, c = np.array([[4.0, -1.0], [1.0, 3.0]]), np.array([[0.0, 0.25], [0.0, 0.0]]), np.array([-0.5, 0.0])
+    below = {"zero": 0.0, "constant": c, "affine": icp.Affine(G, c)}[kind]
+    above = {"constant": c + 2, "affine": icp.Affine(2 * G, c + 2)}[upper]
+    problem = icp.ICP(A, [1.0, -30.0], below, upper=above)
+    icp.save_problem(problem, tmp_path / "p.npz")
+    parts = {"A": A, "q": [[1.0], [-30.0]], "c": c[:, None], "G": G, "upper_c": c[:, None] + 2, "upper_G": 2 * G}
+    for name, part in parts.items():
+        mmwrite(tmp_path / f"{name}.mtx", np.array(part))
+    (tmp_path / "psi.json").write_text(json.dumps({"psi": kind, "upper": upper}))
+    z = np.array([0.3, -0.7])
+    for path in (tmp_path / "p.npz", tmp_path):
+        back = icp.load_problem(path)
+        assert (back.r(z) == problem.r(z)).all()
+        assert (back.r_upper(z) == problem.r_upper(z)).all()
+        assert back.psi.upper.is_constant == (upper == "constant")
+    with np.load(tmp_path / "p.npz") as file:
+        assert str(file["format"]) == "icpmodel problem 2"
+    icp.save_problem(problem.with_upper(None), tmp_path / "p.npz")
+    with np.load(tmp_path / "p.npz") as file:
+        assert str(file["format"]) == "icpmodel problem 1"
+    assert icp.load_problem(tmp_path / "p.npz").upper is None
+
+
+def test_rows_without_an_obstacle_above_and_pickles_come_back(tmp_path):
+    problem = icp.ICP(np.eye(2), [1.0, -9.0], [-np.inf, 0], upper=[3.0, np.inf])
+    icp.save_problem(problem, tmp_path / "p.npz")
+    for back in (icp.load_problem(tmp_path / "p.npz"), pickle.loads(pickle.dumps(problem))):
+        assert type(back) is icp.ICP
+        assert back.psi.lower.c.tolist() == [-np.inf, 0]
+        assert back.upper.c.tolist() == [3, np.inf]
+
+
+def test_an_upper_obstacle_that_is_wrong_is_named(tmp_path):
+    problem = icp.ICP(np.eye(2), [1.0, -9.0], upper=[3.0, 1.0])
+    with pytest.raises(icp.InputError, match=r"upper is Function.*only zero, constant and affine maps"):
+        icp.save_problem(problem.with_upper(lambda z: 2 + z**2), tmp_path / "p.npz")
+    icp.save_problem(problem, tmp_path / "p.npz")
+    for changed, words in (
+        ({"upper": np.array("none")}, "field upper is 'none'; one of zero, constant, affine"),
+        ({"upper_c": np.array([3.0, -1.0])}, "the obstacles cross in row 1"),
+        ({"upper_c": np.array([3.0])}, "field upper_c has shape"),
+    ):
+        icp.save_problem(problem, tmp_path / "p.npz")
+        damage(tmp_path / "p.npz", **changed)
+        with pytest.raises(icp.FileError, match=words):
+            icp.load_problem(tmp_path / "p.npz")
+
+
 def test_a_and_q_as_matrix_market_are_an_lcp(tmp_path):
     mmwrite(tmp_path / "A.mtx", sp.coo_array(np.array([[2.0, -1.0], [-1.0, 2.0]])))
     mmwrite(tmp_path / "q.mtx", np.array([[-1.0], [3.0]]))
@@ -104,7 +157,7 @@ def damage(path, **changed):
         ({"q": None}, "field q is missing"),
         ({"psi": np.array("cubic")}, "field psi is 'cubic'; one of zero, constant, affine"),
         ({"psi": np.array("affine")}, "field c is missing"),
-        ({"format": np.array("99")}, "field format is '99'; 'icpmodel problem 1' was expected"),
+        ({"format": np.array("99")}, "field format is '99'; 'icpmodel problem 1' or 'icpmodel problem 2' was expected"),
         ({"format": np.array(99)}, "field format has shape .., dtype int64; a text expected"),
         ({"q": np.ones(3)}, "field A_indptr has shape .5,.*; 4 integers"),
         ({"q": np.array(["a"] * 4)}, "field q has shape .4,., dtype <U1"),

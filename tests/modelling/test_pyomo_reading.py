@@ -197,16 +197,62 @@ def test_nonlinear_terms_on_both_ends_of_an_inequality_count():
     assert reading.problem.psi.jacobian(np.array([0.7])).toarray() == pytest.approx(-(np.cos(0.7) + np.sin(0.7)) / 3)
 
 
+def read(expr):
+    """The ICP of one condition of x and y, and of y = 1."""
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(), pyo.Var()
+    model.c = Complementarity(expr=expr(model.x, model.y))
+    model.other = pyo.Constraint(expr=model.y == 1)
+    return read_pyomo(model).problem
+
+
 def test_a_bound_on_one_variable_is_a_fixed_obstacle():
-    """Even where x is missing on the other side: 0 <= x <= 1 with F(y), and the other way round, is an LCP."""
+    """Even where x is missing on the other side: 0 <= x <= 1 with F(y) are two fixed obstacles, and no row more."""
     model = pyo.ConcreteModel()
     model.x = pyo.Var([1, 2])
     model.rows = Complementarity(
         [1, 2], rule=lambda m, i: complements(pyo.inequality(0, m.x[i], 1), m.x[3 - i] - i / 2 - 0.2)
     )
     problem = read_pyomo(model).problem
-    assert problem.is_lcp
-    assert problem.residual([0.0, 0.0, 1.0, 1.2]) <= 1e-15  # x_1, lambda_1, x_2, lambda_2
+    assert problem.n == 2
+    assert problem.psi.value(np.zeros(2)).tolist() == [0, 0]
+    assert problem.upper.value(np.zeros(2)).tolist() == [1, 1]
+    assert problem.residual([0.0, 1.0]) == 0
+    assert problem.residual([1.0, 0.7]) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_two_bounds_are_two_obstacles_in_the_units_of_z(sign):
+    """a <= f <= b, f with a factor and either sign; ends that move; a bent f."""
+    F = lambda x, y: 2 * x - y + 7  # noqa: E731
+    z = np.array([0.3, 0.8])
+    for expr, lower, upper in (
+        (lambda x, y: complements(pyo.inequality(-3, 2 * sign * x - y, 5), F(x, y) * sign), -1.1, 2.9),
+        (lambda x, y: complements(F(x, y) * sign, pyo.inequality(-y, sign * x, 2 + y)), -0.8, 2.8),
+        (
+            lambda x, y: complements(pyo.inequality(-2, 2 * (sign * x - pyo.sin(y)), 4), F(x, y) * sign),
+            np.sin(0.8) - 1,
+            np.sin(0.8) + 2,
+        ),
+    ):
+        problem = read(expr)
+        assert problem.n == 2
+        assert problem.psi.value(z)[0] == pytest.approx(lower)
+        assert problem.upper.value(z)[0] == pytest.approx(upper)
+        assert np.isinf(problem.upper.value(z)[1])
+        assert problem.p(z)[0] == pytest.approx(sign * (2 * sign * 0.3 - 0.8 + 7))
+
+
+def test_a_range_with_an_infinite_end_is_the_condition_without_it():
+    inf = float("inf")
+    below = read(lambda x, y: complements(pyo.inequality(1, x, inf), 2 * x - y))
+    assert below.upper is None
+    assert below.psi.value(np.zeros(2)).tolist() == [1, -inf]
+    above = read(lambda x, y: complements(2 * x - y, pyo.inequality(-inf, x, -1)))  # in z = -x
+    assert above.psi.value(np.zeros(2)).tolist() == [1, -inf]
+    assert above.solve("newton").z == pytest.approx([1, 1])
+    free = read(lambda x, y: complements(pyo.inequality(-inf, x, inf), 2 * x - y))
+    assert free.solve("newton").z == pytest.approx([0.5, 1])
 
 
 def test_bounds_at_infinity_are_none():
@@ -306,8 +352,8 @@ def test_the_rows_and_their_owners_belong_together():
     model.c = Complementarity(expr=complements(pyo.inequality(0, model.x[1], 1), model.x[1] - model.x[2]))
     model.e = pyo.Constraint(expr=model.x[2] == 3)
     rows = ConditionRows(model)
-    assert rows.owners == [model.c, model.c, model.e]
-    assert rows.equation == [False, False, True]
+    assert rows.owners == [model.c, model.e]
+    assert rows.equation == [False, True]
     reading = read_pyomo(model)
     solution = reading.problem.solve("newton")
     assert {one.name: value for one, value in reading.values(solution.z)} == {"x[1]": 1.0, "x[2]": 3.0}

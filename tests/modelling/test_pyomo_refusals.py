@@ -106,6 +106,10 @@ REFUSED = {
         condition(lambda x, y: pyo.inequality(0, y, 1), lambda x, y: x >= 1),
         r"part.odd has 2 \+ 1 bounds",
     ),
+    "bounds that cross": (
+        condition(lambda x, y: pyo.inequality(x, y, x - 0.5), lambda x, y: x - y),
+        "part.odd has a lower bound that is larger than the upper one, by 0.5",
+    ),
     "one bound": (condition(lambda x, y: y >= 0, lambda x, y: x - 1), r"part.odd has 1 \+ 0 bounds"),
     "no bound": (condition(lambda x, y: y, lambda x, y: x - 1), r"part.odd has 0 \+ 0 bounds"),
     "equality and bound": (condition(lambda x, y: y >= 0, lambda x, y: x + y == 1), r"part.odd has 1 \+ 2 bounds"),

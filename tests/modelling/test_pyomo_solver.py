@@ -342,3 +342,29 @@ def test_another_solver_takes_the_written_model():
     pyo.SolverFactory("appsi_highs").solve(model)
     z = [variable.value for variable in model.z.values()]
     assert z == pytest.approx(problem.solve().z, abs=1e-6)
+
+
+MOVES = np.array([[0, 0.3, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0.2], [0, 0, 0, 0]])
+LOW, HIGH = np.array([-1, -np.inf, -0.5, 0.5]), np.array([1, 0.3, np.inf, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("psi", "upper"),
+    [
+        (LOW, HIGH),
+        (icp.Affine(MOVES, LOW), icp.Affine(MOVES, HIGH)),
+        (icp.Affine(MOVES, LOW), HIGH),
+        (LOW - 0.2, lambda z: HIGH + 0.1 * np.sin(z)),
+        (np.full(4, -np.inf), HIGH),
+    ],
+)
+@pytest.mark.parametrize("q", [[9, -9, 1, -2], [-9, -9, -9, 5], [0.5, 3, 9, 1]])
+def test_two_obstacles_make_the_round_trip(psi, upper, q):
+    """A range where they move alike, two conditions where they do not; obstacles above alone, and the same in a row."""
+    A = np.array([[4.0, -1, 0, 1], [-1, 4, -1, 0], [0, -1, 4, -1], [1, 0, -1, 4]])
+    problem = icp.ICP(A, q, psi, upper=upper)
+    model = problem.to_pyomo()
+    old(model, options={"rtol": 1e-12})
+    assert violation(model) <= 1e-9
+    z = np.array([variable.value for variable in model.z.values()])
+    assert problem.residual(z) <= 1e-9

@@ -20,14 +20,13 @@ from cvxpy.atoms.elementwise.elementwise import Elementwise
 
 from ...errors import InputError
 from ...numerics.arrays import Vector
+from .affine_rows import AffineRows
 from .qp_solver import cvxpy_solver
 
 #: constants with more entries than this are not printed
 _PRINTED = 20
 #: how far a difference quotient may lie from the gradient
 _SAME = 1e-4
-#: Z, W and the constant of some rows
-AffineRows = tuple[sp.csr_array, sp.csr_array, Vector]
 
 
 class Compiled:
@@ -52,7 +51,7 @@ class Compiled:
         return [value.toarray() if sp.issparse(value) else np.array(value) for value in values]
 
     def rows(self) -> AffineRows:
-        """Z, W and the constant at the present values of the parameters, without stored zeros."""
+        """They, at the present values of the parameters, without stored zeros."""
         # of CVXPY's compilers the one in SciPy is the quickest for large matrices; with parameters it knows better
         backend = None if self._parameters else cp.SCIPY_CANON_BACKEND
         data, _, _ = self._model.get_problem_data(cvxpy_solver(), ignore_dpp=not self._is_dpp, canon_backend=backend)
@@ -60,7 +59,8 @@ class Compiled:
         M, constant = sp.csr_array(data[cp.settings.A]), -data[cp.settings.B]
         assert M.shape[0] == self._rows, "CVXPY has added rows of its own"
         M.eliminate_zeros()
-        return _columns(M, self.variables, columns), _columns(M, list(self.atoms), columns), constant
+        Z, W = (_columns(M, part, columns) for part in (self.variables, list(self.atoms)))
+        return AffineRows(Z, W, constant)
 
 
 class AtomObstacle:
@@ -230,5 +230,5 @@ def at(stacked: Sequence[cp.Expression], k: int) -> tuple[int, str]:
 
 def unstacked(z: Vector, like: Sequence[cp.Expression]) -> list[np.ndarray]:
     """The parts of `z`, one for each expression of `like` and in its shape, column by column."""
-    ends = np.cumsum([x.size for x in like])[:-1]
-    return [part.reshape(x.shape, order="F").copy() for x, part in zip(like, np.split(z, ends), strict=True)]
+    parts = np.split(z, np.cumsum([x.size for x in like]))  # the last one is empty
+    return [part.reshape(x.shape, order="F").copy() for x, part in zip(like, parts, strict=False)]

@@ -1,7 +1,9 @@
-"""Pairs of CVXPY's expressions read as A, q and ψ.
+"""Pairs of CVXPY's expressions, with bounds, and equations read as A, q, ψ and ψ̄.
 
 Every r is taken apart as Rz + Ww(z) + r₀, w being what is not affine. In each row one entry of z is the row's own:
-ρz_i − …, ρ > 0. Then ψ_i(z) = z_i − r_i(z)/ρ, in which z_i cancels, and p's rows follow those of r.
+ρz_i − …, ρ > 0. Then r ≥ l is z_i ≥ ψ_i(z) = z_i − (r_i(z) − l_i)/ρ, in which z_i cancels, r ≤ u likewise, and p's rows
+follow those of r. A row of r in which all of z has negative factors is turned round, with its p and its bounds. The
+equations are the rows of those entries of z that no r owns.
 """
 
 from __future__ import annotations
@@ -18,28 +20,38 @@ from ...icp import ICP
 from ...numerics.arrays import Vector, row_of
 from ...problem.affine import Affine
 from ...problem.function import Function
-from ..matching import looks_like_r, own_entries, unowned
-from .compiled import AffineRows, AtomObstacle, Compiled, at, named, unique, unstacked
+from ..matching import arranged, looks_like_r, own_entries, unowned
+from .affine_rows import AffineRows
+from .compiled import AtomObstacle, Compiled, at, named, unique, unstacked
+
+#: what the bounds of r are called, and the number that means none
+_BOUNDS = (("lower", -np.inf), ("upper", np.inf))
 
 
 class CvxpyReading:
-    """The `conditions`, compiled once: a `Reading`. Raises InputError for what is no ICP. `variables` are those that z
-    stacks, in this order, each column by column."""
+    """The `conditions` and `equations`, compiled once: a `Reading`. Raises InputError for what is no ICP. `variables`
+    are those that z stacks, in this order, each column by column."""
 
-    def __init__(self, conditions: Sequence[Any]) -> None:
+    def __init__(self, conditions: Sequence[Any], equations: Sequence[cp.Expression] = ()) -> None:
         self._conditions = conditions
-        self._pairs = [_affine_first(*one.sides) for one in conditions]
-        self._n = sum(p.size for p, _ in self._pairs)
-        sides = [one.sides[k] for one in conditions for k in (0, 1)]
+        self._pairs = [_pair(one) for one in conditions]
+        _check_equations(equations)
+        self._m = sum(p.size for p, _ in self._pairs)
+        self._n = self._m + sum(one.size for one in equations)
+        bounds = [[one.bounds[k] for one in conditions if one.bounds[k] is not None] for k in (0, 1)]
+        parts = [[p for p, _ in self._pairs], [r for _, r in self._pairs], list(equations), *bounds]
+        sides = [side for part in parts for side in part]
         _check_variables(unique(x for side in sides for x in side.variables()), self._n)
-        self._compiled = Compiled([p for p, _ in self._pairs] + [r for _, r in self._pairs])
+        self._compiled = Compiled(sides)
+        self._ends = np.cumsum([sum(side.size for side in part) for part in parts])
         self.variables = self._compiled.variables
         self._order: np.ndarray | None = None  # in which the compiled rows are those of p, then those of r
         self._gradient_holds: bool | None = None
         self._last: ICP | None = None
+        self._obstacles: tuple[Any, Any] = (None, None)
         self._values: list[Any] = []
-        #: entry of z that each row owns, and ρ
-        self._own, self._scale = np.arange(self._n), np.ones(self._n)
+        #: of each row of a condition the entry of z that it owns, and −1 where it was turned round; ρ by entry of z
+        self._own, self._sign, self._scale = np.arange(self._m), np.ones(self._m), np.ones(self._n)
 
     @property
     def problem(self) -> ICP:
@@ -60,38 +72,48 @@ class CvxpyReading:
         return list(zip(self.variables, unstacked(z, self.variables), strict=True))
 
     def multipliers(self, z: Vector) -> list[tuple[Any, Any]]:
-        return self._by_condition(self.problem.p(z))
+        return self._by_condition(self._sign * self.problem.p(z)[self._own])
 
     def distances(self, z: Vector) -> list[tuple[Any, Any]]:
-        """The conditions, each with its r, as it was written, at `z`."""
-        return self._by_condition(self.problem.r(z) * self._scale)
+        """The conditions without bounds, each with its r, as it was written, at `z`."""
+        r, above = self.problem.r(z), self.problem.r_upper(z)
+        if above is not None:
+            r[self._own] = np.where(self._sign < 0, -above[self._own], r[self._own])
+        found = self._by_condition((r * self._scale)[self._own])
+        return [(one, value) for one, value in found if not one.is_bounded]
 
     def _by_condition(self, rows: Vector) -> list[tuple[Any, Any]]:
-        return list(zip(self._conditions, unstacked(rows[self._own], [p for p, _ in self._pairs]), strict=True))
+        return list(zip(self._conditions, unstacked(rows, [p for p, _ in self._pairs]), strict=True))
 
     def _read(self, last: ICP | None) -> ICP:
-        (P, _, q), (R, W, constant) = self._p_and_r()
-        own = own_entries(R)
-        if own is None:
-            raise InputError(self._misfit(R, *unowned(R)))
-        self._own = own
-        if not np.array_equal(own, np.arange(self._n)):
-            rows = np.argsort(own)
-            P, q, R, W, constant = P[rows], q[rows], R[rows], W[rows], constant[rows]
-        self._scale = R.diagonal()
+        p, r, lower, upper = self._in_order(*self._parts())
+        self._scale = r.Z.diagonal()
+        before, now = self._obstacles, (self._obstacle(r, lower), upper and self._obstacle(r, upper))
+        self._check_crossing(*now)
+        self._obstacles = now
+        if last is None or (last.A != p.Z).nnz:
+            return ICP(p.Z, p.constant, *now)
+        unchanged = all(map(_is_same, before, now))
+        return (last if unchanged else last.with_sides(*now)).with_q(p.constant)
+
+    def _obstacle(self, r: AffineRows, bound: AffineRows | None) -> Any:
+        """z − (r − `bound`)/ρ, the bound being 0 where it is None."""
+        (R, W, constant), scale = r, self._scale
         with np.errstate(over="ignore"):
-            factor = -1.0 / self._scale
+            factor = -1.0 / scale
             others = R.indices != row_of(R)
             data = (R.data * factor[row_of(R)])[others]
             c = constant * factor + 0.0
         G = sp.csr_array((data, (row_of(R)[others], R.indices[others])), shape=R.shape)
-        psi: Any = Affine(G, c) if G.nnz else c
-        if self._compiled.atoms:
-            psi = self._bent(G, c, sp.csr_array(sp.diags_array(factor) @ W))
-        if last is None or (last.A != P).nnz:
-            return ICP(P, q, psi)
-        unchanged = psi is c and last.psi.is_constant and np.array_equal(last.psi.value(c), c)
-        return (last if unchanged else last.with_psi(psi)).with_q(q)
+        V = sp.csr_array(sp.diags_array(factor) @ W)
+        if bound is not None:  # where it is infinite nothing moves
+            held = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)
+            c = np.where(np.isinf(bound.constant), bound.constant, c)
+            G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(held).plus(bound.times(held / scale))
+            c = c + moved
+        if V.nnz:
+            return self._bent(G, c, V)
+        return Affine(G, c) if G.nnz else c
 
     def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array) -> Function:
         """ψ with atoms; its derivative only where CVXPY's gradients held at the first start."""
@@ -101,21 +123,79 @@ class CvxpyReading:
             self._gradient_holds = obstacle.gradient_holds(np.zeros(self._n) if start is None else start)
         return Function(obstacle, obstacle.jacobian if self._gradient_holds else None)
 
-    def _p_and_r(self) -> tuple[AffineRows, AffineRows]:
-        Z, W, constant = self._compiled.rows()
-        n = self._n
+    def _in_order(self, p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None) -> list[Any]:
+        """p, r and its bounds, None for 0 below and for none above, of all rows in the order of z."""
+        R, m, n = r.Z, self._m, self._n
+        positive = np.bincount(row_of(R)[R.data > 0], minlength=m) > 0
+        self._sign = np.where(positive | (np.diff(R.indptr) == 0), 1.0, -1.0)
+        lower, upper = bounds
+        if (self._sign < 0).any():
+            p, r = p.times(self._sign), r.times(self._sign)
+            lower, upper = lower or r.constants(m, 0.0), upper or r.constants(m, np.inf)
+            kept, turned = np.maximum(self._sign, 0.0), np.minimum(self._sign, 0.0)
+            lower, upper = (
+                one.times(kept).plus(other.times(turned)) for one, other in ((lower, upper), (upper, lower))
+            )
+        own = own_entries(r.Z)
+        if own is None:
+            raise InputError(self._misfit(r.Z, *unowned(r.Z)))
+        self._own, owners = own, own
+        parts: list[Any] = [p, r, lower, upper]
+        if n > m:
+            owners = np.concatenate([own, np.setdiff1d(np.arange(n), own)])
+            free = r.constants(n - m, np.inf)._replace(Z=sp.eye_array(n, format="csr")[owners[m:]])
+            ends = equations, free, equations.constants(n - m, -np.inf), free.constants(n - m, np.inf)
+            parts = [one and one.above(end) for one, end in zip(parts, ends, strict=True)]
+        if not np.array_equal(owners, np.arange(n)):
+            rows = np.argsort(owners)
+            parts = [one and one.of(rows) for one in parts]
+        if n > m:
+            rows, sign = arranged(parts[0].Z, np.argsort(owners) >= m)
+            parts[0] = parts[0].of(rows).times(sign)
+        return parts
+
+    def _parts(self) -> tuple[Any, ...]:
+        """The rows of p, of r, of the equations, and of the bounds of r, None where no condition has such a one."""
+        rows = self._compiled.rows()
         if self._order is None:
-            self._order = self._p_before_r(Z)
-        if not np.array_equal(self._order, np.arange(2 * n)):  # it would copy a matrix that may be large
-            Z, W, constant = (part[self._order] for part in (Z, W, constant))
-        return (Z[:n], W[:n], constant[:n]), (Z[n:], W[n:], constant[n:])
+            self._order = self._p_before_r(rows.Z)
+        if not np.array_equal(self._order, np.arange(self._ends[-1])):  # it would copy a matrix that may be large
+            rows = rows.of(self._order)
+        p, r, equations, *bounds = (
+            rows.of(slice(start, end)) for start, end in zip([0, *self._ends[:-1]], self._ends, strict=True)
+        )
+        return p, r, equations, *(self._spread(k, bound) for k, bound in enumerate(bounds))
+
+    def _spread(self, k: int, bound: AffineRows) -> AffineRows | None:
+        """The lower (k = 0) or upper bounds with a row for each of r. Raises InputError for what is none."""
+        name, none = _BOUNDS[k]
+        bounded = [one for one in self._conditions if one.bounds[k] is not None]
+        if not bounded:
+            return None
+        wrong = np.isnan(bound.constant) | (bound.constant == -none)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            number, place = at([one.bounds[k] for one in bounded], row)
+            found = f"{name}{place} of {bounded[number]} is {bound.constant[row]}"
+            raise InputError(f"{found}; a number was expected, or {none} for none")
+        rows = np.concatenate([np.full(one.sides[1].size, one.bounds[k] is not None) for one in self._conditions])
+        return bound.spread(np.flatnonzero(rows), self._m, none if k else 0.0)
+
+    def _check_crossing(self, psi: Any, upper: Any) -> None:
+        if isinstance(psi, np.ndarray) and isinstance(upper, np.ndarray) and (crossed := psi > upper).any():
+            row = int(np.flatnonzero(crossed[self._own])[0])
+            number, place = at([p for p, _ in self._pairs], row)
+            raise InputError(
+                f"lower is larger than upper in {self._conditions[number]}" + (place and f", entry {place}")
+            )
 
     def _p_before_r(self, Z: sp.csr_array) -> np.ndarray:
         """The order of the rows that turns round the pairs of which the first side looks more like z − ψ(z)."""
-        order, done = np.arange(2 * self._n), 0
+        order, done = np.arange(Z.shape[0]), 0
         for k, (p, r) in enumerate(self._pairs):
-            first, second = (slice(start, start + p.size) for start in (done, self._n + done))
-            if r.is_affine() and looks_like_r(Z[first]) > looks_like_r(Z[second]):
+            first, second = (slice(start, start + p.size) for start in (done, self._m + done))
+            free = r.is_affine() and not self._conditions[k].is_bounded
+            if free and looks_like_r(Z[first]) > looks_like_r(Z[second]):
                 order[first], order[second] = order[second], order[first].copy()
                 self._pairs[k] = r, p
             done += p.size
@@ -125,33 +205,52 @@ class CvxpyReading:
         expressions = [r for _, r in self._pairs]
         k, place = at(expressions, row)
         what = f"r = {named(expressions[k])} is not z - psi(z)" + (f" in entry {place}" if place else "")
-        entries = R[[row]]
-        if not (entries.data > 0).any():
-            falls = "an entry appears with a negative factor only" if entries.nnz else "no entry of z appears linearly"
-            return f"{what}: {falls}, a positive one was expected (for z <= c write the model for -z)"
+        if not R[[row]].nnz:
+            return f"{what}: no entry of z appears linearly, one was expected"
         k, place = at(self.variables, column)
         left = f"{self.variables[k].name()}{place}"
         return f"{what}: the entries of z that it has belong to other rows already, while no row belongs to {left}"
 
 
-def _affine_first(a: cp.Expression, b: cp.Expression) -> tuple[cp.Expression, cp.Expression]:
-    for side in (a, b):
-        if side.is_complex():
+def _pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
+    """p and r, as they are where r has bounds of its own; else the affine one first."""
+    a, b = condition.sides
+    for side in (*condition.sides, *condition.bounds):
+        if side is not None and side.is_complex():
             raise InputError(f"{named(side)} is complex; real expressions were expected: ICP is stated over the reals")
+    if condition.is_bounded and not a.is_affine():
+        raise InputError(f"p = {named(a)} is not affine in the variables; lower and upper are bounds of the second one")
     if not a.is_affine() and not b.is_affine():
         raise InputError(f"neither {named(a)} nor {named(b)} is affine in the variables; p = Az + q must be")
     return (a, b) if a.is_affine() else (b, a)
+
+
+def _check_equations(equations: Sequence[cp.Expression]) -> None:
+    for one in equations:
+        if one.is_complex() or not one.is_affine():
+            what = "complex" if one.is_complex() else "not affine in the variables"
+            advice = "complements(1, r) says r = 0 for an r = z - psi(z)"
+            raise InputError(f"the equation {named(one)} == 0 is {what}; a row of Az + q = 0 was expected ({advice})")
 
 
 def _check_variables(variables: list[cp.Variable], rows: int) -> None:
     for x in variables:
         given = [name for name, value in x.attributes.items() if value]
         if given:
-            advice = f"its bounds are written as r, for example complements(p, {x.name()}) for {x.name()} >= 0"
-            found = f"the variable {x.name()} has the attribute {given[0]}"
-            raise InputError(f"{found}; z is any vector in an ICP, {advice}")
+            name = x.name()
+            advice = f"complements(p, {name}) for {name} >= 0, complements(p, {name}, lower=..., upper=...) for others"
+            found = f"the variable {name} has the attribute {given[0]}"
+            raise InputError(f"{found}; z is any vector in an ICP, its bounds belong to a condition: {advice}")
     unknowns = sum(x.size for x in variables)
     if rows != unknowns or not rows:
         entries = ", ".join(f"{x.name()} with {x.size}" for x in variables) or "no variables"
         found = f"the constraints have {rows} entries, the variables {unknowns} ({entries})"
-        raise InputError(f"{found}; each entry of a variable needs one row p >= 0, r = z - psi(z) >= 0 of its own")
+        wanted = "each entry of a variable needs one row of its own, a condition with r = z - psi(z) or an equation"
+        raise InputError(f"{found}; {wanted}")
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Whether two obstacles are known to be the same: none, or equal numbers."""
+    if one is None or other is None:
+        return one is other
+    return isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and np.array_equal(one, other)

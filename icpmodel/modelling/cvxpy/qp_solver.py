@@ -1,11 +1,11 @@
-"""icpmodel as a solver of CVXPY: convex quadratic programs as LCPs, with proofs where there is no answer.
+"""icpmodel as a solver of CVXPY: convex quadratic programs as ICPs, with proofs where there is no answer.
 
-The matrix M of such an LCP is positive semidefinite and mostly singular, while Newton's method wants systems that can
-be solved. M + σI is positive definite, so
+The obstacles of such an ICP are constant. Its matrix M is positive semidefinite and mostly singular, while Newton's
+method wants systems that can be solved. M + σI is positive definite, so
 
-    z⁺ solves the LCP with M + σI and q − σz        (σ > 0; rows without obstacle stay so)
+    z⁺ solves the ICP with M + σI and q − σz        (σ > 0; the obstacles are the same)
 
-has exactly one solution, the proximal point. The residual of z⁺ in the LCP itself is at most σ|z⁺ − z|, and z converges
+has exactly one solution, the proximal point. The residual of z⁺ in the ICP itself is at most σ|z⁺ − z|, and z converges
 wherever there is a solution. Where there is none, z⁺ − z tends to the direction of a proof. σ falls where Newton's
 method needs few steps, and rises where it fails.
 Reference: Rockafellar, SIAM J. Control Optim. 14 (1976); Liao-McPherson and Kolmanovsky, FBstab, Automatica 113 (2020).
@@ -46,7 +46,7 @@ _PROOFS = 4
 _PATIENCE = 30
 #: what a proof holds by, exact or not
 _HOW = {True: "in exact arithmetic", False: "up to rounding"}
-#: what may be wrong in the units of the program, as a multiple of the tolerance in those of the LCP, and up to what an
+#: what may be wrong in the units of the program, as a multiple of the tolerance in those of the ICP, and up to what an
 #: answer is called inaccurate and not an error
 _USERS, _INACCURATE = 1e2, 1e-4
 #: shares of the tolerance that are tried one after the other, and what may be noise beside 1
@@ -63,8 +63,9 @@ class ProximalPoint(NamedTuple):
 
 
 def proximal_points(problem: ICP, tolerance: float, time_limit: float = np.inf) -> Iterator[ProximalPoint]:
-    """The proximal points of `problem`, an LCP with positive semidefinite A of entries about 1, from its obstacle on.
-    It ends when the time is over, or no σ lets Newton's method succeed. Raises KeyboardInterrupt after Ctrl-C."""
+    """The proximal points of `problem`, constant obstacles and a positive semidefinite A of entries about 1, from its
+    lower obstacle on. It ends when the time is over, or no σ lets Newton's method succeed. Raises KeyboardInterrupt
+    after Ctrl-C."""
     end = time.perf_counter() + time_limit
     c = problem.psi.value(np.zeros(problem.n))
     z = np.where(np.isneginf(c), 0.0, c)
@@ -120,9 +121,9 @@ class ProgramOutcome:
 def solve_program(
     program: Program, *, tolerance: float = 1e-9, time_limit: float = np.inf, points: Points = proximal_points
 ) -> ProgramOutcome:
-    """Solve a convex quadratic program: one with bounds only as an LCP by `icpmodel.solve`, others by proximal points.
+    """Solve a convex quadratic program: one with bounds only as an ICP by `icpmodel.solve`, others by proximal points.
 
-    Parameters: `tolerance` of ‖min(p, r)‖₂ of the LCP in units in which its data are about 1; `time_limit` in seconds.
+    Parameters: `tolerance` of the residual of the ICP in units in which its data are about 1; `time_limit` in seconds.
     "optimal": the residual is below the tolerance; "optimal_inaccurate": below 1e-6. "infeasible" and "unbounded" are
     proved in exact arithmetic (for the latter a feasible x was found, too), with "_inaccurate" they are proved up to
     rounding. "user_limit": the time is over; "solver_error": none of these."""
@@ -134,7 +135,7 @@ def solve_program(
 
 
 class _Answer(NamedTuple):
-    """How far it is from optimal in the units of the program, its `residual` in those of the LCP; x, ν and λ."""
+    """How far it is from optimal in the units of the program, its `residual` in those of the ICP; x, ν and λ."""
 
     violation: float = np.inf
     residual: float = np.inf
@@ -257,10 +258,10 @@ class IcpSolver(QpSolver):
 def cvxpy_solver() -> IcpSolver:
     """icpmodel as a solver for CVXPY's `Problem.solve(solver=…)`: convex quadratic and linear programs.
 
-    Bounds only: the LCP goes to `icpmodel.solve`; with other constraints the KKT system is a monotone LCP, for which
+    Bounds only: the ICP goes to `icpmodel.solve`; with other constraints the KKT system is a monotone one, for which
     see `icpmodel.modelling.cvxpy.quadratic`. P is taken as semidefinite, which CVXPY has checked. Duals are returned.
     "infeasible" and "unbounded" are proved in exact arithmetic; "infeasible_inaccurate" and "unbounded_inaccurate" up
-    to rounding. `Problem.solve` takes the options `tolerance` (1e-9, of the residual of the LCP, in units in which its
+    to rounding. `Problem.solve` takes the options `tolerance` (1e-9, of the residual of the ICP, in units in which its
     data are about 1) and `time_limit` in seconds.
     Returns always the same object, by which CVXPY knows that a problem with parameters need not be compiled again.
 

@@ -4,12 +4,12 @@
 
 is solved by x if and only if there are multipliers ν and λ with
 
-    Px + q + Fᵀλ + Aᵀν ≥ 0  ⟂  x ≥ l,       g − Fx ≥ 0  ⟂  λ ≥ 0,       b − Ax = 0  (ν has no sign),
+    Px + q + Fᵀλ + Aᵀν  ⟂  l ≤ x ≤ u,       g − Fx ≥ 0  ⟂  λ ≥ 0,       b − Ax = 0  (ν has no sign),
 
-l being the lower bounds, −∞ where there are none. That is an ICP with the positive semidefinite matrix
-[[P, Fᵀ, Aᵀ], [−F, 0, 0], [−A, 0, 0]] and ψ = (l, 0, −∞). A row of F with one entry is a bound and no row, so that a
-program with bounds only is an LCP in x alone. A variable with an upper bound only is turned round; where there are
-both, the upper one is a row.
+l and u being the bounds, −∞ and ∞ where there are none. That is an ICP with the positive semidefinite matrix
+[[P, Fᵀ, Aᵀ], [−F, 0, 0], [−A, 0, 0]], ψ = (l, 0, −∞) and ψ̄ = (u, ∞, ∞). A row of F with one entry is a bound and no
+row, so that a program with bounds only is an ICP in x alone. A variable with an upper bound only is turned round, so
+that there is no ψ̄ where no variable has both.
 Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (2009), section 1.2; Curtis and Reid, J. Inst.
 Maths Applics 10 (1972), for the units.
 """
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from ...icp import ICP
 from ...numerics.arrays import Vector, row_of
 from ...numerics.equilibration import in_units
-from ...theory.certificates.infeasible import infeasible
+from ...theory.certificates.infeasible import Known, infeasible
 
 Columns = NDArray[np.int_]
 
@@ -76,8 +76,9 @@ def _shares(wrong: Vector, size: Vector) -> Vector:
 
 
 class ProgramLcp:
-    """The LCP of a `Program` as the ICP `problem` in y, (x, λ, ν) = `unit`·y, its entries about 1 by powers of two, and
-    the way back; `only_bounds` tells whether there are no multipliers, `bounds_cross` whether no x is in its bounds."""
+    """The conditions of a `Program` as the ICP `problem` in y, (x, λ, ν) = `unit`·y, its entries about 1 by powers of
+    two, and the way back; `only_bounds` tells whether there are no multipliers, `bounds_cross` whether no x is in its
+    bounds."""
 
     def __init__(self, program: Program) -> None:
         self.program, n = program, program.q.size
@@ -99,19 +100,23 @@ class ProgramLcp:
         turned = np.isneginf(lower) & (upper < np.inf)
         self._sign = np.where(turned, -1.0, 1.0)
         self._general = np.flatnonzero(~single & (program.g < np.inf))
-        both = self._both = np.flatnonzero(np.isfinite(lower) & (upper < np.inf))
+        self._both = np.isfinite(lower) & (upper < np.inf)
         S = sp.diags_array(self._sign)
-        E = sp.vstack([F[self._general], sp.eye_array(n, format="csr")[both]]) @ S
-        A = program.A @ S
+        E, A = F[self._general] @ S, program.A @ S
         self._n, self._m = n, E.shape[0]
         self.only_bounds = self._m + A.shape[0] == 0
         M = sp.csr_array(sp.block_array([[S @ program.P @ S, E.T, A.T], [-E, None, None], [-A, None, None]]))
-        q = np.concatenate([self._sign * program.q, program.g[self._general], upper[both], program.b])
+        q = np.concatenate([self._sign * program.q, program.g[self._general], program.b])
         bound = np.where(turned, -upper, lower)
         c = np.concatenate([bound, np.zeros(self._m), np.full(A.shape[0], -np.inf)])
-        D, size = _units(M, q, c, n)
+        above = np.full(c.size, np.inf)
+        above[:n][self._both] = np.maximum(lower, upper)[self._both]
+        D, size = _units(M, q, np.stack([c, above]), n)
         with np.errstate(over="ignore", under="ignore"):
-            self.problem = ICP(in_units(M, D, D), np.ldexp(q, D - size), np.ldexp(c, -D - size))
+            c, above = (np.ldexp(one, -D - size) for one in (c, above))
+            self._below = ICP(in_units(M, D, D), np.ldexp(q, D - size), c)
+        self._known = Known(np.full(c.size, -np.inf), above, "bounds") if self._both.any() else None
+        self.problem = self._below if self._known is None else self._below.with_upper(above)
         self.unit, self._force = np.exp2(size + D), np.exp2(size - D)
 
     def back(self, y: Vector) -> tuple[Vector, Vector, Vector]:
@@ -119,12 +124,10 @@ class ProgramLcp:
         values = self.unit * y
         n, m = self._n, self._m
         x, multipliers = self._sign * values[:n], np.maximum(values[n : n + m], 0.0)
-        force = np.maximum(self._force * self.problem.p(y), 0.0)[:n]
+        force = self._sign * (self._force * self.problem.p(y))[:n]
         inequality = np.zeros(self._factor.size)
-        inequality[self._general] = multipliers[: self._general.size]
-        of_upper = np.where(self._sign < 0, force, 0.0)
-        of_upper[self._both] = multipliers[self._general.size :]
-        for row, part in ((self._lower_row, np.where(self._sign > 0, force, 0.0)), (self._upper_row, of_upper)):
+        inequality[self._general] = multipliers
+        for row, part in ((self._lower_row, np.maximum(force, 0.0)), (self._upper_row, np.maximum(-force, 0.0))):
             from_row = row >= 0
             inequality[row[from_row]] += part[from_row] / self._factor[row[from_row]]
         return x, values[n + m :], inequality
@@ -134,10 +137,11 @@ class ProgramLcp:
         other; "dual", that the objective falls for ever along x, if there is a feasible x. None: not even numerically.
         """
         of_x = np.arange(self.problem.n) < self._n
-        # without a part in the rows of x neither P nor q has a say
-        for kind, y in (("primal", np.where(of_x, 0.0, direction)), ("dual", np.where(of_x, direction, 0.0))):
-            if _proves(self.problem, y):
-                return kind, infeasible(self.problem, y).holds is True
+        # without a part in the rows of x neither P nor q has a say; with two bounds p_i may have any sign
+        of_one = of_x & ~np.pad(self._both, (0, of_x.size - self._n))
+        for kind, y in (("primal", np.where(of_x, 0.0, direction)), ("dual", np.where(of_one, direction, 0.0))):
+            if _proves(self._below, y, self._known):
+                return kind, infeasible(self._below, y, self._known).holds is True
         return None
 
 
@@ -150,8 +154,8 @@ def _tightest(n: int, column: Columns, value: Vector, rows: Columns) -> tuple[Ve
     return least, row
 
 
-def _units(M: sp.csr_array, q: Vector, c: Vector, n: int) -> tuple[NDArray[np.int64], int]:
-    """Whole exponents D and size: 2^D M 2^D has entries of about 1, 2^D q and 2^−D c of at most about 2^size. D
+def _units(M: sp.csr_array, q: Vector, c: NDArray[np.float64], n: int) -> tuple[NDArray[np.int64], int]:
+    """Whole exponents D and size: 2^D M 2^D has entries of about 1, 2^D q and both 2^−D c of at most about 2^size. D
     minimises the sum of (log₂|m_ij| + d_i + d_j)² over the entries, whatever the units of the program. Where P = 0 the
     unit of the n rows of x is open; it makes the largest entries of 2^D q for x as large as the others."""
     from scipy.sparse.linalg import cg
@@ -164,7 +168,7 @@ def _units(M: sp.csr_array, q: Vector, c: Vector, n: int) -> tuple[NDArray[np.in
     normal = pattern + sp.diags_array(np.maximum(count, 1.0))
     D, _ = cg(normal, -np.bincount(rows, logs, M.shape[0]), rtol=1e-6, maxiter=_SCALINGS)
     with np.errstate(divide="ignore", invalid="ignore"):
-        of_q, of_c = np.log2(np.abs(q)), np.log2(np.abs(np.where(np.isfinite(c), c, 0.0)))
+        of_q, of_c = np.log2(np.abs(q)), np.log2(np.abs(np.where(np.isfinite(c), c, 0.0)).max(axis=0))
         gap = (of_q + D)[:n].max() - max((of_q + D)[n:].max(initial=-np.inf), (of_c - D).max())
     if np.isfinite(gap) and not ((rows < n) & (columns < n)).any():
         D += 0.5 * np.where(np.arange(M.shape[0]) < n, -gap, gap)
@@ -173,7 +177,7 @@ def _units(M: sp.csr_array, q: Vector, c: Vector, n: int) -> tuple[NDArray[np.in
     return D.astype(np.int64), int(np.clip(size, -_LARGEST, _LARGEST)) if np.isfinite(size) else 0
 
 
-def _proves(problem: ICP, y: Vector) -> bool:
+def _proves(problem: ICP, y: Vector, known: Known | None) -> bool:
     """Whether y shows, up to rounding, that no z has p ≥ 0 and r ≥ 0: see `infeasible`."""
     c = problem.psi.value(y)
     free = np.isneginf(c)
@@ -185,6 +189,9 @@ def _proves(problem: ICP, y: Vector) -> bool:
         return False
     columns, offset = problem.A.T @ y, np.where(free, 0.0, c)
     wrong = np.where(free, np.abs(columns), columns)
+    if known is not None:
+        at_upper = np.isfinite(known.high) & (columns > 0)
+        offset, wrong = np.where(at_upper, known.high, offset), np.where(at_upper, 0.0, wrong)
     number, terms = problem.q @ y + columns @ offset, np.abs(problem.q) @ np.abs(y) + np.abs(columns) @ np.abs(offset)
     small = (wrong <= _ZERO * np.minimum(problem.matrix.absolute.T @ np.abs(y), 1.0)).all()
     return bool(small and number < _NEGATIVE * max(terms, 1.0))

@@ -4,7 +4,11 @@ A `Complementarity` has two arguments with two bounds in all; what the bounds me
 
     f ≥ a, g ≥ b (or ≤ on either)    f − a ≥ 0 ⟂ g − b ≥ 0 (a − f where f ≤ a)
     f = a, g without bound           f − a = 0
-    a ≤ f ≤ b, g without bound       f − a ≥ 0 ⟂ g + λ ≥ 0 and b − f ≥ 0 ⟂ λ ≥ 0, λ an unknown more
+    a ≤ f ≤ b, g without bound       g ≥ 0 where f = a, g ≤ 0 where f = b, g = 0 in between
+
+The last one is one row where f looks like an unknown with bounds: it is bent, has one variable only, or one that g has
+with the same sign; g and b − a must be affine. Else it is two, f − a ≥ 0 ⟂ g + λ ≥ 0 and b − f ≥ 0 ⟂ λ ≥ 0 with an
+unknown λ more. An infinite a or b is none, and leaves one of the forms above it.
 
 Equality constraints are rows like f − a = 0. Reference: Ferris, Fourer and Gay, Expressing complementarity problems in
 an algebraic modeling language (1999), doi 10.1137/S105262349833338X.
@@ -40,7 +44,8 @@ Side = tuple[float, dict[int, float], Any]
 class ConditionRows:
     """The rows of a model: `sides`, side 0 and side 1 of all rows, with what is nonlinear `flattened`; `owners`, whose
     each row is; `equation` where side 0 must be zero: there side 1 only tells which variable Pyomo's user had in mind.
-    `multipliers` are the λ above by the number of the row of g + λ. Raises InputError, with the component's name, for
+    `multipliers` are the λ above by the number of the row of g + λ, `widths` b − a by that of a row with two bounds on
+    side 0, of which side 1 has any sign. Raises InputError, with the component's name, for
     what is no such condition."""
 
     def __init__(self, model: Any) -> None:
@@ -48,6 +53,7 @@ class ConditionRows:
         self.owners: list[Any] = []
         self.equation: list[bool] = []
         self.multipliers: dict[int, Any] = {}
+        self.widths: dict[int, Side] = {}
         self._recorder = VarRecorder({}, None)
         self._walk = LinearRepnVisitor({}, var_recorder=self._recorder).walk_expression
         with PauseGC():  # as Pyomo's writers do: many small objects come and go
@@ -59,7 +65,7 @@ class ConditionRows:
 
     def variables(self) -> list[Any]:
         """The variables that occur, in the order of the model."""
-        seen = {key for side in self.sides for _, linear, _ in side for key in linear}
+        seen = {key for side in (*self.sides, self.widths.values()) for _, linear, _ in side for key in linear}
         seen |= {id(variable) for _, variables, _ in self.nonlinear().values() for variable in variables}
         return [variable for key, variable in self._recorder.var_map.items() if key in seen]
 
@@ -97,8 +103,8 @@ class ConditionRows:
         for one, other in ((first, second), (second, first)):
             if one.equality and not other.bounds:
                 return self._add_equation(condition, one.bounds[0], other.body)
-            if len(one.bounds) == 2 and not one.equality and not other.bounds:
-                return self._add_double(condition, one, other.body)
+            if one.is_range and not other.bounds:
+                return self._add_range(condition, one, other.body)
         if first.equality or second.equality or (len(first.bounds), len(second.bounds)) != (1, 1):
             count = [2 if one.equality else len(one.bounds) for one in (first, second)]
             found = f"{condition.name} has {count[0]} + {count[1]} bounds (an equality is two)"
@@ -118,21 +124,35 @@ class ConditionRows:
         low, *between, high = expression.args
         if between:
             ends: list[Terms] = [((1.0, between[0]), (-1.0, low)), ((1.0, high), (-1.0, between[0]))]
-            return _Bounded(_finite(ends), ((1.0, between[0]),))
+            return _Bounded(_finite(ends), ((1.0, between[0]),), is_range=True, ends=tuple(ends))
         ends = [((1.0, high), (-1.0, low))]
         body = tuple(term for term in ends[0] if term[1].__class__ not in native_numeric_types)
         return _Bounded(_finite(ends), body)
 
-    def _add_double(self, condition: Any, ends: _Bounded, body: Terms) -> None:
-        """a ≤ f ≤ b with g: two rows, or the equation f = a where a = b."""
-        low, high = ends.bounds
-        width, linear, nonlinear = self._read((*low, *high), condition)
-        if not linear and nonlinear is None and width == 0:
-            return self._add_equation(condition, low, body)
+    def _add_range(self, condition: Any, one: _Bounded, force: Terms) -> None:
+        """a ≤ f ≤ b with g."""
+        low, high = one.ends
+        if len(one.bounds) < 2:
+            if not one.bounds:
+                return self._add_equation(condition, force, one.body)
+            sign = 1.0 if one.bounds[0] is low else -1.0
+            return self._add(condition, one.bounds[0], tuple((sign * factor, term) for factor, term in force))
+        width = constant, linear, nonlinear = self._read((high[0], low[1]), condition)
+        if not linear and nonlinear is None:
+            if constant == 0:
+                return self._add_equation(condition, low, force)
+            if constant < 0:
+                found = f"{condition.name} has a lower bound that is larger than the upper one"
+                raise InputError(f"{found}, by {-constant:g}")
+        f, g = self._read(low, condition), self._read(force, condition)
+        shared = any(value * g[1].get(key, 0.0) > 0 for key, value in f[1].items())
+        if nonlinear is None and g[2] is None and (f[2] is not None or len(f[1]) == 1 or shared):
+            self.widths[len(self.owners)] = width
+            return self._append(condition, f, g)
         multiplier = pyo.Var(name="multiplier")
         multiplier.construct()
         self.multipliers[len(self.owners)] = multiplier
-        self._add(condition, low, (*body, (1.0, multiplier)))
+        self._add(condition, low, (*force, (1.0, multiplier)))
         return self._add(condition, high, ((1.0, multiplier),))
 
     def _add_equation(self, owner: Any, zero: Terms, hint: Terms) -> None:
@@ -196,6 +216,8 @@ class _Bounded(NamedTuple):
     bounds: tuple[Terms, ...]
     body: Terms
     equality: bool = False
+    is_range: bool = False
+    ends: tuple[Terms, ...] = ()
 
 
 def _finite(bounds: list[Terms]) -> tuple[Terms, ...]:

@@ -20,7 +20,7 @@ from ...icp import ICP
 from ...numerics.arrays import Vector, described
 from ...problem.affine import Affine
 from ...problem.function import Function
-from .condition_rows import ConditionRows
+from .condition_rows import ConditionRows, Side
 from .nonlinear import NonlinearRows, PyomoObstacle
 from .ownership import Ownership
 
@@ -29,7 +29,7 @@ from .ownership import Ownership
 class PyomoReading:
     """A `Reading`: z_i = `signs`[i] · `variables`[i]; `owners`[i] is the Complementarity or Constraint of row i.
 
-    A condition with two bounds on one side has two rows, one after the other, and `added` says by the number of the
+    Where a condition with two bounds on one side has two rows, one after the other, `added` says by the number of the
     first which of the two owns the λ of `ConditionRows`. `equation`, shape (n,), tells which rows are equations,
     `which_r` which side of a row is r, and `scale` what that was divided by. `bounds` (row, lower, upper) are those
     that a row's variable has of its own and no condition implies."""
@@ -50,8 +50,10 @@ class PyomoReading:
         z: Vector = self.signs * np.array(values, dtype=np.float64)
         bad = ~np.isfinite(z)
         if not bad.any():
-            psi = self.problem.psi.value(z)
+            psi, upper = self.problem.psi.value(z), self.problem.upper
             bad = ~(np.isfinite(psi) | np.isneginf(psi))
+            if upper is not None:
+                bad |= np.isnan(upper.value(z))
         if bad.any():
             row = int(np.argmax(bad))
             at = f"{self.variables[row].name} = {self.signs[row] * z[row] + 0.0:g}"
@@ -145,15 +147,11 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
     A, G = (_assembled(part, m) for part in parts)
     q = owned.constants[1 - which_r, every] * flip
     c = np.where(free, -np.inf, -owned.constants[which_r, every] / scale)
-    psi: Any = Affine(G, c) if G.nnz else c + 0.0
-    if flat := rows.nonlinear():
-        columns = {key: int(position[j]) for key, j in owned.column.items()}
-        obstacle = PyomoObstacle(G, c, NonlinearRows(flat, columns, (m, m)), signs, scale)
-        psi = Function(obstacle, obstacle.jacobian)
+    psi, upper = _obstacles(rows, owned, G, c, signs, scale)
     variables = tuple(owned.variables[j] for j in own)
     of = {id(variable): row for row, variable in enumerate(variables)}
     return PyomoReading(
-        problem=ICP(A, q, psi),
+        problem=ICP(A, q, psi, upper),
         variables=variables,
         signs=signs,
         owners=tuple(rows.owners),
@@ -161,8 +159,36 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
         added={row: of[id(multiplier)] for row, multiplier in rows.multipliers.items()},
         which_r=which_r,
         scale=scale,
-        bounds=_bounds(owned),
+        bounds=_bounds(owned, rows.widths),
     )
+
+
+def _obstacles(
+    rows: ConditionRows, owned: Ownership, G: sp.csr_array, c: Vector, signs: Vector, scale: Vector
+) -> tuple[Any, Any]:
+    """ψ(z) = Gz + c with what is nonlinear, and ψ̄, which lies above it by what `rows.widths` say; None if nowhere."""
+    position, m = np.argsort(owned.own), owned.m
+    columns = {key: int(position[j]) for key, j in owned.column.items()}
+
+    def made(G: sp.csr_array, c: Vector, flat: dict[int, Any]) -> Any:
+        if not flat:
+            return Affine(G, c) if G.nnz else c + 0.0
+        obstacle = PyomoObstacle(G, c, NonlinearRows(flat, columns, (m, m)), signs, scale)
+        return Function(obstacle, obstacle.jacobian)
+
+    flat = rows.nonlinear()
+    if not rows.widths:
+        return made(G, c, flat), None
+    above, entries = np.full(m, np.inf), []
+    for row, (constant, linear, _) in rows.widths.items():
+        above[row] = c[row] + constant / scale[row]
+        entries += [(value * signs[columns[key]] / scale[row], row, columns[key]) for key, value in linear.items()]
+    H = sp.csr_array(sp.diags_array(owned.ranges.astype(np.float64)) @ G)
+    H.eliminate_zeros()
+    if entries:
+        data, i, j = zip(*entries, strict=True)
+        H = sp.csr_array(H + sp.coo_array((data, (i, j)), shape=(m, m)))
+    return made(G, c, flat), made(H, above, {row: one for row, one in flat.items() if row in rows.widths})
 
 
 def _assembled(parts: list[tuple[Any, ...]], m: int) -> sp.csr_array:
@@ -171,9 +197,11 @@ def _assembled(parts: list[tuple[Any, ...]], m: int) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=(m, m)))
 
 
-def _bounds(owned: Ownership) -> tuple[tuple[int, float, float], ...]:
+def _bounds(owned: Ownership, widths: dict[int, Side]) -> tuple[tuple[int, float, float], ...]:
     """The bounds of variables that no side says: row, lower, upper. Raises InputError for discrete variables."""
-    lower, upper = np.full(owned.n, -np.inf), np.full(owned.n, np.inf)
+    lower, upper, width = np.full(owned.n, -np.inf), np.full(owned.n, np.inf), np.full(owned.m, np.inf)
+    for row, (constant, linear, _) in widths.items():
+        width[row] = np.inf if linear else constant
     for k, side in enumerate(owned.sides):
         alone = (np.bincount(side.row, minlength=owned.m) == 1)[side.row] & ~owned.bent[k, side.row]
         if k == 1:
@@ -183,6 +211,10 @@ def _bounds(owned: Ownership) -> tuple[tuple[int, float, float], ...]:
         both = owned.free[side.row[alone]]
         np.maximum.at(lower, column[(slope > 0) | both], ends[(slope > 0) | both])
         np.minimum.at(upper, column[(slope < 0) | both], ends[(slope < 0) | both])
+        if k == 0:
+            others = ends + width[side.row[alone]] / slope
+            np.minimum.at(upper, column[slope > 0], others[slope > 0])
+            np.maximum.at(lower, column[slope < 0], others[slope < 0])
     found = []
     for row, j in enumerate(owned.own.tolist()):
         variable = owned.variables[j]

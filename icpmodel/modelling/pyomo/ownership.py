@@ -30,6 +30,8 @@ class Ownership:
         self.bent = np.array([[rest is not None for _, _, rest in side] for side in rows.sides])
         # a nonlinear equation has an obstacle, and p = 1
         self.free = np.array(rows.equation, dtype=bool) & ~self.bent[1]
+        #: the rows with two bounds, of which side 0 is r
+        self.ranges = np.isin(np.arange(self.m), list(rows.widths))
         self.constants = np.array([[constant for constant, _, _ in side] for side in rows.sides])
         self.sides = [self._matrix([linear for _, linear, _ in side]) for side in rows.sides]
         self._list_pairs(rows)
@@ -69,7 +71,7 @@ class Ownership:
             size = sum(np.where(side == 0, 0.0, np.log2(np.abs(side))) for side in self._coefficient)
         opposite = np.sign(first) * np.sign(second) < 0
         cost = _NOT_IN_R * ~self._in_r() + _MISSING * missing + _OPPOSITE * opposite - size
-        own = cheapest(self._row, self._col, cost, self.m) if self.m == self.n else None
+        own = cheapest(self._row, self._col, cost, self.m, self.n) if self.m == self.n else None
         if own is None:
             raise InputError(self._not_square(rows))
         return own
@@ -80,6 +82,7 @@ class Ownership:
         counts = np.array([np.bincount(side.row, minlength=self.m) for side in self.sides], dtype=float)
         counts[counts == 0] = np.inf
         wanted = self.bent | (~self.bent.any(axis=0) & (counts == counts.min(axis=0)))
+        wanted[:, self.ranges] = [[True], [False]]
         there = (self._coefficient != 0) | (self.bent[:, self._row] & self._curved)
         return np.asarray((wanted[:, self._row] & there).any(axis=0) | self.free[self._row])
 
@@ -109,7 +112,7 @@ class Ownership:
         second = np.zeros(self.m, dtype=bool)
         for one, other in reversed(list(zip(*ranks, strict=True))):  # the first that differs decides
             second = np.where(other == one, second, other < one)
-        second[self.bent[0]] = False
+        second[self.bent[0] | self.ranges] = False
         second[self.bent[1] | self.free] = True
         return second.astype(int)
 

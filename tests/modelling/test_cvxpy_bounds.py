@@ -1,0 +1,105 @@
+"""Models in CVXPY with bounds on both sides and with equations, as their user would write them."""
+
+import cvxpy as cp
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel.modelling.matching import arranged
+
+
+def clamped(F, x, low, high):
+    """Whether F pushes only where x is at a bound: x is the projection of x − F."""
+    return pytest.approx(np.clip(x - F, low, high), abs=1e-7) == x
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_optimality_conditions_of_a_quadratic_program_give_its_answer_and_its_duals(seed):
+    """Box, equation and its multiplier, written out and compared with CVXPY's own program and dual values."""
+    random = np.random.default_rng(seed)
+    n, m = 6, 2
+    B, A = random.normal(size=(n, n)), random.normal(size=(m, n))
+    P, q, b = B @ B.T + np.eye(n), 3 * random.normal(size=n), A @ random.uniform(0.2, 0.8, n)
+    x, force = cp.Variable(n), cp.Variable(m)
+    box = icp.complements(P @ x + q + A.T @ force, x, lower=-0.5, upper=np.linspace(0.8, 1, n))
+    model = icp.Problem([box, A @ x == b])
+    model.solve(rtol=1e-10)
+    y = cp.Variable(n)
+    rows = [A @ y == b, y >= -0.5, y <= np.linspace(0.8, 1, n)]
+    cp.Problem(cp.Minimize(0.5 * cp.quad_form(y, cp.psd_wrap(P)) + q @ y), rows).solve(solver="CLARABEL")
+    assert x.value == pytest.approx(y.value, abs=1e-6)
+    assert force.value == pytest.approx(rows[0].dual_value, abs=1e-5)
+    assert box.p == pytest.approx(rows[1].dual_value - rows[2].dual_value, abs=1e-5)
+    assert (box.r == x.value).all()
+    # the multiplier's row is that of the equation, with the sign that leaves A monotone
+    assert np.linalg.eigvalsh((model.icp.A + model.icp.A.T).toarray()).min() >= -1e-12
+
+
+def test_bounds_have_the_shapes_and_units_of_what_they_bound():
+    """A matrix of rows with a factor; None, infinite numbers, parameters, and ends that move with z."""
+    X, y, cap = cp.Variable((2, 3), name="X"), cp.Variable(name="y"), cp.Parameter(nonneg=True)
+    load = np.array([[9.0, -9, 1], [-1, 2, -9]])
+    high = np.array([[1, 1, np.inf], [4, np.inf, 4.0]])
+    inner = icp.complements(3 * X - load - 0.1 * y, 2 * X - y, lower=None, upper=high)
+    outer = icp.complements(2 * y - cp.sum(X) / 9 - 3, y, lower=-cap, upper=0.1 * cp.square(X[0, 0]) + cap)
+    model = icp.Problem([inner, outer])
+    for cap.value in (0.5, 2.0):
+        model.solve(rtol=1e-10)
+        F, r = 3 * X.value - load - 0.1 * y.value, 2 * X.value - y.value
+        assert inner.p == pytest.approx(F, abs=1e-8)
+        assert inner.r == pytest.approx(r, abs=1e-8)
+        assert inner.p.shape == inner.r.shape == (2, 3)
+        assert clamped(F, r, -np.inf, high)
+        assert clamped(outer.p, y.value, -cap.value, 0.1 * X.value[0, 0] ** 2 + cap.value)
+
+
+def test_an_expression_that_falls_with_z_is_an_obstacle_above():
+    """x <= u as u − x >= 0: p is its multiplier, whichever other rows there are."""
+    x = cp.Variable(3)
+    top, bottom = icp.complements([3, 0.5] - x[:2], 1 - x[:2]), icp.complements(x[2] - x[0] + 4, x[2])
+    model = icp.Problem([top, bottom])
+    model.solve(rtol=1e-12)
+    assert x.value == pytest.approx([1, 0.5, 0])
+    assert top.p == pytest.approx([2, 0])
+    assert top.r == pytest.approx([0, 0.5])
+    assert (bottom.p, bottom.r) == (pytest.approx(3), pytest.approx(0))
+    both = icp.complements(2 - x, 1 - x, lower=-1, upper=3)  # −2 <= x <= 2
+    icp.Problem(both).solve()
+    assert x.value == pytest.approx([2, 2, 2])
+    assert both.r == pytest.approx([-1, -1, -1])
+
+
+def test_equations_alone_and_in_any_order_are_solved():
+    """Those that fit no unknown of their own are exchanged, and those of multipliers stay."""
+    a, b, u, p = cp.Variable(name="a"), cp.Variable(name="b"), cp.Variable(3), cp.Variable()
+    icp.Problem([b == 3, 2 * a == -4]).solve()
+    assert (a.value, b.value) == (pytest.approx(-2), pytest.approx(3))
+    K = np.array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 2]])
+    icp.Problem([K @ u + p == [1, 2, 3], cp.sum(u) == 0]).solve()
+    assert u.value == pytest.approx([-0.5, 0, 0.5])
+    assert p.value == pytest.approx(2)
+
+
+def test_equations_are_arranged_by_their_entries_and_signs():
+    """The order and the signs: a diagonal without zeros, or opposite entries on both sides of it; rows with an
+    obstacle stay."""
+    for A, free, expected in (
+        ([[0, -2.0, 0], [0, 0, 4], [3, 0, 0]], [1, 1, 1], [[3, 0, 0], [0, 2, 0], [0, 0, 4]]),
+        ([[2.0, 1], [1, 0]], [0, 1], [[2, 1], [-1, 0]]),
+        ([[-2.0, 1], [1, -1]], [0, 1], [[-2, 1], [-1, 1]]),
+        ([[1.0, 0], [1, 0]], [0, 1], [[1, 0], [1, 0]]),
+    ):
+        order, sign = arranged(sp.csr_array(A), np.array(free, dtype=bool))
+        assert (np.diag(sign) @ np.array(A)[order]).tolist() == expected
+
+
+def test_what_is_known_is_kept_while_bounds_stay():
+    load, high, z = cp.Parameter(2, value=[5, -1]), cp.Parameter(value=1.0), cp.Variable(2)
+    model = icp.Problem(icp.complements(z - load, z, upper=high))
+    first = model.icp
+    load.value = [0.5, 7]
+    assert model.icp.facts is first.facts
+    high.value = 2.0
+    assert model.icp.A is first.A
+    assert model.solve().z == pytest.approx([0.5, 2])
