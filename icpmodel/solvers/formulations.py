@@ -8,8 +8,8 @@ With p = Az + q, r = z − Gz − c (G = 0 for a constant ψ) and i "free" where
 
 An obstacle above z, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds its side to energy, and to mpec with p = u − v the two
 conditions 0 ≤ u ⟂ r ≥ 0, 0 ≤ v ⟂ s ≥ 0. The gap is then uᵀr + vᵀs = pᵀr + vᵀ(d − c) with u = p + v, and v ≥ 0 as
-further unknowns in the rows with two obstacles, which have to move alike there, H = G: else vᵀ(H − G)z is not convex. In
-a row with an obstacle above alone r stands for −s, and both p and r are ≤ 0.
+further unknowns in the rows with two obstacles, which have to move alike there, H = G: else vᵀ(H − G)z is not convex.
+In a row with an obstacle above alone r stands for −s, and both p and r are ≤ 0.
 
 z itself has no sign. The affine ψ stays in the constraints: A(I − G)⁻¹ would be dense. A problem whose ψ is not
 constant is also posed with its *obstacle frozen* at c = ψ(z), z the answer under test: z solves ICP(q, A, ψ) if and
