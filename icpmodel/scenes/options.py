@@ -27,8 +27,8 @@ def game_put(n: int = 201, delta: float = 0.05) -> Scene:
     (1 + δ)(1 + γ)k, V = 1 − s up to s = k, V = as + bs^−γ up to 1, with V′ continuous at k, and δs^−γ from there on:
     the writer cancels at s = 1, in one row. From δ* = (1 − k)k^γ with k = γ/(1 + γ) on he never does.
     Discretised on n points, −1 ≤ y ≤ 1, by central differences; n odd, so that s = 1 is one of them. Row 0 is V = 1 −
-    s; the last one has V′ = −γV by a ghost point. Quantities: "V", the largest error over the grid; "k", where the slopes
-    of the first three cells in which V is above 1 − s, extrapolated, reach that of 1 − s (smooth fit). Both are O(h²),
+    s; the last one has V′ = −γV by a ghost point. Quantities: "V", the largest error over the grid; "k", where the
+    slopes of the first three cells in which V is above 1 − s, extrapolated, reach that of 1 − s (smooth fit). Both are O(h²),
     with a factor that depends on where k falls between two points: measured at most .12h² and .34h² for δ = .05.
     Parameters: `n` ≥ 33, even numbers are raised by 1; `delta` > 0.
     References: Kifer, Finance Stoch. 4 (2000), 443-463; Kyprianou, Finance Stoch. 8 (2004), 73-86.

@@ -114,9 +114,12 @@ def test_by_hand_trying_every_set_of_rows_finds_this_solution_and_no_other(name)
         J = np.where(above[:, None], np.eye(n), np.where(below[:, None], np.eye(n) - G, A))
         z = np.linalg.solve(J, np.where(above, d, np.where(below, c, -problem.q)))
         p, tiny = problem.p(z), 1e-14
-        if (p[~above] >= -tiny).all() and (p[~below] <= tiny).all() and (problem.r(z) >= -tiny).all():
-            if (z <= d + tiny).all():
-                found.append(z)
+        if (
+            (p[~above] >= -tiny).all()
+            and (p[~below] <= tiny).all()
+            and (np.minimum(problem.r(z), d - z) >= -tiny).all()
+        ):
+            found.append(z)
     assert found
     for z in found:
         np.testing.assert_allclose(z, scene.z_exact, rtol=0, atol=1e-15)
