@@ -24,9 +24,9 @@ def phase_step(n: int = 201) -> Scene:
     u_t = ε²u″ + u where −1 < u < 1, ≤ where u = 1 and ≥ where u = −1, on [−1, 1] with u′ = 0 at its ends: the double
     obstacle potential, ε = .2. At rest is u = sin(x/ε) for |x| ≤ πε/2, ±1 beyond; from there one implicit step of
     length τ = ½ has to lead back: p = (1/τ − 1)z − ε²z″ − u/τ, ψ = −1, ψ̄ = 1. Discretised on n points by central
-    differences, h = 2/(n − 1), ghost points at the ends. Quantities: "u", the largest |z − u| over the grid; "energy" ∫ ½ε
-    u′² + (1 − u²)/2ε = π/2, the tension of the interface. Both are O(h²): measured at most 3.1h², which
-    depends on where the interface ends between two points, and 1.5 to 1.8 h². Raises InputError for n < 33.
+    differences, h = 2/(n − 1), ghost points at the ends. Quantities: "u", the largest |z − u| over the grid; "energy"
+    ∫ ½ε u′² + (1 − u²)/2ε = π/2, the tension of the interface. Both are O(h²): measured at most 3.1h², which depends
+    on where the interface ends between two points, and 1.5 to 1.8 h². Raises InputError for n < 33.
     Reference: Blowey and Elliott, Eur. J. Appl. Math. 2 (1991), doi:10.1017/S095679250000053X.
     """
     n = size(n, 33)
