@@ -73,9 +73,10 @@ def _operator(n: int, h: float) -> tuple[Any, Vector]:
     diffusion, drift = 0.5 * VOLATILITY**2 / h**2, (0.5 * INTEREST - 0.25 * VOLATILITY**2) / h
     left, right = np.full(n - 1, drift - diffusion), np.full(n - 1, -drift - diffusion)
     middle, q = np.full(n, INTEREST + 2.0 * diffusion), np.zeros(n)
-    middle[0], right[0], q[0] = 1.0, 0.0, np.exp(-1.0) - 1.0
+    # with the diagonal of the other rows, and the last row halved, A + A' is positive definite
+    right[0], q[0] = 0.0, middle[0] * (np.exp(-1.0) - 1.0)
     # ghost point: V(y + h) = V(y - h) - 2h·DECAY·V(y)
-    left[-1], middle[-1] = -2.0 * diffusion, middle[-1] + 2.0 * h * DECAY * (diffusion + drift)
+    left[-1], middle[-1] = -diffusion, middle[-1] / 2.0 + h * DECAY * (diffusion + drift)
     return tridiagonal(left, middle, right), q
 
 
