@@ -151,6 +151,12 @@ def test_a_problem_of_ones_own_is_mapped():
     assert found.failed.any()
 
 
+def test_between_two_obstacles_no_proof_is_contradicted():
+    found = measure.stability("relaxation", icp.scenes.box_manufactured(n=16, mu=1.0).problem, points=4, starts=2)
+    assert found.any_proved.any()
+    assert found.contradictions == 0
+
+
 #: plane → ends by their first letters and steps, row by row from the lowest y, on 5 x 5 points with n = 16
 NUMBERS = {
     "coupling": ("sssss sssss sssss", [[18, 18, 17, 14, 9], [26, 26, 25, 20, 14], [63, 62, 55, 38, 24]]),
