@@ -215,3 +215,25 @@ def test_the_nonlinear_model_of_ipopt_holds_at_the_solution(kind: str) -> None:
 
     assert violated(z) <= 1e-9
     assert violated(z + 0.1) > 1e-3
+
+
+@pytest.mark.parametrize(("kind", "formulation"), [("symmetric", "qp"), ("skew", "qp"), ("alike", "mip")])
+def test_the_cvxpy_model_between_two_obstacles_has_the_solution(kind: str, formulation: str) -> None:
+    pytest.importorskip("cvxpy")
+    pytest.importorskip("highspy")
+    for seed in (1, 4):
+        problem, z = box(seed, 6, kind)
+        model = problem.to_cvxpy(formulation)
+        model.solve(solver="HIGHS" if formulation == "mip" else "CLARABEL")
+        assert model.var_dict["z"].value == pytest.approx(z, abs=1e-5)
+
+
+def test_the_mixed_integer_model_needs_no_convexity_between_two_obstacles() -> None:
+    pytest.importorskip("cvxpy")
+    pytest.importorskip("highspy")
+    problem = icp.scenes.hard_three().problem
+    model = problem.to_cvxpy("mip")
+    model.solve(solver="HIGHS")
+    assert problem.residual(model.var_dict["z"].value) <= 1e-6
+    with pytest.raises(icp.NotApplicable, match="no convex QP"):
+        problem.to_cvxpy()
