@@ -7,6 +7,7 @@ import pytest
 
 import icpmodel as icp
 from icpmodel import study as measure
+from icpmodel.methods.pivots import Lemke
 from icpmodel.study import Axis, Plane, StabilityMap, planes
 
 #: plane → points per axis, enough to meet failures
@@ -67,6 +68,8 @@ def test_ends_are_told_apart():
         (icp.scenes.hard_overflow().problem, icp.MNMGS(), "overflowed"),
         (icp.scenes.hard_empty_row().problem, icp.MNMGS(), "refused"),
         (icp.scenes.hard_domain().problem, icp.MNMGS(), "psi failed"),
+        (icp.scenes.hard_crossing().problem, icp.MNMGS(), "obstacles cross"),
+        (icp.scenes.hard_infeasible().problem, Lemke(), "infeasible"),
         (icp.scenes.membrane(n=400).problem, icp.MNMGS(), "slow"),
     ]
     for problem, method, end in cases:

@@ -25,6 +25,8 @@ _SIGNS = {
     "slow": (".", "not there after {max_iter} steps"),
     "precision limit": ("$+$", "as far as rounding allows"),
     "psi failed": ("$?$", "ψ failed"),
+    "obstacles cross": ("1", "the obstacles cross"),
+    "infeasible": ("2", "infeasible"),
     "stagnated": ("_", "stagnated"),
     "cycled": ("$\\circ$", "cycled"),
     "diverged": ("x", "diverged"),
