@@ -50,13 +50,13 @@ from .problem.function import Function as Function
 from .problem.intervention import Intervention as Intervention
 from .problem.map import Map as Map
 from .solve import solve as solve
-from .solve.many import Solutions as Solutions
 from .solve.many import solve_many as solve_many
 from .solve.progress import Progress as Progress
 from .solve.reduced import Reduced as Reduced
 from .solve.solution import Certificate as Certificate
 from .solve.solution import History as History
 from .solve.solution import Solution as Solution
+from .solve.solution import Solutions as Solutions
 from .solve.solution import Status as Status
 from .solve.solution import certify as certify
 from .study.race import race as race

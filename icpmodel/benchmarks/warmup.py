@@ -48,7 +48,11 @@ def _problems() -> Iterator[tuple[str, ICP]]:
     grid = scene("membrane", n=_N).problem
     yield "an affine obstacle", grid.with_psi(Affine(0.05 * grid.A, -1.0))
     yield "an elementwise obstacle", grid.with_psi(Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z)))
+    yield "two obstacles", grid.with_upper(1.0)
+    yield "two affine obstacles", grid.with_sides(Affine(0.05 * grid.A, -1.0), Affine(0.05 * grid.A, 1.0))
     line = ICP(3.0 * np.eye(_N) - np.eye(_N, k=1) - np.eye(_N, k=-1), -np.ones(_N))
     yield "a line", line
+    yield "a line between two obstacles", line.with_upper(0.1)
     for A in (line.A, line.A[:2, :2]):
-        solve_many(A, np.stack([-np.ones(A.shape[0]), np.ones(A.shape[0])]))
+        for upper in (None, 0.1):
+            solve_many(A, np.stack([-np.ones(A.shape[0]), np.ones(A.shape[0])]), upper=upper)

@@ -31,7 +31,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, diagonal_positions, inner, norm, row_of
 from ..numerics.equilibration import balanced
 from ..numerics.factorisation import factorise
-from ..numerics.linear import solver_of
+from ..numerics.linear import cg_step_cost, conjugate_gradients, solver_of
 from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -51,10 +51,10 @@ _LEAST = 1e-12
 _INTERIOR = 20
 #: their μ, and the share of the way to the boundary that they go
 _STEADY, _NEARLY_ALL = 1e-9, 0.995
-#: so many steps without a better iterate are the last ones
+#: so many steps without a better iterate are the last ones, but for those through the interior
 _LAST = 100
-#: the relative residual of an inexact solve, and up to which a solve counts as one
-_INEXACT, _BACKWARD = 1e-4, 1e-6
+#: the relative residual up to which a solve counts as one
+_BACKWARD = 1e-6
 #: conjugate gradients for 1e-4 where μ is .01: ½√100·log(2e4)
 _PRODUCTS = 50
 #: of a direction to infinity, entries that are a smaller share of the largest are what else has moved
@@ -95,7 +95,7 @@ class Proximal(Method):
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         # 12 to 17 steps were measured at n = 100, 20 to 60 at 1000 and 30 to 100 at 10 000, contact to linear programs
         matrix = facts.matrix
-        solve = min(work.factor_cost(matrix.fill), _PRODUCTS * _iteration(matrix.n, matrix.nnz))
+        solve = min(work.factor_cost(matrix.fill), _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz))
         step = (work.COSTS.newton + solve) / matrix.unit
         return Estimate(0.0, step, 6.0 + 2.0 * math.log2(matrix.n), 12.0 * matrix.fill.entries)
 
@@ -174,8 +174,10 @@ class ProximalPath:
         work.add(work.COSTS.newton)
         if whole < _REDUCED * self.best:
             self.best, self.idle = whole, 0
-        if whole == 0.0 or self.idle > _LAST:
+        if whole == 0.0:
             return False
+        if self.idle > _LAST:
+            return self.inside is None and self._goes_inside()
         if self.inside is not None:
             if self.inside.leads_on(whole) and self.inside.advance():
                 self.z, self.p = self.inside.z, self.inside.p
@@ -191,14 +193,21 @@ class ProximalPath:
         elif not self._falls(own):
             self._begin(*self.centre, _GROWS * self.shift)
             if self.spent >= _INTERIOR:
-                self.spent, self.inside = -np.inf, Interior(self)  # once
-                return self.advance()
+                return self._goes_inside()
         while not self._step():
             if not self.shift < 1.0 / _LEAST:
                 return False
             self._begin(*self.centre, _GROWS * self.shift)
         self.made += 1
         return True
+
+    def _goes_inside(self) -> bool:
+        """The first of the steps through the interior, which are tried once; False where they were."""
+        if self.spent == -np.inf:
+            return False
+        self._begin(*self.centre, self.shift)
+        self.spent, self.idle, self.inside = -np.inf, 0, Interior(self)
+        return self.advance()
 
     def _begin(self, z: Vector, p: Vector, shift: float) -> None:
         self.z, self.p, self.shift = z, p, shift
@@ -249,7 +258,7 @@ class ProximalPath:
     def _solution(self, M: sp.csr_array, f: Vector) -> Vector | None:
         """x with Mx = f, M definite: by conjugate gradients as long as these promise to cost less."""
         direct = min(work.factor_cost(self.problem.matrix.fill), work.dense_cost(f.size))
-        if self.iterative and (most := int(min(f.size, direct / _iteration(M.shape[0], M.nnz)))):
+        if self.iterative and (most := int(min(f.size, direct / cg_step_cost(M.shape[0], M.nnz)))):
             x = conjugate_gradients(M, f, most)
             if x is not None:
                 return x
@@ -339,28 +348,3 @@ class Interior:
             return np.asarray(unit * x)
 
         return solve
-
-
-def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
-    """x with a residual of 1e-4 of `f` in the norm of D⁻¹, by at most so many products; None where that fails."""
-    inverse, x = 1.0 / M.diagonal(), np.zeros(f.size)
-    rest, direction = f, inverse * f
-    square = first = inner(rest, direction)
-    for _ in range(most):
-        work.afford()
-        if square <= _INEXACT**2 * first:
-            return x
-        image = M @ direction
-        step = square / inner(direction, image)
-        x = x + step * direction
-        rest = rest - step * image
-        y = inverse * rest
-        square, before = inner(rest, y), square
-        direction = y + square / before * direction
-        work.add(_iteration(M.shape[0], M.nnz))
-    return None
-
-
-def _iteration(n: int, nnz: int) -> float:
-    """The cost of a step of `conjugate_gradients`: a product, and eight calls for vectors."""
-    return work.product(n, nnz) + 8 * (work.COSTS.call + work.COSTS.vector * n)

@@ -205,6 +205,18 @@ def norm(x: Vector) -> float:
     return largest * math.sqrt(inner(x, x))
 
 
+def row_norms(F: NDArray[np.float64]) -> Vector:
+    """The norms of the rows of `F`, safe against over- and underflow of the squares; NaN where an entry is."""
+    squares = np.einsum("ij,ij->i", F, F)
+    unsafe = ~((squares > 1e-280) & (squares < 1e280))
+    norms = np.sqrt(squares)
+    if unsafe.any():
+        largest = np.abs(F[unsafe]).max(axis=1)
+        unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)[:, None]
+        norms[unsafe] = unit[:, 0] * np.sqrt(np.square(F[unsafe] / unit).sum(axis=1))
+    return norms
+
+
 class ReadOnly:
     """A base of what never changes: its arrays cannot be written to, nor can those of a copy or where it is sent."""
 

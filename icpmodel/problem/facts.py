@@ -14,6 +14,8 @@ from .matrix import Matrix
 
 #: evaluations of ψ at the most; with a derivative five are the rule
 _EVALUATIONS = 100
+#: what rounding may add to a fixed obstacle, as a share
+_CROSSED = 1e-12
 
 
 class Facts:
@@ -54,6 +56,19 @@ class Facts:
     def upper_obstacle(self) -> Vector | None:
         """The same of the obstacle above, None where there is none."""
         return None if self.psi.upper is None else self._fixed(self.psi.upper, np.inf)
+
+    @cached_property
+    def crossed(self) -> int | None:
+        """A row in which fixed obstacles cross, beyond rounding, so that nothing is a solution; None where none does.
+
+        Raises MapError where ψ fails.
+        """
+        above = self.upper_obstacle if self.psi.upper is not None and self.has_fixed_obstacle else None
+        if above is None:
+            return None
+        with np.errstate(invalid="ignore"):
+            gap = self.obstacle - above - _CROSSED * (np.abs(self.obstacle) + np.abs(above))
+        return int(np.nanargmax(gap)) if (gap > 0.0).any() else None
 
     def _fixed(self, psi: Map, none: float) -> Vector:
         n = self.matrix.n

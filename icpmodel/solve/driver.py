@@ -190,6 +190,11 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
 def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
     """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
+        if (row := run.problem.facts.crossed) is not None:
+            run.candidate = Candidate(MNMGS(), "no method was tried, as there is no solution")
+            run.best = run.found(run.start, run.at_start)
+            run.ended = Ended(Status.CROSSED, f"psi_{row} and upper_{row} are fixed, and psi_{row} is above")
+            return
         for _ in run.steps(tried):
             pass
     except (KeyboardInterrupt, SystemError) as error:
@@ -230,7 +235,9 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         status, note = Status.MAP_FAILED, "psi gives different values at the same z"
     elif status in _NO_FURTHER and _is_luck(run, best.z):
         status, note = Status.PRECISION_LIMIT, "only as float64 rounds it is the residual of this z small enough"
-    if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
+    if status not in (Status.SOLVED, Status.CROSSED, Status.INTERRUPTED, Status.STOPPED) and (
+        crossed := _crossed(run.problem, best.z)
+    ):
         status, note = Status.CROSSED, crossed
     message = "solved"
     if status is Status.SOLVED:

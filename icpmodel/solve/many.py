@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
 from ..errors import InputError, MapError, NotApplicable, NotSolved, OutOfTime, SingularOperator
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics import work
-from ..numerics.arrays import ReadOnly, Vector, as_array, as_real, axes
+from ..numerics.arrays import Vector, as_array, as_real, axes, row_norms
 from ..numerics.rounding import is_ctrl_c, sheltered
 from ..numerics.threads import cores, in_parts
 from ..problem.between import mid
@@ -23,7 +22,7 @@ from ..problem.map import Map
 from ..problem.verdict import certain_rows
 from .driver import solve
 from .goal import RTOL, Limits
-from .solution import Status
+from .solution import Solutions, Status
 
 Matrix = NDArray[np.float64]
 
@@ -33,51 +32,6 @@ _STEPS = 50
 _COPIES = 6
 #: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
 ROWS_A_THREAD, UNKNOWNS_A_THREAD = 200, 20_000
-
-
-@dataclass(frozen=True, eq=False)
-class Solutions(ReadOnly):
-    """The answers of `solve_many`, one row per problem.
-
-    `Z` shape (k, n), read-only; `statuses` k members of `Status`; `residuals` = Res(z) of the returned rows, recomputed
-    from (A, q, ψ, z), and the `tolerances` they were held against, shape (k,) each; `seconds` of the whole;
-    `messages` what went wrong, by row.
-
-    >>> solve_many([[2.0]], [[-2.0], [3.0]]).Z
-    array([[1.],
-           [0.]])
-    """
-
-    Z: Matrix
-    statuses: tuple[Status, ...]
-    residuals: Vector
-    tolerances: Vector
-    seconds: float
-    messages: dict[int, str] = field(repr=False)
-
-    @property
-    def failed(self) -> list[int]:
-        """The rows whose status is not SOLVED.
-
-        >>> solve_many([[-1.0]], [[1.0], [-1.0]], raise_on_failure=False).failed
-        [1]
-        """
-        return sorted(self.messages)
-
-    @property
-    def message(self) -> str:
-        """What went wrong, in one sentence.
-
-        >>> solve_many([[2.0]], [[-2.0], [3.0]]).message
-        'all 2 rows are solved'
-        """
-        if not self.messages:
-            return f"all {len(self.Z)} rows are solved"
-        first = self.failed[0]
-        return f"{len(self.messages)} of {len(self.Z)} rows failed, first row {first}: {self.messages[first]}"
-
-    def __repr__(self) -> str:
-        return f"Solutions(k={self.Z.shape[0]}, n={self.Z.shape[1]}, {self.message}, seconds={self.seconds:.3g})"
 
 
 @sheltered
@@ -174,10 +128,10 @@ class Batch:
         self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", 0.0)
         k = _common(A=matrices, Q=Q, psi=self.maps, upper=self.uppers, Z0=self.starts)
         # what is wrong in a row is said before another one is solved
-        self.problems = [ProblemData(one, Q[0], self._psi(0), self._upper(0)) for one in (matrices or [A])]
-        problem = self.problem = self.problems[0]
-        self.small = problem.n <= PIVOT_UP_TO
+        self.problems = [ProblemData(one, Q[0], *self._sides(0)) for one in (matrices or [A])]
+        self.problem = self.problems[0]
         n = self.problem.n
+        self.small = n <= PIVOT_UP_TO
         for name, rows in (("Z0", self.starts), ("psi", self.obstacles), ("upper", self.above)):
             if rows is not None:
                 self.problem.vector(rows[0], name)  # has the right length
@@ -185,7 +139,7 @@ class Batch:
             self.maps = [as_map(one, n) for one in self.maps]
         elif self.uppers is not None:
             for row in range(k):
-                as_map(self._psi(row), n, self._upper(row))
+                self.problem.with_sides(*self._sides(row))
         self.Q, self.Z = np.broadcast_to(Q, (k, n)), np.zeros((k, n))
         if self.starts is not None:
             self.Z[:] = self.starts
@@ -194,13 +148,10 @@ class Batch:
         self.failures: dict[int, tuple[Status, str]] = {}
         self.interrupted = False
 
-    def _psi(self, row: int) -> Any:
-        """ψ of one row."""
-        return self.psi if self.maps is None else self.maps[row if len(self.maps) > 1 else 0]
-
-    def _upper(self, row: int) -> Any:
-        """ψ̄ of one row, or None."""
-        return self.upper if self.uppers is None else self.uppers[row if len(self.uppers) > 1 else 0]
+    def _sides(self, row: int) -> list[Any]:
+        """ψ and ψ̄, or None, of one row."""
+        both = (self.psi, self.maps), (self.upper, self.uppers)
+        return [one if maps is None else maps[row if len(maps) > 1 else 0] for one, maps in both]
 
     def at_once(self) -> None:
         """The rows in compiled code, where there is some for them, while the limits allow it; a row is solved where its
@@ -219,15 +170,10 @@ class Batch:
             suppress(MapError, SingularOperator, OutOfTime, MemoryError),  # then it is seen row by row what remains
         ):
             work.afford(memory=_COPIES * 8.0 * self.Q.size)
-            c: Any = self.obstacles
-            if affine and psi.linear is not None:
-                c = psi.linear[1]
-            elif c is None:
-                c = problem.facts.obstacle
-            C = np.broadcast_to(c, self.Q.shape)
-            G = psi.linear[0].toarray() if affine and psi.linear else None
-            D = self._above_at_once(affine)
-            H = psi.upper.linear[0].toarray() if affine and psi.upper and psi.upper.linear else None
+            C, G = self._affine(psi, self.obstacles, affine)
+            D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above, affine)
+            if D is not None and not (np.isinf(D) == np.isinf(D[0])).all():
+                return  # the rows of the LCP would not be the same ones
             above = None if D is None else (D[0], H)
             lcp = AffineLcp(problem.dense(), self.Q[0], C[0], G, above) if small else None
             piece = work.pieces(price)
@@ -236,26 +182,20 @@ class Batch:
                 work.afford(price)
                 work.add(price * len(C[rows]))
                 of_rows = self.Q[rows], C[rows], None if D is None else D[rows]
-                Z = self.by_thomas(*of_rows[:2]) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
+                Z = self.by_thomas(*of_rows) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
                 residuals, tolerances = self._judged(Z, *of_rows)
                 good = self.solved[rows] = residuals <= tolerances
                 for kept, found in ((self.Z, Z), (self.residuals, residuals), (self.tolerances, tolerances)):
                     kept[rows][good] = found[good]
 
-    def _above_at_once(self, affine: bool) -> Matrix | None:
-        """The obstacles above, or d of Hz + d, row by row; None where there are none."""
-        upper = self.problem.upper
-        if upper is None:
-            return None
-        d: Any = self.above
-        if affine and upper.linear is not None:
-            d = upper.linear[1]
-        elif d is None:
-            d = self.problem.facts.upper_obstacle
-        D: Matrix = np.broadcast_to(d, self.Q.shape)
-        if (infinite := np.isinf(D)).any() and not (infinite == infinite[0]).all():
-            raise SingularOperator("rows have obstacles above in different places", 0)  # so that each is solved alone
-        return D
+    def _affine(self, psi: Map, rows: Matrix | None, affine: bool) -> tuple[Matrix, Any]:
+        """c and G of one obstacle Gz + c, c row by row, be it fixed: then G is None."""
+        facts, G, c = self.problem.facts, None, rows
+        if affine and psi.linear is not None:
+            G, c = psi.linear[0].toarray(), psi.linear[1] if rows is None else rows
+        elif rows is None:
+            c = facts.obstacle if psi is self.problem.psi else facts.upper_obstacle
+        return np.broadcast_to(np.asarray(c), self.Q.shape), G
 
     def _threads(self, Q: Matrix) -> int:
         """How many threads the rows of `Q` are worth."""
@@ -269,13 +209,12 @@ class Batch:
 
     def _judged(self, Z: Matrix, Q: Matrix, C: Matrix, D: Matrix | None) -> tuple[Vector, Vector]:
         """The residuals of the rows `Z`, which have the obstacles `C` and `D`, and what they are held against."""
-        problem, psi, upper = self.problem, self.problem.psi, self.problem.upper
-        zero = np.zeros((1, problem.n))
+        problem, psi, upper, zero = self.problem, self.problem.psi, self.problem.upper, np.zeros((1, self.problem.n))
         here, p, above, above_0 = self._values(psi, Z, C), (problem.A @ Z.T).T + Q, None, None
         if upper is not None and D is not None:
             above, above_0 = self._values(upper, Z, D), -self._values(upper, zero, D)
-        residuals = _norms(mid(p, Z - here, None if above is None else Z - above))
-        at_0 = _norms(mid(Q, -self._values(psi, zero, C), above_0))
+        residuals = row_norms(mid(p, Z - here, None if above is None else Z - above))
+        at_0 = row_norms(mid(Q, -self._values(psi, zero, C), above_0))
         tolerances = np.maximum(self.limits.atol, self.limits.rtol * at_0)
         of_rows = [Q, C if psi.linear is not None else here, Z, residuals, tolerances]
         if upper is not None and D is not None and above is not None:
@@ -303,15 +242,18 @@ class Batch:
         )
         return X
 
-    def by_thomas(self, Q: Matrix, C: Matrix) -> Matrix:
+    def by_thomas(self, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """What the direct method for tridiagonal A makes of the rows."""
         from ..numerics.kernels.thomas import bands, many  # loads numba
 
         A, Z = self.problem.A, np.zeros(Q.shape)
         matrix = bands(A.indptr, A.indices, A.data)
-        in_parts(
-            len(Q), self._threads(Q), lambda low, high: many(*matrix, Q[low:high], C[low:high], _STEPS, Z[low:high])
-        )
+
+        def of_rows(low: int, high: int) -> None:
+            above = None if D is None else D[low:high]
+            many(*matrix, Q[low:high], C[low:high], above, _STEPS, Z[low:high])
+
+        in_parts(len(Q), self._threads(Q), of_rows)
         return Z
 
     def solve(self, row: int) -> None:
@@ -369,7 +311,7 @@ class Batch:
         problem = self.problems[row if len(self.problems) > 1 else 0].with_q(self.Q[row])
         if self.maps is None and self.uppers is None:
             return problem
-        return problem.with_sides(self._psi(row), self._upper(row))
+        return problem.with_sides(*self._sides(row))
 
     def solutions(self) -> Solutions:
         """All rows, at once where that can be, the others one by one."""
@@ -389,15 +331,3 @@ class Batch:
         messages = {row: message for row, (_, message) in self.failures.items()}
         seconds = work.clock() - self.clock
         return Solutions(self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages)
-
-
-def _norms(F: Matrix) -> Vector:
-    """The norms of the rows, safe against over- and underflow of the squares; NaN where an entry is."""
-    squares = np.einsum("ij,ij->i", F, F)
-    unsafe = ~((squares > 1e-280) & (squares < 1e280))
-    norms = np.sqrt(squares)
-    if unsafe.any():
-        largest = np.abs(F[unsafe]).max(axis=1)
-        unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)[:, None]
-        norms[unsafe] = unit[:, 0] * np.sqrt(np.square(F[unsafe] / unit).sum(axis=1))
-    return norms

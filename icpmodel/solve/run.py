@@ -1,10 +1,12 @@
 """The only loop: it drives one candidate after the other, tests their iterates, keeps the best, and says why it ended.
 
-Whole problems and parts of them go through it alike.
+Whole problems and parts of them go through it alike. The logger "icpmodel" tells what it decides: at INFO who begins
+and how he ends, at DEBUG whose turn it is.
 """
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import KW_ONLY, dataclass, field
@@ -24,6 +26,8 @@ from .progress import Bar, Progress, progress_bar
 from .schedule import Schedule, Stage, Turn
 from .solution import Status
 
+_LOG = logging.getLogger("icpmodel")
+_LOG.addHandler(logging.NullHandler())
 #: after so many steps without a better iterate, or twice the number of unknowns (a signal may have to cross them all)
 #: up to the second number, the run counts as stagnated
 PATIENCE, _LONGEST_PATIENCE = 1000, 50_000
@@ -113,6 +117,7 @@ class Run:
         schedule = Schedule(stages)
         turn = self._turn(schedule)
         while turn is not None:
+            _LOG.debug("n = %d, iteration %d: the turn is with %r", self.problem.n, self.iteration, turn.who.method)
             loop = loops.get(turn) or loops.setdefault(turn, self._one(turn))
             following: Turn[Candidate] | None = turn
             with progress_bar(self.progress, turn.who.method.name) as self.bar:
@@ -157,6 +162,7 @@ class Run:
         """One candidate until there is a reason to stop, left in `ended`; whether it is time for a look at others."""
         self.candidate = turn.who
         self.tried.append(tried := Tried(turn.who))
+        _LOG.info("n = %d: %r begins: %s", self.problem.n, turn.who.method, turn.who.why or "it was named")
         try:
             self.ended = yield from self._loop(turn)
         except SingularOperator as error:
@@ -176,6 +182,8 @@ class Run:
                 raise
             self.fault, self.ended = error, Ended(Status.MAP_FAILED, str(error))
         tried.outcome = self.ended.status.value
+        told = turn.who.method, tried.outcome, self.iteration, np.nan if self.best is None else self.best.residual
+        _LOG.info("n = %d: %r ends, %s, at iteration %d; best residual %.3g", self.problem.n, *told)
 
     def _begin(self, finite: bool) -> Vector:
         """Where a new candidate begins: with the best iterate, unless that is of one that failed; afresh if `finite`.

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..algebra.equations import pattern_at, solve_on
 from ..errors import IcpError, MapError
@@ -323,3 +324,48 @@ class Solution(ReadOnly):
 
     def _repr_html_(self) -> str:
         return Card(self.summary()).to_html()
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions(ReadOnly):
+    """The answers of `solve_many`, one row per problem.
+
+    `Z` shape (k, n), read-only; `statuses` k members of `Status`; `residuals` = Res(z) of the returned rows, recomputed
+    from (A, q, ψ, z), and the `tolerances` they were held against, shape (k,) each; `seconds` of the whole;
+    `messages` what went wrong, by row.
+
+    >>> solve_many([[2.0]], [[-2.0], [3.0]]).Z
+    array([[1.],
+           [0.]])
+    """
+
+    Z: NDArray[np.float64]
+    statuses: tuple[Status, ...]
+    residuals: Vector
+    tolerances: Vector
+    seconds: float
+    messages: dict[int, str] = field(repr=False)
+
+    @property
+    def failed(self) -> list[int]:
+        """The rows whose status is not SOLVED.
+
+        >>> solve_many([[-1.0]], [[1.0], [-1.0]], raise_on_failure=False).failed
+        [1]
+        """
+        return sorted(self.messages)
+
+    @property
+    def message(self) -> str:
+        """What went wrong, in one sentence.
+
+        >>> solve_many([[2.0]], [[-2.0], [3.0]]).message
+        'all 2 rows are solved'
+        """
+        if not self.messages:
+            return f"all {len(self.Z)} rows are solved"
+        first = self.failed[0]
+        return f"{len(self.messages)} of {len(self.Z)} rows failed, first row {first}: {self.messages[first]}"
+
+    def __repr__(self) -> str:
+        return f"Solutions(k={self.Z.shape[0]}, n={self.Z.shape[1]}, {self.message}, seconds={self.seconds:.3g})"

@@ -96,6 +96,7 @@ def test_solve_is_compared_with_a_linear_solve_on_every_variant():
         "ball",
         "elementwise psi",
         "affine psi",
+        "two obstacles",
         "skew = 0.5",
         "mu = 4",
     ]

@@ -266,21 +266,34 @@ def test_phi_of_a_row_without_obstacle_is_its_equation():
     assert Point(problem, np.array([2.0]), np.array([5.0])).phi.tolist() == [2.0]
 
 
-def test_slopes_are_the_derivatives_of_phi():
+@pytest.mark.parametrize("two", [False, True])
+def test_the_derivative_of_phi_is_what_differences_say(two):
     rng, h = np.random.default_rng(8), 1e-6
     for _ in range(10):
         problem, point = points(rng)
+        if two:  # Billups: −φ(−a, ψ̄ − z) in place of a
+            problem = problem.with_upper(icp.Affine(0.1 * rng.normal(size=(6, 6)), 1.0 + problem.psi.linear[1]))
+            point = Point(problem, problem.matrix.weights, point.z)
         omega, direction = problem.matrix.weights, rng.normal(size=problem.n)
-        in_a, in_b = point.slopes()
-        moved = in_a * (problem.A @ direction) / omega + in_b * (direction - problem.psi.G @ direction)
         there, back = (Point(problem, omega, point.z + s * h * direction).phi for s in (1, -1))
-        assert moved == pytest.approx((there - back) / (2 * h), abs=1e-6)
+        assert point.derivative()[0] @ direction == pytest.approx((there - back) / (2 * h), abs=1e-6)
+
+
+def test_phi_of_two_obstacles_is_zero_where_the_median_is():
+    """At ψ with p ≥ 0, at ψ̄ with p ≤ 0, between with p = 0, and nowhere else."""
+    problem = icp.ICP(np.eye(6), [3.0, -3.0, 0.0, -3.0, 3.0, 1.0], -1.0, upper=1.0)
+    z = np.array([-1.0, 1.0, 0.0, -1.0, 1.0, 0.0])
+    phi = Point(problem, np.ones(6), z).phi
+    assert phi[:3] == pytest.approx(0.0, abs=1e-15)
+    assert (np.abs(phi[3:]) > 0.1).all()
 
 
 def test_where_both_sides_are_zero_the_slopes_are_an_element_of_the_generalised_derivative():
-    problem = icp.ICP([[1.0]], [0.0])
-    in_a, in_b = Point(problem, np.ones(1), np.zeros(1)).slopes()
-    assert (1 - in_a) ** 2 + (1 - in_b) ** 2 == pytest.approx(1.0)
+    """With φ = in_a·a + in_b·b: A = 2 and ψ = 0 make V = 2·in_a + in_b, and their sum comes with it."""
+    problem = icp.ICP([[2.0]], [0.0])
+    V, total = Point(problem, np.ones(1), np.zeros(1)).derivative()
+    in_a = V.toarray()[0, 0] - total[0]
+    assert (1 - in_a) ** 2 + (1 - (total[0] - in_a)) ** 2 == pytest.approx(1.0)
 
 
 def test_a_descent_reduces_theta():

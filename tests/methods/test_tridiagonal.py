@@ -72,7 +72,7 @@ def test_one_pass_finds_the_active_set_of_an_m_matrix():
         A, q, c = m_matrix(rng, n, 1e-3), rng.normal(size=n), rng.normal(size=n)
         matrix = bands(A.indptr, A.indices, A.data)
         free = release(*matrix, q, c)
-        z, ended = newton(*matrix, q, c, free.copy(), 1)
+        z, ended = newton(*matrix, q, c, None, c, free.copy(), 1)
         assert ended == SETTLED
         assert np.array_equal(free, A @ z + q < A.diagonal() * (z - c))
 

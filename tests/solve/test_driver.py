@@ -668,3 +668,17 @@ def test_what_psi_raised_during_the_run_is_the_cause_of_not_solved():
         icp.ICP(4 * np.eye(3) - np.eye(3, k=1), -np.ones(3), psi).solve()
     assert isinstance(failed.value.__cause__, icp.MapError)
     assert isinstance(failed.value.__cause__.__cause__, ZeroDivisionError)
+
+
+def test_the_logger_tells_who_begins_and_how_he_ends_and_at_debug_whose_turn_it_is(caplog):
+    problem = icp.scenes.membrane(n=900).problem
+    with caplog.at_level("INFO", logger="icpmodel"):
+        solution = problem.solve()
+    told = [record.getMessage() for record in caplog.records]
+    assert any("begins: a modulus method" in one for one in told)
+    assert any(f"{solution.method!r} ends, solved" in one for one in told)
+    assert not any("turn" in one for one in told)
+    with caplog.at_level("DEBUG", logger="icpmodel"):
+        problem.solve("mnmgs", rtol=1e-2)
+    assert "the turn is with MNMGS()" in caplog.text
+    assert "it was named" in caplog.text

@@ -19,7 +19,7 @@ class AtOnce(Batch):
 
 
 def at_once(A, Q, psi=0.0):
-    return AtOnce(A, Q, psi, None, LIMITS).solutions()
+    return AtOnce(A, Q, psi, None, None, LIMITS).solutions()
 
 
 def spd(rng, n):
@@ -99,7 +99,7 @@ def test_what_the_pivots_get_wrong_is_not_called_solved():
     """The residual decides: where they return rubbish every row goes to solve()."""
 
     class Rubbish(Batch):
-        def pivoted(self, lcp, Q, C):
+        def pivoted(self, lcp, Q, C, D):
             Z = np.full(Q.shape, np.nan)
             Z[0] = 7.0
             return Z
@@ -107,7 +107,7 @@ def test_what_the_pivots_get_wrong_is_not_called_solved():
     rng = np.random.default_rng(3)
     A, Q = spd(rng, 5), rng.normal(size=(4, 5))
     expected = solve_many(A, Q).Z
-    assert np.allclose(Rubbish(A, Q, 0.0, None, LIMITS).solutions().Z, expected, rtol=1e-6)
+    assert np.allclose(Rubbish(A, Q, 0.0, None, None, LIMITS).solutions().Z, expected, rtol=1e-6)
 
 
 def test_overflow_is_safe_in_the_residuals():
@@ -219,7 +219,7 @@ def test_starts_are_used_row_by_row_and_else_the_answer_of_the_row_before():
             return z0
 
     def solve_seen(Z0):
-        return Seen(problem.A, Q, problem.psi.c, Z0, LIMITS).solutions()
+        return Seen(problem.A, Q, problem.psi.c, None, Z0, LIMITS).solutions()
 
     first = solve_seen(None)
     assert np.array_equal(first.Z, solve_many(problem.A, Q, problem.psi.c).Z)
@@ -335,10 +335,10 @@ def test_a_singular_affine_obstacle_leaves_the_rows_to_the_other_methods():
 
 def test_ctrl_c_among_the_rows_at_once_leaves_what_was_solved():
     class Interrupted(Batch):
-        def pivoted(self, lcp, Q, C):
+        def pivoted(self, lcp, Q, C, D):
             raise KeyboardInterrupt
 
-    found = Interrupted([[2.0]], [[-2.0], [3.0]], 0.0, None, LIMITS).solutions()
+    found = Interrupted([[2.0]], [[-2.0], [3.0]], 0.0, None, None, LIMITS).solutions()
     assert set(found.statuses) == {icp.Status.INTERRUPTED}
 
 

@@ -60,7 +60,7 @@ _FAMILIES: dict[str, _Family] = {
     "dense-definite": _Family(graphs.definite, most=_DENSE),
     "dense-nonsymmetric": _Family(partial(graphs.definite, skew=True), most=_DENSE),
 }
-_KINDS = ("", "+affine", "+elementwise")
+_KINDS = ("", "+affine", "+elementwise", "+box")
 
 
 def family_names(beginnings: Sequence[str] = ()) -> list[str]:
@@ -69,7 +69,7 @@ def family_names(beginnings: Sequence[str] = ()) -> list[str]:
     Raises InputError where there is none.
 
     >>> icp.benchmarks.family_names(["plate"])
-    ['plate', 'plate+affine', 'plate+elementwise']
+    ['plate', 'plate+affine', 'plate+elementwise', 'plate+box']
     """
     known = [name + kind for name in _FAMILIES for kind in _KINDS]
     for one in beginnings:
@@ -87,6 +87,8 @@ def drawn(family: str, n: int, rng: np.random.Generator) -> ICP:
     "+affine" else: r = (1 − γ)(z − c) + (γ/s)p, an obstacle that gives way under force, ‖G‖∞ < 1. It is feasible where
     the fixed one is, Aᵀ(I − G) is monotone as A is, and an LCP in r with the monotone matrix A(I − G)⁻¹.
     "+elementwise": ψ_i(c_i) = c_i and |ψ'| < 1, so r_i and z_i − c_i have one sign: the solutions are the same.
+    "+box": an obstacle above as well, at a height of a tenth to a hundred times what a row alone would move by. Where
+    c is finite z is in a compact set, on which there is a solution; a row without c has none above either.
     Parameters: `family` one of `family_names()`; `n` ≥ 3; `rng` a NumPy generator, whose state decides everything.
     Returns the problem. Raises InputError for an unknown family and for an n that is too large for it.
 
@@ -95,6 +97,8 @@ def drawn(family: str, n: int, rng: np.random.Generator) -> ICP:
     """
     one, kind = _family(family)
     A, c, q = one.build(int(as_number(n, "n", least=3, most=one.most, whole=True)), rng)
+    if kind == "box":
+        return ICP(A, q, c, upper=_above(A, c, q, rng))
     if kind == "affine":
         psi: Any = _leaning(A, c, rng) if one.is_m else _giving_way(A, c, q, rng)
     else:
@@ -143,7 +147,7 @@ def _family(name: str) -> tuple[_Family, str]:
     base, plus, kind = name.partition("+")
     if base not in _FAMILIES or plus + kind not in _KINDS:
         raise InputError(
-            f"family is {name!r}; one of {', '.join(_FAMILIES)} with +affine, +elementwise or none was expected"
+            f"family is {name!r}; one of {', '.join(_FAMILIES)} with +affine, +elementwise, +box or none was expected"
         )
     return _FAMILIES[base], kind
 
@@ -166,6 +170,14 @@ def _giving_way(A: Any, c: Vector, q: Vector, rng: np.random.Generator) -> Affin
     B = sp.eye_array(A.shape[0]) - A / s
     gamma = rng.uniform(0.3, 0.9) / max(1.0, float(abs(B).sum(axis=1).max()))
     return Affine(gamma * B, (1.0 - gamma) * c - (gamma / s) * q)
+
+
+def _above(A: Any, c: Vector, q: Vector, rng: np.random.Generator) -> Vector:
+    A, held = sp.csr_array(A), np.isfinite(c)
+    diagonal = np.abs(A.diagonal())
+    moves = np.abs(A @ np.where(held, c, 0.0) + q) / np.where(diagonal > 0, diagonal, 1.0)
+    height = 10.0 ** rng.uniform(-1.0, 2.0) * (float(np.median(moves)) or 1.0)
+    return np.where(held, c + height * rng.uniform(0.5, 1.5, c.size), np.inf)
 
 
 def _bending(c: Vector, rng: np.random.Generator) -> Elementwise:

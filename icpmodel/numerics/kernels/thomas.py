@@ -63,17 +63,24 @@ def product(lower, diagonal, upper, q, z, p):
 
 
 @compiled
-def newton(lower, diagonal, upper, q, c, free, limit):
-    # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). `free` is changed. Returns the
-    # last z, and how the steps ended
+def newton(lower, diagonal, upper, q, c, top, held, free, limit):
+    # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). With an obstacle above, at
+    # `top`, else None, z = top where p < diagonal * (z - top). `free` is changed, and so is what the others are `held`
+    # at, which is c itself where there is one obstacle. Returns the last z, and how the steps ended
     z, p, f = np.empty(q.size), np.empty(q.size), -q
     for _ in range(limit):
-        if not solve(lower, diagonal, upper, free, f, c, z):
+        if not solve(lower, diagonal, upper, free, f, held, z):
             return z, NO_PIVOT
         product(lower, diagonal, upper, q, z, p)
         changed = False
         for i in range(q.size):
             opens = p[i] < diagonal[i] * (z[i] - c[i])
+            if top is not None:
+                at = c[i]
+                if opens and p[i] < diagonal[i] * (z[i] - top[i]):
+                    opens, at = False, top[i]
+                changed |= not opens and at != held[i]
+                held[i] = at
             changed |= opens != free[i]
             free[i] = opens
         if not changed:
@@ -171,8 +178,12 @@ def release(lower, diagonal, upper, q, c):
 
 
 @compiled
-def many(lower, diagonal, upper, Q, C, limit, Z):
-    # the LCPs with the rows of Q and the obstacles in those of C; z goes to the rows of Z, for the judge to look at
+def many(lower, diagonal, upper, Q, C, D, limit, Z):
+    # the LCPs with the rows of Q and the obstacles in those of C, and above in those of D, or None; z goes to the rows
+    # of Z, for the judge to look at
     for k in range(Q.shape[0]):
         free = release(lower, diagonal, upper, Q[k], C[k])
-        Z[k] = newton(lower, diagonal, upper, Q[k], C[k], free, limit)[0]
+        if D is None:
+            Z[k] = newton(lower, diagonal, upper, Q[k], C[k], None, C[k], free, limit)[0]
+        else:
+            Z[k] = newton(lower, diagonal, upper, Q[k], C[k], D[k], C[k].copy(), free, limit)[0]
