@@ -26,7 +26,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import MapError
+from ..errors import InputError, MapError
 from ..numerics.arrays import Vector
 from ..numerics.equilibration import in_units
 from ..numerics.rounding import UNIT_ROUNDOFF
@@ -267,11 +267,8 @@ def targets(problem: ProblemData, y: Vector) -> list[Target]:
     """
     found = [Target(problem)] if problem.psi.linear is not None else []
     if not problem.psi.is_constant and np.isfinite(y).all():
-        c, d = problem.psi.value(y), None if problem.upper is None else problem.upper.value(y)
-        above = np.inf if d is None else d
-        # false for NaN, too
-        if ((c <= above) & (c < np.inf) & (above > -np.inf)).all():
-            found.append(Target(problem.with_sides(c, d), frozen=True))
+        with contextlib.suppress(InputError):  # they are not finite, or cross
+            found.append(Target(problem.frozen(y), frozen=True))
     return found
 
 
