@@ -77,6 +77,8 @@ def _rows_of(solver: ForeignSolver, checked: Checked, time_limit: float) -> list
         if reason is None
     ]
     nothing = ["psi(z) is not finite at the answer, so that its obstacle cannot be frozen"]
+    if checked.problem.upper is not None:
+        nothing = ["psi(z) and upper(z) are not finite at the answer, or cross there, so that they cannot be frozen"]
     because = (reason for reason in dict.fromkeys(reasons or nothing) if reason)
     return rows or [Row(solver.name, "", Verdict.SKIPPED, note=reason) for reason in because]
 

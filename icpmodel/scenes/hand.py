@@ -14,9 +14,9 @@ from .registry import Scene, register
 PAIR = [[2.0, -1.0], [-1.0, 2.0]]
 
 
-def by_hand(A: Any, q: Any, psi: Any, z: Any, models: str, z0: Any = None) -> Scene:
+def by_hand(A: Any, q: Any, psi: Any, z: Any, models: str, z0: Any = None, upper: Any = None) -> Scene:
     start = None if z0 is None else np.array(z0, dtype=float)
-    return Scene(problem=ICP(A, q, psi), models=models, z_exact=np.array(z, dtype=float), z0=start)
+    return Scene(problem=ICP(A, q, psi, upper), models=models, z_exact=np.array(z, dtype=float), z0=start)
 
 
 @register
@@ -96,3 +96,15 @@ def hand_free() -> Scene:
     """
     models = "Three springs side by side: one free above a floor, one on it, one without a floor."
     return by_hand(np.diag([2, 4, 5]), [-2, 8, 10], [0.0, 1.0, -np.inf], [1, 1, -2], models)
+
+
+@register
+def hand_box() -> Scene:
+    """By hand: three unknowns, one at each of two obstacles and one between.
+
+    A = tridiag(−1, 2, −1), q = (1.5, 0, −2.5), ψ = 0, ψ̄ = 1. Row 1 at ψ, row 3 at ψ̄, row 2 in balance: 2z₂ = z₁ + z₃.
+    z* = (0, ½, 1), p* = (1, 0, −1).
+    """
+    A = [[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]]
+    models = "Three weights on a string between the floor and the ceiling."
+    return by_hand(A, [1.5, 0.0, -2.5], 0.0, [0.0, 0.5, 1.0], models, upper=1.0)

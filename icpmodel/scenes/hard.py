@@ -12,7 +12,7 @@ from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from .grid import five_point, neighbours, side, square_points, tridiagonal
 from .hand import PAIR, by_hand
-from .manufactured import complementary, manufactured
+from .manufactured import BOXED, boxed, complementary, manufactured
 from .registry import Quantity, Scene, register, size
 
 
@@ -186,12 +186,58 @@ def hard_empty_row() -> Scene:
     return by_hand(A, [-1.0, 3.0, 1.0], [0.0, 0.0, 2.0], [0.5, 0.0, 2.0], models)
 
 
+@register
+def hard_pinned(n: int = 100, seed: int = 0) -> Scene:
+    """Hard: the two obstacles are the same in some rows.
+
+    A the 5-point matrix on m × m points; two rows of five are pinned, ψ_i = ψ̄_i = z*_i, with p* of either sign; one
+    each is at ψ, at ψ̄ and between. z_i is known there whatever p_i is, and it is open at which of the two it is.
+    Honest: solved, each row at one of its obstacles. Parameters: `n` ≈ m²; `seed` an integer ≥ 0.
+    """
+    m = side(n)
+    pinned = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
+    z, p, r, s = boxed(m * m, seed, [*pinned, *(BOXED[kind] for kind in ("at psi", "at upper", "between"))])
+    models = "A membrane between two plates, glued where they meet."
+    points = square_points(0.0, 1.0, m)
+    return manufactured(five_point(m), z, p, z - r, models, z + s, points=points)
+
+
+@register
+def hard_crossing() -> Scene:
+    """Hard: obstacles that cross when they are wanted.
+
+    A = I, q = (0, −1), ψ(z) = (z₂ − ½, 0), ψ̄ = (.4, 2): row 2 rises to z₂ = 1 off its obstacles, and lifts the floor of
+    row 1 to ½, above its ceiling. For z₂ ≤ .9 they do not cross, but p₂ ≤ −.1, so that there is no solution, and no
+    small residual either. Honest: the obstacles cross, in row 0, or stagnated where the best iterate is elsewhere.
+    """
+    psi = Affine([[0.0, 1.0], [0.0, 0.0]], [-0.5, 0.0])
+    why = "z[1] = 1 lifts psi[0] to 1/2, above upper[0] = 0.4"
+    models = "A vice whose lower jaw is lifted by a float, past the upper one."
+    return Scene(problem=ICP(np.eye(2), [0.0, -1.0], psi, [0.4, 2.0]), models=models, why_no_solution=why)
+
+
+@register
+def hard_three() -> Scene:
+    """Hard: three solutions between two obstacles.
+
+    A = −1, q = −¼, −1 ≤ z ≤ 1: z = −1 with p = ¾, z = 1 with p = −1¼, and z = −¼ with p = 0 all solve; the last one is
+    unstable. Honest: solved, and no claim that the solution is unique. Quantity: "(z + 1)(z + 1/4)(z - 1)" = 0.
+    """
+    known = {"(z + 1)(z + 1/4)(z - 1)": Quantity(0.0, _three_roots, order=None)}
+    problem = ICP([[-1.0]], [-0.25], -1.0, 1.0)
+    return Scene(problem=problem, models="A ball on a hill between two walls.", quantities=known)
+
+
 def _gap(z: Vector) -> float:
     return float(z[1] - z[0])
 
 
 def _from_half(z: Vector) -> float:
     return float(abs(z[0] - 0.5))
+
+
+def _three_roots(z: Vector) -> float:
+    return float((z[0] + 1.0) * (z[0] + 0.25) * (z[0] - 1.0))
 
 
 def _trapdoor(z: Vector) -> Vector:

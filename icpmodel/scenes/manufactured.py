@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -25,9 +26,30 @@ def complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Vector, V
     return z, np.where(at_obstacle, size, 0.0), np.where(at_obstacle, 0.0, size)
 
 
-def manufactured(A: Any, z: Vector, p: Any, psi: Any, models: str, **known: Any) -> Scene:
-    """The scene whose solution is `z`, where p(z) = `p`: q = p − Az; `psi` has to fit."""
-    return Scene(problem=ICP(A, p - A @ z, psi), models=models, z_exact=z, **known)
+#: kinds of rows between two obstacles: the sign of p*, and whether z* is at (0), near (1) or without (inf) each
+BOXED = {
+    "at psi": (1.0, 0.0, 1.0),
+    "at upper": (-1.0, 1.0, 0.0),
+    "between": (0.0, 1.0, 1.0),
+    "at psi, the only one": (1.0, 0.0, np.inf),
+    "at upper, the only one": (-1.0, np.inf, 0.0),
+    "equation": (0.0, np.inf, np.inf),
+}
+
+
+def boxed(n: int, seed: Any, kinds: Iterable[tuple[float, float, float]]) -> tuple[Vector, Vector, Vector, Vector]:
+    """Random z* in [−1, 1], p*, z* − ψ* and ψ̄* − z*, sizes in [.5, 1.5], each of the `kinds` of rows equally often.
+    Raises InputError for a bad seed."""
+    random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
+    table = np.array(tuple(kinds))
+    z, sizes, kind = random.uniform(-1.0, 1.0, n), random.uniform(0.5, 1.5, (n, 3)), random.permutation(n) % len(table)
+    p, r, s = (table[kind] * sizes).T
+    return z, p, r, s
+
+
+def manufactured(A: Any, z: Vector, p: Any, psi: Any, models: str, upper: Any = None, **known: Any) -> Scene:
+    """The scene whose solution is `z`, where p(z) = `p`: q = p − Az; `psi` and `upper` have to fit."""
+    return Scene(problem=ICP(A, p - A @ z, psi, upper), models=models, z_exact=z, **known)
 
 
 @register
@@ -82,6 +104,27 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0) -> Sc
     models = "A grid of cells whose obstacles bend with them, with forces chosen so that the answer is known."
     psi = Elementwise(_sine, _cosine, lipschitz=0.3, c=z - r - _sine(z))
     return manufactured(five_point(m, mu), z, p, psi, models, points=square_points(0.0, 1.0, m))
+
+
+@register
+def box_manufactured(n: int = 900, mu: float = 4.0, skew: float = 0.0, coupling: float = 0.0, seed: int = 0) -> Scene:
+    """A random problem between two obstacles, with a known solution.
+
+    A = Tridiag(−(1 + s)I, S, −(1 − s)I) + μI, s = `skew`; ψ(z) = Gz + c and ψ̄(z) = Gz + d, G = (g/4)·adjacency of the
+    m × m grid, g = ‖G‖∞ = `coupling`. A sixth of the rows each: z* at ψ with ψ̄ above; at ψ̄ with ψ below; between the
+    two; at ψ, at ψ̄ without the other one; without either, an equation. z* is random in [−1, 1], forces and distances
+    are in [.5, 1.5]; q = p* − Az*, c = z* − r* − Gz* and d = z* + s* − Gz* make z* exact to rounding.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `skew` in [−1, 1]; `coupling` ≥ 0, below 1 for one solution; `seed` an integer ≥ 0.
+    Reference for A: Bai (2010), doi:10.1002/nla.680.
+    """
+    m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
+    coupling = as_number(coupling, "coupling", least=0)
+    z, p, r, s = boxed(m * m, seed, BOXED.values())
+    G = (coupling / 4.0) * adjacency(m)
+    low, high = z - r - G @ z, z + s - G @ z
+    psi, upper = (Affine(G, low), Affine(G, high)) if coupling else (low, high)
+    models = "A grid of cells, each between a floor and a ceiling, with forces chosen so that the answer is known."
+    return manufactured(five_point(m, mu, skew), z, p, psi, models, upper, points=square_points(0.0, 1.0, m))
 
 
 def _bai(n: int, mu: Any, skew: float) -> Scene:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..numerics.arrays import norm
 from ..numerics.factorisation import factorise
+from ..problem.between import mid
 from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
@@ -19,7 +20,8 @@ from .formulations import Target
 class ColdActiveSet(ForeignSolver):
     """z = 0 at the start, and SuperLU for every system; its tolerance is Res(z)/Res(0).
 
-    The rows with p_i ≤ a_ii r_i are taken for p_i = 0, the others for r_i = 0.
+    The rows with p_i ≤ a_ii r_i are taken for p_i = 0, the others for r_i = 0; those with p_i < a_ii(z_i − ψ̄_i), where
+    there is an obstacle above, for z_i = ψ̄_i.
     """
 
     name = "active set, cold"
@@ -29,29 +31,34 @@ class ColdActiveSet(ForeignSolver):
     ladder = (1e-8, 1e-10, 1e-12)
 
     def why_not(self, target: Target) -> str | None:
-        return super().why_not(target) if target.problem.is_lcp else "psi is not constant"
+        return super().why_not(target) if target.problem.psi.is_constant else "psi is not constant"
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         return target, tolerance, time.perf_counter() + time_limit
 
     def run(self, model: Any) -> Claim:
         target, tolerance, end = model
-        A, q, c = target.problem.A, target.problem.q, target.c
+        A, q, c, d = target.problem.A, target.problem.q, target.c, target.d
         diagonal = A.diagonal()
         weight = np.where(diagonal > 0, diagonal, 1.0)
         z, before, start = np.zeros(q.size), np.zeros(0), 0.0
         while True:
             p, r = A @ z + q, z - c
-            residual = norm(np.minimum(p, r))
+            residual = norm(mid(p, r, None if d is None else z - d))
             start = start or residual
-            inactive = p <= weight * r
+            inactive, side = p <= weight * r, c
+            rows = inactive
+            if d is not None:
+                above = p < weight * (z - d)
+                inactive, side = inactive & ~above, np.where(above, d, c)
+                rows = inactive - 1.0 * above
             if residual <= tolerance * start:
                 return Claim(z, "solved", True)
-            if np.array_equal(before, inactive):
+            if np.array_equal(before, rows):
                 return Claim(z, "the active set repeats", False)
             if time.perf_counter() > end:
                 return Claim(z, "time limit", False)
-            before, z = inactive, np.where(inactive, 0.0, c)
+            before, z = rows, np.where(inactive, 0.0, side)
             if inactive.any():
                 lu = factorise(A[inactive][:, inactive])
                 if lu is None:

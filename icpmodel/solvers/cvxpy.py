@@ -10,6 +10,7 @@ import warnings
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..errors import InputError, NotApplicable
 from ..numerics.arrays import described
@@ -27,7 +28,8 @@ def to_cvxpy(problem: ProblemData, formulation: str = "qp") -> Any:
     "qp": ½zᵀAz + qᵀz subject to r ≥ 0 where ψ is constant and A symmetric, else the gap pᵀr subject to p ≥ 0, r ≥ 0; an
     optimum of the gap solves the ICP only if its value is 0. "mip": p ≤ p̄b, r ≤ r̄(1 − b) with a vector b of zeros and
     ones, for an A of any kind; the certificate at z = 0 bounds |z*|, from which p̄ and r̄ follow. Rows without an
-    obstacle have p_i = 0 in both.
+    obstacle have p_i = 0 in both. Where a row has another obstacle above, a second variable v ≥ 0 makes p + v and r one
+    pair, v and ψ̄(z) − z another.
 
     Parameters: `problem` with constant or affine ψ (else take `problem.frozen(z)`); `formulation`.
     Returns a `cvxpy.Problem`. Raises InputError for an unknown formulation, and NotApplicable where the problem has no
@@ -58,12 +60,13 @@ def _qp(target: Target, form: str) -> Any:
     import cvxpy as cp
 
     qp, z = target.qp(form), cp.Variable(target.problem.n, name="z")
-    _, r, rows = _conditions(target, z)
+    pairs, rows = _conditions(target, z)
+    y = cp.hstack([z, pairs[1][0]]) if qp.q.size > target.problem.n else z
     # definiteness was decided before, so that CVXPY need not
-    value = 0.5 * cp.quad_form(z, cp.psd_wrap(qp.P)) + qp.q @ z
+    value = 0.5 * cp.quad_form(y, cp.psd_wrap(qp.P)) + qp.q @ y
     if form == "energy":
-        return _program(value, [r >= 0])
-    return _program(value - target.problem.q @ np.where(target.held, target.c, 0.0), rows)
+        return _program(value, [r >= 0 for _, r, _ in pairs])
+    return _program(value - target.problem.q @ np.where(target.held, target.near, 0.0), rows)
 
 
 def _mip(target: Target) -> Any:
@@ -71,19 +74,31 @@ def _mip(target: Target) -> Any:
 
     if target.bounds is None:
         raise NotApplicable(f"no bounds on p and r for a mixed-integer program: {target.at_zero.reason}")
-    held, (z_max, p_max, r_max) = target.held, target.bounds
+    z_max, p_max, r_max = target.bounds
     # without bounds on z HiGHS 1.15 crashes on some of these programs
     z = cp.Variable(target.problem.n, bounds=[-z_max, z_max], name="z")
-    b = cp.Variable(int(held.sum()), boolean=True, name="b")
-    p, r, rows = _conditions(target, z)
-    return _program(0, [*rows, p <= cp.multiply(p_max[held], b), r <= cp.multiply(r_max[held], 1 - b)])
+    pairs, rows = _conditions(target, z)
+    for (p, r, held), name in zip(pairs, ("b", "b above"), strict=False):
+        b = cp.Variable(int(held.sum()), boolean=True, name=name)
+        rows += [p <= cp.multiply(p_max[held], b), r <= cp.multiply(r_max[held], 1 - b)]
+    return _program(0, rows)
 
 
-def _conditions(target: Target, z: Any) -> tuple[Any, Any, list[Any]]:
-    """p and r in the rows with an obstacle, and the constraints p ≥ 0, p_i = 0 in the others, r ≥ 0."""
-    held, p = target.held, target.problem.A @ z + target.problem.q
-    r = target.I_minus_G[held] @ z - target.c[held]
-    return p[held], r, [p[held] >= 0, p[~held] == 0, r >= 0]
+def _conditions(target: Target, z: Any) -> tuple[list[Any], list[Any]]:
+    """(p, r, rows), which are complementary in the rows with an obstacle; where a row has two (u, r, rows) and
+    (v, s, rows) with u = p + v; and the constraints that they are ≥ 0 and that p_i = 0 in the free rows."""
+    import cvxpy as cp
+
+    held, both, p = target.held, target.both, target.problem.A @ z + target.problem.q
+    r, free, p = target.I_minus_G[held] @ z - target.near[held], p[~held] == 0, p[held]
+    if target.capped.any():
+        sign = np.where(target.capped, -1.0, 1.0)[held]
+        p, r = cp.multiply(sign, p), cp.multiply(sign, r)
+    pairs = [(p, r, held)]
+    if target.d is not None and both.any():
+        v, s = cp.Variable(int(both.sum()), name="v"), target.d[both] - target.I_minus_H @ z
+        pairs = [(p + sp.eye_array(both.size).tocsc()[:, both][held] @ v, r, held), (v, s, both)]
+    return pairs, [*(p >= 0 for p, _, _ in pairs), free, *(r >= 0 for _, r, _ in pairs)]
 
 
 def _program(value: Any, rows: list[Any]) -> Any:

@@ -27,7 +27,7 @@ from ..errors import InputError
 from ..numerics.arrays import as_list
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import is_ctrl_c
-from .formulations import Target
+from .formulations import QP, Target
 
 _REGISTRY: dict[str, type[ForeignSolver]] = {}
 
@@ -200,11 +200,13 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
         # foreign chatter must not reach the user: OSQP prints about polishing whatever one asks, Pyomo logs failures
         logging.disable(logging.CRITICAL)
         with _silence(), np.errstate(all="ignore"):
-            solver.pose(target)
+            posed = solver.pose(target)
             begin = time.perf_counter()
             model = solver.set_up(target, tolerance, time_limit)
             setup = time.perf_counter() - begin
             claim = solver.run(model)
+            if isinstance(posed, QP) and np.shape(claim.z) == posed.q.shape:
+                claim = replace(claim, z=claim.z[: target.problem.n])
     except Exception as error:  # whatever a foreign package may raise; KeyboardInterrupt is none of these
         if is_ctrl_c(error):
             raise KeyboardInterrupt from error

@@ -6,6 +6,11 @@ With p = Az + q, r = z − Gz − c (G = 0 for a constant ψ) and i "free" where
     gap      min p(z)ᵀr(z)         subject to p ≥ 0, r ≥ 0, p_i = 0 (i free)         Aᵀ(I − G) + (I − G)ᵀA ≥ 0
     mpec     p ≥ 0 ⟂ r ≥ 0         and p_i = 0 (i free)                              always
 
+An obstacle above z, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds its side to energy, and to mpec with p = u − v the two
+conditions 0 ≤ u ⟂ r ≥ 0, 0 ≤ v ⟂ s ≥ 0. The gap is then uᵀr + vᵀs = pᵀr + vᵀ(d − c) with u = p + v, and v ≥ 0 as
+further unknowns in the rows with two obstacles, which have to move alike there, H = G: else vᵀ(H − G)z is not convex.
+In a row with an obstacle above alone r stands for −s, and both p and r are ≤ 0.
+
 z itself has no sign. The affine ψ stays in the constraints: A(I − G)⁻¹ would be dense. A problem whose ψ is not
 constant is also posed with its *obstacle frozen* at c = ψ(z), z the answer under test: z solves ICP(q, A, ψ) if and
 only if it solves that LCP. Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (2009), 1.4 and 3.1.
@@ -13,6 +18,7 @@ only if it solves that LCP. Reference: Cottle, Pang and Stone, The Linear Comple
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +26,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import MapError
+from ..errors import InputError, MapError
 from ..numerics.arrays import Vector
 from ..numerics.equilibration import in_units
 from ..numerics.rounding import UNIT_ROUNDOFF
@@ -33,7 +39,7 @@ from ..theory.matrices.classes import MatrixClasses, classify
 class QP:
     """min ½yᵀPy + qᵀy subject to lower ≤ Ky ≤ upper: `P` symmetric (n, n), `K` (m, n), both CSC; ±inf allowed.
 
-    Each row is an equation, lower = upper, or has a lower bound only.
+    y is z, followed by v where the gap has one. Where lower = upper a row is an equation.
 
     >>> icp.solvers.Target(ICP([[2.0]], [-1.0])).qp("energy").P.toarray()
     array([[2.]])
@@ -48,18 +54,21 @@ class QP:
     def conic(self) -> tuple[sp.csc_matrix, Vector, int]:
         """(M, b, e) of My + s = b with s = 0 in the first e rows, the equations, and s ≥ 0 in the others."""
         equal = self.lower == self.upper
-        if not equal.any():
+        below, above = (np.isfinite(side) & ~equal for side in (self.lower, self.upper))
+        if below.all() and not above.any():
             return sp.csc_matrix(-self.K), -self.lower, 0
-        order = np.argsort(~equal, kind="stable")
-        return sp.csc_matrix(-self.K.tocsr()[order]), -self.lower[order], int(equal.sum())
+        K = self.K.tocsr()
+        M = sp.vstack([-K[equal], -K[below], K[above]])
+        b = np.concatenate([-self.lower[equal], -self.lower[below], self.upper[above]])
+        return sp.csc_matrix(M), b, int(equal.sum())
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
     """One problem for foreign solvers, with what they all need to know of it computed once.
 
-    Parameters: `problem` the ICP to be solved, ψ constant or affine, in units that suit absolute tolerances; `frozen`
-    whether its obstacle was frozen at the answer under test.
+    Parameters: `problem` the ICP to be solved, obstacles constant or affine, in units that suit absolute tolerances;
+    `frozen` whether they were frozen at the answer under test.
 
     >>> target = icp.solvers.Target(ICP([[2.0, 1.0], [0.0, 2.0]], [-1.0, 0.0]))
     >>> target.why_not("energy"), target.why_not("gap")
@@ -71,21 +80,65 @@ class Target:
 
     @cached_property
     def c(self) -> Vector:
-        """c of ψ(z) = Gz + c, shape (n,); −inf in free rows."""
+        """c of ψ(z) = Gz + c, shape (n,); −inf in rows without an obstacle below."""
         assert self.problem.psi.linear is not None
         return self.problem.psi.linear[1]
 
     @cached_property
+    def d(self) -> Vector | None:
+        """d of ψ̄(z) = Hz + d, shape (n,); +inf in rows without an obstacle above, None where no row has one."""
+        if self.problem.upper is None:
+            return None
+        assert self.problem.upper.linear is not None
+        d = self.problem.upper.linear[1]
+        return None if np.isposinf(d).all() else d
+
+    @cached_property
+    def near(self) -> Vector:
+        """c, and d in the rows that have no other obstacle: what r is the distance to; ±inf in free rows."""
+        return self.c if self.d is None else np.where(np.isneginf(self.c), self.d, self.c)
+
+    @cached_property
     def held(self) -> np.ndarray:
         """The rows with an obstacle, shape (n,), bool; p_i = 0 must hold in the others, which are free."""
-        return ~np.isneginf(self.c)
+        return np.isfinite(self.near)
+
+    @cached_property
+    def capped(self) -> np.ndarray:
+        """The rows whose only obstacle is above z, shape (n,), bool: p and r have the other sign there."""
+        return np.zeros(self.problem.n, dtype=bool) if self.d is None else np.isneginf(self.c) & self.held
+
+    @cached_property
+    def both(self) -> np.ndarray:
+        """The rows with an obstacle on either side, shape (n,), bool."""
+        return np.zeros(self.problem.n, dtype=bool) if self.d is None else np.isfinite(self.c) & np.isfinite(self.d)
 
     @cached_property
     def I_minus_G(self) -> sp.csr_array:
-        """I − G, its free rows those of I, shape (n, n): p_i = 0 there, so any r_i gives the same pᵀr."""
-        assert self.problem.psi.linear is not None
-        G = self.problem.psi.linear[0]
-        return sp.csr_array(sp.eye_array(self.problem.n) - sp.diags_array(np.where(self.held, 1.0, 0.0)) @ G)
+        """I − G, or I − H where r is the distance from above, its free rows those of I, shape (n, n): p_i = 0 there,
+        so any r_i gives the same pᵀr."""
+        G = self._sides[0]
+        if self.d is not None:
+            G = _rows(~self.capped) @ G + _rows(self.capped) @ self._sides[1]
+        return sp.csr_array(sp.eye_array(self.problem.n) - _rows(self.held) @ G)
+
+    @cached_property
+    def I_minus_H(self) -> sp.csr_array:
+        """I − H of the rows with two obstacles, shape (k, n), for the distance s = d − (I − H)z from the second."""
+        return sp.csr_array((sp.eye_array(self.problem.n) - self._sides[1])[self.both])
+
+    @cached_property
+    def _sides(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """G and H."""
+        below, above = self.problem.psi, self.problem.upper or self.problem.psi
+        assert below.linear is not None
+        assert above.linear is not None
+        return below.linear[0], above.linear[0]
+
+    @cached_property
+    def parallel(self) -> bool:
+        """Whether the obstacles of every row with two of them move alike."""
+        return not self.both.any() or abs(self.I_minus_G[self.both] - self.I_minus_H).sum() == 0.0
 
     @cached_property
     def curvature(self) -> MatrixClasses:
@@ -105,22 +158,30 @@ class Target:
     def bounds(self) -> tuple[Vector, Vector, Vector] | None:
         """δ of `at_zero`, |q| + |A|δ and |I − G|δ + |c|, each of shape (n,) and a little larger, as these sums round.
 
-        They bound |z*|, p* and r* (∞ in free rows). None where `at_zero` has no δ.
+        They bound |z*|, |p*| and |r*| (∞ in free rows), and |s*| as well. Without δ a box bounds z; else None.
         """
-        if self.at_zero.componentwise is None:
-            return None
-        larger = 1 + 1e-9
-        z_max = self.at_zero.componentwise * larger
+        z_max, larger = self.at_zero.componentwise, 1 + 1e-9
+        if z_max is None:
+            if self.d is None or not (self.problem.psi.is_constant and self.both.all()):
+                return None
+            z_max = np.maximum(np.abs(self.c), np.abs(self.d))
+        z_max = z_max * larger
         p_max = (np.abs(self.problem.q) + self.problem.matrix.absolute @ z_max) * larger
-        return z_max, p_max, (abs(self.I_minus_G) @ z_max + np.abs(self.c)) * larger
+        r_max = abs(self.I_minus_G) @ z_max + np.abs(self.near)
+        if self.both.any():
+            assert self.d is not None
+            s_max = abs(self.I_minus_H) @ z_max + np.abs(self.d[self.both])
+            r_max[self.both] = np.maximum(r_max[self.both], s_max)
+        return z_max, p_max, r_max * larger
 
     @cached_property
     def unique(self) -> bool:
         """Whether at most one solution is proved to exist: by the certificate, or because S is positive definite.
 
-        For two solutions (p − p′)ᵀ(r − r′) = −pᵀr′ − p′ᵀr ≤ 0, and it equals ½(z − z′)ᵀS(z − z′).
+        For two solutions (p − p′)ᵀ(r − r′) = −pᵀr′ − p′ᵀr ≤ 0, and it equals ½(z − z′)ᵀS(z − z′). Between obstacles
+        that move alike r ∈ [0, d − c] and a larger p_i goes with an r_i that is not larger: it is ≤ 0 there, too.
         """
-        return self.at_zero.unique or self.curvature.definite.holds is True
+        return self.at_zero.unique or (self.parallel and self.curvature.definite.holds is True)
 
     def why_not(self, form: str) -> str | None:
         """Why `form` ("energy", "gap" or "mpec") does not apply, in one sentence; None where it does."""
@@ -132,6 +193,8 @@ class Target:
         # up to one rounding of its entries
         if form == "energy" and abs(A - A.T).max() > 4 * UNIT_ROUNDOFF * np.abs(A.data).max():
             return "A is not symmetric"
+        if not self.parallel:
+            return "the obstacles below and above a row do not move alike, so that the gap is not convex"
         # rounding does not make a QP nonconvex for a solver
         convex = self.curvature.semidefinite_up_to_rounding
         if convex.holds:
@@ -146,33 +209,50 @@ class Target:
 
     @cached_property
     def _energy(self) -> QP:
-        lower, K = self.c[self.held], sp.csc_array(self.I_minus_G[self.held])
-        return QP(sp.csc_array(self.curvature.A / 2), self.problem.q, K, lower, np.full(lower.size, np.inf))
+        K = sp.csc_array(self.I_minus_G[self.held])
+        return QP(sp.csc_array(self.curvature.A / 2), self.problem.q, K, *(side[self.held] for side in self._range))
+
+    @cached_property
+    def _range(self) -> tuple[Vector, Vector]:
+        """c ≤ (I − G)z ≤ d, in rows whose obstacles move alike."""
+        return self.c, np.full(self.problem.n, np.inf) if self.d is None else self.d
 
     @cached_property
     def _gap(self) -> QP:
         A, q, held = self.problem.A, self.problem.q, self.held
-        linear = self.I_minus_G.T @ q - A.T @ np.where(held, self.c, 0.0)
-        K = sp.csc_array(sp.vstack([A, self.I_minus_G[held]]))
-        upper = np.append(np.where(held, np.inf, -q), np.full(held.sum(), np.inf))
-        return QP(sp.csc_array(self.curvature.A), linear, K, np.append(-q, self.c[held]), upper)
+        linear = self.I_minus_G.T @ q - A.T @ np.where(held, self.near, 0.0)
+        lower, upper = (side[held] for side in self._range)
+        least, most = np.where(self.capped, -np.inf, -q), np.where(held & ~self.capped, np.inf, -q)
+        K, P = sp.csc_array(sp.vstack([A, self.I_minus_G[held]])), sp.csc_array(self.curvature.A)
+        if not (k := int(self.both.sum())):
+            return QP(P, linear, K, np.append(least, lower), np.append(most, upper))
+        # p + v ≥ 0, r, and v ≥ 0
+        v = sp.eye_array(self.problem.n).tocsc()[:, self.both]
+        K = sp.csc_array(sp.block_array([[A, v], [self.I_minus_G[held], None], [None, sp.eye_array(k)]]))
+        width = (self._range[1] - self.c)[self.both]
+        lower, upper = np.append(lower, np.zeros(k)), np.append(upper, np.full(k, np.inf))
+        P = sp.csc_array(sp.block_diag([P, sp.csc_array((k, k))]))
+        return QP(P, np.append(linear, width), K, np.append(least, lower), np.append(most, upper))
 
 
 def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
     """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit · y.
 
     A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of solvers mean something.
-    The size of z is taken from q_i/a_ii and from the positive obstacles at z = 0, never from an answer.
+    The size of z is taken from q_i/a_ii, between two obstacles at most the larger one, and from the positive obstacles
+    below and the negative ones above at z = 0, never from an answer.
     Returns (problem in y, 2ᵏ); the problem as it is, and 1, where something would overflow.
     """
     diagonal = np.abs(problem.A.diagonal())
     size_A = _typical(diagonal) or _typical(np.abs(problem.A.data)) or 1.0
     with np.errstate(over="ignore", under="ignore"):
-        try:
+        from_q, obstacle = np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A), np.zeros(0)
+        with contextlib.suppress(MapError):  # it only helps to choose a unit
             obstacle = problem.psi.value(np.zeros(problem.n))
-        except MapError:  # it only helps to choose a unit
-            obstacle = np.zeros(0)
-        from_q = np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A)
+            if problem.upper is not None:
+                above = problem.upper.value(np.zeros(problem.n))
+                from_q = np.minimum(from_q, np.maximum(np.abs(obstacle), np.abs(above)))
+                obstacle = np.maximum(obstacle, -above)
         i, k = math.frexp(size_A)[1], math.frexp(max(_typical(from_q), _typical(obstacle)) or 1.0)[1]
         A = in_units(problem.A, np.full(problem.n, -i), np.zeros(problem.n, dtype=int))
         q, unit = np.ldexp(problem.q, -i - k), float(np.ldexp(1.0, k))
@@ -183,14 +263,18 @@ def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
 
 def targets(problem: ProblemData, y: Vector) -> list[Target]:
     """What is to be solved: `problem`, in handy units, where ψ is constant or affine; else, and for affine ψ too, the
-    problem frozen at the answer under test `y`, shape (n,), if ψ(y) is a finite obstacle.
+    problem frozen at the answer under test `y`, shape (n,), if ψ(y), and ψ̄(y), are finite obstacles that do not cross.
     """
     found = [Target(problem)] if problem.psi.linear is not None else []
     if not problem.psi.is_constant and np.isfinite(y).all():
-        c = problem.psi.value(y)
-        if (np.isfinite(c) | np.isneginf(c)).all():
-            found.append(Target(problem.with_psi(c), frozen=True))
+        with contextlib.suppress(InputError):  # they are not finite, or cross
+            found.append(Target(problem.frozen(y), frozen=True))
     return found
+
+
+def _rows(mask: np.ndarray) -> sp.dia_array:
+    """What keeps the rows `mask` of a matrix and makes the others 0."""
+    return sp.diags_array(mask.astype(np.float64))
 
 
 def _typical(sizes: Vector) -> float:

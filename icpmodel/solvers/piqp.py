@@ -35,13 +35,16 @@ class Piqp(ForeignSolver):
         K, equal = sp.csr_array(qp.K), qp.lower == qp.upper
         single = (np.diff(K.indptr) == 1) & ~equal
         single[single] = K.data[K.indptr[:-1][single]] == 1.0
-        bounds = np.full(qp.q.size, -np.inf)
-        np.maximum.at(bounds, K.indices[K.indptr[:-1][single]], qp.lower[single])
+        of, least = K.indices[K.indptr[:-1][single]], np.full(qp.q.size, -np.inf)
+        most, two = -least, np.isfinite(qp.upper[~equal]).any()
+        np.maximum.at(least, of, qp.lower[single])
+        np.minimum.at(most, of, qp.upper[single])
         rows = ~equal & ~single
         matrix: Any = operator.methodcaller("toarray") if dense else sp.csc_matrix
         A, b = (matrix(K[equal]), qp.lower[equal]) if equal.any() else (None, None)
         G, h = (matrix(K[rows]), qp.lower[rows]) if rows.any() else (None, None)
-        model.setup(matrix(qp.P), qp.q, A, b, G, h, None, bounds, None)
+        tops = (qp.upper[rows] if rows.any() else None, most) if two else (None, None)
+        model.setup(matrix(qp.P), qp.q, A, b, G, h, tops[0], least, tops[1])
         return model
 
     def run(self, model: Any) -> Claim:

@@ -259,8 +259,12 @@ class PyomoIpopt(ForeignSolver):
 
 
 def _model(target: Target, bounds: tuple[Vector, Vector, Vector] | None, *transformations: str) -> Any:
-    """`target` as a transformed Pyomo model with variables z, p and r; `bounds` as `Target.bounds`, or None."""
+    """`target` as a transformed Pyomo model with variables z, p and r; `bounds` as `Target.bounds`, or None.
+
+    p and r are those of the one obstacle of a row; where it has two p is u = Az + q + v, and v ≥ 0 ⟂ s ≥ 0.
+    """
     import pyomo.environ as pyo
+    from pyomo.mpec import Complementarity, complements
 
     problem, held = target.problem, np.flatnonzero(target.held).tolist()
     z_max, p_max, r_max = (one.tolist() for one in bounds or (np.full(problem.n, np.inf),) * 3)
@@ -268,10 +272,23 @@ def _model(target: Target, bounds: tuple[Vector, Vector, Vector] | None, *transf
     model.z = pyo.Var(range(problem.n), bounds=lambda _, i: (-z_max[i], z_max[i]))
     model.p = pyo.Var(range(problem.n), bounds=lambda _, i: (0.0, p_max[i] if target.held[i] else 0.0))
     model.r = pyo.Var(held, bounds=lambda _, i: (0.0, r_max[i]))
-    p, r = _moved(problem.A, problem.q, model.z), _moved(target.I_minus_G, -target.c, model.z)
+    p, r = _moved(problem.A, problem.q, model.z), _moved(target.I_minus_G, -target.near, model.z)
+    for i in np.flatnonzero(target.capped).tolist():
+        p[i], r[i] = -p[i], -r[i]
+    both = np.flatnonzero(target.both).tolist()
+    if both:
+        assert target.d is not None
+        model.v = pyo.Var(both, bounds=lambda _, i: (0.0, p_max[i]))
+        model.s = pyo.Var(both, bounds=lambda _, i: (0.0, r_max[i]))
+        s = _moved(-target.I_minus_H, target.d[target.both], model.z)
+        model.s_is = pyo.Constraint(range(len(both)), rule=lambda m, k: m.s[both[k]] == s[k])
+        for i in both:
+            p[i] = p[i] + model.v[i]
     model.p_is = pyo.Constraint(range(problem.n), rule=lambda m, i: m.p[i] == p[i])
     model.r_is = pyo.Constraint(held, rule=lambda m, i: m.r[i] == r[i])
     _add_conditions(model, held, model.p, model.r)
+    if both:
+        model.above = Complementarity(both, rule=lambda m, i: complements(m.v[i] >= 0, m.s[i] >= 0))
     for transformation in transformations:
         pyo.TransformationFactory(transformation).apply_to(model)
     return model

@@ -16,8 +16,10 @@ from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..present.card import Card
-from ..problem.between import chosen
+from ..problem.affine import Constant
+from ..problem.between import Between, chosen
 from ..problem.data import ProblemData
+from ..problem.map import Map
 from ..solve.solution import Solution
 from ..theory.certificates.bounds import bound_of_change
 from .cases import unbroken
@@ -137,6 +139,15 @@ def _local(problem: ProblemData, z: Vector, active: NDArray[np.bool_], above: ND
     return float(onenormest(LinearOperator(J.shape, matvec=times, rmatvec=back, dtype=np.float64)))
 
 
+def _uncrossed(psi: Map) -> Map:
+    """`psi` with its obstacles exchanged in rows where they are constant and have crossed: had each of them moved by a
+    relative ε at the most, so has each of what they are exchanged for."""
+    if not isinstance(psi, Between) or psi.linear is None or psi.upper.linear is None or not psi.is_constant:
+        return psi
+    c, d = psi.linear[1], psi.upper.linear[1]
+    return psi if (c <= d).all() else Between(Constant(np.minimum(c, d)), Constant(np.maximum(c, d)))
+
+
 def _observed(problem: ProblemData, z: Vector, change: float, trials: int, random: np.random.Generator) -> float | None:
     """max|δz| over random changes of every entry by a factor 1 ± ε."""
 
@@ -147,7 +158,7 @@ def _observed(problem: ProblemData, z: Vector, change: float, trials: int, rando
     for _ in range(trials):
         A = problem.A.copy()
         A.data = moved(A.data)
-        other = ICP(A, moved(problem.q), problem.psi.perturbed(problem.n, moved))
+        other = ICP(A, moved(problem.q), _uncrossed(problem.psi.perturbed(problem.n, moved)))
         again = unbroken(other.solve(z0=z, raise_on_failure=False)).polish()
         if not again.solved:
             return None

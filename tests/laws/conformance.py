@@ -33,7 +33,9 @@ METHODS = {
 
 #: wanted sizes of the scenes that have one
 SIZES = {
-    name: {"bearing": 40, "dividend": 31}.get(name, 100) for name in scenes.names() if "n" in scenes.parameters(name)
+    name: {"bearing": 40, "dividend": 31, "game-put": 33}.get(name, 100)
+    for name in scenes.names()
+    if "n" in scenes.parameters(name)
 }
 
 _CYCLIC = "P but not H+: overrelaxed or not, the sweeps turn in a circle (theory of the 3 x 3 cyclic P-matrix)"
@@ -52,6 +54,9 @@ _BY_DIAGONAL = (
     "psor",
 )
 
+#: scenes with an obstacle above
+TWO_SIDED = [name for name in scenes.names() if scenes.scene(name, SIZES.get(name)).problem.upper is not None]
+
 #: (method, scene) → the reason why it must fail; an unexpected success fails the test. On a scene without a solution
 #: every method must, and need not be listed here
 MUST_FAIL = {
@@ -69,19 +74,26 @@ MUST_FAIL = {
                 "bai-nonsymmetric",
                 "bai-symmetric",
                 "ball",
+                "box-manufactured",
                 "dividend",
                 "hand-affine",
+                "hand-box",
                 "hand-splittings",
+                "hard-crossing",
                 "hard-degenerate",
                 "hard-domain",
                 "hard-jump",
+                "hard-pinned",
                 "hard-semidefinite",
                 "hard-singular",
                 "hard-skew",
                 "hard-steep",
+                "hard-three",
                 "manufactured-affine",
                 "manufactured-elementwise",
                 "membrane",
+                "phase-step",
+                "torsion",
             )
         ],
         "why_not: every row hangs on every other, or it is not known on which",
@@ -93,13 +105,16 @@ MUST_FAIL = {
                 "bai-nonsymmetric",
                 "bai-symmetric",
                 "ball",
+                "box-manufactured",
                 "hand-cyclic",
                 "hard-degenerate",
+                "hard-pinned",
                 "hard-semidefinite",
                 "hard-singular",
                 "manufactured-affine",
                 "manufactured-elementwise",
                 "membrane",
+                "torsion",
             )
         ],
         "why_not: A is not tridiagonal",
@@ -113,6 +128,7 @@ MUST_FAIL = {
                 "dividend",
                 "hand-affine",
                 "hand-splittings",
+                "hard-crossing",
                 "hard-domain",
                 "hard-jump",
                 "hard-steep",
@@ -120,6 +136,10 @@ MUST_FAIL = {
         ],
         "why_not: an obstacle moves with other unknowns, or faster than its own, or it is not known how",
     ),
+    **dict.fromkeys([("mms", s) for s in TWO_SIDED], "why_not: one |x| for each row"),
+    **dict.fromkeys([(m, "hard-three") for m in (*_BY_DIAGONAL, "tridiagonal")], "why_not: the diagonal is negative"),
+    ("mnmod", "hard-three"): "A + Omega = 0",
+    ("mnmmod", "hard-three"): "X = A + Omega = 1 and Omega = 2: at either obstacle the step overshoots threefold",
     ("proximal", "manufactured-affine"): "why_not: an obstacle moves with other unknowns, or it is not known how",
     ("lemke", "dividend"): "why_not: psi is neither constant nor affine",
     ("mms", "dividend"): "why_not: a row without obstacle",
@@ -158,6 +178,7 @@ MUST_FAIL = {
 
 #: scene → how a method may end there without solving it; on scenes that are not listed, however it likes
 HONEST = {
+    "hard-crossing": {"obstacles cross", "stagnated"},
     "hard-domain": {"psi failed", "stagnated"},
     "hard-infeasible": {"infeasible", "stagnated", "diverged"},
     "hard-jump": {"cycled", "stagnated"},
@@ -166,6 +187,7 @@ HONEST = {
     "hard-semidefinite": {"stagnated", "cycled", "iteration limit"},
     "hard-singular": {"stagnated"},
     "hard-skew": {"diverged", "cycled", "stagnated"},
+    "hard-three": {"not applicable", "cycled"},
 }
 
 #: scenes on which a small residual leaves z far from the solution, and the reason; the error bound says so

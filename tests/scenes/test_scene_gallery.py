@@ -41,10 +41,10 @@ def test_every_scene_says_what_it_is_and_has_a_reference_or_the_reason_why_not(n
 def test_a_scene_takes_the_nearest_size_it_can_have(name, n):
     problem = scenes.scene(name, n).problem
     m = round(problem.n**0.5)
-    if name in ("bearing", "hard-skew", "hard-scaled"):
+    if name in ("bearing", "hard-skew", "hard-scaled", "phase-step"):
         assert problem.n == n
-    elif name in ("hard-semidefinite", "hard-singular"):
-        assert problem.n % 2 == 0
+    elif name in ("hard-semidefinite", "hard-singular", "game-put"):
+        assert problem.n % 2 == (name == "game-put")
         assert abs(problem.n - n) <= 1
     elif name == "dividend":
         assert problem.n % 30 == 1
@@ -68,7 +68,10 @@ def test_n_must_be_a_positive_integer(name, n):
         scenes.scene(name, n)
 
 
-@pytest.mark.parametrize(("name", "n"), [("bearing", 9), ("ball", 15), ("dividend", 30)])
+@pytest.mark.parametrize(
+    ("name", "n"),
+    [("bearing", 9), ("ball", 15), ("dividend", 30), ("game-put", 32), ("phase-step", 32), ("torsion", 24)],
+)
 def test_a_scene_says_how_many_unknowns_it_needs(name, n):
     assert scenes.scene(name, n + 1).problem.n >= n + 1
     with pytest.raises(InputError, match=f"number of unknowns n is {n}; a whole number >= {n + 1}"):
@@ -122,6 +125,9 @@ def test_an_unknown_parameter_lists_the_parameters():
         ("hard-skew", {"skew": float("inf")}),
         ("hard-scaled", {"decades": 76}),
         ("hard-semidefinite", {"seed": -1}),
+        ("box-manufactured", {"coupling": -0.1}),
+        ("box-manufactured", {"skew": 1.5}),
+        ("game-put", {"delta": 0}),
     ],
 )
 def test_a_bad_value_names_its_parameter(name, parameters):
@@ -140,12 +146,16 @@ def test_every_parameter_matters():
         "mass": 2.0,
         "g": 1.62,
         "dt": 0.2,
+        "coupling": 0.5,
+        "delta": 0.1,
     }
     for name in NAMES:
         for parameter in scenes.parameters(name):
             one, two = scenes.scene(name).problem, scenes.scene(name, **{parameter: changed[parameter]}).problem
             z = np.ones(one.n)
-            assert one.n != two.n or (one.p(z) != two.p(z)).any() or (one.r(z) != two.r(z)).any(), parameter
+            sides = (of.r_upper if one.upper is not None else of.r for of in (one, two))
+            changes = one.n != two.n or (one.p(z) != two.p(z)).any() or (one.r(z) != two.r(z)).any()
+            assert changes or np.not_equal(*(side(z) for side in sides)).any(), parameter
 
 
 def test_each_scene_is_an_attribute_and_no_module_hides_one():
@@ -161,7 +171,7 @@ def test_each_scene_is_an_attribute_and_no_module_hides_one():
 
 
 def test_adding_a_field_is_adding_a_file(tmp_path):
-    (tmp_path / "options.py").write_text(
+    (tmp_path / "another_field.py").write_text(
         "from icpmodel.icp import ICP\n"
         "from icpmodel.scenes.registry import Scene, register\n\n\n"
         "@register\n"

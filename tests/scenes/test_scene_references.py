@@ -23,14 +23,20 @@ TAME = [name for name in WITH_Z if not name.startswith("hard")]
 
 
 def newton(problem, z=None, steps=300):
-    """Primal-dual active set: rows with p < r take the row of A, the others that of I - psi'(z)."""
+    """Primal-dual active set: rows with z - upper <= p < r take the row of A, the others that of I - psi'(z)."""
     z = np.zeros(problem.n) if z is None else z
     eye = sp.eye_array(problem.n)
     for _ in range(steps):
         p, r = problem.p(z), problem.r(z)
-        balance = (p < r).astype(float)
-        J = sp.diags_array(balance) @ problem.A + sp.diags_array(1 - balance) @ (eye - problem.psi.jacobian(z))
-        step = spsolve(sp.csc_array(J), np.minimum(p, r))
+        balance, top, slopes = (p < r) * 1.0, np.zeros(problem.n), problem.psi.jacobian(z)
+        F = np.minimum(p, r)
+        if problem.upper is not None:  # p in the units of z, or a row leaps from one obstacle to the other
+            above, D = problem.r_upper(z), problem.A.diagonal()
+            balance, top, F = (p < D * r) * 1.0, (p < D * above) * 1.0, np.maximum(np.minimum(p / D, r), above)
+            balance = (balance - top) / D
+            slopes = sp.diags_array(1 - top) @ slopes + sp.diags_array(top) @ problem.upper.jacobian(z)
+        J = sp.diags_array(balance) @ problem.A + sp.diags_array((balance == 0) * 1.0) @ (eye - slopes)
+        step = spsolve(sp.csc_array(J), F)
         z = z - step
         if np.abs(step).max() <= 1e-12 * max(1.0, np.abs(z).max()):
             return z
@@ -53,12 +59,13 @@ def order(h, error):
 
 @pytest.mark.parametrize("name", WITH_Z)
 def test_z_exact_is_complementary_to_rounding(name):
-    """p, r ≥ 0 and one of the two 0 in every row, up to the rounding errors of computing them at z*."""
+    """The median of z − ψ̄, p and r is 0 in every row, up to the rounding errors of computing them at z*."""
     scene = scenes.scene(name)
     problem, z = scene.problem, scene.z_exact
     for_p, for_r = problem.rounding(z)
     slack_p, slack_r = problem.p(z) / np.maximum(for_p, 1e-300), problem.r(z) / np.maximum(for_r, 1e-300)
-    assert (np.abs(np.minimum(slack_p, slack_r)) <= 1.0).all()
+    above = np.full(problem.n, -np.inf) if problem.upper is None else problem.r_upper(z) / np.maximum(for_r, 1e-300)
+    assert (np.abs(np.median([above, slack_p, slack_r], axis=0)) <= 1.0).all()
 
 
 def test_what_has_no_solution_has_none_where_psi_has_values():
@@ -97,14 +104,21 @@ def test_by_hand_trying_every_set_of_rows_finds_this_solution_and_no_other(name)
     scene = scenes.scene(name)
     problem, n = scene.problem, scene.problem.n
     A, G, c = problem.A.toarray(), problem.psi.jacobian(np.zeros(n)).toarray(), problem.psi.value(np.zeros(n))
+    d = np.full(n, np.inf) if problem.upper is None else problem.upper.value(np.zeros(n))
+    assert problem.upper is None or problem.upper.is_constant
     found = []
-    for at_obstacle in itertools.product([False, True], repeat=n):
-        rows = np.array(at_obstacle)
-        if np.isneginf(c[rows]).any():
+    for of_row in itertools.product([0, -1, 1], repeat=n):
+        below, above = (np.array(of_row) == side for side in (-1, 1))
+        if np.isneginf(c[below]).any() or np.isposinf(d[above]).any():
             continue
-        J = np.where(rows[:, None], np.eye(n) - G, A)
-        z = np.linalg.solve(J, np.where(rows, c, -problem.q))
-        if (problem.p(z) >= -1e-14).all() and (problem.r(z) >= -1e-14).all():
+        J = np.where(above[:, None], np.eye(n), np.where(below[:, None], np.eye(n) - G, A))
+        z = np.linalg.solve(J, np.where(above, d, np.where(below, c, -problem.q)))
+        p, tiny = problem.p(z), 1e-14
+        if (
+            (p[~above] >= -tiny).all()
+            and (p[~below] <= tiny).all()
+            and (np.minimum(problem.r(z), d - z) >= -tiny).all()
+        ):
             found.append(z)
     assert found
     for z in found:

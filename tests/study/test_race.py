@@ -56,6 +56,18 @@ def test_without_a_known_answer_the_measure_is_a_bound_that_holds():
             assert true <= entry.error <= true + 1e-10
 
 
+def test_between_two_obstacles_everyone_who_takes_part_reaches_the_same_answer():
+    box = icp.scenes.box_manufactured(n=25)
+    found = icp.race(box.problem, ["newton"], z_exact=box.z_exact, tolerances=[1e-8], repeats=1)
+    assert {"solve()", "newton", "osqp", "clarabel", "piqp", "scs", "active set, cold"} <= {
+        one.name for one in found.entries
+    }
+    for one in found.entries:
+        assert one.error <= 1e-5, one
+    mms = icp.race(box.problem, ["mms"], [], z_exact=box.z_exact, tolerances=[1e-2], repeats=1)
+    assert dict(mms.skipped)["mms"].startswith("MMS has one |x| for each row")
+
+
 def test_without_a_certificate_the_measure_is_the_residual():
     found = icp.race(icp.ICP([[2.0]], [-3.0], np.sin), ["mnmgs"], [], tolerances=[1e-4], repeats=1)
     assert found.measure == "Res(z) / Res(0)"

@@ -7,6 +7,7 @@ import pytest
 
 import icpmodel as icp
 from icpmodel import study as measure
+from icpmodel.methods.pivots import Lemke
 from icpmodel.study import Axis, Plane, StabilityMap, planes
 
 #: plane → points per axis, enough to meet failures
@@ -67,6 +68,8 @@ def test_ends_are_told_apart():
         (icp.scenes.hard_overflow().problem, icp.MNMGS(), "overflowed"),
         (icp.scenes.hard_empty_row().problem, icp.MNMGS(), "refused"),
         (icp.scenes.hard_domain().problem, icp.MNMGS(), "psi failed"),
+        (icp.scenes.hard_crossing().problem, icp.MNMGS(), "obstacles cross"),
+        (icp.scenes.hard_infeasible().problem, Lemke(), "infeasible"),
         (icp.scenes.membrane(n=400).problem, icp.MNMGS(), "slow"),
     ]
     for problem, method, end in cases:
@@ -149,6 +152,12 @@ def test_a_problem_of_ones_own_is_mapped():
     found = measure.stability("relaxation", icp.scenes.hand_splittings().problem, points=4)
     assert "n=2" in found.plane.title
     assert found.failed.any()
+
+
+def test_between_two_obstacles_no_proof_is_contradicted():
+    found = measure.stability("relaxation", icp.scenes.box_manufactured(n=16, mu=1.0).problem, points=4, starts=2)
+    assert found.any_proved.any()
+    assert found.contradictions == 0
 
 
 #: plane → ends by their first letters and steps, row by row from the lowest y, on 5 x 5 points with n = 16

@@ -25,6 +25,8 @@ _SIGNS = {
     "slow": (".", "not there after {max_iter} steps"),
     "precision limit": ("$+$", "as far as rounding allows"),
     "psi failed": ("$?$", "ψ failed"),
+    "obstacles cross": ("1", "the obstacles cross"),
+    "infeasible": ("2", "infeasible"),
     "stagnated": ("_", "stagnated"),
     "cycled": ("$\\circ$", "cycled"),
     "diverged": ("x", "diverged"),
@@ -43,14 +45,19 @@ _LINES: dict[str, tuple[str, Any]] = {
     "definite": (YELLOW, (0, (5, 1, 1, 1))),
 }
 _FALSE = "#C00000"
+#: contact with the obstacle below and with the one above, where there are two; how they are shaded and outlined
+_BELOW, _ABOVE = "contact below", "contact above"
+_SHADES = {"contact set": "0.85", _BELOW: "0.85", _ABOVE: "#EBD3E1"}
+_OUTLINES = {"contact set": "white", _BELOW: "white", _ABOVE: ORANGE}
 
 
 def solution_figure(solution: Solution, points: Vector | None = None) -> Figure:
     """z, ψ(z) and p where the unknowns are: on a line as curves, on a plane as two fields, else against the row number.
 
     The contact set, the rows where z is at its obstacle rather than in balance, is shaded on a line and outlined in the
-    plane. Parameters: `solution`; `points` the coordinates of the unknowns, shape (n,), (n, 2) or None, as
-    `Scene.points` has them. Returns a matplotlib figure. Raises InputError for points of another shape.
+    plane; where there is an obstacle above, ψ̄(z) is drawn as well, and contact with it in another colour.
+    Parameters: `solution`; `points` the coordinates of the unknowns, shape (n,), (n, 2) or None, as `Scene.points` has
+    them. Returns a matplotlib figure. Raises InputError for points of another shape.
 
     >>> square = icp.scenes.membrane(n=100)
     >>> [axes.get_title() for axes in icp.study.solution_figure(square.problem.solve(), square.points).axes[:2]]
@@ -61,12 +68,13 @@ def solution_figure(solution: Solution, points: Vector | None = None) -> Figure:
     n = solution.problem.n
     if points is not None and np.shape(points) not in ((n,), (n, 2)):
         raise InputError(f"points has shape {np.shape(points)}; ({n},) or ({n}, 2) was expected")
-    contact = pattern_at(solution.problem, solution.z).active
+    _, active, above = pattern_at(solution.problem, solution.z)
+    contacts = {"contact set": active} if above is None else {_BELOW: active & ~above, _ABOVE: above}
     flat = points is None or np.ndim(points) == 1
-    return _line(solution, points, contact) if flat else _plane(solution, points, contact)
+    return _line(solution, points, contacts) if flat else _plane(solution, points, contacts)
 
 
-def _line(solution: Solution, points: Vector | None, contact: Any) -> Figure:
+def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -> Figure:
     figure, n = new_figure(8.2, 5.0), solution.problem.n
     x = np.arange(n, dtype=np.float64) if points is None else points
     style = {"drawstyle": "steps-mid"} if points is None else {}
@@ -83,13 +91,18 @@ def _line(solution: Solution, points: Vector | None, contact: Any) -> Figure:
         above.plot(x[keep], top[keep], color=PURPLE, label="obstacle above", linewidth=2.5, markersize=5, **style)
     above.plot(x[keep], solution.z[keep], color=BLUE, label="z", linewidth=1.5, markersize=3, **style)
     below.plot(x[keep], solution.p[keep], color=GREEN, markersize=3, **style)
+    middles = (x[:-1] + x[1:]) / 2
+    ends = np.concatenate([x[:1], middles, x[-1:]]) if n > 1 else x[0] + np.array([-0.5, 0.5])
     for k, axes in enumerate((above, below)):
-        across = {"transform": axes.get_xaxis_transform(), "color": "0.85", "linewidth": 0, "zorder": 0}
-        axes.fill_between(x, 0.0, 1.0, where=contact, step="mid", **across)
+        across = {"transform": axes.get_xaxis_transform(), "fill": True, "linewidth": 0, "zorder": 0}
+        for name, rows in contacts.items():  # a single row is shaded, too
+            shade = axes.stairs(rows.astype(float), ends, color=_SHADES[name], **across)
+            shade.sticky_edges.y.clear()  # or the axis would begin at 0
         axes.grid(alpha=0.3)
         axes.set_ylabel(("z", "force p")[k])
-    if contact.any():
-        above.fill_between([], [], color="0.85", label="contact set")
+    for name, rows in contacts.items():
+        if rows.any():
+            above.fill_between([], [], facecolor=_SHADES[name], edgecolor="0.5", linewidth=0.5, label=name)
     above.legend(loc="best", frameon=False)
     below.set_xlabel("row" if points is None else "x")
     if points is None:
@@ -97,7 +110,7 @@ def _line(solution: Solution, points: Vector | None, contact: Any) -> Figure:
     return figure
 
 
-def _plane(solution: Solution, points: Any, contact: Any) -> Figure:
+def _plane(solution: Solution, points: Any, contacts: dict[str, Any]) -> Figure:
     figure = new_figure(9.6, 4.2)
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     x, y = points[:, 0], points[:, 1]
@@ -109,7 +122,7 @@ def _plane(solution: Solution, points: Any, contact: Any) -> Figure:
         found[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
         return found
 
-    halves = (left, solution.z, "z, contact set outlined", "viridis"), (right, solution.p, "p", "cividis")
+    halves = (left, solution.z, f"z, {_outlined(contacts)}", "viridis"), (right, solution.p, "p", "cividis")
     for axes, values, title, colours in halves:
         if regular:
             shown = axes.pcolormesh(columns, rows, field(values), cmap=colours, shading="nearest", rasterized=True)
@@ -118,9 +131,18 @@ def _plane(solution: Solution, points: Any, contact: Any) -> Figure:
         figure.colorbar(shown, ax=axes, pad=0.01)
         axes.set(title=title, aspect="equal", xlabel="x")
     left.set_ylabel("y")
-    if regular and contact.any() and not contact.all() and min(columns.size, rows.size) > 1:
-        left.contour(columns, rows, field(contact), [0.5], colors="white", linewidths=1.5)
+    for name, contact in contacts.items():
+        if regular and contact.any() and not contact.all() and min(columns.size, rows.size) > 1:
+            left.contour(columns, rows, field(contact), [0.5], colors=_OUTLINES[name], linewidths=1.5)
     return figure
+
+
+def _outlined(contacts: dict[str, Any]) -> str:
+    """What has which outline."""
+    if len(contacts) == 1:
+        return "contact set outlined"
+    colours = {_BELOW: "below (white)", _ABOVE: "above (orange)"}
+    return "contact " + " and ".join(colours[name] for name, rows in contacts.items() if rows.any())
 
 
 def race_figure(
