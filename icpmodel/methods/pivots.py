@@ -72,7 +72,7 @@ class Lemke(Method):
             ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
             if ended == SINGULAR:
                 row = int(np.argmax(lcp.free))
-                raise SingularOperator("A is singular in the rows and columns without obstacle", row)
+                raise SingularOperator("A is singular in the rows and columns without obstacle below", row)
             z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
             yield z, None
         if ended == RAY:

@@ -205,7 +205,7 @@ def _proved(rng: np.random.Generator) -> Trial:
 def _asked(rng: np.random.Generator, trial: Trial) -> Trial:
     """The trial with a front end, a method, options, and what is asked of the answer."""
     front = str(rng.choice(["solve", "many", "file"], p=[0.9, 0.07, 0.03]))
-    is_data = trial.psi in ("zero", "constant", "affine") and not trial.upper
+    is_data = trial.psi in ("zero", "constant", "affine") and trial.upper in ("", "constant", "affine")
     if trial.source or (front == "many" and len(trial.q) > 12) or (front == "file" and not is_data):
         front = "solve"
     wanted = _MANY if front == "many" else tuple(_OPTIONS)

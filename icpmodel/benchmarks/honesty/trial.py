@@ -39,6 +39,7 @@ FRONTS = {
     icp.save_problem(problem, f"{{folder}}/p.npz")
     again = icp.load_problem(f"{{folder}}/p.npz")
 assert (again.A.data.tobytes(), again.q.tobytes()) == (problem.A.data.tobytes(), problem.q.tobytes())
+assert (again.upper is None) == (problem.upper is None)
 problem = again
 answer = problem.solve({arguments}raise_on_failure=False)""",
     "many": "answer = icp.solve_many(A, [q, -q, q], psi, {upper}{arguments}raise_on_failure=False)",
