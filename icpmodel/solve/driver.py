@@ -190,10 +190,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
 def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
     """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
-        if (row := run.problem.facts.crossed) is not None:
-            run.candidate = Candidate(MNMGS(), "no method was tried, as there is no solution")
-            run.best = run.found(run.start, run.at_start)
-            run.ended = Ended(Status.CROSSED, f"psi_{row} and upper_{row} are fixed, and psi_{row} is above")
+        if run.problem.upper is not None and _crossed_for_good(run):
             return
         for _ in run.steps(tried):
             pass
@@ -235,9 +232,7 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         status, note = Status.MAP_FAILED, "psi gives different values at the same z"
     elif status in _NO_FURTHER and _is_luck(run, best.z):
         status, note = Status.PRECISION_LIMIT, "only as float64 rounds it is the residual of this z small enough"
-    if status not in (Status.SOLVED, Status.CROSSED, Status.INTERRUPTED, Status.STOPPED) and (
-        crossed := _crossed(run.problem, best.z)
-    ):
+    if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
         status, note = Status.CROSSED, crossed
     message = "solved"
     if status is Status.SOLVED:
@@ -269,6 +264,19 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         time_limit=limits.time_limit,
         memory_limit=limits.memory_limit,
     )
+
+
+def _crossed_for_good(run: Run) -> bool:
+    """Whether fixed obstacles cross, so that there is nothing to try; then the best iterate is where that shows."""
+    with contextlib.suppress(MapError):
+        row = run.problem.facts.crossed
+        if row is not None:
+            c = run.problem.facts.obstacle
+            run.current = np.where(np.isfinite(c), c, run.start)  # z_i ≥ c_i at every solution
+            run.candidate = Candidate(MNMGS(), f"no method was tried: psi_{row} and upper_{row} are fixed, and cross")
+            run.best = run.found(run.current, run.problem.residual(run.current))
+            return True
+    return False
 
 
 def _crossed(problem: ProblemData, z: Vector) -> str:

@@ -113,7 +113,8 @@ def test_fixed_obstacles_that_cross_are_found_before_any_method_is_tried():
     solution = ICP(np.eye(3), np.zeros(3), half, upper=[3.0, 1.9, 3.0]).solve(raise_on_failure=False)
     assert solution.status is Status.CROSSED
     assert solution.iterations == 0
-    assert "psi_1 and upper_1" in solution.message
+    assert "psi_1 = 2 is above upper_1 = 1.9" in solution.message
+    assert "psi_1 and upper_1 are fixed, and cross" in solution.why
 
 
 def test_obstacles_that_cross_everywhere_are_bad_input():
