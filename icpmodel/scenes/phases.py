@@ -24,25 +24,24 @@ def phase_step(n: int = 201) -> Scene:
     u_t = ε²u″ + u where −1 < u < 1, ≤ where u = 1 and ≥ where u = −1, on [−1, 1] with u′ = 0 at its ends: the double
     obstacle potential, ε = .2. At rest is u = sin(x/ε) for |x| ≤ πε/2, ±1 beyond; from there one implicit step of
     length τ = ½ has to lead back: p = (1/τ − 1)z − ε²z″ − u/τ, ψ = −1, ψ̄ = 1. Discretised on n points by central
-    differences, h = 2/(n − 1), ghost points at the ends. Quantities: "u", the largest |z − u| over the grid; "energy"
-    ∫ ½ε u′² + (1 − u²)/2ε = π/2, the tension of the interface. Both are O(h²): measured at most 3.1h², which depends
-    on where the interface ends between two points, and 1.5 to 1.8 h². Raises InputError for n < 33.
+    differences, h = 2/(n − 1), ghost points at the ends, whose rows are halved so that A is symmetric. Quantities: "u",
+    the largest |z − u| over the grid; "energy" ∫ ½ε u′² + (1 − u²)/2ε = π/2, the tension of the interface. Both are
+    O(h²): measured at most 3.1h², which depends on where the interface ends between two points, and 1.5 to 1.8 h².
+    Raises InputError for n < 33.
     Reference: Blowey and Elliott, Eur. J. Appl. Math. 2 (1991), doi:10.1017/S095679250000053X.
     """
     n = size(n, 33)
     x, h = np.linspace(-1.0, 1.0, n), 2.0 / (n - 1)
     u = np.sin(np.clip(x / EPSILON, -np.pi / 2, np.pi / 2))
     stiff = EPSILON**2 / h**2
-    beside = np.full(n - 1, -stiff)
-    left, right = beside.copy(), beside
-    left[-1] = right[0] = -2.0 * stiff
-    A = tridiagonal(left, np.full(n, 1.0 / STEP - 1.0 + 2.0 * stiff), right)
+    beside, share = np.full(n - 1, -stiff), np.where((x == x[0]) | (x == x[-1]), 0.5, 1.0)
+    A = tridiagonal(beside, share * (1.0 / STEP - 1.0 + 2.0 * stiff), beside)
     known = {
         "u": Quantity(0.0, partial(_farthest, u), order=2.0),
         "energy": Quantity(np.pi / 2, partial(_energy, h), order=2.0),
     }
     models = "Two phases of an alloy side by side, and the interface between them."
-    return Scene(problem=ICP(A, -u / STEP, -1.0, 1.0), models=models, quantities=known, h=h, points=x)
+    return Scene(problem=ICP(A, -share * u / STEP, -1.0, 1.0), models=models, quantities=known, h=h, points=x)
 
 
 def _farthest(u: Vector, z: Vector) -> float:
