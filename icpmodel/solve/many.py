@@ -131,7 +131,7 @@ class Batch:
         self.problems = [ProblemData(one, Q[0], *self._sides(0)) for one in (matrices or [A])]
         self.problem = self.problems[0]
         n = self.problem.n
-        self.small = n <= PIVOT_UP_TO
+        self.small = self.problem.n <= PIVOT_UP_TO
         for name, rows in (("Z0", self.starts), ("psi", self.obstacles), ("upper", self.above)):
             if rows is not None:
                 self.problem.vector(rows[0], name)  # has the right length

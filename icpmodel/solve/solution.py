@@ -334,7 +334,7 @@ class Solutions(ReadOnly):
     from (A, q, ψ, z), and the `tolerances` they were held against, shape (k,) each; `seconds` of the whole;
     `messages` what went wrong, by row.
 
-    >>> solve_many([[2.0]], [[-2.0], [3.0]]).Z
+    >>> icp.solve_many([[2.0]], [[-2.0], [3.0]]).Z
     array([[1.],
            [0.]])
     """
@@ -350,7 +350,7 @@ class Solutions(ReadOnly):
     def failed(self) -> list[int]:
         """The rows whose status is not SOLVED.
 
-        >>> solve_many([[-1.0]], [[1.0], [-1.0]], raise_on_failure=False).failed
+        >>> icp.solve_many([[-1.0]], [[1.0], [-1.0]], raise_on_failure=False).failed
         [1]
         """
         return sorted(self.messages)
@@ -359,7 +359,7 @@ class Solutions(ReadOnly):
     def message(self) -> str:
         """What went wrong, in one sentence.
 
-        >>> solve_many([[2.0]], [[-2.0], [3.0]]).message
+        >>> icp.solve_many([[2.0]], [[-2.0], [3.0]]).message
         'all 2 rows are solved'
         """
         if not self.messages:
