@@ -107,7 +107,7 @@ class Proximal(Method):
             path = ProximalPath(simple, z)
             while path.advance():
                 yield path.z, path.residual if simple is problem else None
-        if simple.upper is None and path.runs_away(path.z - z):
+        if path.runs_away:
             answer = infeasible(simple, path.z - z)
             if answer.holds:
                 raise Infeasible(answer)
@@ -118,7 +118,7 @@ class ProximalPath:
 
     def __init__(self, problem: ProblemData, z: Vector) -> None:
         self.problem, self.c, self.top = problem, problem.facts.obstacle, problem.facts.upper_obstacle
-        self.z, self.p = z, problem.p(z)
+        self.z, self.p, self.start = z, problem.p(z), z
         self.centre = self.z, self.p
         self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
         self.best, self.idle, self.spent, self.iterative = np.inf, 0, 0.0, self.is_symmetric
@@ -152,8 +152,13 @@ class ProximalPath:
         c = np.where(np.isneginf(self.c), 0.0 if self.top is None else np.minimum(self.top, 0.0), self.c)
         return c, self.problem.p(c)
 
-    def runs_away(self, y: Vector) -> bool:
-        """Whether the largest entries of `y` have Aᵀy ≤ 0, as far as floats tell, and lead down."""
+    @property
+    def runs_away(self) -> bool:
+        """Whether the largest entries of y, the way from the start, have Aᵀy ≤ 0, as far as floats tell, and lead down,
+        where nothing is above."""
+        if self.top is not None:
+            return False
+        y = self.z - self.start
         y = np.where(np.abs(y) > _LARGE * np.abs(y).max(), y, 0.0)
         image, size = self.problem.A.T @ y, self.problem.matrix.absolute.T @ np.abs(y)
         return bool((image <= _BACKWARD * size).all() and inner(self.resting[1], y) < 0)
@@ -177,7 +182,7 @@ class ProximalPath:
         if whole == 0.0:
             return False
         if self.idle > _LAST:
-            return self.inside is None and self._goes_inside()
+            return self.spent > -np.inf and not self.runs_away and self._goes_inside()
         if self.inside is not None:
             if self.inside.leads_on(whole) and self.inside.advance():
                 self.z, self.p = self.inside.z, self.inside.p
@@ -202,10 +207,7 @@ class ProximalPath:
         return True
 
     def _goes_inside(self) -> bool:
-        """The first of the steps through the interior, which are tried once; False where they were."""
-        if self.spent == -np.inf:
-            return False
-        self._begin(*self.centre, self.shift)
+        """The first of the steps through the interior, which are tried once."""
         self.spent, self.idle, self.inside = -np.inf, 0, Interior(self)
         return self.advance()
 
