@@ -103,7 +103,8 @@ class AffineLcp:
 
     def back(self, x: Any) -> Any:
         """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix, and without the entries for rows above."""
-        x = x[..., : self.n]
+        if self.rows is not None:
+            x = x[..., : self.n]
         if self.inverse is None:
             return x
         return x * self.inverse if self.inverse.ndim == 1 else x @ self.inverse.T

@@ -261,7 +261,7 @@ class ProblemData:
         """
         z = self.vector(z)
         psi = self.psi.value(z)
-        upper = None if self.upper is None else self.upper.value(z)
+        upper = None if self.psi.upper is None else self.psi.upper.value(z)
         if self._is_large() and _SAFE[0] < (squares := self._squares(z, psi, upper)) < _SAFE[1]:
             return math.sqrt(squares)
         return norm(mid(self.product(z) + self.q, z - psi, None if upper is None else z - upper))
@@ -273,8 +273,8 @@ class ProblemData:
         >>> ICP([[3.0]], [-6.0]).residual_at_0()
         6.0
         """
-        zero = np.zeros(self.n)
-        return norm(mid(self.q, -self.psi.value(zero), None if self.upper is None else -self.upper.value(zero)))
+        zero, upper = np.zeros(self.n), self.psi.upper
+        return norm(mid(self.q, -self.psi.value(zero), None if upper is None else -upper.value(zero)))
 
     def _is_large(self) -> bool:
         return self.matrix.dense is None and self.A.nnz >= THREADS_FROM

@@ -108,7 +108,7 @@ class Run:
         # of what was not begun, as it would not have fitted into the time or the memory that were left: the last one
         self.refused: Refused | None = None
         self.singular: SingularOperator | None = None
-        self.bar = Bar()
+        self.bar, self.told = Bar(), _LOG.isEnabledFor(logging.INFO)
         self.target = self.aim * self.scale if self.scale < np.inf else 0.0
 
     def steps(self, stages: Iterator[Stage[Candidate]]) -> Iterator[None]:
@@ -117,7 +117,8 @@ class Run:
         schedule = Schedule(stages)
         turn = self._turn(schedule)
         while turn is not None:
-            _LOG.debug("n = %d, iteration %d: the turn is with %r", self.problem.n, self.iteration, turn.who.method)
+            if self.told:
+                _LOG.debug("n = %d, iteration %d: the turn is with %r", self.problem.n, self.iteration, turn.who.method)
             loop = loops.get(turn) or loops.setdefault(turn, self._one(turn))
             following: Turn[Candidate] | None = turn
             with progress_bar(self.progress, turn.who.method.name) as self.bar:
@@ -162,7 +163,8 @@ class Run:
         """One candidate until there is a reason to stop, left in `ended`; whether it is time for a look at others."""
         self.candidate = turn.who
         self.tried.append(tried := Tried(turn.who))
-        _LOG.info("n = %d: %r begins: %s", self.problem.n, turn.who.method, turn.who.why or "it was named")
+        if self.told:
+            _LOG.info("n = %d: %r begins: %s", self.problem.n, turn.who.method, turn.who.why or "it was named")
         try:
             self.ended = yield from self._loop(turn)
         except SingularOperator as error:
@@ -182,8 +184,9 @@ class Run:
                 raise
             self.fault, self.ended = error, Ended(Status.MAP_FAILED, str(error))
         tried.outcome = self.ended.status.value
-        told = turn.who.method, tried.outcome, self.iteration, np.nan if self.best is None else self.best.residual
-        _LOG.info("n = %d: %r ends, %s, at iteration %d; best residual %.3g", self.problem.n, *told)
+        if self.told:
+            told = turn.who.method, tried.outcome, self.iteration, np.nan if self.best is None else self.best.residual
+            _LOG.info("n = %d: %r ends, %s, at iteration %d; best residual %.3g", self.problem.n, *told)
 
     def _begin(self, finite: bool) -> Vector:
         """Where a new candidate begins: with the best iterate, unless that is of one that failed; afresh if `finite`.
