@@ -371,7 +371,7 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
     if isinstance(value, Between):
         raise InputError(f"{name} has two sides; one obstacle was expected")
     if isinstance(value, Map):
-        bound = value.bind(n)
+        bound = value.bind(n) if none < 0 else value.bind(n).from_above()
         return bound if (c := getattr(bound, "c", None)) is None else _checked(bound, c, f"{name}.c", none)
     if callable(value):
         return Function(value).bind(n)

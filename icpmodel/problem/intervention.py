@@ -20,7 +20,8 @@ class Intervention(Map):
     Parameters: `jumps` a SciPy sparse matrix of shape (n, n) whose *stored* entries are the possible jumps and whose
     values are the gains k_ij (a stored 0 is a free jump), or a function z ↦ (value, target), both of shape (n,), with
     target_i the best j and −1 where row i has no jump; `best` is "max" or "min".
-    A row without a jump has no obstacle: ψ_i = −inf. For a matrix, G has a 1 wherever a jump is possible.
+    A row without a jump has no obstacle: ψ_i = −inf, +inf where it is the one above z. For a matrix, G has a 1 wherever
+    a jump is possible.
     Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984).
 
     >>> jumps = sp.csr_array((np.array([-1.0, -3.0]), (np.array([1, 1]), np.array([0, 2]))), shape=(3, 3))
@@ -32,6 +33,8 @@ class Intervention(Map):
     """
 
     takes_best = True
+    #: the value of rows without a jump
+    none = -np.inf
 
     def __init__(self, jumps: Any, best: str = "max") -> None:
         if best not in ("max", "min"):
@@ -73,7 +76,8 @@ class Intervention(Map):
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         if self.jumps is None or self._leave(rows):
             return super().restricted(rows, z)
-        return Intervention(self.jumps[rows][:, rows], self.best)
+        left = Intervention(self.jumps[rows][:, rows], self.best)
+        return left if self.none < 0 else left.from_above()
 
     def _leave(self, rows: NDArray[np.intp]) -> bool:
         """Whether a jump from one of the `rows` leads to another one."""
@@ -81,6 +85,11 @@ class Intervention(Map):
         out = np.ones(self.jumps.shape[0], dtype=bool)
         out[rows] = False
         return bool(out[self.jumps[rows].indices].any())
+
+    def from_above(self) -> Map:
+        above = Intervention(self.jumps if self.fun is None else self.fun, self.best)
+        above.none = np.inf
+        return above
 
     def describe(self) -> str:
         return f"{self!r}: isotone; where jumps form a cycle rho(G) >= 1, and no proof by contraction can exist"
@@ -97,7 +106,7 @@ class Intervention(Map):
         n, indptr = z.size, self.jumps.indptr
         gains = z[self.jumps.indices] + self.jumps.data
         rows = np.flatnonzero(np.diff(indptr))
-        value, target = np.full(n, -np.inf), np.full(n, -1)
+        value, target = np.full(n, self.none), np.full(n, -1)
         if rows.size:
             reduce = np.maximum if self.best == "max" else np.minimum
             value[rows] = reduce.reduceat(gains, indptr[rows])

@@ -148,6 +148,14 @@ class Map(ReadOnly, ABC):
         """
         return Substituted(self, P, shift, kept)
 
+    def from_above(self) -> Map:
+        """The same as the obstacle above z, where +∞ means none; here the values themselves say so.
+
+        >>> icp.Constant(3).bind(1).from_above().c
+        array([3.])
+        """
+        return self
+
     def in_units(self, unit: float) -> Map:
         """y ↦ ψ(uy)/u, u = `unit` > 0: ψ where z is measured in another unit.
 

@@ -157,7 +157,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
     moved = np.count_nonzero(start)
     at_start = scale = problem.residual(start) if moved else problem.residual_at_0()
     if not math.isfinite(scale) and (fault := fault_of_psi(problem, start)):
-        raise MapError(f"{fault} at the start z0; a finite number or -inf was expected")
+        raise MapError(f"{fault} at the start z0; a finite number, -inf in psi or inf in upper was expected")
     # a start that leads one method astray is not given to the next, unless psi has no value at 0
     restart = start
     if moved:

@@ -175,3 +175,12 @@ def test_many_problems_at_once_with_two_obstacles_are_those_one_by_one():
     for k in range(5):
         alone = ICP(dense.dense(), Q[k, :6], Affine(G, -1.0), upper=Affine(G, 1.0)).solve()
         np.testing.assert_allclose(many.Z[k], alone.z, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", [None, "mnmj", "newton", "multilevel", "psor"])
+def test_the_best_of_some_jumps_may_be_the_obstacle_above(name):
+    """Row 0 may not lie above z_1 + 1, the others have nothing above."""
+    jumps = sp.csr_array((np.array([1.0]), (np.array([0]), np.array([1]))), shape=(3, 3))
+    problem = ICP(2.0 * np.eye(3), [-8.0, -2.0, 2.0], upper=icp.Intervention(jumps, "min"))
+    assert problem.upper.value(np.zeros(3)).tolist() == [1.0, np.inf, np.inf]
+    np.testing.assert_allclose(problem.solve(name).z, [2.0, 1.0, 0.0], atol=1e-7)
