@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import FileError
-from .archive import NUMBERS, REAL, Archive, check_room, is_compressed, opened, read_archive, read_array
+from .archive import NUMBERS, REAL, Archive, check_room, is_compressed, opened, read_archive, read_array, told
 from .matlab import read_variables
 from .matrix_market import read_matrix, read_vector
 
@@ -39,6 +39,8 @@ def read_named(path: Path) -> dict[str, Any]:
     """Name → array or sparse matrix, of a file that names what it holds; "" is the name where it holds one thing only
     and does not say which. Raises FileError."""
     suffix = path.suffix.lower()
+    with told(path, "read"):
+        path.stat()
     if suffix == ".npz":
         with read_archive(path) as archive:
             if "format" in archive.names:
