@@ -43,9 +43,7 @@ def read_named(path: Path) -> dict[str, Any]:
         path.stat()
     if suffix == ".npz":
         with read_archive(path) as archive:
-            if "format" in archive.names:
-                return {"": _sparse(archive)}
-            return {name: archive.array(name, NUMBERS, _is_numbers, compressed=True) for name in archive.names}
+            return read_fields(archive)
     if suffix == ".mat":
         return read_variables(path)
     if suffix == ".npy":
@@ -56,6 +54,13 @@ def read_named(path: Path) -> dict[str, Any]:
     if suffix in _TEXTS:
         return {"": read_text(path)}
     raise FileError(f"{path}: a file whose name ends in one of {', '.join(SUFFIXES)} was expected")
+
+
+def read_fields(archive: Archive) -> dict[str, Any]:
+    """The same of an `.npz` file: the matrix by save_npz, or all arrays."""
+    if "format" in archive.names:
+        return {"": _sparse(archive)}
+    return {name: archive.array(name, NUMBERS, _is_numbers, compressed=True) for name in archive.names}
 
 
 def read_values(path: Path, name: str, n: int) -> Any:

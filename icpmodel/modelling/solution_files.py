@@ -35,7 +35,7 @@ from .archive import (
     write_archive,
     write_whole,
 )
-from .files import Source, as_json, is_ours, problem_fields, stored_problem
+from .files import Source, as_json, problem_fields, stored_problem
 from .formats import read_text, read_values
 
 _SOLUTION = "icpmodel solution 2"
@@ -146,9 +146,11 @@ def read_start(path: Path, n: int) -> Vector:
 
 def _start(path: Path, n: int) -> Any:
     suffix = path.suffix.lower()
-    if suffix == ".npz" and is_ours(path):
-        with read_archive(path, _SOLUTION) as archive:
-            return archive.vector("z", n)
+    if suffix == ".npz":
+        with read_archive(path) as archive:
+            if archive.is_ours:
+                archive.check(_SOLUTION)
+                return archive.vector("z", n)
     if suffix == ".csv" and _is_text(path):
         return read_text(path, _HEADS)[:, 0]
     found = read_values(path, "z", n)
