@@ -59,6 +59,7 @@ from .solve.solution import Solution as Solution
 from .solve.solution import Solutions as Solutions
 from .solve.solution import Status as Status
 from .solve.solution import certify as certify
+from .study.html_report import report as report
 from .study.race import race as race
 from .study.stability_map import stability as stability
 from .theory import ErrorBound as ErrorBound

@@ -13,8 +13,8 @@ from .. import benchmarks
 from ..errors import InputError
 from ..present.table import Table
 from ..solve.progress import status_line
-from ..study import html_report
 from ..study import race as run_race
+from ..study import report as make_report
 from ..study import stability as map_stability
 from ..study.charts.figures import Figure, save
 from ..study.charts.table_charts import benchmark_figures, choice_figure, memory_figure
@@ -92,7 +92,7 @@ def _shown(run: Callable[[], Any], output: str | None, as_csv: bool, partly: str
     *SOURCE_OPTIONS,
     *METHOD_OPTIONS,
     click.option("-o", "--output", type=click.Path(), required=True, help="The HTML file to write."),
-    *from_signature(html_report, {"time_limit": "Seconds per independent solver."}),
+    *from_signature(make_report, {"time_limit": "Seconds per independent solver."}),
 )
 def report(output: str, time_limit: float, **arguments: Any) -> int:
     """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
@@ -106,7 +106,7 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     with status_line(True) as say:
         say("solving")
         solution = problem.solve(method, z0=scene and scene.z0, raise_on_failure=False)
-        page = html_report(solution, **about, command=typed(), time_limit=time_limit, say=say)
+        page = make_report(solution, **about, command=typed(), time_limit=time_limit, say=say)
     Path(output).write_text(page, encoding="utf-8")
     wrote(output)
     return exit_code(solution.solved, unsolved(solution))

@@ -19,7 +19,7 @@ from ..numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ..numerics.threads import one_blas_thread
 from ..present.card import Sections, inner_width
 from ..present.table import Table
-from ..problem.data import ProblemData, as_problem
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.reduced import candidates
 from ..solve.schedule import Schedule
 from ..theory.answers import Allowance, Answer
@@ -198,7 +198,7 @@ class Explanation:
 
 @sheltered
 def explain(
-    problem: ProblemData,
+    problem: ProblemLike,
     method: str | Method | None = None,
     *,
     accuracy: float = 1e-6,

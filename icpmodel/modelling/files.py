@@ -31,7 +31,7 @@ from ..errors import FileError, InputError
 from ..icp import ICP
 from ..problem.affine import Affine
 from ..problem.between import Between
-from ..problem.data import as_problem
+from ..problem.data import ProblemLike, as_problem
 from ..solve.solution import Solution
 from .archive import as_path, check_free, read_archive, told, write_archive
 from .matrix_market import read_matrix, read_vector
@@ -43,7 +43,7 @@ _PREFIX = {"psi": "", "upper": "upper_"}
 _KINDS: dict[str, tuple[str, ...]] = {"zero": (), "constant": ("c",), "affine": ("c", "G")}
 
 
-def save_problem(problem: ICP, path: str | PathLike[str]) -> None:
+def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
     """Write `problem` to the `.npz` file `path`; other programs may take `scipy.io.mmwrite("A.mtx", problem.A)`.
 
     Both obstacles must be zero, constant or affine. The file is written beside and then renamed, so that whatever
@@ -56,7 +56,8 @@ def save_problem(problem: ICP, path: str | PathLike[str]) -> None:
     ...     load_problem(f"{folder}/p.npz")
     ICP(n=1, nnz=1, psi=Constant(3))
     """
-    psi = as_problem(problem).psi
+    problem = as_problem(problem)
+    psi = problem.psi
     sides = {"psi": psi} if not isinstance(psi, Between) else {"psi": psi.lower, "upper": psi.upper}
     arrays: dict[str, Any] = _fields("A", problem.A) | {"q": problem.q}
     for side, one in sides.items():

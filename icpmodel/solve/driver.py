@@ -16,7 +16,7 @@ from ..methods.contract import Method, named
 from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, described
 from ..numerics.rounding import is_ctrl_c, sheltered
-from ..problem.data import ProblemData, as_problem
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
 from .goal import RTOL, AccuracyGoal, Goal, Limits
@@ -48,7 +48,7 @@ def _is_luck(run: Run, z: Vector) -> bool:
 
 @sheltered
 def solve(
-    problem: ProblemData,
+    problem: ProblemLike,
     method: str | Method | None = None,
     *,
     z0: Any = None,
@@ -70,8 +70,10 @@ def solve(
     |z_i − z*_i| ≤ accuracy in every entry.
 
     Parameters:
-    `problem`; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or None to have one picked, and the
-    problem reduced before where that pays (see `icpmodel.solve.reduced`), while a named one gets the whole problem;
+    `problem` an ICP, the name of a scene, or what holds or makes an ICP: a scene, a solution, an `icpmodel.Problem` in
+    CVXPY's terms, a Pyomo model that was read; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or
+    None to have one picked, and the problem reduced before where that pays (see `icpmodel.solve.reduced`), while a
+    named one gets the whole problem;
     `family`, where no method is named: "paper" for members that the paper prints alone, "modulus" for all that grows
     out of the modulus equation, without the shortcuts (pivots, the tridiagonal pass), None for both;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
@@ -110,8 +112,8 @@ def solve(
         raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
     for name, flag in (("history", history), ("progress", progress), ("raise_on_failure", raise_on_failure)):
         as_truth(flag, name)
-    n = as_problem(problem).n
-    start = np.zeros(n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
+    problem = as_problem(problem)
+    start = np.zeros(problem.n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     with limits.kept():
         run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
         carry_out(run, _candidates(problem, method, options, run.aim, family))

@@ -16,8 +16,8 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_array, as_real, axes, row_norms
 from ..numerics.rounding import is_ctrl_c, sheltered
 from ..numerics.threads import cores, in_parts
-from ..problem.between import mid
-from ..problem.data import ProblemData, as_map
+from ..problem.between import as_map, mid
+from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.verdict import certain_rows
 from .driver import solve

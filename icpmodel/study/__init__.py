@@ -1,7 +1,7 @@
 """Studies: races, stability maps, sensitivity, and the report."""
 
 from .charts.study_charts import solution_figure
-from .html_report import html_report
+from .html_report import report
 from .planes import Axis, Plane
 from .race import Race, race
 from .sensitivity import Sensitivity, sensitivity
@@ -13,8 +13,8 @@ __all__ = [
     "Race",
     "Sensitivity",
     "StabilityMap",
-    "html_report",
     "race",
+    "report",
     "sensitivity",
     "solution_figure",
     "stability",

@@ -16,11 +16,11 @@ from ..methods.contract import Method, named
 from ..numerics.arrays import Vector, as_list, as_number
 from ..numerics.rounding import sheltered
 from ..present.table import Table
-from ..problem.data import ProblemData, as_problem
+from ..problem.data import ProblemLike, as_problem
 from ..solve.driver import RTOL, solve
 from ..solve.progress import status_line
 from ..solvers.foreign import ForeignSolver, chosen_solvers
-from .cases import Case, fresh, unbroken
+from .cases import Case, fresh, scene_of, unbroken
 from .charts.figures import Charted, Figure
 from .charts.study_charts import race_figure
 from .competitors import Competitor, Entry, Foreign, Own, limits, own_methods
@@ -88,7 +88,7 @@ class Race(Charted):
 
 @sheltered
 def race(
-    problem: ProblemData,
+    problem: ProblemLike,
     methods: Sequence[str | Method] | None = None,
     solvers: Sequence[str | ForeignSolver] | None = None,
     *,
@@ -107,16 +107,21 @@ def race(
     its own error bound β; else, where there is no bound, Res(z)/Res(0). One measure holds for all of a race.
     Parameters: `methods` by name ("mnmaor, tuned" and "psor, tuned" have the ω of the estimated Jacobi radius) or as
     objects, beside `solve()` itself; `solvers`, any foreign solver by name or as an object, both by default what the
-    problem admits; `z_exact` shape (n,); `tolerances`, to each competitor in its own sense; `repeats` ≥ 1, one for runs
-    of a second or more; `time_limit` seconds for a run, after which a competitor is not asked for more; `progress`
-    shows a line where standard error is a terminal; `command` is noted.
+    problem admits; `z_exact` shape (n,), by default that of the scene where `problem` is one or names one;
+    `tolerances`, to each competitor in its own sense; `repeats` ≥ 1, one for runs of a second or more; `time_limit`
+    seconds for a run, after which a competitor is not asked for more; `progress` shows a line where standard error is a
+    terminal; `command` is noted.
     Returns a `Race`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the race as far as it was.
 
     >>> found = icp.race(ICP([[2, -1], [-1, 2]], [-1, 3]), ["mnmgs"], ["osqp"], z_exact=[0.5, 0.0], repeats=1)
     >>> sorted({entry.name for entry in found.entries}), found.measure
     (['mnmgs', 'osqp', 'solve()'], 'max |z - z*|')
     """
-    case = Case("this problem", as_problem(problem))
+    known = scene_of(problem)
+    if known is not None and z_exact is None:
+        z_exact = known.z_exact
+    problem = as_problem(problem)
+    case = Case("this problem", problem)
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
     asked = {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}

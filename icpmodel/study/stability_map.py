@@ -14,7 +14,7 @@ from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Vector, as_number, described
 from ..numerics.rounding import sheltered
 from ..present.table import Table
-from ..problem.data import ProblemData, as_problem
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.driver import solve
 from ..solve.goal import Limits
 from ..solve.progress import status_line
@@ -119,7 +119,7 @@ class StabilityMap(Charted):
 @sheltered
 def stability(
     plane: str | Plane = "relaxation",
-    problem: ProblemData | None = None,
+    problem: ProblemLike | None = None,
     *,
     method: str | None = None,
     points: int = 25,

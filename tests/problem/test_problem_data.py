@@ -79,7 +79,7 @@ def test_what_is_no_z_is_named(judge, z, words):
 )
 @pytest.mark.parametrize(("problem", "found"), [(np.eye(2), "a ndarray"), (None, "None"), (icp.ICP, "the class ICP")])
 def test_what_is_no_icp_is_named(use, problem, found):
-    with pytest.raises(icp.InputError, match=f"problem is {found}; an ICP was expected"):
+    with pytest.raises(icp.InputError, match=f"problem is {found}; an ICP, or the name of a scene, was expected"):
         use(problem)
 
 

@@ -17,7 +17,7 @@ from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ...problem.between import Between
-from ...problem.data import ProblemData, as_problem
+from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.facts import Facts
 from ...problem.map import Map
 from ...problem.matrix import Matrix
@@ -104,7 +104,7 @@ def limited(time_limit: float | None, memory_limit: float | None) -> Iterator[No
 
 @sheltered
 def error_bound(
-    problem: ProblemData,
+    problem: ProblemLike,
     z: Any,
     *,
     sharp: bool | None = None,
@@ -135,7 +135,8 @@ def error_bound(
     >>> 0.001 <= bound.value <= 0.001001, round(error_bound(problem, [1.0, 1.001], sharp=False).value, 9)
     (True, 0.002)
     """
-    z = as_problem(problem).vector(z)
+    problem = as_problem(problem)
+    z = problem.vector(z)
     if sharp is not None:
         as_truth(sharp, "sharp")
     if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:

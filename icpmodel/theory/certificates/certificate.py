@@ -18,7 +18,7 @@ from ...numerics.arrays import ReadOnly, as_truth, described
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered, upper
 from ...present.card import Card
 from ...problem.between import mid
-from ...problem.data import ProblemData, as_problem
+from ...problem.data import ProblemLike, as_problem
 from .bounds import ErrorBound, error_bound
 
 NOT_COMPUTED = "it was not computed"  #: the reason of a certificate without a bound that nobody asked for
@@ -69,7 +69,7 @@ class Certificate:
 
 
 @sheltered
-def certify(problem: ProblemData, z: Any, *, bound: bool = True, **options: Any) -> Certificate:
+def certify(problem: ProblemLike, z: Any, *, bound: bool = True, **options: Any) -> Certificate:
     """The one judge of an answer, ours or a foreign solver's.
 
     Parameters: `z` shape (n,), or a `Solution`; `bound` whether to look for an error bound as well, which may cost one
@@ -79,7 +79,8 @@ def certify(problem: ProblemData, z: Any, *, bound: bool = True, **options: Any)
     >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
     0.0
     """
-    z, bound = as_problem(problem).vector(z), as_truth(bound, "bound")
+    problem, bound = as_problem(problem), as_truth(bound, "bound")
+    z = problem.vector(z)
     diagonal = np.abs(problem.A.diagonal())
     with np.errstate(over="ignore", invalid="ignore"):
         p, r, above = problem.p(z), problem.r(z), problem.r_upper(z)
@@ -138,7 +139,7 @@ class ActiveSet(ReadOnly):
 
 
 @sheltered
-def active_set(problem: ProblemData, z: Any, bound: ErrorBound) -> ActiveSet:
+def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     """The active set of z* as far as `bound` proves it, the error bound of this very `z` on this very `problem`.
 
     Bounds on the rounding errors are included. Nothing is decided where there is no bound, nor where p* = r* = 0.
@@ -150,7 +151,8 @@ def active_set(problem: ProblemData, z: Any, bound: ErrorBound) -> ActiveSet:
     >>> active_set(problem, z, error_bound(problem, z)).inactive
     array([ True])
     """
-    z, nothing = as_problem(problem).vector(z), np.zeros(problem.n, dtype=bool)
+    problem = as_problem(problem)
+    z, nothing = problem.vector(z), np.zeros(problem.n, dtype=bool)
     if not isinstance(bound, ErrorBound):
         raise InputError(f"bound is {described(bound)}; error_bound(problem, z), an ErrorBound, was expected")
     delta = bound.componentwise

@@ -56,7 +56,8 @@ class Rate(ABC):
         It rests on one step of the method: ‖z¹ − z⁰‖/(1 − factor). Parameters: `problem` with the A and ψ of the rate;
         `z0` shape (n,), finite. Raises InputError for another A or ψ, or another z0.
         """
-        z0, step = as_problem(problem).vector(z0, "z0", finite=True), self._step
+        problem, step = as_problem(problem), self._step
+        z0 = problem.vector(z0, "z0", finite=True)
         if problem.A is not step.A or problem.psi is not step.problem.psi:
             raise InputError("problem has another A or psi than the rate; make the rate of this problem")
         with np.errstate(all="ignore"):
