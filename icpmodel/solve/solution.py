@@ -215,8 +215,9 @@ class Solution(ReadOnly):
         reached = residual <= self.tolerance if not self.accuracy else found is not None and found <= self.accuracy
         if reached:
             return better._with(status=Status.SOLVED, message="solved")
-        told = f"{self.message}; polished to a residual of {residual:.3g}"
-        return self if self.solved else better._with(message=told)
+        if self.solved or self.status is Status.CROSSED:  # which is said of this very z
+            return self
+        return better._with(message=f"{self.message}; polished to a residual of {residual:.3g}")
 
     def _closer(self, z: Vector) -> bool:
         """Whether `z` has an error bound that is smaller enough than that of this answer."""
