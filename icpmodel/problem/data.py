@@ -16,6 +16,7 @@ from ..numerics.arrays import Vector, as_array, as_vector, described, norm, not_
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
+from ..present.shown import Shown
 from .affine import Constant
 from .between import Between, mid
 from .facts import Facts
@@ -29,7 +30,7 @@ _SAFE = (1e-280, 1e280)
 _PIECE = 10_000
 
 
-class ProblemData:
+class ProblemData(Shown):
     """A, q and ψ, and what follows from them at a z: p = Az + q, r = z − ψ(z), Res(z), and their rounding errors.
 
     `icpmodel.ICP` is this with the verbs that users call. `matrix` is A with the facts about it, `facts` those about A

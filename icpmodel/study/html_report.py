@@ -14,8 +14,7 @@ from ..numerics.arrays import Vector, as_number, described
 from ..present.rendering import render
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
-from .charts.figures import Figure
-from .charts.study_charts import solution_figure
+from .charts.figures import Figure, figure
 from .race import race
 from .sensitivity import sensitivity
 from .stability_map import stability
@@ -41,8 +40,8 @@ def html_report(
     """A page that opens offline: the answer, its picture, the problem explained, a cross-check, sensitivity, a map.
 
     What cannot be done, such as a cross-check of a problem that is too large, is said in its place.
-    Parameters: `solution`, solved or not; `title` and `about`, text; `points` as in `solution_figure`; `z_exact` the
-    solution, shape (n,), where it is known; `command` what makes the page again; `time_limit` in seconds for each
+    Parameters: `solution`, solved or not; `title` and `about`, text; `points` as in `icpmodel.study.figure`; `z_exact`
+    the solution, shape (n,), where it is known; `command` what makes the page again; `time_limit` in seconds for each
     independent solver; `say` is told what is going on. Returns the HTML text, about a megabyte at the most, with the
     figures in it as SVG. Raises InputError.
 
@@ -58,7 +57,7 @@ def html_report(
     # what makes each section: its HTML "page", its "picture" as SVG, its plain "text", or several of these
     makers: dict[str, Callable[[], dict[str, str]]] = {
         "Answer": lambda: {"page": solution._repr_html_()},
-        "Picture": lambda: {"picture": _svg(solution_figure(solution, points))},
+        "Picture": lambda: {"picture": _svg(figure(solution, points))},
         "What is certain before a solve": lambda: {"page": explain(problem)._repr_html_()},
         "Cross-check": lambda: {"page": crosscheck(problem, solution, time_limit=time_limit)._repr_html_()},
         "Sensitivity of the answer": lambda: {"text": str(sensitivity(solution))},
