@@ -53,15 +53,17 @@ from .solve import solve as solve
 from .solve.many import solve_many as solve_many
 from .solve.progress import Progress as Progress
 from .solve.reduced import Reduced as Reduced
-from .solve.solution import Certificate as Certificate
 from .solve.solution import History as History
 from .solve.solution import Solution as Solution
-from .solve.solution import Solutions as Solutions
 from .solve.solution import Status as Status
-from .solve.solution import certify as certify
+from .solve.solutions import Solutions as Solutions
 from .study.html_report import report as report
 from .study.race import race as race
 from .study.stability_map import stability as stability
 from .theory import ErrorBound as ErrorBound
 from .theory import comparison_matrix as comparison_matrix
 from .theory import error_bound as error_bound
+from .theory.certificates.certificate import Certificate as Certificate
+from .theory.certificates.certificate import certify as certify
+
+__version__: str

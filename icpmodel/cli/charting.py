@@ -16,7 +16,7 @@ from ..solve.progress import status_line
 from ..study import race as run_race
 from ..study import report as make_report
 from ..study import stability as map_stability
-from ..study.charts.figures import Figure, save
+from ..study.charts.figures import Figure, picture_file, save
 from ..study.charts.table_charts import benchmark_figures, choice_figure, memory_figure
 from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, documented, from_signature, named_method, named_problem
 from .output import AS_CSV, TO_FIGURE, exit_code, make_folder, measured, must_be_writable, print_table, typed, wrote
@@ -47,7 +47,7 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
     on a built-in problem, and coupling (mu x norm of G), transport (skewness x mu), condition (condition number x
     units) and units (units x norm of G), which vary the problem.
     """
-    must_be_writable(output)
+    must_be_a_picture(output)
     asked = {name: arguments[name] for name in ("method", *_RUNS)}
     problem = None
     if arguments["source"] is not None:
@@ -70,11 +70,18 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
 )
 def race(methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, as_csv: bool, **arguments: Any) -> int:
     """Time against error on SOURCE: own methods and foreign solvers at every tolerance, in turn."""
-    must_be_writable(output)
+    must_be_a_picture(output)
     problem, scene = named_problem(arguments)
     asked = {name: arguments[name] for name in _TIMINGS} | {"z_exact": scene and scene.z_exact}
     run = lambda: run_race(problem, methods or None, solvers or None, **asked, progress=True, command=typed())  # noqa: E731
     return _shown(run, output, as_csv, "this is what was measured before")
+
+
+def must_be_a_picture(path: str | None) -> None:
+    """Raise FileError or InputError now for a path that no picture could be written to when the work is done."""
+    must_be_writable(path)
+    if path is not None:
+        picture_file(path)
 
 
 def _shown(run: Callable[[], Any], output: str | None, as_csv: bool, partly: str) -> int:
@@ -82,7 +89,7 @@ def _shown(run: Callable[[], Any], output: str | None, as_csv: bool, partly: str
 
     def show(found: Any) -> None:
         print_table(found, found.table(), as_csv)
-        for path in [] if output is None else found.plot(output):
+        for path in [] if output is None else save(found.figure(), output, found.table(), typed()):
             wrote(path)
 
     return measured(run, show, partly)
@@ -163,7 +170,7 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
 
     def run(as_csv: bool, output: str | None = None, **arguments: Any) -> int:
         if not into_folder:
-            must_be_writable(output)
+            must_be_a_picture(output)
         elif output is not None:
             make_folder(output)
         asked = {key: value for key, value in arguments.items() if value != ()}  # no scenes: the default ones
@@ -172,7 +179,7 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
             print_table(table, table, as_csv)
             if output is not None:
                 for file, (figure, data) in _FIGURES[name](table).items():
-                    save(figure, Path(output) / file if file else output, data, typed())
+                    save(figure, Path(output) / f"{file}.png" if file else output, data, typed())
             if name in _BELOW and not as_csv:
                 click.echo("\n".join(["", *_BELOW[name](table)]))
 

@@ -11,7 +11,8 @@ from typing import Any
 from ..numerics.rounding import at_most
 from ..present.card import Card
 from ..present.rendering import render
-from ..present.table import Table, width
+from ..present.shown import Shown
+from ..present.table import Table, Tabular, width
 from ..solve.solution import Solution, certify
 from .judge import Checked, Row, Verdict, finite
 
@@ -19,8 +20,8 @@ from .judge import Checked, Row, Verdict, finite
 _WIDTH = 118
 
 
-@dataclass(frozen=True)
-class Report:
+@dataclass(frozen=True, repr=False)
+class Report(Shown, Tabular):
     """What the independent solvers say of an answer; print it, or let a notebook show it.
 
     `rows`; `problem` and `answer` as texts; `residual` = Res(z) of the answer under test and `holds`, whether it is a

@@ -1,4 +1,4 @@
-"""What other packages add: methods, foreign solvers, scenes; and what the rooms above add to those below."""
+"""What other packages add: methods, foreign solvers, scenes; and the way to a public name of this one."""
 
 from __future__ import annotations
 

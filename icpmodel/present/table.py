@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import shutil
 import sys
+import textwrap
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
+from ..errors import NotApplicable
 from .rendering import render
+from .shown import Shown, in_notebook
 
 #: in a file or a pipe a line is as long as it needs to be
 _UNBOUNDED = 10_000
 #: texts are wrapped to no fewer columns
 _NARROWEST = 12
+#: the columns of a cell of a notebook, which nothing tells: what rich takes for it, unless JUPYTER_COLUMNS is set
+_CELL = 115
 
 
-@dataclass(frozen=True)
-class Table:
+@dataclass(frozen=True, repr=False)
+class Table(Shown):
     """A `title`, column `heads` (with units) and `rows` of numbers and texts, None for what is not known.
 
     >>> print(Table("Costs", ("method", "n", "time, s"), (("newton", 900, 0.0123456), ("psor", 16, None))))
@@ -64,6 +71,23 @@ class Table:
         """The rows as head → cell."""
         return [dict(zip(self.heads, row, strict=True)) for row in self.rows]
 
+    def to_dataframe(self) -> Any:
+        """The rows as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed.
+
+        >>> Table("", ("method", "n"), (("newton", 900),)).to_dataframe()
+           method    n
+        0  newton  900
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError:
+            told = "a data frame needs pandas, which is not installed: pip install pandas; to_csv() needs nothing"
+            raise NotApplicable(told) from None
+        return DataFrame(list(self.rows), columns=list(self.heads))
+
+    def _repr_html_(self) -> str:
+        return self.to_html()
+
     def to_html(self) -> str:
         """The table as HTML, with the title as its caption."""
         numbers = [not self._is_text(k) for k in range(len(self.heads))]
@@ -82,14 +106,36 @@ class Table:
         return any(isinstance(row[k], str) for row in self.rows)
 
 
+class Tabular(ABC):
+    """A base of what is, or has, a table."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def table(self) -> Table: ...
+
+    def to_dataframe(self) -> Any:
+        """Its table as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed."""
+        return self.table().to_dataframe()
+
+
 def _text(cell: Any) -> str:
     if cell is None:
         return "-"
     return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
 
 
+def folded(text: str) -> str:
+    """`text` in lines that fit what standard output is, all but the first indented."""
+    return textwrap.fill(text, width(_UNBOUNDED), subsequent_indent="  ", break_on_hyphens=False)
+
+
 def width(otherwise: int) -> int:
-    """The columns of the terminal that standard output is; `otherwise` where it is none, such as a file or a pipe."""
+    """The columns of the terminal, or the cell of a notebook, that standard output is; `otherwise` where it is neither,
+    such as a file or a pipe."""
+    if in_notebook():
+        columns = os.environ.get("JUPYTER_COLUMNS", "")
+        return int(columns) if columns.isdigit() else _CELL
     if sys.stdout is None or not sys.stdout.isatty():
         return otherwise
     return max(shutil.get_terminal_size().columns, 40)

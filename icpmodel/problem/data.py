@@ -16,6 +16,7 @@ from ..numerics.plugins import public
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
+from ..present.shown import Shown
 from .between import Between, as_map, mid
 from .facts import Facts
 from .map import Map
@@ -27,7 +28,7 @@ _SAFE = (1e-280, 1e280)
 _PIECE = 10_000
 
 
-class ProblemData:
+class ProblemData(Shown):
     """A, q and ψ, and what follows from them at a z: p = Az + q, r = z − ψ(z), Res(z), and their rounding errors.
 
     `icpmodel.ICP` is this with the verbs that users call. `matrix` is A with the facts about it, `facts` those about A

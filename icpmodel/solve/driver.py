@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import logging
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -26,6 +27,7 @@ from .run import Best, Run, fault_of_psi
 from .schedule import Stage, in_turn
 from .solution import History, Solution, Status
 
+_LOG = logging.getLogger("icpmodel")
 #: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it, and for the second
 #: one where more would do
 _LEAST_AIM, _MOST_AIM = 1e-14, 0.5
@@ -83,8 +85,10 @@ def solve(
     calls of a process does not count; `memory_limit` in bytes that may be taken beyond what is held, by default what
     the machine has free: methods that need more give way to others;
     `callback` gets a `Progress` per tested iterate and stops the run by returning True;
-    `history` keeps the residuals in `Solution.history`; `progress` shows a bar where standard error is a terminal;
-    `raise_on_failure`.
+    `history` keeps the residuals in `Solution.history`; `progress` shows a bar on a terminal or in a notebook, and in a
+    log, where standard error is neither, a line after 1, 2, 4, … seconds, then one a minute; `raise_on_failure`.
+    The logger "icpmodel" of Python's `logging` tells what is decided: at INFO which method begins and why, how it ends,
+    and the answer; at DEBUG also what every method that was considered would cost or cannot take, and whose turn it is.
     Returns a `Solution`; its z is the best iterate, and SOLVED means that the residual of this very z was recomputed.
     Raises InputError, NotApplicable (SingularOperator, or nothing bounds the error and `accuracy` is wanted), MapError
     where ψ fails at the start, and NotSolved, which carries the best iterate, where the run fails, runs out of time or
@@ -122,6 +126,9 @@ def solve(
         if run.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
         solution = solution_of(run, limits)
+    if run.told:
+        found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
+        _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", problem.n, *found)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution

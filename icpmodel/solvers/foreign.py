@@ -27,13 +27,14 @@ from ..errors import InputError
 from ..numerics.arrays import as_list
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import is_ctrl_c
+from ..present.shown import Shown
 from .formulations import QP, Target
 
 _REGISTRY: dict[str, type[ForeignSolver]] = {}
 
 
-@dataclass(frozen=True, eq=False)
-class Claim:
+@dataclass(frozen=True, eq=False, repr=False)
+class Claim(Shown):
     """What a foreign solver returns: it is recorded, and never believed.
 
     Parameters: `z`, shape (n,), in the units of `target.problem`, or None; `words`, its status in its own words;
@@ -51,7 +52,7 @@ class Claim:
     setup: float | None = None
 
 
-class ForeignSolver(ABC):
+class ForeignSolver(Shown, ABC):
     """What another package, or other code, takes to solve a `Target`. Whoever asks it fixes tolerance and time limit.
 
     A subclass has a unique `name`, which is what users write, and is made without arguments. It may have

@@ -16,8 +16,7 @@ from ..problem.data import ProblemData, ProblemLike
 from ..solve.driver import solve
 from ..solve.solution import Solution
 from .cases import scene_of
-from .charts.figures import Figure
-from .charts.study_charts import solution_figure
+from .charts.figures import Figure, figure
 from .race import race
 from .sensitivity import sensitivity
 from .stability_map import stability
@@ -44,10 +43,10 @@ def report(
 
     What cannot be done, such as a cross-check of a problem that is too large, is said in its place.
     Parameters: `problem`, which is solved first, or a `Solution`, solved or not; `title` and `about`, text; `points` as
-    in `solution_figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene or names
-    one, these four are by default what it says of itself; `command` what makes the page again; `time_limit` in seconds
-    for each independent solver; `say` is told what is going on. Returns the HTML text, about a megabyte at the most,
-    with the figures in it as SVG. Raises InputError.
+    in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene or
+    names one, these four are by default what it says of itself; `command` what makes the page again; `time_limit` in
+    seconds for each independent solver; `say` is told what is going on. Returns the HTML text, about a megabyte at the
+    most, with the figures in it as SVG. Raises InputError.
 
     >>> page = icp.report(ICP([[2, -1], [-1, 2]], [-1, 3]), title="A pair", time_limit=5)
     >>> page.startswith("<!DOCTYPE html>"), "<h2>Cross-check</h2>" in page
@@ -69,7 +68,7 @@ def report(
     # what makes each section: its HTML "page", its "picture" as SVG, its plain "text", or several of these
     makers: dict[str, Callable[[], dict[str, str]]] = {
         "Answer": lambda: {"page": solution._repr_html_()},
-        "Picture": lambda: {"picture": _svg(solution_figure(solution, points))},
+        "Picture": lambda: {"picture": _svg(figure(solution, points))},
         "What is certain before a solve": lambda: {"page": explain(problem)._repr_html_()},
         "Cross-check": lambda: {"page": crosscheck(problem, solution, time_limit=time_limit)._repr_html_()},
         "Sensitivity of the answer": lambda: {"text": str(sensitivity(solution))},

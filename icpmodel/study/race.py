@@ -15,14 +15,15 @@ from ..errors import IcpError, InputError, Interrupted
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector, as_list, as_number
 from ..numerics.rounding import sheltered
-from ..present.table import Table
+from ..present.rendering import render
+from ..present.shown import Plotted
+from ..present.table import Table, Tabular, folded
 from ..problem.data import ProblemLike, as_problem
-from ..solve.driver import RTOL, solve
+from ..solve.driver import solve
+from ..solve.goal import RTOL
 from ..solve.progress import status_line
 from ..solvers.foreign import ForeignSolver, chosen_solvers
 from .cases import Case, fresh, scene_of, unbroken
-from .charts.figures import Charted, Figure
-from .charts.study_charts import race_figure
 from .competitors import Competitor, Entry, Foreign, Own, limits, own_methods
 from .timing import clocked, interleaved, machine, timed
 
@@ -44,8 +45,8 @@ _Error = Callable[[Any], float | None]
 _Say = Callable[[str], None]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Race(Charted):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Race(Plotted, Tabular):
     """What a race found: `entries`, one per competitor and tolerance; `traces`, name → (seconds, errors) of one run
     of each own method; `measure` what "error" is, in words; `limit` the seconds of one linear solve with A, None where
     PyAMG could not do it; `skipped` pairs (name, reason); `command` what makes the race again.
@@ -78,12 +79,15 @@ class Race(Charted):
             rows.append(("PyAMG, one solve", "limit", RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
         return Table(self.title, (*heads, self.measure, "Res(z) / Res(0)", "claim", "is"), tuple(rows))
 
-    def figure(self) -> Figure:
-        """Left: time against error; right: where the time to Res ≤ 1e-8·Res(0) goes. Returns a matplotlib figure."""
-        return race_figure(self.title, self.measure, self.entries, self.traces, self.limit)
+    def notes(self) -> list[str]:
+        """What is said below the table, in sentences."""
+        return [f"{name}: left out, {reason}" for name, reason in self.skipped]
 
     def __str__(self) -> str:
-        return "\n".join([str(self.table()), *(f"{name}: left out, {reason}" for name, reason in self.skipped)])
+        return "\n".join([str(self.table()), *map(folded, self.notes())])
+
+    def _repr_html_(self) -> str:
+        return self.table().to_html() + render("folded.html", text="\n".join(self.notes()))
 
 
 @sheltered
@@ -109,7 +113,7 @@ def race(
     objects, beside `solve()` itself; `solvers`, any foreign solver by name or as an object, both by default what the
     problem admits; `z_exact` shape (n,), by default that of the scene where `problem` is one or names one;
     `tolerances`, to each competitor in its own sense; `repeats` ≥ 1, one for runs of a second or more; `time_limit`
-    seconds for a run, after which a competitor is not asked for more; `progress` shows a line where standard error is a
+    seconds for a run, after which a competitor is not asked for more; `progress` shows a line on what is going on;
     terminal; `command` is noted.
     Returns a `Race`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the race as far as it was.
 

@@ -16,13 +16,14 @@ from ...errors import InputError, NotSolved
 from ...icp import ICP
 from ...methods.contract import Method
 from ...numerics.arrays import described
+from ...present.shown import Shown, cut
 from ...solve.solution import Solution
 from ..reading import solved
 from .compiled import named
 from .expressions import CvxpyReading
 
 
-class Complementarity:
+class Complementarity(Shown):
     """p ≥ 0, r ≥ 0, pᵀr = 0, entry by entry, between two CVXPY expressions of one shape; `complements` makes it.
 
     `sides` the two as they were given; `bounds` what bounds r below and above, each an expression or None: 0 below, and
@@ -62,7 +63,7 @@ class Complementarity:
     def __repr__(self) -> str:
         bounds = zip(("lower", "upper"), self.bounds, strict=True)
         told = "".join(f", {name}={named(bound)}" for name, bound in bounds if bound is not None)
-        return f"complements({named(self.sides[0])}, {named(self.sides[1])}{told})"
+        return cut(f"complements({named(self.sides[0])}, {named(self.sides[1])}{told}", 480) + ")"
 
 
 def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Complementarity:
@@ -117,7 +118,7 @@ def _expression(side: Any, name: str) -> cp.Expression:
     raise InputError(f"complements was given {described(side)} as {name}; a CVXPY expression was expected")
 
 
-class Problem:
+class Problem(Shown):
     """An ICP in CVXPY's terms: find z, all variables of the constraints, with every p ≥ 0 ⟂ r ≥ 0.
 
     Parameters: `constraints`, one or a list of `complements(p, r)` and of equations p == 0, affine ones. Over all of
@@ -237,4 +238,4 @@ class Problem:
         return icp.crosscheck(self.solution, solvers, atol=atol, time_limit=time_limit, progress=progress)
 
     def __repr__(self) -> str:
-        return f"Problem({self.constraints})"
+        return f"Problem([{cut(', '.join(map(str, self.constraints)), 400)}])"

@@ -16,6 +16,7 @@ from ...errors import MapError, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
+from ...present.shown import Shown
 from ...problem.between import Between
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.facts import Facts
@@ -40,8 +41,8 @@ _WORD = ", given that psi is what the user says"
 _STEPS = 8  #: steps of the active-set Newton iteration that looks for a better z
 
 
-@dataclass(frozen=True)
-class ErrorBound(ReadOnly):
+@dataclass(frozen=True, repr=False)
+class ErrorBound(ReadOnly, Shown):
     """How far z can be from the solution.
 
     `componentwise` δ with |z − z*| ≤ δ, shape (n,), its largest entry `value`, and `euclidean` ≥ ‖z − z*‖₂, all in the

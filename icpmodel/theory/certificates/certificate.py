@@ -17,6 +17,7 @@ from ...errors import InputError
 from ...numerics.arrays import ReadOnly, as_truth, described
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered, upper
 from ...present.card import Card
+from ...present.shown import Shown
 from ...problem.between import mid
 from ...problem.data import ProblemLike, as_problem
 from .bounds import ErrorBound, error_bound
@@ -24,8 +25,8 @@ from .bounds import ErrorBound, error_bound
 NOT_COMPUTED = "it was not computed"  #: the reason of a certificate without a bound that nobody asked for
 
 
-@dataclass(frozen=True)
-class Certificate:
+@dataclass(frozen=True, repr=False)
+class Certificate(Shown):
     """What is true of z, recomputed from (A, q, ψ, z) by `certify` and by nothing else.
 
     `residual` = ‖min(r, p)‖₂; `residual_max` the max-norm of the same vector; `residual_scaled` the max-norm of
@@ -100,8 +101,8 @@ def certify(problem: ProblemLike, z: Any, *, bound: bool = True, **options: Any)
     )
 
 
-@dataclass(frozen=True, eq=False)
-class ActiveSet(ReadOnly):
+@dataclass(frozen=True, eq=False, repr=False)
+class ActiveSet(ReadOnly, Shown):
     """The rows that are proved to be `active` (p* > 0, r* = 0) and `inactive` (r* > 0, p* = 0); masks of shape (n,).
 
     With an obstacle above, inactive rows are off both, and `above` are those at the upper one (p* < 0, z* = ψ̄); None
