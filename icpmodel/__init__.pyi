@@ -36,8 +36,8 @@ from .methods.proximal import Proximal as Proximal
 from .methods.psor import PSOR as PSOR
 from .methods.tridiagonal import Tridiagonal as Tridiagonal
 from .modelling.cvxpy.complementarity import Complementarity as Complementarity
-from .modelling.cvxpy.complementarity import Problem as Problem
 from .modelling.cvxpy.complementarity import complements as complements
+from .modelling.cvxpy.cvxpy_problem import Problem as Problem
 from .modelling.cvxpy.qp_solver import cvxpy_solver as cvxpy_solver
 from .modelling.files import load_problem as load_problem
 from .modelling.files import load_solution as load_solution

@@ -1,6 +1,6 @@
 from .cvxpy.complementarity import Complementarity as Complementarity
-from .cvxpy.complementarity import Problem as Problem
 from .cvxpy.complementarity import complements as complements
+from .cvxpy.cvxpy_problem import Problem as Problem
 from .cvxpy.qp_solver import cvxpy_solver as cvxpy_solver
 from .files import load_problem as load_problem
 from .files import load_solution as load_solution

@@ -2,6 +2,7 @@
 
 import inspect
 
+import cvxpy as cp
 import numpy as np
 import pytest
 
@@ -25,10 +26,16 @@ VERBS = {
 PROBLEM = SCENE.problem
 
 
+def model():
+    z = cp.Variable(PROBLEM.n)
+    return icp.Problem(icp.complements(PROBLEM.A @ z + PROBLEM.q, z))
+
+
 LIKE = {
     "scene": lambda: SCENE,
     "name": lambda: "hand-lcp",
     "solution": PROBLEM.solve,
+    "cvxpy": model,
     "pyomo": lambda: read_pyomo(PROBLEM.to_pyomo()),
 }
 
