@@ -3,14 +3,18 @@
 import copy
 import logging
 import pickle
+import threading
 
 import cvxpy as cp
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
+from icpmodel.modelling.cvxpy.cvxpy_problem import STATUSES
+from icpmodel.modelling.cvxpy.side_constraints import multiples
 
 A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 
@@ -55,8 +59,6 @@ def test_no_status_of_an_earlier_solve_stays_where_the_next_one_cannot_begin():
 
 
 def test_every_end_of_a_run_has_a_word_that_cvxpy_knows():
-    from icpmodel.modelling.cvxpy.cvxpy_problem import STATUSES
-
     known = {*cp.settings.SOLUTION_PRESENT, *cp.settings.INF_OR_UNB, *cp.settings.ERROR}
     assert set(STATUSES) == set(icp.Status)
     assert set(STATUSES.values()) <= known
@@ -126,6 +128,21 @@ def test_a_verbose_run_prints_who_begins_how_far_it_is_and_how_it_ended(capsys):
     assert (logger.level, list(logger.handlers)) == before
     with pytest.raises(icp.InputError, match="callback is a int; a function was expected"):
         problem.solve(verbose=True, callback=3)
+
+
+def test_a_verbose_run_tells_nothing_of_other_threads(capsys):
+    problem, _, _ = contact(1.0)
+    elsewhere = icp.ICP(np.eye(5), np.ones(5))
+
+    def look(state):
+        thread = threading.Thread(target=elsewhere.solve)
+        thread.start()
+        thread.join()
+
+    problem.solve("mnmgs", verbose=True, callback=look)
+    out = capsys.readouterr().out
+    assert "n = 2: " in out
+    assert "n = 5: " not in out
 
 
 def test_the_name_of_a_solver_is_answered_with_what_there_is_instead():
@@ -216,6 +233,17 @@ def test_a_new_matrix_has_new_dual_values():
         assert crooked.constraints[1].dual_value == pytest.approx(times * force.value)
 
 
+def test_every_row_that_is_a_multiple_of_another_is_found():
+    random = np.random.default_rng(0)
+    E = random.normal(size=(300, 40)) * (random.random((300, 40)) < 0.3)
+    of, factor = random.integers(0, 300, 500), random.choice([-1, 1], 500) * 10.0 ** random.uniform(-6, 6, 500)
+    others = np.vstack([np.zeros(40), random.normal(size=(20, 40)), E[0] + 1e-6])
+    found, times = multiples(sp.csr_array(E), sp.csr_array(np.vstack([factor[:, None] * E[of], others])))
+    assert (found[:500] == of).all()
+    assert times[:500] == pytest.approx(factor)
+    assert (found[500:] == -1).all()
+
+
 # ---------------------------------------------------------------------------------------------------- inequalities
 
 
@@ -262,17 +290,28 @@ def test_a_violated_inequality_proves_nothing_where_there_may_be_other_solutions
     assert problem.status == cp.OPTIMAL
 
 
-def test_what_a_rough_answer_violates_by_less_than_its_error_is_not_called_infeasible():
+def test_what_the_tolerance_allows_is_no_violation():
     _, z, pair = contact(np.array([1.0, 3.0]))
-    problem = icp.Problem([pair, z[1] <= 7 / 3 + 1e-9])
-    z.value = [5 / 3, 7 / 3 + 1e-3]
-    found = problem.solve("mnmgs", rtol=0.0, atol=1e-12, max_iter=0, raise_on_failure=False)
-    assert found.status is icp.Status.ITERATION_LIMIT
-    found = problem.solve("mnmgs", z0=[5 / 3 - 2e-3, 7 / 3 + 2e-3], atol=5e-3, raise_on_failure=False)
-    assert problem.status == cp.OPTIMAL
-    rough = icp.Problem([pair, 1e-9 * z[1] <= 1e-9 * 7 / 3])
-    rough.solve("mnmgs", z0=[5 / 3 - 2e-3, 7 / 3 + 2e-3], atol=5e-3)
-    assert rough.status == cp.OPTIMAL
+    for unit in (1.0, 1e-9, 1e9):
+        problem = icp.Problem([pair, unit * z[1] <= unit * 7 / 3])
+        found = problem.solve("mnmgs", z0=[5 / 3 - 1e-3, 7 / 3 + 1e-3], atol=5e-3)
+        assert found.z[1] > 7 / 3
+        assert problem.status == cp.OPTIMAL
+
+
+def test_nothing_is_proved_where_the_error_may_be_larger_than_the_violation():
+    """A small residual and a large error: a better answer satisfies what this one violates."""
+    z = cp.Variable(2)
+    stiff = icp.complements(np.array([[1, -0.999], [-0.999, 1]]) @ z - 0.001, z)  # z = (1, 1)
+    problem = icp.Problem([stiff, z[0] <= 1.1])
+    found = problem.solve("mnmgs", z0=[1.5, 1.5], atol=1e-3, raise_on_failure=False)
+    assert found.certificate.unique
+    assert problem.status == cp.SOLVER_ERROR
+    assert "or a more accurate one: start elsewhere, or lower rtol" in found.message
+    assert problem.solve(rtol=1e-12).z == pytest.approx([1, 1])
+    strict = icp.Problem([stiff, z[0] <= 0.9])
+    strict.solve(rtol=1e-12, raise_on_failure=False)
+    assert strict.status == cp.INFEASIBLE
 
 
 # ---------------------------------------------------------------------------------------------- copies and printing
