@@ -127,11 +127,15 @@ def solve(
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
         solution = solution_of(run, limits)
     if run.told:
-        found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
-        _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", problem.n, *found)
+        _tell(solution)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
+
+
+def _tell(solution: Solution) -> None:
+    found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
+    _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", solution.problem.n, *found)
 
 
 def _candidates(
