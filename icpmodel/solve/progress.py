@@ -14,8 +14,7 @@ from ..numerics.arrays import Vector
 
 @dataclass(frozen=True)
 class Progress:
-    """What a callback sees: `iteration`, `z` (read-only, shape (n,)), `residual`, `seconds` since the start,
-    and the name of the `method` at work.
+    """What a callback sees: `iteration`, `z` (read-only, shape (n,)), `residual` and `seconds` since the start.
 
     >>> seen = []
     >>> _ = ICP([[2.0]], [-2.0]).solve("mnmgs", callback=lambda state: seen.append(state.iteration))
@@ -27,7 +26,6 @@ class Progress:
     z: Vector
     residual: float
     seconds: float
-    method: str
 
 
 class Bar:

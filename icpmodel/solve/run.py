@@ -253,7 +253,7 @@ class Run:
     def _test(self, z: Vector, residual: float, seconds: float, first: float) -> Ended | None:
         """What the iterate itself says: it is what was wanted, or it has run away from the `first` residual."""
         k = self.iteration
-        if self.callback is not None and self.callback(_state(k, z, residual, seconds, self.candidate.method.name)):
+        if self.callback is not None and self.callback(_state(k, z, residual, seconds)):
             return Ended(Status.STOPPED, "by the callback")
         if self.goal.reached(z, residual):
             if self.best is None or self.best.z is not z:
@@ -300,7 +300,7 @@ def fault_of_psi(problem: ProblemData, z: Vector) -> str:
     return ""
 
 
-def _state(k: int, z: Vector, residual: float, seconds: float, method: str) -> Progress:
+def _state(k: int, z: Vector, residual: float, seconds: float) -> Progress:
     copy = z.copy()  # whoever has a view can write through its base
     copy.flags.writeable = False
-    return Progress(k, copy, residual, seconds, method)
+    return Progress(k, copy, residual, seconds)

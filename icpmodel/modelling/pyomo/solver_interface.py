@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from pyomo.common.collections import ComponentMap
@@ -22,8 +23,8 @@ from pyomo.core.staleflag import StaleFlagManager
 from ...errors import InputError
 from ...solve.solution import Solution, Status
 from ..reading import solved
+from ..running_log import log_on
 from .models import PyomoReading, read_pyomo
-from .solver_log import SolverLog
 
 _VERSION: str = sys.modules[__name__.partition(".")[0]].__version__
 #: what Pyomo calls each end of a run, and the point that it leaves; SOLVED alone is a success
@@ -127,21 +128,22 @@ class PyomoSolver(SolverBase):
             if config[name] is not None:
                 raise InputError(f"{name} = {config[name]!s}: {reason}")
         timer = results.timing_info.timer = config.timer or HierarchicalTimer()
-        log = SolverLog(config.tee)
-        log.say(f"icpmodel {_VERSION}")
+        _say(config.tee, f"icpmodel {_VERSION}")
         timer.start("read")
         reading = read_pyomo(model)
         timer.stop("read")
-        log.head(reading.problem)
-        options["callback"] = log.followed_by(options.get("callback"))
+        _say(config.tee, reading.problem)
         limit = config.time_limit
         left = None if limit is None else max(limit - (time.perf_counter() - begin), 0.0)
         timer.start("solve")
-        solution = solved(reading, time_limit=left, **options)
+        with contextlib.ExitStack() as stack:
+            for stream in config.tee:
+                options["callback"] = stack.enter_context(log_on(stream, options.get("callback")))
+            solution = solved(reading, time_limit=left, **options)
         timer.stop("solve")
         StaleFlagManager.mark_all_as_stale()
         self._fill(results, model, reading, solution)
-        log.tail(solution, results.solver_log)
+        _say(config.tee, solution, *([] if results.solver_log == solution.message else [results.solver_log]))
         good = results.solution_status is SolutionStatus.optimal
         results.solution_loader = AnswerLoader(model, reading, solution.z, good)
         if not good:
@@ -179,6 +181,11 @@ class PyomoSolver(SolverBase):
             # a constant, if there is one; Pyomo takes a number here for "there is a solution"
             objective = next(model.component_data_objects(Objective, active=True), 0.0)
             results.incumbent_objective = results.objective_bound = value(objective)
+
+
+def _say(streams: Sequence[TextIO], *told: object) -> None:
+    for stream in streams:  # to put an answer in words is work: it is shown that it is the only one
+        print(*told, sep="\n", file=stream, flush=True)
 
 
 def _chosen(pairs: list[tuple[Any, Any]], wanted: Sequence[Any] | None) -> Any:
