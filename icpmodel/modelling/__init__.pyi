@@ -6,4 +6,5 @@ from .files import load_problem as load_problem
 from .files import load_solution as load_solution
 from .files import save_problem as save_problem
 from .files import save_solution as save_solution
+from .pyomo.legacy_interface import pyomo_solver as pyomo_solver
 from .pyomo.models import read_pyomo as read_pyomo
