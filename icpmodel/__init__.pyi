@@ -40,10 +40,10 @@ from .modelling.cvxpy.complementarity import complements as complements
 from .modelling.cvxpy.cvxpy_problem import Problem as Problem
 from .modelling.cvxpy.qp_solver import cvxpy_solver as cvxpy_solver
 from .modelling.files import load_problem as load_problem
-from .modelling.files import load_solution as load_solution
 from .modelling.files import save_problem as save_problem
-from .modelling.files import save_solution as save_solution
 from .modelling.pyomo.legacy_interface import pyomo_solver as pyomo_solver
+from .modelling.solution_files import load_solution as load_solution
+from .modelling.solution_files import save_solution as save_solution
 from .problem.affine import Affine as Affine
 from .problem.affine import Constant as Constant
 from .problem.elementwise import Elementwise as Elementwise

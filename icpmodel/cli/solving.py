@@ -12,7 +12,9 @@ from ..crosscheck.judge import Verdict
 from ..crosscheck.report import Report
 from ..errors import InputError, Interrupted
 from ..icp import ICP
-from ..modelling.files import check_place, load_solution, save_problem, save_solution
+from ..modelling.archive import as_path
+from ..modelling.files import save_problem
+from ..modelling.solution_files import check_place, read_start, save_solution
 from ..present.card import Card
 from ..present.table import Table
 from ..scenes import Scene, titles
@@ -84,7 +86,8 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
     if arguments["accuracy"] is not None and not arguments["bound"]:
         raise InputError("--accuracy asks for a certified error, and --no-bound leaves it out; drop one of them")
     method = named_method(arguments)
-    z0 = load_solution(arguments["z0_file"])["z"] if arguments["z0_file"] is not None else scene and scene.z0
+    z0_file = arguments["z0_file"]
+    z0 = read_start(as_path(z0_file), problem.n) if z0_file is not None else scene and scene.z0
     limits = {name: arguments[name] for name in _LIMITS}
     solution = problem.solve(method, z0=z0, progress=True, raise_on_failure=False, **limits)
     if not arguments["bound"]:

@@ -10,16 +10,20 @@ import os
 import secrets
 import shutil
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import IO, Any, BinaryIO
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..errors import FileError, IcpError, InputError
+from ..numerics import work
 from ..numerics.arrays import Vector, described
+
+#: what NumPy calls the kinds of real numbers, and what such an array is called here
+REAL, NUMBERS = "biuf", "an array of real numbers"
 
 
 def as_path(value: Any) -> Path:
@@ -50,27 +54,65 @@ def opened(path: Path) -> Iterator[tuple[BinaryIO, int]]:
     """The file `path` for reading, and how many bytes it has. Raises FileError, for pipes and folders, too."""
     with told(path, "read"):
         if path.exists() and not path.is_file():
-            raise FileError(f"{path}: is no file")
+            raise FileError(f"{path}: is {'a folder' if path.is_dir() else 'no file'}; a file was expected")
         with path.open("rb") as file:
-            yield file, os.fstat(file.fileno()).st_size
+            size = os.fstat(file.fileno()).st_size
+            check_room(str(path), size)
+            yield file, size
+
+
+def check_room(what: str, size: float) -> None:
+    """Raise FileError where `what`, of so many bytes, is more than the machine has free."""
+    if not work.fits(size):
+        raise FileError(f"{what} takes {1e-9 * size:.3g} GB of memory, which is more than there is free")
+
+
+def read_array(file: IO[bytes], size: int, what: str, wanted: str, fits: Callable[..., bool]) -> np.ndarray:
+    """The array in NumPy's format, `size` bytes in all, that `file` holds; `what` is how messages call it.
+
+    Before it is read, its shape and its dtype must be what `fits`, which is `wanted`. Objects are never read.
+    """
+    if np.lib.format.read_magic(file) != (1, 0):
+        raise FileError(f"{what} is no array in version 1.0 of NumPy's format")
+    shape, in_columns, dtype = np.lib.format.read_array_header_1_0(file)
+    if dtype.hasobject or not fits(shape, dtype):
+        raise FileError(f"{what} has shape {shape}, dtype {dtype}; {wanted} expected")
+    promised = math.prod(shape) * dtype.itemsize
+    if min(shape, default=0) < 0 or file.tell() + promised != size:
+        raise FileError(f"{what} promises {promised} bytes, which it does not have; truncated?")
+    check_room(what, promised)
+    return np.frombuffer(file.read(), dtype=dtype).reshape(shape, order="F" if in_columns else "C")
 
 
 def write_archive(path: Path, kind: str, arrays: dict[str, Any], *others: str) -> None:
-    """The `arrays` and their `kind` in the file `path`: an interruption at any moment leaves the old file or the new.
+    """The `arrays` and their `kind` in the file `path`; a file of this kind or of the `others` is replaced. Raises
+    FileError where it cannot be written, or where another kind of file is in its place."""
+    check_suffix(path, (".npz",))
 
-    A file of this kind or of the `others` is replaced. Raises FileError where it cannot be written, or where another
-    kind of file is in its place.
-    """
-    if path.suffix.lower() != ".npz":
-        raise FileError(f"{path}: a file whose name ends in .npz was expected; all of it is written to one file")
+    def write(file: BinaryIO) -> None:
+        np.savez(file, format=np.array(kind), **arrays)
+
+    write_whole(path, write, lambda: check_free(path, kind, *others))
+
+
+def check_suffix(path: Path, written: tuple[str, ...]) -> None:
+    """Raise FileError for a name that does not end as one of the forms that are `written`."""
+    if path.suffix.lower() not in written:
+        ends = " or ".join([", ".join(written[:-1]), written[-1]] if written[1:] else written)
+        raise FileError(f"{path}: a file whose name ends in {ends} was expected; all of it is written to one file")
+
+
+def write_whole(path: Path, write: Callable[[BinaryIO], None], check: Callable[[], None]) -> None:
+    """What `write` writes, in the file `path`, once `check` has nothing against it: an interruption at any moment
+    leaves the old file or the new. Raises FileError where it cannot be written."""
     with told(path, "written"):
-        check_free(path, kind, *others)
+        check()
         beside = path.with_name(f".{secrets.token_hex(8)}.part")
         with beside.open("xb") as file:
             try:
                 if path.exists():
                     shutil.copymode(path, beside)
-                np.savez(file, format=np.array(kind), **arrays)
+                write(file)
                 file.flush()
                 os.fsync(file.fileno())
                 beside.replace(path)
@@ -86,22 +128,32 @@ def write_archive(path: Path, kind: str, arrays: dict[str, Any], *others: str) -
 
 
 def check_free(path: Path, *kinds: str) -> None:
-    """Raise FileError where something is at `path` that must not be replaced: all but a file of these kinds."""
+    """Raise FileError where something is at `path` that must not be replaced: all but an archive of these kinds."""
+
+    def recognise() -> None:
+        with read_archive(path, *kinds):
+            pass
+
+    check_replaceable(path, recognise)
+
+
+def check_replaceable(path: Path, recognise: Callable[[], None]) -> None:
+    """Raise FileError where something is at `path` that `recognise` raises FileError for, or that is protected."""
     if path.is_symlink():
         raise FileError(f"{path}: is a symbolic link, which is not followed; name the file behind it, or another one")
     if not os.path.lexists(path) or (path.is_file() and not path.stat().st_size):
         return
     try:
-        with read_archive(path, *kinds):
-            path.open("r+b").close()  # it is protected where this fails
+        recognise()
+        path.open("r+b").close()  # it is protected where this fails
     except FileError as error:
         raise FileError(f"{path}: is in the way; remove it, or choose another name ({error})") from error
 
 
 @contextmanager
 def read_archive(path: Path, *kinds: str) -> Iterator[Archive]:
-    """The arrays of a file of one of the `kinds` that `write_archive` wrote, while it is open. Raises FileError for
-    anything else."""
+    """The arrays of an `.npz` file of one of the `kinds`, while it is open; of any kind where none is named. Raises
+    FileError for anything else."""
     if path.suffix.lower() != ".npz":
         raise FileError(f"{path}: a file whose name ends in .npz was expected")
     with opened(path) as (file, size):
@@ -111,9 +163,15 @@ def read_archive(path: Path, *kinds: str) -> Iterator[Archive]:
             raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
         with directory:
             archive = Archive(path, directory, size)
-            if (found := archive.text("format")) not in kinds:
+            if kinds and (found := archive.text("format")) not in kinds:
                 raise FileError(f"{path}: field format is {found!r}; {' or '.join(map(repr, kinds))} was expected")
             yield archive
+
+
+def is_ours(path: Path) -> bool:
+    """Whether the `.npz` file says what it is as those by `write_archive` do, and not as SciPy's matrices."""
+    with read_archive(path) as archive:
+        return "format" in archive.names and "data" not in archive.names
 
 
 class Archive:
@@ -121,36 +179,36 @@ class Archive:
 
     def __init__(self, path: Path, directory: zipfile.ZipFile, size: int) -> None:
         self.path, self.directory, self.size = path, directory, size
+        self.names = sorted(one.removesuffix(".npy") for one in directory.namelist() if one.endswith(".npy"))
+
+    def array(self, name: str, wanted: str, fits: Callable[..., bool], *, compressed: bool = False) -> np.ndarray:
+        """The field `name`, whose shape and dtype must be what `fits`; it may be `compressed` where that is said."""
+        if name not in self.names:
+            raise FileError(f"{self.path}: field {name} is missing; found {', '.join(self.names) or 'none'}")
+        what, about = f"{self.path}: field {name}", self.directory.getinfo(f"{name}.npy")
+        stored = about.compress_type == zipfile.ZIP_STORED
+        if not (stored or compressed):
+            raise FileError(f"{what} is compressed; np.savez writes what can be read")
+        with self.directory.open(about) as file:
+            # of what is stored there is no more than the file has
+            size = about.file_size if not stored or about.file_size <= self.size else -1
+            return read_array(file, size, what, wanted, fits)
 
     def _array(self, name: str, ndim: int, kinds: str, wanted: str, size: int | None = None) -> np.ndarray:
         """The field `name`: of `ndim` axes, one of the `kinds` that NumPy has letters for, and of `size` entries."""
-        found = sorted(one.removesuffix(".npy") for one in self.directory.namelist())
-        if name not in found:
-            raise FileError(f"{self.path}: field {name} is missing; found {', '.join(found) or 'none'}")
-        about = self.directory.getinfo(f"{name}.npy")
-        with self.directory.open(about) as file:
-            if np.lib.format.read_magic(file) != (1, 0):
-                raise FileError(f"{self.path}: field {name} is no array in version 1.0 of NumPy's format")
-            shape, _, dtype = np.lib.format.read_array_header_1_0(file)
-            if len(shape) != ndim or dtype.kind not in kinds or size not in (None, math.prod(shape)):
-                raise FileError(f"{self.path}: field {name} has shape {shape}, dtype {dtype}; {wanted} expected")
-            bytes_ = math.prod(shape) * dtype.itemsize
-            if about.compress_type != zipfile.ZIP_STORED:
-                raise FileError(f"{self.path}: field {name} is compressed; np.savez writes what can be read")
-            if min(shape, default=0) < 0 or file.tell() + bytes_ != about.file_size or about.file_size > self.size:
-                raise FileError(
-                    f"{self.path}: field {name} promises {bytes_} bytes, which it does not have; truncated?"
-                )
-            return np.frombuffer(file.read(), dtype=dtype)
+        right = lambda shape, dtype: (  # noqa: E731
+            len(shape) == ndim and dtype.kind in kinds and size in (None, math.prod(shape))
+        )
+        return self.array(name, wanted, right)
 
     def text(self, name: str) -> str:
         """The field `name`, a text."""
-        return str(self._array(name, 0, "U", "a text")[0])
+        return str(self._array(name, 0, "U", "a text"))
 
     def vector(self, name: str, size: int | None = None) -> Vector:
         """The field `name`, a vector of `size` real numbers."""
         wanted = "a vector of numbers" if size is None else f"{size} numbers"
-        return self._array(name, 1, "biuf", wanted, size).astype(np.float64)
+        return self._array(name, 1, REAL, wanted, size).astype(np.float64)
 
     def positions(self, name: str, size: int) -> np.ndarray:
         """The field `name`, a vector of `size` integers."""
@@ -160,8 +218,17 @@ class Archive:
         """The CSR matrix of shape (n, n) in three fields."""
         data, indptr = self.vector(f"{name}_data"), self.positions(f"{name}_indptr", n + 1)
         indices = self.positions(f"{name}_indices", data.size)
-        # SciPy's own check lets some of these pass and its compiled code then writes out of bounds
-        ordered = indptr[0] == 0 and indptr[-1] == data.size and bool((indptr[1:] >= indptr[:-1]).all())
-        if not ordered or ((indices < 0) | (indices >= n)).any():
+        if not is_compressed(indptr, indices, n, n):
             raise FileError(f"{self.path}: fields {name}_* are not a CSR matrix of shape ({n}, {n})")
         return sp.csr_array((data, indices, indptr), shape=(n, n))
+
+
+def is_compressed(indptr: np.ndarray, indices: np.ndarray, rows: int, columns: int) -> bool:
+    """Whether these are the positions of a CSR matrix of this shape, or of a CSC matrix the other way round.
+
+    SciPy's own check lets some pass that are not, and its compiled code then writes out of bounds.
+    """
+    if indptr.shape != (rows + 1,) or indices.ndim != 1:
+        return False
+    ordered = indptr[0] == 0 and indptr[-1] == indices.size and bool((indptr[1:] >= indptr[:-1]).all())
+    return ordered and not ((indices < 0) | (indices >= columns)).any()

@@ -1,10 +1,10 @@
-"""Problems and solutions on disk. Files are data: nothing is ever unpickled or evaluated.
+"""Problems on disk. Files are data: nothing is ever unpickled or evaluated.
 
-What is saved is one `.npz` file, which other programs read with `numpy.load`: of a problem q, psi (zero, constant or
-affine), c, and A as the CSR arrays A_data, A_indices and A_indptr, likewise G of an affine ψ, and where there is an
-obstacle above the same of it: upper, upper_c and upper_G; of a solution z, p, r and its certificate as JSON text. The
-two forms of problems have names of their own, so that nobody overlooks the upper one. A problem can also be read from
-Matrix Market files, as other programs write them:
+What is saved is one `.npz` file, which other programs read with `numpy.load`: q, psi (zero, constant or affine), c, and
+A as the CSR arrays A_data, A_indices and A_indptr, likewise G of an affine ψ, and where there is an obstacle above the
+same of it: upper, upper_c and upper_G. The two forms have names of their own, so that nobody overlooks the upper one.
+What other programs write is read as well: A, q, psi and upper in a file each, see `formats`, or together, by these
+names, in a `.mat` file or one by `numpy.savez`; and a folder of Matrix Market files:
 
     folder/A.mtx        A
     folder/q.mtx        q, n × 1
@@ -20,6 +20,7 @@ form.
 from __future__ import annotations
 
 import json
+from numbers import Real
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -32,13 +33,17 @@ from ..icp import ICP
 from ..problem.affine import Affine
 from ..problem.between import Between
 from ..problem.data import ProblemLike, as_problem
-from ..solve.solution import Solution
-from .archive import as_path, check_free, read_archive, told, write_archive
+from .archive import Archive, as_path, is_ours, read_archive, told, write_archive
+from .formats import as_values, read_named, read_values
 from .matrix_market import read_matrix, read_vector
 
-_PROBLEM, _BETWEEN, _SOLUTION = "icpmodel problem 1", "icpmodel problem 2", "icpmodel solution 1"
+Source = str | PathLike[str]
+
+_PROBLEM, _BETWEEN = "icpmodel problem 1", "icpmodel problem 2"
 #: what the names of what is stored of an obstacle begin with
 _PREFIX = {"psi": "", "upper": "upper_"}
+#: the variables that a file of another program may hold
+_PARTS = {"A", "q", *_PREFIX}
 #: kind of an obstacle → what is stored of it
 _KINDS: dict[str, tuple[str, ...]] = {"zero": (), "constant": ("c",), "affine": ("c", "G")}
 
@@ -56,6 +61,75 @@ def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
     ...     load_problem(f"{folder}/p.npz")
     ICP(n=1, nnz=1, psi=Constant(3))
     """
+    arrays = problem_fields(problem)
+    write_archive(as_path(path), _BETWEEN if "upper" in arrays else _PROBLEM, arrays, _PROBLEM, _BETWEEN)
+
+
+def load_problem(
+    path: Source, q: Source | None = None, psi: Source | float | None = None, upper: Source | float | None = None
+) -> ICP:
+    """Read a problem from one file or folder, or from files of A, q and the obstacles.
+
+    Parameters: `path` an `.npz` file by `save_problem`, a folder of Matrix Market files, or a `.mat` file (-v7 and
+    before) or one by `numpy.savez` with the variables A, q, psi and upper, of which the last two may be missing; or a
+    file of A alone: `.npy`, `.npz` by `scipy.sparse.save_npz`, `.mat`, `.mtx`, `.csv` or `.txt` (numbers with commas,
+    or spaces, between, no heads). `q`, `psi`, `upper` files of what `path` does not hold, of n numbers each, of the
+    obstacles also a number; without `psi` it is 0, without `upper` there is none. In a file of several variables each
+    is found by its name.
+    A `.mat` file that is cut where a variable ends is whole to every reader: look at what is printed of the problem.
+    Raises FileError, which names the file, the field and what was expected.
+
+    >>> load_problem("A.npy", q="q.csv", psi=-1.0)
+    Traceback (most recent call last):
+    icpmodel.errors.FileError: A.npy: no such file or folder
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     np.save(f"{folder}/A.npy", np.eye(2))
+    ...     np.savetxt(f"{folder}/q.csv", [-1.0, 3.0])
+    ...     load_problem(f"{folder}/A.npy", q=f"{folder}/q.csv", psi=-1.0)
+    ICP(n=2, nnz=2, psi=Constant(-1))
+    """
+    path = as_path(path)
+    with told(path, "read"):
+        path.stat()
+        is_folder = path.is_dir()
+    parts = _from_folder(path) if is_folder else _from_file(path)
+    sources = dict.fromkeys(parts, path)
+    problem = _of_A(path, parts["A"])
+    for name, given in {"q": q, "psi": psi, "upper": upper}.items():
+        if given is not None and name in parts:
+            raise FileError(f"{path}: holds its own {name}; drop {name}")
+        if isinstance(given, Real) and not isinstance(given, bool) and name in _PREFIX:
+            parts[name] = float(given)
+        elif given is not None:
+            sources[name] = as_path(given)
+            parts[name] = read_values(sources[name], name, problem.n)
+        elif name in parts and not isinstance(parts[name], str):
+            parts[name] = as_values(path, parts[name], problem.n)
+    if "q" not in parts:
+        raise FileError(f"{path}: holds A alone; a problem needs its q as well, in a file of its own")
+    return _complete(problem, parts, sources)
+
+
+def stored_problem(archive: Archive) -> ICP:
+    """The problem whose `problem_fields` are among those of `archive`."""
+    parts = _stored_parts(archive)
+    return _complete(_of_A(archive.path, parts["A"]), parts, dict.fromkeys(parts, archive.path))
+
+
+def _stored_parts(archive: Archive) -> dict[str, Any]:
+    q = archive.vector("q")
+    parts: dict[str, Any] = {"q": q, "A": archive.matrix("A", q.size)}
+    for side in _PREFIX if "upper" in archive.names else ("psi",):
+        parts[side] = archive.text(side)
+        for name in _stored(archive.path, side, parts[side]):
+            read = archive.matrix if name == "G" else archive.vector
+            parts[_PREFIX[side] + name] = read(_PREFIX[side] + name, q.size)
+    return parts
+
+
+def problem_fields(problem: ProblemLike) -> dict[str, Any]:
+    """The arrays that are stored of `problem`. Raises InputError where ψ has no file form."""
     problem = as_problem(problem)
     psi = problem.psi
     sides = {"psi": psi} if not isinstance(psi, Between) else {"psi": psi.lower, "upper": psi.upper}
@@ -68,95 +142,47 @@ def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
         arrays[side] = np.array(kind)
         for name in _KINDS[kind]:
             arrays |= _fields(_PREFIX[side] + name, G if name == "G" else c)
-    kinds = (_PROBLEM, _BETWEEN)
-    write_archive(as_path(path), kinds[len(sides) - 1], arrays, *kinds)
+    return arrays
 
 
-def load_problem(path: str | PathLike[str], q: str | PathLike[str] | None = None) -> ICP:
-    """Read a problem from an `.npz` file, from a folder, or, with ψ = 0, from two Matrix Market files.
-
-    Parameters: `path`; `q` the second Matrix Market file, only where `path` is A as Matrix Market.
-    Raises FileError, which names the file, the field and what was expected.
-
-    >>> load_problem("A.mtx", q="q.mtx")
-    Traceback (most recent call last):
-    icpmodel.errors.FileError: A.mtx: no such file or folder
-    """
-    path = as_path(path)
-    with told(path, "read"):
-        path.stat()
-        is_folder = path.is_dir()
-    if is_folder or path.suffix.lower() == ".npz":
-        if q is not None:
-            raise FileError(f"{path}: holds its own q; drop q")
-        return _problem(path, _from_folder(path) if is_folder else _from_archive(path))
-    if q is None:
-        raise FileError(f"{path}: is neither an .npz file nor a folder; a Matrix Market file of A needs its q as well")
-    A = read_matrix(path)
-    return _problem(path, {"A": A, "q": read_vector(as_path(q), A.shape[0]), "psi": "zero"})
-
-
-def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
-    """Write z, p, r and the certificate of `solution` to the `.npz` file `path`, as `save_problem` does.
-
-    Raises InputError for what is no solution, FileError where the path cannot be written.
-
-    >>> import tempfile
-    >>> solution = ICP([[2.0]], [-1.0]).solve()
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_solution(solution, f"{folder}/s.npz")
-    ...     load_solution(f"{folder}/s.npz")["z"]
-    array([0.5])
-    """
-    if not isinstance(solution, Solution):
-        raise InputError(f"solution is a {type(solution).__name__}; what solve returns was expected")
-    about = np.array(json.dumps(solution.about()))
-    write_archive(as_path(path), _SOLUTION, {"z": solution.z, "p": solution.p, "r": solution.r, "about": about})
-
-
-def check_place(path: str) -> None:
-    """Raise FileError now where `save_solution` would later, as another file is in its place."""
-    with told(as_path(path), "written"):
-        check_free(as_path(path), _SOLUTION)
-
-
-def load_solution(path: str | PathLike[str]) -> dict[str, Any]:
-    """Read what `save_solution` wrote: z, p, r (shape (n,)) and `about`, the certificate as it was claimed then.
-
-    Nothing read is believed: `icpmodel.certify(problem, z)` says what is true of z. Raises FileError.
-
-    >>> load_solution("nowhere.npz")
-    Traceback (most recent call last):
-    icpmodel.errors.FileError: nowhere.npz: no such file or folder
-    """
-    path = as_path(path)
-    with read_archive(path, _SOLUTION) as archive:
-        z = archive.vector("z")
-        p, r = (archive.vector(name, z.size) for name in ("p", "r"))
-        return {"z": z, "p": p, "r": r, "about": _json(f"{path}: field about", archive.text("about"))}
-
-
-def _problem(path: Path, parts: dict[str, Any]) -> ICP:
+def _of_A(path: Path, A: Any) -> ICP:
+    """The problem of `A` with q = 0 and ψ = 0."""
     try:
-        sides = []
-        for side, prefix in _PREFIX.items():
-            c = parts.get(f"{prefix}c", 0.0 if side in parts else None)
-            sides.append(Affine(parts[f"{prefix}G"], c) if f"{prefix}G" in parts else c)
-        return ICP(parts["A"], parts["q"], *sides)
+        return ICP(A, np.zeros(A.shape[0] if A.ndim else 1))
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
 
 
-def _from_archive(path: Path) -> dict[str, Any]:
-    with read_archive(path, _PROBLEM, _BETWEEN) as archive:
-        q = archive.vector("q")
-        parts: dict[str, Any] = {"q": q, "A": archive.matrix("A", q.size)}
-        for side in ("psi", "upper") if archive.text("format") == _BETWEEN else ("psi",):
-            parts[side] = archive.text(side)
-            for name in _stored(path, side, parts[side]):
-                read = archive.matrix if name == "G" else archive.vector
-                parts[_PREFIX[side] + name] = read(_PREFIX[side] + name, q.size)
-        return parts
+def _complete(problem: ICP, parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
+    """The `problem`, of which A is known, with the other parts; an error names the source of the part that is wrong."""
+    for name in ("q", *(side for side in _PREFIX if side in parts)):
+        try:
+            if name == "q":
+                problem = problem.with_q(np.atleast_1d(parts["q"]))
+                continue
+            prefix = _PREFIX[name]
+            c = parts.get(f"{prefix}c", 0.0) if isinstance(parts[name], str) else parts[name]
+            side = Affine(parts[f"{prefix}G"], c) if f"{prefix}G" in parts else c
+            problem = problem.with_psi(side) if name == "psi" else problem.with_upper(side)
+        except InputError as error:
+            if name not in sources:
+                raise
+            raise FileError(f"{sources[name]}: {error}") from error
+    return problem
+
+
+def _from_file(path: Path) -> dict[str, Any]:
+    """The parts of a problem that a file holds, A at least, by `save_problem` or by another program."""
+    if path.suffix.lower() == ".npz" and is_ours(path):
+        with read_archive(path, _PROBLEM, _BETWEEN) as archive:
+            return _stored_parts(archive)
+    parts = read_named(path)
+    if len(parts) == 1 and parts.keys() != {"q"}:
+        return {"A": next(iter(parts.values()))}
+    if "A" not in parts or not parts.keys() <= _PARTS:
+        found = ", ".join(parts) or "nothing"
+        raise FileError(f"{path}: holds {found}; A alone, or A, q, psi and upper by these names, were expected")
+    return parts
 
 
 def _from_folder(path: Path) -> dict[str, Any]:
@@ -166,7 +192,7 @@ def _from_folder(path: Path) -> dict[str, Any]:
             raise FileError(f"{path}: the folder holds no problem; psi.json, A.mtx and q.mtx were expected")
         raise FileError(f'{declared}: no such file; it declares psi, for an LCP as {{"psi": "zero"}}')
     with told(declared, "read"):
-        content = _json(declared, declared.read_text(encoding="utf-8"))
+        content = as_json(declared, declared.read_text(encoding="utf-8"))
     if not isinstance(content, dict) or content.keys() not in ({"psi"}, {"psi", "upper"}):
         found = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
         wanted = "the field psi alone was expected, or psi and upper"
@@ -194,7 +220,8 @@ def _stored(path: Path, side: str, kind: Any) -> tuple[str, ...]:
     return _KINDS[kind]
 
 
-def _json(where: str | Path, text: str) -> Any:
+def as_json(where: str | Path, text: str) -> Any:
+    """What the JSON `text` says. Raises FileError."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

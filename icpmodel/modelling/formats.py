@@ -1,0 +1,145 @@
+"""Numbers as NumPy, SciPy, MATLAB and spreadsheets write them: what a file holds, by the end of its name.
+
+.npy    an array                    .npz    a matrix by scipy.sparse.save_npz, or arrays by numpy.savez
+.mtx    a Matrix Market file        .mat    variables by MATLAB (-v7 and before) or scipy.io.savemat
+.csv    numbers, commas between     .txt    numbers, spaces between, as numpy.savetxt writes them
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import FileError
+from .archive import NUMBERS, REAL, Archive, check_room, is_compressed, opened, read_archive, read_array
+from .matlab import read_variables
+from .matrix_market import read_matrix, read_vector
+
+#: the end of the name → what is between two numbers in a line, None for any spaces
+_TEXTS = {".csv": ",", ".txt": None}
+SUFFIXES = (".npy", ".npz", ".mat", ".mtx", *_TEXTS)
+#: a matrix as save_npz writes it → the fields beside data that hold its positions
+_SPARSE = {
+    "csr": ("indices", "indptr"),
+    "csc": ("indices", "indptr"),
+    "bsr": ("indices", "indptr"),
+    "coo": ("row", "col"),
+    "dia": ("offsets",),
+}
+
+
+def read_named(path: Path) -> dict[str, Any]:
+    """Name → array or sparse matrix, of a file that names what it holds; "" is the name where it holds one thing only
+    and does not say which. Raises FileError."""
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        with read_archive(path) as archive:
+            if "format" in archive.names:
+                return {"": _sparse(archive)}
+            return {name: archive.array(name, NUMBERS, _is_numbers, compressed=True) for name in archive.names}
+    if suffix == ".mat":
+        return read_variables(path)
+    if suffix == ".npy":
+        with opened(path) as (file, size):
+            return {"": read_array(file, size, f"{path}: it", NUMBERS, _is_numbers)}
+    if suffix == ".mtx":
+        return {"": read_matrix(path)}
+    if suffix in _TEXTS:
+        return {"": read_text(path)}
+    raise FileError(f"{path}: a file whose name ends in one of {', '.join(SUFFIXES)} was expected")
+
+
+def read_values(path: Path, name: str, n: int) -> Any:
+    """The `n` numbers, or the only one, in a file, where they are called `name` if it names several."""
+    if path.suffix.lower() == ".mtx":
+        return read_vector(path, n)
+    found = read_named(path)
+    value = found.get(name, next(iter(found.values())) if len(found) == 1 else None)
+    if value is None:
+        raise FileError(f"{path}: holds {', '.join(found) or 'nothing'}; {name}, or one thing only, was expected")
+    return as_values(path, value, n)
+
+
+def as_values(path: Path, value: Any, n: int) -> Any:
+    """`value`, which was read from `path`, as an array; no sparse matrix of another shape is made one."""
+    if not sp.issparse(value):
+        return value
+    if sorted(value.shape) != sorted((n, 1)):
+        raise FileError(f"{path}: holds a matrix of shape {value.shape}; a vector of {n} numbers was expected")
+    return value.toarray()
+
+
+def read_text(path: Path, heads: str = "") -> np.ndarray:
+    """The table of numbers in a text file, of two axes, below the line `heads` where there is to be one."""
+    between = _TEXTS[path.suffix.lower()]
+    with opened(path) as (raw, size):
+        check_room(str(path), 8.0 * size / 2)  # a number has a digit and what ends it
+        # a number that is cut short is a number, too
+        if size and (raw.seek(-1, os.SEEK_END), raw.read(1))[1] not in b"\r\n":
+            raise FileError(f"{path}: its last line does not end; is the file truncated?")
+        raw.seek(0)
+        file = io.TextIOWrapper(raw, encoding="utf-8-sig", errors="replace")
+        if heads and file.readline().strip() != heads:
+            raise FileError(f"{path}: its first line is not {heads!r}")
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # NumPy warns where there is nothing at all
+                return np.loadtxt(file, delimiter=between, comments=None, ndmin=2)
+        except (ValueError, Warning) as error:
+            wanted = f"lines of numbers with {'commas' if between else 'spaces'} between, and no heads, were expected"
+            raise FileError(f"{path}: {str(error).strip().rstrip('.')}; {wanted}") from error
+
+
+def _is_numbers(shape: tuple[int, ...], dtype: np.dtype) -> bool:
+    return len(shape) <= 2 and dtype.kind in REAL
+
+
+def _sparse(archive: Archive) -> Any:
+    """A matrix as `scipy.sparse.save_npz` writes it."""
+    path = archive.path
+
+    def field(name: str, wanted: str, axes: int, kinds: str) -> np.ndarray:
+        right = lambda shape, dtype: len(shape) == axes and dtype.kind in kinds  # noqa: E731
+        return archive.array(name, wanted, right, compressed=True)
+
+    name = field("format", "the name of a sparse format", 0, "SU").item()
+    form = name.decode("ascii", "replace") if isinstance(name, bytes) else name
+    if form not in _SPARSE:
+        raise FileError(f"{path}: field format is {form!r}; a matrix by scipy.sparse.save_npz was expected")
+    data = field("data", NUMBERS, {"bsr": 3, "dia": 2}.get(form, 1), REAL)
+    shape = field("shape", "two integers", 1, "i").tolist()
+    places = [field(one, "a vector of integers", 1, "iu").astype(np.int64) for one in _SPARSE[form]]
+    # as in a Matrix Market file: fewer bytes than rows are a huge matrix with next to no entries
+    if len(shape) != 2 or min(shape) < 0 or max(shape) > data.nbytes + sum(one.nbytes for one in places):
+        raise FileError(f"{path}: has the shape {tuple(shape)}, but only {data.size} entries")
+    rows, columns = shape
+    if not _fit(form, data, places, rows, columns):
+        raise FileError(f"{path}: its fields are not a {form.upper()} matrix of shape ({rows}, {columns})")
+    parts = (data, tuple(places)) if form == "coo" else (data, *places)
+    made: Any = getattr(sp, f"{form}_array")
+    return made(parts, shape=(rows, columns))
+
+
+def _fit(form: str, data: np.ndarray, positions: list[np.ndarray], rows: int, columns: int) -> bool:
+    """Whether these are a matrix of this shape, with every entry in its place."""
+    if form == "dia":
+        return positions[0].shape == data.shape[:1] and np.unique(positions[0]).size == positions[0].size
+    if positions[0].shape != data.shape[:1]:
+        return False
+    if form == "coo":
+        row, column = positions
+        within = (row >= 0) & (row < rows) & (column >= 0)
+        return column.shape == row.shape and bool((within & (column < columns)).all())
+    height, width = data.shape[1:] if form == "bsr" else (1, 1)
+    if math.prod((height, width)) == 0 or rows % height or columns % width:
+        return False
+    indices, indptr = positions
+    counts = (columns // width, rows // height)[:: 1 if form == "csc" else -1]
+    return is_compressed(indptr, indices, *counts)

@@ -1,0 +1,259 @@
+"""What NumPy, SciPy, MATLAB and spreadsheets write is read as it is, or refused by a sentence that names the file."""
+
+import contextlib
+import os
+import struct
+import zlib
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from damaged import Trap, cut, mutated, read_or_refused
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.io import mmwrite, savemat
+
+import icpmodel as icp
+from icpmodel.numerics import work
+
+A = np.array([[4.0, -1.0, 0.0, 0.0], [1.0, 3.0, 0.5, 0.0], [0.0, 0.0, 2.0, -0.25], [0.0, 0.1, 0.0, 1.0]])
+Q, UPPER = np.array([1.0, -2.0, 3.0, -4.0]), np.array([1.0, np.inf, 2.0, 0.5])
+
+MATRICES = {
+    "npy": lambda path, A: np.save(path, A),
+    "in columns npy": lambda path, A: np.save(path, np.asfortranarray(A)),
+    "csv": lambda path, A: np.savetxt(path, A, delimiter=",", fmt="%.17g"),
+    "txt": lambda path, A: np.savetxt(path, A, fmt="%.17g"),
+    "mtx": lambda path, A: mmwrite(path, A, precision=17, symmetry="general"),
+    "mat": lambda path, A: savemat(path, {"any_name": A}),
+    "sparse mat": lambda path, A: savemat(path, {"A": sp.csc_array(A)}),
+    "compressed mat": lambda path, A: savemat(path, {"A": sp.csc_array(A)}, do_compression=True),
+    "savez npz": lambda path, A: np.savez(path, A=A),
+    **{
+        f"{form} npz": lambda path, A, form=form: sp.save_npz(path, sp.csr_array(A).asformat(form))
+        for form in ("csr", "csc", "coo", "dia", "bsr")
+    },
+    "stored npz": lambda path, A: sp.save_npz(path, sp.bsr_array(A, blocksize=(2, 2)), compressed=False),
+}
+VECTORS = {
+    "npy": lambda path, v: np.save(path, v),
+    "csv": lambda path, v: np.savetxt(path, v, fmt="%.17g"),
+    "row csv": lambda path, v: np.savetxt(path, v[None], delimiter=",", fmt="%.17g"),
+    "txt": lambda path, v: np.savetxt(path, v, fmt="%.17g"),
+    "mtx": lambda path, v: mmwrite(path, v[:, None], precision=17),
+    "mat": lambda path, v: savemat(path, {"rhs": v}),
+    "sparse mat": lambda path, v: savemat(path, {"rhs": sp.csc_array(v[:, None])}),
+    "savez npz": lambda path, v: np.savez(path, rhs=v, q=v, psi=v, upper=v),
+    "sparse npz": lambda path, v: sp.save_npz(path, sp.csr_array(v[:, None])),
+}
+
+
+def written(folder, name, kind, value, writers):
+    """`value` in a file of this kind."""
+    path = folder / f"{name}.{kind.split()[-1]}"
+    writers[kind](path, value)
+    return path
+
+
+@pytest.mark.parametrize("kind", MATRICES)
+@settings(max_examples=5, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_a_matrix_comes_from_any_file_to_the_last_bit(tmp_path_factory, kind, seed):
+    folder, rng = tmp_path_factory.mktemp("formats"), np.random.default_rng(seed)
+    matrix = np.where(rng.random((4, 4)) < 0.5, rng.normal(size=(4, 4)), 0.0)
+    path = written(folder, "A", kind, matrix, MATRICES)
+    np.save(folder / "q.npy", Q)
+    problem = icp.load_problem(path, q=folder / "q.npy")
+    assert np.array_equal(problem.A.toarray(), matrix)
+    assert np.array_equal(problem.q, Q)
+    assert repr(problem.psi) == "Constant(0)"
+
+
+@pytest.mark.parametrize("kind", VECTORS)
+@settings(max_examples=5, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_q_and_the_obstacles_come_from_any_file_to_the_last_bit(tmp_path_factory, kind, seed):
+    folder, rng = tmp_path_factory.mktemp("formats"), np.random.default_rng(seed)
+    np.save(folder / "A.npy", A)
+    vectors = {"q": rng.normal(size=4), "psi": -rng.random(4), "upper": rng.random(4)}
+    paths = {name: written(folder, name, kind, vector, VECTORS) for name, vector in vectors.items()}
+    problem = icp.load_problem(folder / "A.npy", **paths)
+    assert np.array_equal(problem.q, vectors["q"])
+    assert np.array_equal(problem.psi.lower.value(Q), vectors["psi"])
+    assert np.array_equal(problem.upper.value(Q), vectors["upper"])
+
+
+@pytest.mark.parametrize("kind", ["mat", "compressed mat", "npz"])
+def test_a_whole_problem_is_one_file_of_variables(tmp_path, kind):
+    path = tmp_path / f"p.{kind.split()[-1]}"
+
+    def write(**variables):
+        if kind == "npz":
+            np.savez_compressed(path, **variables)
+        else:
+            savemat(path, variables, do_compression=" " in kind)
+
+    write(A=A, q=Q, psi=-0.5, upper=UPPER)
+    problem = icp.load_problem(path)
+    assert np.array_equal(problem.A.toarray(), A)
+    assert problem.psi.lower.c.tolist() == [-0.5] * 4
+    assert problem.upper.c.tolist() == UPPER.tolist()
+    write(A=A, q=Q)
+    assert repr(icp.load_problem(path)) == "ICP(n=4, nnz=9, psi=Constant(0))"
+    assert repr(icp.load_problem(path, psi=-np.inf, upper=3)).endswith("psi=Constant(-inf), upper=Constant(3))")
+    with pytest.raises(icp.FileError, match=r"p\..*: holds its own q; drop q"):
+        icp.load_problem(path, q=path)
+    write(A=A, q=Q, x=Q)
+    with pytest.raises(icp.FileError, match=r"p\..*: holds A, q, x; A alone, or A, q, psi and upper"):
+        icp.load_problem(path)
+    write(A=np.array([[2.0]]), q=np.array([[-1.0]]), psi=np.array([[1.0]]))
+    assert icp.load_problem(path).psi.c.tolist() == [1.0]
+
+
+def test_an_obstacle_of_one_number_in_a_table_that_was_cut_is_not_taken_for_all_rows(tmp_path):
+    np.save(tmp_path / "A.npy", A)
+    np.save(tmp_path / "q.npy", Q)
+    (tmp_path / "psi.csv").write_text("1\n")
+    with pytest.raises(icp.FileError, match=r"psi\.csv: psi has shape"):
+        icp.load_problem(tmp_path / "A.npy", tmp_path / "q.npy", psi=tmp_path / "psi.csv")
+
+
+def content(path, folder):
+    problem = icp.load_problem(path, q=folder / "q.npy")
+    return problem.A.toarray().tolist()
+
+
+@pytest.mark.parametrize("kind", MATRICES)
+def test_a_file_cut_after_any_byte_is_refused_and_never_read_wrongly(tmp_path, kind):
+    matrix = A[:2, :2]
+    path = written(tmp_path, "A", kind, matrix, MATRICES)
+    np.save(tmp_path / "q.npy", Q[:2])
+    assert content(path, tmp_path) == matrix.tolist()
+    for changed in mutated(path, 1, 60):  # a digit for another one is another matrix, but nothing may break
+        read_or_refused(content, changed, tmp_path)
+    assert [found for part in cut(path) if (found := read_or_refused(content, part, tmp_path))] == []
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_a_matlab_file_cut_after_any_byte_never_becomes_another_problem(tmp_path, compressed):
+    """Where a variable ends, what is left is a whole file of those before it."""
+    path = tmp_path / "p.mat"
+    savemat(path, {"A": sp.csc_array(A), "q": Q, "psi": -0.5, "upper": UPPER}, do_compression=compressed)
+    whole, size = icp.load_problem(path), path.stat().st_size
+    less = [whole.with_upper(None), whole.with_upper(None).with_psi(0.0)]
+    found = [repr(problem) for _ in cut(path) if (problem := read_or_refused(icp.load_problem, path))]
+    assert found == [repr(problem) for problem in less]
+    savemat(path, {"A": sp.csc_array(A), "q": Q, "psi": -0.5, "upper": UPPER}, do_compression=compressed)
+    assert path.stat().st_size == size
+    for changed in mutated(path, 2, 400):  # what ends the process in other readers
+        with contextlib.suppress(icp.FileError):
+            icp.load_problem(changed)
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "words"),
+    [
+        ("q.npy", lambda path: np.save(path, [1.0, np.nan, 0.0, 0.0]), r"q\.npy: q\[1\] is nan"),
+        ("q.npy", lambda path: np.save(path, Q[:3]), r"q\.npy: q has shape \(3,\); shape \(4,\)"),
+        (
+            "q.npy",
+            lambda path: np.save(path, 1j * Q),
+            r"q\.npy: it has shape \(4,\), dtype complex128; an array of",
+        ),
+        ("q.npy", lambda path: path.write_bytes(b"hello"), r"q\.npy: cannot be read"),
+        ("q.csv", lambda path: path.write_text("q\n1\n2\n3\n4\n"), r"q\.csv: could not convert string 'q'.*no heads"),
+        ("q.csv", lambda path: path.write_text("1;2;3;4\n"), r"q\.csv: could not convert .*commas between"),
+        ("q.csv", lambda path: path.write_text("1\n2\n3\n4"), r"q\.csv: its last line does not end"),
+        ("q.csv", lambda path: path.write_text(""), r"q\.csv: .*no data"),
+        ("q.csv", lambda path: path.write_text("1\n2\n3\nnan\n"), r"q\.csv: q\[3\] is nan"),
+        ("q.csv", lambda path: path.mkdir(), r"q\.csv: is a folder; a file was expected"),
+        ("q.mat", lambda path: savemat(path, {"a": Q, "b": Q}), r"q\.mat: holds a, b; q, or one thing only"),
+        ("q.mat", lambda path: savemat(path, {"q": "text"}), r"q\.mat: the variable q is a text; numbers"),
+        ("q.mat", lambda path: savemat(path, {"q": {"a": 1}}), r"q\.mat: the variable q is a structure"),
+        ("q.mat", lambda path: savemat(path, {"q": 1j * Q}), r"q\.mat: the variable q is complex"),
+        ("q.mat", lambda path: savemat(path, {"q": Q}, format="4"), r"q\.mat: is no \.mat file of the versions 5 to 7"),
+        ("q.mat", lambda path: path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM"), r"7\.3; save it with"),
+        ("q.npz", lambda path: sp.save_npz(path, sp.csr_array((1, 10**9))), r"q\.npz: has the shape \(1, 1000000000\)"),
+        ("q.xlsx", lambda path: path.write_bytes(b"PK"), r"q\.xlsx: a file whose name ends in one of \.npy, .*\.csv"),
+    ],
+)
+def test_what_is_wrong_with_q_is_said_of_its_file(tmp_path, name, write, words):
+    np.save(tmp_path / "A.npy", A)
+    write(tmp_path / name)
+    with pytest.raises(icp.FileError, match=words) as error:
+        icp.load_problem(tmp_path / "A.npy", q=tmp_path / name)
+    assert "A.npy" not in str(error.value)
+
+
+def test_what_is_wrong_with_an_obstacle_is_said_of_its_file(tmp_path):
+    np.save(tmp_path / "A.npy", A)
+    np.save(tmp_path / "q.npy", Q)
+    np.save(tmp_path / "low.npy", [0.0, 1.0, 0.0, np.nan])
+    np.save(tmp_path / "high.npy", [0.0, -1.0, 0.0, 0.0])
+    both = tmp_path / "A.npy", tmp_path / "q.npy"
+    with pytest.raises(icp.FileError, match=r"low\.npy: psi\[3\] is nan"):
+        icp.load_problem(*both, psi=tmp_path / "low.npy")
+    with pytest.raises(icp.FileError, match=r"high\.npy: the obstacles cross in row 1"):
+        icp.load_problem(*both, psi=0.0, upper=tmp_path / "high.npy")
+    with pytest.raises(icp.InputError, match=r"^upper\[0\] is nan"):
+        icp.load_problem(*both, upper=np.nan)
+    with pytest.raises(icp.FileError, match=r"nowhere\.csv: no such file"):
+        icp.load_problem(*both, upper=tmp_path / "nowhere.csv")
+    with pytest.raises(icp.InputError, match="path is True"):
+        icp.load_problem(*both, upper=True)
+
+
+def test_objects_in_an_array_are_never_made(tmp_path):
+    trap, sprung = np.array([Trap(tmp_path / "sprung")] * 4, dtype=object), tmp_path / "sprung"
+    np.save(tmp_path / "A.npy", trap, allow_pickle=True)
+    np.savez(tmp_path / "p.npz", A=trap, q=trap)
+    for name in ("A.npy", "p.npz"):
+        with pytest.raises(icp.FileError, match=f"{name}.* has shape .4,., dtype object"):
+            icp.load_problem(tmp_path / name)
+    assert not sprung.exists()
+
+
+def matlab_element(kind, data):
+    return struct.pack("<II", kind, len(data)) + data
+
+
+@pytest.mark.parametrize("kind", ["npz", "mat"])
+def test_what_unpacks_to_more_than_there_is_room_for_is_refused_before(tmp_path, kind):
+    path, zeros = tmp_path / f"A.{kind}", np.zeros((2000, 2000))
+    if kind == "npz":
+        np.savez_compressed(path, A=zeros)
+    else:
+        head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM"
+        path.write_bytes(head + matlab_element(15, zlib.compress(matlab_element(14, zeros.tobytes()))))
+    assert path.stat().st_size < 100_000
+    with work.within(memory=1e6), pytest.raises(icp.FileError, match=r"A\..*GB of memory, which is more than there is"):
+        icp.load_problem(path, q="q.npy")
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"indptr": np.array([0, 9, 2])},
+        {"indices": np.array([0, 5, 1])},
+        {"indices": np.array([-1, 0, 1])},
+        {"shape": np.array([2, 2**40])},
+        {"shape": np.array([-2, 2])},
+        {"data": np.ones(2)},
+        {"data": np.array(["a"] * 3)},
+        {"format": np.array(b"dok")},
+    ],
+)
+def test_places_outside_of_a_sparse_matrix_are_refused(tmp_path, changed):
+    path = tmp_path / "A.npz"
+    sp.save_npz(path, sp.csr_array([[1.0, 2.0], [0.0, 3.0]]))
+    with np.load(path) as archive:
+        fields = dict(archive) | changed
+    np.savez(path, **fields)
+    with pytest.raises(icp.FileError, match=r"A\.npz"):
+        icp.load_problem(path, q=path)
+
+
+def test_only_numbers_come_out_of_a_pipe_or_a_protected_file_as_errors(tmp_path):
+    os.mkfifo(tmp_path / "A.npy")
+    with pytest.raises(icp.FileError, match=r"A\.npy: is no file"):
+        icp.load_problem(tmp_path / "A.npy", q=tmp_path / "A.npy")

@@ -1,0 +1,129 @@
+"""A saved solution comes back as one, and says no more than its problem bears out; its numbers go to other programs."""
+
+import json
+
+import numpy as np
+import pytest
+from damaged import cut, read_or_refused
+
+import icpmodel as icp
+
+PROBLEM = icp.ICP([[4.0, -1.0], [1.0, 3.0]], [1.0, -30.0], icp.Affine([[0, 0.25], [0, 0]], [-0.5, 0]), upper=[2.0, 9.0])
+
+
+def saved(path, solution, **changed):
+    """The file of `solution` with some of what it says changed."""
+    icp.save_solution(solution, path)
+    if changed:
+        with np.load(path) as archive:
+            fields = dict(archive)
+        fields["about"] = np.array(json.dumps(json.loads(str(fields["about"])) | changed))
+        np.savez(path, **fields)
+    return path
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"method": "psor"}, {"accuracy": 1e-6}, {"max_iter": 1, "method": "mnmgs", "raise_on_failure": False}],
+)
+def test_a_solution_comes_back_as_one_whose_card_prints(tmp_path, options):
+    solution = PROBLEM.solve(**options)
+    back = icp.load_solution(saved(tmp_path / "s.npz", solution))
+    assert type(back) is icp.Solution
+    for name in ("z", "p", "r"):
+        assert np.array_equal(getattr(back, name), getattr(solution, name))
+    assert back.why.endswith(f"read from {tmp_path / 's.npz'}")
+    card, before = dict(back.summary()), dict(solution.summary())
+    assert card.pop("method").startswith(before.pop("method").split("\n")[0])
+    assert card == before
+    about, told = back.about(), solution.about()
+    assert {k: v for k, v in about.items() if k != "why"} == {k: v for k, v in told.items() if k != "why"}
+    assert back.polish().residual <= back.residual
+    assert PROBLEM.solve(z0=back).solved
+    json.dumps(about, allow_nan=False)
+
+
+def test_a_status_that_the_problem_does_not_bear_out_is_refused(tmp_path):
+    """Whoever wrote it: SOLVED is said only of a residual, or a certified error, that was computed again."""
+    path, rough = tmp_path / "s.npz", PROBLEM.solve("mnmgs", max_iter=1, raise_on_failure=False)
+    with pytest.raises(icp.FileError, match=r"s\.npz: says that it is solved, but Res\(z\) = .*icpmodel.certify"):
+        icp.load_solution(saved(path, rough, status="solved"))
+    with pytest.raises(icp.FileError, match=r"says that it is solved, but its error bound is .*1e-09 was wanted"):
+        icp.load_solution(saved(path, rough, status="solved", accuracy=1e-9))
+    with pytest.raises(icp.FileError, match="says that it is solved, but Res"):
+        icp.load_solution(saved(path, PROBLEM.solve()), PROBLEM.with_q([1.0, 30.0]))
+    with pytest.raises(icp.FileError, match="says that it is solved, but Res"):
+        icp.load_solution(saved(path, PROBLEM.solve(), tolerance=None))
+    assert icp.load_solution(saved(path, rough)).status is icp.Status.ITERATION_LIMIT
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"status": "perfect"}, "status = 'perfect'; one of solved, precision limit"),
+        ({"status": ["solved"]}, "status ="),
+        ({"tolerance": "small"}, "tolerance = 'small'; a number"),
+        ({"tolerance": float("inf")}, "tolerance = inf; a number"),
+        ({"iterations": -1}, "iterations = -1; a number"),
+        ({"seconds": None}, "seconds = None; a number"),
+        ({"method": 3}, "method = 3; a text"),
+    ],
+)
+def test_what_a_file_says_is_of_the_type_it_should_be(tmp_path, changed, words):
+    with pytest.raises(icp.FileError, match=f"s.npz: field about has {words}"):
+        icp.load_solution(saved(tmp_path / "s.npz", PROBLEM.solve(), **changed))
+
+
+def test_a_text_in_a_file_moves_no_cursor(tmp_path):
+    back = icp.load_solution(saved(tmp_path / "s.npz", PROBLEM.solve(), method="\x1b[2Jevil"))
+    assert "\x1b" not in str(back)
+    assert repr(back.method) == "?[2Jevil"
+    with pytest.raises(icp.NotApplicable, match="name a method"):
+        PROBLEM.solve(back.method)
+
+
+def test_a_solution_of_psi_from_code_needs_its_problem(tmp_path):
+    problem = icp.ICP([[2.0]], [-1.0], psi=lambda z: 0.3 * np.sin(z))
+    path = saved(tmp_path / "s.npz", problem.solve())
+    with pytest.raises(icp.FileError, match=r"holds no problem.*load_solution\(path, problem\)"):
+        icp.load_solution(path)
+    assert icp.load_solution(path, problem).solved
+    with pytest.raises(icp.FileError, match="field z has shape"):
+        icp.load_solution(path, PROBLEM)
+
+
+def test_the_numbers_alone_go_to_numpy_and_to_tables(tmp_path):
+    solution = PROBLEM.with_psi([-np.inf, 0.0]).solve()
+    for name in ("s.npy", "s.csv"):
+        for _ in range(2):  # of its own kind a file is replaced
+            icp.save_solution(solution, tmp_path / name)
+        with pytest.raises(icp.FileError, match=r"holds numbers alone.*certify"):
+            icp.load_solution(tmp_path / name)
+    z, p, r = np.load(tmp_path / "s.npy")
+    table = np.genfromtxt(tmp_path / "s.csv", delimiter=",", names=True)
+    for name, numbers in {"z": z, "p": p, "r": r}.items():
+        assert np.array_equal(numbers, getattr(solution, name))
+        assert np.array_equal(table[name], numbers)
+
+
+def test_a_name_that_ends_otherwise_or_is_taken_is_refused(tmp_path):
+    solution = PROBLEM.solve()
+    for name in ("s.mat", "s", "s.txt"):
+        with pytest.raises(icp.FileError, match=r"whose name ends in \.npz, \.npy or \.csv was expected"):
+            icp.save_solution(solution, tmp_path / name)
+    (tmp_path / "s.csv").write_text("x,y\n1,2\n")
+    np.save(tmp_path / "s.npy", np.ones(3))
+    np.savez(tmp_path / "s.npz", x=np.ones(3))
+    for name in ("s.csv", "s.npy", "s.npz"):
+        before = (tmp_path / name).read_bytes()
+        with pytest.raises(icp.FileError, match="is in the way"):
+            icp.save_solution(solution, tmp_path / name)
+        assert (tmp_path / name).read_bytes() == before
+    with pytest.raises(icp.FileError, match=r"x\.mat: a file whose name ends in \.npz"):
+        icp.save_problem(PROBLEM, tmp_path / "x.mat")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["s.csv", "s.npy", "s.npz"]
+
+
+def test_a_saved_solution_cut_after_any_byte_is_refused(tmp_path):
+    path = saved(tmp_path / "s.npz", icp.ICP([[2.0]], [-1.0]).solve())
+    assert [path.stat().st_size for part in cut(path) if read_or_refused(icp.load_solution, part)] == []
