@@ -89,6 +89,7 @@ class Problem(Shown):
         self._inequalities = [one for one in self._constraints if isinstance(one, _INEQUALITIES)]
         self._reading = CvxpyReading(self._conditions, self._equations, self._inequalities)
         self.solution: Solution | None = None
+        self._of_conditions: Solution  # that of the ICP, whatever the inequalities say
         self.solver_stats: SolverStats | None = None
 
     @property
@@ -206,6 +207,7 @@ class Problem(Shown):
                 found = solved(reading, method, z0=z0, callback=callback, **options)
         else:
             found = solved(reading, method, z0=z0, **options)
+        self._of_conditions = found
         if found.status in (Status.SOLVED, Status.PRECISION_LIMIT):
             found = reading.checked(found)
         self.solution = found
@@ -252,7 +254,8 @@ class Problem(Shown):
     ) -> Report:
         """Have independent solvers check the answer of the last `solve`; `icpmodel.crosscheck.crosscheck` says how.
 
-        It solves first where the parameters have changed since, or nothing was solved.
+        It solves first where the parameters have changed since, or nothing was solved. Inequalities are no part of the
+        ICP, and nobody is asked about them.
 
         >>> z = cp.Variable(2)
         >>> icp.Problem(icp.complements(2 * z - [1, -1], z)).crosscheck(["osqp"]).agrees
@@ -261,7 +264,7 @@ class Problem(Shown):
         icp = self.icp()
         if self.solution is None or self.solution.problem is not icp:
             self.solve(raise_on_failure=False)
-        return icp.crosscheck(self.solution, solvers, atol=atol, time_limit=time_limit, progress=progress)
+        return icp.crosscheck(self._of_conditions, solvers, atol=atol, time_limit=time_limit, progress=progress)
 
     def explain(
         self, method: str | Method | None = None, *, accuracy: float = 1e-6, thorough: bool = False, **options: Any
