@@ -47,9 +47,12 @@ class Ipopt(ForeignSolver):
         ]
         if target.d is not None:
             zero.append(target.d[both] - times(target.I_minus_H, z) - s)
-        least = np.repeat([-np.inf, 0.0], [n, sum(sizes) - n])
-        most = np.full(sum(sizes), np.inf)
-        most[n : 2 * n][~target.held] = 0.0
+        # where the obstacles touch there is no room between them: r = 0, which makes s = 0, and u alone stands for both
+        pinned = target.both & (target.near == target.d) & target.parallel
+        open_, shut = np.where(pinned, -np.inf, 0.0), np.where(pinned, 0.0, np.inf)
+        least = (np.full(n, -np.inf), open_, np.zeros(held.size), np.zeros(both.size), open_[both])
+        most = (np.full(n, np.inf), np.where(target.held, np.inf, 0.0), shut[held], shut[both], np.full(both.size, np.inf))
+        bounds = {"lbx": np.concatenate(least), "ubx": np.concatenate(most), "lbg": 0.0, "ubg": 0.0}
         options = {
             "tol": tolerance,
             "max_wall_time": float(time_limit),
@@ -62,7 +65,7 @@ class Ipopt(ForeignSolver):
         }
         program = {"x": ca.vertcat(*parts), "f": ca.dot(times(unit[held], u), r) + ca.dot(v, s), "g": ca.vertcat(*zero)}
         quiet = {"print_time": False, "error_on_fail": False, "ipopt": options}
-        return ca.nlpsol("icp", "ipopt", program, quiet), {"x0": 0, "lbx": least, "ubx": most, "lbg": 0, "ubg": 0}, n
+        return ca.nlpsol("icp", "ipopt", program, quiet), {"x0": 0.0, **bounds}, n
 
     def run(self, model: Any) -> Claim:
         solver, data, n = model

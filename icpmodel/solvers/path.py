@@ -34,7 +34,7 @@ option limrow = 0, limcol = 0, solprint = silent, solvelink = 5, reslim = {secon
 set i / 1*{n} /; alias (i, j);
 parameter M(i,j) / {M} /, b(i) / {b} /, least(i) / {least} /, most(i) / {most} /;
 variable x(i); x.lo(i) = least(i); x.up(i) = most(i);
-equation F(i); F(i).. sum(j$M(i,j), M(i,j) * x(j)) + b(i) =n= 0;
+equation F(i); F(i).. sum(j$M(i,j), M(i,j) * x(j)) + eps * x(i) + b(i) =n= 0;
 model icp / F.x /; icp.optfile = 1;
 solve icp using mcp;
 file answer / answer.txt /; answer.nd = 0; answer.nw = 0; answer.nr = 2;
@@ -78,7 +78,7 @@ class Path(ForeignSolver):
             answer = pathlib.Path(folder, "answer.txt")
             z = np.array(answer.read_text().split(), dtype=np.float64)[:n] if answer.exists() else None
         # what PATH says in the end; else what stopped GAMS
-        said = re.findall(r"^ \*\* EXIT - (.+?)\.?$", text := log.decode(errors="replace"), re.MULTILINE)
+        said = re.findall(r"^ \*{2,3} EXIT - (.+?)\.?$", text := log.decode(errors="replace"), re.MULTILINE)
         words = said[-1] if said else "; ".join(re.findall(r"^\*\*\* (.+)", text, re.MULTILINE)[:2])
         return Claim(z, words, words == "solution found")
 
