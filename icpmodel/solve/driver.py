@@ -126,16 +126,16 @@ def solve(
         if run.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
         solution = solution_of(run, limits)
-    if run.told:
-        _tell(solution)
+    _tell(run, solution)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
 
 
-def _tell(solution: Solution) -> None:
-    found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
-    _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", solution.problem.n, *found)
+def _tell(run: Run, solution: Solution) -> None:
+    if run.told:
+        found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
+        _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", solution.problem.n, *found)
 
 
 def _candidates(

@@ -171,6 +171,7 @@ class Run:
         except SingularOperator as error:
             self.singular = error
             self.tried.remove(tried)
+            self._tell_end(turn.who, str(error))
             return
         except Infeasible as proof:
             self.infeasible = proof.answer
@@ -185,8 +186,11 @@ class Run:
                 raise
             self.fault, self.ended = error, Ended(Status.MAP_FAILED, str(error))
         tried.outcome = self.ended.status.value
+        self._tell_end(turn.who, tried.outcome)
+
+    def _tell_end(self, candidate: Candidate, why: str) -> None:
         if self.told:
-            told = turn.who.method, tried.outcome, self.iteration, np.nan if self.best is None else self.best.residual
+            told = candidate.method, why, self.iteration, np.nan if self.best is None else self.best.residual
             _LOG.info("n = %d: %r ends, %s, at iteration %d; best residual %.3g", self.problem.n, *told)
 
     def _begin(self, finite: bool) -> Vector:
