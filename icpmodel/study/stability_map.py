@@ -136,8 +136,8 @@ def stability(
     Parameters: `plane` "relaxation", "shift", "coupling", "transport", "condition", "units" or a `Plane` of your own;
     `problem` for the planes whose parameters are the method's ("relaxation", "shift"), by default manufactured-affine;
     `method` a name, for the others; `points` per axis; `n` wanted unknowns of the built-in problems; `starts` ≥ 1: 0
-    and random vectors, of which the worst run counts; `max_iter` and `rtol` of each run; `progress` shows a line on what
-    is going on; `command` is noted beside the data.
+    and random vectors, of which the worst run counts; `max_iter` and `rtol` of each run; `progress` shows a line on
+    what is going on; `command` is noted beside the data.
     Returns a `StabilityMap`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the map as far as it got.
 
     >>> icp.stability("relaxation", points=2, n=9).plane.x.name
