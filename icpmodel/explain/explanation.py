@@ -18,6 +18,7 @@ from ..numerics.arrays import as_number, as_truth, described
 from ..numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ..numerics.threads import one_blas_thread
 from ..present.card import Sections, inner_width
+from ..present.shown import Shown
 from ..present.table import Table
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.reduced import candidates
@@ -35,7 +36,7 @@ _CENTURY = 3e9  #: in seconds
 
 
 @dataclass(frozen=True, eq=False)
-class Explanation:
+class Explanation(Shown):
     """Everything that is certain of an ICP before it is solved; `print` shows the page.
 
     `classes` the `MatrixClasses` of A; `bound` the `ErrorBound` at z = 0, whose proof says whether the solution exists

@@ -20,6 +20,8 @@ from .shown import Shown, in_notebook
 _UNBOUNDED = 10_000
 #: texts are wrapped to no fewer columns
 _NARROWEST = 12
+#: the spaces between two columns
+_GAP = 2
 #: the columns of a cell of a notebook, which nothing tells: what rich takes for it, unless JUPYTER_COLUMNS is set
 _CELL = 115
 
@@ -44,28 +46,51 @@ class Table(Shown):
         return self.to_text(width(_UNBOUNDED))
 
     def to_text(self, columns: int) -> str:
-        """Numbers to the right, texts to the left, these wrapped where the table is wider than so many `columns`."""
+        """Numbers to the right, texts to the left, these wrapped where the table is wider than so many `columns`; where
+        that is not enough the columns that are left stand below, after the first one once more."""
         from rich.console import Console
         from rich.table import Table as Grid
         from rich.text import Text
 
         cells = self._cells()
-        grid = Grid(box=None, pad_edge=False, header_style="")
-        for k, head in enumerate(self.heads):
-            column = [row[k] for row in cells]
-            longest = max(map(len, column), default=0)
-            if self._is_text(k):
-                grid.add_column(Text(head), overflow="fold", min_width=min(max(longest, len(head)), _NARROWEST))
-            else:
-                grid.add_column(Text(head), overflow="fold", min_width=longest, justify="right")
-        for row in cells:
-            grid.add_row(*map(Text, row))
         out = io.StringIO()
         console = Console(file=out, width=columns, color_system=None, force_jupyter=False)
         if self.title:
             console.print(Text(self.title))
-        console.print(grid, crop=False)
+        for block, least in self._blocks(cells, columns):
+            if block[0] > 0:
+                console.print()
+                block, least = [0, *block], [self._least(cells, 0), *least]
+            grid = Grid(box=None, pad_edge=False, header_style="")
+            for k, narrowest in zip(block, least, strict=True):
+                grid.add_column(Text(self.heads[k]), overflow="fold", min_width=narrowest)
+                grid.columns[-1].justify = "left" if self._is_text(k) else "right"
+            for row in cells:
+                grid.add_row(*(Text(row[k]) for k in block))
+            console.print(grid, crop=False)
         return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
+
+    def _least(self, cells: list[list[str]], k: int) -> int:
+        """The fewest characters that column `k` can have: numbers and words are not cut, texts not too short."""
+        longest, word = max((len(row[k]) for row in cells), default=0), max(map(len, self.heads[k].split()), default=0)
+        return max(min(longest, _NARROWEST) if self._is_text(k) else longest, word)
+
+    def _blocks(self, cells: list[list[str]], columns: int) -> list[tuple[list[int], list[int]]]:
+        """What stands beside each other: positions of columns, and their least widths."""
+        least = [self._least(cells, k) for k in range(len(self.heads))]
+        blocks: list[tuple[list[int], list[int]]] = [([], [])]
+        for k, narrowest in enumerate(least):
+            block, widths = blocks[-1]
+            first = [least[0]] if len(blocks) > 1 else []
+            if (
+                len(block) > 1 - len(first)
+                and sum([*first, *widths, narrowest]) + _GAP * (len(block) + len(first)) > columns
+            ):
+                blocks.append(([k], [narrowest]))
+            else:
+                block.append(k)
+                widths.append(narrowest)
+        return blocks
 
     def records(self) -> list[dict[str, Any]]:
         """The rows as head → cell."""

@@ -125,17 +125,10 @@ def solve(
             raise run.singular
         if run.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
-        solution = solution_of(run, limits)
-    _tell(run, solution)
+        solution = _told(solution_of(run, limits))
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
-
-
-def _tell(run: Run, solution: Solution) -> None:
-    if run.told:
-        found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
-        _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", solution.problem.n, *found)
 
 
 def _candidates(
@@ -277,6 +270,14 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         time_limit=limits.time_limit,
         memory_limit=limits.memory_limit,
     )
+
+
+def _told(solution: Solution) -> Solution:
+    """The `solution`, of which the log is told."""
+    if _LOG.isEnabledFor(logging.INFO):
+        found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
+        _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", solution.problem.n, *found)
+    return solution
 
 
 def _crossed_for_good(run: Run) -> bool:

@@ -51,7 +51,13 @@ class Ipopt(ForeignSolver):
         pinned = target.both & (target.near == target.d) & target.parallel
         open_, shut = np.where(pinned, -np.inf, 0.0), np.where(pinned, 0.0, np.inf)
         least = (np.full(n, -np.inf), open_, np.zeros(held.size), np.zeros(both.size), open_[both])
-        most = (np.full(n, np.inf), np.where(target.held, np.inf, 0.0), shut[held], shut[both], np.full(both.size, np.inf))
+        most = (
+            np.full(n, np.inf),
+            np.where(target.held, np.inf, 0.0),
+            shut[held],
+            shut[both],
+            np.full(both.size, np.inf),
+        )
         bounds = {"lbx": np.concatenate(least), "ubx": np.concatenate(most), "lbg": 0.0, "ubg": 0.0}
         options = {
             "tol": tolerance,
