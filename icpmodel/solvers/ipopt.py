@@ -49,15 +49,10 @@ class Ipopt(ForeignSolver):
             zero.append(target.d[both] - times(target.I_minus_H, z) - s)
         # where the obstacles touch there is no room between them: r = 0, which makes s = 0, and u alone stands for both
         pinned = target.both & (target.near == target.d) & target.parallel
-        open_, shut = np.where(pinned, -np.inf, 0.0), np.where(pinned, 0.0, np.inf)
-        least = (np.full(n, -np.inf), open_, np.zeros(held.size), np.zeros(both.size), open_[both])
-        most = (
-            np.full(n, np.inf),
-            np.where(target.held, np.inf, 0.0),
-            shut[held],
-            shut[both],
-            np.full(both.size, np.inf),
-        )
+        below, room = np.where(pinned, -np.inf, 0.0), np.where(pinned, 0.0, np.inf)
+        least = (np.full(n, -np.inf), below, np.zeros(held.size), np.zeros(both.size), below[both])
+        u_most = np.where(target.held, np.inf, 0.0)
+        most = (np.full(n, np.inf), u_most, room[held], room[both], np.full(both.size, np.inf))
         bounds = {"lbx": np.concatenate(least), "ubx": np.concatenate(most), "lbg": 0.0, "ubg": 0.0}
         options = {
             "tol": tolerance,

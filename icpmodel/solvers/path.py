@@ -68,17 +68,15 @@ class Path(ForeignSolver):
         with tempfile.TemporaryDirectory(prefix="icpmodel-") as folder:
             for name, text in files.items():
                 pathlib.Path(folder, name).write_text(text, encoding="ascii")
+            left = max(end - time.perf_counter(), 0.0)
             try:  # it is killed at the limit, and after Ctrl-C
-                left = max(end - time.perf_counter(), 0.0)
-                log = subprocess.run(
-                    call, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=left
-                ).stdout
+                done = subprocess.run(call, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=left)
             except subprocess.TimeoutExpired:
                 return Claim(None, "time limit", False)
             answer = pathlib.Path(folder, "answer.txt")
             z = np.array(answer.read_text().split(), dtype=np.float64)[:n] if answer.exists() else None
         # what PATH says in the end; else what stopped GAMS
-        said = re.findall(r"^ \*{2,3} EXIT - (.+?)\.?$", text := log.decode(errors="replace"), re.MULTILINE)
+        said = re.findall(r"^ \*{2,3} EXIT - (.+?)\.?$", text := done.stdout.decode(errors="replace"), re.MULTILINE)
         words = said[-1] if said else "; ".join(re.findall(r"^\*\*\* (.+)", text, re.MULTILINE)[:2])
         return Claim(z, words, words == "solution found")
 
@@ -109,5 +107,5 @@ def _sides(target: Target) -> Iterator[tuple[float, Any, Vector, Any]]:
 
 def _listed(values: Vector, *places: Any) -> str:
     """The `values` as a list of GAMS data, with the numbers of their `places`, from 1."""
-    rows = zip(*(one.tolist() for one in places), values.tolist(), strict=True)
-    return "\n".join(".".join(str(i + 1) for i in at) + f" {value!r}" for *at, value in rows)
+    form = ".".join(["%d"] * len(places)) + " %r"
+    return "\n".join(map(form.__mod__, zip(*((one + 1).tolist() for one in places), values.tolist(), strict=True)))

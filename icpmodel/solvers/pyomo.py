@@ -239,7 +239,8 @@ class PyomoIpopt(ForeignSolver):
     asked_by = ("crosscheck",)
 
     def why_not(self, target: Target) -> str | None:
-        return super().why_not(target) if shutil.which("ipopt") else "no ipopt executable on the PATH"
+        none = 'no ipopt executable on the PATH; the solver "ipopt" needs none'
+        return super().why_not(target) if shutil.which("ipopt") else none
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         from pyomo.environ import SolverFactory
