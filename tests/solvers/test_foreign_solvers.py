@@ -140,7 +140,9 @@ def test_an_unknown_name_is_told_the_known_ones() -> None:
         chosen_solvers([3])  # type: ignore[list-item]
 
 
-@pytest.mark.parametrize("name", ["osqp", "clarabel", "scs", "piqp", "highs", "cvxpy-clarabel", "pyomo-highs", "ipopt", "path"])
+@pytest.mark.parametrize(
+    "name", ["osqp", "clarabel", "scs", "piqp", "highs", "cvxpy-clarabel", "pyomo-highs", "ipopt", "path"]
+)
 def test_a_missing_package_is_a_sentence(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     solver = foreign_solvers()[name]
     assert solver.package is not None
