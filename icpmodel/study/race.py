@@ -114,7 +114,7 @@ def race(
     problem admits; `z_exact` shape (n,), by default that of the scene where `problem` is one or names one;
     `tolerances`, to each competitor in its own sense; `repeats` ≥ 1, one for runs of a second or more; `time_limit`
     seconds for a run, after which a competitor is not asked for more; `progress` shows a line on what is going on;
-    terminal; `command` is noted.
+    `command` is noted.
     Returns a `Race`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the race as far as it was.
 
     >>> found = icp.race(ICP([[2, -1], [-1, 2]], [-1, 3]), ["mnmgs"], ["osqp"], z_exact=[0.5, 0.0], repeats=1)

@@ -70,11 +70,20 @@ class Certificate(Shown):
 
 
 @sheltered
-def certify(problem: ProblemLike, z: Any, *, bound: bool = True, **options: Any) -> Certificate:
+def certify(
+    problem: ProblemLike,
+    z: Any,
+    *,
+    bound: bool = True,
+    sharp: bool | None = None,
+    rigorous: bool = False,
+    time_limit: float | None = None,
+    memory_limit: float | None = None,
+) -> Certificate:
     """The one judge of an answer, ours or a foreign solver's.
 
     Parameters: `z` shape (n,), or a `Solution`; `bound` whether to look for an error bound as well, which may cost one
-    linear solve, and how: the `options` of `icpmodel.error_bound`.
+    linear solve; how, say the others, which are those of `icpmodel.error_bound`.
     Returns a `Certificate`. Raises InputError for what is no ICP or no such z, MapError where ψ fails.
 
     >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
@@ -82,6 +91,7 @@ def certify(problem: ProblemLike, z: Any, *, bound: bool = True, **options: Any)
     """
     problem, bound = as_problem(problem), as_truth(bound, "bound")
     z = problem.vector(z)
+    how: Any = {"sharp": sharp, "rigorous": rigorous, "time_limit": time_limit, "memory_limit": memory_limit}
     diagonal = np.abs(problem.A.diagonal())
     with np.errstate(over="ignore", invalid="ignore"):
         p, r, above = problem.p(z), problem.r(z), problem.r_upper(z)
@@ -97,7 +107,7 @@ def certify(problem: ProblemLike, z: Any, *, bound: bool = True, **options: Any)
         residual_scaled=scaled,
         violation_p=float(wrong.max()),
         violation_r=float(beyond.max()),
-        bound=error_bound(problem, z, **options) if bound else ErrorBound.none(NOT_COMPUTED),
+        bound=error_bound(problem, z, **how) if bound else ErrorBound.none(NOT_COMPUTED),
     )
 
 
