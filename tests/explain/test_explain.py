@@ -120,25 +120,19 @@ def test_the_page_begins_with_what_to_do_and_what_is_best_proved_comes_after():
     page = scenes.bearing().problem.explain()
     assert isinstance(page.picked, icp.methods.tridiagonal.Tridiagonal)
     assert page.recommended.steps > 1000
-    assert str(page).startswith(
+    text, html = str(page), page._repr_html_()
+    assert text.startswith(
         "what to do\n  call solve(); it will run Tridiagonal() first, because it is a shortcut, exact"
     )
-    assert (
-        str(page).index("call solve()")
-        < str(page).index("best proved\n  ")
-        < str(page).index("each step leaves at most")
-    )
-    html = page._repr_html_()
+    assert text.index("call solve()") < text.index("best proved\n  ") < text.index("each step leaves at most")
     assert html.index("call solve()") < html.index("problem") < html.index("each step leaves at most")
     told = page.about()
-    assert list(told)[0] == "what_to_do"
+    assert next(iter(told)) == "what_to_do"
     assert told["best_proved"][0].startswith(page.recommended.title)
 
 
 def test_a_page_without_a_first_method_says_why():
-    page = replace(
-        icp.ICP([[2.0]], [-1.0]).explain(), picked=None, why="call solve(); which method it will run first: x"
-    )
+    page = replace(icp.ICP([[2.0]], [-1.0]).explain(), picked=None, why="solve() has no method for this problem")
     assert page.sections()["what to do"] == page.why
 
 
