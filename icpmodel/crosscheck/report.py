@@ -26,7 +26,7 @@ class Report(Shown, Tabular):
     """What the independent solvers say of an answer; print it, or let a notebook show it.
 
     `rows`; `problem` and `answer` as texts; `n` unknowns; `residual` = Res(z) of the answer under test and `holds`,
-    whether it is a solution; `error_bound` with |z − z*| ≤ it, or None and the `reason`; `tolerance` of the differences.
+    whether it is one; `error_bound` with |z − z*| ≤ it, or None and the `reason`; `tolerance` of the differences.
 
     >>> report = icp.crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"])
     >>> report.agrees, report.rows[0].verdict.value
@@ -119,8 +119,15 @@ class Report(Shown, Tabular):
 
     def to_csv(self, path: str | Path | None = None) -> str:
         """The rows as CSV with a header, numbers in full; written to `path` where one is given. Returns the text."""
+        return _written(self._in_full().to_csv(), path)
+
+    def to_dataframe(self) -> Any:
+        """The rows as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed."""
+        return self._in_full().to_dataframe()
+
+    def _in_full(self) -> Table:
         rows = tuple(tuple(_plain(row).values()) for row in self.rows)
-        return _written(Table("", tuple(Row.__annotations__), rows).to_csv(), path)
+        return Table("", tuple(Row.__annotations__), rows)
 
     def to_json(self, path: str | Path | None = None) -> str:
         """Everything as strict JSON, unknown numbers null; written to `path` where one is given. Returns the text."""

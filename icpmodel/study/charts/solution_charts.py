@@ -10,7 +10,9 @@ import numpy as np
 from ...algebra.equations import pattern_at
 from ...errors import InputError
 from ...numerics.arrays import Vector
-from ...scenes.registry import Scene, points_of
+from ...scenes import Scene
+from ...scenes import scene as scene_called
+from ...scenes.registry import points_of
 from ...solve.solution import History, Solution
 from .figures import BLUE, GREEN, ORANGE, PURPLE, Drawing, drawing
 
@@ -43,6 +45,11 @@ def _(solution: Solution, points: Any = None) -> Drawing:
 @drawing.register
 def _(scene: Scene, points: Any = None) -> Drawing:
     return drawing(scene.solution(), scene.points if points is None else points)
+
+
+@drawing.register
+def _(name: str, points: Any = None) -> Drawing:
+    return drawing(scene_called(name), points)
 
 
 @drawing.register
