@@ -59,7 +59,7 @@ class Ipopt(ForeignSolver):
             "max_wall_time": float(time_limit),
             # it relaxes every bound by 1e-8 unless told not to
             "bound_relax_factor": 0.0,
-            # a third of the steps, and a bearing of n = 900 is not called infeasible; n = 2 to 900, 13 scenes
+            # fewer steps on each of nine scenes, n = 1 to 900, and the bearing of n = 900 is not called infeasible
             "mehrotra_algorithm": "yes",
             "print_level": 0,
             "sb": "yes",

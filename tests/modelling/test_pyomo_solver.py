@@ -2,6 +2,7 @@
 
 import io
 import json
+import pickle
 import sys
 import tomllib
 
@@ -331,6 +332,8 @@ def test_results_count_and_show_no_nan():
     assert (results.problem.number_of_variables, results.problem.number_of_constraints) == (2, 2)
     assert (results.problem.lower_bound, results.problem.upper_bound) == (3.0, 3.0)
     assert (results.solver.message, str(results.solver.status)) == ("solved", "ok")
+    assert results.extra_info["solution"].certificate.unique
+    assert pickle.loads(pickle.dumps(results)).problem.number_of_solutions == 1
     model.rc = pyo.Suffix(direction=pyo.Suffix.IMPORT)
     told = str(old(model, load_solutions=False))
     assert "number of solutions: 1\n" in told

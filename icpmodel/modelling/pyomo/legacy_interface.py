@@ -111,7 +111,7 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
                 point.constraint[symbols.getSymbol(condition, label)] = {"Dual": value}
             mapped.solution.insert(point)
             mapped._smap, mapped._smap_id = symbols, id(symbols)
-        mapped.timing_info = results.timing_info.value()
+        mapped.timing_info, mapped.extra_info = results.timing_info.value(), results.extra_info.value()
         return mapped
 
 
@@ -130,10 +130,10 @@ def pyomo_solver(**options: Any) -> LegacyPyomoSolver:
     Parameters: `options` of `icpmodel.solve` for every solve, such as rtol=1e-12 or method="newton";
     `solver.solve(model, options={...})` adds some for one.
     Returns the solver. `solver.solve(model)` starts from the values of the variables, loads the solution into the model
-    and returns Pyomo's results; where no solution was found it raises NoFeasibleSolutionError and loads nothing, with
-    `load_solutions=False` the best iterate is in the results, for `model.solutions.load_from(results)`. `timelimit` is
-    in seconds, `tee=True` prints a log while it runs. A suffix `dual` gets p by condition, `rc` by variable.
-    What is no implicit complementarity problem is refused with InputError, see `read_pyomo`.
+    and returns Pyomo's results, in which `results.extra_info["solution"]` is ours. Where no solution was found it loads
+    nothing and raises NoFeasibleSolutionError; with `load_solutions=False` the best iterate is in the results, for
+    `model.solutions.load_from(results)`. `timelimit` is in seconds, `tee=True` prints a log while it runs. A suffix
+    `dual` gets p by condition, `rc` by variable. Raises InputError for other models, see `read_pyomo`.
 
     >>> import pyomo.environ as pyo
     >>> from pyomo.mpec import Complementarity, complements
