@@ -43,9 +43,11 @@ ROOMS = [
 ]
 #: what is loaded when it is first used, inside functions
 HEAVY = {
+    "casadi",
     "clarabel",
     "click",
     "cvxpy",
+    "gamspy_base",
     "highspy",
     "IPython",
     "jinja2",
