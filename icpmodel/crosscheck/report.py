@@ -120,8 +120,15 @@ class Report(Shown, Tabular):
 
     def to_csv(self, path: str | Path | None = None) -> str:
         """The rows as CSV with a header, numbers in full; written to `path` where one is given. Returns the text."""
+        return _written(self._in_full().to_csv(), path)
+
+    def to_dataframe(self) -> Any:
+        """The rows as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed."""
+        return self._in_full().to_dataframe()
+
+    def _in_full(self) -> Table:
         rows = tuple(tuple(_plain(row).values()) for row in self.rows)
-        return _written(Table("", tuple(Row.__annotations__), rows).to_csv(), path)
+        return Table("", tuple(Row.__annotations__), rows)
 
     def to_json(self, path: str | Path | None = None) -> str:
         """Everything as strict JSON, unknown numbers null; written to `path` where one is given. Returns the text."""

@@ -78,6 +78,9 @@ def test_a_table_is_a_data_frame_with_the_numbers_in_full():
     history = icp.scenes.hand_lcp().problem.solve("mnmgs", history=True).history
     assert (history.to_dataframe()["Res(z)"] == history.residual).all()
     assert icp.solve_many([[2.0]], [[-2.0], [3.0]]).to_dataframe()["status"].tolist() == ["solved", "solved"]
+    report = icp.crosscheck(icp.ICP([[3.0]], [-1.0]), [1 / 3], ["osqp"])
+    assert report.to_dataframe()["seconds"].tolist() == [report.rows[0].seconds]
+    assert len(icp.stability("units", points=2, n=9).to_dataframe()) == 4
 
 
 def test_without_pandas_it_is_said_what_to_install(monkeypatch):

@@ -106,6 +106,20 @@ def test_a_scene_draws_the_solution_that_it_is_given():
     assert (drawn["obstacle ψ(z)"] == 0.25).all()
 
 
+def test_points_of_no_grid_are_dots_and_no_outline_is_promised():
+    moved = SQUARE.points + 0.01 * np.random.default_rng(0).standard_normal(SQUARE.points.shape)
+    axes = icp.study.figure(SOLUTION, moved).axes[0]
+    assert axes.get_title() == "z"
+    assert np.array_equal(axes.collections[0].get_offsets(), moved)
+    assert len(axes.collections) == 1
+
+
+def test_a_scene_is_known_by_its_name():
+    assert icp.study.figure("membrane").axes[0].get_title().startswith("z, ")
+    with pytest.raises(icp.InputError, match="there is no scene 'membrain'"):
+        icp.study.figure("membrain")
+
+
 def test_a_history_that_ends_at_0_is_drawn_to_its_end():
     history = icp.ICP([[2.0]], [-2.0]).solve("mnmgs", history=True).history
     axes = history.figure().axes[0]

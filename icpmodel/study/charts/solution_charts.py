@@ -10,12 +10,16 @@ import numpy as np
 from ...algebra.equations import pattern_at
 from ...errors import InputError
 from ...numerics.arrays import Vector
-from ...scenes.registry import Scene, points_of
+from ...scenes import Scene
+from ...scenes import scene as scene_called
+from ...scenes.registry import points_of
 from ...solve.solution import History, Solution
 from .figures import BLUE, GREEN, ORANGE, PURPLE, Drawing, drawing
 
 #: more points than this are thinned out before they are drawn: a figure has fewer pixels
 _DRAWN = 200_000
+#: dots on points of no grid cover half of a panel, which is about 3 inches square, in squared points
+_PANEL = (3 * 72) ** 2
 #: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
 _ZERO = 0.1
 #: contact with the obstacle below and with the one above, where there are two; how they are shaded and outlined
@@ -43,6 +47,11 @@ def _(solution: Solution, points: Any = None) -> Drawing:
 @drawing.register
 def _(scene: Scene, points: Any = None) -> Drawing:
     return drawing(scene.solution(), scene.points if points is None else points)
+
+
+@drawing.register
+def _(name: str, points: Any = None) -> Drawing:
+    return drawing(scene_called(name), points)
 
 
 @drawing.register
@@ -120,7 +129,8 @@ def _plane(solution: Solution, points: Any, contacts: dict[str, Any]) -> Drawing
         if regular:
             shown = axes.pcolormesh(columns, rows, field(values), cmap=colours, shading="nearest", rasterized=True)
         else:
-            shown = axes.scatter(x, y, c=values, cmap=colours, s=4, rasterized=True)
+            size = max(_PANEL / (2 * x.size), 1.0)
+            shown = axes.scatter(x, y, c=values, cmap=colours, s=size, rasterized=True)
         axes.figure.colorbar(shown, ax=axes, pad=0.01)
         axes.set(title=title, aspect="equal", xlabel="x", ylabel="y")
         for name, contact in outlined.items():
@@ -128,7 +138,8 @@ def _plane(solution: Solution, points: Any, contacts: dict[str, Any]) -> Drawing
                 axes.contour(columns, rows, field(contact), [0.5], colors=_OUTLINES[name], linewidths=1.5)
         return []
 
-    heights = partial(half, solution.z, f"z, {_outlined(contacts)}", "viridis", contacts)
+    title = f"z, {_outlined(contacts)}" if regular else "z"
+    heights = partial(half, solution.z, title, "viridis", contacts)
     layout = {"nrows": 1, "ncols": 2, "sharex": True, "sharey": True}
     return Drawing(panels=(heights, partial(half, solution.p, "p", "cividis", {})), size=(9.6, 4.2), layout=layout)
 
