@@ -163,15 +163,9 @@ def read_archive(path: Path, *kinds: str) -> Iterator[Archive]:
             raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
         with directory:
             archive = Archive(path, directory, size)
-            if kinds and (found := archive.text("format")) not in kinds:
-                raise FileError(f"{path}: field format is {found!r}; {' or '.join(map(repr, kinds))} was expected")
+            if kinds:
+                archive.check(*kinds)
             yield archive
-
-
-def is_ours(path: Path) -> bool:
-    """Whether the `.npz` file says what it is as those by `write_archive` do, and not as SciPy's matrices."""
-    with read_archive(path) as archive:
-        return "format" in archive.names and "data" not in archive.names
 
 
 class Archive:
@@ -180,6 +174,16 @@ class Archive:
     def __init__(self, path: Path, directory: zipfile.ZipFile, size: int) -> None:
         self.path, self.directory, self.size = path, directory, size
         self.names = sorted(one.removesuffix(".npy") for one in directory.namelist() if one.endswith(".npy"))
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether it says what it is as those by `write_archive` do, and not as SciPy's matrices."""
+        return "format" in self.names and "data" not in self.names
+
+    def check(self, *kinds: str) -> None:
+        """Raise FileError unless it is of one of the `kinds`."""
+        if (found := self.text("format")) not in kinds:
+            raise FileError(f"{self.path}: field format is {found!r}; {' or '.join(map(repr, kinds))} was expected")
 
     def array(self, name: str, wanted: str, fits: Callable[..., bool], *, compressed: bool = False) -> np.ndarray:
         """The field `name`, whose shape and dtype must be what `fits`; it may be `compressed` where that is said."""

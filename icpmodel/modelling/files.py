@@ -33,8 +33,8 @@ from ..icp import ICP
 from ..problem.affine import Affine
 from ..problem.between import Between
 from ..problem.data import ProblemLike, as_problem
-from .archive import Archive, as_path, is_ours, read_archive, told, write_archive
-from .formats import as_values, read_named, read_values
+from .archive import Archive, as_path, read_archive, told, write_archive
+from .formats import as_values, read_fields, read_named, read_values
 from .matrix_market import read_matrix, read_vector
 
 Source = str | PathLike[str]
@@ -173,10 +173,14 @@ def _complete(problem: ICP, parts: dict[str, Any], sources: dict[str, Path]) -> 
 
 def _from_file(path: Path) -> dict[str, Any]:
     """The parts of a problem that a file holds, A at least, by `save_problem` or by another program."""
-    if path.suffix.lower() == ".npz" and is_ours(path):
-        with read_archive(path, _PROBLEM, _BETWEEN) as archive:
-            return _stored_parts(archive)
-    parts = read_named(path)
+    if path.suffix.lower() == ".npz":
+        with read_archive(path) as archive:
+            if archive.is_ours:
+                archive.check(_PROBLEM, _BETWEEN)
+                return _stored_parts(archive)
+            parts = read_fields(archive)
+    else:
+        parts = read_named(path)
     if len(parts) == 1 and parts.keys() != {"q"}:
         return {"A": next(iter(parts.values()))}
     if "A" not in parts or not parts.keys() <= _PARTS:
