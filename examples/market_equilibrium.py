@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import pyomo.environ as pyo
 from pyomo.mpec import Complementarity, complements
 
-import icpmodel.modelling.pyomo  # noqa: F401  Pyomo's SolverFactory now knows "icpmodel"
+import icpmodel as icp
 
 GOODS = ["bread", "housing", "labour"]
 #: by how much supply less demand of one good rises with the price of another; goods replace each other a little
@@ -38,7 +38,7 @@ def market(model, good):
 
 
 model.market = Complementarity(GOODS, rule=market)
-solver = pyo.SolverFactory("icpmodel", options={"rtol": 1e-12})
+solver = icp.pyomo_solver(rtol=1e-12)
 
 print(f"{'share of cost of living':>26}" + "".join(f"{good:>10}" for good in GOODS) + f"{'unemployed':>12}")
 for share in (0.0, 0.8, 1.0, 1.2):

@@ -5,7 +5,7 @@ bearing, given to CVXPY as it stands, is right on a coarse grid and, on a finer 
 entries of q shrink with the square of the grid spacing, until z = 0 satisfies the default tolerances. Nobody warns.
 
 Run: python examples/which_solver_do_you_believe.py       writes which_solver_do_you_believe.png and .svg here, and
-the work-precision chart which_solver_race.png, .svg and .csv
+the work-precision chart which_solver_race.png
 """
 
 import cvxpy as cp

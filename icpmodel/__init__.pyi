@@ -36,11 +36,12 @@ from .methods.proximal import Proximal as Proximal
 from .methods.psor import PSOR as PSOR
 from .methods.tridiagonal import Tridiagonal as Tridiagonal
 from .modelling.cvxpy.complementarity import Complementarity as Complementarity
-from .modelling.cvxpy.complementarity import Problem as Problem
 from .modelling.cvxpy.complementarity import complements as complements
+from .modelling.cvxpy.cvxpy_problem import Problem as Problem
 from .modelling.cvxpy.qp_solver import cvxpy_solver as cvxpy_solver
 from .modelling.files import load_problem as load_problem
 from .modelling.files import save_problem as save_problem
+from .modelling.pyomo.legacy_interface import pyomo_solver as pyomo_solver
 from .modelling.solution_files import load_solution as load_solution
 from .modelling.solution_files import save_solution as save_solution
 from .problem.affine import Affine as Affine
@@ -53,14 +54,17 @@ from .solve import solve as solve
 from .solve.many import solve_many as solve_many
 from .solve.progress import Progress as Progress
 from .solve.reduced import Reduced as Reduced
-from .solve.solution import Certificate as Certificate
 from .solve.solution import History as History
 from .solve.solution import Solution as Solution
-from .solve.solution import Solutions as Solutions
 from .solve.solution import Status as Status
-from .solve.solution import certify as certify
+from .solve.solutions import Solutions as Solutions
+from .study.html_report import report as report
 from .study.race import race as race
 from .study.stability_map import stability as stability
 from .theory import ErrorBound as ErrorBound
 from .theory import comparison_matrix as comparison_matrix
 from .theory import error_bound as error_bound
+from .theory.certificates.certificate import Certificate as Certificate
+from .theory.certificates.certificate import certify as certify
+
+__version__: str

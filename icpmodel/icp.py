@@ -2,11 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
 from .crosscheck import check
 from .explain import explanation
+from .numerics.plugins import public
 from .problem.data import ProblemData
 from .solve import driver
 from .solvers import cvxpy, pyomo
+from .theory.certificates import bounds, certificate
+
+
+class StudyVerb:
+    """A verb of the rooms above, which know this one: the package's function of that name, given this problem."""
+
+    def __init__(self, parameter: int = 0) -> None:
+        self._parameter = parameter  # which one the problem is
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, problem: ICP | None, owner: type) -> Callable[..., Any]:
+        verb: Callable[..., Any] = public(self._name)
+        if problem is None:
+            return verb
+        given = partial(verb, problem=problem) if self._parameter else partial(verb, problem)
+        given.__doc__ = verb.__doc__
+        return given
 
 
 class ICP(ProblemData):
@@ -40,5 +64,8 @@ class ICP(ProblemData):
     solve = driver.solve
     crosscheck = check.crosscheck
     explain = explanation.explain
+    certify = certificate.certify
+    error_bound = bounds.error_bound
+    race, report, stability = StudyVerb(), StudyVerb(), StudyVerb(1)
     to_pyomo = pyomo.to_pyomo
     to_cvxpy = cvxpy.to_cvxpy

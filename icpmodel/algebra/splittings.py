@@ -13,11 +13,12 @@ import scipy.sparse as sp
 
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_csr, as_number, diagonal_positions
+from ..present.shown import Shown
 from ..problem.data import ProblemData
 from .operators import AOROperator, DiagonalOperator, FactorisedOperator, Operator, TriangularOperator, inverse_diagonal
 
 
-class Splitting(ABC):
+class Splitting(Shown, ABC):
     """A choice of M₁ (and so of N₁ = M₁ − A)."""
 
     @abstractmethod

@@ -13,7 +13,7 @@ from ..errors import Interrupted
 from ..numerics.arrays import as_number
 from ..present.table import Table
 from ..scenes import names
-from ..solve.driver import RTOL
+from ..solve.goal import RTOL
 from ..solve.progress import status_line
 from ..solvers.foreign import Claim, chosen_solvers
 from ..study.cases import VARIANTS, Case, as_scenes, as_sizes, cases
@@ -80,7 +80,7 @@ def benchmark(
 
     Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, none for all; `sizes` wanted numbers of unknowns; `repeats`
     rounds of timings at least, ≥ 3; `time_limit` seconds for one run; `entrants` by default `solve()`, the foreign
-    solvers, the own methods and the linear solves; `progress` shows a line where standard error is a terminal.
+    solvers, the own methods and the linear solves; `progress` shows a line on what is going on.
     Returns a `Table` (seconds). Raises InputError, and Interrupted, whose `report` is the table so far.
 
     >>> icp.benchmarks.benchmark(["hand-lcp"], [2]).heads[:4]

@@ -232,7 +232,7 @@ def _worst(problems: _Lcps, answers: Iterable[Vector]) -> float:
 def reading_cost(cvxpy_n: int = 1_000_000, pyomo_n: int = 100_000, repeats: int = 3) -> Table:
     """Reading CVXPY and Pyomo models of the membrane against what these languages take to write them, timed in turn.
 
-    CVXPY: `Problem([complements(p, r)]).icp` against `get_problem_data` for OSQP with p ≥ 0, r ≥ 0; the expressions are
+    CVXPY: `Problem([complements(p, r)])` against `get_problem_data` for OSQP with p ≥ 0, r ≥ 0; the expressions are
     built anew each time. Pyomo: `read_pyomo` against its NL writer, which gets the 2n sides as constraints, side ≥ 0,
     and is thus spared Pyomo's transformation of complementarity conditions; ψ fixed, affine, a quarter of each of two
     neighbours, and nonlinear, 0.3 sin(z_i) + c_i. The ratio is the median of the ratios pair by pair.
@@ -262,7 +262,7 @@ def _cvxpy(n: int) -> Iterator[_Pair]:
         return problem.A @ z + problem.q, z - problem.psi.value(problem.q)
 
     def read() -> ICP:
-        return modelling.Problem(modelling.complements(*sides())).icp
+        return modelling.Problem(modelling.complements(*sides())).icp()
 
     def write() -> object:
         return cp.Problem(cp.Minimize(0), [side >= 0 for side in sides()]).get_problem_data(cp.OSQP)

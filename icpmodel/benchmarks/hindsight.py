@@ -80,7 +80,7 @@ def choice(
     scenes, by default all but these; `sizes` smallest and largest n and how many sizes between them, drawn for each
     family; `most` so many problems at most, drawn of all; `time_limit` seconds for one run; `repeats` rounds of
     timings, ≥ 3; `own` names of the own methods to take part, by default all; `peers` whether foreign solvers do;
-    `entrants` in place of all these; `progress` shows a line where standard error is a terminal.
+    `entrants` in place of all these; `progress` shows a line on what is going on.
     Returns a `Table`: ratios are times of `solve()` over those of the other, above 1 where `solve()` is slower.
     Raises InputError, and Interrupted, whose `report` is the table so far.
 

@@ -20,6 +20,13 @@ from .output import complain
 
 __all__ = ["main"]
 
+#: solvers of .nl files are called so, and Pyomo takes every command for one whose name it does not know
+_ASL = "-AMPL"
+_NO_ASL = (
+    'this command reads no .nl files. In Pyomo, `import icpmodel.modelling.pyomo` before SolverFactory("icpmodel"), '
+    "or take icpmodel.pyomo_solver(), and build the model anew: this attempt has rewritten its Complementarity"
+)
+
 #: command → the file that it is in, which is imported when the command is asked for
 _FILES = {
     **dict.fromkeys(("solve", "crosscheck", "explain", "scenes"), "solving"),
@@ -75,6 +82,8 @@ def main(arguments: list[str] | None = None) -> None:
     """The entry point: every error is one line on standard error."""
     try:
         typed = shlex.join(["icpmodel", *(sys.argv[1:] if arguments is None else arguments)])
+        if _ASL in (sys.argv[1:] if arguments is None else arguments):
+            raise click.UsageError(_NO_ASL)
         load_plugins()
         code: Any = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
         if sys.stdout is not None:  # it was closed by the shell

@@ -13,10 +13,10 @@ from .. import benchmarks
 from ..errors import InputError
 from ..present.table import Table
 from ..solve.progress import status_line
-from ..study import html_report
 from ..study import race as run_race
+from ..study import report as make_report
 from ..study import stability as map_stability
-from ..study.charts.figures import Figure, save
+from ..study.charts.figures import Figure, picture_file, save
 from ..study.charts.table_charts import benchmark_figures, choice_figure, memory_figure
 from ..study.planes import PLANES
 from .arguments import (
@@ -70,7 +70,7 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
     on a built-in problem, and coupling (mu x norm of G), transport (skewness x mu), condition (condition number x
     units) and units (units x norm of G), which vary the problem.
     """
-    must_be_writable(output)
+    must_be_a_picture(output)
     asked = {name: arguments[name] for name in ("method", *_RUNS)}
     problem = None
     if arguments["source"] is not None or arguments["a_file"] is not None:
@@ -95,11 +95,18 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
 )
 def race(methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, as_csv: bool, **arguments: Any) -> int:
     """Time against error on SOURCE: own methods and foreign solvers at every tolerance, in turn."""
-    must_be_writable(output)
+    must_be_a_picture(output)
     problem, scene = named_problem(arguments)
     asked = {name: arguments[name] for name in _TIMINGS} | {"z_exact": scene and scene.z_exact}
     run = lambda: run_race(problem, methods or None, solvers or None, **asked, progress=True, command=typed())  # noqa: E731
     return _shown(run, output, as_csv, "this is what was measured before")
+
+
+def must_be_a_picture(path: str | None) -> None:
+    """Raise FileError or InputError now for a path that no picture could be written to when the work is done."""
+    must_be_writable(path)
+    if path is not None:
+        picture_file(path)
 
 
 def _shown(run: Callable[[], Any], output: str | None, as_csv: bool, partly: str) -> int:
@@ -107,7 +114,7 @@ def _shown(run: Callable[[], Any], output: str | None, as_csv: bool, partly: str
 
     def show(found: Any) -> None:
         print_table(found, found.table(), as_csv)
-        for path in [] if output is None else found.plot(output):
+        for path in [] if output is None else save(found.figure(), output, found.table(), typed()):
             wrote(path)
 
     return measured(run, show, partly)
@@ -117,7 +124,7 @@ def _shown(run: Callable[[], Any], output: str | None, as_csv: bool, partly: str
     *SOURCE_OPTIONS,
     *METHOD_OPTIONS,
     click.option("-o", "--output", type=click.Path(), required=True, help="The HTML file to write."),
-    *from_signature(html_report, {"time_limit": "Seconds per independent solver."}),
+    *from_signature(make_report, {"time_limit": "Seconds per independent solver."}),
 )
 def report(output: str, time_limit: float, **arguments: Any) -> int:
     """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
@@ -131,7 +138,7 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     with status_line(True) as say:
         say("solving")
         solution = problem.solve(method, z0=scene and scene.z0, raise_on_failure=False)
-        page = html_report(solution, **about, command=typed(), time_limit=time_limit, say=say)
+        page = make_report(solution, **about, command=typed(), time_limit=time_limit, say=say)
     Path(output).write_text(page, encoding="utf-8")
     wrote(output)
     return exit_code(solution.solved, unsolved(solution))
@@ -188,7 +195,7 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
 
     def run(as_csv: bool, output: str | None = None, **arguments: Any) -> int:
         if not into_folder:
-            must_be_writable(output)
+            must_be_a_picture(output)
         elif output is not None:
             make_folder(output)
         asked = {key: value for key, value in arguments.items() if value != ()}  # no scenes: the default ones
@@ -197,7 +204,7 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
             print_table(table, table, as_csv)
             if output is not None:
                 for file, (figure, data) in _FIGURES[name](table).items():
-                    save(figure, Path(output) / file if file else output, data, typed())
+                    save(figure, Path(output) / f"{file}.png" if file else output, data, typed())
             if name in _BELOW and not as_csv:
                 click.echo("\n".join(["", *_BELOW[name](table)]))
 

@@ -20,7 +20,9 @@ _FILES = (".png", ".svg", ".pdf", ".csv", ".npz", ".npy", ".html", ".json", ".tx
 
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 AS_CSV = click.option("--csv", "as_csv", is_flag=True, help="Print all of it as CSV.")
-TO_FIGURE = click.option("-o", "--output", type=click.Path(), help="Write the figure (PNG and SVG) and its data (CSV).")
+TO_FIGURE = click.option(
+    "-o", "--output", type=click.Path(), help="Write the figure (.png, .pdf or .svg), and its data beside it (.csv)."
+)
 
 
 def show_json(told: dict[str, Any]) -> None:

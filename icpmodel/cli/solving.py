@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Iterator
 from typing import Any
 
@@ -16,7 +17,7 @@ from ..modelling.archive import as_path
 from ..modelling.files import save_problem
 from ..modelling.solution_files import check_place, read_start, save_solution
 from ..present.card import Card
-from ..present.table import Table
+from ..present.table import Table, width
 from ..scenes import Scene, titles
 from ..scenes import parameters as parameters_of
 from ..scenes import scene as scene_called
@@ -24,6 +25,7 @@ from ..solve.driver import solve as run
 from ..solve.progress import status_line
 from ..solve.solution import Solution
 from ..solvers.foreign import chosen_solvers
+from ..solvers.formulations import Target
 from .arguments import (
     METHOD_OPTIONS,
     SCENE,
@@ -37,6 +39,8 @@ from .arguments import (
 )
 from .output import AS_JSON, exit_code, must_be_writable, print_told, show_json, wrote
 
+#: columns of a sentence that goes to no terminal
+_WIDTH = 118
 #: of `solve`
 _LIMITS = {
     "rtol": "Stop at the residual rtol * Res(0), default 1e-8 ...",
@@ -127,6 +131,7 @@ def crosscheck(
     if not as_json:  # at once, so that nothing is lost if the solvers below take too long
         click.echo(str(solution))
     reports: list[Report] = []
+    coverage = ""
     if solution.solved:
         parameters = pairs(arguments["parameters"])
         for title, report in checks(problem, solution, solvers, solver_time_limit, scene, parameters):
@@ -135,9 +140,13 @@ def crosscheck(
             if csv_path is not None and not reports:
                 report.to_csv(csv_path)
             reports.append(report)
+            coverage = reports[0].coverage(*reports[1:])
     if as_json:
         told = [json.loads(report.to_json()) for report in reports]
-        show_json({"solution": solution.about(), "report": told[0] if told else None, "at_their_size": told[1:]})
+        about = {"solution": solution.about(), "report": told[0] if told else None, "at_their_size": told[1:]}
+        show_json(about | {"coverage": coverage})
+    elif len(reports) > 1 and coverage:
+        click.echo("\n" + textwrap.fill(coverage, width(_WIDTH), break_on_hyphens=False))
     complaint = "not confirmed: no independent solver agrees, or one disagrees"
     return exit_code(confirmed(reports), complaint if solution.solved else unsolved(solution))
 
@@ -165,17 +174,19 @@ def confirmed(reports: list[Report]) -> bool:
 
 def at_their_size(scene: Scene, report: Report, parameters: dict[str, Any]) -> list[tuple[ICP, tuple[str, ...]]]:
     """For the solvers that a scene is too large for: the scene at the largest size they take, and their names."""
-    by_size: dict[int, list[str]] = {}
+    by_size: dict[tuple[int, int], list[str]] = {}
+    whole = Target(scene.problem)
     for row in report.rows:
-        largest = chosen_solvers([row.solver])[0].largest if row.verdict is Verdict.SKIPPED else None
-        if largest is not None and largest < scene.problem.n:
-            by_size.setdefault(largest, []).append(row.solver)
+        solver = chosen_solvers([row.solver])[0]
+        could = row.verdict is not Verdict.SKIPPED or row.note.startswith(solver.too_large)
+        if could and solver.largest is not None and solver.size(whole) > solver.largest:
+            by_size.setdefault((solver.largest, solver.size(whole)), []).append(row.solver)
     found = []
-    for largest, asked in by_size.items():
-        n = largest
-        while (smaller := scene_called(scene.name, n, **parameters).problem).n > largest:
+    for (largest, size), asked in by_size.items():
+        solver, n = chosen_solvers(asked[0])[0], largest * scene.problem.n // size
+        while solver.size(Target(smaller := scene_called(scene.name, n, **parameters).problem)) > largest:
             n -= 1
-        found.append((smaller, tuple(asked)))
+        found.append((smaller, tuple(dict.fromkeys(asked))))
     return found
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import Interrupted
 from ..numerics.arrays import as_number
 from ..numerics.rounding import sheltered
-from ..problem.data import ProblemData, as_problem
+from ..problem.data import ProblemLike, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
 from ..solvers.foreign import Claim, ForeignSolver, ask, chosen_solvers
@@ -22,7 +22,7 @@ from .report import Report
 
 @sheltered
 def crosscheck(
-    problem: ProblemData,
+    problem: ProblemLike,
     solution: Any = None,
     solvers: Iterable[str | ForeignSolver] | None = None,
     *,
@@ -46,7 +46,7 @@ def crosscheck(
     >>> icp.crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5001, 0.0], ["osqp"]).rows[0].verdict
     <Verdict.DISAGREES: 'disagrees'>
     """
-    as_problem(problem)
+    problem = as_problem(problem)
     chosen = chosen_solvers(solvers, "crosscheck")
     if atol is not None:
         as_number(atol, "atol", least=0)

@@ -73,6 +73,11 @@ class Row:
     claim: str = ""
     note: str = ""
 
+    @property
+    def frozen(self) -> bool:
+        """Whether the obstacle was frozen at the answer under test."""
+        return self.formulation.startswith("frozen")
+
 
 class Checked:
     """An answer under test, `z`, and `y` = z/`unit`, the same in the handy units of its `targets`.

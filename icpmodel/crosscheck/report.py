@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +12,8 @@ from typing import Any
 from ..numerics.rounding import at_most
 from ..present.card import Card
 from ..present.rendering import render
-from ..present.table import Table, width
+from ..present.shown import Shown
+from ..present.table import Table, Tabular, width
 from ..solve.solution import Solution, certify
 from .judge import Checked, Row, Verdict, finite
 
@@ -19,22 +21,24 @@ from .judge import Checked, Row, Verdict, finite
 _WIDTH = 118
 
 
-@dataclass(frozen=True)
-class Report:
+@dataclass(frozen=True, repr=False)
+class Report(Shown, Tabular):
     """What the independent solvers say of an answer; print it, or let a notebook show it.
 
-    `rows`; `problem` and `answer` as texts; `residual` = Res(z) of the answer under test and `holds`, whether it is a
-    solution; `error_bound` with |z − z*| ≤ it, or None and the `reason`; `tolerance` of the differences.
+    `rows`; `problem` and `answer` as texts; `n` unknowns; `residual` = Res(z) of the answer under test and `holds`,
+    whether it is a solution; `error_bound` with |z − z*| ≤ it, or None and the `reason`; `tolerance` of the
+    differences.
 
     >>> report = icp.crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"])
     >>> report.agrees, report.rows[0].verdict.value
     (True, 'agrees')
-    >>> report.conclusion()
-    '1 of 1 independent checks agree. The answer is confirmed.'
+    >>> report.conclusion(), report.coverage()
+    ('1 of 1 independent checks agree. The answer is confirmed.', 'Solved alike: the whole problem by osqp.')
     """
 
     rows: tuple[Row, ...]
     problem: str
+    n: int
     answer: str
     residual: float | None
     holds: bool
@@ -52,7 +56,7 @@ class Report:
         of = known or certify(problem, checked.z)
         residual, tolerance = finite(of.residual), finite(checked.tolerance)
         bound, reason = of.error_bound, of.bound.reason
-        return cls(tuple(rows), repr(problem), answer, residual, checked.holds, bound, reason, tolerance)
+        return cls(tuple(rows), repr(problem), problem.n, answer, residual, checked.holds, bound, reason, tolerance)
 
     @property
     def agrees(self) -> bool:
@@ -74,6 +78,24 @@ class Report:
         wrong = "" if self.holds else " Its own residual is above tolerance."
         return f"{first}. The answer is {'' if self.agrees else 'not '}confirmed.{wrong}"
 
+    def coverage(self, *smaller: Report) -> str:
+        """Which check that agrees covers what, in a sentence, empty without any; `smaller` of the scene at fewer n."""
+        whole, frozen = ([row for row in self.rows if row.frozen is kind] for kind in (False, True))
+        covered = {
+            "the whole problem": whole,
+            "with its obstacle frozen at the answer, which leaves open whether there are others,": frozen,
+        } | {f"the same scene at n = {one.n}, which says nothing of this answer,": one.rows for one in smaller}
+        told = []
+        for what, rows in covered.items():
+            if names := dict.fromkeys(row.solver for row in rows if row.verdict is Verdict.AGREES):
+                told.append(f"{what} by {', '.join(names)}")
+        return f"Solved alike: {'; '.join(told)}." if told else ""
+
+    def closing(self) -> str:
+        """Conclusion and coverage, as lines."""
+        lines = filter(None, (self.conclusion(), self.coverage()))
+        return "\n".join(textwrap.fill(one, width(_WIDTH), break_on_hyphens=False) for one in lines)
+
     def card(self) -> Card:
         """Problem, answer, residual and error bound."""
         bound = "no certified error bound" if self.error_bound is None else f"|z - z*| <= {at_most(self.error_bound)}"
@@ -91,20 +113,27 @@ class Report:
         return Table("", heads, tuple(tuple(row[head] for head in heads) for row in two))
 
     def __str__(self) -> str:
-        return f"{self.card()}\n\n{self.table().to_text(width(_WIDTH))}\n\n{self.conclusion()}"
+        return f"{self.card()}\n\n{self.table().to_text(width(_WIDTH))}\n\n{self.closing()}"
 
     def _repr_html_(self) -> str:
-        return self.card().to_html() + self.table().to_html() + render("sentence.html", text=self.conclusion())
+        return self.card().to_html() + self.table().to_html() + render("sentence.html", text=self.closing())
 
     def to_csv(self, path: str | Path | None = None) -> str:
         """The rows as CSV with a header, numbers in full; written to `path` where one is given. Returns the text."""
+        return _written(self._in_full().to_csv(), path)
+
+    def to_dataframe(self) -> Any:
+        """The rows as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed."""
+        return self._in_full().to_dataframe()
+
+    def _in_full(self) -> Table:
         rows = tuple(tuple(_plain(row).values()) for row in self.rows)
-        return _written(Table("", tuple(Row.__annotations__), rows).to_csv(), path)
+        return Table("", tuple(Row.__annotations__), rows)
 
     def to_json(self, path: str | Path | None = None) -> str:
         """Everything as strict JSON, unknown numbers null; written to `path` where one is given. Returns the text."""
         data = asdict(self) | {"rows": [_plain(row) for row in self.rows]}
-        data |= {"agrees": self.agrees, "conclusion": self.conclusion()}
+        data |= {"agrees": self.agrees, "conclusion": self.conclusion(), "coverage": self.coverage()}
         return _written(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False), path)
 
 

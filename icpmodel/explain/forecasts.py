@@ -16,6 +16,7 @@ from ..methods.factorised import MNMMOD, MNMOD
 from ..methods.modulus import ModulusMember
 from ..methods.psor import PSOR
 from ..numerics.rounding import at_most
+from ..present.shown import Shown
 from ..problem.data import ProblemData
 from ..theory.answers import UNDECIDED, Allowance, Answer
 from ..theory.certificates.bounds import proofs_of
@@ -40,7 +41,7 @@ _THETA = {
 
 
 @dataclass(frozen=True, eq=False)
-class Forecast:
+class Forecast(Shown):
     """What theory says of one method before it runs.
 
     `title` says how it was made; `method`; `checks` theorem → `Check`; `rate` the predicted `Rate`, or the `Answer`

@@ -20,6 +20,7 @@ from ..errors import InputError, meant
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
+from ..present.shown import Shown
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from ..theory.answers import Answer
@@ -69,7 +70,7 @@ class Estimate(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Method(ReadOnly, ABC):
+class Method(ReadOnly, Shown, ABC):
     """An iterative method for ICP. Subclasses with options are frozen keyword-only dataclasses that check them; a
     method never changes.
 

@@ -1,9 +1,10 @@
 from .cvxpy.complementarity import Complementarity as Complementarity
-from .cvxpy.complementarity import Problem as Problem
 from .cvxpy.complementarity import complements as complements
+from .cvxpy.cvxpy_problem import Problem as Problem
 from .cvxpy.qp_solver import cvxpy_solver as cvxpy_solver
 from .files import load_problem as load_problem
 from .files import save_problem as save_problem
+from .pyomo.legacy_interface import pyomo_solver as pyomo_solver
 from .pyomo.models import read_pyomo as read_pyomo
 from .solution_files import load_solution as load_solution
 from .solution_files import save_solution as save_solution

@@ -33,7 +33,7 @@ from ..errors import FileError, InputError
 from ..icp import ICP
 from ..problem.affine import Affine
 from ..problem.between import Between
-from ..problem.data import ProblemData, as_problem
+from ..problem.data import ProblemLike, as_problem
 from .archive import Archive, as_path, read_archive, told, write_archive
 from .formats import as_values, read_fields, read_named, read_values
 from .matrix_market import read_matrix, read_vector
@@ -49,7 +49,7 @@ _PARTS = {"A", "q", *_PREFIX}
 _KINDS: dict[str, tuple[str, ...]] = {"zero": (), "constant": ("c",), "affine": ("c", "G")}
 
 
-def save_problem(problem: ICP, path: str | PathLike[str]) -> None:
+def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
     """Write `problem` to the `.npz` file `path`; other programs may take `scipy.io.mmwrite("A.mtx", problem.A)`.
 
     Both obstacles must be zero, constant or affine. The file is written beside and then renamed, so that whatever
@@ -130,9 +130,10 @@ def _stored_parts(archive: Archive, sides: Iterable[str]) -> dict[str, Any]:
     return parts
 
 
-def problem_fields(problem: ProblemData) -> dict[str, Any]:
+def problem_fields(problem: ProblemLike) -> dict[str, Any]:
     """The arrays that are stored of `problem`. Raises InputError where ψ has no file form."""
-    psi = as_problem(problem).psi
+    problem = as_problem(problem)
+    psi = problem.psi
     sides = {"psi": psi} if not isinstance(psi, Between) else {"psi": psi.lower, "upper": psi.upper}
     arrays: dict[str, Any] = _fields("A", problem.A) | {"q": problem.q}
     for side, one in sides.items():

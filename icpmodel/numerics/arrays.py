@@ -61,6 +61,13 @@ def as_array(value: Any, name: str) -> np.ndarray:
     except Exception as error:  # rows of different lengths, or whatever the class of a user raises
         raise InputError(f"{name} cannot be read as an array of numbers: {error}") from error
     if array.ndim == 0 and array.dtype.kind not in "biufc":
+        if callable(getattr(value, "matvec", None)):  # a LinearOperator of SciPy's, or whatever behaves like one
+            given = (
+                "the array or the sparse matrix that it is made of, or, where n is small, its product with np.eye(n)"
+            )
+            raise InputError(
+                f"{name} is {described(value)}, which only multiplies; its entries are needed: give {given}"
+            )
         raise InputError(f"{name} is {described(value)}; real numbers were expected")
     return array
 

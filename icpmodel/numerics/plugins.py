@@ -1,9 +1,11 @@
-"""What other packages add: methods, foreign solvers, scenes."""
+"""What other packages add: methods, foreign solvers, scenes; and the way to a public name of this one."""
 
 from __future__ import annotations
 
+import sys
 from functools import lru_cache
 from importlib.metadata import entry_points
+from typing import Any
 
 
 @lru_cache(maxsize=1)
@@ -14,3 +16,9 @@ def load_plugins() -> None:
     """
     for one in entry_points(group="icpmodel"):
         one.load()
+
+
+def public(name: str) -> Any:
+    """The public `name` of the package, through its front door: the one way in which a room reaches one above it, when
+    a verb is called."""
+    return getattr(sys.modules[__name__.partition(".")[0]], name)

@@ -6,13 +6,14 @@ import textwrap
 from collections.abc import Mapping
 
 from .rendering import render
+from .shown import Shown, brief
 from .table import width
 
 #: the longest lines of a card, the columns of its names, and the longest lines of sections
 _WIDTH, _NAMES, _PAGE = 100, 9, 116
 
 
-class Card:
+class Card(Shown):
     """Names with texts, which may have several lines, in the order of `rows`.
 
     >>> print(Card({"status": "solved", "rows": "one\\ntwo"}))
@@ -33,6 +34,12 @@ class Card:
             heads = [name, *[""] * len(parts)]
             lines += [f"{head:<{names}} {part}" for head, part in zip(heads, parts or [""], strict=False)]
         return "\n".join(line.rstrip() for line in lines)
+
+    def __repr__(self) -> str:
+        return f"Card({brief(self.rows)})"
+
+    def _repr_html_(self) -> str:
+        return self.to_html()
 
     def to_html(self) -> str:
         """The card as an HTML table."""

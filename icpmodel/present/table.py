@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import shutil
 import sys
+import textwrap
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
+from ..errors import NotApplicable
 from .rendering import render
+from .shown import Shown, in_notebook
 
 #: in a file or a pipe a line is as long as it needs to be
 _UNBOUNDED = 10_000
 #: texts are wrapped to no fewer columns
 _NARROWEST = 12
+#: the spaces between two columns
+_GAP = 2
+#: the columns of a cell of a notebook, which nothing tells: what rich takes for it, unless JUPYTER_COLUMNS is set
+_CELL = 115
 
 
-@dataclass(frozen=True)
-class Table:
+@dataclass(frozen=True, repr=False)
+class Table(Shown):
     """A `title`, column `heads` (with units) and `rows` of numbers and texts, None for what is not known.
 
     >>> print(Table("Costs", ("method", "n", "time, s"), (("newton", 900, 0.0123456), ("psor", 16, None))))
@@ -37,32 +46,72 @@ class Table:
         return self.to_text(width(_UNBOUNDED))
 
     def to_text(self, columns: int) -> str:
-        """Numbers to the right, texts to the left, these wrapped where the table is wider than so many `columns`."""
+        """Numbers to the right, texts to the left, these wrapped where the table is wider than so many `columns`; where
+        that is not enough the columns that are left stand below, after the first one once more."""
         from rich.console import Console
         from rich.table import Table as Grid
         from rich.text import Text
 
         cells = self._cells()
-        grid = Grid(box=None, pad_edge=False, header_style="")
-        for k, head in enumerate(self.heads):
-            column = [row[k] for row in cells]
-            longest = max(map(len, column), default=0)
-            if self._is_text(k):
-                grid.add_column(Text(head), overflow="fold", min_width=min(max(longest, len(head)), _NARROWEST))
-            else:
-                grid.add_column(Text(head), overflow="fold", min_width=longest, justify="right")
-        for row in cells:
-            grid.add_row(*map(Text, row))
         out = io.StringIO()
         console = Console(file=out, width=columns, color_system=None, force_jupyter=False)
         if self.title:
             console.print(Text(self.title))
-        console.print(grid, crop=False)
+        for block, least in self._blocks(cells, columns):
+            if block[0] > 0:
+                console.print()
+                block, least = [0, *block], [self._least(cells, 0), *least]
+            grid = Grid(box=None, pad_edge=False, header_style="")
+            for k, narrowest in zip(block, least, strict=True):
+                grid.add_column(Text(self.heads[k]), overflow="fold", min_width=narrowest)
+                grid.columns[-1].justify = "left" if self._is_text(k) else "right"
+            for row in cells:
+                grid.add_row(*(Text(row[k]) for k in block))
+            console.print(grid, crop=False)
         return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
+
+    def _least(self, cells: list[list[str]], k: int) -> int:
+        """The fewest characters that column `k` can have: numbers and words are not cut, texts not too short."""
+        longest, word = max((len(row[k]) for row in cells), default=0), max(map(len, self.heads[k].split()), default=0)
+        return max(min(longest, _NARROWEST) if self._is_text(k) else longest, word)
+
+    def _blocks(self, cells: list[list[str]], columns: int) -> list[tuple[list[int], list[int]]]:
+        """What stands beside each other: positions of columns, and their least widths."""
+        least = [self._least(cells, k) for k in range(len(self.heads))]
+        blocks: list[tuple[list[int], list[int]]] = [([], [])]
+        for k, narrowest in enumerate(least):
+            block, widths = blocks[-1]
+            first = [least[0]] if len(blocks) > 1 else []
+            if (
+                len(block) > 1 - len(first)
+                and sum([*first, *widths, narrowest]) + _GAP * (len(block) + len(first)) > columns
+            ):
+                blocks.append(([k], [narrowest]))
+            else:
+                block.append(k)
+                widths.append(narrowest)
+        return blocks
 
     def records(self) -> list[dict[str, Any]]:
         """The rows as head → cell."""
         return [dict(zip(self.heads, row, strict=True)) for row in self.rows]
+
+    def to_dataframe(self) -> Any:
+        """The rows as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed.
+
+        >>> Table("", ("method", "n"), (("newton", 900),)).to_dataframe()
+           method    n
+        0  newton  900
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError:
+            told = "a data frame needs pandas, which is not installed: pip install pandas; to_csv() needs nothing"
+            raise NotApplicable(told) from None
+        return DataFrame(list(self.rows), columns=list(self.heads))
+
+    def _repr_html_(self) -> str:
+        return self.to_html()
 
     def to_html(self) -> str:
         """The table as HTML, with the title as its caption."""
@@ -82,14 +131,36 @@ class Table:
         return any(isinstance(row[k], str) for row in self.rows)
 
 
+class Tabular(ABC):
+    """A base of what is, or has, a table."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def table(self) -> Table: ...
+
+    def to_dataframe(self) -> Any:
+        """Its table as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed."""
+        return self.table().to_dataframe()
+
+
 def _text(cell: Any) -> str:
     if cell is None:
         return "-"
     return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
 
 
+def folded(text: str) -> str:
+    """`text` in lines that fit what standard output is, all but the first indented."""
+    return textwrap.fill(text, width(_UNBOUNDED), subsequent_indent="  ", break_on_hyphens=False)
+
+
 def width(otherwise: int) -> int:
-    """The columns of the terminal that standard output is; `otherwise` where it is none, such as a file or a pipe."""
+    """The columns of the terminal, or the cell of a notebook, that standard output is; `otherwise` where it is neither,
+    such as a file or a pipe."""
+    if in_notebook():
+        columns = os.environ.get("JUPYTER_COLUMNS", "")
+        return int(columns) if columns.isdigit() else _CELL
     if sys.stdout is None or not sys.stdout.isatty():
         return otherwise
     return max(shutil.get_terminal_size().columns, 40)

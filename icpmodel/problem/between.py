@@ -1,16 +1,19 @@
-"""Two obstacles: one below z and one above it."""
+"""Two obstacles, one below z and one above it; and whatever a user may give as an obstacle, as a map."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Vector, freeze
+from ..errors import InputError
+from ..numerics.arrays import Vector, as_vector, freeze
+from .affine import Constant
+from .function import Function
 from .map import Map
 
 
@@ -175,3 +178,54 @@ def mid(p: Vector, below: Vector, above: Vector | None = None) -> Vector:
         larger = np.where(np.abs(above) > np.abs(below), above, below)
         result = np.where(crossed, larger, result)
     return result
+
+
+def as_map(psi: Any, n: int, upper: Any = None) -> Map:
+    """Whatever a user may give as ψ, as a `Map` for vectors of length `n`, and as ψ̄, `upper`, where that is not None.
+
+    Parameters: each a `Map`, a number, a vector of shape (n,), or a callable z ↦ ψ(z).
+    Raises InputError where it is none of these, and where the two cross for every z.
+    """
+    if upper is None:
+        if type(psi) is float and psi == 0.0:
+            return _at_zero(n)
+        return psi.bind(n) if isinstance(psi, Between) else _one_side(psi, n, "psi", -np.inf)
+    if isinstance(psi, Between):
+        raise InputError("psi has an obstacle above z already; give upper, or that one")
+    both = Between(_one_side(psi, n, "psi", -np.inf), _one_side(upper, n, "upper", np.inf))
+    if (row := both.crossed_everywhere()) is not None:
+        below, above = both.lower.linear[1][row], both.upper.linear[1][row]  # type: ignore[index]
+        raise InputError(
+            f"the obstacles cross in row {row}: psi has {below:g} there, upper {above:g}; psi <= upper was expected"
+        )
+    return both
+
+
+def _one_side(value: Any, n: int, name: str, none: float) -> Map:
+    """The obstacle `value`, of which a user speaks as `name`, and where the infinite number `none` means none."""
+    if isinstance(value, Between):
+        raise InputError(f"{name} has two sides; one obstacle was expected")
+    if isinstance(value, Map):
+        bound = value.bind(n) if none < 0 else value.bind(n).from_above()
+        return bound if (c := getattr(bound, "c", None)) is None else _checked(bound, c, f"{name}.c", none)
+    if callable(value):
+        return Function(value).bind(n)
+    if isinstance(value, str) or value is None:
+        raise InputError(f"{name} is {value!r}; a number, a vector, a callable or one of icpmodel's maps was expected")
+    vector = as_vector(value, n, name, infinite=none)
+    bound = Constant(vector).bind(n)
+    return bound if none < 0.0 else _checked(bound, vector, name, none)  # both infinities pass there
+
+
+def _checked(bound: Map, c: Vector, name: str, none: float) -> Map:
+    """`bound`, whose `c` may be infinite as `none` is."""
+    if (wrong := c == -none).any():
+        i = int(np.argmax(wrong))
+        raise InputError(f"{name}[{i}] is {c[i]}; a finite number or {none} was expected")
+    return bound
+
+
+@lru_cache(maxsize=1)
+def _at_zero(n: int) -> Map:
+    """ψ = 0, which LCPs of one size share: a map never changes."""
+    return Constant(0.0).bind(n)

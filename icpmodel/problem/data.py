@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from itertools import chain
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,13 +12,13 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_array, as_vector, described, norm, not_finite
+from ..numerics.plugins import public
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
-from .affine import Constant
-from .between import Between, mid
+from ..present.shown import Shown
+from .between import Between, as_map, mid
 from .facts import Facts
-from .function import Function
 from .map import Map
 from .matrix import Matrix
 
@@ -29,7 +28,7 @@ _SAFE = (1e-280, 1e280)
 _PIECE = 10_000
 
 
-class ProblemData:
+class ProblemData(Shown):
     """A, q and ψ, and what follows from them at a z: p = Az + q, r = z − ψ(z), Res(z), and their rounding errors.
 
     `icpmodel.ICP` is this with the verbs that users call. `matrix` is A with the facts about it, `facts` those about A
@@ -338,59 +337,31 @@ class ProblemData:
         return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={psi!r}{upper})"
 
 
-def as_problem(problem: Any) -> ProblemData:
-    """`problem`, which must be an ICP. Raises InputError."""
-    if not isinstance(problem, ProblemData):
-        raise InputError(f"problem is {described(problem)}; an ICP was expected")
-    return problem
+class Holder(Protocol):
+    """What has a problem, such as a scene, a solution, or a Pyomo model that was read."""
+
+    @property
+    def problem(self) -> ProblemData: ...
 
 
-def as_map(psi: Any, n: int, upper: Any = None) -> Map:
-    """Whatever a user may give as ψ, as a `Map` for vectors of length `n`, and as ψ̄, `upper`, where that is not None.
+class Model(Protocol):
+    """What is made into a problem when it is asked for one, as its parameters may have changed."""
 
-    Parameters: each a `Map`, a number, a vector of shape (n,), or a callable z ↦ ψ(z).
-    Raises InputError where it is none of these, and where the two cross for every z.
-    """
-    if upper is None:
-        if type(psi) is float and psi == 0.0:
-            return _at_zero(n)
-        return psi.bind(n) if isinstance(psi, Between) else _one_side(psi, n, "psi", -np.inf)
-    if isinstance(psi, Between):
-        raise InputError("psi has an obstacle above z already; give upper, or that one")
-    both = Between(_one_side(psi, n, "psi", -np.inf), _one_side(upper, n, "upper", np.inf))
-    if (row := both.crossed_everywhere()) is not None:
-        below, above = both.lower.linear[1][row], both.upper.linear[1][row]  # type: ignore[index]
-        raise InputError(
-            f"the obstacles cross in row {row}: psi has {below:g} there, upper {above:g}; psi <= upper was expected"
-        )
-    return both
+    def icp(self) -> ProblemData: ...
 
 
-def _one_side(value: Any, n: int, name: str, none: float) -> Map:
-    """The obstacle `value`, of which a user speaks as `name`, and where the infinite number `none` means none."""
-    if isinstance(value, Between):
-        raise InputError(f"{name} has two sides; one obstacle was expected")
-    if isinstance(value, Map):
-        bound = value.bind(n) if none < 0 else value.bind(n).from_above()
-        return bound if (c := getattr(bound, "c", None)) is None else _checked(bound, c, f"{name}.c", none)
-    if callable(value):
-        return Function(value).bind(n)
-    if isinstance(value, str) or value is None:
-        raise InputError(f"{name} is {value!r}; a number, a vector, a callable or one of icpmodel's maps was expected")
-    vector = as_vector(value, n, name, infinite=none)
-    bound = Constant(vector).bind(n)
-    return bound if none < 0.0 else _checked(bound, vector, name, none)  # both infinities pass there
+#: what every verb takes as its problem; a text is the name of a scene
+ProblemLike = ProblemData | Holder | Model | str
 
 
-def _checked(bound: Map, c: Vector, name: str, none: float) -> Map:
-    """`bound`, whose `c` may be infinite as `none` is."""
-    if (wrong := c == -none).any():
-        i = int(np.argmax(wrong))
-        raise InputError(f"{name}[{i}] is {c[i]}; a finite number or {none} was expected")
-    return bound
-
-
-@lru_cache(maxsize=1)
-def _at_zero(n: int) -> Map:
-    """ψ = 0, which LCPs of one size share: a map never changes."""
-    return Constant(0.0).bind(n)
+def as_problem(problem: ProblemLike) -> ProblemData:
+    """The ICP that `problem` is, names, holds or makes. Raises InputError."""
+    if isinstance(problem, ProblemData):
+        return problem
+    if isinstance(problem, str):
+        return public("scenes").scene(problem).problem
+    make = getattr(problem, "icp", None)
+    found = make() if callable(make) else getattr(problem, "problem", None)
+    if not isinstance(found, ProblemData):
+        raise InputError(f"problem is {described(problem)}; an ICP, or the name of a scene, was expected")
+    return found

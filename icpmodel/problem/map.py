@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from ..numerics.arrays import ReadOnly, Vector
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ..present.shown import Shown
 
 
-class Map(ReadOnly, ABC):
+class Map(ReadOnly, Shown, ABC):
     """ψ: Rⁿ → (R ∪ {−∞})ⁿ.
 
     `value(z)` is ψ(z); `jacobian(z)` an element of the generalised Jacobian, or None where it is not known;

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import json
 import pkgutil
 from typing import Any
 
@@ -23,8 +24,9 @@ for _module in pkgutil.iter_modules(__path__):
 def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     """The scene called `name`, at its default size or with about `n` unknowns.
 
-    Parameters: `n` the wanted number of unknowns, of which the scene takes the nearest that it can have (on a square
-    grid m² with m = round(√n)); `parameters` the scene's own, which `parameters(name)` lists.
+    Parameters: `name`, after which parameters may follow, as in "membrane,mu=4"; `n` the wanted number of unknowns, of
+    which the scene takes the nearest that it can have (on a square grid m² with m = round(√n)); `parameters` the
+    scene's own, which `parameters(name)` lists.
     Raises InputError for an unknown name or parameter, for an n that is no positive integer or too small, and for an
     n that differs from the size of a scene that has only one.
 
@@ -34,7 +36,12 @@ def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     Traceback (most recent call last):
     icpmodel.errors.InputError: n is 1000; hand-lcp has one size only, n = 2
     """
-    build = _builder(name)
+    name, *pairs = name.split(",")
+    try:
+        parameters |= {key: json.loads(value) for key, _, value in (pair.partition("=") for pair in pairs)}
+    except ValueError:
+        raise InputError(f"{','.join([name, *pairs])!r} is not of the form NAME,PARAMETER=NUMBER") from None
+    n, build = parameters.pop("n", n), _builder(name)
     known = inspect.signature(build).parameters
     for parameter in parameters:
         if parameter not in known:

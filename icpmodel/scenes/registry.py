@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import functools
 import inspect
+import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ParamSpec
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ..errors import InputError
 from ..icp import ICP
 from ..numerics.arrays import ReadOnly, Vector, as_number
-from ..numerics.plugins import load_plugins
+from ..numerics.plugins import load_plugins, public
+from ..present.shown import Plotted, Shown
+from ..problem.data import ProblemData
+from ..problem.matrix import Matrix
+from ..solve.solution import Solution
 
 
-@dataclass(frozen=True)
-class Quantity:
+@dataclass(frozen=True, repr=False)
+class Quantity(Shown):
     """A number that can be read off a solution and whose value in the continuous problem is known.
 
     `exact` is that value; `measure` reads it off z, shape (n,), NaN where z does not have it; `order` is the power of
@@ -41,8 +47,8 @@ class Quantity:
         return abs(float(self.measure(z)) - self.exact)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Scene(ReadOnly):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Scene(ReadOnly, Plotted):
     """A problem of the gallery with what is known of its answer.
 
     `name` and `title` (one line for a table) are filled in by `register`; `models` says in one sentence what it models;
@@ -73,6 +79,8 @@ class Scene(ReadOnly):
         for array in (self.z_exact, self.z0, self.points):
             if array is not None:
                 array.flags.writeable = False
+        if self.points is not None:
+            _PLACES[self.problem.matrix] = self.points
 
     def errors(self, z: Any) -> dict[str, float]:
         """The distance of `z`, shape (n,), to each reference: "z" in the max-norm, then every quantity by its name.
@@ -87,8 +95,36 @@ class Scene(ReadOnly):
         known = {} if self.z_exact is None else {"z": float(np.max(np.abs(z - self.z_exact)))}
         return known | {name: quantity.error(z) for name, quantity in self.quantities.items()}
 
+    def solution(self) -> Solution:
+        """What `solve` finds from the start that the scene prescribes, solved or not.
+
+        >>> icp.scenes.hand_lcp().solution().solved
+        True
+        """
+        return self.problem.solve(z0=self.z0, raise_on_failure=False)
+
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, *, ax: Any = None, solution: Solution | None = None
+    ) -> Any:
+        """Show the `solution` where its unknowns are, or write it, or draw it into axes; see `icpmodel.study.plot`.
+
+        Parameters: `path` and `ax` as there; `solution` of the scene's problem, by default what `solve` finds.
+        Returns the matplotlib figure. Raises InputError, and FileError where the file cannot be written.
+        """
+        return public("study").plot(self if solution is None else solution, path, ax=ax, points=self.points)
+
 
 Builder = Callable[..., Scene]
+Given = ParamSpec("Given")
+
+#: where the unknowns of a scene's A stand, as long as that A is there: whoever plots a solution need not know its scene
+_PLACES: WeakKeyDictionary[Matrix, Vector] = WeakKeyDictionary()
+
+
+def points_of(problem: ProblemData) -> Vector | None:
+    """Where the unknowns of `problem` are if its A is that of a scene, shape (n,) or (n, 2), else None."""
+    return _PLACES.get(problem.matrix)
+
 
 #: beyond this the matrix alone would need tens of gigabytes
 LARGEST = 10**8
@@ -102,7 +138,7 @@ def builders() -> dict[str, Builder]:
     return _BUILDERS
 
 
-def register(build: Builder) -> Builder:
+def register(build: Callable[Given, Scene]) -> Callable[Given, Scene]:
     """Make the function a scene: its name (with hyphens) is the scene's, its docstring's first line the title.
 
     It may stand anywhere: it is known once its module is imported, which is done for the files of this room and for
@@ -122,7 +158,7 @@ def register(build: Builder) -> Builder:
         raise InputError(f"there is already a scene called {name}")
 
     @functools.wraps(build)
-    def checked(*args: Any, **kwargs: Any) -> Scene:
+    def checked(*args: Given.args, **kwargs: Given.kwargs) -> Scene:
         given = signature.bind(*args, **kwargs)
         if "n" in given.arguments:
             given.arguments["n"] = size(given.arguments["n"])

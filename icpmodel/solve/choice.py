@@ -7,6 +7,7 @@ what it costs to know is worth it.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Iterable, Iterator
 
@@ -28,6 +29,7 @@ from ..problem.data import ProblemData
 from .candidate import Candidate
 from .schedule import Expected, Stage
 
+_LOG = logging.getLogger("icpmodel")
 #: a method that the paper prints is taken where it is expected to cost at most a fifth more than the best one, a
 #: shortcut where it costs at most half
 WEIGHTS = {"paper": 1 / 1.2, "modulus": 1.0, "shortcut": 2.0}
@@ -95,14 +97,20 @@ def _relaxed(problem: ProblemData) -> list[Method]:
 
 def _best(problem: ProblemData, aim: float, family: str | None, methods: Iterable[Method]) -> Asked | None:
     """Of the `methods` that may be chosen and take the problem the one that is expected to cost least."""
-    best, least = None, math.inf
+    best, least, told = None, math.inf, _LOG.isEnabledFor(logging.DEBUG)
     for method in methods:
-        if method.family not in FAMILIES[family] or method.why_not(problem) is not None:
+        if method.family not in FAMILIES[family] or (why_not := method.why_not(problem)) is not None:
+            if told and method.family in FAMILIES[family]:
+                _LOG.debug("n = %d: %r is not considered: %s", problem.n, method, why_not)
             continue
         estimate = method.estimate(problem.facts, aim)
         if estimate is None or not work.fits(estimate.memory):
+            if told:
+                _LOG.debug("n = %d: %r is not considered: it has no forecast, or needs more memory", problem.n, method)
             continue
         cost, weight = estimate.total, WEIGHTS[method.family]
+        if told:
+            _LOG.debug("n = %d: %r is expected to cost %.3g products with A", problem.n, method, cost)
         if best is None or weight * cost < least:
             why = f"{_WHY[method.family]}, expected to cost {cost:.3g} products with A"
             expected = Expected(cost, estimate.setup, estimate.step, method.finite, weight, estimate.look)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import logging
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -16,7 +17,7 @@ from ..methods.contract import Method, named
 from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, described
 from ..numerics.rounding import is_ctrl_c, sheltered
-from ..problem.data import ProblemData, as_problem
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
 from .goal import RTOL, AccuracyGoal, Goal, Limits
@@ -26,6 +27,7 @@ from .run import Best, Run, fault_of_psi
 from .schedule import Stage, in_turn
 from .solution import History, Solution, Status
 
+_LOG = logging.getLogger("icpmodel")
 #: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it, and for the second
 #: one where more would do
 _LEAST_AIM, _MOST_AIM = 1e-14, 0.5
@@ -48,7 +50,7 @@ def _is_luck(run: Run, z: Vector) -> bool:
 
 @sheltered
 def solve(
-    problem: ProblemData,
+    problem: ProblemLike,
     method: str | Method | None = None,
     *,
     z0: Any = None,
@@ -70,8 +72,10 @@ def solve(
     |z_i − z*_i| ≤ accuracy in every entry.
 
     Parameters:
-    `problem`; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or None to have one picked, and the
-    problem reduced before where that pays (see `icpmodel.solve.reduced`), while a named one gets the whole problem;
+    `problem` an ICP, the name of a scene, or what holds or makes an ICP: a scene, a solution, an `icpmodel.Problem` in
+    CVXPY's terms, a Pyomo model that was read; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or
+    None to have one picked, and the problem reduced before where that pays (see `icpmodel.solve.reduced`), while a
+    named one gets the whole problem;
     `family`, where no method is named: "paper" for members that the paper prints alone, "modulus" for all that grows
     out of the modulus equation, without the shortcuts (pivots, the tridiagonal pass), None for both;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
@@ -81,8 +85,10 @@ def solve(
     calls of a process does not count; `memory_limit` in bytes that may be taken beyond what is held, by default what
     the machine has free: methods that need more give way to others;
     `callback` gets a `Progress` per tested iterate and stops the run by returning True;
-    `history` keeps the residuals in `Solution.history`; `progress` shows a bar where standard error is a terminal;
-    `raise_on_failure`.
+    `history` keeps the residuals in `Solution.history`; `progress` shows a bar on a terminal or in a notebook, and in a
+    log, where standard error is neither, a line after 1, 2, 4, … seconds, then one a minute; `raise_on_failure`.
+    The logger "icpmodel" of Python's `logging` tells what is decided: at INFO which method begins and why, how it ends,
+    and the answer; at DEBUG also what every method that was considered would cost or cannot take, and whose turn it is.
     Returns a `Solution`; its z is the best iterate, and SOLVED means that the residual of this very z was recomputed.
     Raises InputError, NotApplicable (SingularOperator, or nothing bounds the error and `accuracy` is wanted), MapError
     where ψ fails at the start, and NotSolved, which carries the best iterate, where the run fails, runs out of time or
@@ -110,8 +116,8 @@ def solve(
         raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
     for name, flag in (("history", history), ("progress", progress), ("raise_on_failure", raise_on_failure)):
         as_truth(flag, name)
-    n = as_problem(problem).n
-    start = np.zeros(n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
+    problem = as_problem(problem)
+    start = np.zeros(problem.n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     with limits.kept():
         run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
         carry_out(run, _candidates(problem, method, options, run.aim, family))
@@ -119,7 +125,7 @@ def solve(
             raise run.singular
         if run.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
-        solution = solution_of(run, limits)
+        solution = _told(solution_of(run, limits))
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
@@ -264,6 +270,14 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         time_limit=limits.time_limit,
         memory_limit=limits.memory_limit,
     )
+
+
+def _told(solution: Solution) -> Solution:
+    """The `solution`, of which the log is told."""
+    if _LOG.isEnabledFor(logging.INFO):
+        found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
+        _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", solution.problem.n, *found)
+    return solution
 
 
 def _crossed_for_good(run: Run) -> bool:

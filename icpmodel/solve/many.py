@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -11,18 +12,23 @@ from numpy.typing import NDArray
 
 from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
 from ..errors import InputError, MapError, NotApplicable, NotSolved, OutOfTime, SingularOperator
+from ..methods.pivots import Lemke
 from ..methods.tridiagonal import Tridiagonal
 from ..numerics import work
 from ..numerics.arrays import Vector, as_array, as_real, axes, row_norms
+from ..numerics.plugins import public
 from ..numerics.rounding import is_ctrl_c, sheltered
 from ..numerics.threads import cores, in_parts
-from ..problem.between import mid
-from ..problem.data import ProblemData, as_map
+from ..problem.between import as_map, mid
+from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.verdict import certain_rows
 from .driver import solve
 from .goal import RTOL, Limits
-from .solution import Solutions, Status
+from .solution import Status
+from .solutions import Found, Solutions, Stated
+
+_LOG = logging.getLogger("icpmodel")
 
 Matrix = NDArray[np.float64]
 
@@ -123,42 +129,42 @@ class Batch:
     def __init__(self, A: Any, Q: Any, psi: Any, upper: Any, Z0: Any, limits: Limits) -> None:
         self.clock, self.limits, Q = work.clock(), limits, _rows(Q, "Q", 0.0)
         matrices = _each(A, lambda one: axes(one, "A") == 2)
-        self.psi, self.maps, self.obstacles = psi, *_listed(psi, "psi", -np.inf)
-        self.upper, self.uppers, self.above = upper, *_listed(upper, "upper", np.inf)
+        self.maps, self.obstacles = _listed(psi, "psi", -np.inf)
+        self.uppers, self.above = _listed(upper, "upper", np.inf)
         self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", 0.0)
         k = _common(A=matrices, Q=Q, psi=self.maps, upper=self.uppers, Z0=self.starts)
         # what is wrong in a row is said before another one is solved
-        self.problems = [ProblemData(one, Q[0], *self._sides(0)) for one in (matrices or [A])]
-        self.problem = self.problems[0]
+        below, above = (psi, self.maps), (upper, self.uppers)
+        of_all = limits.time_limit, limits.memory_limit
+        self.stated = Stated([], np.broadcast_to(Q, (k, Q.shape[1])), below, above, *of_all)
+        first = self.stated.sides(0)
+        self.stated.problems.extend(public("ICP")(one, Q[0], *first) for one in (matrices or [A]))
+        self.problem = self.stated.problems[0]
         n = self.problem.n
         self.small = self.problem.n <= PIVOT_UP_TO
         for name, rows in (("Z0", self.starts), ("psi", self.obstacles), ("upper", self.above)):
             if rows is not None:
                 self.problem.vector(rows[0], name)  # has the right length
         if self.uppers is None and self.obstacles is None and self.maps is not None:
-            self.maps = [as_map(one, n) for one in self.maps]
+            self.maps[:] = [as_map(one, n) for one in self.maps]
         elif self.uppers is not None:
             for row in range(k):
-                self.problem.with_sides(*self._sides(row))
-        self.Q, self.Z = np.broadcast_to(Q, (k, n)), np.zeros((k, n))
+                self.problem.with_sides(*self.stated.sides(row))
+        self.Q, self.Z = self.stated.Q, np.zeros((k, n))
         if self.starts is not None:
             self.Z[:] = self.starts
         self.residuals, self.tolerances = np.full(k, np.inf), np.zeros(k)
         self.solved = np.zeros(k, dtype=bool)
         self.failures: dict[int, tuple[Status, str]] = {}
+        self.alone: dict[int, Found] = {}
         self.interrupted = False
-
-    def _sides(self, row: int) -> list[Any]:
-        """ψ and ψ̄, or None, of one row."""
-        both = (self.psi, self.maps), (self.upper, self.uppers)
-        return [one if maps is None else maps[row if len(maps) > 1 else 0] for one, maps in both]
 
     def at_once(self) -> None:
         """The rows in compiled code, where there is some for them, while the limits allow it; a row is solved where its
         residual says so."""
         problem, psi, n, small = self.problem, self.problem.psi, self.problem.n, self.small
         affine = psi.linear is not None and not psi.is_constant
-        shared = len(self.problems) == 1 and (self.maps is None or self.obstacles is not None)
+        shared = len(self.stated.problems) == 1 and (self.maps is None or self.obstacles is not None)
         shared = shared and (self.uppers is None or self.above is not None)
         if not shared or not (affine or problem.facts.has_fixed_obstacle):
             return
@@ -271,7 +277,7 @@ class Batch:
         free = None if limits.memory_limit is None else work.free_memory()
         options: Any = {"rtol": limits.rtol, "atol": limits.atol, "time_limit": left, "memory_limit": free}
         try:
-            problem = self._problem(row)
+            problem = self.stated.problem(row)
             start = self.start(row, problem)
             try:
                 solution = solve(problem, z0=start, raise_on_failure=False, **options)
@@ -292,7 +298,7 @@ class Batch:
             self.interrupted = True
         else:
             self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
-            self.solved[row] = solution.solved
+            self.solved[row], self.alone[row] = solution.solved, Found.of(solution)
             if not solution.solved:
                 self.failures[row] = solution.status, solution.message
             self.interrupted = solution.status is Status.INTERRUPTED
@@ -306,13 +312,6 @@ class Batch:
                 return None
         return self.Z[row - 1] if row and self.solved[row - 1] else None
 
-    def _problem(self, row: int) -> ProblemData:
-        """The problem of one row, which shares with the others what they have in common."""
-        problem = self.problems[row if len(self.problems) > 1 else 0].with_q(self.Q[row])
-        if self.maps is None and self.uppers is None:
-            return problem
-        return problem.with_sides(*self._sides(row))
-
     def solutions(self) -> Solutions:
         """All rows, at once where that can be, the others one by one."""
         with self.limits.kept():
@@ -322,6 +321,11 @@ class Batch:
                 if not is_ctrl_c(error):
                     raise
                 self.interrupted = True
+            method = Lemke() if self.small else Tridiagonal()
+            told = int(self.solved.sum()), method
+            at_once = Found.at_once(method, told[0], work.clock() - self.clock)
+            if _LOG.isEnabledFor(logging.INFO):
+                _LOG.info("%d rows, n = %d: %d are solved at once by %r, the others one by one", *self.Z.shape, *told)
             for left_open in np.flatnonzero(~self.solved):
                 self.solve(int(left_open))
         self.Z.flags.writeable = False
@@ -330,4 +334,5 @@ class Batch:
             statuses[row] = status
         messages = {row: message for row, (_, message) in self.failures.items()}
         seconds = work.clock() - self.clock
-        return Solutions(self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages)
+        found = self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages
+        return Solutions(*found, self.stated, at_once, self.alone)

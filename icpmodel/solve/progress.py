@@ -1,4 +1,5 @@
-"""What a callback sees of a run, and a progress bar on a terminal, nothing in a pipe."""
+"""What a callback sees of a run, and how a person is told how far it is: a bar on a terminal and in a notebook, a line
+now and then in a log."""
 
 from __future__ import annotations
 
@@ -8,18 +9,25 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from ..numerics.arrays import Vector
+from ..present.rendering import render
+from ..present.shown import Shown, in_notebook
+
+#: how often a bar is drawn, in seconds; and how far the lines of a log, which come after 1, 2, 4, … seconds, are apart
+#: at the most
+_DRAWN, _APART = 0.1, 60.0
 
 
-@dataclass(frozen=True)
-class Progress:
+@dataclass(frozen=True, repr=False)
+class Progress(Shown):
     """What a callback sees: `iteration`, `z` (read-only, shape (n,)), `residual` and `seconds` since the start.
 
     >>> seen = []
-    >>> _ = ICP([[2.0]], [-2.0]).solve("mnmgs", callback=lambda state: seen.append(state.iteration))
-    >>> seen
-    [0, 1]
+    >>> _ = ICP([[2.0]], [-2.0]).solve("mnmgs", callback=lambda state: seen.append(state))
+    >>> seen[1]
+    Progress(iteration=1, z=array([1.]), residual=0, seconds=...)
     """
 
     iteration: int
@@ -31,55 +39,116 @@ class Progress:
 class Bar:
     """A bar that shows nothing; `update` is cheap enough to be called at every iteration."""
 
+    def begin(self, title: str) -> None:
+        """Tell the bar who has the turn."""
+
     def update(self, iteration: int, residual: float, tolerance: float) -> None:
         """Tell the bar how far the run is: `iteration`, Res(z) and the residual at which it may stop."""
 
 
-class _TerminalBar(Bar):
-    """The share of the way, on a logarithmic scale, from the first residual to the tolerance."""
+class _Pace:
+    """When it is time to show something: every tenth of a second, or as the lines of a log come, by a `clock`."""
 
-    def __init__(self, progress: object, task: object) -> None:
-        self.progress, self.task = progress, task
-        self.first, self.shown = 0.0, 0.0
+    def __init__(self, clock: Callable[[], float], log: bool) -> None:
+        self.clock, self.wait, self.longer = clock, 1.0 if log else _DRAWN, 2.0 if log else 1.0
+        self.next = clock() + (self.wait if log else 0.0)
+
+    def is_due(self) -> bool:
+        """Whether it is time; if so, the next time is later."""
+        now = self.clock()
+        if now < self.next:
+            return False
+        self.next, self.wait = now + self.wait, min(self.longer * self.wait, _APART)
+        return True
+
+
+class _SeenBar(Bar):
+    """The share of the way, on a logarithmic scale, from the first residual of a turn to the tolerance; `show` draws
+    (title, share, text)."""
+
+    def __init__(self, show: Callable[[str, float, str], None], pace: _Pace) -> None:
+        self.show, self.pace, self.title, self.first = show, pace, "", 0.0
+
+    def begin(self, title: str) -> None:
+        self.title, self.first = title, 0.0
 
     def update(self, iteration: int, residual: float, tolerance: float) -> None:
-        """Draws ten times a second at the most."""
         self.first = self.first or residual
-        now = time.monotonic()
-        if now - self.shown < 0.1:
-            return
-        self.shown = now
-        share = 0.0
-        if 0 < tolerance < self.first and residual > 0:
-            share = math.log(self.first / residual) / math.log(self.first / tolerance)
-        text = f"iteration {iteration}, residual {residual:.2e} -> {tolerance:.2e}"
-        self.progress.update(self.task, completed=min(max(share, 0.0), 1.0), text=text)  # type: ignore[attr-defined]
+        if self.pace.is_due():
+            share = 0.0
+            if 0 < tolerance < self.first and residual > 0:
+                share = math.log(self.first / residual) / math.log(self.first / tolerance)
+            text = f"iteration {iteration}, residual {residual:.2e} -> {tolerance:.2e}"
+            self.show(self.title, min(max(share, 0.0), 1.0), text)
 
 
-def progress_bar(wanted: bool, title: str) -> contextlib.AbstractContextManager[Bar]:
-    """A `Bar` for one run: a visible one if `wanted` and standard error is a terminal."""
-    return _terminal_bar(title) if wanted and sys.stderr.isatty() else contextlib.nullcontext(Bar())
+def progress_bar(wanted: bool, clock: Callable[[], float] = time.monotonic) -> contextlib.AbstractContextManager[Bar]:
+    """A `Bar` for one run, if `wanted`: on standard error where that is a terminal, in the cell of a notebook, else
+    lines on standard error, the first one after a second."""
+    if not wanted or sys.stderr is None:
+        return contextlib.nullcontext(Bar())
+    if in_notebook():
+        return _notebook_bar(_Pace(clock, log=False))
+    if sys.stderr.isatty():
+        return _terminal_bar(_Pace(clock, log=False))
+    pace = _Pace(clock, log=True)
+    return contextlib.nullcontext(_SeenBar(lambda title, _, text: _write(f"{title}: {text}"), pace))
 
 
 @contextlib.contextmanager
-def _terminal_bar(title: str) -> Iterator[Bar]:
+def _terminal_bar(pace: _Pace) -> Iterator[Bar]:
     from rich.console import Console
     from rich.markup import escape
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn(escape(title)), BarColumn(), TextColumn("{task.fields[text]}"), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        yield _TerminalBar(progress, progress.add_task(title, total=1.0, text=""))
+        task = progress.add_task("", total=1.0, text="")
+
+        def show(title: str, share: float, text: str) -> None:
+            progress.update(task, description=escape(title), completed=share, text=text)
+
+        yield _SeenBar(show, pace)
 
 
 @contextlib.contextmanager
-def status_line(wanted: bool) -> Iterator[Callable[[str], None]]:
-    """A function that shows a sentence on what is going on: if `wanted` and standard error is a terminal."""
-    if not wanted or not sys.stderr.isatty():
-        yield lambda text: None
-        return
-    from rich.console import Console
-    from rich.markup import escape
+def _notebook_bar(pace: _Pace) -> Iterator[Bar]:
+    with _cell() as show:
+        yield _SeenBar(lambda title, share, text: show(title=title, share=share, text=text), pace)
 
-    with Console(stderr=True).status("") as status:
-        yield lambda text: status.update(escape(text))
+
+@contextlib.contextmanager
+def _cell() -> Iterator[Callable[..., None]]:
+    """What shows `progress.html` in the output of a cell, once, and replaces it from then on; at the end it is gone."""
+    from IPython.display import HTML, display
+
+    handle: Any = display(HTML(""), display_id=True)
+    try:
+        yield lambda **values: handle.update(HTML(render("progress.html", **values)))
+    finally:
+        handle.update(HTML(""))
+
+
+def _write(text: str) -> None:
+    with contextlib.suppress(OSError, ValueError):  # a log that is full or closed does not end a run
+        print(f"icpmodel: {text}", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def status_line(wanted: bool, clock: Callable[[], float] = time.monotonic) -> Iterator[Callable[[str], None]]:
+    """A function that shows a sentence on what is going on, if `wanted`: on a terminal and in a notebook the latest
+    one, in a log one now and then."""
+    if not wanted or sys.stderr is None:
+        yield lambda text: None
+    elif in_notebook():
+        with _cell() as show:
+            yield lambda text: show(title=text, share=None, text="")
+    elif sys.stderr.isatty():
+        from rich.console import Console
+        from rich.markup import escape
+
+        with Console(stderr=True).status("") as status:
+            yield lambda text: status.update(escape(text))
+    else:
+        pace = _Pace(clock, log=True)
+        yield lambda text: _write(text) if pace.is_due() else None

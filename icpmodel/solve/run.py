@@ -1,7 +1,6 @@
 """The only loop: it drives one candidate after the other, tests their iterates, keeps the best, and says why it ended.
 
-Whole problems and parts of them go through it alike. The logger "icpmodel" tells what it decides: at INFO who begins
-and how he ends, at DEBUG whose turn it is.
+Whole problems and parts of them go through it alike. The logger "icpmodel" tells what it decides, see `solve`.
 """
 
 from __future__ import annotations
@@ -116,12 +115,14 @@ class Run:
         loops: dict[Turn[Candidate], Iterator[bool]] = {}
         schedule = Schedule(stages)
         turn = self._turn(schedule)
-        while turn is not None:
-            if self.told:
-                _LOG.debug("n = %d, iteration %d: the turn is with %r", self.problem.n, self.iteration, turn.who.method)
-            loop = loops.get(turn) or loops.setdefault(turn, self._one(turn))
-            following: Turn[Candidate] | None = turn
-            with progress_bar(self.progress, turn.who.method.name) as self.bar:
+        with progress_bar(self.progress) as self.bar:
+            while turn is not None:
+                if self.told:
+                    whose = self.problem.n, self.iteration, turn.who.method
+                    _LOG.debug("n = %d, iteration %d: the turn is with %r", *whose)
+                self.bar.begin(turn.who.method.name)
+                loop = loops.get(turn) or loops.setdefault(turn, self._one(turn))
+                following: Turn[Candidate] | None = turn
                 while following is turn:
                     for look in loop:
                         yield
@@ -132,7 +133,7 @@ class Run:
                             return
                         schedule.end(turn)
                     following = self._turn(schedule)
-            turn = following
+                turn = following
         if self.refused is not None:
             self.ended = self.refused.ended
             if self.refused.candidate is not None:
@@ -170,6 +171,7 @@ class Run:
         except SingularOperator as error:
             self.singular = error
             self.tried.remove(tried)
+            self._tell_end(turn.who, str(error))
             return
         except Infeasible as proof:
             self.infeasible = proof.answer
@@ -184,8 +186,11 @@ class Run:
                 raise
             self.fault, self.ended = error, Ended(Status.MAP_FAILED, str(error))
         tried.outcome = self.ended.status.value
+        self._tell_end(turn.who, tried.outcome)
+
+    def _tell_end(self, candidate: Candidate, why: str) -> None:
         if self.told:
-            told = turn.who.method, tried.outcome, self.iteration, np.nan if self.best is None else self.best.residual
+            told = candidate.method, why, self.iteration, np.nan if self.best is None else self.best.residual
             _LOG.info("n = %d: %r ends, %s, at iteration %d; best residual %.3g", self.problem.n, *told)
 
     def _begin(self, finite: bool) -> Vector:

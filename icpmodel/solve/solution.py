@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any
@@ -15,8 +16,11 @@ from ..algebra.equations import pattern_at, solve_on
 from ..errors import IcpError, MapError
 from ..methods.contract import Method
 from ..numerics.arrays import ReadOnly, Vector
+from ..numerics.plugins import public
 from ..numerics.rounding import sheltered
 from ..present.card import Card
+from ..present.shown import Plotted, cut
+from ..present.table import Table, Tabular
 from ..problem.data import ProblemData
 from ..problem.verdict import certain
 from ..theory.answers import Answer
@@ -83,21 +87,30 @@ _ADVICE = {
 _BETTER = 0.99
 
 
-@dataclass(frozen=True)
-class History(ReadOnly):
+@dataclass(frozen=True, repr=False)
+class History(ReadOnly, Plotted, Tabular):
     """The path of a run: iterate number, Res(z) and seconds since the start, one entry per tested iterate.
 
-    >>> ICP([[2.0]], [-2.0]).solve("mnmgs", history=True).history.iteration
+    >>> history = ICP([[2.0]], [-2.0]).solve("mnmgs", history=True).history
+    >>> history.iteration
     array([0, 1])
+    >>> history
+    History(iteration=<2 values>, residual=<2 values>, seconds=<2 values>)
     """
 
-    iteration: np.ndarray
-    residual: np.ndarray
-    seconds: np.ndarray
+    iteration: NDArray[np.int64]
+    residual: Vector
+    seconds: Vector
+
+    def table(self) -> Table:
+        """One row per tested iterate."""
+        columns = (self.iteration, self.residual, self.seconds)
+        rows = tuple(zip(*(column.tolist() for column in columns), strict=True))
+        return Table("", ("iteration", "Res(z)", "seconds"), rows)
 
 
-@dataclass(frozen=True, eq=False)
-class Solution(ReadOnly):
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution(ReadOnly, Plotted):
     """An answer: the returned z, why the loop stopped, and, computed when first asked for, what is certain of z.
 
     `problem`; `z` shape (n,); `status`; `message` with advice; `method`, the method that found z, and `why` it was
@@ -111,6 +124,8 @@ class Solution(ReadOnly):
     >>> solution = ICP([[2.0]], [-2.0]).solve("mnmgs")
     >>> solution.status, solution.iterations
     (<Status.SOLVED: 'solved'>, 1)
+    >>> solution
+    Solution(ICP(n=1, nnz=1, psi=Constant(0)), solved, MNMGS(), residual=0, iterations=1)
     """
 
     problem: ProblemData
@@ -126,10 +141,10 @@ class Solution(ReadOnly):
     iterations: int
     seconds: float
     accuracy: float | None = None
-    history: History | None = field(default=None, repr=False)
-    infeasible: Answer | None = field(default=None, repr=False)
-    time_limit: float | None = field(default=None, repr=False)
-    memory_limit: float | None = field(default=None, repr=False)
+    history: History | None = None
+    infeasible: Answer | None = None
+    time_limit: float | None = None
+    memory_limit: float | None = None
 
     def __post_init__(self) -> None:
         self.z.flags.writeable = False  # all else is locked already
@@ -215,8 +230,9 @@ class Solution(ReadOnly):
         reached = residual <= self.tolerance if not self.accuracy else found is not None and found <= self.accuracy
         if reached:
             return better._with(status=Status.SOLVED, message="solved")
-        told = f"{self.message}; polished to a residual of {residual:.3g}"
-        return self if self.solved else better._with(message=told)
+        if self.solved or self.status is Status.CROSSED:  # which is said of this very z
+            return self
+        return better._with(message=f"{self.message}; polished to a residual of {residual:.3g}")
 
     def _closer(self, z: Vector) -> bool:
         """Whether `z` has an error bound that is smaller enough than that of this answer."""
@@ -319,53 +335,21 @@ class Solution(ReadOnly):
         # JSON has no NaN and no infinity
         return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
 
+    def plot(self, path: str | os.PathLike[str] | None = None, *, ax: Any = None, points: Any = None) -> Any:
+        """Show z, ψ(z) and p where the unknowns are, or write them, or draw them into axes; see `icpmodel.study.plot`.
+
+        Parameters: `path` and `ax` as there; `points` the coordinates of the unknowns, shape (n,) or (n, 2), by default
+        those of the scene that A is from, else the row numbers. Returns the matplotlib figure. Raises InputError, and
+        FileError where the file cannot be written.
+        """
+        return public("study").plot(self, path, ax=ax, points=points)
+
+    def __repr__(self) -> str:
+        found = f"{self.problem!r}, {self.status.value}, {self.method!r}"
+        return f"Solution({cut(found, 400)}, residual={self.residual:.3g}, iterations={self.iterations})"
+
     def __str__(self) -> str:
         return str(Card(self.summary()))
 
     def _repr_html_(self) -> str:
         return Card(self.summary()).to_html()
-
-
-@dataclass(frozen=True, eq=False)
-class Solutions(ReadOnly):
-    """The answers of `solve_many`, one row per problem.
-
-    `Z` shape (k, n), read-only; `statuses` k members of `Status`; `residuals` = Res(z) of the returned rows, recomputed
-    from (A, q, ψ, z), and the `tolerances` they were held against, shape (k,) each; `seconds` of the whole;
-    `messages` what went wrong, by row.
-
-    >>> icp.solve_many([[2.0]], [[-2.0], [3.0]]).Z
-    array([[1.],
-           [0.]])
-    """
-
-    Z: NDArray[np.float64]
-    statuses: tuple[Status, ...]
-    residuals: Vector
-    tolerances: Vector
-    seconds: float
-    messages: dict[int, str] = field(repr=False)
-
-    @property
-    def failed(self) -> list[int]:
-        """The rows whose status is not SOLVED.
-
-        >>> icp.solve_many([[-1.0]], [[1.0], [-1.0]], raise_on_failure=False).failed
-        [1]
-        """
-        return sorted(self.messages)
-
-    @property
-    def message(self) -> str:
-        """What went wrong, in one sentence.
-
-        >>> icp.solve_many([[2.0]], [[-2.0], [3.0]]).message
-        'all 2 rows are solved'
-        """
-        if not self.messages:
-            return f"all {len(self.Z)} rows are solved"
-        first = self.failed[0]
-        return f"{len(self.messages)} of {len(self.Z)} rows failed, first row {first}: {self.messages[first]}"
-
-    def __repr__(self) -> str:
-        return f"Solutions(k={self.Z.shape[0]}, n={self.Z.shape[1]}, {self.message}, seconds={self.seconds:.3g})"

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from ..errors import InputError, NotApplicable
 from ..numerics.arrays import described
-from ..problem.data import ProblemData
+from ..problem.data import ProblemLike, as_problem
 from .clarabel import clarabel_options
 from .foreign import Claim, ForeignSolver, missing
 from .formulations import Target
@@ -22,7 +22,7 @@ from .highs import highs_options
 from .osqp import osqp_options
 
 
-def to_cvxpy(problem: ProblemData, formulation: str = "qp") -> Any:
+def to_cvxpy(problem: ProblemLike, formulation: str = "qp") -> Any:
     """`problem` as a CVXPY problem in one variable named z, in the units of the ICP.
 
     "qp": ½zᵀAz + qᵀz subject to r ≥ 0 where ψ is constant and A symmetric, else the gap pᵀr subject to p ≥ 0, r ≥ 0; an
@@ -40,6 +40,7 @@ def to_cvxpy(problem: ProblemData, formulation: str = "qp") -> Any:
     """
     if formulation not in ("qp", "mip"):
         raise InputError(f"formulation is {described(formulation)}; 'qp' or 'mip' was expected")
+    problem = as_problem(problem)
     if problem.psi.linear is None:
         raise NotApplicable(
             f"to_cvxpy needs a psi that is constant or affine, not {problem.psi!r}: "

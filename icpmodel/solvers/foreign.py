@@ -27,13 +27,14 @@ from ..errors import InputError, meant
 from ..numerics.arrays import as_list
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import is_ctrl_c
+from ..present.shown import Shown
 from .formulations import QP, Target
 
 _REGISTRY: dict[str, type[ForeignSolver]] = {}
 
 
-@dataclass(frozen=True, eq=False)
-class Claim:
+@dataclass(frozen=True, eq=False, repr=False)
+class Claim(Shown):
     """What a foreign solver returns: it is recorded, and never believed.
 
     Parameters: `z`, shape (n,), in the units of `target.problem`, or None; `words`, its status in its own words;
@@ -51,18 +52,20 @@ class Claim:
     setup: float | None = None
 
 
-class ForeignSolver(ABC):
+class ForeignSolver(Shown, ABC):
     """What another package, or other code, takes to solve a `Target`. Whoever asks it fixes tolerance and time limit.
 
     A subclass has a unique `name`, which is what users write, and is made without arguments. It may have
 
-    - `package`, the module that it needs, which it imports in `set_up` at the earliest;
+    - `package`, the module that it needs, which it imports in `set_up` at the earliest, and `extra`, the extra of
+      this package that brings it;
     - `forms`, the formulations that it can take, best first, of "energy" and "gap" (convex QPs) and "mpec" (as it
       stands; see `icpmodel.solvers.formulations`);
     - `asked_by`, who asks it where no solvers are named, of "crosscheck", "race" and "benchmark";
     - `tight`, the tolerances that a cross-check asks for, the next one where it does not claim success, and `ladder`,
       those that a benchmark asks for until the answer is good enough; each solver takes them in its own sense;
-    - `largest`, the n beyond which it is not asked, or None, and `too_large`, what would happen there.
+    - `largest`, the n beyond which it is not asked, or None, and `too_large`, what would happen there; with `size`
+      another number counts instead of n.
 
     >>> class Guess(icp.solvers.ForeignSolver):
     ...     name, asked_by = "guess", ()
@@ -76,6 +79,7 @@ class ForeignSolver(ABC):
 
     name: ClassVar[str]
     package: ClassVar[str | None] = None
+    extra: ClassVar[str | None] = None
     forms: ClassVar[tuple[str, ...]] = ("energy", "gap")
     asked_by: ClassVar[tuple[str, ...]] = ("crosscheck", "race", "benchmark")
     tight: ClassVar[tuple[float, ...]] = (1e-10,)
@@ -90,13 +94,19 @@ class ForeignSolver(ABC):
 
     def why_not(self, target: Target) -> str | None:
         """Why it cannot take `target`, in one sentence, or None; an overriding method asks `super()` as well."""
-        if self.package is not None and (reason := missing(self.package)):
+        if self.package is not None and (reason := missing(self.package, self.extra)):
             return reason
-        if self.largest is not None and target.problem.n > self.largest:
-            return f"{self.too_large} beyond n = {self.largest}; this n is {target.problem.n}"
+        n, size = target.problem.n, self.size(target)
+        if self.largest is not None and size > self.largest:
+            more = f", and {size - n} further unknowns count as well" if size > n else ""
+            return f"{self.too_large} beyond n = {self.largest}; this n is {n}{more}"
         reasons = {form: target.why_not(form) for form in self.forms}
         # the gap asks least of a problem, so that its reason says most
         return None if None in reasons.values() else reasons.get("gap", reasons[self.forms[-1]])
+
+    def size(self, target: Target) -> int:
+        """What may be at most `largest`."""
+        return target.problem.n
 
     def form(self, target: Target) -> str:
         """The first of `forms` that applies to `target`; call it only where `why_not` is None."""
@@ -139,13 +149,14 @@ def _silence() -> Iterator[None]:
         yield
 
 
-def missing(module: str) -> str | None:
-    """Why `module` cannot be imported, with the command that mends it, or None where it can."""
+def missing(module: str, extra: str | None = None) -> str | None:
+    """Why `module` cannot be imported, with the command that mends it, or None where it can; `extra` brings it."""
     try:
         importlib.import_module(module)
     except Exception as error:  # not ImportError alone: under `python -OO` some miss their docstrings
         absent = isinstance(error, ModuleNotFoundError) and error.name == module
-        return f"{module} is not installed: pip install {module}" if absent else f"{module} cannot be imported: {error}"
+        brings = module if extra is None else f'"icpmodel[{extra}]"'
+        return f"{module} is not installed: pip install {brings}" if absent else f"{module} cannot be imported: {error}"
     return None
 
 

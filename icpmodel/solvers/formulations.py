@@ -30,13 +30,14 @@ from ..errors import InputError, MapError
 from ..numerics.arrays import Vector
 from ..numerics.equilibration import in_units
 from ..numerics.rounding import UNIT_ROUNDOFF
+from ..present.shown import Shown
 from ..problem.data import ProblemData
 from ..theory.certificates.bounds import ErrorBound, error_bound
 from ..theory.matrices.classes import MatrixClasses, classify
 
 
-@dataclass(frozen=True)
-class QP:
+@dataclass(frozen=True, repr=False)
+class QP(Shown):
     """min ½yᵀPy + qᵀy subject to lower ≤ Ky ≤ upper: `P` symmetric (n, n), `K` (m, n), both CSC; ±inf allowed.
 
     y is z, followed by v where the gap has one. Where lower = upper a row is an equation.
@@ -63,8 +64,8 @@ class QP:
         return sp.csc_matrix(M), b, int(equal.sum())
 
 
-@dataclass(frozen=True, eq=False)
-class Target:
+@dataclass(frozen=True, eq=False, repr=False)
+class Target(Shown):
     """One problem for foreign solvers, with what they all need to know of it computed once.
 
     Parameters: `problem` the ICP to be solved, obstacles constant or affine, in units that suit absolute tolerances;

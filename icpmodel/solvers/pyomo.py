@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from ..errors import NotApplicable
 from ..numerics.arrays import Vector
 from ..problem.between import Between
-from ..problem.data import ProblemData
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from ..problem.map import Map
@@ -32,7 +32,7 @@ _FUNCTIONS: tuple[str, ...] = ("exp", "log", "log10", "sqrt", "sin", "cos", "tan
 _FUNCTIONS += tuple(f"arc{name}" for name in _FUNCTIONS[4:])
 
 
-def to_pyomo(problem: ProblemData) -> Any:
+def to_pyomo(problem: ProblemLike) -> Any:
     """`problem` as a Pyomo model: variables z[i], and complements(p_i ≥ 0, r_i ≥ 0) for every row i with an obstacle.
 
     With an obstacle above as well a row is complements(c_i ≤ f_i ≤ d_i, p_i) where the two move alike, f = z − Gz; else
@@ -49,6 +49,7 @@ def to_pyomo(problem: ProblemData) -> Any:
     """
     import pyomo.environ as pyo
 
+    problem = as_problem(problem)
     model = pyo.ConcreteModel()
     model.z = pyo.Var(range(problem.n))
     if isinstance(problem.psi, Between):
@@ -238,7 +239,8 @@ class PyomoIpopt(ForeignSolver):
     asked_by = ("crosscheck",)
 
     def why_not(self, target: Target) -> str | None:
-        return super().why_not(target) if shutil.which("ipopt") else "no ipopt executable on the PATH"
+        none = 'no ipopt executable on the PATH; the solver "ipopt" needs none'
+        return super().why_not(target) if shutil.which("ipopt") else none
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         from pyomo.environ import SolverFactory

@@ -1,7 +1,9 @@
 """Studies: races, stability maps, sensitivity, and the report."""
 
-from .charts.study_charts import solution_figure
-from .html_report import html_report
+from .charts import solution_charts as solution_charts
+from .charts import study_charts as study_charts
+from .charts.figures import figure, plot
+from .html_report import report
 from .planes import Axis, Plane
 from .race import Race, race
 from .sensitivity import Sensitivity, sensitivity
@@ -13,9 +15,10 @@ __all__ = [
     "Race",
     "Sensitivity",
     "StabilityMap",
-    "html_report",
+    "figure",
+    "plot",
     "race",
+    "report",
     "sensitivity",
-    "solution_figure",
     "stability",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +12,7 @@ import numpy as np
 from ..errors import IcpError, InputError
 from ..icp import ICP
 from ..numerics.arrays import as_list, as_number
-from ..problem.data import ProblemData
+from ..problem.data import ProblemData, ProblemLike
 from ..scenes import Scene, parameters, scene
 from ..solve.solution import Solution, Status
 from ..solvers.formulations import Target, in_handy_units
@@ -31,12 +30,13 @@ VARIANTS = (
 
 def built(text: str, n: int | None) -> Scene:
     """The scene that `text`, NAME or NAME,PARAMETER=NUMBER,…, stands for, of about `n` unknowns if it can."""
-    name, *pairs = text.split(",")
-    try:
-        given = {key: json.loads(value) for key, _, value in (pair.partition("=") for pair in pairs)}
-    except ValueError:
-        raise InputError(f"{text!r} is not of the form NAME,PARAMETER=NUMBER") from None
-    return scene(name, n if "n" in parameters(name) else None, **given)
+    return scene(text, n if "n" in parameters(text.partition(",")[0]) else None)
+
+
+def scene_of(problem: ProblemLike) -> Scene | None:
+    """The scene that `problem` is or names, None where it is something else."""
+    found = scene(problem) if isinstance(problem, str) else problem
+    return found if isinstance(found, Scene) else None
 
 
 def as_scenes(texts: Any) -> tuple[str, ...]:

@@ -20,13 +20,14 @@ from ..numerics.arrays import Vector
 from ..numerics.factorisation import factorise
 from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..solve.driver import RTOL
+from ..present.shown import Shown
+from ..solve.goal import RTOL
 from ..solvers.foreign import Claim, ForeignSolver, ask
 from .cases import Case, fresh, unbroken
 
 
-@dataclass(frozen=True)
-class Entry:
+@dataclass(frozen=True, repr=False)
+class Entry(Shown):
     """One competitor at one `tolerance` of a race: `seconds` of each round, and among them `build` seconds to make the
     ICP or the QP and `setup` seconds of the solver (None: not known apart); `error` in the race's measure, `residual`
     Res(z)/Res(0), its `claim`, and whether that is `wrong`: success, at a residual of ten times the tolerance or more.

@@ -10,12 +10,13 @@ from collections.abc import Callable
 from ..crosscheck.check import crosscheck
 from ..errors import IcpError, InputError
 from ..explain.explanation import explain
-from ..numerics.arrays import Vector, as_number, described
+from ..numerics.arrays import Vector, as_number
 from ..present.rendering import render
-from ..problem.data import ProblemData
+from ..problem.data import ProblemData, ProblemLike
+from ..solve.driver import solve
 from ..solve.solution import Solution
-from .charts.figures import Figure
-from .charts.study_charts import solution_figure
+from .cases import scene_of
+from .charts.figures import Figure, figure
 from .race import race
 from .sensitivity import sensitivity
 from .stability_map import stability
@@ -27,10 +28,10 @@ _MAP_UP_TO = 1000
 _TOLERANCES, _RACE_LIMIT = tuple(10.0**-k for k in range(2, 13, 2)), 3.0
 
 
-def html_report(
-    solution: Solution,
+def report(
+    problem: ProblemLike,
     *,
-    title: str,
+    title: str = "",
     about: str = "",
     points: Vector | None = None,
     z_exact: Vector | None = None,
@@ -41,24 +42,33 @@ def html_report(
     """A page that opens offline: the answer, its picture, the problem explained, a cross-check, sensitivity, a map.
 
     What cannot be done, such as a cross-check of a problem that is too large, is said in its place.
-    Parameters: `solution`, solved or not; `title` and `about`, text; `points` as in `solution_figure`; `z_exact` the
-    solution, shape (n,), where it is known; `command` what makes the page again; `time_limit` in seconds for each
-    independent solver; `say` is told what is going on. Returns the HTML text, about a megabyte at the most, with the
-    figures in it as SVG. Raises InputError.
+    Parameters: `problem`, which is solved first, or a `Solution`, solved or not; `title` and `about`, text; `points` as
+    in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene or
+    names one, these four are by default what it says of itself; `command` what makes the page again; `time_limit` in
+    seconds for each independent solver; `say` is told what is going on. Returns the HTML text, about a megabyte at the
+    most, with the figures in it as SVG. Raises InputError.
 
-    >>> solution = ICP([[2, -1], [-1, 2]], [-1, 3]).solve()
-    >>> page = icp.study.html_report(solution, title="A pair", time_limit=5)
+    >>> page = icp.report(ICP([[2, -1], [-1, 2]], [-1, 3]), title="A pair", time_limit=5)
     >>> page.startswith("<!DOCTYPE html>"), "<h2>Cross-check</h2>" in page
     (True, True)
     """
-    if not isinstance(solution, Solution):
-        raise InputError(f"solution is {described(solution)}; a Solution was expected")
     time_limit = as_number(time_limit, "time_limit", above=0.0)
+    start = None
+    if (scene := scene_of(problem)) is not None:
+        title, about = title or f"{scene.name}: {scene.title}", about or scene.models
+        points, z_exact = scene.points if points is None else points, scene.z_exact if z_exact is None else z_exact
+        problem, start = scene.problem, scene.z0
+    if isinstance(problem, Solution):
+        solution = problem
+    else:
+        say("solving")
+        solution = solve(problem, z0=start, raise_on_failure=False)
     problem = solution.problem
+    title = title or repr(problem)
     # what makes each section: its HTML "page", its "picture" as SVG, its plain "text", or several of these
     makers: dict[str, Callable[[], dict[str, str]]] = {
         "Answer": lambda: {"page": solution._repr_html_()},
-        "Picture": lambda: {"picture": _svg(solution_figure(solution, points))},
+        "Picture": lambda: {"picture": _svg(figure(solution, points))},
         "What is certain before a solve": lambda: {"page": explain(problem)._repr_html_()},
         "Cross-check": lambda: {"page": crosscheck(problem, solution, time_limit=time_limit)._repr_html_()},
         "Sensitivity of the answer": lambda: {"text": str(sensitivity(solution))},

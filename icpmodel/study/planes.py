@@ -15,6 +15,7 @@ from ..icp import ICP
 from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector
+from ..present.shown import Shown
 from ..problem.affine import Affine
 from ..problem.data import ProblemData
 from ..scenes import scene
@@ -22,8 +23,8 @@ from ..scenes.grid import adjacency, five_point, side
 from ..scenes.manufactured import complementary
 
 
-@dataclass(frozen=True, eq=False)
-class Axis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Axis(Shown):
     """One parameter: its `name`, a `label` for a chart, its `values` and whether they are spaced logarithmically.
 
     >>> icp.study.Axis("mu", "shift of the diagonal", np.array([0.0, 1.0])).log
@@ -36,8 +37,8 @@ class Axis:
     log: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Plane:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plane(Shown):
     """Two parameters, and the problem and method that belong to each pair of values.
 
     Parameters: `title`; the axes `x` and `y`; `at(x, y)` gives (problem, method).

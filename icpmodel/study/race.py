@@ -15,14 +15,15 @@ from ..errors import IcpError, InputError, Interrupted
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector, as_list, as_number
 from ..numerics.rounding import sheltered
-from ..present.table import Table
-from ..problem.data import ProblemData, as_problem
-from ..solve.driver import RTOL, solve
+from ..present.rendering import render
+from ..present.shown import Plotted
+from ..present.table import Table, Tabular, folded
+from ..problem.data import ProblemLike, as_problem
+from ..solve.driver import solve
+from ..solve.goal import RTOL
 from ..solve.progress import status_line
 from ..solvers.foreign import ForeignSolver, chosen_solvers
-from .cases import Case, fresh, unbroken
-from .charts.figures import Charted, Figure
-from .charts.study_charts import race_figure
+from .cases import Case, fresh, scene_of, unbroken
 from .competitors import Competitor, Entry, Foreign, Own, limits, own_methods
 from .timing import clocked, interleaved, machine, timed
 
@@ -44,8 +45,8 @@ _Error = Callable[[Any], float | None]
 _Say = Callable[[str], None]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Race(Charted):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Race(Plotted, Tabular):
     """What a race found: `entries`, one per competitor and tolerance; `traces`, name → (seconds, errors) of one run
     of each own method; `measure` what "error" is, in words; `limit` the seconds of one linear solve with A, None where
     PyAMG could not do it; `skipped` pairs (name, reason); `command` what makes the race again.
@@ -78,6 +79,16 @@ class Race(Charted):
             rows.append(("PyAMG, one solve", "limit", RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
         return Table(self.title, (*heads, self.measure, "Res(z) / Res(0)", "claim", "is"), tuple(rows))
 
+    def notes(self) -> list[str]:
+        """What is said below the table, in sentences, the `winner` last."""
+        return [*(f"{name}: left out, {reason}" for name, reason in self.skipped), self.winner]
+
+    def __str__(self) -> str:
+        return "\n".join([str(self.table()), *map(folded, self.notes())])
+
+    def _repr_html_(self) -> str:
+        return self.table().to_html() + render("folded.html", text="\n".join(self.notes()))
+
     @property
     def winner(self) -> str:
         """Who came first to Res(z) ≤ 1e-8·Res(0), or where nobody did to the smallest tolerance that somebody reached,
@@ -104,18 +115,10 @@ class Race(Charted):
         after = others and f"; next {others[0].name}, {others[0].median / first.median:.3g} times as long"
         return f"{told}{after or ', and nobody else'}."
 
-    def figure(self) -> Figure:
-        """Left: time against error; right: where the time to Res ≤ 1e-8·Res(0) goes. Returns a matplotlib figure."""
-        return race_figure(self.title, self.measure, self.entries, self.traces, self.limit)
-
-    def __str__(self) -> str:
-        notes = [f"{name}: left out, {reason}" for name, reason in self.skipped]
-        return "\n".join([str(self.table()), *notes, self.winner])
-
 
 @sheltered
 def race(
-    problem: ProblemData,
+    problem: ProblemLike,
     methods: Sequence[str | Method] | None = None,
     solvers: Sequence[str | ForeignSolver] | None = None,
     *,
@@ -134,16 +137,21 @@ def race(
     its own error bound β; else, where there is no bound, Res(z)/Res(0). One measure holds for all of a race.
     Parameters: `methods` by name ("mnmaor, tuned" and "psor, tuned" have the ω of the estimated Jacobi radius) or as
     objects, beside `solve()` itself; `solvers`, any foreign solver by name or as an object, both by default what the
-    problem admits; `z_exact` shape (n,); `tolerances`, to each competitor in its own sense; `repeats` ≥ 1, one for runs
-    of a second or more; `time_limit` seconds for a run, after which a competitor is not asked for more; `progress`
-    shows a line where standard error is a terminal; `command` is noted.
+    problem admits; `z_exact` shape (n,), by default that of the scene where `problem` is one or names one;
+    `tolerances`, to each competitor in its own sense; `repeats` ≥ 1, one for runs of a second or more; `time_limit`
+    seconds for a run, after which a competitor is not asked for more; `progress` shows a line on what is going on;
+    `command` is noted.
     Returns a `Race`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the race as far as it was.
 
     >>> found = icp.race(ICP([[2, -1], [-1, 2]], [-1, 3]), ["mnmgs"], ["osqp"], z_exact=[0.5, 0.0], repeats=1)
     >>> sorted({entry.name for entry in found.entries}), found.measure
     (['mnmgs', 'osqp', 'solve()'], 'max |z - z*|')
     """
-    case = Case("this problem", as_problem(problem))
+    known = scene_of(problem)
+    if known is not None and z_exact is None:
+        z_exact = known.z_exact
+    problem = as_problem(problem)
+    case = Case("this problem", problem)
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
     asked = {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}

@@ -16,6 +16,7 @@ from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..present.card import Card
+from ..present.shown import Shown
 from ..problem.affine import Constant
 from ..problem.between import Between, chosen
 from ..problem.data import ProblemData
@@ -28,8 +29,8 @@ from .cases import unbroken
 _INVERT_UP_TO = 500
 
 
-@dataclass(frozen=True)
-class Sensitivity:
+@dataclass(frozen=True, repr=False)
+class Sensitivity(Shown):
     """κ with max|δz| ≤ κ·ε·max|z| where A, q and ψ change by at most ε of themselves, entry by entry.
 
     `local`: to first order, on the active set of z (undecided rows on the side they are nearer to), None where its

@@ -13,16 +13,16 @@ from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Vector, as_number, described
 from ..numerics.rounding import sheltered
-from ..present.table import Table
-from ..problem.data import ProblemData, as_problem
+from ..present.rendering import render
+from ..present.shown import Plotted
+from ..present.table import Table, Tabular
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.driver import solve
 from ..solve.goal import Limits
 from ..solve.progress import status_line
 from ..solve.solution import Status
 from ..theory import check, check_all, theorems
 from .cases import unbroken
-from .charts.figures import Charted, Figure
-from .charts.study_charts import map_figure
 from .planes import PLANES, Plane
 from .planes import plane as plane_named
 
@@ -38,8 +38,8 @@ GLOBAL = tuple(name for name in theorems() if name != "monotone")
 PRINTED = ("4.2", "4.3", "4.4")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StabilityMap(Charted):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class StabilityMap(Plotted, Tabular):
     """What happened at every point of a plane of two parameters.
 
     `plane`, with its axes `plane.x` and `plane.y`; `ends` one of `ENDS` per point, shape (len(y), len(x)); `steps` the
@@ -107,19 +107,20 @@ class StabilityMap(Charted):
                 rows.append((end, *(int(at.sum()) for at in (here, here & self.any_proved, here & self.any_printed))))
         return Table(self.plane.title, ("end", "points", "proved", "proved as printed"), tuple(rows))
 
-    def figure(self) -> Figure:
-        """Steps as colours, failures as signs, lines around what is proved. Returns a matplotlib figure."""
-        return map_figure(self.plane, self.ends, self.steps, self.proved, self.any_printed, self.max_iter, self.rtol)
+    def _against(self) -> str:
+        return f"proved, and yet failed: {self.contradictions}; as printed: {self.printed_contradictions}"
 
     def __str__(self) -> str:
-        printed = f"as printed: {self.printed_contradictions}"
-        return f"{self.summary()}\nproved, and yet failed: {self.contradictions}; {printed}"
+        return f"{self.summary()}\n{self._against()}"
+
+    def _repr_html_(self) -> str:
+        return self.summary().to_html() + render("folded.html", text=self._against())
 
 
 @sheltered
 def stability(
     plane: str | Plane = "relaxation",
-    problem: ProblemData | None = None,
+    problem: ProblemLike | None = None,
     *,
     method: str | None = None,
     points: int = 25,
@@ -135,8 +136,8 @@ def stability(
     Parameters: `plane` "relaxation", "shift", "coupling", "transport", "condition", "units" or a `Plane` of your own;
     `problem` for the planes whose parameters are the method's ("relaxation", "shift"), by default manufactured-affine;
     `method` a name, for the others; `points` per axis; `n` wanted unknowns of the built-in problems; `starts` ≥ 1: 0
-    and random vectors, of which the worst run counts; `max_iter` and `rtol` of each run; `progress` shows a line where
-    standard error is a terminal; `command` is noted beside the data.
+    and random vectors, of which the worst run counts; `max_iter` and `rtol` of each run; `progress` shows a line on
+    what is going on; `command` is noted beside the data.
     Returns a `StabilityMap`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the map as far as it got.
 
     >>> icp.stability("relaxation", points=2, n=9).plane.x.name

@@ -9,14 +9,15 @@ from typing import Any
 
 from ..numerics import work
 from ..numerics.arrays import ReadOnly
+from ..present.shown import Shown
 
 UNDECIDED = "not decided"  #: how the reason begins where a limit left a question open
 #: what is felt of the limit of a question
 _SMALL = 0.05
 
 
-@dataclass(frozen=True)
-class Answer(ReadOnly):
+@dataclass(frozen=True, repr=False)
+class Answer(ReadOnly, Shown):
     """The answer to a question about a problem.
 
     `holds` is True (proved), False (disproved) or None (not known); `reason` a sentence; `witness` what proves it, such

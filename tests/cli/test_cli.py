@@ -16,6 +16,7 @@ from icpmodel.cli import main
 from icpmodel.cli.arguments import pairs
 from icpmodel.cli.solving import at_their_size, confirmed
 from icpmodel.crosscheck.judge import Row, Verdict
+from icpmodel.solvers import Claim, ForeignSolver, foreign_solvers
 
 
 def call(capsys, *arguments):
@@ -262,9 +263,36 @@ def test_a_disagreement_at_the_smaller_size_counts():
 
 
 def test_the_smaller_size_is_the_largest_that_the_solver_takes():
-    skipped = SimpleNamespace(rows=[Row("pyomo-highs", "", Verdict.SKIPPED, note="too large")])
-    found = at_their_size(icp.scenes.bearing(n=300), skipped, {})
-    assert [(problem.n, asked) for problem, asked in found] == [(250, ("pyomo-highs",))]
+    def row(name, note):
+        return Row(name, "", Verdict.SKIPPED if note else Verdict.AGREES, note=note)
+
+    def asked(scene, *rows):
+        return [(problem.n, names) for problem, names in at_their_size(scene, SimpleNamespace(rows=rows), {})]
+
+    large = [row(name, f"{foreign_solvers()[name].too_large} beyond") for name in ("pyomo-highs", "path", "ipopt")]
+    assert asked(icp.scenes.bearing(n=300), large[0], row("osqp", "")) == [(250, ("pyomo-highs",))]
+    assert asked(icp.scenes.bearing(n=1200), *large) == [(250, ("pyomo-highs",)), (1000, ("path", "ipopt"))]
+    # one that is not there is not asked again, and one that took the frozen obstacle alone is asked for the whole
+    assert asked(icp.scenes.bearing(n=1200), row("path", "gamspy_base is not installed")) == []
+    assert asked(icp.scenes.manufactured_affine(n=900), row("path", "")) == [(484, ("path",))]
+
+
+def test_crosscheck_ends_with_what_covers_what_at_every_size(capsys):
+    class Small(ForeignSolver):
+        name, forms, asked_by, largest = "test-small", ("mpec",), (), 30
+
+        def set_up(self, target, tolerance, time_limit):
+            return target.problem
+
+        def run(self, model):
+            return Claim(icp.solve(model, rtol=1e-12).z, "solved", True)
+
+    code, out, _ = call(capsys, "crosscheck", "bearing", "--n", "50", "--solver", "test-small", "--solver", "osqp")
+    assert code == 0
+    assert " ".join(out.split("\n\n")[-1].split()) == (
+        "Solved alike: the whole problem by osqp; the same scene at n = 30, which says nothing of this answer, "
+        "by test-small."
+    )
 
 
 def test_a_whole_number_stays_whole():
@@ -530,7 +558,7 @@ def test_stability_prints_counts_and_writes_figure_and_data(capsys, tmp_path):
     code, out, err = call(capsys, "stability", "units", "--points", "3", "--n", "9", "-o", str(target))
     assert code == 0
     assert "proved, and yet failed: 0; as printed: " in out
-    assert [line.split(".")[-1] for line in err.splitlines()] == ["png", "svg", "csv"]
+    assert [line.split(".")[-1] for line in err.splitlines()] == ["png", "csv"]
     assert target.with_suffix(".csv").read_text().startswith("# icpmodel")
     code, out, err = call(capsys, "stability", "relaxation", "hand-lcp", "--points", "2", "--csv")
     assert code == 0

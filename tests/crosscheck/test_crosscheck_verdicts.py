@@ -181,8 +181,8 @@ def test_no_solver_no_agreement() -> None:
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_one_disagreement_spoils_the_report_and_nothing_else_does(verdict: Verdict) -> None:
     rows = [Row(name, "", v, None, None, None, "", "") for name, v in (("a", Verdict.AGREES), ("b", verdict))]
-    assert Report(tuple(rows), "", "", 0.0, True, None, "", 1e-6).agrees is (verdict is not Verdict.DISAGREES)
-    assert Report(tuple(rows[1:]), "", "", 0.0, True, None, "", 1e-6).agrees is (verdict is Verdict.AGREES)
+    assert Report(tuple(rows), "", 1, "", 0.0, True, None, "", 1e-6).agrees is (verdict is not Verdict.DISAGREES)
+    assert Report(tuple(rows[1:]), "", 1, "", 0.0, True, None, "", 1e-6).agrees is (verdict is Verdict.AGREES)
 
 
 def test_all_solvers_by_default_each_at_least_one_row() -> None:
@@ -221,6 +221,29 @@ def test_the_table_is_aligned_and_narrow() -> None:
     at = head.index("note")
     body = lines[lines.index(head) + 1 : -2]
     assert all(line[at - 2 : at] == "  " and line[at] != " " for line in body)
+
+
+def test_the_end_says_which_check_that_agrees_covers_what() -> None:
+    def row(solver: str, formulation: str, verdict: Verdict = Verdict.AGREES) -> Row:
+        return Row(solver, formulation, verdict)
+
+    rows = row("a", "gap QP"), row("a", "frozen gap QP"), row("b", "MPEC", Verdict.LOOSE), row("c", "frozen MPEC")
+    report = Report(rows, "", 900, "", 0.0, True, None, "", 1e-6)
+    told = "Solved alike: the whole problem by a; "
+    told += "with its obstacle frozen at the answer, which leaves open whether there are others, by a, c"
+    assert report.coverage() == f"{told}."
+    assert " ".join(str(report).split()).endswith(report.coverage())
+    smaller = Report((row("d", "MPEC"), row("e", "", Verdict.SKIPPED)), "", 250, "", 0.0, True, None, "", 1e-6)
+    assert report.coverage(smaller) == f"{told}; the same scene at n = 250, which says nothing of this answer, by d."
+    assert Report((rows[2],), "", 1, "", 0.0, True, None, "", 1e-6).coverage() == ""
+
+
+def test_a_moving_obstacle_is_covered_as_a_whole_and_frozen() -> None:
+    problem = icp.ICP([[2.0, 0.0], [0.0, 2.0]], [-1.0, -1.0], icp.Affine([[0.0, 0.5], [0.0, 0.0]], 0.0))
+    report = crosscheck(problem, None, ["osqp"])
+    assert report.coverage().startswith("Solved alike: the whole problem by osqp; with its obstacle frozen")
+    assert json.loads(report.to_json())["coverage"] == report.coverage()
+    assert report.coverage() in report._repr_html_().replace("\n", " ")
 
 
 def test_html_is_escaped() -> None:

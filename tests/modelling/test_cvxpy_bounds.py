@@ -33,7 +33,7 @@ def test_the_optimality_conditions_of_a_quadratic_program_give_its_answer_and_it
     assert box.p == pytest.approx(rows[1].dual_value - rows[2].dual_value, abs=1e-5)
     assert (box.r == x.value).all()
     # the multiplier's row is that of the equation, with the sign that leaves A monotone
-    assert np.linalg.eigvalsh((model.icp.A + model.icp.A.T).toarray()).min() >= -1e-12
+    assert np.linalg.eigvalsh((model.icp().A + model.icp().A.T).toarray()).min() >= -1e-12
 
 
 def test_bounds_have_the_shapes_and_units_of_what_they_bound():
@@ -97,9 +97,9 @@ def test_equations_are_arranged_by_their_entries_and_signs():
 def test_what_is_known_is_kept_while_bounds_stay():
     load, high, z = cp.Parameter(2, value=[5, -1]), cp.Parameter(value=1.0), cp.Variable(2)
     model = icp.Problem(icp.complements(z - load, z, upper=high))
-    first = model.icp
+    first = model.icp()
     load.value = [0.5, 7]
-    assert model.icp.facts is first.facts
+    assert model.icp().facts is first.facts
     high.value = 2.0
-    assert model.icp.A is first.A
+    assert model.icp().A is first.A
     assert model.solve().z == pytest.approx([0.5, 2])

@@ -75,7 +75,7 @@ def test_what_was_written_and_read_again_is_the_same_icp():
     """p and r of the written model, paired: A and q, and ψ with each row divided by 1 − g_ii."""
     problem = a_problem(4, affine=True)
     p, r = (row.args[1] for row in problem.to_cvxpy().constraints)
-    read = icp.Problem(icp.complements(p, r)).icp
+    read = icp.Problem(icp.complements(p, r)).icp()
     assert read.A.toarray() == pytest.approx(problem.A.toarray())
     assert read.q == pytest.approx(problem.q)
     own = problem.psi.G.diagonal()

@@ -1,6 +1,9 @@
 """`SolverFactory("icpmodel")` as Pyomo knows solvers: both interfaces, statuses, suffixes, starts, entry points."""
 
 import io
+import json
+import pickle
+import sys
 import tomllib
 
 import numpy as np
@@ -9,7 +12,7 @@ import pytest
 from installed import HOUSE, announce, run
 from pyomo.contrib.solver.common.factory import SolverFactory as NewFactory
 from pyomo.contrib.solver.common.results import SolutionStatus, TerminationCondition
-from pyomo.contrib.solver.common.util import NoOptimalSolutionError
+from pyomo.contrib.solver.common.util import NoFeasibleSolutionError, NoOptimalSolutionError
 from pyomo.mpec import Complementarity, complements
 from pyomo_models import random_problem, violation, written
 
@@ -73,13 +76,45 @@ def test_one_import_registers_the_solver_and_none_is_needed_on_pyomos_own_comman
     )
     by_pyomo = run("-c", script, folder=tmp_path)
     assert by_pyomo.returncode == 0, by_pyomo.stderr
-    assert '"Termination condition": "optimal"' in (tmp_path / "results.json").read_text()
+    told = json.loads((tmp_path / "results.json").read_text())
+    assert told["Solver"][0]["Termination condition"] == "optimal"
+    assert told["Solution"][1]["Variable"] == {"x": {"Value": 1.5}}
+    for first in ("import icpmodel.modelling.pyomo", "import icpmodel; icpmodel.pyomo_solver()"):
+        script = (
+            f"{first}; import pyomo.environ as pyo\n"
+            "from model import model\n"
+            "pyo.SolverFactory('icpmodel').solve(model); print(model.x.value)"
+        )
+        assert run("-c", script, folder=tmp_path).stdout == "1.5\n"
+
+
+def test_without_the_import_pyomo_is_told_what_to_import(tmp_path):
+    """Pyomo takes a command of that name on the PATH for a solver of .nl files, and leaves a rewritten model behind."""
+    command = tmp_path / "icpmodel"
+    command.write_text(f"#!{sys.executable}\nfrom icpmodel.cli import main\nmain()\n")
+    command.chmod(0o755)
     script = (
-        "import icpmodel.modelling.pyomo, pyomo.environ as pyo\n"
-        "from model import model\n"
-        "pyo.SolverFactory('icpmodel').solve(model); print(model.x.value)"
+        "import os; os.environ['PATH'] = os.getcwd() + os.pathsep + os.environ['PATH']\n"
+        "import icpmodel, pyomo.environ as pyo\n"
+        "from pyomo.mpec import Complementarity, complements\n"
+        "model = pyo.ConcreteModel()\n"
+        "model.x = pyo.Var()\n"
+        "model.c = Complementarity(expr=complements(model.x >= 0, 2 * model.x >= 3))\n"
+        "solver = pyo.SolverFactory('icpmodel')\n"
+        "print(solver.available(False))\n"
+        "try: solver.solve(model)\n"
+        "except Exception as error: print(type(error).__name__)\n"
+        "try: icpmodel.pyomo_solver().solve(model)\n"
+        "except Exception as error: print(error)\n"
     )
-    assert run("-c", script, folder=tmp_path).stdout == "1.5\n"
+    done = run("-c", script, folder=tmp_path)
+    unavailable, *told, failed, rewritten = done.stdout.splitlines()
+    assert (unavailable, failed) == ("False", "ApplicationError")
+    assert rewritten.startswith("c was a Complementarity until a transformation")
+    words = (
+        'In Pyomo, `import icpmodel.modelling.pyomo` before SolverFactory("icpmodel"), or take icpmodel.pyomo_solver()'
+    )
+    assert words in " ".join(" ".join(told).split())
 
 
 def test_it_is_available_and_has_our_version():
@@ -98,36 +133,93 @@ def test_options_reach_the_solve_and_wrong_ones_are_answered():
     assert results.solver.termination_condition == pyo.TerminationCondition.optimal
     with pytest.raises(icp.InputError, match="mnmgs has no option theta1"):
         pyo.SolverFactory("icpmodel", options={"method": "mnmgs", "theta1": 2.0}).solve(model)
-    with pytest.raises(icp.InputError, match="time_limit is given to Pyomo by timelimit"):
-        old(model, options={"time_limit": 1.0})
+    for name in ("time_limit", "timelimit"):
+        with pytest.raises(icp.InputError, match=f"{name} is given to Pyomo by the keyword timelimit"):
+            old(model, options={name: 1.0})
 
 
-def test_limits_are_reported_as_such_and_leave_the_best_iterate():
+TOO_FEW = {"method": "mnmgs", "max_iter": 3}
+FAILED = {
+    "no solution": (NEW.solve, {}, NoOptimalSolutionError, "raise_exception_on_nonoptimal_result=False"),
+    "nothing to load": (
+        NEW.solve,
+        {"raise_exception_on_nonoptimal_result": False},
+        NoFeasibleSolutionError,
+        "load_solutions=False",
+    ),
+    "legacy": (old, {}, NoFeasibleSolutionError, "load_solutions=False"),
+    "legacy, asked to raise": (
+        old,
+        {"load_solutions": False, "raise_exception_on_nonoptimal_result": True},
+        NoOptimalSolutionError,
+        "raise_exception_on_nonoptimal_result=False",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FAILED)
+def test_a_failed_solve_loads_nothing_and_says_how_to_get_the_best_iterate(name):
+    """As Pyomo's interfaces to HiGHS do it, with the same exceptions."""
+    solve, keywords, error, words = FAILED[name]
     model = icp.scenes.membrane(n=100).problem.to_pyomo()
-    with pytest.raises(NoOptimalSolutionError, match="iteration limit"):
-        NEW.solve(model, solver_options={"method": "mnmgs", "max_iter": 3})
-    assert model.z[0].value is None
-    results = NEW.solve(
-        model, solver_options={"method": "mnmgs", "max_iter": 3}, raise_exception_on_nonoptimal_result=False
-    )
+    model.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
+    model.z[0].set_value(0.25)
+    with pytest.raises(error, match=f"iteration limit: max_iter = 3.*Nothing is loaded; solve.model, .*{words}"):
+        solve(model, solver_options=TOO_FEW, **keywords)
+    assert (model.z[0].value, model.z[1].value, len(model.dual)) == (0.25, None, 0)
+    assert model.z[0].stale
+
+
+def test_the_best_iterate_of_a_failed_solve_is_loaded_when_that_is_asked():
+    model = icp.scenes.membrane(n=100).problem.to_pyomo()
+    results = NEW.solve(model, solver_options=TOO_FEW, load_solutions=False, raise_exception_on_nonoptimal_result=False)
     assert results.termination_condition is TerminationCondition.iterationLimit
     assert results.solution_status is SolutionStatus.infeasible
     assert results.incumbent_objective is None
+    assert results.solution_loader.get_number_of_solutions() == 0
+    assert model.z[0].value is None
+    results.solution_loader.load_vars()
     z = np.array([variable.value for variable in model.z.values()])
     assert z.tolist() == results.extra_info.solution.z.tolist()
     assert np.abs(z).max() > 0
-    results = old(model, timelimit=0)
-    assert results.solver.termination_condition == pyo.TerminationCondition.maxTimeLimit
-    assert results.solver.status == pyo.SolverStatus.aborted
+
+
+@pytest.mark.parametrize(
+    ("limits", "end", "status"),
+    [
+        ({"options": TOO_FEW}, "maxIterations", "aborted"),
+        ({"timelimit": 0}, "maxTimeLimit", "aborted"),
+        ({"options": {"callback": lambda state: state.iteration == 2}}, "resourceInterrupt", "aborted"),
+        ({}, "infeasible", "warning"),
+    ],
+)
+def test_the_legacy_results_hand_the_best_iterate_out(limits, end, status):
+    """`load_from` takes it whatever the end was, with the forces."""
+    model = icp.scenes.membrane(n=100).problem.to_pyomo()
+    if end == "infeasible":
+        model = pyo.ConcreteModel()
+        model.z = pyo.Var([0])
+        model.c = Complementarity(expr=complements(model.z[0] >= 0, -model.z[0] - 1 >= 0))
+    model.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
+    before = [variable.value for variable in model.z.values()]
+    results = old(model, load_solutions=False, **limits)
+    assert [variable.value for variable in model.z.values()] == before
+    assert str(results.solver.termination_condition) == end
+    assert str(results.solver.status) == status
+    assert results.problem.number_of_solutions == 0
+    assert (len(results.solution), str(results.solution(0).status)) == (1, "bestSoFar")
+    model.solutions.load_from(results)
+    assert all(variable.value is not None for variable in model.z.values())
+    assert len(model.dual) == len(model.z)
 
 
 def test_what_is_proved_infeasible_is_said_to_be():
     model = pyo.ConcreteModel()
     model.x = pyo.Var()
     model.c = Complementarity(expr=complements(model.x >= 0, -model.x - 1 >= 0))
-    results = old(model)
+    results = old(model, load_solutions=False)
     assert results.solver.termination_condition == pyo.TerminationCondition.infeasible
-    results = NEW.solve(model, raise_exception_on_nonoptimal_result=False)
+    results = NEW.solve(model, raise_exception_on_nonoptimal_result=False, load_solutions=False)
     assert results.termination_condition is TerminationCondition.provenInfeasible
 
 
@@ -147,9 +239,10 @@ def test_a_bound_of_a_variable_that_no_condition_implies_is_looked_at_afterwards
         model.d.deactivate()
         model.e = Complementarity(expr=complements(model.y >= 0, 2 * model.x + model.y >= 1))
         model.f = Complementarity(expr=complements(model.x >= 0, model.x + 2 * model.y >= 1))
-    results = NEW.solve(model, raise_exception_on_nonoptimal_result=False)
+    results = NEW.solve(model, raise_exception_on_nonoptimal_result=False, load_solutions=False)
     assert results.solution_status is SolutionStatus.infeasible
     assert results.incumbent_objective is None
+    assert results.solution_loader.get_number_of_solutions() == 0
     assert "is not in its bounds [2, inf], which no condition of the model implies" in results.solver_log
     assert results.extra_info.solution.certificate.unique == unique
     expected = TerminationCondition.provenInfeasible if unique else TerminationCondition.unknown
@@ -157,7 +250,7 @@ def test_a_bound_of_a_variable_that_no_condition_implies_is_looked_at_afterwards
     with pytest.raises(NoOptimalSolutionError, match="not in its bounds"):
         NEW.solve(model)
     pyo.assert_optimal_termination(old(pair(within=pyo.NonNegativeReals)))
-    unsolved = old(pair(bounds=(2, None)), options={"method": "mnmgs", "max_iter": 0})
+    unsolved = old(pair(bounds=(2, None)), options={"method": "mnmgs", "max_iter": 0}, load_solutions=False)
     assert unsolved.solver.termination_condition == pyo.TerminationCondition.maxIterations
 
 
@@ -228,11 +321,106 @@ def test_declared_suffixes_get_the_forces():
         assert model.x[3] not in model.rc
 
 
-def test_tee_prints_the_card():
+def test_results_count_and_show_no_nan():
+    """A constant objective is the value; there are as many conditions as variables."""
+    model = pair()
+    model.constant = pyo.Objective(expr=3.0)
+    results = old(model)
+    told = str(results)
+    assert "nan" not in told
+    assert "Number of solutions: 1\n" in told
+    assert (results.problem.number_of_variables, results.problem.number_of_constraints) == (2, 2)
+    assert (results.problem.lower_bound, results.problem.upper_bound) == (3.0, 3.0)
+    assert (results.solver.message, str(results.solver.status)) == ("solved", "ok")
+    assert results.extra_info["solution"].certificate.unique
+    assert pickle.loads(pickle.dumps(results)).problem.number_of_solutions == 1
+    model.rc = pyo.Suffix(direction=pyo.Suffix.IMPORT)
+    told = str(old(model, load_solutions=False))
+    assert "number of solutions: 1\n" in told
+    assert "x:\n      Rc: 0\n      Value: 1.14" in told
+    results = NEW.solve(model)
+    assert results.incumbent_objective == 3.0
+    assert results.extra_info.iteration_count == results.extra_info.solution.iterations
+    assert results.solution_loader.get_number_of_solutions() == 1
+    told = io.StringIO()
+    results.display(ostream=told)
+    assert "nan" not in told.getvalue()
+
+
+def test_loading_twice_does_no_harm():
+    """Old scripts load what solve() has loaded; Pyomo's other results leave the model alone then, too."""
+    model = pair()
+    model.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
+    results = old(model)
+    dual = dict(model.dual.items())
+    model.solutions.load_from(results)
+    assert model.x.value == pytest.approx(8 / 7)
+    assert not model.x.stale
+    assert dict(model.dual.items()) == dual
+
+
+def test_options_of_a_call_end_with_it():
+    """Those of the solver stay, and so do those of `set_options`; a call that fails leaves nothing behind either."""
+    model, solver = pair(), icp.pyomo_solver(rtol=1e-3)
     out = io.StringIO()
-    NEW.solve(pair(), tee=[out])
-    assert "z* is the only solution" in out.getvalue()
-    assert "solved" in out.getvalue()
+    with pytest.raises(NoFeasibleSolutionError):
+        solver.solve(model, options={"method": "mnmgs", "max_iter": 0}, timelimit=7, tee=[out], report_timing=True)
+    solver.solve(model, solver_options={"method": "newton"}, timelimit=8)
+    assert solver.options.value() == {"rtol": 1e-3}
+    assert solver.config.time_limit is None
+    assert solver.config.tee == []
+    out.truncate(0)
+    solver.solve(model)
+    assert out.getvalue() == ""
+    solver.set_options("method=mnmgs timelimit=9")
+    solver.options["max_iter"] = 50
+    for _ in range(2):
+        solver.solve(model)
+        assert solver.options.value() == {"rtol": 1e-3, "method": "mnmgs", "max_iter": 50}
+        assert solver.config.time_limit == 9
+
+
+def test_what_has_no_use_here_is_refused_with_a_sentence(tmp_path):
+    model = pair()
+    for keyword in ("keepfiles", "solnfile", "solver_io", "suffixes", "writer_config"):
+        with pytest.raises(icp.InputError, match=f"{keyword}: "):
+            old(model, **{keyword: "some"})
+    for keyword, value in {"threads": 2, "working_dir": str(tmp_path)}.items():
+        with pytest.raises(icp.InputError, match=f"{keyword} = "):
+            NEW.solve(model, **{keyword: value})
+    with pytest.raises(icp.InputError, match="warmstart=False: every solve starts from the values"):
+        old(model, warmstart=False)
+    solver = pyo.SolverFactory("icpmodel")
+    assert solver.warm_start_capable()
+    pyo.assert_optimal_termination(
+        solver.solve(model, warmstart=True, keepfiles=False, suffixes=None, symbolic_solver_labels=True)
+    )
+
+
+def test_tee_prints_while_it_runs_and_then_the_card(tmp_path):
+    """Who begins and how far he is, to every stream; the user's own callback is called as well and may stop the run."""
+    model, out, seen = icp.scenes.membrane(n=100).problem.to_pyomo(), io.StringIO(), []
+
+    def look(state):
+        seen.append(out.getvalue().count("iteration "))
+
+    old(model, tee=out, options={"method": "mnmgs", "callback": look}, logfile=tmp_path / "solve.log")
+    text = out.getvalue()
+    version, problem, begins, first, second, *_ = text.splitlines()
+    assert version == f"icpmodel {icp.__version__}"
+    assert problem.startswith("ICP(n=100, ")
+    assert begins == "n = 100: MNMGS() begins: it was named"
+    assert first.startswith("iteration 0: residual ")
+    assert second.startswith("iteration 1: residual ")
+    assert seen[:2] == [1, 2]
+    assert 5 < seen[-1] < len(seen)
+    assert "z* is the only solution" in text
+    assert (tmp_path / "solve.log").read_text() == text
+    model = icp.scenes.membrane(n=100).problem.to_pyomo()
+    with pytest.raises(NoFeasibleSolutionError, match="stopped by callback"):
+        old(model, tee=out, options={"callback": lambda state: True})
+    NEW.solve(pair(bounds=(2, None)), tee=out, load_solutions=False, raise_exception_on_nonoptimal_result=False)
+    assert "is not in its bounds" in out.getvalue()
 
 
 def test_a_block_is_solved_alone():

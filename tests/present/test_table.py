@@ -3,7 +3,12 @@
 import csv
 import io
 import re
+import sys
 
+import numpy as np
+import pytest
+
+import icpmodel as icp
 from icpmodel.present import Card, Table
 from icpmodel.present.table import width
 
@@ -52,6 +57,36 @@ def test_on_a_terminal_lines_fit_and_nothing_is_lost(monkeypatch):
             assert any(word in line for line in lines)
     assert any("0.1235" in line for line in lines)
     assert max(map(len, str(Card({"row": "word " * 80})).splitlines())) <= 60
+
+
+def test_where_the_numbers_alone_are_too_wide_the_other_columns_stand_below(monkeypatch):
+    """Each block begins with the first column, and no number is cut."""
+    table = Table("", ("who", *(f"time {k}, s" for k in range(12))), (("psor", *(k + 0.1234 for k in range(12))),))
+    text = table.to_text(50)
+    assert max(map(len, text.splitlines())) <= 50
+    assert text.split().count("psor") == text.split().count("who") > 1
+    assert [word for word in text.split() if "." in word] == [f"{k + 0.1234:.4g}" for k in range(12)]
+
+
+def test_a_table_is_a_data_frame_with_the_numbers_in_full():
+    pytest.importorskip("pandas")
+    frame = TABLE.to_dataframe()
+    assert list(frame.columns) == list(TABLE.heads)
+    assert frame["time, s"][0] == 0.123456789
+    assert frame["time, s"].isna().tolist() == [False, True, False]
+    assert frame["n"].dtype == np.int64
+    history = icp.scenes.hand_lcp().problem.solve("mnmgs", history=True).history
+    assert (history.to_dataframe()["Res(z)"] == history.residual).all()
+    assert icp.solve_many([[2.0]], [[-2.0], [3.0]]).to_dataframe()["status"].tolist() == ["solved", "solved"]
+    report = icp.crosscheck(icp.ICP([[3.0]], [-1.0]), [1 / 3], ["osqp"])
+    assert report.to_dataframe()["seconds"].tolist() == [report.rows[0].seconds]
+    assert len(icp.stability("units", points=2, n=9).to_dataframe()) == 4
+
+
+def test_without_pandas_it_is_said_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(icp.NotApplicable, match="pip install pandas"):
+        TABLE.to_dataframe()
 
 
 def test_where_there_is_no_standard_output_texts_are_still_made(monkeypatch):

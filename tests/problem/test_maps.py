@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.problem.data import as_map
+from icpmodel.problem.between import as_map
 
 N = 5
 

@@ -9,6 +9,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse.linalg import aslinearoperator
 
 import icpmodel as icp
 from icpmodel.numerics.arrays import norm
@@ -79,7 +80,7 @@ def test_what_is_no_z_is_named(judge, z, words):
 )
 @pytest.mark.parametrize(("problem", "found"), [(np.eye(2), "a ndarray"), (None, "None"), (icp.ICP, "the class ICP")])
 def test_what_is_no_icp_is_named(use, problem, found):
-    with pytest.raises(icp.InputError, match=f"problem is {found}; an ICP was expected"):
+    with pytest.raises(icp.InputError, match=f"problem is {found}; an ICP, or the name of a scene, was expected"):
         use(problem)
 
 
@@ -230,3 +231,19 @@ def test_large_problems_have_the_residual_of_small_ones(scale):
     c[7] = -np.inf
     free = icp.ICP(A, q, c)
     assert free.residual(z) == pytest.approx(np.hypot.reduce(np.minimum(A @ z + q, z - c)), rel=1e-12, abs=0)
+
+
+@pytest.mark.parametrize("operator", [aslinearoperator(sp.eye_array(3)), 2.0 * aslinearoperator(np.eye(3))])
+def test_an_operator_that_only_multiplies_is_refused_with_what_to_give_instead(operator):
+    words = "Operator, which only multiplies; its entries are needed: give the array or the sparse matrix"
+    for build in (
+        lambda: icp.ICP(operator, np.ones(3)),
+        lambda: icp.solve_many(operator, np.ones((2, 3))),
+        lambda: icp.Affine(operator).bind(3),
+        lambda: icp.Modulus(splitting=operator),
+        lambda: icp.comparison_matrix(operator),
+    ):
+        with pytest.raises(icp.InputError, match=words):
+            build()
+    assert icp.ICP(operator @ np.eye(3), np.ones(3)).n == 3
+    assert icp.ICP(np.eye(3), np.ones(3), operator).psi.value(np.ones(3)).size == 3  # as psi products are enough

@@ -311,26 +311,6 @@ def test_wrong_options_are_named(options, words):
         ONE.solve("mnmgs", **options)
 
 
-def test_progress_writes_nothing_into_a_pipe(capfd):
-    icp.scenes.membrane(n=100).problem.solve("mnmgs", progress=True)
-    out, err = capfd.readouterr()
-    assert out == err == ""
-
-
-def test_progress_shows_a_bar_on_a_terminal(monkeypatch):
-    import io
-
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
-    terminal = Terminal()
-    monkeypatch.setattr("sys.stderr", terminal)
-    monkeypatch.setenv("TERM", "xterm")
-    icp.scenes.bai_symmetric(n=900, mu=0).problem.solve("mnmj", progress=True)
-    assert "iteration" in terminal.getvalue()
-
-
 def test_the_card_tells_the_status_the_bound_and_the_advice(slow):
     card = str(slow.solve("mnmgs", max_iter=2, raise_on_failure=False))
     for words in ("iteration limit after 2 iterations", "MNMGS()", "|z - z*| <=", "Advice"):

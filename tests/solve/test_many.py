@@ -5,9 +5,11 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
+from icpmodel import Status
 from icpmodel.solve.goal import Limits
 from icpmodel.solve.many import ROWS_A_THREAD, UNKNOWNS_A_THREAD, Batch, solve_many
 
+SMALL = [[2.0, -1.0], [-1.0, 2.0]]
 LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=0, time_limit=None)
 
 
@@ -360,3 +362,52 @@ def test_the_row_before_is_no_measure_of_what_is_small():
     found = icp.solve_many([[1.0]], [[-1.0], [1.0]], psi)
     assert found.Z.ravel().tolist() == [1.0, 0.0]
     assert found.residuals[1] == 0.0
+
+
+def half_sine(z):
+    return 0.5 * np.sin(z)
+
+
+def test_a_row_is_a_solution_of_its_own_problem_whatever_found_it():
+    """At once by pivots and by the tridiagonal pass, and one by one; with the certificate that `solve` gives."""
+    tridiagonal = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(100, 100))
+    random = np.random.default_rng(0)
+    for A, psi in ((SMALL, 0.0), (SMALL, icp.Affine(0.1 * np.eye(2), -1.0)), (tridiagonal, 0.0), (SMALL, half_sine)):
+        Q = random.standard_normal((4, np.shape(A)[0] if psi is not half_sine else 2))
+        many = icp.solve_many(A, Q, psi)
+        assert len(many) == len(list(many)) == 4
+        for k, one in enumerate(many):
+            alone = icp.ICP(A, Q[k], psi).solve()
+            assert isinstance(one, icp.Solution)
+            assert isinstance(one.problem, icp.ICP)
+            assert np.array_equal(one.z, many.Z[k])
+            assert (one.problem.q == Q[k]).all()
+            assert one.status is many.statuses[k]
+            assert one.residual == one.certificate.residual == many.residuals[k] <= one.tolerance == many.tolerances[k]
+            assert one.certificate.unique == alone.certificate.unique
+            assert np.abs(one.polish().z - alone.polish().z).max() <= 1e-9
+        assert type(many[0].method) is type(alone.method) or psi is half_sine
+
+
+def test_rows_are_counted_as_those_of_a_list():
+    many = icp.solve_many(SMALL, [[1.0, -2.0], [-1.0, -1.0], [0.0, 3.0]])
+    assert np.array_equal(many[-1].z, many.Z[2])
+    assert np.array_equal(many[np.int64(1)].z, many.Z[1])
+    assert [one.z.tolist() for one in many[1:]] == many.Z[1:].tolist()
+    assert not many[0].z.flags.writeable
+    for row in (3, -4):
+        with pytest.raises(IndexError, match=f"there is no row {row}; there are 3"):
+            many[row]
+    with pytest.raises(TypeError):
+        many["0"]
+
+
+def test_a_row_of_lists_has_its_own_obstacle_and_a_failed_one_its_end():
+    many = icp.solve_many([[2.0]], [[-8.0], [-8.0]], psi=[[0.0], [1.0]], upper=[[3.0], [2.0]])
+    assert [one.problem.upper.value(one.z).item() for one in many] == [3.0, 2.0]
+    failed = icp.solve_many([[-1.0]], [[1.0], [-1.0]], raise_on_failure=False)[1]
+    assert (failed.status, failed.infeasible.holds) == (Status.INFEASIBLE, True)
+    assert "infeasible" in str(failed)
+    late = icp.solve_many(SMALL, [[1.0, -2.0]] * 2, np.sin, time_limit=1e-9, raise_on_failure=False)[1]
+    assert late.status is Status.TIME_LIMIT
+    assert "was over before its turn" in late.message

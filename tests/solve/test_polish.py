@@ -106,3 +106,14 @@ class TestPolish:
         rough = icp.scenes.hand_cyclic().problem.solve("mnmgs", raise_on_failure=False)
         assert rough.status is icp.Status.CYCLED
         assert rough.polish() is rough
+
+
+def test_what_the_status_says_is_said_of_this_z():
+    """Where obstacles crossed, no other point takes the place of the one at which they do."""
+    c = np.array([0.0, 0.1, -np.inf])
+    below, above = icp.Function(lambda z: z / 2 + c), icp.Function(lambda z: np.roll(z, 1) / 2 + [1.0, 0.0, 0.0])
+    problem = icp.ICP(np.diag([1.0, 0.0, -1e-6]), np.zeros(3), below, upper=above)
+    crossed = problem.solve(z0=[1e10] * 3, raise_on_failure=False)
+    assert crossed.status is icp.Status.CROSSED
+    z = crossed.polish().z
+    assert (problem.psi.value(z) > problem.upper.value(z)).any()

@@ -15,7 +15,7 @@ from icpmodel.solvers import Claim, ForeignSolver, Target, ask, chosen_solvers, 
 from icpmodel.solvers.active_set import ColdActiveSet
 from icpmodel.solvers.formulations import in_handy_units
 
-NATIVE = ("osqp", "osqp, not polished", "clarabel", "piqp", "scs", "active set, cold", "highs")
+NATIVE = ("osqp", "osqp, not polished", "clarabel", "piqp", "scs", "active set, cold", "highs", "ipopt", "path")
 NAMES = (*NATIVE, "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs", "pyomo-ipopt")
 
 
@@ -62,7 +62,7 @@ def test_a_solver_finds_what_was_found_by_hand(solver: str, name: str) -> None:
         assert z == pytest.approx(scene.z_exact, abs=1e-5 if name == "hand-degenerate" else 1e-6)
 
 
-@pytest.mark.parametrize("solver", ["osqp", "clarabel", "piqp", "scs", "active set, cold"])
+@pytest.mark.parametrize("solver", ["osqp", "clarabel", "piqp", "scs", "active set, cold", "ipopt", "path"])
 @pytest.mark.parametrize("symmetric", [True, False])
 @pytest.mark.parametrize("unit", [1.0, 1e80])
 def test_a_solver_finds_the_solution_by_construction_in_any_units(solver: str, symmetric: bool, unit: float) -> None:
@@ -97,15 +97,17 @@ def test_every_solver_of_the_room_is_found_by_name_and_asked_by_those_that_it_na
     def asked(asker: str) -> set[str]:
         return {one.name for one in chosen_solvers(None, asker)} & set(NAMES)
 
-    assert asked("crosscheck") == {"osqp", *(name for name in NAMES if name.startswith(("cvxpy", "pyomo")))}
-    assert asked("benchmark") == {"osqp", "clarabel", "piqp", "scs", "active set, cold"}
-    assert asked("race") == set(NATIVE)
+    through = {name for name in NAMES if name.startswith(("cvxpy", "pyomo"))}
+    assert asked("crosscheck") == {"osqp", "ipopt", "path", *through}
+    assert asked("benchmark") == {"osqp", "clarabel", "piqp", "scs", "active set, cold", "path"}
+    assert asked("race") == {*NATIVE} - {"ipopt"}
 
 
 def test_finding_the_solvers_loads_no_foreign_package() -> None:
     code = (
         "import sys, icpmodel as icp; icp.solvers.foreign_solvers();"
-        "print([m for m in ('osqp', 'cvxpy', 'pyomo', 'highspy', 'clarabel', 'scs', 'piqp') if m in sys.modules])"
+        "foreign = 'osqp', 'cvxpy', 'pyomo', 'highspy', 'clarabel', 'scs', 'piqp', 'casadi', 'gamspy_base';"
+        "print([m for m in foreign if m in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
@@ -138,13 +140,16 @@ def test_an_unknown_name_is_told_the_known_ones() -> None:
         chosen_solvers([3])  # type: ignore[list-item]
 
 
-@pytest.mark.parametrize("name", ["osqp", "clarabel", "scs", "piqp", "highs", "cvxpy-clarabel", "pyomo-highs"])
+@pytest.mark.parametrize(
+    "name", ["osqp", "clarabel", "scs", "piqp", "highs", "cvxpy-clarabel", "pyomo-highs", "ipopt", "path"]
+)
 def test_a_missing_package_is_a_sentence(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     solver = foreign_solvers()[name]
     assert solver.package is not None
     monkeypatch.setitem(sys.modules, solver.package, None)
     reason = solver.why_not(Target(icp.ICP([[2.0]], [-1.0])))
-    assert reason == f"{solver.package} is not installed: pip install {solver.package}"
+    brings = solver.package if solver.extra is None else f'"icpmodel[{name}]"'
+    assert reason == f"{solver.package} is not installed: pip install {brings}"
 
 
 def test_what_a_solver_raises_becomes_its_words_and_an_interruption_passes() -> None:

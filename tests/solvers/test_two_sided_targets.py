@@ -21,6 +21,8 @@ SOLVERS = [
     "cvxpy-clarabel",
     "cvxpy-highs",
     "cvxpy-osqp",
+    "ipopt",
+    "path",
 ]
 
 

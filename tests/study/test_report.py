@@ -8,7 +8,6 @@ from html.parser import HTMLParser
 import pytest
 
 import icpmodel as icp
-from icpmodel.study import html_report
 
 SECTIONS = [
     "Answer",
@@ -58,7 +57,7 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def membrane():
     scene = icp.scenes.membrane(n=100)
-    return html_report(scene.problem.solve(), title="A <membrane>", about=scene.models, points=scene.points)
+    return icp.report(scene.problem.solve(), title="A <membrane>", about=scene.models, points=scene.points)
 
 
 def test_the_page_has_every_section_and_loads_nothing(membrane):
@@ -80,18 +79,18 @@ def test_names_within_the_figures_do_not_meet(membrane):
 
 def test_what_cannot_be_shown_is_said():
     solution = icp.scenes.hard_jump().problem.solve(raise_on_failure=False)
-    page = html_report(solution, title="jump", time_limit=5)
+    page = icp.report(solution, title="jump", time_limit=5)
     assert "only the sensitivity of a solution can be told" in page
     assert Page(page).headings == SECTIONS
-    large = html_report(icp.scenes.bai_symmetric(n=1089).problem.solve(), title="large", time_limit=5)
+    large = icp.report(icp.scenes.bai_symmetric(n=1089).problem.solve(), title="large", time_limit=5)
     assert "which is done up to n = 1000" in large
 
 
-@pytest.mark.parametrize("wrong", [{"solution": 5}, {"time_limit": 0}, {"time_limit": float("nan")}])
+@pytest.mark.parametrize("wrong", [{"problem": 5}, {"time_limit": 0}, {"time_limit": float("nan")}])
 def test_wrong_wishes_are_named(wrong):
-    arguments = {"solution": icp.scenes.hand_lcp().problem.solve(), "title": "x"} | wrong
+    arguments = {"problem": icp.scenes.hand_lcp().problem.solve(), "title": "x"} | wrong
     with pytest.raises(icp.InputError, match=f"^{next(iter(wrong))} is "):
-        html_report(**arguments)
+        icp.report(**arguments)
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium on the PATH")

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.study.charts.study_charts import solution_figure
 from icpmodel.study.sensitivity import sensitivity
 
 SOLVED = [
@@ -76,7 +75,7 @@ def test_what_cannot_be_told_is_said():
 def test_a_picture_shows_z_and_p_at_their_places(name):
     scene = icp.scenes.scene(name)
     solution = scene.problem.solve()
-    axes = solution_figure(solution, scene.points).axes
+    axes = icp.study.figure(solution, scene.points).axes
     if scene.points is not None and scene.points.ndim == 2:
         m = round(scene.problem.n**0.5)
         shown = axes[0].collections[0].get_array().reshape(m, m)
@@ -95,7 +94,7 @@ def test_contact_with_either_obstacle_has_a_shade_of_its_own_and_both_obstacles_
     """Row by row what is shaded is where z is at that obstacle, a single row too."""
     scene = icp.scenes.scene(name)
     problem, solution = scene.problem, scene.problem.solve(rtol=1e-13).polish()
-    axes = solution_figure(solution, scene.points).axes[0]
+    axes = icp.study.figure(solution, scene.points).axes[0]
     drawn = {line.get_label(): line.get_ydata() for line in axes.lines}
     assert np.array_equal(drawn["obstacle ψ(z)"], problem.psi.value(solution.z))
     assert np.array_equal(drawn["obstacle above"], problem.upper.value(solution.z))
@@ -110,9 +109,9 @@ def test_in_the_plane_the_title_says_which_outline_is_which():
     scene = icp.scenes.torsion(n=100)
     for turned, words in ((1.0, "z, contact above (orange)"), (-1.0, "z, contact below (white)")):
         solution = scene.problem.with_q(turned * scene.problem.q).solve()
-        assert solution_figure(solution, scene.points).axes[0].get_title() == words
+        assert icp.study.figure(solution, scene.points).axes[0].get_title() == words
     box = icp.scenes.box_manufactured(n=25)
-    title = solution_figure(box.problem.solve(), box.points).axes[0].get_title()
+    title = icp.study.figure(box.problem.solve(), box.points).axes[0].get_title()
     assert title == "z, contact below (white) and above (orange)"
 
 
@@ -126,4 +125,4 @@ def test_rows_whose_obstacles_are_the_same_are_moved_together():
 
 def test_points_of_another_shape_are_refused():
     with pytest.raises(icp.InputError, match=r"points has shape \(3,\); \(2,\) or \(2, 2\) was expected"):
-        solution_figure(icp.scenes.hand_lcp().problem.solve(), np.zeros(3))
+        icp.study.figure(icp.scenes.hand_lcp().problem.solve(), np.zeros(3))

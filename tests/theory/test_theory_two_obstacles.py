@@ -364,3 +364,8 @@ def test_bounds_of_many_unknowns_are_true_and_close():
         assert not (rows.active & ~low).any()
         assert not (rows.above & ~high).any()
         assert (rows.active.sum() > 0.9 * low.sum()) & (rows.above.sum() > 0.9 * high.sum())
+
+
+def test_room_between_obstacles_that_overflows_proves_nothing():
+    problem = icp.ICP(np.diag([1e234, -1.0]), [0.0, -1.0], 0.0, upper=[1e101, 1.0])
+    np.testing.assert_array_equal(problem.solve().z, [0.0, 1.0])

@@ -31,30 +31,30 @@ _SAME = 1e-4
 
 class Compiled:
     """The `sides`, stacked column by column, compiled for all values of their parameters. `variables` are those that z
-    stacks, in this order; `atoms` the parts w by the variable that stands for each."""
+    stacks, in this order; `atoms` the parts w by the variable that stands for each; `is_dpp` whether once is enough."""
 
     def __init__(self, sides: Sequence[cp.Expression]) -> None:
         self.atoms: dict[cp.Variable, cp.Expression] = {}
         self._model = cp.Problem(cp.Minimize(0), [_separated(side, self.atoms) == 0 for side in sides])
-        self._is_dpp = self._model.is_dpp()
+        self.is_dpp = self._model.is_dpp()
         self._rows = sum(side.size for side in sides)
-        self._parameters = unique(x for side in sides for x in side.parameters())
+        self.parameters = unique(x for side in sides for x in side.parameters())
         inner = unique(x for atom in self.atoms.values() for x in atom.variables())
         self.variables = unique([x for x in self._model.variables() if x not in self.atoms] + inner)
 
     def parameter_values(self) -> list[Any]:
         """Copies of what the parameters are now. Raises InputError where one has no value."""
-        for parameter in self._parameters:
+        for parameter in self.parameters:
             if parameter.value is None:
                 raise InputError(f"the parameter {parameter.name()} has no value; set its .value before solving")
-        values = (parameter.value for parameter in self._parameters)
+        values = (parameter.value for parameter in self.parameters)
         return [value.toarray() if sp.issparse(value) else np.array(value) for value in values]
 
     def rows(self) -> AffineRows:
         """They, at the present values of the parameters, without stored zeros."""
         # of CVXPY's compilers the one in SciPy is the quickest for large matrices; with parameters it knows better
-        backend = None if self._parameters else cp.SCIPY_CANON_BACKEND
-        data, _, _ = self._model.get_problem_data(cvxpy_solver(), ignore_dpp=not self._is_dpp, canon_backend=backend)
+        backend = None if self.parameters else cp.SCIPY_CANON_BACKEND
+        data, _, _ = self._model.get_problem_data(cvxpy_solver(), ignore_dpp=not self.is_dpp, canon_backend=backend)
         columns = data[cp.settings.PARAM_PROB].var_id_to_col
         M, constant = sp.csr_array(data[cp.settings.A]), -data[cp.settings.B]
         assert M.shape[0] == self._rows, "CVXPY has added rows of its own"
@@ -65,9 +65,8 @@ class Compiled:
 
 class AtomObstacle:
     """ψ(z) = Gz + c + Vw(z), w being the `atoms` in the `variables`, at the present values of their parameters. It
-    works on copies, so that neither new values of the variables nor of the parameters change it."""
-
-    __name__ = "psi of CVXPY"
+    works on copies, so that neither new values of the variables nor of the parameters change it. `name` is what it is
+    called, as ψ̄ is such a function, too."""
 
     def __init__(
         self,
@@ -76,7 +75,9 @@ class AtomObstacle:
         G: sp.csr_array,
         c: Vector,
         V: sp.csr_array,
+        name: str,
     ) -> None:
+        self.__name__ = f"{name} of CVXPY"
         self.G, self.c, self.V = G, c, V
         atoms, self._variables = list(atoms), [cp.Variable(x.shape, name=x.name()) for x in variables]
         copies: dict[int, Any] = {id(x): copy for x, copy in zip(variables, self._variables, strict=True)}
@@ -207,11 +208,13 @@ def _copied(expression: Any, copies: dict[int, Any]) -> Any:
     return type(expression)(*arguments, *(cp.Constant(x.value) if isinstance(x, cp.Expression) else x for x in data))
 
 
-def named(expression: cp.Expression) -> str:
+def named(expression: cp.Expression | cp.Constraint) -> str:
     """What a message calls `expression`: its label, else its text where that is short enough."""
     if expression.label is None and any(constant.size > _PRINTED for constant in expression.constants()):
         names = ", ".join(x.name() for x in expression.variables())
-        return f"an expression of shape {expression.shape}" + (f" in {names}" if names else "")
+        kind = "a constraint" if isinstance(expression, cp.Constraint) else "an expression"
+        text = f"{kind} of shape {expression.shape}" + (f" in {names}" if names else "")
+        return textwrap.shorten(text, 80, placeholder=" ...")
     text = re.sub(r"Promote\(([^()]*), \([\d, ]*\)\)", r"\1", expression.format_labeled())
     return textwrap.shorten(text, 80, placeholder=" ...")
 

@@ -3,7 +3,7 @@
 Every r is taken apart as Rz + Ww(z) + r₀, w being what is not affine. In each row one entry of z is the row's own:
 ρz_i − …, ρ > 0. Then r ≥ l is z_i ≥ ψ_i(z) = z_i − (r_i(z) − l_i)/ρ, in which z_i cancels, r ≤ u likewise, and p's rows
 follow those of r. A row of r in which all of z has negative factors is turned round, with its p and its bounds. The
-equations are the rows of those entries of z that no r owns.
+equations are the rows of those entries of z that no r owns. Inequalities own nothing; they are checked at the answer.
 """
 
 from __future__ import annotations
@@ -20,36 +20,50 @@ from ...icp import ICP
 from ...numerics.arrays import Vector, row_of
 from ...problem.affine import Affine
 from ...problem.function import Function
+from ...solve.solution import Solution
 from ..matching import arranged, looks_like_r, own_entries, unowned
 from .affine_rows import AffineRows
 from .compiled import AtomObstacle, Compiled, at, named, unique, unstacked
+from .side_constraints import Multipliers, checked
 
 #: what the bounds of r are called, and the number that means none
 _BOUNDS = (("lower", -np.inf), ("upper", np.inf))
 
 
 class CvxpyReading:
-    """The `conditions` and `equations`, compiled once: a `Reading`. Raises InputError for what is no ICP. `variables`
-    are those that z stacks, in this order, each column by column."""
+    """The `conditions`, `equations` and `inequalities`, compiled once: a `Reading`. Raises InputError for what is no
+    ICP. `variables` are those that z stacks, in this order, each column by column."""
 
-    def __init__(self, conditions: Sequence[Any], equations: Sequence[cp.Expression] = ()) -> None:
-        self._conditions = conditions
+    def __init__(
+        self,
+        conditions: Sequence[Any],
+        equations: Sequence[cp.Constraint] = (),
+        inequalities: Sequence[cp.Constraint] = (),
+    ) -> None:
+        self._conditions, self._equations, self._inequalities = conditions, equations, inequalities
         self._pairs = [_pair(one) for one in conditions]
-        _check_equations(equations)
+        _check_affine(equations, "equation", "a row of Az + q = 0 was expected (complements(1, r) says r = 0)")
+        _check_affine(inequalities, "inequality", "only affine ones are checked; ask its violation() after the solve")
         self._m = sum(p.size for p, _ in self._pairs)
-        self._n = self._m + sum(one.size for one in equations)
+        self._n = self._m + sum(one.expr.size for one in equations)
         bounds = [[one.bounds[k] for one in conditions if one.bounds[k] is not None] for k in (0, 1)]
-        parts = [[p for p, _ in self._pairs], [r for _, r in self._pairs], list(equations), *bounds]
+        zero, least = [one.expr for one in equations], [_at_most_zero(one) for one in inequalities]
+        parts = [[p for p, _ in self._pairs], [r for _, r in self._pairs], zero, least, *bounds]
         sides = [side for part in parts for side in part]
-        _check_variables(unique(x for side in sides for x in side.variables()), self._n)
+        _check_variables(unique(x for side in sides for x in side.variables()), self._n, bool(inequalities))
         self._compiled = Compiled(sides)
         self._ends = np.cumsum([sum(side.size for side in part) for part in parts])
-        self.variables = self._compiled.variables
+        self.variables, self.parameters = self._compiled.variables, self._compiled.parameters
+        self.is_dpp = self._compiled.is_dpp
         self._order: np.ndarray | None = None  # in which the compiled rows are those of p, then those of r
         self._gradient_holds: bool | None = None
         self._last: ICP | None = None
         self._obstacles: tuple[Any, Any] = (None, None)
         self._values: list[Any] = []
+        self._checked: AffineRows
+        #: the coefficients of the equations and of p, and what follows from them
+        self._linear: tuple[sp.csr_array, sp.csr_array]
+        self._multipliers: Multipliers | None = None
         #: of each row of a condition the entry of z that it owns, and −1 where it was turned round; ρ by entry of z
         self._own, self._sign, self._scale = np.arange(self._m), np.ones(self._m), np.ones(self._n)
 
@@ -82,21 +96,37 @@ class CvxpyReading:
         found = self._by_condition((r * self._scale)[self._own])
         return [(one, value) for one, value in found if not one.is_bounded]
 
+    def equation_multipliers(self, z: Vector) -> list[np.ndarray]:
+        """The λ of each equation at `z`, in its shape, NaN where it has none; see `Multipliers`."""
+        if self._multipliers is None:
+            self._multipliers = Multipliers.of(*self._linear, self._own)
+        return unstacked(self._multipliers.at(z), [one.expr for one in self._equations])
+
+    def checked(self, solution: Solution) -> Solution:
+        """`solution`, unless it violates an inequality."""
+        return checked(solution, self._checked, self._inequality) if self._inequalities else solution
+
+    def _inequality(self, row: int) -> str:
+        number, place = at([one.expr for one in self._inequalities], row)
+        return named(self._inequalities[number]) + (place and f", entry {place},")
+
     def _by_condition(self, rows: Vector) -> list[tuple[Any, Any]]:
         return list(zip(self._conditions, unstacked(rows, [p for p, _ in self._pairs]), strict=True))
 
     def _read(self, last: ICP | None) -> ICP:
         p, r, lower, upper = self._in_order(*self._parts())
         self._scale = r.Z.diagonal()
-        before, now = self._obstacles, (self._obstacle(r, lower), upper and self._obstacle(r, upper))
+        before = self._obstacles
+        now = self._obstacle(r, lower, "psi"), upper and self._obstacle(r, upper, "upper")
         self._check_crossing(*now)
         self._obstacles = now
         if last is None or (last.A != p.Z).nnz:
+            self._multipliers = None
             return ICP(p.Z, p.constant, *now)
         unchanged = all(map(_is_same, before, now))
         return (last if unchanged else last.with_sides(*now)).with_q(p.constant)
 
-    def _obstacle(self, r: AffineRows, bound: AffineRows | None) -> Any:
+    def _obstacle(self, r: AffineRows, bound: AffineRows | None, name: str) -> Any:
         """z − (r − `bound`)/ρ, the bound being 0 where it is None."""
         (R, W, constant), scale = r, self._scale
         with np.errstate(over="ignore"):
@@ -112,12 +142,12 @@ class CvxpyReading:
             G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(held).plus(bound.times(held / scale))
             c = c + moved
         if V.nnz:
-            return self._bent(G, c, V)
+            return self._bent(G, c, V, name)
         return Affine(G, c) if G.nnz else c
 
-    def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array) -> Function:
+    def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> Function:
         """ψ with atoms; its derivative only where CVXPY's gradients held at the first start."""
-        obstacle = AtomObstacle(self._compiled.atoms.values(), self.variables, G, c, V)
+        obstacle = AtomObstacle(self._compiled.atoms.values(), self.variables, G, c, V, name)
         if self._gradient_holds is None:
             start = self.start()
             self._gradient_holds = obstacle.gradient_holds(np.zeros(self._n) if start is None else start)
@@ -141,6 +171,7 @@ class CvxpyReading:
             raise InputError(self._misfit(r.Z, *unowned(r.Z)))
         self._own, owners = own, own
         parts: list[Any] = [p, r, lower, upper]
+        self._linear = equations.Z, p.Z
         if n > m:
             owners = np.concatenate([own, np.setdiff1d(np.arange(n), own)])
             free = r.constants(n - m, np.inf)._replace(Z=sp.eye_array(n, format="csr")[owners[m:]])
@@ -155,15 +186,18 @@ class CvxpyReading:
         return parts
 
     def _parts(self) -> tuple[Any, ...]:
-        """The rows of p, of r, of the equations, and of the bounds of r, None where no condition has such a one."""
+        """The rows of p, of r, of the equations, and of the bounds of r, None where no condition has such a one; those
+        of the inequalities are kept."""
         rows = self._compiled.rows()
         if self._order is None:
             self._order = self._p_before_r(rows.Z)
         if not np.array_equal(self._order, np.arange(self._ends[-1])):  # it would copy a matrix that may be large
             rows = rows.of(self._order)
-        p, r, equations, *bounds = (
+        p, r, equations, self._checked, *bounds = (
             rows.of(slice(start, end)) for start, end in zip([0, *self._ends[:-1]], self._ends, strict=True)
         )
+        if (wrong := np.isnan(self._checked.constant)).any():
+            raise InputError(f"{self._inequality(int(np.argmax(wrong)))} has NaN; numbers were expected")
         return p, r, equations, *(self._spread(k, bound) for k, bound in enumerate(bounds))
 
     def _spread(self, k: int, bound: AffineRows) -> AffineRows | None:
@@ -225,15 +259,18 @@ def _pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
     return (a, b) if a.is_affine() else (b, a)
 
 
-def _check_equations(equations: Sequence[cp.Expression]) -> None:
-    for one in equations:
-        if one.is_complex() or not one.is_affine():
+def _at_most_zero(inequality: cp.Constraint) -> cp.Expression:
+    return -inequality.expr if isinstance(inequality, cp.NonNeg) else inequality.expr
+
+
+def _check_affine(constraints: Sequence[cp.Constraint], kind: str, wanted: str) -> None:
+    for one in constraints:
+        if one.is_complex() or not one.expr.is_affine():
             what = "complex" if one.is_complex() else "not affine in the variables"
-            advice = "complements(1, r) says r = 0 for an r = z - psi(z)"
-            raise InputError(f"the equation {named(one)} == 0 is {what}; a row of Az + q = 0 was expected ({advice})")
+            raise InputError(f"the {kind} {named(one)} is {what}; {wanted}")
 
 
-def _check_variables(variables: list[cp.Variable], rows: int) -> None:
+def _check_variables(variables: list[cp.Variable], rows: int, inequalities: bool) -> None:
     for x in variables:
         given = [name for name, value in x.attributes.items() if value]
         if given:
@@ -244,9 +281,10 @@ def _check_variables(variables: list[cp.Variable], rows: int) -> None:
     unknowns = sum(x.size for x in variables)
     if rows != unknowns or not rows:
         entries = ", ".join(f"{x.name()} with {x.size}" for x in variables) or "no variables"
-        found = f"the constraints have {rows} entries, the variables {unknowns} ({entries})"
+        found = f"the conditions and equations have {rows} entries, the variables {unknowns} ({entries})"
         wanted = "each entry of a variable needs one row of its own, a condition with r = z - psi(z) or an equation"
-        raise InputError(f"{found}; {wanted}")
+        more = "; inequalities are only checked: a <= b with a multiplier of its own is complements(b - a, multiplier)"
+        raise InputError(f"{found}; {wanted}{more if inequalities else ''}")
 
 
 def _is_same(one: Any, other: Any) -> bool:

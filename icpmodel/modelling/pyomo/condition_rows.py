@@ -25,6 +25,7 @@ from pyomo.common.gc_manager import PauseGC
 from pyomo.common.numeric_types import native_numeric_types
 from pyomo.core.expr.relational_expr import EqualityExpression, InequalityExpression, RangedExpression
 from pyomo.mpec import Complementarity
+from pyomo.mpec.complementarity import ComplementarityData
 from pyomo.repn.linear import LinearRepnVisitor
 from pyomo.repn.util import VarRecorder, categorize_valid_components
 
@@ -90,6 +91,10 @@ class ConditionRows:
         lower, body, upper = constraint.to_bounded_expression(evaluate_bounds=True)
         if lower is None and upper is None:
             return
+        if isinstance(constraint.parent_block(), ComplementarityData):
+            name = constraint.parent_block().name
+            found = f"{name} was a Complementarity until a transformation, or a solver that needs one, rewrote it"
+            raise InputError(f"{found}: build the model anew, or clone() it before")
         if lower is None or upper is None or lower != upper:
             wanted = "inequalities in pairs, as Complementarity(expr=complements(..., ...)), and equality constraints"
             raise InputError(f"{constraint.name} is an active inequality: complementarity problems take {wanted}")

@@ -1,27 +1,29 @@
-"""`SolverFactory("icpmodel")`: importing this room registers the solver in Pyomo's new and legacy interface."""
+"""icpmodel as a solver of Pyomo's new interface; `legacy_interface` registers it in both."""
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from pyomo.common.collections import ComponentMap
 from pyomo.common.timing import HierarchicalTimer
 from pyomo.contrib.solver.common.base import Availability, SolverBase
 from pyomo.contrib.solver.common.config import SolverConfig
-from pyomo.contrib.solver.common.factory import SolverFactory
 from pyomo.contrib.solver.common.results import Results, SolutionStatus, TerminationCondition
 from pyomo.contrib.solver.common.solution_loader import SolutionLoader
-from pyomo.contrib.solver.common.util import NoOptimalSolutionError
+from pyomo.contrib.solver.common.util import NoFeasibleSolutionError, NoOptimalSolutionError
+from pyomo.core import Objective, value
 from pyomo.core.staleflag import StaleFlagManager
 
 from ...errors import InputError
 from ...solve.solution import Solution, Status
 from ..reading import solved
+from ..running_log import log_on
 from .models import PyomoReading, read_pyomo
 
 _VERSION: str = sys.modules[__name__.partition(".")[0]].__version__
@@ -41,9 +43,14 @@ ENDS = {
     Status.MAP_FAILED: (TerminationCondition.error, SolutionStatus.infeasible),
     Status.CROSSED: (TerminationCondition.error, SolutionStatus.infeasible),
 }
+#: what all of Pyomo's new solvers take and this one has no use for
+_NO_USE = {
+    "threads": "icpmodel takes the cores that the process may run on, see os.sched_setaffinity",
+    "working_dir": "icpmodel runs in this process and writes no files",
+}
 #: options of `icpmodel.solve` that Pyomo has under names of its own
 _PYOMOS = {
-    "time_limit": "timelimit (legacy) or time_limit",
+    **dict.fromkeys(("time_limit", "timelimit"), "the keyword timelimit (legacy) or time_limit"),
     "raise_on_failure": "raise_exception_on_nonoptimal_result",
     "z0": "the values of the variables",
     "progress": "tee",
@@ -52,55 +59,62 @@ _PYOMOS = {
 
 
 class AnswerLoader(SolutionLoader):
-    """Variable values, and the suffixes `dual` and `rc` where they are declared: `dual` has, by Complementarity, p of
-    its row (g of a condition a ≤ f ≤ b ⟂ g), and `rc`, by variable, the same with the sign of MCP solvers' marginals.
+    """The best iterate: variable values, and the suffixes `dual` and `rc` where they are declared.
+
+    `dual` has, by Complementarity, p of its row (g of a condition a ≤ f ≤ b ⟂ g), and `rc`, by variable, the same with
+    the sign of MCP solvers' marginals.
     """
 
-    def __init__(self, model: Any, reading: PyomoReading, z: np.ndarray) -> None:
-        self._pyomo_model, self._reading, self._z = model, reading, z
+    def __init__(self, model: Any, reading: PyomoReading, z: np.ndarray, solved: bool) -> None:
+        self._pyomo_model, self.reading, self._z, self._solved = model, reading, z, solved
 
     def get_number_of_solutions(self) -> int:
-        return 1
+        return int(self._solved)
 
     def get_vars(self, vars_to_load: Sequence[Any] | None = None) -> Mapping[Any, float]:
-        return _chosen(self._reading.values(self._z), vars_to_load)
+        return _chosen(self.reading.values(self._z), vars_to_load)
 
     def get_duals(self, cons_to_load: Sequence[Any] | None = None) -> Any:
-        return _chosen(self._reading.multipliers(self._z), cons_to_load)
+        return _chosen(self.reading.multipliers(self._z), cons_to_load)
 
     def get_reduced_costs(self, vars_to_load: Sequence[Any] | None = None) -> Mapping[Any, float]:
-        return _chosen(self._reading.marginals(self._z), vars_to_load)
+        return _chosen(self.reading.marginals(self._z), vars_to_load)
 
 
-@SolverFactory.register("icpmodel", doc="Implicit complementarity problems by modulus-based methods")
 class PyomoSolver(SolverBase):
     """Pyomo's interface to `icpmodel.solve`.
 
     `solver_options` (`options` in the legacy interface): `method` and what it takes, `rtol`, `atol`, `accuracy`,
-    `max_iter`, `callback`. The start is what the variables' values say. `tee` prints the card of the solution.
+    `max_iter`, `callback`. The start is what the variables' values say. `tee` prints a log, and the solution's card.
     `results.extra_info.solution` is the `Solution`, with its certificate; its z are ±the variables, see `PyomoReading`.
 
     >>> import pyomo.environ as pyo
+    >>> from pyomo.contrib.solver.common.factory import SolverFactory
     >>> from pyomo.mpec import Complementarity, complements
     >>> model = pyo.ConcreteModel()
     >>> model.x = pyo.Var()
     >>> model.c = Complementarity(expr=complements(model.x >= 0, 2 * model.x >= 3))
-    >>> results = pyo.SolverFactory("icpmodel").solve(model)
-    >>> str(results.solver.termination_condition), model.x.value
-    ('optimal', 1.5)
+    >>> results = SolverFactory("icpmodel").solve(model)
+    >>> results.termination_condition.name, model.x.value
+    ('convergenceCriteriaSatisfied', 1.5)
     """
 
     CONFIG = SolverConfig()
+    #: what loads the best iterate of a failed run
+    _best = "results.solution_loader.load_vars()"
 
     def available(self) -> Availability:
         return Availability.FullLicense
 
     def version(self) -> tuple[int, ...]:
-        return tuple(int(part) for part in _VERSION.split("."))
+        return tuple(int(part) for part in _VERSION.split(".") if part.isdigit())
 
     def solve(self, model: Any, **kwds: Any) -> Results:
-        """Solve `model`, which `read_pyomo` must take, and load the answer. Raises InputError for another model, and
-        NoOptimalSolutionError where the run failed and `raise_exception_on_nonoptimal_result` is set."""
+        """Solve `model`, which `read_pyomo` must take, and load the solution. Raises InputError for another model.
+
+        Where the run failed it loads nothing and raises NoOptimalSolutionError, or NoFeasibleSolutionError where
+        `raise_exception_on_nonoptimal_result` is not set, but `load_solutions`; with neither the best iterate is in
+        `results.solution_loader`."""
         begin = time.perf_counter()
         results = Results()
         results.timing_info.start_timestamp = datetime.datetime.now(datetime.UTC)
@@ -110,30 +124,49 @@ class PyomoSolver(SolverBase):
         for name, pyomos in _PYOMOS.items():
             if name in options:
                 raise InputError(f"the option {name} is given to Pyomo by {pyomos}")
+        for name, reason in _NO_USE.items():
+            if config[name] is not None:
+                raise InputError(f"{name} = {config[name]!s}: {reason}")
         timer = results.timing_info.timer = config.timer or HierarchicalTimer()
+        _say(config.tee, f"icpmodel {_VERSION}")
         timer.start("read")
         reading = read_pyomo(model)
         timer.stop("read")
+        _say(config.tee, reading.problem)
         limit = config.time_limit
         left = None if limit is None else max(limit - (time.perf_counter() - begin), 0.0)
         timer.start("solve")
-        solution = solved(reading, time_limit=left, **options)
+        with contextlib.ExitStack() as stack:
+            for stream in config.tee:
+                options["callback"] = stack.enter_context(log_on(stream, options.get("callback")))
+            solution = solved(reading, time_limit=left, **options)
         timer.stop("solve")
         StaleFlagManager.mark_all_as_stale()
-        self._fill(results, reading, solution)
-        for stream in config.tee:
-            print(f"icpmodel {_VERSION}\n{solution}\n{results.solver_log}", file=stream)
-        results.solution_loader = AnswerLoader(model, reading, solution.z)
-        if config.raise_exception_on_nonoptimal_result and results.solution_status is not SolutionStatus.optimal:
-            raise NoOptimalSolutionError(results.solver_log)
-        if config.load_solutions:
+        self._fill(results, model, reading, solution)
+        _say(config.tee, solution, *([] if results.solver_log == solution.message else [results.solver_log]))
+        good = results.solution_status is SolutionStatus.optimal
+        results.solution_loader = AnswerLoader(model, reading, solution.z, good)
+        if not good:
+            self._refuse(results, config)
+        elif config.load_solutions:
             results.solution_loader.load_solution()
         results.timing_info.wall_time = time.perf_counter() - begin
         return results
 
-    def _fill(self, results: Results, reading: PyomoReading, solution: Solution) -> None:
+    def _refuse(self, results: Results, config: Any) -> None:
+        """Raises where there is no solution, and the call wants one."""
+        failure = NoOptimalSolutionError if config.raise_exception_on_nonoptimal_result else NoFeasibleSolutionError
+        asked = [name for name in ("load_solutions", "raise_exception_on_nonoptimal_result") if config[name]]
+        if asked:
+            ask = ", ".join(f"{name}=False" for name in asked)
+            raise failure(
+                f"{results.solver_log}. Nothing is loaded; solve(model, {ask}) returns the results, "
+                f"and {self._best} loads the best iterate"
+            )
+
+    def _fill(self, results: Results, model: Any, reading: PyomoReading, solution: Solution) -> None:
         """The status, honestly: a point outside a variable's bounds is no solution."""
-        results.extra_info.solution = solution
+        results.extra_info.solution, results.extra_info.iteration_count = solution, solution.iterations
         results.termination_condition, results.solution_status = ENDS[solution.status]
         results.solver_log = solution.message
         fault = reading.out_of_bounds(solution.z, solution.tolerance) if solution.solved else ""
@@ -145,7 +178,14 @@ class PyomoSolver(SolverBase):
             other = "have no other solution" if unique else "may have another solution"
             results.solver_log = f"{fault}; the conditions {other}"
         elif solution.solved:
-            results.incumbent_objective = 0.0  # there is none; Pyomo takes a number here for "there is a solution"
+            # a constant, if there is one; Pyomo takes a number here for "there is a solution"
+            objective = next(model.component_data_objects(Objective, active=True), 0.0)
+            results.incumbent_objective = results.objective_bound = value(objective)
+
+
+def _say(streams: Sequence[TextIO], *told: object) -> None:
+    for stream in streams:  # to put an answer in words is work: it is shown that it is the only one
+        print(*told, sep="\n", file=stream, flush=True)
 
 
 def _chosen(pairs: list[tuple[Any, Any]], wanted: Sequence[Any] | None) -> Any:

@@ -1,16 +1,21 @@
-"""What all figures have in common: colours, markers, axes, and one way to write them, with their data beside them."""
+"""What all figures have in common: colours, markers, and one way to show them, write them or draw them into axes."""
 
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
-from collections.abc import Hashable, Iterable
+import warnings
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import singledispatch
 from itertools import cycle
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from ...errors import FileError, InputError
 from ...numerics.arrays import described
+from ...present.shown import in_notebook
 from ...present.table import Table
 
 Name = TypeVar("Name", bound=Hashable)
@@ -23,6 +28,8 @@ BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
 #: one more than the colours, so that no pair comes twice in 42
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+#: what a picture is written as
+FORMATS = (".png", ".pdf", ".svg")
 DASHES = ("solid", "dashed", "dotted", "dashdot")
 
 
@@ -44,39 +51,154 @@ def legend_below(figure: Figure, columns: int, **more: Any) -> None:
     figure.legend(loc="outside lower center", ncols=columns, frameon=False, **({"fontsize": 8} | more))
 
 
-def save(figure: Figure, path: Any, table: Table, command: str) -> list[Path]:
-    """Write `figure` as .png and .svg, and `table` as .csv, whose first line has `command`; see `Charted.plot`."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Drawing:
+    """What is to be drawn: `panels`, the first of which says most, each a function that draws into axes and returns the
+    handles of the legend, or none where it has made its own; for a figure of them all its `size` in inches, the
+    `layout` of its subplots, the `columns` of the legend below them, and its `title`.
+    """
+
+    panels: Sequence[Callable[[Any], Sequence[Any]]]
+    size: tuple[float, float]
+    layout: Mapping[str, Any] = field(default_factory=dict)
+    columns: int = 3
+    title: str = ""
+
+    def on(self, figure: Figure) -> Figure:
+        """All panels on an empty `figure`."""
+        axes = np.ravel(figure.subplots(**self.layout))
+        handles = [handle for panel, ax in zip(self.panels, axes, strict=True) for handle in panel(ax)]
+        if "sharex" in self.layout or "sharey" in self.layout:
+            for ax in axes:
+                ax.label_outer()
+        if self.title:
+            figure.suptitle(self.title, fontsize=10)
+        if handles:
+            legend_below(figure, self.columns, handles=handles)
+        return figure
+
+    def into(self, ax: Any) -> Figure:
+        """The panels in somebody's axes, or the first one where `ax` is one. Returns the figure that these are in."""
+        from matplotlib.axes import Axes
+
+        given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.array(ax, dtype=object)))
+        many = len(self.panels)
+        if not all(isinstance(one, Axes) for one in given) or len(given) not in (1, many):
+            found = described(ax) if not given or not isinstance(given[0], Axes) else f"{len(given)} of them"
+            wanted = "matplotlib axes were" if many == 1 else f"one matplotlib axes, or {many} for all panels, were"
+            raise InputError(f"ax is {found}; {wanted} expected")
+        for panel, one in zip(self.panels, given, strict=False):
+            if handles := panel(one):
+                one.legend(handles=handles, fontsize=8)
+        if self.title and not given[0].get_title():
+            given[0].set_title(self.title, fontsize=10, wrap=True)
+        return given[0].get_figure(root=True)
+
+
+@singledispatch
+def drawing(what: Any, points: Any = None) -> Drawing:
+    """How `what` is drawn, `points` being where its unknowns are. Raises InputError where it has no picture."""
+    raise InputError(f"{described(what)} has no picture; a Solution, History, Scene, Race or StabilityMap was expected")
+
+
+def figure(what: Any, points: Any = None) -> Figure:
+    """The picture of a `Solution`, `History`, `Scene`, `Race` or `StabilityMap`, as a matplotlib figure of no window.
+
+    Parameters: `what`, a scene also by its name; `points` the coordinates of the unknowns of a solution, shape (n,) or
+    (n, 2), by default those of the scene that its A is from, else the row numbers. Raises InputError for anything else.
+
+    >>> solution = icp.scenes.membrane(n=100).problem.solve()
+    >>> [axes.get_title() for axes in icp.study.figure(solution).axes[:2]]
+    ['z, contact set outlined', 'p']
+    """
+    made = drawing(what, points)
+    return made.on(new_figure(*made.size))
+
+
+def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None) -> Figure:
+    """Show a picture, or write it, or draw it into axes: of a `Solution`, `History`, `Scene`, `Race`, `StabilityMap`.
+
+    Without `path` and `ax` it is shown: by a notebook where the figure that is returned is the value of a cell, else in
+    a window of matplotlib's.
+    Parameters: `what`, and its `points` as in `icpmodel.study.figure`; `path` a file to write instead, its format by
+    its suffix, .png, .pdf or .svg; `ax` matplotlib axes to draw into instead, one for the panel that says most, or as
+    many as there are panels (two of a solution: z with its obstacles, and p; two of a race: time against error, and
+    where the time goes).
+    Returns the matplotlib figure. Raises InputError for another suffix, other axes or what has no picture, FileError
+    where the file cannot be written.
+
+    >>> from matplotlib.figure import Figure
+    >>> page = Figure()
+    >>> axes = page.subplots()
+    >>> _ = icp.study.plot(icp.scenes.hand_lcp().problem.solve(), ax=axes)
+    >>> [line.get_label() for line in axes.lines]
+    ['obstacle ψ(z)', 'z']
+    >>> icp.study.plot(icp.scenes.hand_lcp(), "answer.doc")
+    Traceback (most recent call last):
+    icpmodel.errors.InputError: path is 'answer.doc'; a file name that ends in .png, .pdf or .svg was expected
+    """
+    if ax is not None and path is not None:
+        raise InputError("path and ax are both given; a picture is written or drawn into axes: leave out one of them")
+    place = None if path is None else picture_file(path)
+    made = drawing(what, points)
+    if ax is not None:
+        return made.into(ax)
+    if place is not None:
+        return write(made.on(new_figure(*made.size)), place)
+    from matplotlib import pyplot
+
+    backend = pyplot.get_backend()
+    inline = in_notebook() and "inline" in backend
+    if not inline and not _has_windows(backend):
+        return made.on(new_figure(*made.size))
+    shown = made.on(pyplot.figure(figsize=made.size, layout="constrained"))
+    if inline:  # by now the notebook knows how to show a figure; an open one it would show twice
+        pyplot.close(shown)
+    else:
+        pyplot.show()
+    return shown
+
+
+def _has_windows(backend: str) -> bool:
+    """Whether matplotlib's `backend` can show something; warns where it cannot, as matplotlib itself need not."""
+    from matplotlib.backends import BackendFilter, backend_registry
+
+    if backend.lower() not in map(str.lower, backend_registry.list_builtin(BackendFilter.NON_INTERACTIVE)):
+        return True
+    told = 'plot("picture.png") writes the picture, plot(ax=...) draws it into axes of yours'
+    warnings.warn(f"nothing is shown, as matplotlib's backend {backend} has no windows: {told}", stacklevel=4)
+    return False
+
+
+def picture_file(path: Any) -> Path:
+    """`path`, where a picture can be written. Raises InputError and FileError."""
     if not isinstance(path, str | os.PathLike) or not Path(path).name:
         raise InputError(f"path is {described(path)}; a file name was expected")
     path = Path(path)
-    stem = path.with_suffix("") if path.suffix in (".png", ".svg", ".csv") else path
-    if not stem.parent.is_dir():
-        raise FileError(f"{path}: the folder {stem.parent} does not exist")
-    paths = [stem.with_name(stem.name + suffix) for suffix in (".png", ".svg", ".csv")]
+    if path.suffix.lower() not in FORMATS:
+        wanted = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
+        raise InputError(f"path is {str(path)!r}; a file name that ends in {wanted} was expected")
+    if not path.parent.is_dir():
+        raise FileError(f"{path}: the folder {path.parent} does not exist")
+    return path
+
+
+def write(figure: Figure, path: Path, command: str = "") -> Figure:
+    """The `figure`, written to `path` with the `command` that makes it again in it. Raises FileError."""
     try:
-        for file in paths[:2]:
-            figure.savefig(file, dpi=100, metadata={"Title": command})
-        paths[2].write_text(f"# {command}\n{table.to_csv()}", encoding="utf-8")
+        figure.savefig(path, dpi=100, metadata={"Title": command} if command else None)
     except OSError as error:
-        raise FileError(f"{error.filename or stem} cannot be written: {error.strerror}") from error
-    return paths
+        raise FileError(f"{path} cannot be written: {error.strerror}") from error
+    return figure
 
 
-class Charted(ABC):
-    """What a study found: a table, a figure, and the `command` that makes both again."""
-
-    command: str
-
-    @abstractmethod
-    def table(self) -> Table: ...
-
-    @abstractmethod
-    def figure(self) -> Figure: ...
-
-    def plot(self, path: Any) -> list[Path]:
-        """Write the picture, PNG and SVG, and the numbers, CSV with the command in its first line.
-
-        Parameters: `path` a file name, whose suffix, if any of these three, is left out. Returns the three paths.
-        Raises InputError where `path` is no file name, FileError where it cannot be written.
-        """
-        return save(self.figure(), path, self.table(), self.command)
+def save(figure: Figure, path: Any, table: Table, command: str) -> list[Path]:
+    """Write `figure`, and beside it `table` as .csv, whose first line has the `command`. Returns both paths."""
+    path = picture_file(path)
+    data = path.with_suffix(".csv")
+    write(figure, path, command)
+    try:
+        data.write_text(f"# {command}\n{table.to_csv()}", encoding="utf-8")
+    except OSError as error:
+        raise FileError(f"{data} cannot be written: {error.strerror}") from error
+    return [path, data]

@@ -1,23 +1,19 @@
-"""The figures of a solution, of a race and of a stability map."""
+"""The figures of a race and of a stability map."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from ...algebra.equations import pattern_at
-from ...errors import InputError
-from ...numerics.arrays import Vector, described
-from ...solve.driver import RTOL
-from ...solve.solution import Solution
+from ...solve.goal import RTOL
 from ..competitors import Entry
-from ..planes import Axis, Plane
-from .figures import BLUE, GREEN, ORANGE, PURPLE, SKY, YELLOW, Figure, legend_below, looks, new_figure
+from ..planes import Axis
+from ..race import Race
+from ..stability_map import StabilityMap
+from .figures import BLUE, ORANGE, PURPLE, SKY, YELLOW, Drawing, drawing, looks
 
-#: more points than this are thinned out before they are drawn: a figure has fewer pixels
-_DRAWN = 200_000
 #: what an answer that is exact to the last digit is drawn at, as a share of the smallest error above 0
 _EXACT = 0.1
 #: how a run ended → the sign for it and its words; solved points have colours
@@ -45,137 +41,43 @@ _LINES: dict[str, tuple[str, Any]] = {
     "definite": (YELLOW, (0, (5, 1, 1, 1))),
 }
 _FALSE = "#C00000"
-#: contact with the obstacle below and with the one above, where there are two; how they are shaded and outlined
-_BELOW, _ABOVE = "contact below", "contact above"
-_SHADES = {"contact set": "0.85", _BELOW: "0.85", _ABOVE: "#EBD3E1"}
-_OUTLINES = {"contact set": "white", _BELOW: "white", _ABOVE: ORANGE}
 
 
-def solution_figure(solution: Solution, points: Vector | None = None) -> Figure:
-    """z, ψ(z) and p where the unknowns are: on a line as curves, on a plane as two fields, else against the row number.
+@drawing.register
+def _(found: Race, points: Any = None) -> Drawing:
+    """Left: time against error, more accurate to the right; right: build, set-up and the rest, to Res ≤ 1e-8·Res(0)."""
+    shown = looks(list(dict.fromkeys(run.name for run in found.entries)))
+    colours = {name: colour for name, (colour, _) in shown.items()}
 
-    The contact set, the rows where z is at its obstacle rather than in balance, is shaded on a line and outlined in the
-    plane; where there is an obstacle above, ψ̄(z) is drawn as well, and contact with it in another colour.
-    Parameters: `solution`; `points` the coordinates of the unknowns, shape (n,), (n, 2) or None, as `Scene.points` has
-    them. Returns a matplotlib figure. Raises InputError for points of another shape.
+    def bars(axes: Any) -> list[Any]:
+        _bars(axes, found.entries, colours)
+        return []
 
-    >>> square = icp.scenes.membrane(n=100)
-    >>> [axes.get_title() for axes in icp.study.solution_figure(square.problem.solve(), square.points).axes[:2]]
-    ['z, contact set outlined', 'p']
-    """
-    if not isinstance(solution, Solution):
-        raise InputError(f"solution is {described(solution)}; a Solution was expected")
-    n = solution.problem.n
-    if points is not None and np.shape(points) not in ((n,), (n, 2)):
-        raise InputError(f"points has shape {np.shape(points)}; ({n},) or ({n}, 2) was expected")
-    _, active, above = pattern_at(solution.problem, solution.z)
-    contacts = {"contact set": active} if above is None else {_BELOW: active & ~above, _ABOVE: above}
-    flat = points is None or np.ndim(points) == 1
-    return _line(solution, points, contacts) if flat else _plane(solution, points, contacts)
+    layout = {"nrows": 1, "ncols": 2, "width_ratios": (2.2, 1)}
+    panels = (lambda axes: _times(axes, found, shown), bars)
+    return Drawing(panels=panels, size=(11, 6.0), layout=layout, columns=5, title=found.title)
 
 
-def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -> Figure:
-    figure, n = new_figure(8.2, 5.0), solution.problem.n
-    x = np.arange(n, dtype=np.float64) if points is None else points
-    style = {"drawstyle": "steps-mid"} if points is None else {}
-    if n <= 60:
-        style["marker"] = "o"
-    keep = np.unique(np.linspace(0, n - 1, min(n, _DRAWN)).astype(int))
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    psi = solution.problem.psi.value(solution.z)
-    psi = np.where(np.isfinite(psi), psi, np.nan)
-    above.plot(x[keep], psi[keep], color=ORANGE, label="obstacle ψ(z)", linewidth=2.5, markersize=5, **style)
-    if solution.problem.upper is not None:
-        top = solution.problem.upper.value(solution.z)
-        top = np.where(np.isfinite(top), top, np.nan)
-        above.plot(x[keep], top[keep], color=PURPLE, label="obstacle above", linewidth=2.5, markersize=5, **style)
-    above.plot(x[keep], solution.z[keep], color=BLUE, label="z", linewidth=1.5, markersize=3, **style)
-    below.plot(x[keep], solution.p[keep], color=GREEN, markersize=3, **style)
-    middles = (x[:-1] + x[1:]) / 2
-    ends = np.concatenate([x[:1], middles, x[-1:]]) if n > 1 else x[0] + np.array([-0.5, 0.5])
-    for k, axes in enumerate((above, below)):
-        across = {"transform": axes.get_xaxis_transform(), "fill": True, "linewidth": 0, "zorder": 0}
-        for name, rows in contacts.items():  # a single row is shaded, too
-            shade = axes.stairs(rows.astype(float), ends, color=_SHADES[name], **across)
-            shade.sticky_edges.y.clear()  # or the axis would begin at 0
-        axes.grid(alpha=0.3)
-        axes.set_ylabel(("z", "force p")[k])
-    for name, rows in contacts.items():
-        if rows.any():
-            above.fill_between([], [], facecolor=_SHADES[name], edgecolor="0.5", linewidth=0.5, label=name)
-    above.legend(loc="best", frameon=False)
-    below.set_xlabel("row" if points is None else "x")
-    if points is None:
-        below.locator_params(axis="x", integer=True)
-    return figure
-
-
-def _plane(solution: Solution, points: Any, contacts: dict[str, Any]) -> Figure:
-    figure = new_figure(9.6, 4.2)
-    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-    x, y = points[:, 0], points[:, 1]
-    columns, rows = np.unique(x), np.unique(y)
-    regular = columns.size * rows.size == x.size
-
-    def field(values: Any) -> Any:
-        found = np.empty((rows.size, columns.size))
-        found[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
-        return found
-
-    halves = (left, solution.z, f"z, {_outlined(contacts)}", "viridis"), (right, solution.p, "p", "cividis")
-    for axes, values, title, colours in halves:
-        if regular:
-            shown = axes.pcolormesh(columns, rows, field(values), cmap=colours, shading="nearest", rasterized=True)
-        else:
-            shown = axes.scatter(x, y, c=values, cmap=colours, s=4, rasterized=True)
-        figure.colorbar(shown, ax=axes, pad=0.01)
-        axes.set(title=title, aspect="equal", xlabel="x")
-    left.set_ylabel("y")
-    for name, contact in contacts.items():
-        if regular and contact.any() and not contact.all() and min(columns.size, rows.size) > 1:
-            left.contour(columns, rows, field(contact), [0.5], colors=_OUTLINES[name], linewidths=1.5)
-    return figure
-
-
-def _outlined(contacts: dict[str, Any]) -> str:
-    """What has which outline."""
-    if len(contacts) == 1:
-        return "contact set outlined"
-    colours = {_BELOW: "below (white)", _ABOVE: "above (orange)"}
-    return "contact " + " and ".join(colours[name] for name, rows in contacts.items() if rows.any())
-
-
-def race_figure(
-    title: str, measure: str, entries: Sequence[Entry], traces: Mapping[str, tuple[Vector, Vector]], limit: float | None
-) -> Figure:
-    """Left: time against error, more accurate to the right; right: build, set-up and the rest, to Res ≤ 1e-8·Res(0).
-
-    A marker is a run to one tolerance, the bar on it the spread of the rounds, the thin line the path of one run, from
-    `traces`; a hollow marker says "solved" and is not. The dashed line is one linear solve with A.
-    """
-    figure = new_figure(11, 6.0)
-    left, right = figure.subplots(1, 2, width_ratios=(2.2, 1))
-    shown = looks(list(dict.fromkeys(run.name for run in entries)))
+def _times(axes: Any, found: Race, shown: dict[str, tuple[str, str]]) -> list[Any]:
+    """A marker is a run to one tolerance, the bar on it the spread of the rounds, the thin line the path of one run; a
+    hollow marker says "solved" and is not. The dashed line is one linear solve with A."""
+    entries, traces = found.entries, found.traces
     errors = [run.error for run in entries if run.error]
     errors += [float(e) for _, path in traces.values() for e in path if e > 0]
     floor = _EXACT * min(errors, default=1.0)
     for name, (colour, marker) in shown.items():
-        _points(left, [run for run in entries if run.name == name and run.error is not None], colour, marker, floor)
+        _points(axes, [run for run in entries if run.name == name and run.error is not None], colour, marker, floor)
         if name in traces:
             seconds, path = traces[name]
-            left.plot(np.maximum(path, floor), seconds, color=colour, linewidth=0.7, alpha=0.6, zorder=1)
-    if limit is not None:
-        left.axhline(limit, color="0.4", linestyle="--", linewidth=1.2, label="one linear solve (PyAMG)")
-    left.set(xscale="log", yscale="log", xlabel=measure, ylabel="time, s")
-    left.invert_xaxis()
-    left.grid(alpha=0.3)
+            axes.plot(np.maximum(path, floor), seconds, color=colour, linewidth=0.7, alpha=0.6, zorder=1)
+    if found.limit is not None:
+        axes.axhline(found.limit, color="0.4", linestyle="--", linewidth=1.2, label="one linear solve (PyAMG)")
+    axes.set(xscale="log", yscale="log", xlabel=found.measure, ylabel="time, s")
+    axes.xaxis.set_inverted(True)
+    axes.grid(alpha=0.3)
     if any(run.wrong for run in entries):
-        left.plot([], [], "o", color="0.3", markerfacecolor="white", label='says "solved", is not')
-    _bars(right, entries, {name: colour for name, (colour, _) in shown.items()})
-    figure.suptitle(title, fontsize=10)
-    handles, labels = left.get_legend_handles_labels()
-    legend_below(figure, 5, handles=handles, labels=labels)
-    return figure
+        axes.plot([], [], "o", color="0.3", markerfacecolor="white", label='says "solved", is not')
+    return list(axes.get_legend_handles_labels()[0])
 
 
 def _points(axes: Any, mine: list[Entry], colour: str, marker: str, floor: float) -> None:
@@ -209,26 +111,26 @@ def _bars(axes: Any, runs: Sequence[Entry], colours: dict[str, str]) -> None:
     axes.grid(axis="x", alpha=0.3)
 
 
-def map_figure(
-    plane: Plane, ends: Any, steps: Any, proved: dict[str, Any], printed: Any, max_iter: int, rtol: float
-) -> Figure:
+@drawing.register
+def _(found: StabilityMap, points: Any = None) -> Drawing:
+    return Drawing(panels=(lambda axes: _map(axes, found),), size=(8.2, 5.4), title=found.plane.title)
+
+
+def _map(axes: Any, found: StabilityMap) -> list[Any]:
     """Steps as colours, failures as signs on white, and a line around the points where each theorem proves convergence.
 
-    A red line encloses what the paper, as printed, says to converge, where that is more than is proved; `printed` is
-    the mask of all its theorems together.
+    A red line encloses what the paper, as printed, says to converge, where that is more than is proved.
     """
     from matplotlib.colors import LogNorm
     from matplotlib.lines import Line2D
 
-    figure = new_figure(8.2, 5.4)
-    axes = figure.subplots()
-    x, y = plane.x, plane.y
+    x, y, ends, proved, printed = found.plane.x, found.plane.y, found.ends, found.proved, found.any_printed
     solved = ends == "solved"
-    counts = np.ma.masked_where(~solved, np.maximum(steps, 1))
-    least = int(counts.min()) if solved.any() else max_iter
+    counts = np.ma.masked_where(~solved, np.maximum(found.steps, 1))
+    least = int(counts.min()) if solved.any() else found.max_iter
     norm = LogNorm(least, max(int(counts.max()) if solved.any() else 1, 10 * least))  # at least a factor of ten apart
     mesh = axes.pcolormesh(_edges(x), _edges(y), counts, cmap="viridis_r", norm=norm)
-    figure.colorbar(mesh, ax=axes, label=f"steps to Res(z) ≤ {rtol:g} Res(0)", pad=0.01)
+    axes.figure.colorbar(mesh, ax=axes, label=f"steps to Res(z) ≤ {found.rtol:g} Res(0)", pad=0.01)
     handles = []
     X, Y = np.meshgrid(x.values, y.values)
     for end, (sign, words) in _SIGNS.items():
@@ -236,7 +138,7 @@ def map_figure(
         if here.any():
             style: dict[str, Any] = {"linestyle": "", "marker": sign, "color": "0.25"}
             axes.plot(X[here], Y[here], markersize=5, **style)
-            handles.append(Line2D([], [], markersize=7, label=words.format(max_iter=max_iter), **style))
+            handles.append(Line2D([], [], markersize=7, label=words.format(max_iter=found.max_iter), **style))
     alike: dict[bytes, list[str]] = {}  # theorems that prove the same points have one line
     for name, mask in proved.items():
         alike.setdefault(mask.tobytes(), []).append(name)
@@ -246,13 +148,11 @@ def map_figure(
             _outline(axes, x, y, mask, colors=[colour], linestyles=[dashes], linewidths=2.0)
             label = f"proved: {', '.join(names)}"
             handles.append(Line2D([], [], color=colour, linestyle=dashes, linewidth=2.0, label=label))
-    if (printed & ~np.any([*proved.values()], axis=0)).any():
+    if (printed & ~found.any_proved).any():
         _outline(axes, x, y, printed, colors=[_FALSE], linewidths=3.0, zorder=1.5)
         handles.append(Line2D([], [], color=_FALSE, linewidth=3.0, label="said to converge, as printed (false)"))
     axes.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear", xlabel=x.label, ylabel=y.label)
-    axes.set_title(plane.title, fontsize=10)
-    legend_below(figure, 3, handles=handles)
-    return figure
+    return handles
 
 
 def _edges(axis: Axis) -> Any:

@@ -16,8 +16,9 @@ from ...errors import MapError, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
+from ...present.shown import Shown
 from ...problem.between import Between
-from ...problem.data import ProblemData, as_problem
+from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.facts import Facts
 from ...problem.map import Map
 from ...problem.matrix import Matrix
@@ -40,8 +41,8 @@ _WORD = ", given that psi is what the user says"
 _STEPS = 8  #: steps of the active-set Newton iteration that looks for a better z
 
 
-@dataclass(frozen=True)
-class ErrorBound(ReadOnly):
+@dataclass(frozen=True, repr=False)
+class ErrorBound(ReadOnly, Shown):
     """How far z can be from the solution.
 
     `componentwise` δ with |z − z*| ≤ δ, shape (n,), its largest entry `value`, and `euclidean` ≥ ‖z − z*‖₂, all in the
@@ -104,7 +105,7 @@ def limited(time_limit: float | None, memory_limit: float | None) -> Iterator[No
 
 @sheltered
 def error_bound(
-    problem: ProblemData,
+    problem: ProblemLike,
     z: Any,
     *,
     sharp: bool | None = None,
@@ -135,7 +136,8 @@ def error_bound(
     >>> 0.001 <= bound.value <= 0.001001, round(error_bound(problem, [1.0, 1.001], sharp=False).value, 9)
     (True, 0.002)
     """
-    z = as_problem(problem).vector(z)
+    problem = as_problem(problem)
+    z = problem.vector(z)
     if sharp is not None:
         as_truth(sharp, "sharp")
     if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:

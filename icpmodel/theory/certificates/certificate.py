@@ -17,15 +17,16 @@ from ...errors import InputError
 from ...numerics.arrays import ReadOnly, as_truth, described
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered, upper
 from ...present.card import Card
+from ...present.shown import Shown
 from ...problem.between import mid
-from ...problem.data import ProblemData, as_problem
+from ...problem.data import ProblemLike, as_problem
 from .bounds import ErrorBound, error_bound
 
 NOT_COMPUTED = "it was not computed"  #: the reason of a certificate without a bound that nobody asked for
 
 
-@dataclass(frozen=True)
-class Certificate:
+@dataclass(frozen=True, repr=False)
+class Certificate(Shown):
     """What is true of z, recomputed from (A, q, ψ, z) by `certify` and by nothing else.
 
     `residual` = ‖min(r, p)‖₂; `residual_max` the max-norm of the same vector; `residual_scaled` the max-norm of
@@ -69,17 +70,28 @@ class Certificate:
 
 
 @sheltered
-def certify(problem: ProblemData, z: Any, *, bound: bool = True, **options: Any) -> Certificate:
+def certify(
+    problem: ProblemLike,
+    z: Any,
+    *,
+    bound: bool = True,
+    sharp: bool | None = None,
+    rigorous: bool = False,
+    time_limit: float | None = None,
+    memory_limit: float | None = None,
+) -> Certificate:
     """The one judge of an answer, ours or a foreign solver's.
 
     Parameters: `z` shape (n,), or a `Solution`; `bound` whether to look for an error bound as well, which may cost one
-    linear solve, and how: the `options` of `icpmodel.error_bound`.
+    linear solve; how, say the others, which are those of `icpmodel.error_bound`.
     Returns a `Certificate`. Raises InputError for what is no ICP or no such z, MapError where ψ fails.
 
     >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
     0.0
     """
-    z, bound = as_problem(problem).vector(z), as_truth(bound, "bound")
+    problem, bound = as_problem(problem), as_truth(bound, "bound")
+    z = problem.vector(z)
+    how: Any = {"sharp": sharp, "rigorous": rigorous, "time_limit": time_limit, "memory_limit": memory_limit}
     diagonal = np.abs(problem.A.diagonal())
     with np.errstate(over="ignore", invalid="ignore"):
         p, r, above = problem.p(z), problem.r(z), problem.r_upper(z)
@@ -95,12 +107,12 @@ def certify(problem: ProblemData, z: Any, *, bound: bool = True, **options: Any)
         residual_scaled=scaled,
         violation_p=float(wrong.max()),
         violation_r=float(beyond.max()),
-        bound=error_bound(problem, z, **options) if bound else ErrorBound.none(NOT_COMPUTED),
+        bound=error_bound(problem, z, **how) if bound else ErrorBound.none(NOT_COMPUTED),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class ActiveSet(ReadOnly):
+@dataclass(frozen=True, eq=False, repr=False)
+class ActiveSet(ReadOnly, Shown):
     """The rows that are proved to be `active` (p* > 0, r* = 0) and `inactive` (r* > 0, p* = 0); masks of shape (n,).
 
     With an obstacle above, inactive rows are off both, and `above` are those at the upper one (p* < 0, z* = ψ̄); None
@@ -138,7 +150,7 @@ class ActiveSet(ReadOnly):
 
 
 @sheltered
-def active_set(problem: ProblemData, z: Any, bound: ErrorBound) -> ActiveSet:
+def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     """The active set of z* as far as `bound` proves it, the error bound of this very `z` on this very `problem`.
 
     Bounds on the rounding errors are included. Nothing is decided where there is no bound, nor where p* = r* = 0.
@@ -150,7 +162,8 @@ def active_set(problem: ProblemData, z: Any, bound: ErrorBound) -> ActiveSet:
     >>> active_set(problem, z, error_bound(problem, z)).inactive
     array([ True])
     """
-    z, nothing = as_problem(problem).vector(z), np.zeros(problem.n, dtype=bool)
+    problem = as_problem(problem)
+    z, nothing = problem.vector(z), np.zeros(problem.n, dtype=bool)
     if not isinstance(bound, ErrorBound):
         raise InputError(f"bound is {described(bound)}; error_bound(problem, z), an ErrorBound, was expected")
     delta = bound.componentwise

@@ -125,7 +125,7 @@ def multipliers(problem: ProblemData) -> Vector | None:
     with np.errstate(over="ignore", invalid="ignore"):
         load = problem.p(np.where(free, 0.0, np.where(falls, high, low)))
         width = np.where(both, high - low, 1.0)[:, None]
-        size, sums = np.abs(load).sum(), abs(A).sum(axis=0)
+        size, sums = np.abs(load).sum(), abs(A).sum(axis=0) * width[:, 0]
     if not (np.isfinite(10.0 * size) and np.isfinite(sums).all() and np.isfinite(width).all()):
         return None
     # the unknowns are y, t, and the room, in shares of what the rows could be
@@ -136,7 +136,7 @@ def multipliers(problem: ProblemData) -> Vector | None:
     most = np.concatenate([np.where(rises, 1.0, 0.0), np.full(k, np.inf), [1.0]])
     found = linprog(
         np.append(total[:-1], -10.0 * size),
-        A_ub=sp.vstack([sp.hstack([columns, more, (sums * width[:, 0])[:, None]]).tocsr()[~free], total[None]]),
+        A_ub=sp.vstack([sp.hstack([columns, more, sums[:, None]]).tocsr()[~free], total[None]]),
         b_ub=np.zeros(n - free.sum() + 1),
         A_eq=sp.hstack([A[:, free].T, np.zeros((free.sum(), k + 1))]),
         b_eq=np.zeros(free.sum()),

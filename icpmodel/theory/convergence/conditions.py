@@ -70,7 +70,7 @@ class StepMatrices:
     """
 
     def __init__(self, problem: ProblemData, member: Member) -> None:
-        as_problem(problem)
+        problem = as_problem(problem)
         if isinstance(member, str | type):
             raise InputError(f"member is {described(member)}; a Method object was expected, such as MNMGS()")
         if not (hasattr(member, "splitting_of") and hasattr(member, "omega_of")):

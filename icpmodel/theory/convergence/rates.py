@@ -13,6 +13,7 @@ from ...algebra.splittings import Member
 from ...errors import InputError
 from ...numerics.arrays import Vector, as_number, as_vector, described
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most, upper
+from ...present.shown import Shown
 from ...problem.data import ProblemData, as_problem
 from ..answers import Answer
 from ..certificates.bounds import error_bound
@@ -24,7 +25,7 @@ from .theorems import Check, check_all
 
 
 @dataclass(frozen=True, eq=False)
-class Rate(ABC):
+class Rate(Shown, ABC):
     """Every step of the method, in exact arithmetic, reduces a norm of the error z − z* to `factor` times it, or less.
 
     |zᵏ − z*| ≤ factorᵏ·‖z⁰ − z*‖·v entry by entry. `factor` < 1 and `v` > 0, shape (n,), are proved, whatever q is;
@@ -56,7 +57,8 @@ class Rate(ABC):
         It rests on one step of the method: ‖z¹ − z⁰‖/(1 − factor). Parameters: `problem` with the A and ψ of the rate;
         `z0` shape (n,), finite. Raises InputError for another A or ψ, or another z0.
         """
-        z0, step = as_problem(problem).vector(z0, "z0", finite=True), self._step
+        problem, step = as_problem(problem), self._step
+        z0 = problem.vector(z0, "z0", finite=True)
         if problem.A is not step.A or problem.psi is not step.problem.psi:
             raise InputError("problem has another A or psi than the rate; make the rate of this problem")
         with np.errstate(all="ignore"):

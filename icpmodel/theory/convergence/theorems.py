@@ -27,7 +27,7 @@ _MATRICES = 20
 _BALANCE = 100.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Check(Answer):
     """Whether the hypotheses of a theorem hold: an `Answer` with the theorem beside it.
 

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from ...errors import OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, as_csr, bandwidths
+from ...present.shown import Shown
 from ..answers import Allowance, Answer
 from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
@@ -62,7 +63,7 @@ def p_matrix(A: Any) -> Answer:
     return classify(A).p
 
 
-class MatrixClasses(ReadOnly):
+class MatrixClasses(ReadOnly, Shown):
     """Three-valued answers about the CSR matrix `A`, shape (n, n), with every diagonal entry stored; see `classify`.
 
     Each is computed when it is first asked for; `print` asks for all. Yes and no are proved, rounding included.

@@ -1,0 +1,332 @@
+"""`Problem`: implicit complementarity problems in the manner of `cvxpy.Problem`."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+from cvxpy import settings as s
+from cvxpy.constraints.nonpos import Inequality
+from cvxpy.constraints.zero import Equality, Zero
+from cvxpy.problems.problem import SolverStats
+
+from ...crosscheck.report import Report
+from ...errors import InputError, NotSolved
+from ...explain.explanation import Explanation
+from ...icp import ICP
+from ...methods.contract import Method
+from ...numerics.arrays import Vector, as_truth, described
+from ...present.shown import Shown
+from ...solve.solution import Solution, Status
+from ..reading import solved
+from ..running_log import log_on
+from .compiled import named
+from .complementarity import Complementarity
+from .expressions import CvxpyReading
+
+_EQUATIONS, _INEQUALITIES = (Equality, Zero), (Inequality, cp.NonNeg, cp.NonPos)
+#: what CVXPY calls each end of a run
+STATUSES = {
+    Status.SOLVED: s.OPTIMAL,
+    Status.PRECISION_LIMIT: s.OPTIMAL_INACCURATE,
+    Status.INFEASIBLE: s.INFEASIBLE,
+    **dict.fromkeys([Status.STAGNATED, Status.CYCLED, Status.DIVERGED], s.SOLVER_ERROR),
+    **dict.fromkeys([Status.MAP_FAILED, Status.CROSSED], s.SOLVER_ERROR),
+    **dict.fromkeys([Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.MEMORY_LIMIT], s.USER_LIMIT),
+    **dict.fromkeys([Status.INTERRUPTED, Status.STOPPED], s.USER_LIMIT),
+}
+#: the least value of the objective 0
+_VALUES = {s.OPTIMAL: 0.0, s.OPTIMAL_INACCURATE: 0.0, s.INFEASIBLE: np.inf}
+#: so many constraints are printed in one line
+_TOLD = 3
+
+
+class Problem(Shown):
+    """An ICP in CVXPY's terms: find z, all variables of the constraints, with every p ≥ 0 ⟂ r ≥ 0.
+
+    Parameters: `constraints`, one or several of `complements(p, r)`, of equations a == b and of inequalities a <= b,
+    affine ones. Over all of them every entry of every variable needs one row of its own, r = z − ψ(z) or an equation
+    (any of them), so that there are as many rows as unknowns. p is affine; ψ, and bounds of r, any CVXPY expression,
+    convex, concave or neither (minimum, exp, log, power, norms, …), of which `.grad` gives the derivative. A row az − ψ
+    is divided by a; where a < 0, r ≥ 0 is an obstacle above z. Variables have any shape and no attributes. Parameters
+    may stand anywhere; CVXPY compiles the model once, and a new value costs one product (unless it is not DPP: then it
+    is compiled anew).
+
+    An equation has a free multiplier, which is a variable like any other, in p. After a solve its `dual_value` is the λ
+    of p = … + (∂(a − b)/∂z)ᵀλ, with CVXPY's sign; None where p does not have this form. An inequality has none: it is
+    only checked at the answer, where its `dual_value` is 0, as nothing in p stands for it. Where it is violated the
+    status is "infeasible" if it is proved that the conditions have no other solution, else "solver_error".
+
+    z stacks the variables in the order of `variables()`, each column by column. Raises InputError for a model that is
+    not of this form, with the expression and the reason.
+    Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016); Agrawal et al., Differentiable convex optimization
+    layers (2019), for DPP.
+
+    >>> import cvxpy as cp
+    >>> z, load = cp.Variable(2), cp.Parameter(2)
+    >>> pair = icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.3 * cp.minimum(z, 1))
+    >>> problem = icp.Problem(pair)
+    >>> for load.value in ([1, -3], [4, 4]):
+    ...     _ = problem.solve()
+    ...     print(problem.status, z.value.round(6) + 0.0)
+    optimal [0.5 0. ]
+    optimal [4. 4.]
+    >>> x, force = cp.Variable(2), cp.Variable()
+    >>> total = cp.sum(x) == 1
+    >>> _ = icp.Problem([icp.complements(x - [2, 1] + force, x, upper=0.75), total, x[0] >= x[1]]).solve()
+    >>> x.value.round(6), float(total.dual_value.round(6))
+    (array([0.75, 0.25]), 0.75)
+    """
+
+    def __init__(self, constraints: Any) -> None:
+        self._constraints = _listed(constraints)
+        self._conditions = [one for one in self._constraints if isinstance(one, Complementarity)]
+        self._equations = [one for one in self._constraints if isinstance(one, _EQUATIONS)]
+        self._inequalities = [one for one in self._constraints if isinstance(one, _INEQUALITIES)]
+        self._reading = CvxpyReading(self._conditions, self._equations, self._inequalities)
+        self.solution: Solution | None = None
+        self._of_conditions: Solution  # that of the ICP, whatever the inequalities say
+        self.solver_stats: SolverStats | None = None
+
+    @property
+    def constraints(self) -> list[Any]:
+        """The constraints as they were given, in a new list.
+
+        >>> z = cp.Variable(name="z")
+        >>> icp.Problem(icp.complements(z - 1, z)).constraints
+        [complements(z + -1.0, z)]
+        """
+        return list(self._constraints)
+
+    def variables(self) -> list[cp.Variable]:
+        """The variables in the order in which z stacks them.
+
+        >>> x, y = cp.Variable(2, name="x"), cp.Variable(name="y")
+        >>> icp.Problem([icp.complements(y + 1, y), icp.complements(x - y, x)]).variables()
+        [Variable((), y), Variable((2,), x)]
+        """
+        return list(self._reading.variables)
+
+    def parameters(self) -> list[cp.Parameter]:
+        """The parameters, in the order in which they appear.
+
+        >>> z, load = cp.Variable(), cp.Parameter(name="load")
+        >>> [one.name() for one in icp.Problem(icp.complements(z - load, z)).parameters()]
+        ['load']
+        """
+        return list(self._reading.parameters)
+
+    def is_dpp(self) -> bool:
+        """Whether CVXPY compiles the model once for all values of its parameters.
+
+        >>> z, a, b = cp.Variable(), cp.Parameter(), cp.Parameter()
+        >>> [icp.Problem(icp.complements(p, z)).is_dpp() for p in (a * z + b, a * (b * z))]
+        [True, False]
+        """
+        return self._reading.is_dpp
+
+    def icp(self) -> ICP:
+        """The ICP at the present values of the parameters, without the inequalities. Raises InputError where a
+        parameter has none. Where an ICP is expected, as in `icp.explain`, a problem stands for this one.
+
+        >>> z = cp.Variable(2)
+        >>> icp.Problem(icp.complements(z - 1, 2 * z - 6)).icp()
+        ICP(n=2, nnz=2, psi=Constant(3))
+        """
+        return self._reading.problem
+
+    @property
+    def status(self) -> str | None:
+        """How the last solve ended, in CVXPY's words; None before, and where it raised InputError or MapError.
+
+        "optimal": solved. "optimal_inaccurate": rounding allows no more (PRECISION_LIMIT). "infeasible": proved.
+        "user_limit": a limit on iterations, time or memory, the callback or Ctrl-C. "solver_error": nothing was found,
+        and nothing proved; `solution.status` and `solution.message` say more.
+
+        >>> z = cp.Variable()
+        >>> problem = icp.Problem(icp.complements(-z - 1, z))
+        >>> _ = problem.solve(raise_on_failure=False)
+        >>> problem.status
+        'infeasible'
+        """
+        return None if self.solution is None else STATUSES[self.solution.status]
+
+    @property
+    def value(self) -> float | None:
+        """What CVXPY would call the least value of the objective 0: 0.0 where there is an answer, "optimal" or
+        "optimal_inaccurate", inf where there is proved to be none, else None.
+
+        >>> z = cp.Variable()
+        >>> problem = icp.Problem(icp.complements(z - 1, z))
+        >>> problem.value, problem.solve().z, problem.value
+        (None, array([1.]), 0.0)
+        """
+        return _VALUES.get(str(self.status))
+
+    def solve(
+        self,
+        method: str | Method | None = None,
+        *,
+        z0: Any = None,
+        warm_start: bool = True,
+        verbose: bool = False,
+        raise_on_failure: bool = True,
+        **options: Any,
+    ) -> Solution:
+        """Solve it and write the values to the variables and constraints; the options are those of `icpmodel.solve`.
+
+        Parameters: `method` a name, a `Method` or None; `z0` the start, by default the values that the variables have
+        (0 where they have none), so that a series starts each problem from the answer before, or 0 without
+        `warm_start`; `verbose` prints what is decided and how far it is while it runs.
+        Returns the `Solution`, which is also kept in `solution`, and in CVXPY's form in `solver_stats`. Raises
+        NotSolved where the run fails or an inequality is violated, and the variables then have no values; with
+        `raise_on_failure` False they have those of the best iterate, `status` says what it is, and the `Solution`
+        comes back.
+
+        >>> z = cp.Variable()
+        >>> icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve("newton").z.round(6), float(z.value)
+        (array([1.5]), 1.5)
+        """
+        self.solution = self.solver_stats = None
+        flags = {"warm_start": warm_start, "verbose": verbose, "raise_on_failure": raise_on_failure}
+        for name, flag in flags.items():
+            as_truth(flag, name)
+        _check_solver(method, options)
+        reading, begin = self._reading, time.perf_counter()
+        problem = self.icp()
+        seconds = time.perf_counter() - begin
+        if z0 is None and not warm_start:
+            z0 = np.zeros(problem.n)
+        if verbose:
+            print(f"icpmodel: {problem!r}")
+            with log_on(sys.stdout, options.pop("callback", None)) as callback:
+                found = solved(reading, method, z0=z0, callback=callback, **options)
+        else:
+            found = solved(reading, method, z0=z0, **options)
+        self._of_conditions = found
+        if found.status in (Status.SOLVED, Status.PRECISION_LIMIT):
+            found = reading.checked(found)
+        self.solution = found
+        self.solver_stats = SolverStats("ICPMODEL", found.seconds, seconds, found.iterations, found)  # type: ignore[arg-type]
+        if verbose:
+            told = f"{self.status} after {found.iterations} iterations, {found.seconds:.3g} s"
+            print(f"icpmodel: {told}: {found.message}")
+        failed = raise_on_failure and not found.solved
+        self._write(None if failed else found.z)
+        if failed:
+            raise NotSolved(found)
+        return found
+
+    def _write(self, z: Vector | None) -> None:
+        """What the variables, conditions and constraints are at `z`; nothing where it is None."""
+        reading = self._reading
+        for variable in reading.variables:
+            variable.save_value(None)
+        for condition in self._conditions:
+            condition.p = condition.r = None
+        for constraint in (*self._equations, *self._inequalities):
+            constraint.save_dual_value(None)
+        if z is None:
+            return
+        for variable, value in reading.values(z):
+            variable.save_value(value)
+        for condition, p in reading.multipliers(z):
+            condition.p, condition.r = p, condition.sides[1].value
+        for condition, r in reading.distances(z):
+            condition.r = r
+        for equation, multiplier in zip(self._equations, reading.equation_multipliers(z), strict=True):
+            equation.save_dual_value(None if np.isnan(multiplier).any() else multiplier)
+        if self.value == 0.0:
+            for inequality in self._inequalities:
+                inequality.save_dual_value(np.zeros(inequality.shape))
+
+    def crosscheck(
+        self,
+        solvers: Iterable[str] | None = None,
+        *,
+        atol: float | None = None,
+        time_limit: float = 60.0,
+        progress: bool = False,
+    ) -> Report:
+        """Have independent solvers check the answer of the last `solve`; `icpmodel.crosscheck.crosscheck` says how.
+
+        It solves first where the parameters have changed since, or nothing was solved. Inequalities are no part of the
+        ICP, and nobody is asked about them.
+
+        >>> z = cp.Variable(2)
+        >>> icp.Problem(icp.complements(2 * z - [1, -1], z)).crosscheck(["osqp"]).agrees
+        True
+        """
+        icp = self.icp()
+        if self.solution is None or self.solution.problem is not icp:
+            self.solve(raise_on_failure=False)
+        return icp.crosscheck(self._of_conditions, solvers, atol=atol, time_limit=time_limit, progress=progress)
+
+    def explain(
+        self, method: str | Method | None = None, *, accuracy: float = 1e-6, thorough: bool = False, **options: Any
+    ) -> Explanation:
+        """What is certain of the ICP at the present values of the parameters; `icpmodel.explain.explain` says how.
+
+        >>> z = cp.Variable(2)
+        >>> icp.Problem(icp.complements(2 * z - [1, -1], z)).explain().bound.unique
+        True
+        """
+        return self.icp().explain(method, accuracy=accuracy, thorough=thorough, **options)
+
+    def __copy__(self) -> Problem:
+        return type(self)(self._constraints)
+
+    def __reduce__(self) -> Any:
+        # copies of expressions keep the numbers by which CVXPY 1.9 knows their variables: it ends the process, or takes
+        # one variable for another
+        advice = "problem.icp() can; the model can be built again there, or copied by copy.copy with the same variables"
+        raise TypeError(
+            f"CVXPY's expressions cannot be pickled or copied deeply, so that a Problem cannot be; {advice}"
+        )
+
+    def __str__(self) -> str:
+        names = ", ".join(x.name() for x in self.variables())
+        return "\n".join([f"find {names}", *(f"  with {_told(one)}" for one in self._constraints)])
+
+    def __repr__(self) -> str:
+        told = ", ".join(map(_told, self._constraints[:_TOLD]))
+        more = len(self._constraints) - _TOLD
+        return f"Problem([{told}{f', and {more} more' if more > 0 else ''}])"
+
+
+def _told(constraint: Any) -> str:
+    return repr(constraint) if isinstance(constraint, Complementarity) else named(constraint)
+
+
+def _listed(constraints: Any) -> list[Any]:
+    """`constraints` as a list of those that there may be. Raises InputError."""
+    wanted = "complements(p, r), equations a == b and inequalities a <= b"
+    known = (Complementarity, *_EQUATIONS, *_INEQUALITIES)
+    if isinstance(constraints, known):
+        return [constraints]
+    if isinstance(constraints, cp.Minimize | cp.Maximize):
+        found = f"constraints is the objective {constraints}"
+        raise InputError(f"{found}; a complementarity problem has none, give the list of {wanted} alone")
+    if not isinstance(constraints, Iterable) or isinstance(constraints, str | cp.Expression):
+        raise InputError(f"constraints is {described(constraints)}; a list of {wanted} was expected")
+    listed = list(constraints)
+    for k, one in enumerate(listed):
+        if isinstance(one, list | tuple):
+            raise InputError(f"constraints[{k}] is a {type(one).__name__}; one flat list was expected: put * before it")
+        if not isinstance(one, known):
+            text = named(one) if isinstance(one, cp.Constraint | cp.Expression) else described(one)
+            raise InputError(f"constraints[{k}] is {text}; {wanted} were expected")
+    return listed
+
+
+def _check_solver(method: Any, options: dict[str, Any]) -> None:
+    """What CVXPY's user names as a solver. Raises InputError."""
+    solver = options.get("solver", method)
+    if "solver" in options or (isinstance(method, str) and method in s.SOLVERS):
+        found = solver if isinstance(solver, str) else described(solver)
+        advice = 'leave it out, or give a method such as "newton"; crosscheck() asks other solvers about the answer'
+        raise InputError(f"the solver {found} was named, but icpmodel's own methods solve this problem: {advice}")

@@ -1,0 +1,95 @@
+"""What stands beside the conditions: equations with their multipliers, and inequalities, which are only checked."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...errors import MapError
+from ...numerics.arrays import Vector, row_of
+from ...numerics.rounding import gamma
+from ...solve.solution import Solution, Status
+from .affine_rows import AffineRows
+
+#: what rounding may have changed in a coefficient, as a share of the largest one of its row
+_ROUNDING = 1e-12
+
+
+class Multipliers(NamedTuple):
+    """The λ of so many `equations` h(z) = 0 in p = … + (∂h/∂z)ᵀλ, over those z that conditions own: λ_i is the sum of
+    `factor` · z_j over the pairs (`equation` i, `entry` j), which say that the column of z_j in p is a multiple of the
+    row of the equation, and that this does not contain z_j. So it is in the conditions of an optimum."""
+
+    equations: int
+    equation: NDArray[np.intp]
+    entry: NDArray[np.intp]
+    factor: Vector
+
+    @classmethod
+    def of(cls, equations: sp.csr_array, p: sp.csr_array, own: NDArray[np.intp]) -> Multipliers:
+        """From the coefficients of the `equations` and of `p`, of which row k belongs to the entry own[k] of z."""
+        m, n = equations.shape
+        free = np.setdiff1d(np.arange(n), own)
+        equation, factor = multiples(sp.csr_array(equations[:, own]), sp.csr_array(p[:, free].T))
+        inside = np.isin(equation * n + free, row_of(equations) * n + equations.indices)
+        found = np.flatnonzero((equation >= 0) & ~inside)
+        return cls(m, equation[found], free[found], factor[found])
+
+    def at(self, z: Vector) -> Vector:
+        """λ, NaN where an equation has none."""
+        known = np.bincount(self.equation, minlength=self.equations) > 0
+        sums = np.bincount(self.equation, self.factor * z[self.entry], minlength=self.equations)
+        return np.where(known, sums, np.nan)
+
+
+def multiples(E: sp.csr_array, B: sp.csr_array) -> tuple[NDArray[np.intp], Vector]:
+    """For each row of `B` a row of `E` of which it is a multiple, −1 where there is none, and the factor. Multiples
+    have the same quotient of two random sums, so that only neighbours in that are compared."""
+    of, factor = np.full(B.shape[0], -1, dtype=np.intp), np.zeros(B.shape[0])
+    if not E.shape[0] or not E.shape[1]:
+        return of, factor
+    weights = np.random.default_rng(0).normal(size=(E.shape[1], 2))
+    with np.errstate(all="ignore"):
+        e, b = E @ weights, B @ weights
+        quotients, wanted = e[:, 0] / e[:, 1], b[:, 0] / b[:, 1]
+        order = np.argsort(quotients)
+        after = np.searchsorted(quotients[order], wanted)
+        for place in (after - 1, after):
+            row = order[np.clip(place, 0, E.shape[0] - 1)]
+            times = b[:, 1] / e[row, 1]
+            apart = abs(B - sp.diags_array(times) @ E[row]).max(axis=1).toarray()
+            largest = abs(B).max(axis=1).toarray()
+            same = (largest > 0) & (apart <= _ROUNDING * largest)
+            of, factor = np.where(same, row, of), np.where(same, times, factor)
+    return of, factor
+
+
+def checked(solution: Solution, rows: AffineRows, name: Callable[[int], str]) -> Solution:
+    """`solution` where all `rows`, affine and without atoms, are ≤ 0 at its z; else one that says which is not. Its
+    status is INFEASIBLE where it is proved that no solution of the conditions has them so, STAGNATED otherwise."""
+    z, (Z, _, constant) = solution.z, rows
+    values, sizes = Z @ z + constant, np.asarray(abs(Z).sum(axis=1))
+    terms = abs(Z) @ np.abs(z) + np.where(np.isfinite(constant), np.abs(constant), 0.0)
+    noise = gamma(np.diff(Z.indptr) + 2) * terms
+    # a residual is a step in z or an entry of p
+    wrong = values > (1.0 + sizes) * max(solution.tolerance, solution.accuracy or 0.0) + noise
+    if not wrong.any():
+        return solution
+    error = None
+    with contextlib.suppress(MapError):
+        error = solution.certificate.bound.componentwise
+    proved = np.zeros(wrong.size, dtype=bool) if error is None else wrong & (values > abs(Z) @ error + noise)
+    row = int(np.argmax(np.where(proved if proved.any() else wrong, values, -np.inf)))
+    if proved[row]:
+        status, more = Status.INFEASIBLE, "the conditions have no other solution"
+    else:
+        status = Status.STAGNATED
+        more = "the conditions may have another solution, or a more accurate one: start elsewhere, or lower rtol"
+    told = f"{name(row)} is violated by {values[row]:.3g}: no condition of the model implies it; {more}"
+    return replace(solution, status=status, message=told)

@@ -1,0 +1,147 @@
+"""`pyo.SolverFactory("icpmodel")`: Pyomo's legacy interface to `PyomoSolver`, and the registration of both.
+
+Pyomo's own wrapper of new solvers keeps the options of a call for the calls after it, says nan for what it does not
+count, and has no way to hand out what a failed run has found. Here they end with the call, the results count, and
+`solve(model, load_solutions=False)` hands out the best iterate for `model.solutions.load_from(results)`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+from pyomo.contrib.solver.common.base import LegacySolverWrapper
+from pyomo.contrib.solver.common.factory import SolverFactory
+from pyomo.contrib.solver.common.results import Results, SolutionStatus
+from pyomo.core.base import SymbolMap
+from pyomo.core.base.label import CNameLabeler
+from pyomo.core.base.PyomoModel import ModelSolutions
+from pyomo.opt.base.solvers import OptSolver
+from pyomo.opt.results.results_ import SolverResults
+from pyomo.opt.results.solution import Solution as LegacySolution
+from pyomo.opt.results.solution import SolutionStatus as LegacySolutionStatus
+from pyomo.opt.results.solver import SolverStatus
+
+from ...errors import InputError
+from .solver_interface import PyomoSolver
+
+_FILES = (
+    "icpmodel runs in this process and writes no files; icpmodel.save_problem(file, read_pyomo(model).problem) does"
+)
+#: what Pyomo's solvers take and this one has no use for
+_NO_USE = {
+    "keepfiles": _FILES,
+    "solnfile": _FILES,
+    "solver_io": "icpmodel runs in this process",
+    "writer_config": _FILES,
+    "suffixes": "declare them on the model, model.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT), and rc alike",
+}
+
+
+class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
+    """What `SolverFactory("icpmodel")` of `pyomo.environ` makes; `options` are those of all solves to come."""
+
+    _best = "model.solutions.load_from(results)"
+
+    def solve(
+        self, model: Any, tee: Any = False, *, logfile: Any = None, warmstart: bool = True, **kwds: Any
+    ) -> SolverResults:
+        """Solve `model` as `PyomoSolver.solve` does. What a failed run has found is in the results of
+        `load_solutions=False` alone; `logfile` gets what `tee` shows."""
+        for name, reason in _NO_USE.items():
+            if kwds.pop(name, None):
+                raise InputError(f"{name}: {reason}")
+        if not warmstart:
+            raise InputError("warmstart=False: every solve starts from the values of the variables; change these")
+        kept = self.config
+        with contextlib.ExitStack() as stack:
+            if logfile is not None:
+                streams = tee if isinstance(tee, (list, tuple)) else [tee]
+                tee = [*streams, stack.enter_context(open(logfile, "w", encoding="utf-8"))]
+            stack.callback(self.__dict__.update, config=kept)
+            self.__dict__["config"] = kept(preserve_implicit=True)  # by the attribute Pyomo would write into `kept`
+            return super().solve(model, tee=tee, **kwds)
+
+    def set_options(self, options: Any) -> None:
+        """For all solves to come: a mapping, or a text, "method=newton rtol=1e-9", as Pyomo's command line has it."""
+        if isinstance(options, str):
+            options = OptSolver._options_string_to_dict(options)
+        given = {name: value for name, value in options.items() if value is not None}
+        self.config.time_limit = given.pop("timelimit", self.config.time_limit)
+        self.options.update(given)
+
+    def warm_start_capable(self) -> bool:
+        return True
+
+    def _map_results(self, model: Any, results: Results) -> tuple[SolverResults, LegacySolution]:
+        mapped, point = super()._map_results(model, results)
+        reading, solution = results.solution_loader.reading, results.extra_info.solution
+        size = reading.problem.n - len(reading.added)
+        mapped.problem.number_of_constraints = mapped.problem.number_of_variables = size
+        mapped.problem.number_of_nonzeros = reading.problem.A.nnz
+        mapped.problem.number_of_solutions = results.solution_loader.get_number_of_solutions()
+        mapped.solver.name, mapped.solver.time = self.name, solution.seconds
+        mapped.solver.message, mapped.solver.termination_message = results.solver_log, solution.status.value
+        if results.solution_status is not SolutionStatus.optimal:
+            # with "error" or "unknown" Pyomo would load nothing even where it is asked to
+            if mapped.solver.status is not SolverStatus.aborted:
+                mapped.solver.status = SolverStatus.warning
+            point.status = LegacySolutionStatus.bestSoFar
+        return mapped, point
+
+    def _solution_handler(
+        self, load_solutions: bool, model: Any, results: Results, mapped: SolverResults, point: LegacySolution
+    ) -> SolverResults:
+        """As with Pyomo's older solvers the results hold the solution where it is not in the model, which notes that
+        it has one: so `pyomo solve` writes the values into its file."""
+        mapped._smap_id = None
+        symbols, label, loader = SymbolMap(), CNameLabeler(), results.solution_loader
+        if load_solutions:
+            kept = getattr(model, "solutions", None)
+            if isinstance(kept, ModelSolutions):  # a block has none
+                kept.clear()
+                kept.add_symbol_map(symbols)
+                kept.add_solution(point, id(symbols))
+        else:
+            for variable, value in loader.get_vars().items():
+                point.variable[symbols.getSymbol(variable, label)] = {"Value": value}
+            for variable, value in loader.get_reduced_costs().items():
+                point.variable[symbols.getSymbol(variable, label)]["Rc"] = value
+            for condition, value in loader.get_duals().items():
+                point.constraint[symbols.getSymbol(condition, label)] = {"Dual": value}
+            mapped.solution.insert(point)
+            mapped._smap, mapped._smap_id = symbols, id(symbols)
+        mapped.timing_info, mapped.extra_info = results.timing_info.value(), results.extra_info.value()
+        return mapped
+
+
+SolverFactory.register("icpmodel", doc="Implicit complementarity problems by modulus-based methods")(
+    PyomoSolver, LegacyPyomoSolver
+)
+
+
+def pyomo_solver(**options: Any) -> LegacyPyomoSolver:
+    """icpmodel as a solver for Pyomo models with `Complementarity` components: `pyo.SolverFactory("icpmodel")`.
+
+    Pyomo looks for solvers in a register that is filled on import. Calling this, or `import icpmodel.modelling.pyomo`,
+    enters icpmodel there; `SolverFactory("icpmodel")` makes such solvers afterwards, in Pyomo's new interface
+    (`pyomo.contrib.solver.common.factory`), too.
+
+    Parameters: `options` of `icpmodel.solve` for every solve, such as rtol=1e-12 or method="newton";
+    `solver.solve(model, options={...})` adds some for one.
+    Returns the solver. `solver.solve(model)` starts from the values of the variables, loads the solution into the model
+    and returns Pyomo's results, in which `results.extra_info["solution"]` is ours. Where no solution was found it loads
+    nothing and raises NoFeasibleSolutionError; with `load_solutions=False` the best iterate is in the results, for
+    `model.solutions.load_from(results)`. `timelimit` is in seconds, `tee=True` prints a log while it runs. A suffix
+    `dual` gets p by condition, `rc` by variable. Raises InputError for other models, see `read_pyomo`.
+
+    >>> import pyomo.environ as pyo
+    >>> from pyomo.mpec import Complementarity, complements
+    >>> model = pyo.ConcreteModel()
+    >>> model.x = pyo.Var()
+    >>> model.c = Complementarity(expr=complements(model.x >= 0, 2 * model.x >= 3))
+    >>> results = icp.pyomo_solver().solve(model)
+    >>> str(results.solver.termination_condition), model.x.value
+    ('optimal', 1.5)
+    """
+    return LegacyPyomoSolver(options=options)

@@ -1,0 +1,76 @@
+"""What users see of an object: a short `repr`, a view in a notebook, and a picture."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import Field, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from ..numerics.plugins import public
+from .rendering import render
+
+#: a line on a terminal or two for a field, and a screenful is too long for all of them
+_FIELD, _ALL = 72, 480
+
+
+class Shown:
+    """A base: a `repr` of less than 500 characters whatever the arrays in it, and in a notebook the text of `print`,
+    folded to the width of its cell."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        of: tuple[Field[Any], ...] = fields(self) if is_dataclass(self) else ()
+        shown = [f"{one.name}={brief(getattr(self, one.name))}" for one in of if one.repr]
+        return cut(f"{type(self).__name__}({', '.join(shown)}", _ALL) + ")"
+
+    def _repr_html_(self) -> str:
+        return render("folded.html", text=str(self))
+
+
+class Plotted(Shown):
+    """A base of what has a picture, which `icpmodel.study` draws."""
+
+    __slots__ = ()
+
+    def figure(self) -> Any:
+        """The picture as a matplotlib figure that belongs to no window."""
+        return public("study").figure(self)
+
+    def plot(self, path: str | os.PathLike[str] | None = None, *, ax: Any = None) -> Any:
+        """Show the picture, or write it, or draw it into axes of yours; see `icpmodel.study.plot`.
+
+        Parameters: `path` a file to write instead, PNG, PDF or SVG by its suffix; `ax` matplotlib axes to draw into
+        instead, as many as the picture has panels, or one for the first of them.
+        Returns the matplotlib figure. Raises InputError, and FileError where the file cannot be written.
+        """
+        return public("study").plot(self, path, ax=ax)
+
+
+def brief(value: Any) -> str:
+    """`value` in a few words: of arrays, tables and texts how much there is of them."""
+    if isinstance(value, np.ndarray) and value.size > 1:
+        return f"<{' x '.join(map(str, value.shape))} values>"
+    if isinstance(value, Mapping):
+        return cut(f"{{{', '.join(f'{key!r}: ...' for key in value)}}}", _FIELD)
+    if isinstance(value, tuple | list) and (len(value) > 8 or len(repr(value)) > _FIELD):
+        return f"<{len(value)} entries>"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    text = repr(value)
+    return cut(" ".join(text.split()), _FIELD)
+
+
+def cut(text: str, most: int) -> str:
+    """`text`, or its beginning and dots where it is longer than `most` characters."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def in_notebook() -> bool:
+    """Whether this runs in a notebook, where standard output is no terminal and yet somebody looks on."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return getattr(shell, "kernel", None) is not None

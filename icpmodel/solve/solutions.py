@@ -1,0 +1,161 @@
+"""What comes back from `solve_many`: all rows as arrays, and each of them as a `Solution`."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple, SupportsIndex, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..methods.aor import MNMGS
+from ..methods.contract import Method
+from ..numerics.arrays import ReadOnly, Vector
+from ..present.shown import Shown, cut
+from ..present.table import Table, Tabular
+from ..problem.data import ProblemData
+from ..theory.answers import Answer
+from .solution import Solution, Status
+
+
+class Found(NamedTuple):
+    """What is told of the run of a row, beside z and its residual."""
+
+    method: Method
+    settled: Method
+    last_method: Method
+    why: str
+    iterations: int
+    seconds: float
+    infeasible: Answer | None = None
+
+    @classmethod
+    def of(cls, solution: Solution) -> Found:
+        """What is told of the run of `solution`."""
+        return cls(*(getattr(solution, name) for name in cls._fields))
+
+    @classmethod
+    def at_once(cls, method: Method, rows: int, seconds: float) -> Found:
+        """That of so many `rows` in one compiled call."""
+        why = f"{rows} problems that share A were solved in compiled code at once; the seconds are their mean"
+        return cls(method, method, method, why, 1, seconds / max(rows, 1))
+
+
+#: what is told of a row that nobody had a try at
+NOT_BEGUN = Found(MNMGS(), MNMGS(), MNMGS(), "no method was tried", 0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """The problems as they were stated: `problems` with A, one for all or each its own, `Q`, and for each obstacle what
+    was given, and the list of these or None where one holds for all; the limits of all rows together."""
+
+    problems: list[ProblemData]
+    Q: NDArray[np.float64]
+    below: tuple[Any, list[Any] | None]
+    above: tuple[Any, list[Any] | None]
+    time_limit: float | None
+    memory_limit: float | None
+
+    def sides(self, row: int) -> list[Any]:
+        """ψ and ψ̄, or None, of one row."""
+        return [one if maps is None else maps[row if len(maps) > 1 else 0] for one, maps in (self.below, self.above)]
+
+    def problem(self, row: int) -> ProblemData:
+        """The problem of one row, which shares with the others what they have in common."""
+        problem = self.problems[row if len(self.problems) > 1 else 0].with_q(self.Q[row])
+        if self.below[1] is None and self.above[1] is None:
+            return problem
+        return problem.with_sides(*self.sides(row))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Solutions(ReadOnly, Shown, Tabular):
+    """The answers of `solve_many`, one row per problem; a list of them, too: `many[0]`, `many[-1]` and what a loop over
+    them gives is a `Solution`, made when it is asked for, `many[:2]` is a list of these.
+
+    `Z` shape (k, n), read-only; `statuses` k members of `Status`; `residuals` = Res(z) of the returned rows, recomputed
+    from (A, q, ψ, z), and the `tolerances` they were held against, shape (k,) each; `seconds` of the whole;
+    `messages` what went wrong, by row.
+
+    >>> many = icp.solve_many([[2.0]], [[-2.0], [3.0]])
+    >>> many.Z
+    array([[1.],
+           [0.]])
+    >>> many[1].p, many[1].certificate.unique, len(many)
+    (array([3.]), True, 2)
+    """
+
+    Z: NDArray[np.float64]
+    statuses: tuple[Status, ...]
+    residuals: Vector
+    tolerances: Vector
+    seconds: float
+    messages: dict[int, str]
+    _stated: Stated
+    _at_once: Found
+    _alone: dict[int, Found]
+
+    def __len__(self) -> int:
+        return len(self.Z)
+
+    @overload
+    def __getitem__(self, row: SupportsIndex) -> Solution: ...
+    @overload
+    def __getitem__(self, row: slice) -> list[Solution]: ...
+    def __getitem__(self, row: SupportsIndex | slice) -> Solution | list[Solution]:
+        if isinstance(row, slice):
+            return [self[k] for k in range(*row.indices(len(self)))]
+        k = operator.index(row)
+        if not -len(self) <= k < len(self):
+            raise IndexError(f"there is no row {k}; there are {len(self)}")
+        k %= len(self)
+        return Solution(
+            problem=self._stated.problem(k),
+            z=self.Z[k],
+            status=self.statuses[k],
+            message=self.messages.get(k, "solved"),
+            residual=float(self.residuals[k]),
+            tolerance=float(self.tolerances[k]),
+            **self._found(k)._asdict(),
+            time_limit=self._stated.time_limit,
+            memory_limit=self._stated.memory_limit,
+        )
+
+    def _found(self, k: int) -> Found:
+        return self._alone.get(k) or (NOT_BEGUN if k in self.messages else self._at_once)
+
+    def __iter__(self) -> Iterator[Solution]:
+        return (self[k] for k in range(len(self)))
+
+    def table(self) -> Table:
+        """One row per problem: its status, its residual, and the tolerance that this was held against."""
+        words = (status.value for status in self.statuses)
+        columns = range(len(self)), words, self.residuals.tolist(), self.tolerances.tolist()
+        return Table("", ("row", "status", "residual", "tolerance"), tuple(zip(*columns, strict=True)))
+
+    @property
+    def failed(self) -> list[int]:
+        """The rows whose status is not SOLVED.
+
+        >>> icp.solve_many([[-1.0]], [[1.0], [-1.0]], raise_on_failure=False).failed
+        [1]
+        """
+        return sorted(self.messages)
+
+    @property
+    def message(self) -> str:
+        """What went wrong, in one sentence.
+
+        >>> icp.solve_many([[2.0]], [[-2.0], [3.0]]).message
+        'all 2 rows are solved'
+        """
+        if not self.messages:
+            return f"all {len(self.Z)} rows are solved"
+        first = self.failed[0]
+        return f"{len(self.messages)} of {len(self.Z)} rows failed, first row {first}: {self.messages[first]}"
+
+    def __repr__(self) -> str:
+        return f"Solutions(k={len(self)}, n={self.Z.shape[1]}, {cut(self.message, 400)}, seconds={self.seconds:.3g})"

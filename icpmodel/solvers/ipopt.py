@@ -1,0 +1,80 @@
+"""IPOPT, which CasADi's wheel holds as a library: the products of the conditions minimised, be they convex or not.
+
+    min uᵀr + vᵀs   subject to   u, r, v, s ≥ 0,   Az + q = u − v,   r = (I − G)z − c,   s = d − (I − H)z
+
+with the rows of `icpmodel.solvers.formulations`. Where ψ is constant and A row sufficient, a P-matrix for one, every
+point at which it may stop is a solution; else it may stop where uᵀr + vᵀs > 0.
+References: Wächter and Biegler, Math. Program. 106 (2006), doi 10.1007/s10107-004-0559-y; Cottle, Pang and Stone,
+The Linear Complementarity Problem (2009), section 3.5.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from .foreign import Claim, ForeignSolver
+from .formulations import Target
+
+
+class Ipopt(ForeignSolver):
+    """IPOPT on the MPEC, with the derivatives of CasADi."""
+
+    name, package, extra = "ipopt", "casadi", "ipopt"
+    forms = ("mpec",)
+    asked_by = ("crosscheck",)
+    tight = (1e-13, 1e-10)
+    # nothing stops a factorisation on the way: with a full A of n = 1000 a step takes 2.6 s (2 cores, CasADi 3.8.2)
+    largest = 1000
+    too_large = "a step may take minutes"
+
+    def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
+        import casadi as ca
+
+        n, held, both = target.problem.n, np.flatnonzero(target.held), np.flatnonzero(target.both)
+        unit, sign = sp.eye_array(n, format="csr"), np.where(target.capped, -1.0, 1.0)
+        sizes = (n, n, held.size, both.size, both.size)
+        z, u, r, v, s = parts = [ca.MX.sym(name, size) for name, size in zip("zurvs", sizes, strict=True)]
+
+        def times(matrix: Any, x: Any) -> Any:
+            return ca.mtimes(ca.DM(sp.csc_matrix(matrix)), x)
+
+        zero = [
+            times(target.problem.A, z) + target.problem.q - times(sp.diags_array(sign), u) + times(unit[:, both], v),
+            times(target.I_minus_G[held], z) - target.near[held] - sign[held] * r,
+        ]
+        if target.d is not None:
+            zero.append(target.d[both] - times(target.I_minus_H, z) - s)
+        # where the obstacles touch there is no room between them: r = 0, which makes s = 0, and u alone stands for both
+        pinned = target.both & (target.near == target.d) & target.parallel
+        below, room = np.where(pinned, -np.inf, 0.0), np.where(pinned, 0.0, np.inf)
+        least = (np.full(n, -np.inf), below, np.zeros(held.size), np.zeros(both.size), below[both])
+        u_most = np.where(target.held, np.inf, 0.0)
+        most = (np.full(n, np.inf), u_most, room[held], room[both], np.full(both.size, np.inf))
+        bounds = {"lbx": np.concatenate(least), "ubx": np.concatenate(most), "lbg": 0.0, "ubg": 0.0}
+        options = {
+            "tol": tolerance,
+            "max_wall_time": float(time_limit),
+            # it relaxes every bound by 1e-8 unless told not to
+            "bound_relax_factor": 0.0,
+            # fewer steps on each of nine scenes, n = 1 to 900, and the bearing of n = 900 is not called infeasible
+            "mehrotra_algorithm": "yes",
+            "print_level": 0,
+            "sb": "yes",
+        }
+        program = {
+            "x": ca.vertcat(*parts),
+            "f": ca.dot(times(unit[held], u), r) + ca.dot(v, s),
+            "g": ca.vertcat(*zero),
+        }
+        quiet: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": options}
+        return ca.nlpsol("icp", "ipopt", program, quiet), {"x0": 0.0, **bounds}, n
+
+    def run(self, model: Any) -> Claim:
+        solver, data, n = model
+        x, told = solver(**data)["x"], solver.stats()
+        if told["return_status"] == "NonIpopt_Exception_Thrown":  # CasADi swallows Ctrl-C, and nothing else is thrown
+            raise KeyboardInterrupt
+        return Claim(np.asarray(x).ravel()[:n], told["return_status"], told["success"])

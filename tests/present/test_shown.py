@@ -1,0 +1,142 @@
+"""What users see of an object: a short repr, a view in a notebook that folds, a width that fits."""
+
+import importlib
+import inspect
+import pkgutil
+import sys
+import types
+from enum import Enum
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+import icpmodel as icp
+from icpmodel.present import Card, Table
+from icpmodel.present.shown import Shown
+from icpmodel.present.table import width
+from icpmodel.solvers import Target
+from icpmodel.study.competitors import Entry
+from icpmodel.study.planes import plane
+
+SCENE = icp.scenes.membrane(n=400)
+SOLUTION = SCENE.problem.solve("mnmgs", history=True)
+BROKEN = icp.scenes.hard_jump().problem.solve(raise_on_failure=False)
+LONG = "a very long text " * 100
+MAP = icp.stability("units", points=3, n=9)
+RACE = icp.study.Race(
+    title=LONG,
+    measure="error",
+    entries=tuple(Entry(f"method {k}", "own", 0.1, seconds=(1.0,), claim=LONG) for k in range(20)),
+    traces={f"method {k}": (np.arange(500.0), np.arange(500.0)) for k in range(20)},
+    skipped=((LONG, LONG),),
+)
+Z = cp.Variable(200, name="z" * 50)
+CONDITION = icp.complements(np.eye(200) @ Z - 1, Z - 0.5 * cp.minimum(Z, 1))
+EXPLAINED = icp.ICP(np.eye(30), np.ones(30)).explain()
+TARGET = Target(icp.ICP(2 * np.eye(40), -np.ones(40)))
+#: an object of every public class, with much in it where it can have
+OBJECTS = [
+    SCENE,
+    SCENE.problem,
+    SOLUTION,
+    BROKEN,
+    SOLUTION.history,
+    SOLUTION.certificate,
+    BROKEN.certificate,
+    BROKEN.certificate.bound,
+    SOLUTION.active_set,
+    icp.solve_many(np.eye(60), np.ones((50, 60))),
+    icp.solve_many(-np.eye(2), np.array([[1.0, 1.0], [-1.0, 1.0]]), raise_on_failure=False),
+    icp.Progress(3, np.arange(1000.0), 1.0, 0.1),
+    RACE,
+    MAP,
+    MAP.plane,
+    MAP.plane.x,
+    icp.study.sensitivity(icp.ICP([[2.0]], [-2.0]).solve()),
+    EXPLAINED,
+    EXPLAINED.classes,
+    EXPLAINED.forecasts[0],
+    EXPLAINED.forecasts[0].rate,
+    EXPLAINED.forecasts[0].checks["4.1"],
+    icp.theory.Answer(None, LONG, np.arange(1000.0)),
+    icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["osqp"]),
+    TARGET,
+    TARGET.qp("energy"),
+    icp.solvers.Claim(np.arange(1000.0), LONG, True),
+    icp.solvers.chosen_solvers(["osqp"])[0],
+    icp.scenes.Quantity(3.0, lambda z: 0.0, None),
+    CONDITION,
+    icp.Problem(CONDITION),
+    Table(LONG, ("a", "b"), (("x", LONG),) * 50),
+    Card({LONG: LONG}),
+    icp.AOR(1.0, 0.5),
+    icp.Affine(np.eye(300), np.arange(300.0)).bind(300),
+    icp.Constant(np.arange(1000.0)),
+    icp.Elementwise(np.tanh, lipschitz=np.ones(1000)),
+    icp.Function(lambda z: 0.1 * z),
+    icp.scenes.dividend(n=31).problem.psi,
+    icp.Accelerated(of=icp.MNMAOR(theta1=1.25, phi=np.ones(500), phi2=np.ones(500))),
+    *(icp.methods.named(name) for name in icp.methods.names()),
+]
+each = pytest.mark.parametrize("thing", OBJECTS, ids=lambda thing: type(thing).__name__)
+
+
+def public_classes():
+    """Those that users name, but for enums, errors, and what Pyomo makes a class of its own."""
+    for room in [icp, *(importlib.import_module(one.name) for one in pkgutil.walk_packages(icp.__path__, "icpmodel."))]:
+        for name in getattr(room, "__all__", ()):
+            value = getattr(room, name)
+            if inspect.isclass(value) and not issubclass(value, Enum | BaseException) and name != "PyomoSolver":
+                yield value
+
+
+def test_every_public_class_is_shown_and_has_an_object_here():
+    classes = set(public_classes())
+    assert [one.__name__ for one in classes if not issubclass(one, Shown)] == []
+    assert [one.__name__ for one in classes if not any(isinstance(thing, one) for thing in OBJECTS)] == []
+
+
+@each
+def test_a_repr_has_less_than_500_characters(thing):
+    assert len(repr(thing)) < 500
+    assert repr(thing).startswith(type(thing).__name__) or thing is CONDITION or " object at" not in repr(thing)
+
+
+@each
+def test_a_notebook_shows_it_in_lines_that_fold(thing):
+    """Preformatted text wraps, and a table scrolls in its own box."""
+    page = thing._repr_html_()
+    assert page.count("<pre") == page.count('<pre style="white-space: pre-wrap; overflow-wrap: anywhere"')
+    assert "<pre" in page or "<table" in page
+    assert " object at 0x" not in page
+
+
+def test_a_notebook_prints_in_the_columns_of_its_cell(monkeypatch):
+    shell = types.ModuleType("IPython")
+    shell.get_ipython = lambda: types.SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", shell)
+    assert width(10_000) == 115
+    monkeypatch.setenv("JUPYTER_COLUMNS", "80")
+    for text in (str(RACE), str(MAP), str(SOLUTION), str(EXPLAINED)):
+        assert max(map(len, text.splitlines())) <= 80
+    shell.get_ipython = lambda: types.SimpleNamespace()  # IPython on a terminal
+    assert width(10_000) == 10_000
+
+
+def test_a_map_and_a_solver_of_a_user_are_shown_by_their_names():
+    class Mine(icp.Map):
+        def bind(self, n):
+            return self
+
+        def value(self, z):
+            return 0.5 * z
+
+        def jacobian(self, z):
+            return None
+
+    assert repr(icp.ICP([[2.0]], [-1.0], Mine())) == "ICP(n=1, nnz=1, psi=Mine())"
+
+
+def test_a_plane_of_the_users_does_not_print_its_arrays():
+    assert "values" in repr(plane("shift", 30, 9, None, None).x)

@@ -1,0 +1,125 @@
+"""A person is told how far a run is: by a bar on a terminal and in a notebook, by a line now and then in a log."""
+
+import io
+import logging
+import sys
+import types
+
+import pytest
+
+import icpmodel as icp
+from icpmodel.solve.progress import progress_bar, status_line
+
+SLOW = icp.scenes.bai_symmetric(n=900, mu=0).problem
+
+
+class Clock:
+    """Tells the seconds that it is told to."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def notebook(monkeypatch):
+    """What a notebook has displayed, one entry for each state of each output."""
+    shown = []
+
+    class Handle:
+        def update(self, page):
+            shown.append(page)
+
+    def display(page, display_id):
+        assert display_id is True
+        shown.append(page)
+        return Handle()
+
+    shell = types.ModuleType("IPython")
+    shell.get_ipython = lambda: types.SimpleNamespace(kernel=object())
+    shell.display = types.ModuleType("IPython.display")
+    shell.display.display, shell.display.HTML = display, str
+    monkeypatch.setitem(sys.modules, "IPython", shell)
+    monkeypatch.setitem(sys.modules, "IPython.display", shell.display)
+    return shown
+
+
+def test_a_bar_is_shown_on_a_terminal(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    SLOW.solve("mnmj", progress=True)
+    assert "iteration" in terminal.getvalue()
+
+
+def test_a_bar_is_shown_in_a_notebook_and_is_gone_at_the_end(notebook, capsys):
+    SLOW.solve("mnmj", progress=True)
+    first, *between, last = notebook
+    assert first == last == ""
+    assert between
+    assert all("<progress" in page and "mnmj" in page and "residual" in page for page in between)
+    assert capsys.readouterr().err == ""
+
+
+def test_the_lines_of_a_log_come_after_1_2_4_seconds_and_then_one_a_minute(capsys):
+    clock = Clock()
+    with progress_bar(True, clock) as bar:
+        bar.begin("newton")
+        for second in range(300):
+            clock.now = float(second)
+            bar.update(second, 0.5, 1e-8)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "icpmodel: newton: iteration 1, residual 5.00e-01 -> 1.00e-08"
+    assert [int(line.split()[3][:-1]) for line in lines] == [1, 2, 4, 8, 16, 32, 64, 124, 184, 244]
+
+
+def test_a_study_says_what_it_is_at_in_a_log_and_in_a_notebook(capsys, notebook, monkeypatch):
+    clock = Clock()
+    with status_line(True, clock) as say:
+        say("round 1 of <3>")
+    assert "round 1 of &lt;3&gt;" in notebook[1]
+    monkeypatch.delitem(sys.modules, "IPython")
+    with status_line(True, clock) as say:
+        for clock.now in (0.5, 1.5, 1.7):
+            say(f"at {clock.now}")
+    assert capsys.readouterr().err == "icpmodel: at 1.5\n"
+
+
+def test_nobody_is_told_anything_unasked(capsys, notebook):
+    SLOW.solve("mnmj")
+    assert (capsys.readouterr().err, notebook) == ("", [])
+
+
+def test_a_closed_log_does_not_end_a_run(monkeypatch):
+    clock, log = Clock(), io.StringIO()
+    monkeypatch.setattr("sys.stderr", log)
+    with progress_bar(True, clock) as bar:
+        clock.now = 2.0
+        log.close()
+        bar.update(1, 0.5, 1e-8)
+
+
+def test_the_logger_says_who_begins_and_why_how_he_ends_and_at_debug_who_else_was_considered(caplog):
+    with caplog.at_level(logging.DEBUG, "icpmodel"):
+        solution = icp.scenes.membrane(n=100).problem.solve()
+    info = [one.getMessage() for one in caplog.records if one.levelno == logging.INFO]
+    debug = [one.getMessage() for one in caplog.records if one.levelno == logging.DEBUG]
+    assert any("begins: a modulus method, expected to cost" in text for text in info)
+    assert info[-1].startswith(f"n = 100: solved, z is from {solution.method!r}; {solution.iterations} iterations")
+    assert any("is expected to cost" in text for text in debug)
+    assert any("Tridiagonal() is not considered: A is not tridiagonal" in text for text in debug)
+    caplog.clear()
+    with caplog.at_level(logging.INFO, "icpmodel"):
+        icp.solve_many([[2.0]], [[-2.0], [3.0]])
+    assert caplog.messages == ["2 rows, n = 1: 2 are solved at once by Lemke(), the others one by one"]
+
+
+def test_the_package_has_no_handler_of_its_own_but_the_one_of_every_library():
+    assert [type(one) for one in logging.getLogger("icpmodel").handlers] == [logging.NullHandler]
+    assert logging.getLogger("icpmodel").level == logging.NOTSET

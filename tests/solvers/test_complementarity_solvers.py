@@ -1,0 +1,146 @@
+"""PATH and IPOPT: the forms that they are given are right, convex or not, and their programs leave nothing behind."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_two_sided_targets import box
+
+import icpmodel as icp
+from icpmodel.solvers import Target, ask, foreign_solvers
+from icpmodel.solvers.formulations import in_handy_units
+from icpmodel.solvers.path import mixed
+
+BOTH = pytest.mark.parametrize("name", ["ipopt", "path"])
+posix = pytest.mark.skipif(os.name != "posix", reason="makes an executable shell script")
+
+
+@BOTH
+@pytest.mark.parametrize("seed", range(3))
+def test_obstacles_that_do_not_move_alike_need_no_convexity(name: str, seed: int) -> None:
+    solver = foreign_solvers()[name]
+    pytest.importorskip(solver.package or "")
+    problem, z = box(seed, kind="apart")
+    handy, unit = in_handy_units(problem)
+    assert not Target(handy).parallel
+    claim = ask(solver, Target(handy), solver.tight[0], 20.0)
+    assert claim.solved, claim.words
+    assert np.asarray(claim.z) * unit == pytest.approx(z, abs=1e-6)
+
+
+@BOTH
+def test_a_p_matrix_that_no_convex_program_takes_is_solved(name: str) -> None:
+    solver = foreign_solvers()[name]
+    pytest.importorskip(solver.package or "")
+    problem = icp.ICP([[1.0, 0.0], [6.0, 1.0]], [-1.0, -3.0])
+    assert foreign_solvers()["osqp"].why_not(Target(problem)) is not None
+    report = problem.crosscheck([1.0, 0.0], [name])
+    assert report.agrees, str(report)
+    assert not problem.crosscheck([1.001, 0.0], [name]).agrees
+
+
+@BOTH
+def test_what_has_no_solution_is_not_called_solved(name: str) -> None:
+    solver = foreign_solvers()[name]
+    pytest.importorskip(solver.package or "")
+    claim = ask(solver, Target(icp.scenes.hard_infeasible().problem), solver.tight[0], 20.0)
+    assert not claim.solved
+    assert claim.words in ("infeasible", "Diverging_Iterates")
+
+
+@BOTH
+def test_every_row_free_and_a_row_without_entries(name: str) -> None:
+    solver = foreign_solvers()[name]
+    pytest.importorskip(solver.package or "")
+    free = ask(solver, Target(icp.ICP([[2.0, 1.0], [0.0, 2.0]], [-3.0, -2.0], -np.inf)), 1e-10, 20.0)
+    assert np.asarray(free.z) == pytest.approx([1.0, 1.0])
+    empty = icp.scenes.hard_empty_row().problem
+    assert icp.crosscheck(empty, None, [name]).agrees
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32), kind=st.sampled_from(["symmetric", "skew", "alike", "apart"]))
+def test_the_mixed_problem_has_the_solution_with_the_multipliers_of_what_moves(seed: int, kind: str) -> None:
+    problem, z = box(seed, kind=kind)
+    target = Target(problem)
+    M, b, least, most = mixed(target)
+    p, moves = problem.p(z), not problem.psi.is_constant
+    u, v = np.maximum(p, 0.0)[np.isfinite(target.c)], np.maximum(-p, 0.0)[np.isfinite(target.d)]
+    x = np.concatenate([z, u, v]) if moves else z
+    assert foreign_solvers()["path"].size(target) == b.size == x.size
+    assert np.abs(np.median([M @ x + b, x - least, x - most], axis=0)) == pytest.approx(0.0, abs=1e-9)
+    x[0] += 1.0
+    assert np.abs(np.median([M @ x + b, x - least, x - most], axis=0)).max() > 1e-6
+
+
+def test_the_licence_counts_the_multipliers_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gamspy_base", SimpleNamespace(directory="nowhere"))
+    path = foreign_solvers()["path"]
+    assert path.why_not(Target(icp.ICP(4.0 * np.eye(1000), np.ones(1000)))) is None
+    assert path.why_not(Target(icp.ICP(4.0 * np.eye(1001), np.ones(1001)))) == (
+        "the demo licence of GAMS takes no model beyond n = 1000; this n is 1001"
+    )
+    moving = icp.ICP(4.0 * np.eye(600), np.ones(600), icp.Affine(0.1 * np.eye(600), 0.0))
+    assert str(path.why_not(Target(moving))).endswith("this n is 600, and 600 further unknowns count as well")
+
+
+def fake_gams(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> Path:
+    """A program in the place of GAMS; returns the folder where temporary ones are made."""
+    gams, folder = tmp_path / "gams", tmp_path / "temporary"
+    gams.write_text(f"#!/bin/sh\necho $$ > {tmp_path}/pid\n{script}\n")
+    gams.chmod(0o755)
+    folder.mkdir()
+    monkeypatch.setitem(sys.modules, "gamspy_base", SimpleNamespace(directory=str(tmp_path)))
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder
+
+
+@posix
+def test_a_success_of_path_at_a_wrong_answer_is_recorded_and_not_believed(tmp_path, monkeypatch) -> None:
+    folder = fake_gams(tmp_path, monkeypatch, "echo 0.25 > answer.txt; echo ' ** EXIT - solution found.'")
+    row = icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["path"]).rows[0]
+    assert (row.verdict.value, row.claim) == ("loose", "solution found")
+    assert list(folder.iterdir()) == []
+
+
+@posix
+def test_what_stops_gams_is_told(tmp_path, monkeypatch) -> None:
+    fake_gams(tmp_path, monkeypatch, "echo '*** The licence has expired'; exit 7")
+    row = icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["path"]).rows[0]
+    assert (row.verdict.value, row.note) == ("failed", "The licence has expired")
+
+
+@posix
+def test_at_the_time_limit_gams_is_killed_and_its_folder_removed(tmp_path, monkeypatch) -> None:
+    folder = fake_gams(tmp_path, monkeypatch, "exec sleep 60")
+    claim = ask(foreign_solvers()["path"], Target(icp.ICP([[2.0]], [-1.0])), 1e-10, 0.5)
+    assert (claim.words, claim.solved) == ("time limit", False)
+    assert list(folder.iterdir()) == []
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "pid").read_text()), 0)
+
+
+def test_ctrl_c_that_casadi_swallows_is_raised_again() -> None:
+    class Interrupted:
+        def __call__(self, **data: object) -> dict[str, object]:
+            return {"x": [0.0]}
+
+        def stats(self) -> dict[str, object]:
+            return {"return_status": "NonIpopt_Exception_Thrown", "success": False}
+
+    with pytest.raises(KeyboardInterrupt):
+        foreign_solvers()["ipopt"].run((Interrupted(), {}, 1))
+
+
+def test_ipopt_keeps_its_time_limit() -> None:
+    pytest.importorskip("casadi")
+    claim = ask(foreign_solvers()["ipopt"], Target(icp.scenes.membrane(n=100).problem), 1e-10, 1e-6)
+    assert (claim.words, claim.solved) == ("Maximum_WallTime_Exceeded", False)

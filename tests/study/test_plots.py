@@ -1,0 +1,153 @@
+"""One way to see a picture: it is shown, or written as its suffix says, or drawn into axes that are given."""
+
+import sys
+import types
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib import pyplot
+from matplotlib.figure import Figure
+
+import icpmodel as icp
+from icpmodel.study.competitors import Entry
+
+SQUARE = icp.scenes.membrane(n=100)
+SOLUTION = SQUARE.problem.solve("psor", history=True)
+LINE = icp.scenes.bearing(n=50)
+ENTRIES = tuple(Entry("solve()", "solve", 1e-3, seconds=(1.0,), error=error, residual=1e-9) for error in (0.1, 0.01))
+THINGS = {
+    "solution": SOLUTION,
+    "history": SOLUTION.history,
+    "scene": SQUARE,
+    "line": LINE,
+    "race": icp.study.Race(title="a race", measure="error", entries=ENTRIES),
+    "map": icp.stability("units", points=4, n=9),
+}
+PANELS = {"solution": 2, "history": 1, "scene": 2, "line": 2, "race": 2, "map": 1}
+each = pytest.mark.parametrize("name", THINGS)
+
+
+@each
+@pytest.mark.parametrize(("suffix", "begins"), [(".png", b"\x89PNG"), (".PDF", b"%PDF"), (".svg", b"<?xml")])
+def test_a_picture_is_written_in_the_format_of_its_suffix_and_nothing_else_is(name, suffix, begins, tmp_path):
+    figure = THINGS[name].plot(tmp_path / f"picture{suffix}")
+    (written,) = tmp_path.iterdir()
+    assert written.name == f"picture{suffix}"
+    assert written.read_bytes().startswith(begins)
+    assert isinstance(figure, Figure)
+
+
+@each
+def test_a_picture_is_drawn_into_axes_that_are_given(name):
+    """All panels, or the first of them; the rest of the page stays as it is."""
+    page = Figure()
+    axes = np.ravel(page.subplots(1, PANELS[name] + 1))
+    assert THINGS[name].plot(ax=axes[1:]) is page
+    assert all(one.has_data() for one in axes[1:])
+    alone = Figure()
+    first, other = alone.subplots(1, 2)
+    assert THINGS[name].plot(ax=first) is alone
+    assert first.has_data()
+    assert not other.has_data()
+    assert not axes[0].has_data()
+    assert first.get_xlabel()
+
+
+def test_axes_that_are_none_are_refused_before_anything_is_drawn():
+    page = Figure()
+    three = page.subplots(1, 3)
+    for ax, words in (
+        (three, "ax is 3 of them; one matplotlib axes, or 2"),
+        (pyplot, "ax is a module"),
+        ("x", "ax is 'x'"),
+    ):
+        with pytest.raises(icp.InputError, match=words):
+            SOLUTION.plot(ax=ax)
+    with pytest.raises(icp.InputError, match="path and ax are both given"):
+        SOLUTION.plot("x.png", ax=three[0])
+    assert not any(one.has_data() for one in three)
+
+
+@pytest.mark.parametrize("path", ["picture", "picture.doc", "picture.mat", "picture.png.old"])
+def test_a_suffix_that_no_picture_has_is_refused(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(icp.InputError, match=r"a file name that ends in \.png, \.pdf or \.svg was expected"):
+        SOLUTION.plot(path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_has_no_picture_is_named():
+    with pytest.raises(
+        icp.InputError, match="a Constant has no picture; a Solution, History, Scene, Race or StabilityMap"
+    ):
+        icp.study.plot(icp.Constant(1.0))
+
+
+@pytest.mark.parametrize(
+    "of", [SQUARE.problem, SQUARE.problem.with_q(2 * SQUARE.problem.q), SQUARE.problem.with_psi(0.1)]
+)
+def test_what_lives_in_the_plane_is_a_field_without_being_told_its_points(of):
+    """The points go with the unknowns, that is with A, whatever q and ψ are."""
+    axes = of.solve("psor").figure().axes[0]
+    assert axes.get_title().startswith("z, ")
+    assert axes.collections[0].get_array().reshape(10, 10).shape == (10, 10)
+    again = icp.ICP(of.A, of.q, of.psi).solve("psor")  # its A is another one, of which nothing is known
+    assert again.figure().axes[0].get_ylabel() == "z"
+    assert icp.study.figure(again, SQUARE.points).axes[0].get_title().startswith("z, ")
+
+
+def test_a_scene_draws_the_solution_that_it_is_given():
+    page = Figure()
+    other = LINE.problem.with_psi(0.25).solve()
+    LINE.plot(ax=(axes := page.subplots()), solution=other)
+    drawn = {line.get_label(): line.get_ydata() for line in axes.lines}
+    assert np.array_equal(drawn["z"], other.z)
+    assert (drawn["obstacle ψ(z)"] == 0.25).all()
+
+
+def test_points_of_no_grid_are_dots_and_no_outline_is_promised():
+    moved = SQUARE.points + 0.01 * np.random.default_rng(0).standard_normal(SQUARE.points.shape)
+    axes = icp.study.figure(SOLUTION, moved).axes[0]
+    assert axes.get_title() == "z"
+    assert np.array_equal(axes.collections[0].get_offsets(), moved)
+    assert len(axes.collections) == 1
+
+
+def test_a_scene_is_known_by_its_name():
+    assert icp.study.figure("membrane").axes[0].get_title().startswith("z, ")
+    with pytest.raises(icp.InputError, match="there is no scene 'membrain'"):
+        icp.study.figure("membrain")
+
+
+def test_a_history_that_ends_at_0_is_drawn_to_its_end():
+    history = icp.ICP([[2.0]], [-2.0]).solve("mnmgs", history=True).history
+    axes = history.figure().axes[0]
+    assert history.residual[-1] == 0.0 < axes.lines[0].get_ydata()[-1]
+    assert "0 at the lower end" in axes.get_ylabel()
+
+
+def test_where_there_is_no_window_it_is_said_what_to_do_instead():
+    with pytest.warns(UserWarning, match=r"nothing is shown, .*plot\(\"picture.png\"\) writes") as warned:
+        figure = SOLUTION.plot()
+    assert isinstance(figure, Figure)
+    assert warned[0].filename == __file__
+    assert pyplot.get_fignums() == []
+
+
+def test_in_a_window_it_is_shown(monkeypatch):
+    shown = []
+    monkeypatch.setattr(pyplot, "show", lambda: shown.append(pyplot.gcf()))
+    monkeypatch.setattr(matplotlib, "get_backend", lambda: "qtagg")
+    monkeypatch.setattr(pyplot, "get_backend", lambda: "qtagg")
+    assert [SOLUTION.plot()] == shown
+    pyplot.close("all")
+
+
+def test_a_notebook_gets_the_figure_to_show_it_once(monkeypatch):
+    shell = types.ModuleType("IPython")
+    shell.get_ipython = lambda: types.SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", shell)
+    monkeypatch.setattr(pyplot, "get_backend", lambda: "inline")
+    assert isinstance(SOLUTION.plot(), Figure)
+    assert pyplot.get_fignums() == []
