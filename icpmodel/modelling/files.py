@@ -71,8 +71,8 @@ def load_problem(
 ) -> ICP:
     """Read a problem from one file or folder, or from files of A, q and the obstacles.
 
-    Parameters: `path` an `.npz` file by `save_problem`, a folder of Matrix Market files, or a `.mat` file (-v7 and
-    before) or one by `numpy.savez` with the variables A, q, psi and upper, of which the last two may be missing; or a
+    Parameters: `path` an `.npz` file by `save_problem`, a folder of Matrix Market files, or a `.mat` file (-v6, -v7)
+    or one by `numpy.savez` with the variables A, q, psi and upper, of which the last two may be missing; or a
     file of A alone: `.npy`, `.npz` by `scipy.sparse.save_npz`, `.mat`, `.mtx`, `.csv` or `.txt` (numbers with commas,
     or spaces, between, no heads). `q`, `psi`, `upper` files of what `path` does not hold, of n numbers each, of the
     obstacles also a number; without `psi` it is 0, without `upper` there is none. In a file of several variables each

@@ -1,7 +1,7 @@
 """Numbers as NumPy, SciPy, MATLAB and spreadsheets write them: what a file holds, by the end of its name.
 
 .npy    an array                    .npz    a matrix by scipy.sparse.save_npz, or arrays by numpy.savez
-.mtx    a Matrix Market file        .mat    variables by MATLAB (-v7 and before) or scipy.io.savemat
+.mtx    a Matrix Market file        .mat    variables by MATLAB (-v6, -v7) or scipy.io.savemat
 .csv    numbers, commas between     .txt    numbers, spaces between, as numpy.savetxt writes them
 """
 

@@ -28,7 +28,7 @@ _MATRIX, _COMPRESSED = 14, 15
 #: classes of variables: sparse, the numbers, and what all others are called
 _SPARSE, _DENSE = 5, range(6, 16)
 _OTHERS = {1: "a cell array", 2: "a structure", 3: "an object", 4: "a text", 16: "a function"}
-_COMPLEX = 0x800
+_COMPLEX, _LOGICAL = 0x800, 0x200
 #: a compressed element is unpacked in pieces of so many bytes, so that what does not fit is not unpacked
 _PIECE = 1 << 24
 
@@ -103,7 +103,10 @@ def _variable(path: Path, elements: list[_Element], order: str) -> tuple[str, An
     count = 3 if kind == _SPARSE else 1
     if len(elements) != 3 + count or any(one not in _NUMBERS for one, _ in elements[3:]):
         raise FileError(f"{what} does not hold its numbers")
-    parts = [np.frombuffer(data, order + _NUMBERS[one]) for one, data in elements[3:]]
+    types = [_NUMBERS[one] for one, _ in elements[3:]]
+    if kind == _SPARSE and flags & _LOGICAL:
+        types[-1] = "u1"  # whatever type is said
+    parts = [np.frombuffer(data, order + one) for one, (_, data) in zip(types, elements[3:], strict=True)]
     if len(shape) != 2 or min(shape) < 0:
         raise FileError(f"{what} has shape {shape}; two axes were expected")
     if kind == _SPARSE:

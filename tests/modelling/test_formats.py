@@ -4,16 +4,19 @@ import contextlib
 import os
 import struct
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io.matlab
 import scipy.sparse as sp
 from damaged import Trap, cut, mutated, read_or_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.io import mmwrite, savemat
+from scipy.io import loadmat, mmwrite, savemat
 
 import icpmodel as icp
+from icpmodel.modelling.matlab import read_variables
 from icpmodel.numerics import work
 
 A = np.array([[4.0, -1.0, 0.0, 0.0], [1.0, 3.0, 0.5, 0.0], [0.0, 0.0, 2.0, -0.25], [0.0, 0.1, 0.0, 1.0]])
@@ -132,6 +135,24 @@ def test_a_file_cut_after_any_byte_is_refused_and_never_read_wrongly(tmp_path, k
     for changed in mutated(path, 1, 60):  # a digit for another one is another matrix, but nothing may break
         read_or_refused(content, changed, tmp_path)
     assert [found for part in cut(path) if (found := read_or_refused(content, part, tmp_path))] == []
+
+
+#: files that MATLAB itself wrote, on machines of both orders of bytes, as far as SciPy is installed with its tests
+BY_MATLAB = sorted(
+    path
+    for kind in ("double", "matrix", "minus", "multi", "sparse", "sparsefloat", "bool", "vec")
+    for path in Path(scipy.io.matlab.__file__).parent.glob(f"tests/data/test{kind}_[67]*.mat")
+)
+
+
+@pytest.mark.skipif(not BY_MATLAB, reason="SciPy was installed without its test data")
+def test_what_matlab_wrote_is_read_as_scipy_reads_it():
+    for path in [*BY_MATLAB, BY_MATLAB[0].with_name("logical_sparse.mat")]:
+        found, right = read_variables(path), loadmat(path, spmatrix=False)
+        assert found.keys() == {name for name in right if not name.startswith("__")}
+        for name, value in found.items():
+            dense, expected = (one.toarray() if sp.issparse(one) else one for one in (value, right[name]))
+            assert np.array_equal(np.atleast_2d(dense), expected)
 
 
 @pytest.mark.parametrize("compressed", [True, False])
