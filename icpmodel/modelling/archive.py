@@ -24,6 +24,8 @@ from ..numerics.arrays import Vector, described
 
 #: what NumPy calls the kinds of real numbers, and what such an array is called here
 REAL, NUMBERS = "biuf", "an array of real numbers"
+#: the bytes of the last record of an archive, which has the number of its entries; more where there is a comment
+_END = 22
 
 
 def as_path(value: Any) -> Path:
@@ -162,6 +164,11 @@ def read_archive(path: Path, *kinds: str) -> Iterator[Archive]:
         except (zipfile.BadZipFile, NotImplementedError) as error:
             raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
         with directory:
+            file.seek(size - _END)
+            end = file.read(_END)
+            # a damaged entry can swallow the next one, which zipfile does not notice
+            if end[:4] == b"PK\5\6" and int.from_bytes(end[10:12], "little") not in (len(directory.namelist()), 0xFFFF):
+                raise FileError(f"{path}: does not have as many fields as it says; damaged?")
             archive = Archive(path, directory, size)
             if kinds:
                 archive.check(*kinds)

@@ -20,6 +20,7 @@ form.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -112,15 +113,16 @@ def load_problem(
 
 
 def stored_problem(archive: Archive) -> ICP:
-    """The problem whose `problem_fields` are among those of `archive`."""
-    parts = _stored_parts(archive)
+    """The problem whose `problem_fields` are among those of `archive`, and the names of its obstacles in the field
+    sides."""
+    parts = _stored_parts(archive, archive.text("sides").split())
     return _complete(_of_A(archive.path, parts["A"]), parts, dict.fromkeys(parts, archive.path))
 
 
-def _stored_parts(archive: Archive) -> dict[str, Any]:
+def _stored_parts(archive: Archive, sides: Iterable[str]) -> dict[str, Any]:
     q = archive.vector("q")
     parts: dict[str, Any] = {"q": q, "A": archive.matrix("A", q.size)}
-    for side in _PREFIX if "upper" in archive.names else ("psi",):
+    for side in (side for side in _PREFIX if side in sides):
         parts[side] = archive.text(side)
         for name in _stored(archive.path, side, parts[side]):
             read = archive.matrix if name == "G" else archive.vector
@@ -177,7 +179,7 @@ def _from_file(path: Path) -> dict[str, Any]:
         with read_archive(path) as archive:
             if archive.is_ours:
                 archive.check(_PROBLEM, _BETWEEN)
-                return _stored_parts(archive)
+                return _stored_parts(archive, _PREFIX if archive.text("format") == _BETWEEN else ("psi",))
             parts = read_fields(archive)
     else:
         parts = read_named(path)

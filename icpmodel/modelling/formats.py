@@ -60,6 +60,8 @@ def read_fields(archive: Archive) -> dict[str, Any]:
     """The same of an `.npz` file: the matrix by save_npz, or all arrays."""
     if "format" in archive.names:
         return {"": _sparse(archive)}
+    if len(archive.names) < len(archive.directory.namelist()):  # an array that is overlooked is another problem
+        raise FileError(f"{archive.path}: holds more than arrays by numpy.savez")
     return {name: archive.array(name, NUMBERS, _is_numbers, compressed=True) for name in archive.names}
 
 

@@ -159,9 +159,10 @@ def _start(path: Path, n: int) -> Any:
 
 def _problem_fields(problem: ProblemData) -> dict[str, Any]:
     try:
-        return problem_fields(problem)
+        fields = problem_fields(problem)
     except InputError:
         return {}
+    return fields | {"sides": np.array("psi upper" if "upper" in fields else "psi")}
 
 
 def _is_text(path: Path) -> bool:
