@@ -15,7 +15,15 @@ Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check or measurement;
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
+
+
+def meant(found: Any, known: Iterable[str]) -> str:
+    """What the end of a message asks about `found`, which is none of the names that are `known`, but near to one."""
+    near = get_close_matches(found.lower(), list(known), n=1) if isinstance(found, str) else []
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 class IcpError(Exception):

@@ -9,15 +9,14 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from importlib import import_module
+from typing import Any
 
 import click
 
-from ..errors import IcpError
+from ..errors import IcpError, meant
 from ..numerics.plugins import load_plugins
-from .charting import benchmark, race, report, stability
 from .output import complain
-from .solving import crosscheck, explain, scenes, solve
-from .warming import warmup
 
 __all__ = ["main"]
 
@@ -28,28 +27,55 @@ _NO_ASL = (
     "or take icpmodel.pyomo_solver(), and build the model anew: this attempt has rewritten its Complementarity"
 )
 
+#: command → the file that it is in, which is imported when the command is asked for
+_FILES = {
+    **dict.fromkeys(("solve", "crosscheck", "explain", "scenes"), "solving"),
+    **dict.fromkeys(("race", "stability", "report", "benchmark"), "charting"),
+    "warmup": "warming",
+}
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+_EXAMPLES = {
+    "scenes": "what is built in",
+    "solve membrane --n 10000": "solve a scene",
+    "solve p.npz -o answer.npz": "solve a problem from a file",
+    "solve --A A.npy --q q.csv": "A and q in a file each",
+    "crosscheck membrane": "solve, then have osqp, cvxpy and Pyomo check the answer",
+    "explain membrane": "what is certain before a solve",
+    "race membrane -o race.png": "time against error, with independent solvers",
+    "stability units -o map.png": "where a method converges, how fast, and where it fails",
+    "report membrane -o page.html": "all of that, and pictures, on one page",
+    "benchmark sweep": "the numbers of the README, measured on this machine",
+    "warmup": "compile all loops once, before the first solve",
+}
+
+
+class _Commands(click.Group):
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Examples"):
+            formatter.write_dl([(f"icpmodel {typed}", said) for typed, said in _EXAMPLES.items()], col_max=40)
+        super().format_epilog(ctx, formatter)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(_FILES)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name in _FILES:
+            found: click.Command = getattr(import_module(f".{_FILES[cmd_name]}", __package__), cmd_name)
+            return found
+        if not (ctx.resilient_parsing or cmd_name.startswith("-")):
+            raise click.UsageError(f"No such command {cmd_name!r}{meant(cmd_name, _FILES)}")
+        return None
+
+
+@click.group(
+    cls=_Commands,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog='For the completion of names in bash: eval "$(_ICPMODEL_COMPLETE=bash_source icpmodel)"; else zsh_source, '
+    "fish_source.",
+)
 @click.version_option(package_name="icpmodel")
 def commands() -> None:
-    """Implicit complementarity problems: find z with p = Az + q >= 0, r = z - psi(z) >= 0 and p'r = 0.
-
-    \b
-    icpmodel scenes                          what is built in
-    icpmodel solve membrane --n 10000        solve a scene
-    icpmodel solve p.npz -o answer.npz       solve a problem from a file
-    icpmodel crosscheck membrane             solve, then have osqp, cvxpy and Pyomo check the answer
-    icpmodel explain membrane                what is certain before a solve
-    icpmodel race membrane -o race.png       time against error, with independent solvers
-    icpmodel stability units -o map.png      where a method converges, how fast, and where it fails
-    icpmodel report membrane -o page.html    all of that, and pictures, on one page
-    icpmodel benchmark sweep                 the numbers of the README, measured on this machine
-    icpmodel warmup                          compile all loops once, before the first solve
-    """
-
-
-for _command in (solve, crosscheck, explain, race, stability, report, scenes, benchmark, warmup):
-    commands.add_command(_command)
+    """Implicit complementarity problems: find z with p = Az + q >= 0, r = z - psi(z) >= 0 and p'r = 0."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -59,7 +85,7 @@ def main(arguments: list[str] | None = None) -> None:
         if _ASL in (sys.argv[1:] if arguments is None else arguments):
             raise click.UsageError(_NO_ASL)
         load_plugins()
-        code = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
+        code: Any = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
         if sys.stdout is not None:  # it was closed by the shell
             sys.stdout.flush()
     except click.exceptions.Exit as stop:

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import inspect
+import math
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
-from ..errors import InputError
+from ..errors import FileError, InputError, meant
 from ..icp import ICP
 from ..methods.contract import Method, named, names
 from ..modelling.files import load_problem
+from ..modelling.formats import SUFFIXES
 from ..scenes import Scene, scene
 from ..scenes import names as scene_names
+from ..solvers.foreign import foreign_solvers
 
-SOURCE_HELP = """SOURCE is the name of a built-in scene (see `icpmodel scenes`), an .npz file written by --save-problem,
-a folder of Matrix Market files with a psi.json, or a Matrix Market file of A together with --q."""
+SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`), an .npz file written by
+--save-problem, a .mat file with the variables A, q, psi and upper, or a folder of Matrix Market files with a psi.json;
+or else give --A and --q, and --psi and --upper where there are obstacles other than 0. A file of A or of a vector ends
+in {", ".join(SUFFIXES)}."""
 
 Decorator = Callable[[Any], Any]
 
@@ -32,8 +38,48 @@ _SINGULAR = {"families": "family"}
 _TRIPLE = "tuple[int, int, int]"
 #: parameters that are arguments without a name
 _ARGUMENTS = ("scenes", "scene")
-_KINDS = {"int": int, "float": float, "str": str}
 _PAIR: dict[str, Any] = {"multiple": True, "metavar": "NAME=VALUE"}
+
+
+class _Whole(click.ParamType):
+    """A whole number, also as 1e4."""
+
+    name = "integer"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        try:
+            return int(value)
+        except ValueError:
+            pass
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not number.is_integer() or abs(number) >= 2.0**63:
+            self.fail(f"{value!r} is not a valid integer.", param, ctx)
+        return int(number)
+
+
+_WHOLE = _Whole()
+_KINDS = {"int": _WHOLE, "float": float, "str": str}
+
+
+class Completed(click.ParamType):
+    """A text; what a shell completes are the names that `listed` makes, and files where `or_file`."""
+
+    name = "text"
+
+    def __init__(self, listed: Callable[[], Iterable[str]], or_file: bool = False) -> None:
+        self.listed, self.or_file = listed, or_file
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        found = [CompletionItem(name) for name in self.listed() if name.startswith(incomplete)]
+        return found or [CompletionItem(incomplete, type="file")] if self.or_file else found
+
+
+#: texts of which a shell knows the rest
+SOURCE, SCENE, METHOD = Completed(scene_names, or_file=True), Completed(scene_names), Completed(names)
+SOLVER = Completed(foreign_solvers)
 
 
 class _MethodOption(click.Option):
@@ -44,16 +90,22 @@ class _MethodOption(click.Option):
         return super().get_help_record(ctx)
 
 
+#: what a file holds of a problem → the argument
+_PARTS = {"A": "a_file", "q": "q_file", "psi": "psi", "upper": "upper"}
+
 #: by which the problem is named
 SOURCE_OPTIONS = (
-    click.argument("source"),
-    click.option("--n", type=int, help="Wanted number of unknowns of a scene; it takes the nearest it can have."),
+    click.argument("source", required=False, type=SOURCE),
+    click.option("--n", type=_WHOLE, help="Wanted number of unknowns of a scene; it takes the nearest it can have."),
     click.option("--set", "parameters", **_PAIR, help="A parameter of the scene; repeatable."),
-    click.option("--q", "q_file", type=click.Path(), help="Matrix Market file of q, where SOURCE is one of A."),
+    click.option("--A", "a_file", type=click.Path(), help="A file of A, in place of SOURCE."),
+    click.option("--q", "q_file", type=click.Path(), help="A file of q."),
+    click.option("--psi", type=click.Path(), help="A number, or a file of the obstacle below z.  [default: 0]"),
+    click.option("--upper", type=click.Path(), help="A number, or a file of the obstacle above z.  [default: none]"),
 )
 #: by which the method is named
 METHOD_OPTIONS = (
-    click.option("--method", cls=_MethodOption),
+    click.option("--method", cls=_MethodOption, type=METHOD),
     click.option("--option", "options", **_PAIR, help="An option of the method, such as theta1=1.2; repeatable."),
 )
 
@@ -102,16 +154,17 @@ def _option(parameter: inspect.Parameter, said: str | None) -> Decorator:
     many = isinstance(default, tuple)
     if name in _ARGUMENTS:
         metavar = "[NAME[,PARAMETER=NUMBER]]..." if "PARAMETER" in (said or "") else None
-        return click.argument(name, metavar=metavar, **({"nargs": -1} if many else {"default": default}))
+        return click.argument(name, metavar=metavar, type=SCENE, **({"nargs": -1} if many else {"default": default}))
     if parameter.annotation == _TRIPLE:
-        shown = {"nargs": 3, "type": int, "default": default, "show_default": True, "help": said}
+        shown = {"nargs": 3, "type": _WHOLE, "default": default, "show_default": True, "help": said}
         return click.option(f"--{name}", name, metavar="LOW HIGH COUNT", **shown)
     if isinstance(default, bool):
         return click.option(f"--{name}/--no-{name}", name, default=default, show_default=True, help=said)
     singular = _SINGULAR.get(name, name.removesuffix("s"))
     option = _OPTIONS.get(name, "--" + (singular if many else name).replace("_", "-"))
     of_default = str if default is None or default == () else type(default[0] if many else default)
-    kind = _KINDS.get(str(parameter.annotation).split(" ")[0], of_default)
+    kind = _KINDS.get(str(parameter.annotation).split(" ")[0], _WHOLE if of_default is int else of_default)
+    kind = {"method": METHOD, "methods": METHOD, "solvers": SOLVER}.get(name, kind)
     shown = {"default": default, "show_default": default is not None, "multiple": many, "help": said}
     return click.option(option, name, type=kind, **shown)
 
@@ -123,22 +176,39 @@ def summary(function: Callable[..., Any]) -> str:
 
 def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
     """The problem that the arguments name, and its scene if it is one. Raises InputError, FileError."""
-    source, n, q_file = arguments["source"], arguments["n"], arguments["q_file"]
-    parameters, listed = pairs(arguments["parameters"]), ", ".join(scene_names())
+    source, file, n = arguments["source"], arguments["a_file"], arguments["n"]
+    parameters = pairs(arguments["parameters"])
+    files = {f"--{name}": arguments[key] for name, key in _PARTS.items() if arguments[key] is not None}
+    if (source is None) == (file is None):
+        given = f"both are given, {source} and {file}; drop one" if source is not None else "neither is given"
+        raise InputError(f"SOURCE or --A names the problem; {given}")
     if source in scene_names():
-        if q_file is not None:
-            raise InputError(f"--q belongs to a Matrix Market file of A; {source} is a scene, which has its own q")
+        if files:
+            raise InputError(f"{next(iter(files))} belongs to a file of A; {source} is a scene, which has its own")
         if "n" in parameters:
             raise InputError("the size of a scene is set by --n, not by --set n=...")
         found = scene(source, n, **parameters)
         if n is not None and found.problem.n != n:
             click.echo(f"note: {source} has no size {n}; the nearest is {found.problem.n}", err=True)
         return found.problem, found
-    if not source or not os.path.exists(source):
-        raise InputError(f"{source or 'SOURCE'} is neither a file or folder nor a scene; scenes: {listed}")
+    if file is None and not os.path.exists(source):
+        if os.path.splitext(source)[1] or os.sep in source:
+            raise FileError(f"{source}: no such file or folder")
+        hint = meant(source, scene_names()) or "; `icpmodel scenes` lists the scenes"
+        raise InputError(f"SOURCE is {source!r}; there is neither a scene nor a file or folder of this name{hint}")
     if n is not None or parameters:
-        raise InputError(f"--n and --set belong to scenes, and {source} is none of them: {listed}")
-    return load_problem(source, q_file), None
+        raise InputError(f"--n and --set belong to scenes, and {source or file} is none; see `icpmodel scenes`")
+    return load_problem(
+        source or file, arguments["q_file"], *(_side(arguments[name]) for name in ("psi", "upper"))
+    ), None
+
+
+def _side(text: str | None) -> float | str | None:
+    """A number, or else the name of a file."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return text
 
 
 def named_method(arguments: dict[str, Any]) -> Method | None:
@@ -166,4 +236,6 @@ def pairs(texts: tuple[str, ...]) -> dict[str, Any]:
                 found[name] = convert(value)
             except ValueError:
                 continue
+        if isinstance(found[name], float) and found[name].is_integer() and "." not in value:  # such as 1e4
+            found[name] = int(found[name])
     return found

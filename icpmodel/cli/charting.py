@@ -18,8 +18,31 @@ from ..study import report as make_report
 from ..study import stability as map_stability
 from ..study.charts.figures import Figure, picture_file, save
 from ..study.charts.table_charts import benchmark_figures, choice_figure, memory_figure
-from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, documented, from_signature, named_method, named_problem
-from .output import AS_CSV, TO_FIGURE, exit_code, make_folder, measured, must_be_writable, print_table, typed, wrote
+from ..study.planes import PLANES
+from .arguments import (
+    METHOD,
+    METHOD_OPTIONS,
+    SOLVER,
+    SOURCE,
+    SOURCE_OPTIONS,
+    Completed,
+    command,
+    documented,
+    from_signature,
+    named_method,
+    named_problem,
+)
+from .output import (
+    AS_CSV,
+    TO_FIGURE,
+    exit_code,
+    make_folder,
+    measured,
+    must_be_writable,
+    print_table,
+    typed,
+    wrote,
+)
 from .solving import unsolved
 
 _RUNS = {
@@ -32,10 +55,10 @@ _TIMINGS = {"repeats": "Rounds of timings.", "time_limit": "Seconds for one run.
 
 
 @command(
-    click.argument("plane", default="relaxation"),
-    click.argument("source", required=False),
+    click.argument("plane", default="relaxation", type=Completed(lambda: PLANES)),
+    click.argument("source", required=False, type=SOURCE),
     *SOURCE_OPTIONS[1:],
-    click.option("--method", help="For the planes that vary the problem.  [default: mnmgs]"),
+    click.option("--method", type=METHOD, help="For the planes that vary the problem.  [default: mnmgs]"),
     *from_signature(map_stability, _RUNS),
     TO_FIGURE,
     AS_CSV,
@@ -50,10 +73,10 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
     must_be_a_picture(output)
     asked = {name: arguments[name] for name in ("method", *_RUNS)}
     problem = None
-    if arguments["source"] is not None:
+    if arguments["source"] is not None or arguments["a_file"] is not None:
         problem, _ = named_problem(arguments)
-    elif arguments["parameters"] or arguments["q_file"] is not None:
-        raise InputError("--set and --q belong to a SOURCE; name one")
+    elif arguments["parameters"] or any(arguments[name] is not None for name in ("q_file", "psi", "upper")):
+        raise InputError("--set, --q, --psi and --upper belong to a SOURCE or to --A; name one")
     elif arguments["n"] is not None:
         asked["n"] = arguments["n"]
     run = lambda: map_stability(plane, problem, **asked, progress=True, command=typed())  # noqa: E731
@@ -62,8 +85,10 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
 
 @command(
     *SOURCE_OPTIONS,
-    click.option("--method", "methods", multiple=True, help="A method beside solve(); repeatable; default: several."),
-    click.option("--solver", "solvers", multiple=True, help="A foreign solver; repeatable; default: all that apply."),
+    click.option(
+        "--method", "methods", multiple=True, type=METHOD, help="Beside solve(); repeatable; default: several."
+    ),
+    click.option("--solver", "solvers", multiple=True, type=SOLVER, help="Repeatable; default: all that apply."),
     *from_signature(run_race, _TIMINGS),
     TO_FIGURE,
     AS_CSV,
@@ -106,7 +131,7 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     must_be_writable(output, ".html")
     problem, scene = named_problem(arguments)
     method = named_method(arguments)
-    about: dict[str, Any] = {"title": arguments["source"]}
+    about: dict[str, Any] = {"title": arguments["source"] or arguments["a_file"]}
     if scene is not None:
         known = {"points": scene.points, "z_exact": scene.z_exact}
         about = {"title": f"{scene.name}: {scene.title}", "about": scene.models} | known

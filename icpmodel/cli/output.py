@@ -10,9 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from ..errors import FileError, InputError, Interrupted
 from ..present.table import Table
+
+#: what the name of a folder does not end in
+_FILES = (".png", ".svg", ".pdf", ".csv", ".npz", ".npy", ".html", ".json", ".txt", ".mat")
 
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 AS_CSV = click.option("--csv", "as_csv", is_flag=True, help="Print all of it as CSV.")
@@ -23,7 +27,8 @@ TO_FIGURE = click.option(
 
 def show_json(told: dict[str, Any]) -> None:
     """Print plain data as JSON; NaN and infinities, which JSON does not have, as null."""
-    click.echo(json.dumps(_finite(told), indent=2, allow_nan=False))
+    lines = (f"  {json.dumps(name)}: {_in_json(value)}" for name, value in told.items())
+    click.echo("{\n" + ",\n".join(lines) + "\n}")
 
 
 def print_told(told: dict[str, Any], text: object, as_json: bool) -> None:
@@ -67,24 +72,40 @@ def wrote(path: Any) -> None:
     click.echo(f"wrote {path}", err=True)
 
 
-def must_be_writable(path: str | None, suffix: str = "") -> None:
+def must_be_writable(path: str | None, *suffixes: str) -> None:
     """Raise FileError or InputError now for a path that could not be written later, when the work is done."""
     if path is None:
         return
+    if not path:
+        raise FileError("--output is empty; the name of a file was expected")
+    if suffixes and Path(path).suffix.lower() not in suffixes:
+        listed = " or ".join(suffixes)
+        raise InputError(f"--output is {path!r}; a name that ends in {listed} was expected")
     if os.path.isdir(path):
         raise FileError(f"{path}: is a folder; a file name was expected")
-    if not os.path.isdir(Path(path).parent):
-        raise FileError(f"{path}: the folder {Path(path).parent} does not exist")
-    if not path.lower().endswith(suffix):
-        raise InputError(f"--output is {path!r}; a name that ends in {suffix} was expected")
+    folder = Path(path).parent
+    if not folder.is_dir():
+        raise FileError(f"{path}: the folder {folder} does not exist")
+    if not os.access(path if os.path.exists(path) else folder, os.W_OK):
+        raise FileError(f"{path}: cannot be written (Permission denied)")
 
 
 def make_folder(path: str) -> None:
     """Make the folder now, before the work. Raises FileError."""
+    if Path(path).suffix.lower() in _FILES:
+        raise FileError(f"{path}: ends as a file does; several are written, and the name of a folder was expected")
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"{path}: cannot be made a folder: {error.strerror}") from None
+
+
+def _in_json(value: Any) -> str:
+    """`value` below a name, a vector in one line."""
+    if not isinstance(value, np.ndarray):
+        return json.dumps(_finite(value), indent=2, allow_nan=False).replace("\n", "\n  ")
+    numbers = value.tolist()
+    return json.dumps(numbers if np.isfinite(value).all() else _finite(numbers), allow_nan=False)
 
 
 def _finite(value: Any) -> Any:

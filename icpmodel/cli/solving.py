@@ -26,7 +26,17 @@ from ..solve.progress import status_line
 from ..solve.solution import Solution
 from ..solvers.foreign import chosen_solvers
 from ..solvers.formulations import Target
-from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, from_signature, named_method, named_problem, pairs
+from .arguments import (
+    METHOD_OPTIONS,
+    SCENE,
+    SOLVER,
+    SOURCE_OPTIONS,
+    command,
+    from_signature,
+    named_method,
+    named_problem,
+    pairs,
+)
 from .output import AS_JSON, exit_code, must_be_writable, print_told, show_json, wrote
 
 #: columns of a sentence that goes to no terminal
@@ -44,7 +54,7 @@ _LIMITS = {
 _SOLVE_OPTIONS = (
     *SOURCE_OPTIONS,
     *METHOD_OPTIONS,
-    click.option("--z0", "z0_file", type=click.Path(), help="Start from the z of this .npz file, written by -o."),
+    click.option("--z0", "z0_file", type=click.Path(), help="Start from the z in this file, by -o, or a vector."),
     *from_signature(run, _LIMITS),
     click.option("--bound/--no-bound", default=True, help="Compute the error bound, which may cost a solve."),
     AS_JSON,
@@ -52,12 +62,12 @@ _SOLVE_OPTIONS = (
 
 
 @command(*_SOLVE_OPTIONS)
-@click.option("-o", "--output", type=click.Path(), help="Write z, p, r and the certificate to this .npz file.")
+@click.option("-o", "--output", type=click.Path(), help="Write z, p, r to this file: .npz (all of it), .npy, .csv.")
 @click.option("--polish", is_flag=True, help="Solve once more on the active set, to rounding accuracy.")
 @click.option("--save-problem", "problem_file", type=click.Path(), help="Write the problem to this .npz file.")
 def solve(output: str | None, polish: bool, problem_file: str | None, as_json: bool, **arguments: Any) -> int:
     """Solve the problem SOURCE and say how wrong the answer can be."""
-    must_be_writable(output, ".npz")
+    must_be_writable(output)
     if output is not None:
         check_place(output)
     problem, scene = named_problem(arguments)
@@ -69,7 +79,8 @@ def solve(output: str | None, polish: bool, problem_file: str | None, as_json: b
         solution = solution.polish()
     errors = {} if scene is None else scene.errors(solution.z)
     if as_json:
-        show_json(solution.about() | {"distance_to_reference": errors})
+        numbers = {"z": solution.z, "p": solution.p, "r": solution.r}
+        show_json(solution.about() | {"distance_to_reference": errors} | numbers)
     else:
         click.echo(str(solution))
         if errors:
@@ -106,7 +117,7 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
 
 
 @command(*_SOLVE_OPTIONS)
-@click.option("--solver", "solvers", multiple=True, help="Independent solver to ask; repeatable; default: all.")
+@click.option("--solver", "solvers", multiple=True, type=SOLVER, help="Whom to ask; repeatable; default: all.")
 @click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for each of them.")
 @click.option("--csv", "csv_path", type=click.Path(), help="Write the report's rows to this CSV file as well.")
 def crosscheck(
@@ -202,7 +213,7 @@ def explain(accuracy: float, thorough: bool, as_json: bool, **arguments: Any) ->
 
 
 @click.command()
-@click.argument("name", required=False)
+@click.argument("name", required=False, type=SCENE)
 @AS_JSON
 def scenes(name: str | None, as_json: bool) -> int:
     """List the built-in scenes, or describe the scene NAME."""

@@ -26,7 +26,8 @@ class Report(Shown, Tabular):
     """What the independent solvers say of an answer; print it, or let a notebook show it.
 
     `rows`; `problem` and `answer` as texts; `n` unknowns; `residual` = Res(z) of the answer under test and `holds`,
-    whether it is one; `error_bound` with |z − z*| ≤ it, or None and the `reason`; `tolerance` of the differences.
+    whether it is a solution; `error_bound` with |z − z*| ≤ it, or None and the `reason`; `tolerance` of the
+    differences.
 
     >>> report = icp.crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"])
     >>> report.agrees, report.rows[0].verdict.value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +12,6 @@ import numpy as np
 from ..errors import InputError, OutOfTime
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
-from ..methods.newton import Newton
 from ..numerics.arrays import as_number, as_truth, described
 from ..numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ..numerics.threads import one_blas_thread
@@ -21,12 +19,14 @@ from ..present.card import Sections, inner_width
 from ..present.shown import Shown
 from ..present.table import Table
 from ..problem.data import ProblemData, ProblemLike, as_problem
+from ..solve.choice import why_none
 from ..solve.reduced import candidates
 from ..solve.schedule import Schedule
 from ..theory.answers import Allowance, Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, never_cross, proofs_of
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import NAMES, MatrixClasses
+from .advice import is_boxed, what_to_do
 from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
 
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
@@ -41,8 +41,8 @@ class Explanation(Shown):
 
     `classes` the `MatrixClasses` of A; `bound` the `ErrorBound` at z = 0, whose proof says whether the solution exists
     and is the only one; `forecasts` one `Forecast` per method looked at; `picked` the method that `solve()` tries first
-    and `why`; `accuracy` what the numbers of steps refer to; `asked` whether one method was asked for, and `instead`
-    another one that is proved where that one is not, or None.
+    and `why`, or None and a sentence on why there is none; `accuracy` what the numbers of steps refer to; `asked`
+    whether one method was asked for, and `instead` another one that is proved where that one is not, or None.
 
     >>> print(ICP([[2.0]], [-2.0]).explain().recommended.method)
     MNMJ()
@@ -69,23 +69,25 @@ class Explanation(Shown):
     def sections(self) -> dict[str, str]:
         """The page, part by part: title → text."""
         solution = f"neither existence nor uniqueness is proved:{listed(self.bound.reason)}"
-        if _is_boxed(self.problem):
+        if is_boxed(self.problem):
             known = "exists, as every row has a fixed obstacle on both sides"
             solution = f"{known}; that it is the only one is not proved:{listed(self.bound.reason)}"
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"
         return {
+            "what to do": "\n".join(self._to_do()),
             "problem": repr(self.problem),
             "matrix A": str(self.classes),
             "map psi" if self.problem.upper is None else "obstacles": self.problem.psi.describe(),
             "solution": solution,
             "methods": "\n".join(self._methods()),
-            "advice": "\n".join(self._advice()),
+            "best proved": "\n".join(self._best_proved()),
         }
 
     def about(self) -> dict[str, Any]:
         """The page as plain data for JSON; no arrays."""
         return {
+            "what_to_do": list(self._to_do()),
             "problem": repr(self.problem),
             "n": self.problem.n,
             "classes": {name: _plain(getattr(self.classes, name)) for name in NAMES},
@@ -105,7 +107,7 @@ class Explanation(Shown):
                 for forecast in self.forecasts
             ],
             "picked": None if self.picked is None else repr(self.picked),
-            "advice": list(self._advice()),
+            "best_proved": list(self._best_proved()),
         }
 
     def _methods(self) -> Iterator[str]:
@@ -149,7 +151,22 @@ class Explanation(Shown):
             for one in self.forecasts:
                 yield from (f"theorem {name:<8}  {check}" for name, check in one.checks.items())
 
-    def _advice(self) -> Iterator[str]:
+    def _to_do(self) -> Iterator[str]:
+        if self.picked is None:
+            yield self.why
+        else:
+            alone = "left to itself " if self.asked else ""
+            yield f"call solve(); {alone}it will run {self.picked!r} first, because it is {self.why}"
+        if self.instead is None and not any(one.proved_by for one in self.forecasts):
+            yield from what_to_do(self.problem, self.classes, self.picked)
+        largest = self.bound.value
+        if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
+            yield (
+                f"the accuracy {self.accuracy:g} may be out of reach: entries of z can be as large as "
+                f"{at_most(largest)}, and float64 rounds such numbers by up to {at_most(UNIT_ROUNDOFF * largest)}"
+            )
+
+    def _best_proved(self) -> Iterator[str]:
         best = self.recommended
         proved = next((one for one in self.forecasts if one.proved_by), None)
         if best is not None and best.factor is not None:
@@ -157,34 +174,25 @@ class Explanation(Shown):
             if best.factorises:
                 cost = "one solve with X = M1 + phi + Omega each, which is factorised once"
             enough = "" if best.steps is None else f", so that {best.steps} will do"
-            yield f"take {best.title}: each step leaves at most {shown(best.factor)} of the error{enough}; {cost}"
+            yield f"{best.title}: each step leaves at most {shown(best.factor)} of the error{enough}; {cost}"
+            if self.picked is not None and not _same(best.method, self.picked):
+                yield "solve() goes by what steps cost as well, and by what is expected, not by what is proved alone"
             yield from parameters({one.title: one.factor for one in self.forecasts})
         elif proved is not None:
             by = proved.proved_by[0]
             how = "monotone, with a strict supersolution" if by == "monotone" else by
             yield f"{proved.title} converges from every start (theorem {how})"
-        if self.asked and proved is None:
+        elif self.asked:
             for one in self.forecasts:
                 yield f"no theorem covers {one.title} on this problem, which does not say that it fails"
             if self.instead is not None:
                 also = "without a method, explain looks at more"
                 yield f"{self.instead.title} is proved here (theorem {self.instead.theorems}); {also}"
-        if self.picked is not None:
-            alone = "left to itself, " if self.asked else ""
-            expected = "; this goes by what steps cost as well, and by what is expected, not by what is proved alone"
-            why = self.why + ("" if best is None or _same(best.method, self.picked) else expected)
-            yield f"{alone}solve() begins with {self.picked!r}: {why}"
-        if proved is None and self.instead is None:
-            yield from what_to_do(self.problem, self.classes, self.picked)
         # what is not known of A is not looked for while a page is printed
         if proved is None and self.classes.semidefinite.holds and (found := proximal_point(self.problem)).holds:
             yield f"Proximal() is proved (theorem proximal): {found.reason}"
-        largest = self.bound.value
-        if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
-            yield (
-                f"the accuracy {self.accuracy:g} may be out of reach: entries of z can be as large as "
-                f"{at_most(largest)}, and float64 rounds such numbers by up to {at_most(UNIT_ROUNDOFF * largest)}"
-            )
+        elif proved is None and self.instead is None:
+            yield "no method that was looked at is proved to converge"
 
     def __str__(self) -> str:
         return str(Sections(self.sections()))
@@ -268,52 +276,15 @@ def _explained(
 
 
 def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
-    """The method that `solve` begins with, and why."""
-    with contextlib.suppress(OutOfTime, MemoryError), limit.kept():
-        turn = Schedule(candidates(problem)).turn()
-        if turn is not None:
-            return turn.who.method, turn.who.why
-    return None, ""
-
-
-def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
-    """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with."""
-    yield "nothing above proves that a method converges; solve() tries several and calls nothing solved that is not"
-    psi, both = problem.psi, problem.upper is not None
-    if psi.lipschitz is None and not psi.takes_best:
-        whose = "the Lipschitz matrices of psi and upper" if both else "psi's Lipschitz matrix"
-        yield f"give {whose} (lipschitz=...): without it no theorem can be applied"
-    elif classes.h_plus.holds and not (psi.is_constant or psi.takes_best):
-        yield "A is an H+-matrix, but psi moves too much for it: a smaller G, or a larger diagonal of A, is needed"
-    if psi.takes_best:
-        if both and not psi.isotone():
-            yield "for an intervention the theorem needs two obstacles that rise with z, which is not known of these"
-        elif classes.z.holds:
-            yield "for an intervention: mnmj (phi >= |D - Omega|) converges monotonically from super- and subsolutions"
-        else:
-            yield "A is no Z-matrix, which the theorem on interventions needs; check the signs of its discretisation"
-    elif classes.definite.holds and not psi.is_constant:
-        held = "the obstacles" if both else "the obstacle"
-        yield f"A is positive definite: with {held} frozen at an iterate, mnmod and mnmmod are proved"
-    elif classes.p.holds:
-        later = "" if isinstance(picked, Newton) else ", on which solve() falls back"
-        held = "obstacles that do not move" if both else "constant psi"
-        yield f"A is a P-matrix, so with {held} the solution is unique, but sweeps may cycle: try newton{later}"
-    elif _is_boxed(problem):
-        yield "z has a fixed obstacle on both sides in every row, so that there is a solution, perhaps one of many"
-    elif classes.semidefinite.holds and problem.is_lcp:
-        yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
-    elif classes.p.holds is False:
-        yield "A is no P-matrix: there may be no solution, or many; check signs and units of the model"
-
-
-def _is_boxed(problem: ProblemData) -> bool:
-    """Whether z is held between fixed obstacles in every row: Az + q is continuous and the box compact, so that there
-    is a solution (Hartman and Stampacchia, Acta Math. 115, 1966)."""
-    if problem.upper is None or not problem.psi.is_constant:
-        return False
-    zero = np.zeros(problem.n)
-    return bool(np.isfinite(problem.psi.value(zero)).all() and np.isfinite(problem.upper.value(zero)).all())
+    """The method that `solve` begins with, and why; or None, and a sentence on why there is none."""
+    try:
+        with limit.kept():
+            turn = Schedule(candidates(problem)).turn()
+    except (OutOfTime, MemoryError) as error:
+        return None, f"call solve(); which method it will run first: {limit.undecided(error)}"
+    if turn is None:
+        return None, f"solve() has no method for this problem: {why_none(problem)}"
+    return turn.who.method, turn.who.why
 
 
 def _same(one: Method, other: Method) -> bool:

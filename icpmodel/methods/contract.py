@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ..algebra.steps import Step, in_a_row
-from ..errors import InputError
+from ..errors import InputError, meant
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
@@ -188,13 +188,14 @@ def named(name: str, /, **options: Any) -> Method:
     icpmodel.errors.InputError: mnmgs has no option theta1; it takes phi, phi1, phi2
     """
     if not isinstance(name, str) or name.lower() not in names():
-        raise InputError(f"method is {described(name)}; one of {', '.join(names())} or a Method object was expected")
+        wanted = f"; one of {', '.join(names())} or a Method object was expected"
+        raise InputError(f"method is {described(name)}{meant(name, names()) or wanted}")
     cls = _REGISTRY[name.lower()]
     known = [option.name for option in fields(cls)]
     for option in options:
         if option not in known:
             takes = f"it takes {', '.join(known)}" if known else "it takes none"
-            raise InputError(f"{cls.name} has no option {option}; {takes}")
+            raise InputError(f"{cls.name} has no option {option}; {takes}{meant(option, known)}")
     return cls(**options)
 
 

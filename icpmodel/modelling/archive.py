@@ -24,6 +24,8 @@ from ..numerics.arrays import Vector, described
 
 #: what NumPy calls the kinds of real numbers, and what such an array is called here
 REAL, NUMBERS = "biuf", "an array of real numbers"
+#: the bytes of the last record of an archive, which has the number of its entries; more where there is a comment
+_END = 22
 
 
 def as_path(value: Any) -> Path:
@@ -162,16 +164,15 @@ def read_archive(path: Path, *kinds: str) -> Iterator[Archive]:
         except (zipfile.BadZipFile, NotImplementedError) as error:
             raise FileError(f"{path}: not a readable .npz file, or truncated ({error})") from error
         with directory:
+            file.seek(size - _END)
+            end = file.read(_END)
+            # a damaged entry can swallow the next one, which zipfile does not notice
+            if end[:4] == b"PK\5\6" and int.from_bytes(end[10:12], "little") not in (len(directory.namelist()), 0xFFFF):
+                raise FileError(f"{path}: does not have as many fields as it says; damaged?")
             archive = Archive(path, directory, size)
-            if kinds and (found := archive.text("format")) not in kinds:
-                raise FileError(f"{path}: field format is {found!r}; {' or '.join(map(repr, kinds))} was expected")
+            if kinds:
+                archive.check(*kinds)
             yield archive
-
-
-def is_ours(path: Path) -> bool:
-    """Whether the `.npz` file says what it is as those by `write_archive` do, and not as SciPy's matrices."""
-    with read_archive(path) as archive:
-        return "format" in archive.names and "data" not in archive.names
 
 
 class Archive:
@@ -180,6 +181,16 @@ class Archive:
     def __init__(self, path: Path, directory: zipfile.ZipFile, size: int) -> None:
         self.path, self.directory, self.size = path, directory, size
         self.names = sorted(one.removesuffix(".npy") for one in directory.namelist() if one.endswith(".npy"))
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether it says what it is as those by `write_archive` do, and not as SciPy's matrices."""
+        return "format" in self.names and "data" not in self.names
+
+    def check(self, *kinds: str) -> None:
+        """Raise FileError unless it is of one of the `kinds`."""
+        if (found := self.text("format")) not in kinds:
+            raise FileError(f"{self.path}: field format is {found!r}; {' or '.join(map(repr, kinds))} was expected")
 
     def array(self, name: str, wanted: str, fits: Callable[..., bool], *, compressed: bool = False) -> np.ndarray:
         """The field `name`, whose shape and dtype must be what `fits`; it may be `compressed` where that is said."""

@@ -20,6 +20,7 @@ form.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -33,8 +34,8 @@ from ..icp import ICP
 from ..problem.affine import Affine
 from ..problem.between import Between
 from ..problem.data import ProblemLike, as_problem
-from .archive import Archive, as_path, is_ours, read_archive, told, write_archive
-from .formats import as_values, read_named, read_values
+from .archive import Archive, as_path, read_archive, told, write_archive
+from .formats import as_values, read_fields, read_named, read_values
 from .matrix_market import read_matrix, read_vector
 
 Source = str | PathLike[str]
@@ -112,15 +113,16 @@ def load_problem(
 
 
 def stored_problem(archive: Archive) -> ICP:
-    """The problem whose `problem_fields` are among those of `archive`."""
-    parts = _stored_parts(archive)
+    """The problem whose `problem_fields` are among those of `archive`, and the names of its obstacles in the field
+    sides."""
+    parts = _stored_parts(archive, archive.text("sides").split())
     return _complete(_of_A(archive.path, parts["A"]), parts, dict.fromkeys(parts, archive.path))
 
 
-def _stored_parts(archive: Archive) -> dict[str, Any]:
+def _stored_parts(archive: Archive, sides: Iterable[str]) -> dict[str, Any]:
     q = archive.vector("q")
     parts: dict[str, Any] = {"q": q, "A": archive.matrix("A", q.size)}
-    for side in _PREFIX if "upper" in archive.names else ("psi",):
+    for side in (side for side in _PREFIX if side in sides):
         parts[side] = archive.text(side)
         for name in _stored(archive.path, side, parts[side]):
             read = archive.matrix if name == "G" else archive.vector
@@ -173,10 +175,14 @@ def _complete(problem: ICP, parts: dict[str, Any], sources: dict[str, Path]) -> 
 
 def _from_file(path: Path) -> dict[str, Any]:
     """The parts of a problem that a file holds, A at least, by `save_problem` or by another program."""
-    if path.suffix.lower() == ".npz" and is_ours(path):
-        with read_archive(path, _PROBLEM, _BETWEEN) as archive:
-            return _stored_parts(archive)
-    parts = read_named(path)
+    if path.suffix.lower() == ".npz":
+        with read_archive(path) as archive:
+            if archive.is_ours:
+                archive.check(_PROBLEM, _BETWEEN)
+                return _stored_parts(archive, _PREFIX if archive.text("format") == _BETWEEN else ("psi",))
+            parts = read_fields(archive)
+    else:
+        parts = read_named(path)
     if len(parts) == 1 and parts.keys() != {"q"}:
         return {"A": next(iter(parts.values()))}
     if "A" not in parts or not parts.keys() <= _PARTS:

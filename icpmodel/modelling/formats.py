@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import FileError
-from .archive import NUMBERS, REAL, Archive, check_room, is_compressed, opened, read_archive, read_array
+from .archive import NUMBERS, REAL, Archive, check_room, is_compressed, opened, read_archive, read_array, told
 from .matlab import read_variables
 from .matrix_market import read_matrix, read_vector
 
@@ -39,11 +39,11 @@ def read_named(path: Path) -> dict[str, Any]:
     """Name → array or sparse matrix, of a file that names what it holds; "" is the name where it holds one thing only
     and does not say which. Raises FileError."""
     suffix = path.suffix.lower()
+    with told(path, "read"):
+        path.stat()
     if suffix == ".npz":
         with read_archive(path) as archive:
-            if "format" in archive.names:
-                return {"": _sparse(archive)}
-            return {name: archive.array(name, NUMBERS, _is_numbers, compressed=True) for name in archive.names}
+            return read_fields(archive)
     if suffix == ".mat":
         return read_variables(path)
     if suffix == ".npy":
@@ -54,6 +54,15 @@ def read_named(path: Path) -> dict[str, Any]:
     if suffix in _TEXTS:
         return {"": read_text(path)}
     raise FileError(f"{path}: a file whose name ends in one of {', '.join(SUFFIXES)} was expected")
+
+
+def read_fields(archive: Archive) -> dict[str, Any]:
+    """The same of an `.npz` file: the matrix by save_npz, or all arrays."""
+    if "format" in archive.names:
+        return {"": _sparse(archive)}
+    if len(archive.names) < len(archive.directory.namelist()):  # an array that is overlooked is another problem
+        raise FileError(f"{archive.path}: holds more than arrays by numpy.savez")
+    return {name: archive.array(name, NUMBERS, _is_numbers, compressed=True) for name in archive.names}
 
 
 def read_values(path: Path, name: str, n: int) -> Any:

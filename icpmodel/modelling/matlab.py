@@ -83,8 +83,8 @@ def _unpacked(path: Path, content: memoryview) -> bytes:
         left = packed.unconsumed_tail
         total += len(parts[-1])
         check_room(str(path), 2.0 * total)
-    if not packed.eof:
-        raise FileError(f"{path}: a compressed variable does not end; is the file truncated?")
+    if not packed.eof or packed.unused_data:  # which may be the next variable
+        raise FileError(f"{path}: a compressed variable does not end where it should; is the file damaged?")
     return b"".join(parts)
 
 

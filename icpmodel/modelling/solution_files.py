@@ -19,7 +19,7 @@ import numpy as np
 
 from ..errors import FileError, InputError, NotApplicable
 from ..methods.contract import Iterate, Method
-from ..numerics.arrays import Vector, described
+from ..numerics.arrays import Vector, as_vector, described
 from ..problem.data import ProblemData
 from ..problem.verdict import certain
 from ..solve.solution import Solution, Status
@@ -35,7 +35,7 @@ from .archive import (
     write_archive,
     write_whole,
 )
-from .files import Source, as_json, is_ours, problem_fields, stored_problem
+from .files import Source, as_json, problem_fields, stored_problem
 from .formats import read_text, read_values
 
 _SOLUTION = "icpmodel solution 2"
@@ -135,22 +135,34 @@ def load_solution(path: Source, problem: ProblemData | None = None) -> Solution:
 
 
 def read_start(path: Path, n: int) -> Vector:
-    """z, shape (n,), of what `save_solution` wrote in any form, or a vector in any other file, to start from."""
+    """z, shape (n,), of what `save_solution` wrote in any form, or a vector in any other file, to start from. Raises
+    FileError."""
+    found = _start(path, n)
+    try:
+        return as_vector(found, n, "z", number=False)
+    except InputError as error:
+        raise FileError(f"{path}: {error}") from error
+
+
+def _start(path: Path, n: int) -> Any:
     suffix = path.suffix.lower()
-    if suffix == ".npz" and is_ours(path):
-        with read_archive(path, _SOLUTION) as archive:
-            return archive.vector("z", n)
+    if suffix == ".npz":
+        with read_archive(path) as archive:
+            if archive.is_ours:
+                archive.check(_SOLUTION)
+                return archive.vector("z", n)
     if suffix == ".csv" and _is_text(path):
         return read_text(path, _HEADS)[:, 0]
-    found = np.asarray(read_values(path, "z", n))
-    return found[0] if found.shape == (3, n) else found.reshape(-1) if 1 in found.shape else found
+    found = read_values(path, "z", n)
+    return found[0] if np.shape(found) == (3, n) else found
 
 
 def _problem_fields(problem: ProblemData) -> dict[str, Any]:
     try:
-        return problem_fields(problem)
+        fields = problem_fields(problem)
     except InputError:
         return {}
+    return fields | {"sides": np.array("psi upper" if "upper" in fields else "psi")}
 
 
 def _is_text(path: Path) -> bool:

@@ -12,7 +12,7 @@ import json
 import pkgutil
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, meant
 from .registry import Builder, Quantity, Scene, builders, register, size, title_of
 
 __all__ = ["Quantity", "Scene", "names", "parameters", "register", "scene", "titles"]
@@ -46,7 +46,8 @@ def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     for parameter in parameters:
         if parameter not in known:
             listed = ", ".join(known) or "none"
-            raise InputError(f"{name} has no parameter {parameter!r}; its parameters are: {listed}")
+            hint = meant(parameter, known)
+            raise InputError(f"{name} has no parameter {parameter!r}; its parameters are: {listed}{hint}")
     if n is not None and "n" in known:
         return build(n=n, **parameters)
     built = build(**parameters)
@@ -86,7 +87,8 @@ def parameters(name: str) -> dict[str, Any]:
 
 def _builder(name: str) -> Builder:
     if name not in builders():
-        raise InputError(f"there is no scene {name!r}; the scenes are: {', '.join(names())}")
+        listed = ", ".join(names())
+        raise InputError(f"there is no scene {name!r}{meant(name, names()) or f'; the scenes are: {listed}'}")
     return builders()[name]
 
 

@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, meant
 from ..numerics.arrays import as_list
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import is_ctrl_c
@@ -189,7 +189,8 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | N
     wanted = [solvers] if isinstance(solvers, str | ForeignSolver) else as_list(solvers, "solvers")
     for solver in wanted:
         if isinstance(solver, str) and solver not in known:
-            raise InputError(f"solvers has {solver!r}; one of {', '.join(map(repr, known))} was expected")
+            hint = meant(solver, known)
+            raise InputError(f"solvers has {solver!r}; one of {', '.join(map(repr, known))} was expected{hint}")
         if not isinstance(solver, str | ForeignSolver):
             raise InputError(f"solvers has a {type(solver).__name__}; names or ForeignSolver objects were expected")
     chosen = [known[solver] if isinstance(solver, str) else solver for solver in wanted]

@@ -42,7 +42,7 @@ put answer; loop(i, put x.l(i):26:17 /);
 """
 
 
-class Path(ForeignSolver):
+class PathSolver(ForeignSolver):
     """PATH; its tolerance is that of its own residual. A run starts a process, which takes some 0.05 s."""
 
     name, package, extra = "path", "gamspy_base", "path"

@@ -80,14 +80,40 @@ class Race(Plotted, Tabular):
         return Table(self.title, (*heads, self.measure, "Res(z) / Res(0)", "claim", "is"), tuple(rows))
 
     def notes(self) -> list[str]:
-        """What is said below the table, in sentences."""
-        return [f"{name}: left out, {reason}" for name, reason in self.skipped]
+        """What is said below the table, in sentences, the `winner` last."""
+        return [*(f"{name}: left out, {reason}" for name, reason in self.skipped), self.winner]
 
     def __str__(self) -> str:
         return "\n".join([str(self.table()), *map(folded, self.notes())])
 
     def _repr_html_(self) -> str:
         return self.table().to_html() + render("folded.html", text="\n".join(self.notes()))
+
+    @property
+    def winner(self) -> str:
+        """Who came first to Res(z) ≤ 1e-8·Res(0), or where nobody did to the smallest tolerance that somebody reached,
+        in one sentence; who is level with the first, as their times overlap, is named beside it.
+
+        >>> icp.race(ICP([[2.0]], [-3.0]), methods=[], solvers=[], repeats=1).winner.split(", in")[0]
+        'First to Res(z) <= 1e-08 Res(0): solve()'
+        """
+        for goal in (RTOL, *sorted({one.tolerance for one in self.entries})):
+            best: dict[str, Entry] = {}
+            for one in sorted(self.entries, key=lambda one: one.median):
+                if one.residual is not None and one.residual <= goal:
+                    best.setdefault(one.name, one)
+            if best:
+                break
+        else:
+            return "Nobody reached any of the tolerances."
+        first, *others = best.values()
+        level = [one.name for one in others if min(one.seconds) <= max(first.seconds)]
+        once = "" if first.seconds[1:] else ", timed once"
+        told = f"First to Res(z) <= {goal:g} Res(0): {first.name}, in {first.median:.3g} s{once}"
+        if level:
+            return f"{told}; level with it, as the times overlap: {', '.join(level)}."
+        after = others and f"; next {others[0].name}, {others[0].median / first.median:.3g} times as long"
+        return f"{told}{after or ', and nobody else'}."
 
 
 @sheltered

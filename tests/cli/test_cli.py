@@ -1,13 +1,15 @@
 """The command line: text and JSON, exit codes, and errors in one line on standard error."""
 
 import json
+import shlex
+import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from installed import announce, run
-from scipy.io import mmwrite
+from installed import HOUSE, announce, run
+from scipy.io import mmwrite, savemat
 
 import icpmodel as icp
 from icpmodel.cli import main
@@ -62,7 +64,7 @@ def test_problem_and_solution_travel_through_files(capsys, tmp_path):
     assert f"wrote {answer}" in err
     assert code == 0
     expected = icp.scenes.manufactured_affine(n=25)
-    assert icp.load_solution(answer)["z"] == pytest.approx(expected.z_exact, abs=1e-5)
+    assert icp.load_solution(answer).z == pytest.approx(expected.z_exact, abs=1e-5)
     code, out, _ = call(capsys, "crosscheck", problem, "--solver", "osqp")
     assert code == 0
     assert "agrees" in out
@@ -94,6 +96,116 @@ def test_matrix_market_files_are_an_lcp(capsys, tmp_path):
     code, out, _ = call(capsys, "solve", str(tmp_path / "A.mtx"), "--q", str(tmp_path / "q.mtx"), "--json")
     assert code == 0
     assert json.loads(out)["n"] == 2
+
+
+def test_a_and_q_and_the_obstacles_are_files_or_numbers(capsys, tmp_path):
+    np.save(tmp_path / "A.npy", [[2.0, -1.0], [-1.0, 2.0]])
+    np.savetxt(tmp_path / "q.csv", [-1.0, 3.0])
+    np.save(tmp_path / "psi.npy", [-np.inf, -0.25])
+    given = ["--q", str(tmp_path / "q.csv"), "--psi", str(tmp_path / "psi.npy"), "--upper", "0.3", "--json"]
+    for source in (["--A", str(tmp_path / "A.npy")], [str(tmp_path / "A.npy")]):
+        code, out, _ = call(capsys, "solve", *source, *given)
+        assert code == 0
+        told = json.loads(out)
+        assert told["z"] == pytest.approx([0.3, -0.25])
+        assert told["p"] == pytest.approx([-0.15, 2.2])
+        assert told["r"] == [None, 0.0]  # JSON has no infinity
+    variables = {"A": [[2.0, -1.0], [-1.0, 2.0]], "q": [-1.0, 3.0], "psi": -0.25, "upper": 0.3}
+    savemat(tmp_path / "p.mat", variables)
+    assert json.loads(call(capsys, "solve", str(tmp_path / "p.mat"), "--json")[1])["z"] == pytest.approx(told["z"])
+
+
+def test_the_file_that_is_wrong_is_named_and_no_other(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("A.npy", np.eye(2))
+    np.save("q.npy", [1.0, np.nan])
+    np.save("z.npy", np.ones(3))
+    for arguments, words in (
+        (["--A", "A.npy", "--q", "q.npy"], "q.npy: q[1] is nan"),
+        (["--A", "A.npy", "--q", "b.csv"], "b.csv: no such file or folder"),
+        (["--A", "a.npy", "--q", "q.npy"], "a.npy: no such file or folder"),
+        (["--A", "z.npy", "--q", "q.npy"], "z.npy: A has shape (3,)"),
+        (["--A", "A.npy", "--q", "z.npy"], "z.npy: q has shape (3,); shape (2,) was expected"),
+        (["--A", "A.npy", "--q", "A.npy"], "A.npy: q has shape (2, 2); shape (2,) was expected"),
+        (["--A", "A.npy"], "A.npy: holds A alone; a problem needs its q as well"),
+        (["--q", "q.npy"], "SOURCE or --A names the problem; neither is given"),
+        (["hand-lcp", "--z0", "z.npy"], "z.npy: z has shape (3,); shape (2,) was expected"),
+        (["hand-lcp", "--z0", "q.npy"], "q.npy: z[1] is nan"),
+    ):
+        code, out, err = call(capsys, "solve", *arguments)
+        assert (code, out) == (2, "")
+        assert err.startswith(f"icpmodel: {words}")
+
+
+@pytest.mark.parametrize("name", ["answer.npz", "answer.npy", "answer.csv"])
+def test_an_answer_in_any_form_is_a_start(capsys, tmp_path, name):
+    answer = str(tmp_path / name)
+    assert call(capsys, "solve", "membrane", "--method", "psor", "-o", answer)[0] == 0
+    code, out, _ = call(capsys, "solve", "membrane", "--method", "psor", "--z0", answer, "--json")
+    assert (code, json.loads(out)["iterations"]) == (0, 0)
+
+
+def test_whole_numbers_may_have_an_exponent(capsys):
+    code, out, _ = call(capsys, "solve", "membrane", "--n", "1e2", "--max-iter", "1e4", "--set", "mu=1e0", "--json")
+    assert code == 0
+    assert json.loads(out)["n"] == 100
+    for number in ("2.5", "1e99", "nan", "many"):
+        assert f"'{number}' is not a valid integer" in call(capsys, "solve", "membrane", "--n", number)[2]
+
+
+@pytest.mark.parametrize(
+    ("typed", "known"),
+    [
+        (["st"], {"stability"}),
+        (["solve", "memb"], {"membrane"}),
+        (["solve", "membrane", "--method", "newt"], {"newton"}),
+        (["race", "membrane", "--solver", "osq"], {"osqp", "osqp, not polished"}),
+        (["stability", "rel"], {"relaxation"}),
+        (["stability", "units", "memb"], {"membrane"}),
+        (["benchmark", "memory", "memb"], {"membrane"}),
+        (["scenes", "memb"], {"membrane"}),
+        (["solve", "./A"], {"./A"}),
+        (["solve", "--polish", "--upp"], {"--upper"}),
+    ],
+)
+def test_a_shell_completes_commands_scenes_methods_and_solvers(capsys, monkeypatch, typed, known):
+    for name, value in {
+        "_ICPMODEL_COMPLETE": "bash_complete",
+        "COMP_WORDS": shlex.join(["icpmodel", *typed]),
+        "COMP_CWORD": str(len(typed)),
+    }.items():
+        monkeypatch.setenv(name, value)
+    code, out, _ = call(capsys)
+    assert code == 0
+    assert {line.partition(",")[2] for line in out.splitlines()} == known
+
+
+def test_the_shell_is_given_its_completion(capsys, monkeypatch):
+    monkeypatch.setenv("_ICPMODEL_COMPLETE", "bash_source")
+    code, out, _ = call(capsys)
+    assert code == 0
+    assert "_ICPMODEL_COMPLETE=bash_complete" in out
+
+
+def test_ctrl_c_while_the_package_is_imported_is_one_line(tmp_path):
+    (tmp_path / "icpmodel").mkdir()
+    half = "import signal\ntry:\n    signal.raise_signal(signal.SIGINT)\nfinally:\n    raise ImportError\n"
+    (tmp_path / "icpmodel" / "__init__.py").write_text(half)
+    start = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import icpmodel_command; "
+    ran = run("-c", f"{start} icpmodel_command.main()", folder=tmp_path)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "icpmodel: interrupted\n")
+
+
+def test_the_console_command_is_installed_beside_the_package_and_loads_what_it_needs(tmp_path):
+    about = tomllib.loads((HOUSE / "pyproject.toml").read_text())
+    assert about["project"]["scripts"] == {"icpmodel": "icpmodel_command:main"}
+    assert "icpmodel_command.py" in about["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+    command = "import sys, icpmodel_command; sys.argv[1:] = ['scenes', 'hand-lcp']"
+    loaded = "print([name for name in sys.modules if name in ('icpmodel.study', 'icpmodel.benchmarks', 'numba')])"
+    ran = run("-c", f"{command}\ntry:\n    icpmodel_command.main()\nfinally:\n    {loaded}", folder=tmp_path)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert "hand-lcp" in ran.stdout
+    assert ran.stdout.endswith("\n[]\n")
 
 
 def test_crosscheck_reports_and_exits_0_only_when_confirmed(capsys, tmp_path):
@@ -235,15 +347,18 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["solve", "nowhere"], "nowhere is neither a file or folder nor a scene"),
-        (["solve", "a" * 300], "is neither a file or folder nor a scene"),
+        (["solve", "nowhere"], "SOURCE is 'nowhere'; there is neither a scene nor a file or folder of this name"),
+        (["solve", "membrain"], "nor a file or folder of this name; did you mean membrane?"),
+        (["solve", "no/such.npz"], "icpmodel: no/such.npz: no such file or folder"),
+        (["solve", "a" * 300], "there is neither a scene nor a file"),
         (["solve", "membrane", "-o", "a" * 300 + ".npz"], "File name too long"),
         (["solve", "membrane", "--z0", "a" * 300 + ".npz"], "File name too long"),
-        (["solve"], "Missing argument 'SOURCE'"),
-        (["solv"], "No such command 'solv'"),
+        (["solve"], "SOURCE or --A names the problem; neither is given"),
+        (["solve", "membrane", "--A", "A.npy"], "both are given, membrane and A.npy; drop one"),
+        (["solv"], "No such command 'solv'; did you mean solve?"),
         (["solve", "membrane", "--n", "x"], "'x' is not a valid integer"),
         (["solve", "membrane", "--n", "-4"], "n is -4"),
-        (["solve", "membrane", "--method", "nwton"], "method is 'nwton'"),
+        (["solve", "membrane", "--method", "nwton"], "method is 'nwton'; did you mean newton?"),
         (["solve", "membrane", "--method", "mnmgs", "--option", "theta1=2"], "mnmgs has no option theta1"),
         (["solve", "membrane", "--method", "mnmgs", "--option", "phi"], "'phi' is not of the form NAME=VALUE"),
         (["solve", "membrane", "--option", "phi=1"], "name one with --method"),
@@ -253,22 +368,32 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["crosscheck", "membrane", "--accuracy", "1e-6", "--no-bound"], "--no-bound leaves it out; drop one"),
         (["solve", "membrane", "--method", "mnmgs", "--option", "name=3"], "mnmgs has no option name"),
         (["solve", "hand-lcp", "--save-problem", ""], "the path is empty"),
-        (["solve", "membrane", "--set", "nu=1"], "membrane has no parameter 'nu'"),
+        (
+            ["solve", "membrane", "--set", "nu=1"],
+            "membrane has no parameter 'nu'; its parameters are: n, mu, skew; did you mean",
+        ),
         (["solve", "membrane", "--rtol", "-1"], "rtol is -1.0"),
-        (["solve", "membrane", "-o", "answer.txt"], "ends in .npz"),
+        (["solve", "membrane", "-o", "answer.txt"], "ends in .npz, .npy or .csv"),
+        (["solve", "membrane", "-o", ""], "--output is empty"),
+        (["solve", "membrane", "--save-problem", "p.mat"], "p.mat: a file whose name ends in .npz was expected"),
+        (["benchmark", "peers", "-o", "peers.png"], "peers.png: ends as a file does"),
+        (["stability", "unit"], "did you mean units?"),
         (["report", "membrane", "-o", "page.pdf"], "ends in .html"),
         (["solve", "membrane", "-o", "no/such/answer.npz"], "the folder no/such does not exist"),
         (["crosscheck", "membrane", "--csv", "no/such.csv"], "the folder no does not exist"),
         (["crosscheck", "membrane", "--csv", "."], "is a folder"),
         (["solve", "dividend", "--set", "n=61"], "set by --n"),
-        (["solve", "membrane", "--q", "q.mtx"], "has its own q"),
+        (["solve", "membrane", "--q", "q.mtx"], "--q belongs to a file of A; membrane is a scene, which has its own"),
+        (["solve", "membrane", "--upper", "3"], "--upper belongs to a file of A"),
         (["solve", "membrane", "--n", "1000000000000"], "n is 1000000000000; a whole number >= 1 and <= 1e+08"),
-        (["solve", ""], "SOURCE is neither a file"),
+        (["solve", ""], "SOURCE is ''; there is neither"),
         (["solve", "membrane", "--z0", "nowhere.npz"], "nowhere.npz: no such file"),
-        (["solve", __file__], "needs its q as well"),
+        (["solve", __file__], "a file whose name ends in one of .npy, .npz, .mat, .mtx, .csv, .txt was expected"),
         (["solve", __file__, "--n", "3"], "--n and --set belong to scenes"),
         (["crosscheck", "hand-lcp", "--solver", "gurobi"], "'gurobi'"),
+        (["crosscheck", "hand-lcp", "--solver", "osqb"], "did you mean osqp?"),
         (["scenes", "moon"], "there is no scene 'moon'"),
+        (["scenes", "dividends"], "did you mean dividend?"),
         (["benchmark", "order", "manufactured-affine", "--n", "4", "--n", "9"], "has no grid"),
         (["benchmark", "order", "dividend", "--n", "61", "--n", "61"], "at least two different ones"),
         (["solve", "membrane", "--set", "name=3"], "membrane has no parameter 'name'"),
@@ -462,6 +587,7 @@ def test_a_race_is_printed_and_written(capsys, tmp_path):
     assert code == 0
     assert "max |z - z*|" in out
     assert "mnmgs" in out
+    assert out.splitlines()[-1].startswith("First to Res(z) <= 1e-08 Res(0): ")
     assert target.exists()
     assert target.with_suffix(".csv").read_text().startswith("# icpmodel")
     assert call(capsys, "race", "hand-lcp", "--solver", "nonsense")[0] == 2

@@ -10,7 +10,8 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import scenes
-from icpmodel.explain.explanation import _NANOSECONDS, _PRODUCTS, explain, what_to_do
+from icpmodel.explain.advice import what_to_do
+from icpmodel.explain.explanation import _NANOSECONDS, _PRODUCTS, explain
 from icpmodel.explain.forecasts import forecasts_of, shown
 from icpmodel.numerics import work
 from icpmodel.theory.answers import Allowance
@@ -32,7 +33,7 @@ def page(request):
 def test_every_section_of_every_scene_says_something(page):
     sections = page.sections()
     told = "map psi" if page.problem.upper is None else "obstacles"
-    assert list(sections) == ["problem", "matrix A", told, "solution", "methods", "advice"]
+    assert list(sections) == ["what to do", "problem", "matrix A", told, "solution", "methods", "best proved"]
     assert all(sections.values())
     shown = " ".join(str(page).split())  # long sentences are broken into lines
     for title, text in sections.items():
@@ -108,13 +109,37 @@ def test_the_method_that_solve_begins_with_is_named_with_its_reason(name, n):
     page, begun = problem.explain(), problem.solve(max_iter=1, raise_on_failure=False)
     assert repr(page.picked) == repr(begun.last_method)
     assert begun.why.startswith(page.why)
-    assert f"solve() begins with {begun.last_method!r}" in str(page)
+    assert (
+        page.about()["what_to_do"][0]
+        == f"call solve(); it will run {begun.last_method!r} first, because it is {page.why}"
+    )
+
+
+def test_the_page_begins_with_what_to_do_and_what_is_best_proved_comes_after():
+    """On a tridiagonal matrix a direct pass does what the best proved sweeps may need thousands of steps for."""
+    page = scenes.bearing().problem.explain()
+    assert isinstance(page.picked, icp.methods.tridiagonal.Tridiagonal)
+    assert page.recommended.steps > 1000
+    text, html = str(page), page._repr_html_()
+    assert text.startswith(
+        "what to do\n  call solve(); it will run Tridiagonal() first, because it is a shortcut, exact"
+    )
+    assert text.index("call solve()") < text.index("best proved\n  ") < text.index("each step leaves at most")
+    assert html.index("call solve()") < html.index("problem") < html.index("each step leaves at most")
+    told = page.about()
+    assert next(iter(told)) == "what_to_do"
+    assert told["best_proved"][0].startswith(page.recommended.title)
+
+
+def test_a_page_without_a_first_method_says_why():
+    page = replace(icp.ICP([[2.0]], [-1.0]).explain(), picked=None, why="solve() has no method for this problem")
+    assert page.sections()["what to do"] == page.why
 
 
 def test_the_recommended_method_is_proved_to_need_the_fewest_steps():
     page = scenes.bai_symmetric(n=100).problem.explain()
     assert page.recommended.steps == min(forecast.steps for forecast in page.forecasts if forecast.steps is not None)
-    assert f"take {page.recommended.title}: each step leaves at most" in page.sections()["advice"]
+    assert page.sections()["best proved"].startswith(f"{page.recommended.title}: each step leaves at most")
 
 
 def test_fewer_steps_go_before_a_smaller_factor():
@@ -130,14 +155,14 @@ def test_the_parameters_are_chosen_by_their_proved_factors():
     page = scenes.bai_symmetric(n=100).problem.explain()
     factors = {forecast.title: forecast.factor for forecast in page.forecasts}
     assert factors["MNMGS(), Omega = D"] < min(factors["MNMGS(), Omega = 0.9 D"], factors["MNMGS(), Omega = 1.5 D"])
-    advice = page.sections()["advice"]
+    advice = page.sections()["best proved"]
     of_D = shown(factors["MNMGS(), Omega = D"])
     assert f"Omega = D: the proved factor of mnmgs is {of_D} with D, 0.9 D gives" in advice
     assert "theta1=1, theta2=2 (mnmaor): with Omega = D" in advice
 
 
 def test_nothing_is_compared_where_only_one_member_was_looked_at():
-    assert "Omega = D:" not in icp.ICP([[2.0]], [-1.0]).explain("mnmgs").sections()["advice"].replace("take MNM", "")
+    assert "Omega = D:" not in icp.ICP([[2.0]], [-1.0]).explain("mnmgs").sections()["best proved"].partition("\n")[2]
 
 
 def test_where_splittings_differ_only_the_right_one_is_proved():
@@ -194,7 +219,7 @@ def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
 def test_where_nothing_is_proved_there_is_advice(problem, words):
     page = problem.explain()
     assert page.recommended is None
-    assert words in page.sections()["advice"]
+    assert words in page.sections()["what to do"]
 
 
 @pytest.mark.parametrize("size", [1e-310, 8e307])
@@ -224,7 +249,7 @@ def test_no_method_stands_twice_on_the_page(page):
 
 def test_what_to_do_is_told_only_where_nothing_is_proved(page):
     proved = any(forecast.proved_by for forecast in page.forecasts)
-    assert ("nothing above proves" in page.sections()["advice"]) != proved
+    assert ("no member of the family is proved" in page.sections()["what to do"]) != proved
 
 
 def test_what_is_said_of_psi():
@@ -240,7 +265,7 @@ def test_what_is_said_of_psi():
 
 
 def test_without_a_factor_the_theorem_is_named():
-    advice = built("dividend").explain().sections()["advice"]
+    advice = built("dividend").explain().sections()["best proved"]
     assert "MNMJ(), Omega = D converges from every start (theorem monotone, with a strict supersolution)" in advice
 
 
@@ -252,7 +277,7 @@ def test_a_large_problem_is_spared_the_factorisations():
 def test_a_method_that_cannot_start_is_not_taken_for_all():
     text = str(icp.ICP([[0.0]], [1.0]).explain("mnmj"))
     assert "that was looked at can start" in text
-    assert "solve() begins with Lemke" in text
+    assert "call solve(); left to itself it will run Lemke" in text
 
 
 def jumping(A, *jumps):
@@ -271,7 +296,7 @@ def test_monotone_convergence_is_advised_only_where_its_theorem_holds():
     cycle = ((0, 1), (1, 0))
     for coupling, words in ((-1.0, "converges monotonically"), (1.0, "A is no Z-matrix")):
         page = jumping([[1.0, coupling], [coupling, 1.0]], *cycle).explain()
-        assert words in page.sections()["advice"]
+        assert words in page.sections()["what to do"]
         assert page.forecasts[0].checks["monotone"].holds == (coupling < 0)
 
 
@@ -288,18 +313,18 @@ def test_what_is_said_to_be_at_most_is_rounded_upwards(page):
             assert 1 > float(row.split()[-2]) >= forecast.factor
     best = page.recommended
     if best is not None:
-        told = re.search("at most (.*) of the error", page.sections()["advice"]).group(1)
+        told = re.search("at most (.*) of the error", page.sections()["best proved"]).group(1)
         assert 1 > float(told) >= best.factor
 
 
 def test_a_choice_that_no_theorem_covers_is_not_blamed_on_the_problem():
     page = scenes.membrane(n=25).problem.explain("mnmsor", theta1=1.2)
-    advice = page.sections()["advice"]
+    advice = page.sections()["best proved"]
     assert "no theorem covers MNMSOR(theta1=1.2)" in advice
     assert "MNMJ(), Omega = D is proved here (theorem 4.1 to 4.4, sharper)" in advice
     assert "psi moves too much" not in advice
     assert "cycle" not in advice
-    assert "left to itself, solve() begins with" in advice
+    assert "call solve(); left to itself it will run" in page.sections()["what to do"]
 
 
 def test_the_reason_of_every_theorem_is_told_for_the_method_asked_for():
@@ -315,7 +340,7 @@ def test_the_reason_of_every_theorem_is_told_for_the_method_asked_for():
 def test_where_no_member_is_proved_the_method_asked_for_gets_the_same_advice():
     page = scenes.hand_cyclic().problem.explain("mnmgs")
     assert page.instead is None
-    assert "sweeps may cycle" in page.sections()["advice"]
+    assert "sweeps may cycle" in page.sections()["what to do"]
 
 
 @pytest.mark.parametrize(
@@ -328,7 +353,7 @@ def test_where_no_member_is_proved_the_method_asked_for_gets_the_same_advice():
     ],
 )
 def test_the_cost_of_a_step_is_that_of_its_splitting(splitting, cost):
-    advice = icp.ICP([[2, -1], [-1, 2]], [1, -2]).explain("modulus", splitting=splitting).sections()["advice"]
+    advice = icp.ICP([[2, -1], [-1, 2]], [1, -2]).explain("modulus", splitting=splitting).sections()["best proved"]
     assert f"; {cost}" in advice
 
 
@@ -359,14 +384,14 @@ def test_rounding_noise_decides_nothing():
     factors = {forecast.title: forecast.factor for forecast in page.forecasts}
     assert factors["MNMAOR(theta2=2), Omega = D"] < factors["MNMJ(), Omega = D"] < 1e-12
     assert page.recommended.title == "MNMJ(), Omega = D"
-    assert "theta1=1, theta2=0 (mnmj): with Omega = D" in page.sections()["advice"]
+    assert "theta1=1, theta2=0 (mnmj): with Omega = D" in page.sections()["best proved"]
 
 
 def test_an_accuracy_below_rounding_is_remarked():
     problem = icp.ICP([[2, -1], [-1, 2]], [-2, -2])
-    assert "the accuracy 1e-30 may be out of reach" in problem.explain(accuracy=1e-30).sections()["advice"]
-    assert "out of reach" not in problem.explain().sections()["advice"]
-    assert "out of reach" not in icp.ICP([[2.0]], [1e-40]).explain(accuracy=1e-30).sections()["advice"]
+    assert "the accuracy 1e-30 may be out of reach" in problem.explain(accuracy=1e-30).sections()["what to do"]
+    assert "out of reach" not in problem.explain().sections()["what to do"]
+    assert "out of reach" not in icp.ICP([[2.0]], [1e-40]).explain(accuracy=1e-30).sections()["what to do"]
 
 
 def test_the_theorems_stand_in_the_order_of_their_names(page):
@@ -385,14 +410,14 @@ def test_the_table_says_what_its_columns_mean():
 def test_theory_forecasts_members_of_the_family_only_and_the_advice_names_what_solve_begins_with():
     page = scenes.membrane(n=100).problem.explain()
     assert not [forecast.title for forecast in page.forecasts if "first choice of solve()" in forecast.title]
-    assert f"solve() begins with {page.picked!r}: {page.why}" in page.sections()["advice"]
+    assert f"it will run {page.picked!r} first, because it is {page.why}" in page.sections()["what to do"]
 
 
 def test_what_is_proved_and_what_is_expected_are_told_apart():
-    words = "this goes by what steps cost as well, and by what is expected, not by what is proved alone"
+    words = "solve() goes by what steps cost as well, and by what is expected, not by what is proved alone"
     page = scenes.bai_symmetric(n=4).problem.explain()
-    assert (type(page.recommended.method) is not type(page.picked)) == (words in page.sections()["advice"])
-    assert words in scenes.membrane(n=100).problem.explain().sections()["advice"]
+    assert (type(page.recommended.method) is not type(page.picked)) == (words in page.sections()["best proved"])
+    assert words in scenes.membrane(n=100).problem.explain().sections()["best proved"]
 
 
 def test_the_reasons_why_nothing_is_proved_stand_one_a_line_and_to_the_point():

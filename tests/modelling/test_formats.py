@@ -253,7 +253,30 @@ def test_places_outside_of_a_sparse_matrix_are_refused(tmp_path, changed):
         icp.load_problem(path, q=path)
 
 
-def test_only_numbers_come_out_of_a_pipe_or_a_protected_file_as_errors(tmp_path):
+def test_a_changed_byte_does_not_hide_an_obstacle(tmp_path):
+    """Every byte of the directory of an archive, where a name or a length may come to hide the next field."""
+    path = tmp_path / "p.npz"
+    np.savez_compressed(path, A=A, q=Q, psi=-0.5, upper=UPPER)
+    right, whole = repr(icp.load_problem(path)), path.read_bytes()
+    for place in range(whole.index(b"PK\1\2"), len(whole)):
+        path.write_bytes(whole[:place] + b"\xff" + whole[place + 1 :])
+        assert read_or_refused(lambda: repr(icp.load_problem(path))) in (None, right)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_a_matlab_variable_that_is_said_to_be_longer_does_not_hide_the_next(tmp_path, compressed):
+    path = tmp_path / "p.mat"
+    savemat(path, {"A": A, "q": Q, "psi": -0.5, "upper": UPPER}, do_compression=compressed)
+    whole, starts = path.read_bytes(), [128]
+    while starts[-1] < len(whole):
+        starts.append(starts[-1] + 8 + struct.unpack_from("<I", whole, starts[-1] + 4)[0])
+    for first, last in zip(starts, starts[2:], strict=False):
+        path.write_bytes(whole[: first + 4] + struct.pack("<I", last - first - 8) + whole[first + 8 :])
+        with pytest.raises(icp.FileError, match=r"p\.mat"):
+            icp.load_problem(path)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "A.npy")
     with pytest.raises(icp.FileError, match=r"A\.npy: is no file"):
         icp.load_problem(tmp_path / "A.npy", q=tmp_path / "A.npy")

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from damaged import cut, read_or_refused
+from damaged import cut, mutated, read_or_refused
 
 import icpmodel as icp
 
@@ -127,3 +127,12 @@ def test_a_name_that_ends_otherwise_or_is_taken_is_refused(tmp_path):
 def test_a_saved_solution_cut_after_any_byte_is_refused(tmp_path):
     path = saved(tmp_path / "s.npz", icp.ICP([[2.0]], [-1.0]).solve())
     assert [path.stat().st_size for part in cut(path) if read_or_refused(icp.load_solution, part)] == []
+
+
+def test_a_saved_solution_with_a_changed_byte_is_the_same_or_refused(tmp_path):
+    """Also where the change hides a part of its problem, such as the obstacle above."""
+    path = saved(tmp_path / "s.npz", PROBLEM.solve())
+    right = repr(icp.load_solution(path).problem)
+    for changed in mutated(path, 3, 300):
+        found = read_or_refused(icp.load_solution, changed)
+        assert found is None or repr(found.problem) == right

@@ -245,3 +245,29 @@ def test_a_profile_is_the_share_of_problems_within_a_factor_of_the_best():
     drawn = {line.get_label(): line for line in axes.lines}
     assert drawn["x"].get_ydata()[-1] == 0.5
     assert drawn["solve()"].get_ydata()[-1] == 1.0
+
+
+def entry(name, seconds, residual=1e-9, tolerance=1e-8):
+    return Entry(name, "own", tolerance, seconds, residual=residual)
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ([entry("a", (1.0, 1.1)), entry("b", (2.0, 2.3))], "a, in 1.05 s; next b, 2.05 times as long."),
+        ([entry("a", (1.0, 1.3)), entry("b", (1.2, 1.4))], "a, in 1.15 s; level with it, as the times overlap: b."),
+        ([entry("a", (1.0,)), entry("b", (2.0,), residual=1e-7)], "a, in 1 s, timed once, and nobody else."),
+        ([entry("a", (9.0,), residual=None), entry("b", (2.0,))], "b, in 2 s, timed once, and nobody else."),
+    ],
+)
+def test_the_race_says_who_came_first(entries, said):
+    found = Race(title="", measure="error", entries=tuple(entries))
+    assert found.winner == f"First to Res(z) <= 1e-08 Res(0): {said}"
+    assert str(found).endswith(found.winner)
+
+
+def test_a_race_that_stops_short_has_a_winner_where_somebody_came_somewhere():
+    rough = entry("a", (1.0, 2.0), residual=5e-3, tolerance=1e-2)
+    assert Race(title="", measure="", entries=(rough,)).winner.startswith("First to Res(z) <= 0.01 Res(0): a")
+    lost = entry("a", (1.0, 2.0), residual=0.5)
+    assert Race(title="", measure="", entries=(lost,)).winner == "Nobody reached any of the tolerances."

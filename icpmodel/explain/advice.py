@@ -1,0 +1,52 @@
+"""What a page of `explain` says for the case that nothing is proved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..methods.contract import Method
+from ..methods.newton import Newton
+from ..problem.data import ProblemData
+from ..theory.matrices.classes import MatrixClasses
+
+
+def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
+    """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with."""
+    yield "no member of the family is proved to converge; solve() tries several, and calls nothing solved that is not"
+    psi, both = problem.psi, problem.upper is not None
+    if psi.lipschitz is None and not psi.takes_best:
+        whose = "the Lipschitz matrices of psi and upper" if both else "psi's Lipschitz matrix"
+        yield f"give {whose} (lipschitz=...): without it no theorem can be applied"
+    elif classes.h_plus.holds and not (psi.is_constant or psi.takes_best):
+        yield "A is an H+-matrix, but psi moves too much for it: a smaller G, or a larger diagonal of A, is needed"
+    if psi.takes_best:
+        if both and not psi.isotone():
+            yield "for an intervention the theorem needs two obstacles that rise with z, which is not known of these"
+        elif classes.z.holds:
+            yield "for an intervention: mnmj (phi >= |D - Omega|) converges monotonically from super- and subsolutions"
+        else:
+            yield "A is no Z-matrix, which the theorem on interventions needs; check the signs of its discretisation"
+    elif classes.definite.holds and not psi.is_constant:
+        held = "the obstacles" if both else "the obstacle"
+        yield f"A is positive definite: with {held} frozen at an iterate, mnmod and mnmmod are proved"
+    elif classes.p.holds:
+        later = "" if isinstance(picked, Newton) else ", on which solve() falls back"
+        held = "obstacles that do not move" if both else "constant psi"
+        yield f"A is a P-matrix, so with {held} the solution is unique, but sweeps may cycle: try newton{later}"
+    elif is_boxed(problem):
+        yield "z has a fixed obstacle on both sides in every row, so that there is a solution, perhaps one of many"
+    elif classes.semidefinite.holds and problem.is_lcp:
+        yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
+    elif classes.p.holds is False:
+        yield "A is no P-matrix: there may be no solution, or many; check signs and units of the model"
+
+
+def is_boxed(problem: ProblemData) -> bool:
+    """Whether z is held between fixed obstacles in every row: Az + q is continuous and the box compact, so that there
+    is a solution (Hartman and Stampacchia, Acta Math. 115, 1966)."""
+    if problem.upper is None or not problem.psi.is_constant:
+        return False
+    zero = np.zeros(problem.n)
+    return bool(np.isfinite(problem.psi.value(zero)).all() and np.isfinite(problem.upper.value(zero)).all())

@@ -1,0 +1,26 @@
+"""The console command, which is here as soon as Python is: Ctrl-C while the package is imported is one line, too."""
+
+import os
+import signal
+from types import FrameType
+
+
+def _leave(signum: int, frame: FrameType | None) -> None:
+    """Nothing was begun that would have to be ended: what is half imported may turn an exception into another one."""
+    os.write(2, b"icpmodel: interrupted\n")
+    os._exit(130)
+
+
+def main() -> None:
+    """Import the command line, and run it."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _leave)
+    from icpmodel.cli import main as run
+
+    signal.signal(signal.SIGINT, before)
+    run()
+
+
+if __name__ == "__main__":
+    main()
