@@ -132,7 +132,7 @@ def _cell() -> Iterator[Callable[..., None]]:
 
 def _write(text: str) -> None:
     with contextlib.suppress(OSError, ValueError):  # a log that is full or closed does not end a run
-        print(f"icpmodel: {text}", file=sys.stderr, flush=True)
+        print(f"icpmodel ... {text}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
