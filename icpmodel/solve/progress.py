@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..numerics.arrays import Vector
+from ..numerics.plugins import in_notebook
 from ..present.rendering import render
-from ..present.shown import Shown, in_notebook
+from ..present.shown import Shown
 
 #: how often a bar is drawn, in seconds; and how far the lines of a log, which come after 1, 2, 4, … seconds, are apart
 #: at the most
