@@ -90,7 +90,7 @@ def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:
         # at least a second, so that a later attempt is not lost to a nearly spent limit
         claim = ask(solver, target, tolerance, max(left, 1.0) if k else time_limit)
         left -= claim.seconds
-        if claim.solved:
+        if claim.solved or left <= 0:
             break
     words = f"{claim.words}, at {tolerance:g}" if k and claim.solved else claim.words
     return replace(claim, words=words, seconds=time_limit - left)

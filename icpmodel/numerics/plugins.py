@@ -1,4 +1,4 @@
-"""What other packages add: methods, foreign solvers, scenes; and the way to a public name of this one."""
+"""What is around: what other packages add, the way to a public name of this one, and whether a notebook is."""
 
 from __future__ import annotations
 
@@ -22,3 +22,9 @@ def public(name: str) -> Any:
     """The public `name` of the package, through its front door: the one way in which a room reaches one above it, when
     a verb is called."""
     return getattr(sys.modules[__name__.partition(".")[0]], name)
+
+
+def in_notebook() -> bool:
+    """Whether this runs in a notebook, where standard output is no terminal and yet somebody looks on."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return getattr(shell, "kernel", None) is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Mapping
 from dataclasses import Field, fields, is_dataclass
 from typing import Any
@@ -68,9 +67,3 @@ def brief(value: Any) -> str:
 def cut(text: str, most: int) -> str:
     """`text`, or its beginning and dots where it is longer than `most` characters."""
     return text if len(text) <= most else f"{text[: most - 3]}..."
-
-
-def in_notebook() -> bool:
-    """Whether this runs in a notebook, where standard output is no terminal and yet somebody looks on."""
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return getattr(shell, "kernel", None) is not None

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import NotApplicable
+from ..numerics.plugins import in_notebook
 from .rendering import render
-from .shown import Shown, in_notebook
+from .shown import Shown
 
 #: in a file or a pipe a line is as long as it needs to be
 _UNBOUNDED = 10_000

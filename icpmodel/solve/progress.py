@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..numerics.arrays import Vector
+from ..numerics.plugins import in_notebook
 from ..present.rendering import render
-from ..present.shown import Shown, in_notebook
+from ..present.shown import Shown
 
 #: how often a bar is drawn, in seconds; and how far the lines of a log, which come after 1, 2, 4, … seconds, are apart
 #: at the most
@@ -131,7 +132,7 @@ def _cell() -> Iterator[Callable[..., None]]:
 
 def _write(text: str) -> None:
     with contextlib.suppress(OSError, ValueError):  # a log that is full or closed does not end a run
-        print(f"icpmodel: {text}", file=sys.stderr, flush=True)
+        print(f"icpmodel ... {text}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager

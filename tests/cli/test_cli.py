@@ -23,7 +23,12 @@ def call(capsys, *arguments):
     with pytest.raises(SystemExit) as stop:
         main(list(arguments))
     out, err = capsys.readouterr()
-    return stop.value.code, out, err
+    return stop.value.code, out, said(err)
+
+
+def said(err):
+    """Standard error without the lines on what is going on, of which a slow machine gets some."""
+    return "".join(line for line in err.splitlines(keepends=True) if not line.startswith("icpmodel ... "))
 
 
 def test_solve_prints_a_card_and_the_distance_to_the_reference(capsys):
@@ -203,7 +208,7 @@ def test_the_console_command_is_installed_beside_the_package_and_loads_what_it_n
     command = "import sys, icpmodel_command; sys.argv[1:] = ['scenes', 'hand-lcp']"
     loaded = "print([name for name in sys.modules if name in ('icpmodel.study', 'icpmodel.benchmarks', 'numba')])"
     ran = run("-c", f"{command}\ntry:\n    icpmodel_command.main()\nfinally:\n    {loaded}", folder=tmp_path)
-    assert (ran.returncode, ran.stderr) == (0, "")
+    assert (ran.returncode, said(ran.stderr)) == (0, "")
     assert "hand-lcp" in ran.stdout
     assert ran.stdout.endswith("\n[]\n")
 
@@ -474,14 +479,14 @@ def test_a_method_of_a_plugin_is_found_by_its_name(tmp_path):
     command = outside(tmp_path, METHOD)
     assert "outside-method" in command("solve", "--help").stdout
     ran = command("solve", "hand-free", "--method", "outside-method", "--rtol", "1e-3")
-    assert (ran.returncode, ran.stderr) == (0, "")
+    assert (ran.returncode, said(ran.stderr)) == (0, "")
     assert "Outside()" in ran.stdout
 
 
 def test_ctrl_c_shows_the_best_iterate_and_no_traceback(tmp_path):
     ran = outside(tmp_path, METHOD)("solve", "membrane", "--method", "outside-method", "--option", "steps=3")
     assert ran.returncode == 1
-    assert ran.stderr == "icpmodel: not solved: interrupted\n"
+    assert said(ran.stderr) == "icpmodel: not solved: interrupted\n"
     assert "residual" in ran.stdout
 
 
@@ -489,12 +494,12 @@ def test_after_ctrl_c_a_crosscheck_shows_what_was_done_before(tmp_path):
     solvers = [word for name in ("osqp", "pressed", "cvxpy-clarabel") for word in ("--solver", name)]
     command = outside(tmp_path, SOLVER)
     ran = command("crosscheck", "hand-lcp", *solvers)
-    assert (ran.returncode, ran.stderr) == (0, "")  # osqp had agreed
+    assert (ran.returncode, said(ran.stderr)) == (0, "")  # osqp had agreed
     assert ran.stdout.count("interrupted") == 2
     assert "1 of 1 independent checks agree" in ran.stdout
     ran = command("crosscheck", "hand-lcp", "--solver", "pressed")
     assert ran.returncode == 1
-    assert ran.stderr.startswith("icpmodel: not confirmed")
+    assert said(ran.stderr).startswith("icpmodel: not confirmed")
 
 
 def test_explain_prints_a_page_and_json(capsys):

@@ -205,6 +205,20 @@ def test_a_spent_time_limit_is_failed_not_agreement() -> None:
     assert "time limit" in row.note
 
 
+def test_a_spent_time_limit_ends_the_attempts() -> None:
+    class Slow(Fake):
+        name, tight, asked = "slow", (1e-9, 1e-6), 0
+
+        def run(self, model: Any) -> Claim:
+            self.asked += 1
+            return Claim(None, "time limit", False)
+
+    for limit, times in ((1e-9, 1), (60.0, 2)):
+        slow = Slow()
+        crosscheck(LCP, LCP_Z, [slow], time_limit=limit)
+        assert slow.asked == times
+
+
 def test_foreign_chatter_does_not_reach_the_output(capsys: pytest.CaptureFixture[str]) -> None:
     assert crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["osqp", "cvxpy-osqp"]).agrees
     assert capsys.readouterr().out == ""

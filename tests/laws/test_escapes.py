@@ -115,7 +115,7 @@ def test_without_docstrings_and_assertions_everything_works_and_a_pool_of_proces
         [sys.executable, "-OO", "-c", UNDER_OO], capture_output=True, text=True, check=False, timeout=60
     )
     assert run.returncode == 0, run.stderr
-    assert run.stdout.startswith("solved\ninfeasible\nproblem")
+    assert run.stdout.startswith("solved\ninfeasible\nwhat to do")
 
 
 def test_numba_that_is_switched_off_is_named():

@@ -33,6 +33,7 @@ def test_the_package_says_that_it_is_typed_and_ships_its_stubs():
     if (project := HOUSE.parent / "pyproject.toml").exists():
         wheel = tomllib.loads(project.read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
         assert wheel["packages"] == ["icpmodel"]  # all of the folder, whatever the suffix
+        assert "exclude" not in wheel
 
 
 def test_every_public_call_has_its_keywords_and_types_in_its_signature():

@@ -5,6 +5,7 @@ import inspect
 import pkgutil
 import sys
 import types
+from dataclasses import replace
 from enum import Enum
 
 import cvxpy as cp
@@ -38,6 +39,7 @@ TARGET = Target(icp.ICP(2 * np.eye(40), -np.ones(40)))
 #: an object of every public class, with much in it where it can have
 OBJECTS = [
     SCENE,
+    replace(SCENE, name=LONG, title=LONG, models=LONG, why_no_reference=LONG, why_no_solution=LONG, z_exact=SOLUTION.z),
     SCENE.problem,
     SOLUTION,
     BROKEN,

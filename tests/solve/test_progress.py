@@ -75,8 +75,8 @@ def test_the_lines_of_a_log_come_after_1_2_4_seconds_and_then_one_a_minute(capsy
             clock.now = float(second)
             bar.update(second, 0.5, 1e-8)
     lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == "icpmodel: newton: iteration 1, residual 5.00e-01 -> 1.00e-08"
-    assert [int(line.split()[3][:-1]) for line in lines] == [1, 2, 4, 8, 16, 32, 64, 124, 184, 244]
+    assert lines[0] == "icpmodel ... newton: iteration 1, residual 5.00e-01 -> 1.00e-08"
+    assert [int(line.split()[4][:-1]) for line in lines] == [1, 2, 4, 8, 16, 32, 64, 124, 184, 244]
 
 
 def test_a_study_says_what_it_is_at_in_a_log_and_in_a_notebook(capsys, notebook, monkeypatch):
@@ -88,7 +88,7 @@ def test_a_study_says_what_it_is_at_in_a_log_and_in_a_notebook(capsys, notebook,
     with status_line(True, clock) as say:
         for clock.now in (0.5, 1.5, 1.7):
             say(f"at {clock.now}")
-    assert capsys.readouterr().err == "icpmodel: at 1.5\n"
+    assert capsys.readouterr().err == "icpmodel ... at 1.5\n"
 
 
 def test_nobody_is_told_anything_unasked(capsys, notebook):

@@ -23,6 +23,7 @@ from numba.core.event import Listener, register
 from numba.extending import intrinsic
 
 from ...errors import IcpError
+from ..plugins import in_notebook
 from ..work import COMPILER
 
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
@@ -55,7 +56,7 @@ class Cache(FunctionCache):
 
 
 def _tell(what: str) -> None:
-    if sys.stderr is not None and sys.stderr.isatty():
+    if sys.stderr is not None and (in_notebook() or sys.stderr.isatty()):
         print(what, file=sys.stderr)
 
 

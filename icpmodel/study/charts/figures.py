@@ -15,7 +15,7 @@ import numpy as np
 
 from ...errors import FileError, InputError
 from ...numerics.arrays import described
-from ...present.shown import in_notebook
+from ...numerics.plugins import in_notebook
 from ...present.table import Table
 
 Name = TypeVar("Name", bound=Hashable)
