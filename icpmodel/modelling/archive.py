@@ -28,12 +28,12 @@ REAL, NUMBERS = "biuf", "an array of real numbers"
 _END = 22
 
 
-def as_path(value: Any) -> Path:
-    """`value` as the path of a file. Raises InputError for what is none, FileError for an empty text."""
+def as_path(value: Any, name: str = "path") -> Path:
+    """`value`, the argument `name`, as the path of a file. Raises InputError for what is none, FileError for an empty text."""
     if not isinstance(value, str | os.PathLike):
-        raise InputError(f"path is {described(value)}; a text or a pathlib.Path was expected")
+        raise InputError(f"{name} is {described(value)}; a text or a pathlib.Path was expected")
     if not str(value):
-        raise FileError("the path is empty; the name of a file was expected")
+        raise FileError(f"the {name} is empty; the name of a file was expected")
     return Path(value)
 
 

@@ -103,7 +103,7 @@ def load_problem(
         if isinstance(given, Real) and not isinstance(given, bool) and name in _PREFIX:
             parts[name] = float(given)
         elif given is not None:
-            sources[name] = as_path(given)
+            sources[name] = as_path(given, name)
             parts[name] = read_values(sources[name], name, problem.n)
         elif name in parts and not isinstance(parts[name], str):
             parts[name] = as_values(path, parts[name], problem.n)
