@@ -29,7 +29,7 @@ _END = 22
 
 
 def as_path(value: Any, name: str = "path") -> Path:
-    """`value`, the argument `name`, as the path of a file. Raises InputError for no path, FileError for an empty one."""
+    """`value`, the argument `name`, as the path of a file. Raises InputError for no path, FileError for no name."""
     if not isinstance(value, str | os.PathLike):
         raise InputError(f"{name} is {described(value)}; a text or a pathlib.Path was expected")
     if not str(value):

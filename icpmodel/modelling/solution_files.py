@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import FileError, InputError, NotApplicable
 from ..methods.contract import Iterate, Method
 from ..numerics.arrays import Vector, as_vector, described
-from ..problem.data import ProblemData
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.verdict import certain
 from ..solve.solution import Solution, Status
 from .archive import (
@@ -106,7 +106,7 @@ def check_place(path: str) -> None:
             check_replaceable(place, lambda: _check_saved(place))
 
 
-def load_solution(path: Source, problem: ProblemData | None = None) -> Solution:
+def load_solution(path: Source, problem: ProblemLike | None = None) -> Solution:
     """Read what `save_solution` wrote to an `.npz` file, as the `Solution` of the problem in the file, or of `problem`,
     which is needed where ψ is Python code.
 
@@ -126,10 +126,11 @@ def load_solution(path: Source, problem: ProblemData | None = None) -> Solution:
     path = as_path(path)
     if path.suffix.lower() in WRITTEN[1:] and path.is_file():
         raise FileError(f"{path}: holds numbers alone; an .npz file was expected, or see icpmodel.certify(problem, z)")
+    given = None if problem is None else as_problem(problem)
     with read_archive(path, _SOLUTION) as archive:
-        if problem is None and "A_indptr" not in archive.names:
+        if given is None and "A_indptr" not in archive.names:
             raise FileError(f"{path}: holds no problem, as psi was Python code; give it: load_solution(path, problem)")
-        held = stored_problem(archive) if problem is None else problem
+        held = stored_problem(archive) if given is None else given
         z, about = archive.vector("z", held.n), as_json(f"{path}: field about", archive.text("about"))
     return _believed(path, _Record(path, about), held, z)
 

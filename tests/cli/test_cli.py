@@ -196,18 +196,19 @@ def test_ctrl_c_while_the_package_is_imported_is_one_line(tmp_path):
     (tmp_path / "icpmodel").mkdir()
     half = "import signal\ntry:\n    signal.raise_signal(signal.SIGINT)\nfinally:\n    raise ImportError\n"
     (tmp_path / "icpmodel" / "__init__.py").write_text(half)
-    start = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import icpmodel_command; "
-    ran = run("-c", f"{start} icpmodel_command.main()", folder=tmp_path)
+    start = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import icpmodel_console; "
+    ran = run("-c", f"{start} icpmodel_console.main()", folder=tmp_path)
     assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "icpmodel: interrupted\n")
 
 
 def test_the_console_command_is_installed_beside_the_package_and_loads_what_it_needs(tmp_path):
     about = tomllib.loads((HOUSE / "pyproject.toml").read_text())
-    assert about["project"]["scripts"] == {"icpmodel": "icpmodel_command:main"}
-    assert "icpmodel_command.py" in about["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
-    command = "import sys, icpmodel_command; sys.argv[1:] = ['scenes', 'hand-lcp']"
+    assert about["project"]["scripts"] == {"icpmodel": "icpmodel_console:main"}
+    included = about["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+    assert included == {"icpmodel/cli/console.py": "icpmodel_console.py"}
+    command = "import sys, icpmodel_console; sys.argv[1:] = ['scenes', 'hand-lcp']"
     loaded = "print([name for name in sys.modules if name in ('icpmodel.study', 'icpmodel.benchmarks', 'numba')])"
-    ran = run("-c", f"{command}\ntry:\n    icpmodel_command.main()\nfinally:\n    {loaded}", folder=tmp_path)
+    ran = run("-c", f"{command}\ntry:\n    icpmodel_console.main()\nfinally:\n    {loaded}", folder=tmp_path)
     assert (ran.returncode, said(ran.stderr)) == (0, "")
     assert "hand-lcp" in ran.stdout
     assert ran.stdout.endswith("\n[]\n")

@@ -220,9 +220,9 @@ def test_what_is_wrong_with_an_obstacle_is_said_of_its_file(tmp_path):
         icp.load_problem(*both, upper=np.nan)
     with pytest.raises(icp.FileError, match=r"nowhere\.csv: no such file"):
         icp.load_problem(*both, upper=tmp_path / "nowhere.csv")
-    with pytest.raises(icp.InputError, match="^upper is True; a text or a pathlib.Path"):
+    with pytest.raises(icp.InputError, match=r"^upper is True; a text or a pathlib\.Path"):
         icp.load_problem(*both, upper=True)
-    with pytest.raises(icp.InputError, match="^q is a ndarray"):
+    with pytest.raises(icp.InputError, match=r"^q is a ndarray"):
         icp.load_problem(tmp_path / "A.npy", q=Q)
 
 

@@ -88,6 +88,8 @@ def test_a_solution_of_psi_from_code_needs_its_problem(tmp_path):
     with pytest.raises(icp.FileError, match=r"holds no problem.*load_solution\(path, problem\)"):
         icp.load_solution(path)
     assert icp.load_solution(path, problem).solved
+    with pytest.raises(icp.InputError, match="problem is 3; an ICP"):
+        icp.load_solution(path, 3)
     with pytest.raises(icp.FileError, match="field z has shape"):
         icp.load_solution(path, PROBLEM)
 

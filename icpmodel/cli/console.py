@@ -1,5 +1,7 @@
-"""The console command, which is here as soon as Python is: Ctrl-C while the package is imported is one line, too."""
+"""The console command. It is installed as a module of its own, `icpmodel_console`, beside the package: so it is there
+before the package is imported, and Ctrl-C while that goes on is one line, too."""
 
+import importlib
 import os
 import signal
 from types import FrameType
@@ -16,8 +18,7 @@ def main() -> None:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
-    from icpmodel.cli import main as run
-
+    run = importlib.import_module("icpmodel.cli").main
     signal.signal(signal.SIGINT, before)
     run()
 
