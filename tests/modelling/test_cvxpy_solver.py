@@ -10,8 +10,11 @@ from cvxpy.reductions.dcp2cone.cone_matrix_stuffing import ConeMatrixStuffing
 from cvxpy_programs import PROGRAMS
 
 import icpmodel as icp
-from icpmodel.modelling.cvxpy.qp_solver import ProximalPoint, program_of, solve_program, without_solution
-from icpmodel.modelling.cvxpy.quadratic import Program, ProgramLcp
+from icpmodel.modelling.cvxpy.qp_solver import program_of
+from icpmodel.modelling.quadratic.program import Program
+from icpmodel.modelling.quadratic.proofs import EXACTLY, NUMERICALLY, contradiction
+from icpmodel.modelling.quadratic.reduction import ProgramLcp
+from icpmodel.modelling.quadratic.solving import solve_program, without_solution
 
 TIGHT = {
     "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
@@ -125,7 +128,9 @@ def test_a_proof_up_to_rounding_is_called_inaccurate():
 
 def rows_only(F, g, q=(0.0, 0.0)):
     none = sp.csr_array((0, 2))
-    return Program(none.T @ none, np.array(q), none, np.zeros(0), sp.csr_array(np.array(F, dtype=float)), np.array(g))
+    return Program.of(
+        none.T @ none, np.array(q), none, np.zeros(0), sp.csr_array(np.array(F, dtype=float)), np.array(g)
+    )
 
 
 @pytest.mark.parametrize(
@@ -140,23 +145,25 @@ def rows_only(F, g, q=(0.0, 0.0)):
 )
 def test_a_direction_that_proves_nothing_is_not_taken_for_a_proof(F, g, direction):
     lcp = ProgramLcp(rows_only(F, g))
-    assert lcp.contradiction(np.array(direction, dtype=float) / lcp.unit) is None
+    assert contradiction(lcp, np.array(direction, dtype=float) / lcp.unit) is None
 
 
 def test_a_falling_objective_is_no_proof_of_a_feasible_point():
     """What a dual proof says where the rows contradict each other, and where the time for that question is over."""
     program = rows_only([[1, 1], [-1, -1], [1, -1]], [-1.0, 0.0, 0.0], (1.0, 1.0))
-    assert without_solution(program, "dual", True).status == cp.INFEASIBLE
-    assert without_solution(program, "dual", True, time_limit=1e-9).status == cp.settings.INFEASIBLE_OR_UNBOUNDED
+    assert without_solution(program, "dual", EXACTLY).status == cp.INFEASIBLE
+    assert without_solution(program, "dual", EXACTLY, time_limit=1e-9).status == cp.settings.INFEASIBLE_OR_UNBOUNDED
     feasible = rows_only([[1, 1], [1, -1]], [-1.0, 0.0], (1.0, 1.0))
-    assert without_solution(feasible, "dual", False).status == cp.settings.UNBOUNDED_INACCURATE
+    assert without_solution(feasible, "dual", NUMERICALLY).status == cp.settings.UNBOUNDED_INACCURATE
 
 
 def test_an_infinite_right_hand_side_says_nothing_or_everything():
     y = cp.Variable()
     assert solve(cp.Problem(cp.Minimize(cp.square(y - 1)), [y <= np.inf, 2 * y <= 1])).value == pytest.approx(0.25)
     none = sp.csr_array((0, 1))
-    never = Program(sp.csr_array([[1.0]]), np.zeros(1), none, np.zeros(0), sp.csr_array([[1.0]]), np.array([-np.inf]))
+    never = Program.of(
+        sp.csr_array([[1.0]]), np.zeros(1), none, np.zeros(0), sp.csr_array([[1.0]]), np.array([-np.inf])
+    )
     assert solve_program(never).status == cp.INFEASIBLE
 
 
@@ -270,7 +277,7 @@ def test_what_is_no_quadratic_program_is_refused_by_cvxpy():
 @pytest.mark.parametrize(("error", "status"), [(1e-8, "optimal_inaccurate"), (1e-3, "solver_error")])
 def test_the_status_follows_the_residual_that_was_reached(error, status):
     none, one = sp.csr_array((0, 2)), sp.csr_array([[1.0, 1.0]])
-    program = Program(sp.csr_array(np.eye(2)), np.zeros(2), one, np.ones(1), none, np.zeros(0))
+    program = Program.of(sp.csr_array(np.eye(2)), np.zeros(2), one, np.ones(1), none, np.zeros(0))
     problem = ProgramLcp(program).problem
     z = problem.solve("lemke").z + error
     stuck = ProximalPoint(z, np.zeros(3), problem.residual(z), 1)
@@ -338,7 +345,7 @@ def terms_of(row, x, others):
 def test_optimal_is_said_of_what_is_optimal_in_the_units_of_the_user(seed):
     """Rows, gradient, signs and gap hold to 1e-6 of their terms, whatever the units; judged in fractions."""
     data = a_wild_program(seed)
-    found = solve_program(Program(*(sp.csr_array(a) if np.ndim(a) == 2 else a for a in data)), time_limit=0.5)
+    found = solve_program(Program.of(*(sp.csr_array(a) if np.ndim(a) == 2 else a for a in data)), time_limit=0.5)
     if found.status == cp.OPTIMAL:
         for wrong, size in faults(data, found.x, found.equality, found.inequality):
             assert abs(wrong) <= 1e-6 * size

@@ -22,6 +22,7 @@ import scipy.sparse as sp
 
 from ...numerics.arrays import Vector
 from ...numerics.rational import as_witness, nearest, rationals
+from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData
 from ..answers import Answer
 
@@ -151,6 +152,8 @@ def _contradiction(problem: ProblemData, rows: _Rows, y: Combination) -> Fractio
     A = problem.A
     columns: dict[int, Fraction] = {}
     total = Fraction(0)
+    if _is_hopeless(problem, rows, y):
+        return None
     for i, weight in y.items():
         if (weight < 0 and not rows.falls[i]) or (weight > 0 and not rows.rises[i]):
             return None
@@ -166,6 +169,16 @@ def _contradiction(problem: ProblemData, rows: _Rows, y: Combination) -> Fractio
                 return None
             total += entry * Fraction(end)
     return total if total < 0 else None
+
+
+@np.errstate(all="ignore")
+def _is_hopeless(problem: ProblemData, rows: _Rows, y: Combination) -> bool:
+    """Whether floats say already, beyond their rounding, that an entry of Aᵀy is on the side where z has no bound."""
+    x = np.zeros(problem.n)
+    x[list(y)] = [nearest(weight) for weight in y.values()]
+    columns = problem.A.T @ x
+    off = 4.0 * (problem.n + 4) * UNIT_ROUNDOFF * (problem.matrix.absolute.T @ np.abs(x))
+    return bool(((columns > off) & np.isposinf(rows.high) | (columns < -off) & np.isneginf(rows.low)).any())
 
 
 def _exact(problem: ProblemData, support: np.ndarray, y: Vector, bounds: _Rows) -> Combination:

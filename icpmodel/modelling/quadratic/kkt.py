@@ -1,0 +1,147 @@
+"""The linear systems of a step: those of the KKT conditions, with a weight for every inequality.
+
+    (P + W₀)dx + Eᵀdλ + Aᵀdν = f,     E dx − W⁻¹dλ = e,     A dx − δdν = a
+
+with diagonal W₀ ≥ 0, W ≥ 0 (dλ_i = 0 where w_i = 0), and ρ on the diagonal of P, δ ≥ 0 small, so that there is always
+one solution. Whichever is foreseen to cost less is factorised: P + ρ + W₀ + EᵀWE as a dense matrix, and A with it, or
+the sparse whole, of which only the diagonal changes, in an order of its rows that is looked for once.
+Reference: Vanderbei, SIAM J. Optim. 5 (1995), for quasidefinite matrices, which may be factorised in any order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...errors import OutOfMemory, OutOfTime
+from ...numerics import work
+from ...numerics.arrays import Vector, diagonal_positions
+from ...numerics.fill import ordered
+from .reduction import Frame
+
+#: ρ and δ beside entries of about 1
+_SMALL = 1e-9
+#: a smaller weight counts as none
+_NONE = 1e-20
+#: bytes of an entry of a factor
+_BYTES = 12
+
+Solve = Callable[[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]
+
+
+class DenseSystems:
+    """By Cholesky's factors of H = P + ρ + W₀ + EᵀWE + AᵀA and of δ + AH⁻¹Aᵀ: with the equations added to the first
+    rows, which changes no solution, H is regular wherever the whole is."""
+
+    def __init__(self, frame: Frame) -> None:
+        self.frame, self.cost = frame, dense_cost(frame)
+        self.P, self.E, self.A = (M.toarray() if sp.issparse(M) else M for M in (frame.P, frame.E, frame.A))
+        self.base = self.P + self.A.T @ self.A if frame.k else self.P
+
+    def factorised(self, w: Vector, of_x: Vector) -> Solve | None:
+        """The solver, None where rounding has made H indefinite."""
+        from scipy.linalg.lapack import dpotrf, dpotrs
+
+        work.spend(self.cost)
+        E, A = self.E, self.A
+        H = self.base + E.T @ (w[:, None] * E) if w.size else self.base.copy()
+        H.reshape(-1)[:: H.shape[0] + 1] += of_x + _SMALL
+        H, failed = dpotrf(H, lower=1, overwrite_a=1)
+        X = S = None
+        if not failed and A.size:
+            X, _ = dpotrs(H, A.T, lower=1)
+            S = A @ X
+            S.reshape(-1)[:: S.shape[0] + 1] += _SMALL
+            S, failed = dpotrf(S, lower=1, overwrite_a=1)
+        if failed:
+            return None
+
+        def solve(f: Vector, e: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
+            f, dnu = f + E.T @ (w * e), a
+            if X is not None:
+                f = f + A.T @ a
+            dx, _ = dpotrs(H, f, lower=1)
+            if X is not None:
+                dnu, _ = dpotrs(S, A @ dx - a, lower=1)
+                dx = dx - X @ dnu
+            return dx, w * (E @ dx - e), dnu
+
+        return solve
+
+
+class SparseSystems:
+    """By the factors of [[P + ρ + W₀, Eᵀ, Aᵀ], [E, −W⁻¹, 0], [A, 0, −δ]], pivots on the diagonal."""
+
+    def __init__(self, frame: Frame, most: float) -> None:
+        from ...numerics.kernels.graph import permuted  # loads numba
+
+        self.frame, n, size = frame, frame.n, frame.n + frame.m + frame.k
+        P, E, A = (sp.csr_array(M) for M in (frame.P, frame.E, frame.A))
+        K = sp.block_array([[P, E.T, A.T], [E, None, None], [A, None, None]]) + sp.eye_array(size)
+        K = sp.csr_array(K)
+        K.sort_indices()
+        self.fill, order = ordered(K, 0.5 * work.free_memory() / _BYTES, most)
+        if not self.fill.seen:
+            raise OutOfTime("the factors of the KKT matrix cost more than may be spent")
+        self.rows, place = order, np.empty(size, np.int32)
+        place[order] = np.arange(size, dtype=np.int32)
+        values, self.indices, self.starts = permuted(
+            K.indptr, K.indices, np.arange(K.nnz, dtype=np.float64), order, place
+        )
+        self.entries, self.data, self.diagonal = values.astype(np.intp), K.data, diagonal_positions(K)
+        self.own = np.concatenate([P.diagonal() + _SMALL, np.zeros(frame.m), np.full(frame.k, -_SMALL)])
+
+    @property
+    def cost(self) -> float:
+        """Of a factorisation, in nanoseconds."""
+        return work.factor_cost(self.fill)
+
+    def factorised(self, w: Vector, of_x: Vector) -> Solve | None:
+        """The solver, None where a pivot is 0."""
+        from scipy.sparse.linalg import splu
+
+        work.spend(self.cost)
+        n, m = self.frame.n, self.frame.m
+        diagonal = self.own.copy()
+        diagonal[:n] += of_x
+        diagonal[n : n + m] = -1.0 / np.maximum(w, _NONE)
+        self.data[self.diagonal] = diagonal
+        K = sp.csc_array((self.data[self.entries], self.indices, self.starts), shape=(self.rows.size,) * 2)
+        K.has_canonical_format = True
+        try:
+            lu = splu(K, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        except RuntimeError:
+            return None
+
+        def solve(f: Vector, e: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
+            x = np.empty(self.rows.size)
+            x[self.rows] = lu.solve(np.concatenate([f, e, a])[self.rows])
+            return x[:n], np.where(w > 0, x[n : n + m], 0.0), x[n + m :]
+
+        return solve
+
+
+def dense_cost(frame: Frame) -> float:
+    """What one dense factorisation costs, in nanoseconds."""
+    n, m, k = frame.n, frame.m, frame.k
+    flops = n * n * m + n**3 / 3 + n * n * k + n * k * k + k**3 / 3
+    return work.COSTS.call + work.COSTS.dense_flop * flops
+
+
+def systems_of(frame: Frame) -> DenseSystems | SparseSystems:
+    """Those that are foreseen to cost less. Raises OutOfTime and OutOfMemory where neither can be afforded."""
+    n, m, k = frame.n, frame.m, frame.k
+    cost, entries = dense_cost(frame), float(n * (n + 2 * m + 2 * k) + k * k)
+    nnz = sum(M.nnz if sp.issparse(M) else M.size for M in (frame.P, frame.E, frame.A))
+    fits = work.fits(8.0 * entries)
+    if fits and cost <= work.least_factor_cost(n + m + k, 2 * nnz):
+        return DenseSystems(frame)
+    try:
+        return SparseSystems(frame, min(cost, work.nanoseconds_left()) if fits else work.nanoseconds_left())
+    except (OutOfTime, OutOfMemory):
+        if not fits:
+            raise
+        work.afford(cost)
+        return DenseSystems(frame)
