@@ -43,6 +43,9 @@ from .modelling.files import load_problem as load_problem
 from .modelling.files import load_solution as load_solution
 from .modelling.files import save_problem as save_problem
 from .modelling.files import save_solution as save_solution
+from .modelling.quadratic.qpsolvers_interface import qpsolvers_solver as qpsolvers_solver
+from .modelling.quadratic.solve_qp import QpSolution as QpSolution
+from .modelling.quadratic.solve_qp import solve_qp as solve_qp
 from .problem.affine import Affine as Affine
 from .problem.affine import Constant as Constant
 from .problem.elementwise import Elementwise as Elementwise

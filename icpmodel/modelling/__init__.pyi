@@ -7,3 +7,6 @@ from .files import load_solution as load_solution
 from .files import save_problem as save_problem
 from .files import save_solution as save_solution
 from .pyomo.models import read_pyomo as read_pyomo
+from .quadratic.qpsolvers_interface import qpsolvers_solver as qpsolvers_solver
+from .quadratic.solve_qp import QpSolution as QpSolution
+from .quadratic.solve_qp import solve_qp as solve_qp

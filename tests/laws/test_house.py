@@ -54,6 +54,7 @@ HEAVY = {
     "piqp",
     "pyamg",
     "pyomo",
+    "qpsolvers",
     "rich",
     "scs",
     "threadpoolctl",

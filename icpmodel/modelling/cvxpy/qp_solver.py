@@ -13,12 +13,13 @@ from cvxpy.reductions.solution import failure_solution
 from cvxpy.reductions.solvers import utilities
 from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
 
-from ...errors import InputError
+from ...errors import InputError, OutOfMemory
 from ...numerics.arrays import as_number
 from ..quadratic.program import Matrices, Program
 from ..quadratic.reduction import Frame
 from ..quadratic.solving import ProgramOutcome, solve_program
 
+_ADVICE = "a solver without factors may take it, such as SCS or PDLP (solver=cp.SCS, solver=cp.CUOPT)"
 _OPTIONS = ("tolerance", "time_limit")
 
 
@@ -50,7 +51,10 @@ class IcpSolver(QpSolver):
         program = program_of(data, frame)
         if frame is None or not frame.is_of(program):
             frame = Frame(program.matrices, program.g < np.inf)
-        outcome = solve_program(program, frame=frame, active=active, **limits)
+        try:
+            outcome = solve_program(program, frame=frame, active=active, **limits)
+        except OutOfMemory as error:
+            raise cp.SolverError(f"icpmodel: {error}; {_ADVICE}") from error
         if solver_cache is not None:
             solver_cache[self.name()] = frame, outcome.active
         if verbose:
@@ -74,11 +78,13 @@ class IcpSolver(QpSolver):
 def cvxpy_solver() -> IcpSolver:
     """icpmodel as a solver for CVXPY's `Problem.solve(solver=…)`: convex quadratic and linear programs.
 
-    Bounds only: the ICP goes to `icpmodel.solve`; with other constraints the KKT system is a monotone one, for which
-    see `icpmodel.modelling.cvxpy.quadratic`. P is taken as semidefinite, which CVXPY has checked. Duals are returned.
-    "infeasible" and "unbounded" are proved in exact arithmetic; "infeasible_inaccurate" and "unbounded_inaccurate" up
-    to rounding. `Problem.solve` takes the options `tolerance` (1e-9, of the residual of the ICP, in units in which its
-    data are about 1) and `time_limit` in seconds.
+    Large programs with bounds only go to `icpmodel.solve`; others by Newton's method for the modulus equation of their
+    KKT system, see `icpmodel.modelling.quadratic`. P is taken as semidefinite, which CVXPY has checked. Duals are
+    returned. "infeasible" and "unbounded" are proved, "infeasible_inaccurate" and "unbounded_inaccurate" up to
+    rounding. `Problem.solve` takes the options `tolerance` (1e-9, of the residual of the ICP, in units in which its
+    data are about 1) and `time_limit` in seconds, after which the status is "user_limit" and the variables have the
+    best iterate. With `warm_start`, as by default, a problem that is solved again begins with the constraints that were
+    active in the last answer.
     Returns always the same object, by which CVXPY knows that a problem with parameters need not be compiled again.
 
     >>> import cvxpy as cp
@@ -91,7 +97,7 @@ def cvxpy_solver() -> IcpSolver:
 
 
 def program_of(data: Any, like: Frame | None = None) -> Program:
-    """What CVXPY has compiled, by its own names for the parts, with the matrices of one like it if they are the same."""
+    """What CVXPY has compiled, by its own names for the parts, with the matrices of one `like` it if they are its."""
     parts = tuple(data[key] for key in (s.P, s.A, s.F))
     matrices = Matrices(*parts) if like is None or not like.matrices.is_of(parts) else like.matrices
     return Program(matrices, *(np.asarray(data[key], dtype=np.float64) for key in (s.Q, s.B, s.G)))

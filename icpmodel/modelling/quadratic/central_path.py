@@ -1,9 +1,9 @@
 """Newton's method on the modulus equation of a quadratic program, with the modulus rounded off: √(x² + 4ε²) for |x|.
 
-Then every λ_i and its slack s_i are positive and λ_i s_i = ε², and ε falls. Each step is a proximal one with the iterate
-itself for centre (ρ and δ in `kkt`), so that its system has a solution whatever P and A are. As soon as the signs of
-λ − s stand still they are taken at their word: with the modulus itself, these rows being equations and the others left
-out, the next iterate is exact up to rounding. The judge says whether it is the answer.
+Then every λ_i and its slack s_i are positive and λ_i s_i = ε², and ε falls. Each step is a proximal one with the
+iterate itself for centre (ρ and δ in `kkt`), so that its system has a solution whatever P and A are. As soon as the
+signs of λ − s stand still they are taken at their word: with the modulus itself, these rows being equations and the
+others left out, the next iterate is exact up to rounding. The judge says whether it is the answer.
 Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε; Friedlander and Orban, Math. Program. Comput. 4
 (2012), for the proximal terms.
 """
@@ -23,6 +23,8 @@ Mask = NDArray[np.bool_]
 
 #: the share of the way to the boundary that a step goes
 _NEARLY_ALL = 0.995
+#: the share of its terms up to which a row counts as an equation
+_TIGHT = 1e-6
 #: how an inequality that counts as an equation weighs, and how often its system is solved
 _STIFF, _REFINED, _HALF = 1e8, 20, 0.5
 #: the signs may stand still once the conditions hold to so much
@@ -131,7 +133,7 @@ class CentralPath:
     def error(self) -> float:
         """The largest of the residuals and of the mean of λ_i s_i."""
         mean = self.slack @ self.multiplier / max(self.slack.size, 1)
-        return max(mean, *(float(np.abs(one).max(initial=0.0)) for one in self.residuals()))
+        return max([float(mean), *(float(np.abs(one).max(initial=0.0)) for one in self.residuals())])
 
     @property
     def active(self) -> Mask:
@@ -170,6 +172,12 @@ class CentralPath:
         yield self.y_of(zero(x), left, self.frame.A @ x - self.b)
         for direction in (self.x, x - self.x):
             yield self.y_of(direction, zero(multiplier), zero(nu))
+
+    def tight(self, x: Vector) -> Mask:
+        """Which inequalities are equations at this x, in the units of the program, to about six digits."""
+        x = self.frame.sign * x / self.lcp.unit[: x.size]
+        size = np.abs(self.d) + np.abs(self.d - self.rows(x)) + np.abs(self.rows(np.abs(x)))
+        return np.asarray(np.abs(self.d - self.rows(x)) <= _TIGHT * size)
 
     def exact(self, active: Mask, x: Vector, multiplier: Vector, nu: Vector) -> tuple[Vector, Vector, Vector] | None:
         """x, λ and ν with these inequalities as equations and without the others, from those given."""

@@ -19,14 +19,15 @@ from ...errors import OutOfMemory, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import Vector, diagonal_positions
 from ...numerics.fill import ordered
+from ...numerics.rounding import UNIT_ROUNDOFF
 from .reduction import Frame
 
 #: ρ and δ beside entries of about 1
 _SMALL = 1e-9
 #: a smaller weight counts as none
 _NONE = 1e-20
-#: bytes of an entry of a factor
-_BYTES = 12
+#: bytes of an entry of a factor, and of as much again while it is made
+_BYTES = 24
 
 Solve = Callable[[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]
 
@@ -38,6 +39,8 @@ class DenseSystems:
     def __init__(self, frame: Frame) -> None:
         self.frame, self.cost = frame, dense_cost(frame)
         self.P, self.E, self.A = (M.toarray() if sp.issparse(M) else M for M in (frame.P, frame.E, frame.A))
+        # what Cholesky's method may lose: with so much more on the diagonal it does not fail
+        self.loss = 8.0 * (frame.n + 1) * UNIT_ROUNDOFF
         self.base = self.P + self.A.T @ self.A if frame.k else self.P
 
     def factorised(self, w: Vector, of_x: Vector) -> Solve | None:
@@ -47,13 +50,17 @@ class DenseSystems:
         work.spend(self.cost)
         E, A = self.E, self.A
         H = self.base + E.T @ (w[:, None] * E) if w.size else self.base.copy()
-        H.reshape(-1)[:: H.shape[0] + 1] += of_x + _SMALL
+        diagonal = H.reshape(-1)[:: H.shape[0] + 1]
+        diagonal += of_x + _SMALL
+        diagonal *= 1.0 + self.loss
         H, failed = dpotrf(H, lower=1, overwrite_a=1)
         X = S = None
         if not failed and A.size:
             X, _ = dpotrs(H, A.T, lower=1)
             S = A @ X
-            S.reshape(-1)[:: S.shape[0] + 1] += _SMALL
+            diagonal = S.reshape(-1)[:: S.shape[0] + 1]
+            diagonal += _SMALL
+            diagonal *= 1.0 + 8.0 * (self.frame.k + 1) * UNIT_ROUNDOFF
             S, failed = dpotrf(S, lower=1, overwrite_a=1)
         if failed:
             return None
@@ -77,14 +84,17 @@ class SparseSystems:
     def __init__(self, frame: Frame, most: float) -> None:
         from ...numerics.kernels.graph import permuted  # loads numba
 
-        self.frame, n, size = frame, frame.n, frame.n + frame.m + frame.k
+        self.frame, size = frame, frame.n + frame.m + frame.k
         P, E, A = (sp.csr_array(M) for M in (frame.P, frame.E, frame.A))
         K = sp.block_array([[P, E.T, A.T], [E, None, None], [A, None, None]]) + sp.eye_array(size)
         K = sp.csr_array(K)
         K.sort_indices()
-        self.fill, order = ordered(K, 0.5 * work.free_memory() / _BYTES, most)
+        entries = work.free_memory() / _BYTES
+        self.fill, order = ordered(K, entries, min(most, work.nanoseconds_left()))
         if not self.fill.seen:
-            raise OutOfTime("the factors of the KKT matrix cost more than may be spent")
+            if self.fill.entries > entries:
+                raise OutOfMemory(f"the factors of the KKT matrix, {size} x {size} with {K.nnz} entries, would not fit")
+            raise OutOfTime("the factors of the KKT matrix cost more time than is left")
         self.rows, place = order, np.empty(size, np.int32)
         place[order] = np.arange(size, dtype=np.int32)
         values, self.indices, self.starts = permuted(
@@ -130,18 +140,22 @@ def dense_cost(frame: Frame) -> float:
     return work.COSTS.call + work.COSTS.dense_flop * flops
 
 
+def is_dense(frame: Frame) -> bool:
+    """Whether a dense factorisation fits into memory and costs less than a sparse one without any fill."""
+    n, rows = frame.n, frame.m + frame.k
+    nnz = sum(M.nnz if sp.issparse(M) else M.size for M in (frame.P, frame.E, frame.A))
+    fits = work.fits(8.0 * (n + rows) * (n + frame.k))
+    return fits and dense_cost(frame) <= work.least_factor_cost(n + rows, 2 * nnz)
+
+
 def systems_of(frame: Frame) -> DenseSystems | SparseSystems:
     """Those that are foreseen to cost less. Raises OutOfTime and OutOfMemory where neither can be afforded."""
-    n, m, k = frame.n, frame.m, frame.k
-    cost, entries = dense_cost(frame), float(n * (n + 2 * m + 2 * k) + k * k)
-    nnz = sum(M.nnz if sp.issparse(M) else M.size for M in (frame.P, frame.E, frame.A))
-    fits = work.fits(8.0 * entries)
-    if fits and cost <= work.least_factor_cost(n + m + k, 2 * nnz):
+    if is_dense(frame):
         return DenseSystems(frame)
+    fits = work.fits(8.0 * (frame.n + frame.m + frame.k) * (frame.n + frame.k))
     try:
-        return SparseSystems(frame, min(cost, work.nanoseconds_left()) if fits else work.nanoseconds_left())
+        return SparseSystems(frame, dense_cost(frame) if fits else np.inf)
     except (OutOfTime, OutOfMemory):
         if not fits:
             raise
-        work.afford(cost)
         return DenseSystems(frame)

@@ -73,7 +73,7 @@ class Program:
         of_rows = bound + F @ size
         slack = np.where(says, g - given.F @ x, 0.0)
         terms = size @ curved + np.abs(self.b) @ np.abs(equality) + bound @ inequality
-        pull = F * (1.0 / np.where(of_gradient > 0, of_gradient, 1.0))
+        pull: Any = F * (1.0 / np.where(of_gradient > 0, of_gradient, 1.0))
         pull = pull.max(axis=1) if pull.size else np.zeros(g.size)
         shares = (
             _shares(gradient, of_gradient),

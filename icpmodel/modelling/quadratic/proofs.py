@@ -2,8 +2,8 @@
 
 With λ ≥ 0 and w = Eᵀλ + Aᵀν every x with Ex ≤ g, Ax = b has wᵀx ≤ gᵀλ + bᵀν; if even the least wᵀx for l ≤ x ≤ u is
 larger, there is none (Farkas). Where x_j has no bound on one side, w_j must be 0 there or have one sign, and floats
-seldom are 0. That there is a λ, ν *near* the given ones with w_j = 0 for all these j can be proved in floats, though: with
-as many of their entries as there are such j the equations for the change have a regular matrix N if some R has
+seldom are 0. That there is a λ, ν *near* the given ones with w_j = 0 for all these j can be proved in floats, though:
+with as many of their entries as there are such j the equations for the change have a regular matrix N if some R has
 ‖I − RN‖ ≤ α < 1, and then it is at most ‖R‖‖w‖/(1 − α). What rounding does to each number is bounded from above.
 Reference: Rump, Acta Numerica 19 (2010), section 10, for verified linear systems.
 """
@@ -36,8 +36,8 @@ _PRODUCTS = 1000
 
 
 def contradiction(lcp: ProgramLcp, direction: Vector) -> tuple[str, str] | None:
-    """What `direction` proves, and how: "primal", that the constraints contradict each other; "dual", that the objective
-    falls for ever along x, if there is a feasible x. None: not even numerically."""
+    """What `direction` proves, and how: "primal", that the constraints contradict each other; "dual", that the
+    objective falls for ever along x, if there is a feasible x. None: not even numerically."""
     of_x = np.arange(direction.size) < lcp.frame.n
     kinds = ("primal", np.where(of_x, 0.0, direction)), ("dual", np.where(of_x, direction, 0.0))
     for kind, y in kinds:

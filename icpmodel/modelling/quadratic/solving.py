@@ -1,8 +1,9 @@
-"""Convex quadratic programs solved: which way is taken, who judges the answer, and what is proved where there is none."""
+"""Convex quadratic programs solved: which way is taken, who judges the answer, what is proved where there is none."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -14,8 +15,9 @@ from ...errors import OutOfTime
 from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.threads import one_blas_thread
+from ...solve.solution import Status
 from .central_path import CentralPath, Mask
-from .kkt import dense_cost
+from .kkt import dense_cost, is_dense
 from .program import Program
 from .proofs import EXACTLY, NUMERICALLY, contradiction
 from .reduction import Frame, ProgramLcp
@@ -104,57 +106,77 @@ def solve_program(
     time_limit: float = np.inf,
     frame: Frame | None = None,
     active: Mask | None = None,
+    start: Vector | None = None,
 ) -> ProgramOutcome:
-    """Solve a convex quadratic program; `frame` and `active` are those of one like it, if there was one.
+    """Solve a convex quadratic program; `frame` and `active` are those of one like it, if there was one,
+    `start` an x near the solution.
 
     Parameters: `tolerance` of the residual of the ICP in units in which its data are about 1; `time_limit` in seconds.
-    "optimal": the residual is below the tolerance; "optimal_inaccurate": below 1e-6. "infeasible" and "unbounded" are
-    proved in exact arithmetic (for the latter a feasible x was found, too), with "_inaccurate" they are proved up to
-    rounding. "user_limit": the time is over; "solver_error": none of these."""
+    "optimal": the residual is below the tolerance, and nothing is wrong by more than a hundred times the tolerance in
+    the units of the program; "optimal_inaccurate": both are below 1e-4. "infeasible" and "unbounded" are proved (for
+    the latter a feasible x was found, too), with "_inaccurate" they are proved up to rounding. "user_limit": the time
+    is over; "solver_error": none of these. Raises OutOfMemory before the work begins."""
     begin = time.perf_counter()
     if not np.isfinite(program.b).all() or np.isneginf(program.g).any():
         return ProgramOutcome("infeasible", "a right-hand side is infinite")
     frame = Frame(program.matrices, program.g < np.inf) if frame is None else frame
     alone = one_blas_thread() if dense_cost(frame) > _SAYING else nullcontext()
     with work.within(time_limit), alone:
-        outcome = _outcome(program, frame, tolerance, active)
+        outcome = _outcome(program, frame, tolerance, active, start)
     return replace(outcome, seconds=time.perf_counter() - begin)
 
 
 @np.errstate(all="ignore")
-def _outcome(program: Program, frame: Frame, tolerance: float, active: Mask | None) -> ProgramOutcome:
-    best, steps, ended, proof = Judged(), 0, "solver_error", None
+def _outcome(
+    program: Program, frame: Frame, tolerance: float, active: Mask | None, start: Vector | None
+) -> ProgramOutcome:
+    best, steps, ended, judge = Judged(), 0, None, Judge(ProgramLcp(program, frame), tolerance)
+    if judge.lcp.bounds_cross:
+        return ProgramOutcome("infeasible", f"the bounds of a variable contradict each other, {EXACTLY}")
     for units in _UNITS:
-        lcp = ProgramLcp(program, frame, **units)
-        if lcp.bounds_cross:
-            return ProgramOutcome("infeasible", f"the bounds of a variable contradict each other, {EXACTLY}")
-        judge = Judge(lcp, tolerance)
-        try:
-            path = CentralPath(lcp)
-            if active is None or active.size != path.d.size or not _corrected(path, judge, active):
-                proof = _followed(path, judge)
-            steps += path.steps
-        except OutOfTime:
-            ended = "user_limit"
+        judge = Judge(ProgramLcp(program, frame, **units), tolerance) if units else judge
+        ended, made = _sought(judge, active, start)
+        steps += made
         best = min(best, judge.best, key=lambda one: one[:2])
-        if judge.enough or proof is not None or ended == "user_limit":
+        if judge.enough or ended is not None:
             break
-    if proof is not None:
-        outcome = without_solution(program, *proof, tolerance, 1e-9 * work.nanoseconds_left())
+    if isinstance(ended, tuple):
+        outcome = without_solution(program, *ended, tolerance, 1e-9 * work.nanoseconds_left())
         return replace(outcome, steps=steps + outcome.steps)
-    if best.values is None:
-        best = Judged(*best[:2], (np.zeros(program.q.size), np.zeros(program.b.size), np.zeros(program.g.size)))
-    x, equality, inequality = best.values
-    told = (
-        f"a residual of {best.residual:.3g}, and rows or multipliers are wrong by {best.violation:.3g} of their terms"
-    )
-    status, message = ended, f"no answer was found: {told}"
+    x, equality, inequality = best.values or (np.zeros(size) for size in map(len, (program.q, program.b, program.g)))
+    told = f"residual {best.residual:.3g}, and rows or multipliers are wrong by {best.violation:.3g} of their terms"
+    status, message = ended or "solver_error", f"no answer was found: {told}"
     if judge.enough:
         status, message = "optimal", "solved"
-    elif best.violation <= _INACCURATE and ended != "user_limit":
+    elif ended is None and max(best.violation, best.residual) <= _INACCURATE:
         status, message = "optimal_inaccurate", told
     value = program.objective(x)
     return ProgramOutcome(status, message, x, equality, inequality, value, best.residual, steps, active=judge.active)
+
+
+def _sought(judge: Judge, active: Mask | None, start: Vector | None) -> tuple[str | tuple[str, str] | None, int]:
+    """What ended the search in these units but an answer, a proof or "user_limit", and the steps."""
+    lcp, path = judge.lcp, None
+    try:
+        if lcp.only_bounds and not is_dense(lcp.frame):
+            left = 1e-9 * work.nanoseconds_left()
+            limit = left if left < np.inf else None
+            found = lcp.problem.solve(rtol=0.0, atol=judge.tolerance, time_limit=limit, raise_on_failure=False)
+            if found.status is Status.INTERRUPTED:
+                raise KeyboardInterrupt
+            if found.status is Status.INFEASIBLE:
+                return ("dual", EXACTLY), found.iterations
+            if judge.asked(found.z, np.zeros(0, bool)):
+                return None, found.iterations
+        path = CentralPath(lcp)
+        active = active if start is None else path.tight(start)
+        if active is not None and active.size == path.d.size and _corrected(path, judge, active):
+            return None, path.steps
+        return _followed(path, judge), path.steps
+    except OutOfTime:
+        if path is not None:
+            judge.asked(path.y, path.active)
+        return "user_limit", 0 if path is None else path.steps
 
 
 def _corrected(path: CentralPath, judge: Judge, active: Mask) -> bool:
@@ -165,7 +187,7 @@ def _corrected(path: CentralPath, judge: Judge, active: Mask) -> bool:
         found = path.exact(active, path.x, zero, path.nu)
         if found is None:
             return False
-        wrong = path.wrong(active, *found[:2])
+        wrong = path.wrong(active, found[0], found[1])
         if wrong <= judge.tolerance:
             return judge.asked(path.y_of(*found), active)
         if not wrong < least:
@@ -187,18 +209,14 @@ def _followed(path: CentralPath, judge: Judge) -> tuple[str, str] | None:
         shows = share < shown or active.size == 0
         if shows or (error < _NEAR and still and not (taken is not None and np.array_equal(active, taken))):
             taken, found = active, path.exact(active, path.x.copy(), path.multiplier, path.nu)
-            close = found is not None and path.wrong(active, *found[:2]) <= judge.tolerance
-            if close and judge.asked(path.y_of(*found), active):
+            close = found is not None and path.wrong(active, found[0], found[1]) <= judge.tolerance
+            if found is not None and close and judge.asked(path.y_of(*found), active):
                 return None
             if found is not None and shows:
-                shown = 0.1 * share
-                for direction in path.rays(found, active):
-                    new = contradiction(judge.lcp, direction)
-                    if new is not None and new[1] != NUMERICALLY:
-                        return new
-                    if new is not None and proof is not None:
-                        return proof
-                    proof = proof or new
+                shown, new = 0.1 * share, _proof(judge.lcp, path.rays(found, active))
+                if new is not None and (new[1] != NUMERICALLY or proof is not None):
+                    return new
+                proof = proof or new
         before = active
         if error < judge.tolerance and judge.asked(path.y, active):
             return None
@@ -209,6 +227,17 @@ def _followed(path: CentralPath, judge: Judge) -> tuple[str, str] | None:
     if proof is None:
         judge.asked(path.y, path.active)
     return proof
+
+
+def _proof(lcp: ProgramLcp, directions: Iterable[Vector]) -> tuple[str, str] | None:
+    """The best of what these directions prove."""
+    best = None
+    for direction in directions:
+        found = contradiction(lcp, direction)
+        if found is not None and found[1] != NUMERICALLY:
+            return found
+        best = best or found
+    return best
 
 
 def without_solution(
