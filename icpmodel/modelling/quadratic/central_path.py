@@ -40,7 +40,7 @@ class CentralPath:
         self.lower, self.upper = np.flatnonzero(lcp.low > -np.inf), np.flatnonzero(lcp.high < np.inf)
         self.q, self.b = lcp.q[:n], lcp.q[n + m :]
         self.d = np.concatenate([lcp.q[n : n + m], -lcp.low[self.lower], lcp.high[self.upper]])
-        self.systems = systems_of(self.frame)
+        self.systems = systems_of(self.frame.blocks)
         self.steps = 0
         self.x, self.nu = np.zeros(n), np.zeros(self.b.size)
         self.slack = self.multiplier = np.ones(self.d.size)

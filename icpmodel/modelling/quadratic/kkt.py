@@ -11,16 +11,18 @@ Reference: Vanderbei, SIAM J. Optim. 5 (1995), for quasidefinite matrices, which
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ...errors import OutOfMemory, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import Vector, diagonal_positions
 from ...numerics.fill import ordered
 from ...numerics.rounding import UNIT_ROUNDOFF
-from .reduction import Frame
+from .program import handy
 
 #: ρ and δ beside entries of about 1
 _SMALL = 1e-9
@@ -29,6 +31,34 @@ _NONE = 1e-20
 #: bytes of an entry of a factor, and of as much again while it is made
 _BYTES = 24
 
+#: nanoseconds beside which it pays to eliminate variables
+_ELIMINATING = 10 * work.COSTS.call
+
+
+class Blocks(NamedTuple):
+    """P, E and A, each an array or CSR."""
+
+    P: Any
+    E: Any
+    A: Any
+
+    @property
+    def n(self) -> int:
+        return int(self.P.shape[0])
+
+    @property
+    def m(self) -> int:
+        return int(self.E.shape[0])
+
+    @property
+    def k(self) -> int:
+        return int(self.A.shape[0])
+
+    def of(self, columns: NDArray[np.intp]) -> Blocks:
+        """Those of these variables alone."""
+        return Blocks(handy(self.P[columns][:, columns]), handy(self.E[:, columns]), handy(self.A[:, columns]))
+
+
 Solve = Callable[[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]
 
 
@@ -36,12 +66,12 @@ class DenseSystems:
     """By Cholesky's factors of H = P + ρ + W₀ + EᵀWE + AᵀA and of δ + AH⁻¹Aᵀ: with the equations added to the first
     rows, which changes no solution, H is regular wherever the whole is."""
 
-    def __init__(self, frame: Frame) -> None:
-        self.frame, self.cost = frame, dense_cost(frame)
-        self.P, self.E, self.A = (M.toarray() if sp.issparse(M) else M for M in (frame.P, frame.E, frame.A))
+    def __init__(self, blocks: Blocks) -> None:
+        self.blocks, self.cost = blocks, dense_cost(blocks)
+        self.P, self.E, self.A = (M.toarray() if sp.issparse(M) else M for M in (blocks.P, blocks.E, blocks.A))
         # what Cholesky's method may lose: with so much more on the diagonal it does not fail
-        self.loss = 8.0 * (frame.n + 1) * UNIT_ROUNDOFF
-        self.base = self.P + self.A.T @ self.A if frame.k else self.P
+        self.loss = 8.0 * (blocks.n + 1) * UNIT_ROUNDOFF
+        self.base = self.P + self.A.T @ self.A if blocks.k else self.P
 
     def factorised(self, w: Vector, of_x: Vector) -> Solve | None:
         """The solver, None where rounding has made H indefinite."""
@@ -60,7 +90,7 @@ class DenseSystems:
             S = A @ X
             diagonal = S.reshape(-1)[:: S.shape[0] + 1]
             diagonal += _SMALL
-            diagonal *= 1.0 + 8.0 * (self.frame.k + 1) * UNIT_ROUNDOFF
+            diagonal *= 1.0 + 8.0 * (self.blocks.k + 1) * UNIT_ROUNDOFF
             S, failed = dpotrf(S, lower=1, overwrite_a=1)
         if failed:
             return None
@@ -81,11 +111,11 @@ class DenseSystems:
 class SparseSystems:
     """By the factors of [[P + ρ + W₀, Eᵀ, Aᵀ], [E, −W⁻¹, 0], [A, 0, −δ]], pivots on the diagonal."""
 
-    def __init__(self, frame: Frame, most: float) -> None:
+    def __init__(self, blocks: Blocks, most: float) -> None:
         from ...numerics.kernels.graph import permuted  # loads numba
 
-        self.frame, size = frame, frame.n + frame.m + frame.k
-        P, E, A = (sp.csr_array(M) for M in (frame.P, frame.E, frame.A))
+        self.blocks, size = blocks, blocks.n + blocks.m + blocks.k
+        P, E, A = (sp.csr_array(M) for M in (blocks.P, blocks.E, blocks.A))
         K = sp.block_array([[P, E.T, A.T], [E, None, None], [A, None, None]]) + sp.eye_array(size)
         K = sp.csr_array(K)
         K.sort_indices()
@@ -101,7 +131,7 @@ class SparseSystems:
             K.indptr, K.indices, np.arange(K.nnz, dtype=np.float64), order, place
         )
         self.entries, self.data, self.diagonal = values.astype(np.intp), K.data, diagonal_positions(K)
-        self.own = np.concatenate([P.diagonal() + _SMALL, np.zeros(frame.m), np.full(frame.k, -_SMALL)])
+        self.own = np.concatenate([P.diagonal() + _SMALL, np.zeros(blocks.m), np.full(blocks.k, -_SMALL)])
 
     @property
     def cost(self) -> float:
@@ -113,7 +143,7 @@ class SparseSystems:
         from scipy.sparse.linalg import splu
 
         work.spend(self.cost)
-        n, m = self.frame.n, self.frame.m
+        n, m = self.blocks.n, self.blocks.m
         diagonal = self.own.copy()
         diagonal[:n] += of_x
         diagonal[n : n + m] = -1.0 / np.maximum(w, _NONE)
@@ -133,29 +163,76 @@ class SparseSystems:
         return solve
 
 
-def dense_cost(frame: Frame) -> float:
+class SoftRows:
+    """Systems of which a variable that occurs in one row alone, such as what a soft constraint is short of, or the
+    hinge of a support vector, is eliminated with its w₀: from hx + eλ = f and … + ex − λ/w = g the row has the weight
+    1/(1/w + e²/h) and the right-hand side g − ef/h. `inner` are the systems in the other variables."""
+
+    def __init__(self, blocks: Blocks, soft: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
+        self.soft, self.rows = soft, rows
+        self.others = np.setdiff1d(np.arange(blocks.n), soft)
+        self.entries = np.asarray(blocks.E[rows, soft]).reshape(-1)
+        self.own = blocks.P.diagonal()[soft] + _SMALL
+        self.inner = systems_of(blocks.of(self.others), False)
+
+    def factorised(self, w: Vector, of_x: Vector) -> Solve | None:
+        """The solver, None where the inner one has none."""
+        h, e, rows, w = self.own + of_x[self.soft], self.entries, self.rows, w.copy()
+        w[rows] = w[rows] * h / (h + w[rows] * e * e)
+        inner = self.inner.factorised(w, of_x[self.others])
+        if inner is None:
+            return None
+
+        def solve(f: Vector, right: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
+            right, of_soft, dx = right.copy(), f[self.soft], np.empty(f.size)
+            right[rows] -= e * of_soft / h
+            dx[self.others], d_multiplier, dnu = inner(f[self.others], right, a)
+            dx[self.soft] = (of_soft - e * d_multiplier[rows]) / h
+            return dx, d_multiplier, dnu
+
+        return solve
+
+
+def _soft(blocks: Blocks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The variables that occur in one row of E alone, one for a row, and with no other in P or A; and their rows."""
+    counts = [(M != 0).sum(axis=0) for M in (blocks.P, blocks.E, blocks.A)]
+    alone = (counts[0] == (blocks.P.diagonal() != 0)) & (counts[1] == 1) & (counts[2] == 0)
+    columns = np.flatnonzero(alone)
+    part = blocks.E[:, columns]
+    rows = sp.csc_array(part != 0).indices if sp.issparse(part) else (part != 0).argmax(axis=0)
+    rows, first = np.unique(rows, return_index=True)
+    return columns[first], rows
+
+
+def dense_cost(blocks: Blocks) -> float:
     """What one dense factorisation costs, in nanoseconds."""
-    n, m, k = frame.n, frame.m, frame.k
+    n, m, k = blocks.n, blocks.m, blocks.k
     flops = n * n * m + n**3 / 3 + n * n * k + n * k * k + k**3 / 3
     return work.COSTS.call + work.COSTS.dense_flop * flops
 
 
-def is_dense(frame: Frame) -> bool:
+def is_dense(blocks: Blocks) -> bool:
     """Whether a dense factorisation fits into memory and costs less than a sparse one without any fill."""
-    n, rows = frame.n, frame.m + frame.k
-    nnz = sum(M.nnz if sp.issparse(M) else M.size for M in (frame.P, frame.E, frame.A))
-    fits = work.fits(8.0 * (n + rows) * (n + frame.k))
-    return fits and dense_cost(frame) <= work.least_factor_cost(n + rows, 2 * nnz)
+    n, rows = blocks.n, blocks.m + blocks.k
+    nnz = sum(M.nnz if sp.issparse(M) else M.size for M in (blocks.P, blocks.E, blocks.A))
+    return _fits(blocks) and dense_cost(blocks) <= work.least_factor_cost(n + rows, 2 * nnz)
 
 
-def systems_of(frame: Frame) -> DenseSystems | SparseSystems:
+def _fits(blocks: Blocks) -> bool:
+    return work.fits(8.0 * (blocks.n + blocks.m + blocks.k) * (blocks.n + blocks.k))
+
+
+def systems_of(blocks: Blocks, may_be_soft: bool = True) -> DenseSystems | SparseSystems | SoftRows:
     """Those that are foreseen to cost less. Raises OutOfTime and OutOfMemory where neither can be afforded."""
-    if is_dense(frame):
-        return DenseSystems(frame)
-    fits = work.fits(8.0 * (frame.n + frame.m + frame.k) * (frame.n + frame.k))
+    if may_be_soft and dense_cost(blocks) > _ELIMINATING:
+        soft, rows = _soft(blocks)
+        if soft.size:
+            return SoftRows(blocks, soft, rows)
+    if is_dense(blocks):
+        return DenseSystems(blocks)
     try:
-        return SparseSystems(frame, dense_cost(frame) if fits else np.inf)
+        return SparseSystems(blocks, dense_cost(blocks) if _fits(blocks) else np.inf)
     except (OutOfTime, OutOfMemory):
-        if not fits:
+        if not _fits(blocks):
             raise
-        return DenseSystems(frame)
+        return DenseSystems(blocks)

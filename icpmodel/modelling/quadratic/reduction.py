@@ -30,6 +30,7 @@ from ...numerics.arrays import Vector, norm, row_of
 from ...numerics.equilibration import in_units
 from ...problem.between import mid
 from ...theory.certificates.infeasible import Known
+from .kkt import Blocks
 from .program import Matrices, Program, handy
 
 Columns = NDArray[np.int_]
@@ -82,6 +83,10 @@ class Frame:
         if not self.is_linear:
             other.P = in_units(self.P, np.full(self.n, -2 * by))
         return other
+
+    @property
+    def blocks(self) -> Blocks:
+        return Blocks(self.P, self.E, self.A)
 
     @cached_property
     def is_linear(self) -> bool:

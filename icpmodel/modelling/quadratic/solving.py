@@ -120,7 +120,7 @@ def solve_program(
     if not np.isfinite(program.b).all() or np.isneginf(program.g).any():
         return ProgramOutcome("infeasible", "a right-hand side is infinite")
     frame = Frame(program.matrices, program.g < np.inf) if frame is None else frame
-    alone = one_blas_thread() if dense_cost(frame) > _SAYING else nullcontext()
+    alone = one_blas_thread() if dense_cost(frame.blocks) > _SAYING else nullcontext()
     with work.within(time_limit), alone:
         outcome = _outcome(program, frame, tolerance, active, start)
     return replace(outcome, seconds=time.perf_counter() - begin)
@@ -158,7 +158,7 @@ def _sought(judge: Judge, active: Mask | None, start: Vector | None) -> tuple[st
     """What ended the search in these units but an answer, a proof or "user_limit", and the steps."""
     lcp, path = judge.lcp, None
     try:
-        if lcp.only_bounds and not is_dense(lcp.frame):
+        if lcp.only_bounds and not is_dense(lcp.frame.blocks):
             left = 1e-9 * work.nanoseconds_left()
             limit = left if left < np.inf else None
             found = lcp.problem.solve(rtol=0.0, atol=judge.tolerance, time_limit=limit, raise_on_failure=False)
