@@ -44,6 +44,7 @@ class CentralPath:
         self.steps = 0
         self.x, self.nu = np.zeros(n), np.zeros(self.b.size)
         self.slack = self.multiplier = np.ones(self.d.size)
+        self.left = self.residuals()
 
     def rows(self, x: Vector) -> Vector:
         """Cx."""
@@ -99,13 +100,14 @@ class CentralPath:
             return False
         self.x, multiplier, self.nu = solve(-self.q, self.d, self.b)
         self.multiplier, self.slack = _positive(multiplier), _positive(-multiplier)
-        return True
+        self.left = self.residuals()
+        return np.isfinite(self.error)
 
     def advance(self) -> bool:
         """One step, False where rounding forbids it."""
         self.steps += 1
         x, s, multiplier = self.x, self.slack, self.multiplier
-        of_x, of_rows, of_equations = self.residuals()
+        of_x, of_rows, of_equations = self.left
         solve = self.solver(multiplier / s)
         if solve is None:
             return False
@@ -127,13 +129,14 @@ class CentralPath:
         t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
         self.x, self.nu = x + t * dx, self.nu + t * dnu
         self.slack, self.multiplier = s + t * ds, multiplier + t * d_multiplier
-        return bool(np.isfinite(self.x).all() and np.isfinite(self.multiplier).all() and np.isfinite(self.slack).all())
+        self.left = self.residuals()
+        return np.isfinite(self.error)
 
     @property
     def error(self) -> float:
         """The largest of the residuals and of the mean of λ_i s_i."""
         mean = self.slack @ self.multiplier / max(self.slack.size, 1)
-        return max([float(mean), *(float(np.abs(one).max(initial=0.0)) for one in self.residuals())])
+        return float(max([mean, *(np.abs(one).max() for one in self.left if one.size)]))
 
     @property
     def active(self) -> Mask:

@@ -224,7 +224,7 @@ def _fits(blocks: Blocks) -> bool:
 
 def systems_of(blocks: Blocks, may_be_soft: bool = True) -> DenseSystems | SparseSystems | SoftRows:
     """Those that are foreseen to cost less. Raises OutOfTime and OutOfMemory where neither can be afforded."""
-    if may_be_soft and dense_cost(blocks) > _ELIMINATING:
+    if may_be_soft and blocks.m and dense_cost(blocks) > _ELIMINATING:
         soft, rows = _soft(blocks)
         if soft.size:
             return SoftRows(blocks, soft, rows)

@@ -40,10 +40,10 @@ _UNITS: tuple[dict[str, bool], ...] = (
 )
 #: nanoseconds that it takes to tell BLAS to use one thread
 _SAYING = 12_000.0
-#: what counts as less
-_LESS = 0.9
+#: what counts as less, and as much less
+_LESS, _FALLEN = 0.9, 0.5
 #: a direction is tried as a proof if what is wrong with it is so small beside what it shows, and a tenth each time
-_SHOWN = 1e-2
+_SHOWN = 1e-3
 #: the error to which signs that stand still are taken at their word
 _NEAR = 1e-2
 
@@ -190,7 +190,7 @@ def _corrected(path: CentralPath, judge: Judge, active: Mask) -> bool:
         wrong = path.wrong(active, found[0], found[1])
         if wrong <= judge.tolerance:
             return judge.asked(path.y_of(*found), active)
-        if not wrong < least:
+        if not wrong < _FALLEN * least:
             return False
         least, active = wrong, found[1] > path.d - path.rows(found[0])
     return False
@@ -205,7 +205,7 @@ def _followed(path: CentralPath, judge: Judge) -> tuple[str, str] | None:
     for _ in range(_STEPS):
         error, active = path.error, path.active
         still = before is None or np.array_equal(active, before)
-        share = path.share
+        share = path.share if error > _FALLEN * least else np.inf
         shows = share < shown or active.size == 0
         if shows or (error < _NEAR and still and not (taken is not None and np.array_equal(active, taken))):
             taken, found = active, path.exact(active, path.x.copy(), path.multiplier, path.nu)
