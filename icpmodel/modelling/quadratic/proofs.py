@@ -32,8 +32,8 @@ _ZERO, _NEGATIVE = 1e-10, -1e-7
 _FRACTION, _LONG = 15_000.0, 4e8
 #: entries of a direction that count as 0
 _NOTHING = 1e-9
-#: shares of their terms up to which columns may count as 0, too
-_NOISE = 1e-4
+#: shares of their terms up to which columns may count as 0, too, and from which on they never do
+_NOISE, _MUCH = 1e-4, 1e-2
 #: reciprocal condition numbers that count as those of regular matrices
 _REGULAR = 1e-13
 #: so often what has become wrong is set to 0
@@ -107,7 +107,7 @@ def _without(K: Any, y: Vector, wrong: Callable[[Vector], NDArray[np.bool_]], no
     for _ in range(_CORRECTIONS):
         left, terms = K @ y, size @ np.abs(y)
         more = (wrong(left) & (np.abs(left) > _ZERO * terms) | (left != 0) & (np.abs(left) <= noise * terms)) & ~zero
-        if not more.any() or not y.any():
+        if not more.any() or not y.any() or (np.abs(left) > _MUCH * terms)[more].any():
             break
         zero |= more
         rows = K[zero]
