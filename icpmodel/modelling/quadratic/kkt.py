@@ -31,6 +31,9 @@ _NONE = 1e-20
 #: bytes of an entry of a factor, and of as much again while it is made
 _BYTES = 24
 
+#: the search for an order of the rows ends where the cost is foreseen to be so many times that of dense factors: what is
+#: foreseen before the end was 7 times too much for a transport problem, where rows and columns are of two kinds
+_DOUBT = 100.0
 #: nanoseconds beside which it pays to eliminate variables
 _ELIMINATING = 10 * work.COSTS.call
 
@@ -230,9 +233,11 @@ def systems_of(blocks: Blocks, may_be_soft: bool = True) -> DenseSystems | Spars
             return SoftRows(blocks, soft, rows)
     if is_dense(blocks):
         return DenseSystems(blocks)
+    fits, cost = _fits(blocks), dense_cost(blocks)
     try:
-        return SparseSystems(blocks, dense_cost(blocks) if _fits(blocks) else np.inf)
+        found = SparseSystems(blocks, _DOUBT * cost if fits else np.inf)
     except (OutOfTime, OutOfMemory):
-        if not _fits(blocks):
+        if not fits:
             raise
         return DenseSystems(blocks)
+    return DenseSystems(blocks) if fits and cost < found.cost else found
