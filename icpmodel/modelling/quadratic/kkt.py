@@ -30,9 +30,12 @@ _SMALL = 1e-9
 _NONE = 1e-20
 #: bytes of an entry of a factor, and of as much again while it is made
 _BYTES = 24
+#: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column:
+#: quasidefinite matrices have factors without that, but the digits of ρ and δ are lost in them
+_THRESHOLD = 1e-2
 
-#: the search for an order of the rows ends where the cost is foreseen to be so many times that of dense factors: what is
-#: foreseen before the end was 7 times too much for a transport problem, where rows and columns are of two kinds
+#: the search for an order of the rows ends where the cost is foreseen to be so many times that of dense factors: what
+#: is foreseen before the end was 7 times too much for a transport problem, where rows and columns are of two kinds
 _DOUBT = 100.0
 #: nanoseconds beside which it pays to eliminate variables
 _ELIMINATING = 10 * work.COSTS.call
@@ -154,7 +157,7 @@ class SparseSystems:
         K = sp.csc_array((self.data[self.entries], self.indices, self.starts), shape=(self.rows.size,) * 2)
         K.has_canonical_format = True
         try:
-            lu = splu(K, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            lu = splu(K, permc_spec="NATURAL", diag_pivot_thresh=_THRESHOLD, options={"SymmetricMode": True})
         except RuntimeError:
             return None
 
@@ -196,7 +199,7 @@ class SoftRows:
         return solve
 
 
-def _soft(blocks: Blocks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def soft(blocks: Blocks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The variables that occur in one row of E alone, one for a row, and with no other in P or A; and their rows."""
     counts = [(M != 0).sum(axis=0) for M in (blocks.P, blocks.E, blocks.A)]
     alone = (counts[0] == (blocks.P.diagonal() != 0)) & (counts[1] == 1) & (counts[2] == 0)
@@ -228,9 +231,9 @@ def _fits(blocks: Blocks) -> bool:
 def systems_of(blocks: Blocks, may_be_soft: bool = True) -> DenseSystems | SparseSystems | SoftRows:
     """Those that are foreseen to cost less. Raises OutOfTime and OutOfMemory where neither can be afforded."""
     if may_be_soft and blocks.m and dense_cost(blocks) > _ELIMINATING:
-        soft, rows = _soft(blocks)
-        if soft.size:
-            return SoftRows(blocks, soft, rows)
+        eliminated, rows = soft(blocks)
+        if eliminated.size:
+            return SoftRows(blocks, eliminated, rows)
     if is_dense(blocks):
         return DenseSystems(blocks)
     fits, cost = _fits(blocks), dense_cost(blocks)

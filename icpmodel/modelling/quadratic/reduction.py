@@ -192,7 +192,10 @@ class ProgramLcp:
         frame, values = self.frame, self.unit * y
         n, m = frame.n, frame.m
         x, multipliers = frame.sign * values[:n], np.maximum(values[n : n + m], 0.0)
-        force = frame.sign * (self._force * self.p(y)[:n])
+        p = self.p(y)[:n]
+        # where p is less than the way to the bound it is rounding and no multiplier
+        p = np.where(p > 0, np.where(p > y[:n] - self.low, p, 0.0), np.where(-p > self.high - y[:n], p, 0.0))
+        force = frame.sign * (self._force * p)
         inequality = np.zeros(self.program.g.size)
         inequality[frame.general] = multipliers
         factor = np.zeros(self.program.g.size)
