@@ -32,7 +32,7 @@ _ZERO, _NEGATIVE = 1e-10, -1e-7
 _FRACTION, _LONG = 15_000.0, 4e8
 #: entries of a direction that count as 0
 _NOTHING = 1e-9
-#: shares of their terms up to which columns may count as 0, too, and from which on they never do
+#: shares of their terms up to which columns may count as 0, and entries beside 1; from which on they never do
 _NOISE, _MUCH = 1e-4, 1e-2
 #: reciprocal condition numbers that count as those of regular matrices
 _REGULAR = 1e-13
@@ -70,7 +70,7 @@ def _primal(lcp: ProgramLcp, y: Vector, noise: float) -> Vector:
     """`y` with λ ≥ 0, and without what it makes of columns that must be 0, or have one sign and nearly are 0."""
     frame, n = lcp.frame, lcp.frame.n
     signed = np.arange(y.size) < n + frame.m
-    y = np.where((np.abs(y) <= _NOTHING) | (signed & (y < 0)), 0.0, y)
+    y = np.where((np.abs(y) <= max(_NOTHING, noise)) | (signed & (y < 0)), 0.0, y)
     used = np.flatnonzero(y[n:])
     K, part = _stacked(frame.E, frame.A)[used], y[n:][used]
     rises, falls = lcp.low > -np.inf, lcp.high < np.inf
@@ -83,7 +83,7 @@ def _dual(lcp: ProgramLcp, y: Vector, noise: float) -> Vector:
     """`y` = (x, 0, 0), x in the directions of its bounds, without what P and A make of it, and where E rises."""
     frame, n = lcp.frame, lcp.frame.n
     below = lcp.low > -np.inf
-    x = np.where(frame.both | (np.abs(y[:n]) <= _NOTHING) | (below & (y[:n] < 0)), 0.0, y[:n])
+    x = np.where(frame.both | (np.abs(y[:n]) <= max(_NOTHING, noise)) | (below & (y[:n] < 0)), 0.0, y[:n])
     used = np.flatnonzero(x)
     K = _stacked(frame.P, frame.A, frame.E)[:, used]
     signed = np.arange(K.shape[0]) >= n + frame.k
