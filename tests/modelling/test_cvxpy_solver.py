@@ -15,7 +15,7 @@ from icpmodel.modelling.quadratic.central_path import CentralPath
 from icpmodel.modelling.quadratic.program import Program
 from icpmodel.modelling.quadratic.proofs import EXACTLY, NUMERICALLY, VERIFIED, contradiction
 from icpmodel.modelling.quadratic.reduction import ProgramLcp
-from icpmodel.modelling.quadratic.solving import Judge, solve_program, without_solution
+from icpmodel.modelling.quadratic.solve_program import Judge, solve_program, without_solution
 from icpmodel.numerics import work
 
 TIGHT = {
@@ -368,7 +368,7 @@ def test_optimal_is_said_of_what_is_optimal_in_the_units_of_the_user(seed):
     data = a_wild_program(seed)
     found = solve_program(Program.of(*(sp.csr_array(a) if np.ndim(a) == 2 else a for a in data)), time_limit=0.5)
     if found.status == cp.OPTIMAL:
-        for wrong, size in faults(data, found.x, found.equality, found.inequality):
+        for wrong, size in faults(data, *found.values):
             assert abs(wrong) <= 1e-6 * size
 
 

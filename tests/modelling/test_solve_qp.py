@@ -128,7 +128,7 @@ def test_dense_sparse_and_softened_systems_have_one_solution():
     L = random.normal(size=(4, 4))
     P[:4, :4], E[:, :4], A[:, :4] = L.T @ L, random.normal(size=(m, 4)), random.normal(size=(k, 4))
     E[np.arange(m), 4 + np.arange(m)] = -1.0
-    blocks = kkt.Blocks(P, E, A)
+    blocks = kkt.KktBlocks(P, E, A)
     soft, rows = kkt.soft(blocks)
     assert soft.tolist() == [4, 5, 6, 7, 8]
     w, of_x = 10.0 ** random.uniform(-2, 2, m), random.random(n)

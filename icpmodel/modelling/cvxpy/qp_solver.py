@@ -17,7 +17,7 @@ from ...errors import InputError, OutOfMemory
 from ...numerics.arrays import as_number
 from ..quadratic.program import Matrices, Program
 from ..quadratic.reduction import Frame
-from ..quadratic.solving import ProgramOutcome, solve_program
+from ..quadratic.solve_program import ProgramOutcome, solve_program
 
 _ADVICE = "a solver without factors may take it, such as SCS or PDLP (solver=cp.SCS, solver=cp.CUOPT)"
 _OPTIONS = ("tolerance", "time_limit")
@@ -65,13 +65,14 @@ class IcpSolver(QpSolver):
 
     def invert(self, solution: ProgramOutcome, inverse_data: Any) -> CvxpySolution:
         attributes = {s.SOLVE_TIME: solution.seconds, s.NUM_ITERS: solution.steps, s.EXTRA_STATS: solution}
-        if solution.x is None:
+        if solution.values is None:
             return failure_solution(solution.status, attributes)
         duals: dict[Any, Any] = {}
-        for values, key in ((solution.equality, self.EQ_CONSTR), (solution.inequality, self.NEQ_CONSTR)):
+        x, *multipliers = solution.values
+        for values, key in zip(multipliers, (self.EQ_CONSTR, self.NEQ_CONSTR), strict=True):
             duals |= utilities.get_dual_values(values, utilities.extract_dual_value, inverse_data[key])
         value = solution.objective + inverse_data[s.OFFSET]
-        return CvxpySolution(solution.status, value, {self.VAR_ID: solution.x}, duals, attributes)
+        return CvxpySolution(solution.status, value, {self.VAR_ID: x}, duals, attributes)
 
 
 @cache

@@ -41,7 +41,7 @@ _DOUBT = 100.0
 _ELIMINATING = 10 * work.COSTS.call
 
 
-class Blocks(NamedTuple):
+class KktBlocks(NamedTuple):
     """P, E and A, each an array or CSR."""
 
     P: Any
@@ -60,9 +60,9 @@ class Blocks(NamedTuple):
     def k(self) -> int:
         return int(self.A.shape[0])
 
-    def of(self, columns: NDArray[np.intp]) -> Blocks:
+    def of(self, columns: NDArray[np.intp]) -> KktBlocks:
         """Those of these variables alone."""
-        return Blocks(handy(self.P[columns][:, columns]), handy(self.E[:, columns]), handy(self.A[:, columns]))
+        return KktBlocks(handy(self.P[columns][:, columns]), handy(self.E[:, columns]), handy(self.A[:, columns]))
 
 
 Solve = Callable[[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]
@@ -72,7 +72,7 @@ class DenseSystems:
     """By Cholesky's factors of H = P + ρ + W₀ + EᵀWE + AᵀA and of δ + AH⁻¹Aᵀ: with the equations added to the first
     rows, which changes no solution, H is regular wherever the whole is."""
 
-    def __init__(self, blocks: Blocks) -> None:
+    def __init__(self, blocks: KktBlocks) -> None:
         self.blocks, self.cost = blocks, dense_cost(blocks)
         self.P, self.E, self.A = (M.toarray() if sp.issparse(M) else M for M in (blocks.P, blocks.E, blocks.A))
         # what Cholesky's method may lose: with so much more on the diagonal it does not fail
@@ -117,7 +117,7 @@ class DenseSystems:
 class SparseSystems:
     """By the factors of [[P + ρ + W₀, Eᵀ, Aᵀ], [E, −W⁻¹, 0], [A, 0, −δ]], pivots on the diagonal."""
 
-    def __init__(self, blocks: Blocks, most: float) -> None:
+    def __init__(self, blocks: KktBlocks, most: float) -> None:
         from ...numerics.kernels.graph import permuted  # loads numba
 
         self.blocks, size = blocks, blocks.n + blocks.m + blocks.k
@@ -174,7 +174,7 @@ class SoftRows:
     hinge of a support vector, is eliminated with its w₀: from hx + eλ = f and … + ex − λ/w = g the row has the weight
     1/(1/w + e²/h) and the right-hand side g − ef/h. `inner` are the systems in the other variables."""
 
-    def __init__(self, blocks: Blocks, soft: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
+    def __init__(self, blocks: KktBlocks, soft: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
         self.soft, self.rows = soft, rows
         self.others = np.setdiff1d(np.arange(blocks.n), soft)
         self.entries = np.asarray(blocks.E[rows, soft]).reshape(-1)
@@ -199,7 +199,7 @@ class SoftRows:
         return solve
 
 
-def soft(blocks: Blocks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def soft(blocks: KktBlocks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The variables that occur in one row of E alone, one for a row, and with no other in P or A; and their rows."""
     counts = [(M != 0).sum(axis=0) for M in (blocks.P, blocks.E, blocks.A)]
     alone = (counts[0] == (blocks.P.diagonal() != 0)) & (counts[1] == 1) & (counts[2] == 0)
@@ -210,25 +210,25 @@ def soft(blocks: Blocks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return columns[first], rows
 
 
-def dense_cost(blocks: Blocks) -> float:
+def dense_cost(blocks: KktBlocks) -> float:
     """What one dense factorisation costs, in nanoseconds."""
     n, m, k = blocks.n, blocks.m, blocks.k
     flops = n * n * m + n**3 / 3 + n * n * k + n * k * k + k**3 / 3
     return work.COSTS.call + work.COSTS.dense_flop * flops
 
 
-def is_dense(blocks: Blocks) -> bool:
+def is_dense(blocks: KktBlocks) -> bool:
     """Whether a dense factorisation fits into memory and costs less than a sparse one without any fill."""
     n, rows = blocks.n, blocks.m + blocks.k
     nnz = sum(M.nnz if sp.issparse(M) else M.size for M in (blocks.P, blocks.E, blocks.A))
     return _fits(blocks) and dense_cost(blocks) <= work.least_factor_cost(n + rows, 2 * nnz)
 
 
-def _fits(blocks: Blocks) -> bool:
+def _fits(blocks: KktBlocks) -> bool:
     return work.fits(8.0 * (blocks.n + blocks.m + blocks.k) * (blocks.n + blocks.k))
 
 
-def systems_of(blocks: Blocks, may_be_soft: bool = True) -> DenseSystems | SparseSystems | SoftRows:
+def systems_of(blocks: KktBlocks, may_be_soft: bool = True) -> DenseSystems | SparseSystems | SoftRows:
     """Those that are foreseen to cost less. Raises OutOfTime and OutOfMemory where neither can be afforded."""
     if may_be_soft and blocks.m and dense_cost(blocks) > _ELIMINATING:
         eliminated, rows = soft(blocks)

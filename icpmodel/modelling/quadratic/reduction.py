@@ -30,7 +30,7 @@ from ...numerics.arrays import Vector, norm, row_of
 from ...numerics.equilibration import in_units
 from ...problem.between import mid
 from ...theory.certificates.infeasible import Known
-from .kkt import Blocks
+from .kkt import KktBlocks
 from .program import Matrices, Program, handy
 
 Columns = NDArray[np.int_]
@@ -85,8 +85,8 @@ class Frame:
         return other
 
     @property
-    def blocks(self) -> Blocks:
-        return Blocks(self.P, self.E, self.A)
+    def blocks(self) -> KktBlocks:
+        return KktBlocks(self.P, self.E, self.A)
 
     @cached_property
     def is_linear(self) -> bool:

@@ -13,7 +13,7 @@ from ...numerics.arrays import Vector, as_array, as_csr, as_number, as_real, as_
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered
 from ...theory.matrices.definiteness import definiteness
 from .program import Program
-from .solving import solve_program
+from .solve_program import solve_program
 
 #: largest n for which Cholesky's factors of a dense P are asked first whether it is semidefinite: 128 MB
 _DENSE = 4000
@@ -107,37 +107,31 @@ def solve_qp(
     _check_form(P)
     q = as_vector(q, n, "q", number=False)
     (G, h), (A, b) = _rows(G, h, n, ("G", "h")), _rows(A, b, n, ("A", "b"))
-    low, high = (
-        np.full(n, end) if bound is None else as_vector(bound, n, name, infinite=end)
-        for bound, end, name in ((lb, -np.inf, "lb"), (ub, np.inf, "ub"))
-    )
+    low, high = _bound(lb, n, "lb", -np.inf), _bound(ub, n, "ub", np.inf)
     start = None if initvals is None else as_vector(initvals, n, "initvals")
     below, above, one = np.isfinite(low), np.isfinite(high), sp.eye_array(n, format="csr")
     F = sp.csr_array(sp.vstack([G, -one[below], one[above]]))
     program = Program.of(P, q, A, b, F, np.concatenate([h, -low[below], high[above]]))
     found = solve_program(program, tolerance=tolerance, time_limit=limit, start=start)
-    nothing = tuple(np.full(size, np.nan) for size in (n, b.size, program.g.size))
-    x, y, z = nothing if found.x is None else (found.x, found.equality, found.inequality)
-    assert y is not None
-    assert z is not None
-    z_box, sides = np.zeros(n), np.split(z[h.size :], [np.count_nonzero(below)])
-    z_box[below] -= sides[0]
-    z_box[above] += sides[1]
-    solution = QpSolution(
-        x=x,
-        y=y,
-        z=z[: h.size],
-        z_box=z_box,
-        objective=found.objective,
-        status=found.status,
-        message=found.message,
-        violation=np.nan if found.x is None else program.violation(x, y, z),
-        iterations=found.steps,
-        seconds=found.seconds,
-    )
+    x, y, multipliers = found.values or tuple(np.full(size, np.nan) for size in (n, b.size, program.g.size))
+    z, of_low, of_high = np.split(multipliers, [h.size, h.size + np.count_nonzero(below)])
+    z_box = np.zeros(n)
+    z_box[below] -= of_low
+    z_box[above] += of_high
+    violation = program.violation(x, y, multipliers) if found.values else np.nan
+    report = found.objective, found.status, found.message, violation, found.steps, found.seconds
+    solution = QpSolution(x, y, z, z_box, *report)
     if raise_on_failure and not solution.found:
         raise NotSolved(solution)
     return solution
+
+
+def _bound(value: Any, n: int, name: str, none: float) -> Vector:
+    """The bounds, `none` where there are none."""
+    bound = np.full(n, none) if value is None else as_vector(value, n, name, infinite=none)
+    if (bound == -none).any():
+        raise InputError(f"{name}[{np.argmax(bound == -none)}] is {-none}; a finite number or {none} was expected")
+    return bound
 
 
 def _rows(M: Any, right: Any, n: int, names: tuple[str, str]) -> tuple[sp.csr_array, Vector]:

@@ -50,15 +50,13 @@ _NEAR = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class ProgramOutcome:
-    """`status` in CVXPY's words and `message`, what it rests on; `x`, `equality` = ν and `inequality` = λ, None where
-    there is no optimum; the `objective` there; the `residual` in handy units; Newton's `steps`; which inequalities were
+    """`status` in CVXPY's words and `message`, what it rests on; `values` x, ν and λ, None where there is no optimum;
+    the `objective` there; the `residual` in handy units; Newton's `steps`; which inequalities were
     `active`, for the next program like this one."""
 
     status: str
     message: str
-    x: Vector | None = None
-    equality: Vector | None = None
-    inequality: Vector | None = None
+    values: tuple[Vector, Vector, Vector] | None = None
     objective: float = np.nan
     residual: float = np.nan
     steps: int = 0
@@ -143,15 +141,15 @@ def _outcome(
     if isinstance(ended, tuple):
         outcome = without_solution(program, *ended, tolerance, 1e-9 * work.nanoseconds_left())
         return replace(outcome, steps=steps + outcome.steps)
-    x, equality, inequality = best.values or (np.zeros(size) for size in map(len, (program.q, program.b, program.g)))
+    values = best.values or (np.zeros(program.q.size), np.zeros(program.b.size), np.zeros(program.g.size))
     told = f"residual {best.residual:.3g}, and rows or multipliers are wrong by {best.violation:.3g} of their terms"
     status, message = ended or "solver_error", f"no answer was found: {told}"
     if judge.enough:
         status, message = "optimal", "solved"
     elif ended is None and max(best.violation, best.residual) <= _INACCURATE:
         status, message = "optimal_inaccurate", told
-    value = program.objective(x)
-    return ProgramOutcome(status, message, x, equality, inequality, value, best.residual, steps, active=judge.active)
+    value = program.objective(values[0])
+    return ProgramOutcome(status, message, values, value, best.residual, steps, active=judge.active)
 
 
 def _sought(judge: Judge, active: Mask | None, start: Vector | None) -> tuple[str | tuple[str, str] | None, int]:
