@@ -12,6 +12,7 @@ from cvxpy_programs import PROGRAMS
 import icpmodel as icp
 from icpmodel.modelling.cvxpy.qp_solver import program_of
 from icpmodel.modelling.quadratic.central_path import CentralPath
+from icpmodel.modelling.quadratic.kkt import DenseSystems, SoftRows
 from icpmodel.modelling.quadratic.program import Program
 from icpmodel.modelling.quadratic.proofs import EXACTLY, NUMERICALLY, VERIFIED, contradiction
 from icpmodel.modelling.quadratic.reduction import ProgramLcp
@@ -253,6 +254,48 @@ def test_a_series_is_compiled_once(monkeypatch):
     assert len(calls) == 1
 
 
+def test_a_series_begins_with_the_last_active_constraints_and_forgets_what_changed():
+    """The same data takes one step; with other ones, of any kind, the answer is that of a problem made anew."""
+    random = np.random.default_rng(0)
+    y, q, h, G = cp.Variable(6), cp.Parameter(6), cp.Parameter(12), cp.Parameter((12, 6))
+    problem = cp.Problem(cp.Minimize(cp.sum_squares(y) + q @ y), [G @ y <= h, y >= -2])
+    q.value, h.value, G.value = random.normal(size=6) * 4, random.random(12), random.normal(size=(12, 6))
+    assert solve(problem).solver_stats.num_iters > 1
+    assert solve(problem).solver_stats.num_iters == 1
+    assert solve(problem, warm_start=False).solver_stats.num_iters > 1
+    for parameter, shape in ((q, 6), (h, 12), (G, (12, 6)), (h, 12), (q, 6)):
+        parameter.value = parameter.value + random.normal(size=shape) * 0.1
+        solve(problem)
+        again = cp.Problem(cp.Minimize(cp.sum_squares(y) + q.value @ y), [G.value @ y <= h.value, y >= -2])
+        found = y.value
+        assert solve(again).variables()[0].value == pytest.approx(found, abs=1e-9)
+
+
+def test_support_vectors_and_dense_programs_need_few_steps():
+    """And no search for an order of the rows: soft constraints leave a small dense matrix."""
+    random = np.random.default_rng(1)
+    G, L = random.normal(size=(300, 100)), random.normal(size=(40, 100))
+    dense = cp.Variable(100)
+    objective = cp.Minimize(0.5 * cp.quad_form(dense, cp.psd_wrap(L.T @ L)) + random.normal(size=100) @ dense)
+    for problem in (PROGRAMS[3](rows=500, n=5), cp.Problem(objective, [G @ dense <= 1])):
+        data = program_of(problem.get_problem_data(icp.cvxpy_solver())[0])
+        path = CentralPath(ProgramLcp(data))
+        systems = path.systems
+        assert isinstance(systems.inner if isinstance(systems, SoftRows) else systems, DenseSystems)
+        assert solve(problem).status == cp.OPTIMAL
+        assert problem.solver_stats.num_iters <= 30
+    assert isinstance(CentralPath(ProgramLcp(Program.of(*a_soft_program()))).systems, SoftRows)
+
+
+def a_soft_program(rows=200, n=3):
+    """min ½|x|² + Σs subject to Xx + s ≥ 1, s ≥ 0."""
+    X, one = np.random.default_rng(2).normal(size=(rows, n)), sp.eye_array(rows)
+    F = sp.csr_array(sp.block_array([[-X, -one], [None, -one]]))
+    P = sp.diags_array(np.append(np.ones(n), np.zeros(rows)))
+    sides = np.append(-np.ones(rows), np.zeros(rows))
+    return P, np.append(np.zeros(n), np.ones(rows)), sp.csr_array((0, n + rows)), np.zeros(0), F, sides
+
+
 def test_the_options_are_checked_and_work(capsys):
     problem = cp.Problem(cp.Minimize(cp.sum_squares(x - 1)), [cp.sum(x) == 1])
     for option, value, sentence in (
@@ -285,7 +328,7 @@ def test_out_of_time_is_a_status_of_this_solve():
 def test_no_memory_is_told_before_the_work_begins(monkeypatch):
     monkeypatch.setattr(work, "free_memory", lambda: 1e3)
     monkeypatch.setattr(work, "fits", lambda memory: memory <= 1e3)
-    with pytest.raises(cp.SolverError, match=r"would not fit; a solver without factors may take it"):
+    with pytest.raises(cp.SolverError, match=r"would not fit; a solver that needs no factors may take it"):
         solve(PROGRAMS[0]())
 
 

@@ -19,7 +19,7 @@ from ..quadratic.program import Matrices, Program
 from ..quadratic.reduction import Frame
 from ..quadratic.solve_program import ProgramOutcome, solve_program
 
-_ADVICE = "a solver without factors may take it, such as SCS or PDLP (solver=cp.SCS, solver=cp.CUOPT)"
+_ADVICE = "a solver that needs no factors may take it: solver=cp.SCS, solver=cp.PDLP"
 _OPTIONS = ("tolerance", "time_limit")
 
 
