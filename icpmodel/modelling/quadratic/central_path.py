@@ -25,6 +25,8 @@ Mask = NDArray[np.bool_]
 _NEARLY_ALL = 0.995
 #: the share of its terms up to which a row counts as an equation
 _TIGHT = 1e-6
+#: negative multipliers and slacks that are no rounding
+_PLAINLY = 1e-4
 #: how an inequality that counts as an equation weighs, and how often its system is solved
 _STIFF, _REFINED, _HALF = 1e8, 20, 0.5
 #: the signs may stand still once the conditions hold to so much
@@ -182,8 +184,11 @@ class CentralPath:
         size = np.abs(self.d) + np.abs(self.d - self.rows(x)) + np.abs(self.rows(np.abs(x)))
         return np.asarray(np.abs(self.d - self.rows(x)) <= _TIGHT * size)
 
-    def exact(self, active: Mask, x: Vector, multiplier: Vector, nu: Vector) -> tuple[Vector, Vector, Vector] | None:
-        """x, λ and ν with these inequalities as equations and without the others, from those given."""
+    def exact(
+        self, active: Mask, x: Vector, multiplier: Vector, nu: Vector, anyway: bool = False
+    ) -> tuple[Vector, Vector, Vector] | None:
+        """x, λ and ν with these inequalities as equations and without the others, from those given; to the last digit
+        where signs are right, or `anyway`."""
         solve = self.solver(np.where(active, _STIFF, 0.0))
         if solve is None:
             return None
@@ -199,7 +204,10 @@ class CentralPath:
             least = size
             dx, change, dnu = solve(-of_x, of_rows, of_equations)
             x, multiplier, nu = x + dx, multiplier + change, nu + dnu
+            if not anyway and self.wrong(active, x, multiplier) > _PLAINLY:
+                break
         m, n_lower = self.frame.m, self.lower.size
+        x = x.copy()
         for columns, bound, at in (
             (self.lower, self.lcp.low, active[m : m + n_lower]),
             (self.upper, self.lcp.high, active[m + n_lower :]),

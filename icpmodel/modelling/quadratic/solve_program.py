@@ -206,7 +206,7 @@ def _followed(path: CentralPath, judge: Judge) -> tuple[str, str] | None:
         share = path.share if error > _FALLEN * least else np.inf
         shows = share < shown or active.size == 0
         if shows or (error < _NEAR and still and not (taken is not None and np.array_equal(active, taken))):
-            taken, found = active, path.exact(active, path.x.copy(), path.multiplier, path.nu)
+            taken, found = active, path.exact(active, path.x, path.multiplier, path.nu, shows)
             close = found is not None and path.wrong(active, found[0], found[1]) <= judge.tolerance
             if found is not None and close and judge.asked(path.y_of(*found), active):
                 return None
