@@ -149,7 +149,7 @@ def _verified(lcp: ProgramLcp, y: Vector) -> bool:
     # two more than the operations of a sum, twice, as for all sums here
     loss = 2.0 * (K.shape[0] + n + 4) * UNIT_ROUNDOFF
     columns = K.T @ y
-    off = loss * (size.T @ np.abs(y)) + n * SMALLEST
+    off = loss * (size.T @ np.abs(y)) + (K.shape[0] + n) * SMALLEST
     sure = ((columns - off >= 0) & (lcp.low > -np.inf)) | ((columns + off <= 0) & (lcp.high < np.inf))
     sure |= (lcp.low > -np.inf) & (lcp.high < np.inf) | (size.sum(axis=0) == 0)
     open_ = np.flatnonzero(~sure)
@@ -178,7 +178,7 @@ def _verified(lcp: ProgramLcp, y: Vector) -> bool:
         + np.abs(right) @ (np.abs(y) + moved)
         + (np.abs(columns) + off) @ np.maximum(*map(np.abs, ends))
     )
-    return bool(least.sum() - most > 4.0 * loss * terms + n * SMALLEST)
+    return bool(least.sum() - most > 4.0 * loss * terms + (K.shape[0] + n) * SMALLEST)
 
 
 def _moved(
