@@ -6,5 +6,8 @@ from .files import load_problem as load_problem
 from .files import save_problem as save_problem
 from .pyomo.legacy_interface import pyomo_solver as pyomo_solver
 from .pyomo.models import read_pyomo as read_pyomo
+from .quadratic.qpsolvers_interface import qpsolvers_solver as qpsolvers_solver
+from .quadratic.solve_qp import QpSolution as QpSolution
+from .quadratic.solve_qp import solve_qp as solve_qp
 from .solution_files import load_solution as load_solution
 from .solution_files import save_solution as save_solution

@@ -58,6 +58,7 @@ HEAVY = {
     "piqp",
     "pyamg",
     "pyomo",
+    "qpsolvers",
     "rich",
     "scs",
     "threadpoolctl",

@@ -22,6 +22,7 @@ import scipy.sparse as sp
 
 from ...numerics.arrays import Vector
 from ...numerics.rational import as_witness, nearest, rationals
+from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData
 from ..answers import Answer
 
@@ -148,24 +149,32 @@ def multipliers(problem: ProblemData) -> Vector | None:
 
 def _contradiction(problem: ProblemData, rows: _Rows, y: Combination) -> Fraction | None:
     """What (Az + q)ᵀy is at most, where it is negative and y has the right signs, in exact arithmetic; else None."""
-    A = problem.A
-    columns: dict[int, Fraction] = {}
-    total = Fraction(0)
-    for i, weight in y.items():
-        if (weight < 0 and not rows.falls[i]) or (weight > 0 and not rows.rises[i]):
-            return None
-        if weight:
-            total += weight * Fraction(float(problem.q[i]))
-            for k in range(A.indptr[i], A.indptr[i + 1]):
-                j = int(A.indices[k])
-                columns[j] = columns.get(j, Fraction(0)) + weight * Fraction(float(A.data[k]))
-    for j, entry in columns.items():
+    y = {i: weight for i, weight in y.items() if weight}
+    if any(not (rows.falls if weight < 0 else rows.rises)[i] for i, weight in y.items()):
+        return None
+    if _is_hopeless(problem, rows, y):
+        return None
+    weights, A = list(y.values()), sp.csc_array(problem.A[list(y)])
+    total = sum((weight * Fraction(float(problem.q[i])) for i, weight in y.items()), Fraction(0))
+    for j in np.flatnonzero(np.diff(A.indptr)):  # by columns, as one that is not 0 may end it
+        part = range(A.indptr[j], A.indptr[j + 1])
+        entry = sum((weights[A.indices[k]] * Fraction(float(A.data[k])) for k in part), Fraction(0))
         if entry:
             end = float(rows.high[j] if entry > 0 else rows.low[j])
             if not np.isfinite(end):
                 return None
             total += entry * Fraction(end)
     return total if total < 0 else None
+
+
+@np.errstate(all="ignore")
+def _is_hopeless(problem: ProblemData, rows: _Rows, y: Combination) -> bool:
+    """Whether floats say already, beyond their rounding, that an entry of Aᵀy is on the side where z has no bound."""
+    x = np.zeros(problem.n)
+    x[list(y)] = [nearest(weight) for weight in y.values()]
+    columns = problem.A.T @ x
+    off = 4.0 * (problem.n + 4) * UNIT_ROUNDOFF * (problem.matrix.absolute.T @ np.abs(x))
+    return bool(((columns > off) & np.isposinf(rows.high) | (columns < -off) & np.isneginf(rows.low)).any())
 
 
 def _exact(problem: ProblemData, support: np.ndarray, y: Vector, bounds: _Rows) -> Combination:

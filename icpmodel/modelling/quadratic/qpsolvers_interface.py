@@ -1,0 +1,56 @@
+"""icpmodel as a solver of qpsolvers.
+
+qpsolvers has no function that adds a solver, but what it looks solvers up in is public: the dictionary
+`qpsolvers.solvers.solve_function` and the lists of names beside it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...errors import InputError, NotApplicable
+from .solve_qp import solve_qp
+
+NAME = "icpmodel"
+
+
+def qpsolvers_solver() -> str:
+    """icpmodel as a solver for qpsolvers: `qpsolvers.solve_qp(P, q, G, h, solver=icp.qpsolvers_solver())`.
+
+    Registers `icpmodel.solve_qp` with qpsolvers and returns the name under which it is found there, "icpmodel". The
+    options are `tolerance` and `time_limit`; a `Solution` of qpsolvers has the status and what it rests on in `extras`.
+    Raises NotApplicable where qpsolvers is not installed.
+    Reference: Caron and others, qpsolvers, https://github.com/qpsolvers/qpsolvers.
+
+    >>> from importlib.util import find_spec
+    >>> icp.qpsolvers_solver() if find_spec("qpsolvers") else "icpmodel"
+    'icpmodel'
+    """
+    try:
+        from qpsolvers import solvers
+    except ImportError as error:
+        raise NotApplicable("qpsolvers is not installed: pip install qpsolvers") from error
+    solvers.solve_function[NAME] = _solve_problem
+    for names in (solvers.available_solvers, solvers.dense_solvers, solvers.sparse_solvers):
+        if NAME not in names:
+            names.append(NAME)
+    return NAME
+
+
+def _solve_problem(problem: Any, initvals: Any = None, verbose: bool = False, **options: Any) -> Any:
+    """A qpsolvers `Solution` of its `problem`."""
+    from qpsolvers import Solution
+    from qpsolvers.exceptions import ProblemError
+
+    try:
+        found = solve_qp(*problem.unpack(), initvals=initvals, raise_on_failure=False, **options)
+    except InputError as error:
+        raise ProblemError(str(error)) from error
+    if verbose:
+        print(f"icpmodel: {found.status} after {found.iterations} steps: {found.message}")
+    solution = Solution(problem, found=found.found, solve_time=found.seconds)
+    solution.extras = {"status": found.status, "message": found.message, "violation": found.violation}
+    if found.found:
+        solution.x, solution.y, solution.z, solution.z_box = found.x, found.y, found.z, found.z_box
+        solution.obj = found.objective
+    return solution

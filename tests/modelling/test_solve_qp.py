@@ -1,0 +1,168 @@
+"""`solve_qp`: the program's own units, signs and multipliers, proofs, arguments; and the ways to its linear systems."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel.modelling.quadratic import kkt
+from icpmodel.modelling.quadratic.program import Program
+from icpmodel.modelling.quadratic.proofs import VERIFIED, contradiction
+from icpmodel.modelling.quadratic.reduction import ProgramLcp
+
+
+def a_program(seed, n=6):
+    """A random feasible program with rows, equations and bounds of all kinds."""
+    random = np.random.default_rng(seed)
+    L, G, A = (random.normal(size=(rows, n)) for rows in (random.integers(0, n + 1), 4, 2))
+    inside = random.normal(size=n)
+    low, high = inside - random.random(n), inside + random.random(n)
+    low[0], high[1] = -np.inf, np.inf
+    return L.T @ L, random.normal(size=n), G, G @ inside + random.random(4), A, A @ inside, low, high
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_answer_and_its_multipliers_satisfy_the_conditions(seed):
+    """Px + q + Gᵀz + Aᵀy + z_box = 0, feasibility, signs and complementarity."""
+    P, q, G, h, A, b, low, high = a_program(seed)
+    found = icp.solve_qp(P, q, G, h, A, b, low, high)
+    x = found.x
+    assert found.found
+    assert found.violation <= 1e-7
+    assert P @ x + q + G.T @ found.z + A.T @ found.y + found.z_box == pytest.approx(0, abs=1e-6)
+    assert A @ x == pytest.approx(b, abs=1e-6)
+    assert (G @ x <= h + 1e-6).all()
+    assert (found.z >= 0).all()
+    assert found.z * (h - G @ x) == pytest.approx(0, abs=1e-6)
+    assert (x >= low - 1e-6).all()
+    assert (x <= high + 1e-6).all()
+    at = np.where(found.z_box < 0, low, high)
+    assert x[found.z_box != 0] == pytest.approx(at[found.z_box != 0], abs=1e-6)
+    assert found.objective == pytest.approx(0.5 * x @ P @ x + q @ x)
+
+
+def test_dense_and_sparse_arguments_a_start_and_single_rows_give_the_same():
+    P, q, G, h, A, b, low, high = a_program(3)
+    x = icp.solve_qp(P, q, G, h, A, b, low, high).x
+    sparse = [sp.csc_matrix(M) if np.ndim(M) == 2 else M for M in (P, q, G, h, A, b)]
+    assert icp.solve_qp(*sparse, low, high).x == pytest.approx(x, abs=1e-8)
+    again = icp.solve_qp(P, q, G, h, A, b, low, high, initvals=x)
+    assert again.x == pytest.approx(x, abs=1e-8)
+    assert again.iterations == 1
+    assert icp.solve_qp(np.eye(2), [0, 0], A=[1, 1], b=2).x == pytest.approx([1, 1])
+    assert icp.solve_qp([[1.0]], [-3.0], G=[[1.0]], h=[np.inf]).x == pytest.approx([3])
+
+
+def test_what_has_no_solution_is_proved_or_raises():
+    with pytest.raises(icp.NotSolved, match="0 < 0") as raised:
+        icp.solve_qp(np.eye(2), [0, 0], G=[[1, 1], [-1, -1]], h=[-1, 0])
+    assert raised.value.solution.status == "infeasible"
+    assert np.isnan(raised.value.solution.x).all()
+    fails = icp.solve_qp(np.zeros((2, 2)), [-1, 0], lb=0, A=[[1, -1]], b=[0], raise_on_failure=False)
+    assert fails.status == "unbounded"
+    assert "exact arithmetic" in repr(fails)
+    late = icp.solve_qp(*a_program(1), time_limit=1e-9, raise_on_failure=False)
+    assert late.status == "user_limit"
+    assert np.isfinite(late.x).all()
+    assert late.violation > 1e-7
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (([[1, 2], [0, 1]], [0, 0]), r"P\[.*\(P \+ P.T\)/2 has the same objective"),
+        (([[1, 0], [0, -1]], [0, 0]), "P is not positive semidefinite"),
+        (([[0, 1], [1, 0]], [0, 0]), "P is not positive semidefinite"),
+        (([[1.0]], [0, 0]), r"q has shape \(2,\)"),
+        (([[1.0]], [0], [[1, 2]], [1]), r"G has shape \(1, 2\); shape \(m, 1\)"),
+        (([[1.0]], [0], [[1]], None), "G is given without h"),
+        (([[1.0]], [0], None, None, None, [1]), "b is given without A"),
+        (([[1.0]], [0], [[np.nan]], [1]), r"G\[0, 0\] is nan"),
+        (([[1.0]], [0], None, None, [[1]], [np.inf]), r"b\[0\] is inf"),
+        (([[1.0]], [0], None, None, None, None, np.inf), r"lb\[0\] is inf"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, sentence):
+    with pytest.raises(icp.InputError, match=sentence):
+        icp.solve_qp(*arguments)
+
+
+@pytest.mark.parametrize("n", [60, 150])
+def test_contradicting_rows_are_proved_without_rational_arithmetic(n):
+    """Twice as many random equations as unknowns; x ≥ 0 with a positive row below 0; rows with a negative sum."""
+    random = np.random.default_rng(n)
+    A, G, square = random.normal(size=(2 * n, n)), random.normal(size=(n, n)), np.eye(n)
+    rows = np.concatenate([G, -G.sum(axis=0, keepdims=True)])
+    cases = (
+        {"A": A, "b": random.normal(size=2 * n)},
+        {"G": np.abs(G), "h": np.full(n, -1.0), "lb": 0.0},
+        {"A": G, "b": random.normal(size=n), "lb": 1.0, "ub": 1.5},
+        {"G": rows, "h": np.append(np.zeros(n), -1.0), "lb": -1e6, "ub": 1e6},
+    )
+    for case in cases:
+        found = icp.solve_qp(square, np.zeros(n), **case, raise_on_failure=False)
+        assert found.status == "infeasible"
+
+
+def test_no_proof_is_verified_of_rows_that_some_x_far_away_fulfils():
+    """x + y = 1 and x + (1 + 2⁻⁵²)y = 2 have a solution; y = (1, −1) says otherwise up to rounding alone."""
+    none = sp.csr_array((0, 2))
+    A = np.array([[1.0, 1.0], [1.0, 1.0 + 2.0**-52]])
+    lcp = ProgramLcp(Program.of(np.eye(2), np.zeros(2), A, np.array([1.0, 2.0]), none, np.zeros(0)))
+    found = contradiction(lcp, np.array([0.0, 0.0, 1.0, -1.0]) / lcp.unit)
+    assert found is not None
+    assert found == ("primal", "up to rounding")
+    robust = np.concatenate([np.eye(2), [[1.0, 1.0 + 2.0**-52]]])
+    lcp = ProgramLcp(Program.of(np.eye(2), np.zeros(2), robust, np.array([1.0, 1.0, 3.0]), none, np.zeros(0)))
+    assert contradiction(lcp, np.array([0.0, 0.0, 1.0, 1.0, -1.0]) / lcp.unit) == ("primal", VERIFIED)
+
+
+def test_dense_sparse_and_softened_systems_have_one_solution():
+    """[[P + ρ + W₀, Eᵀ, Aᵀ], [E, −W⁻¹, 0], [A, 0, −δ]], variables of one row alone eliminated before, and w = 0."""
+    random = np.random.default_rng(0)
+    n, m, k = 9, 5, 2
+    P, E, A = np.zeros((n, n)), np.zeros((m, n)), np.zeros((k, n))
+    L = random.normal(size=(4, 4))
+    P[:4, :4], E[:, :4], A[:, :4] = L.T @ L, random.normal(size=(m, 4)), random.normal(size=(k, 4))
+    E[np.arange(m), 4 + np.arange(m)] = -1.0
+    blocks = kkt.KktBlocks(P, E, A)
+    soft, rows = kkt.soft(blocks)
+    assert soft.tolist() == [4, 5, 6, 7, 8]
+    w, of_x = 10.0 ** random.uniform(-2, 2, m), random.random(n)
+    w[1] = 0.0
+    right = random.normal(size=n), random.normal(size=m), random.normal(size=k)
+    ways = kkt.DenseSystems(blocks), kkt.SparseSystems(blocks, np.inf), kkt.SoftRows(blocks, soft, rows)
+    one, *others = [np.concatenate(way.factorised(w, of_x)(*right)) for way in ways]
+    dx, d_multiplier, dnu = np.split(one, [n, n + m])
+    assert P @ dx + of_x * dx + E.T @ d_multiplier + A.T @ dnu == pytest.approx(right[0], abs=1e-6)
+    assert A @ dx == pytest.approx(right[2], abs=1e-6)
+    assert (E @ dx - right[1])[w > 0] == pytest.approx((d_multiplier / np.where(w > 0, w, 1.0))[w > 0], abs=1e-6)
+    for other in others:
+        assert other == pytest.approx(one, abs=1e-6)
+
+
+def test_qpsolvers_finds_us_by_name():
+    """In its own signs; where there is no solution it says so, and a program that is not convex is its ProblemError."""
+    qpsolvers = pytest.importorskip("qpsolvers", reason="qpsolvers is not installed")
+    name = icp.qpsolvers_solver()
+    assert name == icp.qpsolvers_solver() == "icpmodel"
+    assert qpsolvers.available_solvers.count("icpmodel") == 1
+    P, q, G, h, A, b, low, high = a_program(5)
+    ours = icp.solve_qp(P, q, G, h, A, b, low, high)
+    assert qpsolvers.solve_qp(P, q, G, h, A, b, low, high, solver=name) == pytest.approx(ours.x)
+    problem = qpsolvers.Problem(P, q, G, h, A, b, low, high)
+    found = qpsolvers.solve_problem(problem, solver=name, tolerance=1e-8)
+    assert found.is_optimal(1e-6)
+    assert found.extras["status"] == "optimal"
+    assert qpsolvers.solve_qp(np.eye(1), np.zeros(1), lb=np.ones(1), ub=np.zeros(1), solver=name) is None
+    with pytest.raises(qpsolvers.exceptions.ProblemError, match="not positive semidefinite"):
+        qpsolvers.solve_qp(-np.eye(1), np.zeros(1), solver=name)
+
+
+def test_without_qpsolvers_we_say_what_to_install(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "qpsolvers", None)
+    with pytest.raises(icp.NotApplicable, match="pip install qpsolvers"):
+        icp.qpsolvers_solver()
