@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shell import call
 
 import icpmodel as icp
 from icpmodel.benchmarks import benchmark, choice, faster_peers
-from icpmodel.cli import main
 from icpmodel.present.table import Table
 from icpmodel.solvers import Claim, ForeignSolver, foreign_solvers
 from icpmodel.study.cases import Case, built
@@ -244,16 +244,11 @@ def test_figures_show_what_was_measured_and_label_it():
     assert left.get_ylabel().endswith(", s")
 
 
-def call(capsys, *arguments):
-    with pytest.raises(SystemExit) as stop:
-        main(["benchmark", *arguments])
-    out, err = capsys.readouterr()
-    return stop.value.code, out, err
-
-
 def test_the_commands_write_csv_and_figures(capsys, tmp_path):
     folder = tmp_path / "new"
-    code, out, err = call(capsys, "peers", "hard-degenerate", "hand-lcp", "--n", "4", "--n", "16", "-o", str(folder))
+    code, out, err = call(
+        capsys, "benchmark", "peers", "hard-degenerate", "hand-lcp", "--n", "4", "--n", "16", "-o", str(folder)
+    )
     assert (code, err) == (0, "")
     assert "No peer is faster." in out or "A peer is faster than solve():" in out
     written = [f"{name}.{suffix}" for name in ("benchmark", "hard-degenerate") for suffix in ("csv", "png")]
@@ -296,6 +291,6 @@ def test_ctrl_c_within_solve_is_the_end_of_a_measurement_and_not_of_one_run():
 
 def test_a_folder_that_cannot_be_made_is_told_before_the_work(capsys, tmp_path):
     (tmp_path / "file").write_text("")
-    code, out, err = call(capsys, "peers", "hand-lcp", "-o", str(tmp_path / "file"))
+    code, out, err = call(capsys, "benchmark", "peers", "hand-lcp", "-o", str(tmp_path / "file"))
     assert (code, out) == (2, "")
     assert "cannot be made a folder" in err

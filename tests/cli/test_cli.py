@@ -10,25 +10,13 @@ import numpy as np
 import pytest
 from installed import HOUSE, announce, run
 from scipy.io import mmwrite, savemat
+from shell import call, said
 
 import icpmodel as icp
-from icpmodel.cli import main
 from icpmodel.cli.arguments import pairs
 from icpmodel.cli.solving import at_their_size, confirmed
 from icpmodel.crosscheck.judge import Row, Verdict
 from icpmodel.solvers import Claim, ForeignSolver, foreign_solvers
-
-
-def call(capsys, *arguments):
-    with pytest.raises(SystemExit) as stop:
-        main(list(arguments))
-    out, err = capsys.readouterr()
-    return stop.value.code, out, said(err)
-
-
-def said(err):
-    """Standard error without the lines on what is going on, of which a slow machine gets some."""
-    return "".join(line for line in err.splitlines(keepends=True) if not line.startswith("icpmodel ... "))
 
 
 def test_solve_prints_a_card_and_the_distance_to_the_reference(capsys):

@@ -161,7 +161,7 @@ def test_mms_is_the_recursion_of_hong_and_li():
 @pytest.mark.parametrize(
     ("method", "options", "words"),
     [
-        ("mnmxx", {}, "method is 'mnmxx'; one of accelerated, josephy, lemke, mms"),
+        ("mnmxx", {}, "method is 'mnmxx'; did you mean mnmj"),
         (3, {}, "method is 3"),
         ("mnmgs", {"theta1": 1.0}, "mnmgs has no option theta1; it takes phi, phi1, phi2"),
         ("psor", {"omega": 2.0}, "omega is 2.0; a finite number > 0 and < 2 was expected"),

@@ -91,9 +91,11 @@ def test_the_smallest_squares_are_problems_too():
         assert scenes.scene(name, 1).problem.n == 1
 
 
-def test_an_unknown_name_lists_the_names():
-    with pytest.raises(InputError, match=r"no scene 'membran'; the scenes are: bai-nonsymmetric, .*membrane"):
+def test_an_unknown_name_gets_the_nearest_one_or_else_all():
+    with pytest.raises(InputError, match="no scene 'membran'; did you mean membrane"):
         scenes.scene("membran")
+    with pytest.raises(InputError, match=r"no scene 'xyz'; the scenes are: bai-nonsymmetric, .*membrane"):
+        scenes.scene("xyz")
     with pytest.raises(InputError, match="no scene"):
         scenes.parameters("membran")
 
