@@ -10,6 +10,7 @@ Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε; Friedlander 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -46,7 +47,7 @@ class CentralPath:
         self.steps = 0
         self.x, self.nu = np.zeros(n), np.zeros(self.b.size)
         self.slack = self.multiplier = np.ones(self.d.size)
-        self.left = self.residuals()
+        self._look()
 
     def rows(self, x: Vector) -> Vector:
         """Cx."""
@@ -102,8 +103,7 @@ class CentralPath:
             return False
         self.x, multiplier, self.nu = solve(-self.q, self.d, self.b)
         self.multiplier, self.slack = _positive(multiplier), _positive(-multiplier)
-        self.left = self.residuals()
-        return np.isfinite(self.error)
+        return self._look()
 
     def advance(self) -> bool:
         """One step, False where rounding forbids it."""
@@ -119,7 +119,7 @@ class CentralPath:
         def direction(less: Vector) -> tuple[Vector, Vector, Vector, Vector, float]:
             dx, d_multiplier, dnu = solve(-of_x, of_rows + less / multiplier, of_equations)
             ds = -(less + s * d_multiplier) / multiplier
-            longest = max(np.max(-ds / s, initial=0.0), np.max(-d_multiplier / multiplier, initial=0.0))
+            longest = -min((ds / s).min(initial=0.0), (d_multiplier / multiplier).min(initial=0.0))
             return dx, ds, d_multiplier, dnu, float(longest)
 
         dx, ds, d_multiplier, dnu, longest = direction(product)
@@ -131,14 +131,16 @@ class CentralPath:
         t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
         self.x, self.nu = x + t * dx, self.nu + t * dnu
         self.slack, self.multiplier = s + t * ds, multiplier + t * d_multiplier
-        self.left = self.residuals()
-        return np.isfinite(self.error)
+        return self._look()
 
-    @property
-    def error(self) -> float:
-        """The largest of the residuals and of the mean of λ_i s_i."""
+    def _look(self) -> bool:
+        """Sets what is `left` of the conditions, and `error`, the largest of it and of the mean of λ_i s_i; whether
+        that is a number."""
+        self.left = self.residuals()
         mean = self.slack @ self.multiplier / max(self.slack.size, 1)
-        return float(max([mean, *(np.abs(one).max() for one in self.left if one.size)]))
+        sizes = [float(mean), *(float(np.abs(one).max()) for one in self.left if one.size)]
+        self.error = max(sizes)
+        return math.isfinite(sum(sizes))  # max would lose a NaN
 
     @property
     def active(self) -> Mask:
