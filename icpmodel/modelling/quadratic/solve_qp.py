@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -99,6 +100,7 @@ def solve_qp(
     >>> icp.solve_qp([[1.0]], [0.0], lb=1, ub=0, raise_on_failure=False).status
     'infeasible'
     """
+    begin = time.perf_counter()
     as_truth(raise_on_failure, "raise_on_failure")
     as_number(tolerance, "tolerance", above=0)
     limit = np.inf if time_limit is None else as_number(time_limit, "time_limit", above=0)
@@ -112,7 +114,8 @@ def solve_qp(
     below, above, one = np.isfinite(low), np.isfinite(high), sp.eye_array(n, format="csr")
     F = sp.csr_array(sp.vstack([G, -one[below], one[above]]))
     program = Program.of(P, q, A, b, F, np.concatenate([h, -low[below], high[above]]))
-    found = solve_program(program, tolerance=tolerance, time_limit=limit, start=start)
+    left = max(limit - (time.perf_counter() - begin), 0.0)
+    found = solve_program(program, tolerance=tolerance, time_limit=left, start=start)
     x, y, multipliers = found.values or tuple(np.full(size, np.nan) for size in (n, b.size, program.g.size))
     z, of_low, of_high = np.split(multipliers, [h.size, h.size + np.count_nonzero(below)])
     z_box = np.zeros(n)
