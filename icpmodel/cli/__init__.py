@@ -1,7 +1,7 @@
 """The command line: arguments in, text or JSON out. No numerics here.
 
 Exit codes: 0 success (solved; for `crosscheck` also confirmed), 1 not solved or not confirmed, 2 wrong input or a file
-that cannot be read or written, 130 interrupted before there was anything to show.
+that cannot be read or written, 130 interrupted; `solve` and `crosscheck` show what they have then, and exit as above.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from ..solve.progress import status_line
 from ..study import race as run_race
 from ..study import report as make_report
 from ..study import stability as map_stability
-from ..study.charts.figures import Figure, picture_file, save
+from ..study.charts.figures import Figure, data_file, picture_file, save
 from ..study.charts.table_charts import benchmark_figures, choice_figure, memory_figure
 from ..study.planes import PLANES
 from .arguments import (
@@ -106,7 +106,7 @@ def must_be_a_picture(path: str | None) -> None:
     """Raise FileError or InputError now for a path that no picture could be written to when the work is done."""
     must_be_writable(path)
     if path is not None:
-        picture_file(path)
+        data_file(picture_file(path))
 
 
 def _shown(run: Callable[[], Any], output: str | None, as_csv: bool, partly: str) -> int:

@@ -72,17 +72,17 @@ def wrote(path: Any) -> None:
     click.echo(f"wrote {path}", err=True)
 
 
-def must_be_writable(path: str | None, *suffixes: str) -> None:
+def must_be_writable(path: str | None, *suffixes: str, option: str = "--output") -> None:
     """Raise FileError or InputError now for a path that could not be written later, when the work is done."""
     if path is None:
         return
     if not path:
-        raise FileError("--output is empty; the name of a file was expected")
-    if suffixes and Path(path).suffix.lower() not in suffixes:
-        listed = " or ".join(suffixes)
-        raise InputError(f"--output is {path!r}; a name that ends in {listed} was expected")
+        raise FileError(f"{option} is empty; the name of a file was expected")
     if os.path.isdir(path):
         raise FileError(f"{path}: is a folder; a file name was expected")
+    if suffixes and Path(path).suffix.lower() not in suffixes:
+        listed = " or ".join(suffixes)
+        raise InputError(f"{option} is {path!r}; a name that ends in {listed} was expected")
     folder = Path(path).parent
     if not folder.is_dir():
         raise FileError(f"{path}: the folder {folder} does not exist")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import textwrap
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import click
 
-from ..crosscheck.judge import Verdict
+from ..crosscheck.judge import Row, Verdict
 from ..crosscheck.report import Report
 from ..errors import InputError, Interrupted
 from ..icp import ICP
@@ -17,7 +18,7 @@ from ..modelling.archive import as_path
 from ..modelling.files import save_problem
 from ..modelling.solution_files import check_place, read_start, save_solution
 from ..present.card import Card
-from ..present.table import Table, width
+from ..present.table import Table, must_be_ours, width
 from ..scenes import Scene, titles
 from ..scenes import parameters as parameters_of
 from ..scenes import scene as scene_called
@@ -70,6 +71,8 @@ def solve(output: str | None, polish: bool, problem_file: str | None, as_json: b
     must_be_writable(output)
     if output is not None:
         check_place(output)
+        if problem_file is not None and Path(output).resolve() == Path(problem_file).resolve():
+            raise InputError(f"--output and --save-problem are both {output}; two files were expected")
     problem, scene = named_problem(arguments)
     if problem_file is not None:
         save_problem(problem, problem_file)
@@ -124,7 +127,9 @@ def crosscheck(
     solvers: tuple[str, ...], solver_time_limit: float, csv_path: str | None, as_json: bool, **arguments: Any
 ) -> int:
     """Solve the problem SOURCE, then have independent solvers check the answer."""
-    must_be_writable(csv_path)
+    must_be_writable(csv_path, ".csv", option="--csv")
+    if csv_path is not None:
+        must_be_ours(Path(csv_path), ",".join(Row.__annotations__))
     chosen_solvers(solvers)
     problem, scene = named_problem(arguments)
     solution = _solved(problem, scene, arguments)

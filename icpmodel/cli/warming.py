@@ -6,10 +6,9 @@ import click
 
 from ..benchmarks.warmup import warm_up
 from ..solve.progress import status_line
-from .arguments import command
 
 
-@command()
+@click.command()
 def warmup() -> int:
     """Compile all loops once, which takes minutes; every process finds them on the disk then."""
     with status_line(True) as say:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import Interrupted
+from ..errors import InputError, Interrupted
 from ..numerics.arrays import as_number
 from ..numerics.rounding import sheltered
 from ..problem.data import ProblemLike, as_problem
@@ -47,6 +47,8 @@ def crosscheck(
     <Verdict.DISAGREES: 'disagrees'>
     """
     problem = as_problem(problem)
+    if isinstance(solution, list | tuple) and any(isinstance(one, str) for one in solution):
+        raise InputError(f"solution is {list(solution)!r}; names of solvers go into solvers=")
     chosen = chosen_solvers(solvers, "crosscheck")
     if atol is not None:
         as_number(atol, "atol", least=0)

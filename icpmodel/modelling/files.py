@@ -63,7 +63,8 @@ def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
     ICP(n=1, nnz=1, psi=Constant(3))
     """
     arrays = problem_fields(problem)
-    write_archive(as_path(path), _BETWEEN if "upper" in arrays else _PROBLEM, arrays, _PROBLEM, _BETWEEN)
+    kind, other = (_BETWEEN, _PROBLEM) if "upper" in arrays else (_PROBLEM, _BETWEEN)
+    write_archive(as_path(path), kind, arrays, other)
 
 
 def load_problem(

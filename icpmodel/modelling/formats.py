@@ -102,6 +102,8 @@ def read_text(path: Path, heads: str = "") -> np.ndarray:
                 warnings.simplefilter("error")  # NumPy warns where there is nothing at all
                 return np.loadtxt(file, delimiter=between, comments=None, ndmin=2)
         except (ValueError, Warning) as error:
+            if not size:
+                raise FileError(f"{path}: is empty") from error
             wanted = f"lines of numbers with {'commas' if between else 'spaces'} between, and no heads, were expected"
             raise FileError(f"{path}: {str(error).strip().rstrip('.')}; {wanted}") from error
 

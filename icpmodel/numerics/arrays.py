@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -291,3 +291,19 @@ def as_real(value: Any, name: str) -> Any:
     if value.dtype.kind not in "biuf":
         raise InputError(f"{name} has dtype {value.dtype}; real numbers were expected")
     return value
+
+
+def check_labels(given: Mapping[str, Any]) -> None:
+    """Raises InputError where the rows and columns of pandas' objects have other labels, or another order of them, than
+    the rows of the first of those `given`, argument → value: numbers are taken by their place."""
+    first, expected = "", None
+    for name, value in given.items():
+        for axis in ("index", "columns"):
+            labels = getattr(value, axis, None)
+            if labels is None or callable(labels):  # a list has a method of this name
+                continue
+            if expected is None:
+                first, expected = f"{name}.{axis}", labels
+            elif not labels.equals(expected):
+                found = f"{name}.{axis} has other labels than {first}, or in another order"
+                raise InputError(f"{found}; sort them alike, or give {name}.to_numpy() if it is the place that counts")

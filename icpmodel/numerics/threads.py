@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from queue import SimpleQueue
+from threading import Lock
 from typing import Any
 
 #: loops over so many entries are worth threads
@@ -16,6 +17,8 @@ THREADS_FROM = 1_000_000
 CHUNK = 50_000
 #: what makes rows low <= i < high
 OfRows = Callable[[int, int], Any]
+#: how many threads ask for one thread of BLAS, and what gives BLAS its threads back
+_LIMIT, _limited, _limiter = Lock(), 0, None
 
 
 def cores() -> int:
@@ -43,14 +46,26 @@ def one_blas_thread() -> Iterator[None]:
     """Dense steps by one thread of BLAS, whose numbers do not depend on how many there are.
 
     On a machine with something else to do a second thread made LU factorisations with n = 200 … 2000 two to a hundred
-    times slower, as BLAS spins while it waits; to say so takes 12 μs.
+    times slower, as BLAS spins while it waits; to say so takes 12 μs. The limit is the process's: the first of several
+    threads sets it, the last one lifts it.
     """
-    with _blas().limit(limits=1):
+    global _limited, _limiter
+    with _LIMIT:
+        if not _limited:
+            _limiter = _blas().limit(limits=1)
+        _limited += 1
+    try:
         yield
+    finally:
+        with _LIMIT:
+            _limited -= 1
+            if not _limited:
+                _limiter.restore_original_limits()
 
 
 @cache
 def _blas() -> Any:
+    import scipy.linalg  # noqa: F401  has a BLAS of its own, which must be there to be found
     import threadpoolctl
 
     return threadpoolctl.ThreadpoolController().select(user_api="blas")

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_array, as_vector, described, norm, not_finite
+from ..numerics.arrays import Vector, as_array, as_vector, check_labels, described, norm, not_finite
 from ..numerics.plugins import public
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
@@ -46,6 +46,8 @@ class ProblemData(Shown):
     facts: Facts
 
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None) -> None:
+        if hasattr(A, "columns"):
+            check_labels({"A": A, "q": q, "psi": psi, "upper": upper})
         matrix = Matrix(A)
         n = matrix.n
         self._set(matrix, as_vector(q, n, "q", number=False), as_map(psi, n, upper), None)

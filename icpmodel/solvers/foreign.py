@@ -14,6 +14,7 @@ import logging
 import os
 import pkgutil
 import sys
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
@@ -129,13 +130,26 @@ class ForeignSolver(Shown, ABC):
         """Solve the `model` that `set_up` made, from scratch. May raise whatever the foreign package raises."""
 
 
+#: the streams of a process can be turned away for one at a time
+_STREAMS = threading.Lock()
+
+
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
     """What is printed meanwhile goes nowhere, from compiled code, too: PIQP, for one, has warnings of its own.
 
-    Python's own standard error stays, where a line of progress may be drawn.
+    Python's own standard error stays, where a line of progress may be drawn. Of several threads one is let in at a
+    time.
     """
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.ExitStack() as after, open(os.devnull, "wb") as nowhere:
+    with (
+        _STREAMS,
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.ExitStack() as after,
+        open(os.devnull, "wb") as nowhere,
+    ):
+        after.callback(logging.disable, logging.root.manager.disable)
+        # OSQP prints about polishing whatever one asks, Pyomo logs failures
+        logging.disable(logging.CRITICAL)
         for stream in (1, 2):
             with contextlib.suppress(OSError, AttributeError):  # there may be no such stream
                 kept = os.dup(stream)
@@ -207,10 +221,8 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
     >>> icp.solvers.ask(solver, icp.solvers.Target(ICP([[2.0]], [-1.0])), 1e-9, 10.0).z.round(6)
     array([0.5])
     """
-    begin, setup, quiet = time.perf_counter(), None, logging.root.manager.disable
+    begin, setup = time.perf_counter(), None
     try:
-        # foreign chatter must not reach the user: OSQP prints about polishing whatever one asks, Pyomo logs failures
-        logging.disable(logging.CRITICAL)
         with _silence(), np.errstate(all="ignore"):
             posed = solver.pose(target)
             begin = time.perf_counter()
@@ -223,6 +235,4 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
         if is_ctrl_c(error):
             raise KeyboardInterrupt from error
         claim = Claim(None, f"{type(error).__name__}: {error}", False)
-    finally:
-        logging.disable(quiet)
     return replace(claim, seconds=time.perf_counter() - begin, setup=setup)

@@ -596,3 +596,23 @@ def test_every_measurement_is_a_command(capsys):
     code, out, _ = call(capsys, "benchmark", "memory", "membrane", "--n", "400", "--csv")
     assert code == 0
     assert out.splitlines()[1].startswith("membrane,400,accelerated,")
+
+
+@pytest.mark.parametrize("command", [["race", "--repeats", "1", "-o", "q.png"], ["crosscheck", "--csv", "q.csv"]])
+def test_what_is_written_takes_the_place_of_nothing_else(capsys, tmp_path, monkeypatch, command):
+    """The table beside a picture would have the name of the file of q."""
+    monkeypatch.chdir(tmp_path)
+    np.save("A.npy", 2.0 * np.eye(2))
+    np.savetxt("q.csv", [-1.0, 3.0])
+    before = (tmp_path / "q.csv").read_bytes()
+    code, out, err = call(capsys, command[0], "--A", "A.npy", "--q", "q.csv", *command[1:])
+    assert (code, out) == (2, "")
+    assert "q.csv: is there, and was not written by this command; give another name" in err
+    assert (tmp_path / "q.csv").read_bytes() == before
+
+
+def test_problem_and_answer_in_one_file_are_refused_before_the_work(capsys, tmp_path):
+    path = str(tmp_path / "x.npz")
+    code, out, err = call(capsys, "solve", "hand-lcp", "--save-problem", path, "-o", path)
+    assert (code, out) == (2, "")
+    assert "two files were expected" in err

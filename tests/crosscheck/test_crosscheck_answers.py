@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import logging
 import os
 import shutil
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -276,3 +279,17 @@ def test_an_ipopt_that_fails_is_failed_and_silent(tmp_path, monkeypatch, capfd) 
 @pytest.mark.skipif(shutil.which("ipopt") is None, reason="no ipopt executable on the PATH")
 def test_a_real_ipopt_agrees() -> None:
     assert icp.scenes.hand_lcp().problem.crosscheck(solvers=["pyomo-ipopt"]).agrees
+
+
+def test_cross_checks_in_threads_leave_the_streams_of_the_process_as_they_were():
+    state = lambda: (sys.stdout, logging.root.manager.disable, os.fstat(1), os.fstat(2))  # noqa: E731
+    problem, before = icp.scenes.hand_lcp().problem, state()
+    with ThreadPoolExecutor(3) as threads:
+        reports = list(threads.map(lambda name: problem.crosscheck(solvers=[name]), ["osqp", "cvxpy-osqp", "ipopt"]))
+    assert all(report.agrees or report.rows[0].verdict.value == "skipped" for report in reports)
+    assert state() == before
+
+
+def test_names_of_solvers_in_the_place_of_the_answer_are_named():
+    with pytest.raises(icp.InputError, match="names of solvers go into solvers="):
+        icp.scenes.hand_lcp().problem.crosscheck(["osqp"])

@@ -193,7 +193,9 @@ def test_dual_values_are_cvxpys_wherever_the_conditions_are_those_of_an_optimum(
     y = cp.Variable(n)
     program = [E[k] @ y == b[k] if seed % 2 else b[k] == E[k] @ y for k in range(m)]
     bounds = [y >= 0, y <= 1]
-    cp.Problem(cp.Minimize(0.5 * cp.quad_form(y, cp.psd_wrap(P)) + q @ y), program + bounds).solve(solver="CLARABEL")
+    tight = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11}
+    objective = cp.Minimize(0.5 * cp.quad_form(y, cp.psd_wrap(P)) + q @ y)
+    cp.Problem(objective, program + bounds).solve(solver="CLARABEL", **tight)
     for mine, cvxpys in zip(rows, program, strict=True):
         assert mine.dual_value == pytest.approx(cvxpys.dual_value, abs=1e-4)
         assert mine.dual_value.shape == mine.shape
@@ -353,3 +355,20 @@ def test_each_obstacle_is_called_what_it_is():
     z = cp.Variable(2)
     problem = icp.Problem(icp.complements(z - 3, z - 0.1 * cp.exp(-z), upper=cp.exp(-z) + 4)).icp()
     assert repr(problem) == "ICP(n=2, nnz=2, psi=Function(psi of CVXPY), upper=Function(upper of CVXPY))"
+
+
+def test_a_verbose_run_sends_no_more_than_before_to_the_handlers_of_others(caplog):
+    problem, _, _ = contact(1.0)
+    caplog.set_level(logging.WARNING)
+    problem.solve("mnmgs", verbose=True)
+    assert caplog.records == []
+    caplog.set_level(logging.INFO)
+    problem.solve("mnmgs", verbose=True)
+    assert len([one for one in caplog.records if "begins" in one.getMessage()]) == 1
+    assert logging.getLogger("icpmodel").propagate
+
+
+def test_an_objective_before_the_constraints_is_named():
+    z = cp.Variable()
+    with pytest.raises(icp.InputError, match="no objective: give the list of constraints alone"):
+        icp.Problem(cp.Minimize(0), [icp.complements(z - 1, z)])

@@ -166,3 +166,16 @@ def test_without_qpsolvers_we_say_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "qpsolvers", None)
     with pytest.raises(icp.NotApplicable, match="pip install qpsolvers"):
         icp.qpsolvers_solver()
+
+
+@pytest.mark.parametrize("row", [[3.0], [-3.0]])
+def test_bounds_that_cross_by_their_rounding_touch(row):
+    """3x <= .3 and x >= .1, of which no decimal is a float: nobody means that there is no x."""
+    sign = np.sign(row[0])
+    low, high = (0.1, None) if sign > 0 else (None, -0.1)
+    found = icp.solve_qp([[2.0]], [0.0], G=[row], h=[0.3], lb=low, ub=high)
+    assert found.x[0] == pytest.approx(sign * 0.1, abs=1e-15)
+    assert (
+        icp.solve_qp([[2.0]], [0.0], G=[row], h=[0.2999], lb=low, ub=high, raise_on_failure=False).status
+        == "infeasible"
+    )

@@ -247,3 +247,19 @@ def test_an_operator_that_only_multiplies_is_refused_with_what_to_give_instead(o
             build()
     assert icp.ICP(operator @ np.eye(3), np.ones(3)).n == 3
     assert icp.ICP(np.eye(3), np.ones(3), operator).psi.value(np.ones(3)).size == 3  # as psi products are enough
+
+
+def test_labels_of_pandas_that_differ_are_named():
+    """Numbers are taken by their place: rows that are called otherwise would be taken for each other."""
+    pd = pytest.importorskip("pandas")
+    A = pd.DataFrame([[2.0, -1.0], [-1.0, 2.0]], index=list("ab"), columns=list("ab"))
+    q = pd.Series([-2.0, 1.0], index=list("ab"))
+    assert icp.ICP(A, q, psi=pd.Series([0.0, 0.0], index=list("ab"))).solve().z.tolist() == [1.0, 0.0]
+    assert icp.ICP(A, [-2.0, 1.0]).n == icp.ICP(A.to_numpy(), q).n == 2
+    for wrong, name in (
+        ((A[["b", "a"]], q), "A.columns"),
+        ((A, q[["b", "a"]]), "q.index"),
+        ((A, q, q[::-1]), "psi.index"),
+    ):
+        with pytest.raises(icp.InputError, match=f"{name} has other labels than A.index"):
+            icp.ICP(*wrong)

@@ -82,7 +82,9 @@ class Problem(Shown):
     (array([0.75, 0.25]), 0.75)
     """
 
-    def __init__(self, constraints: Any) -> None:
+    def __init__(self, constraints: Any, *others: Any) -> None:
+        if others:
+            raise InputError("a complementarity problem has no objective: give the list of constraints alone")
         self._constraints = _listed(constraints)
         self._conditions = [one for one in self._constraints if isinstance(one, Complementarity)]
         self._equations = [one for one in self._constraints if isinstance(one, _EQUATIONS)]

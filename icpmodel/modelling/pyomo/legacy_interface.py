@@ -22,12 +22,10 @@ from pyomo.opt.results.solution import Solution as LegacySolution
 from pyomo.opt.results.solution import SolutionStatus as LegacySolutionStatus
 from pyomo.opt.results.solver import SolverStatus
 
-from ...errors import InputError
+from ...errors import FileError, InputError
 from .solver_interface import PyomoSolver
 
-_FILES = (
-    "icpmodel runs in this process and writes no files; icpmodel.save_problem(file, read_pyomo(model).problem) does"
-)
+_FILES = "icpmodel runs in this process and writes no files; icpmodel.save_problem(read_pyomo(model), file) does"
 #: what Pyomo's solvers take and this one has no use for
 _NO_USE = {
     "keepfiles": _FILES,
@@ -53,11 +51,16 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
                 raise InputError(f"{name}: {reason}")
         if not warmstart:
             raise InputError("warmstart=False: every solve starts from the values of the variables; change these")
+        if isinstance(kwds.get("options"), str):
+            kwds["options"] = OptSolver._options_string_to_dict(kwds["options"])
         kept = self.config
         with contextlib.ExitStack() as stack:
             if logfile is not None:
                 streams = tee if isinstance(tee, (list, tuple)) else [tee]
-                tee = [*streams, stack.enter_context(open(logfile, "w", encoding="utf-8"))]
+                try:
+                    tee = [*streams, stack.enter_context(open(logfile, "w", encoding="utf-8"))]
+                except OSError as error:
+                    raise FileError(f"logfile {logfile} cannot be written: {error.strerror}") from error
             stack.callback(self.__dict__.update, config=kept)
             self.__dict__["config"] = kept(preserve_implicit=True)  # by the attribute Pyomo would write into `kept`
             return super().solve(model, tee=tee, **kwds)

@@ -44,7 +44,7 @@ class CentralPath:
         self.q, self.b = lcp.q[:n], lcp.q[n + m :]
         self.d = np.concatenate([lcp.q[n : n + m], -lcp.low[self.lower], lcp.high[self.upper]])
         self.systems = systems_of(self.frame.blocks)
-        self.steps = 0
+        self.steps, self.least = 0, np.inf
         self.x, self.nu = np.zeros(n), np.zeros(self.b.size)
         self.slack = self.multiplier = np.ones(self.d.size)
         self._look()
@@ -134,13 +134,16 @@ class CentralPath:
         return self._look()
 
     def _look(self) -> bool:
-        """Sets what is `left` of the conditions, and `error`, the largest of it and of the mean of λ_i s_i; whether
-        that is a number."""
+        """Sets what is `left` of the conditions, `error`, the largest of it and of the mean of λ_i s_i, and `best`, the
+        iterate with the least one and what looks active there; whether the error is a number."""
         self.left = self.residuals()
         mean = self.slack @ self.multiplier / max(self.slack.size, 1)
         sizes = [float(mean), *(float(np.abs(one).max()) for one in self.left if one.size)]
         self.error = max(sizes)
-        return math.isfinite(sum(sizes))  # max would lose a NaN
+        finite = math.isfinite(sum(sizes))  # max would lose a NaN
+        if finite and self.error < self.least:
+            self.least, self.best = self.error, (self.y, self.active)
+        return finite
 
     @property
     def active(self) -> Mask:

@@ -30,9 +30,6 @@ _SMALL = 1e-9
 _NONE = 1e-20
 #: bytes of an entry of a factor, and of as much again while it is made
 _BYTES = 24
-#: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column:
-#: quasidefinite matrices have factors without that, but the digits of ρ and δ are lost in them
-_THRESHOLD = 1e-2
 
 #: the search for an order of the rows ends where the cost is foreseen to be so many times that of dense factors: what
 #: is foreseen before the end was 7 times too much for a transport problem, where rows and columns are of two kinds
@@ -157,7 +154,8 @@ class SparseSystems:
         K = sp.csc_array((self.data[self.entries], self.indices, self.starts), shape=(self.rows.size,) * 2)
         K.has_canonical_format = True
         try:
-            lu = splu(K, permc_spec="NATURAL", diag_pivot_thresh=_THRESHOLD, options={"SymmetricMode": True})
+            # one row exchanged for another one would undo the order, and with it what is foreseen of the fill
+            lu = splu(K, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         except RuntimeError:
             return None
 

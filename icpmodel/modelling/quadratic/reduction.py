@@ -28,6 +28,7 @@ from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector, norm, row_of
 from ...numerics.equilibration import in_units
+from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.between import mid
 from ...theory.certificates.infeasible import Known
 from .kkt import KktBlocks
@@ -37,6 +38,8 @@ Columns = NDArray[np.int_]
 
 #: steps of conjugate gradients for the scaling; the largest power of two in it
 _SCALINGS, _LARGEST = 200, 400
+#: the share of their sizes by which bounds may cross as data and quotients are rounded
+_TOUCH = 4.0 * UNIT_ROUNDOFF
 #: what is added to the diagonal where the scaling is solved for at once
 _OPEN = 1e-6
 
@@ -125,7 +128,10 @@ class ProgramLcp:
         upper, self._upper_row = _tightest(n, frame.columns[up], value[up], frame.rows[up])
         lower, self._lower_row = _tightest(n, frame.columns[~up], -value[~up], frame.rows[~up])
         lower = -lower
-        # the quotients are rounded once each, which does not make bounds cross
+        # data and quotients are rounded once each
+        with np.errstate(invalid="ignore"):
+            touch = (lower > upper) & (lower - upper <= _TOUCH * (np.abs(lower) + np.abs(upper)))
+        lower = np.where(touch, upper, lower)
         self.bounds_cross = bool((lower > upper).any())
         low = np.where(frame.turned, -upper, lower)
         high = np.where(frame.both, np.maximum(lower, upper), np.inf)
@@ -151,6 +157,10 @@ class ProgramLcp:
             D = self.frame.D
         size = np.floor(max((of_q + D).max(), (of_c - D[:n]).max()))
         return D, int(np.clip(size, -_LARGEST, _LARGEST)) if np.isfinite(size) else 0
+
+    def is_as(self, other: ProgramLcp) -> bool:
+        """Whether it is the same in the same units as an `other` one of the same program."""
+        return np.array_equal(self.unit, other.unit) and np.array_equal(self._force, other._force)
 
     @cached_property
     def below(self) -> ICP:

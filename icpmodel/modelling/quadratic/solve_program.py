@@ -131,8 +131,12 @@ def _outcome(
     best, steps, ended, judge = Judged(), 0, None, Judge(ProgramLcp(program, frame), tolerance)
     if judge.lcp.bounds_cross:
         return ProgramOutcome("infeasible", f"the bounds of a variable contradict each other, {EXACTLY}")
+    tried: list[ProgramLcp] = []
     for units in _UNITS:
         judge = Judge(ProgramLcp(program, frame, **units), tolerance) if units else judge
+        if any(map(judge.lcp.is_as, tried)):
+            continue
+        tried.append(judge.lcp)
         ended, made = _sought(judge, active, start)
         steps += made
         best = min(best, judge.best, key=lambda one: one[:2])
@@ -173,7 +177,7 @@ def _sought(judge: Judge, active: Mask | None, start: Vector | None) -> tuple[st
         return _followed(path, judge), path.steps
     except OutOfTime:
         if path is not None:
-            judge.asked(path.y, path.active)
+            judge.asked(*path.best)
         return "user_limit", 0 if path is None else path.steps
 
 
@@ -223,7 +227,7 @@ def _followed(path: CentralPath, judge: Judge) -> tuple[str, str] | None:
         if waited > _PATIENCE or not path.advance():
             break
     if proof is None:
-        judge.asked(path.y, path.active)
+        judge.asked(*path.best)
     return proof
 
 

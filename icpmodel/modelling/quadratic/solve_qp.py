@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from ...errors import InputError, NotSolved
 from ...numerics.arrays import Vector, as_array, as_csr, as_number, as_real, as_truth, as_vector, axes, row_of
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered
+from ...present.shown import Shown
 from ...theory.matrices.definiteness import definiteness
 from .program import Program
 from .solve_program import solve_program
@@ -21,7 +22,7 @@ _DENSE = 4000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class QpSolution:
+class QpSolution(Shown):
     """What `solve_qp` found.
 
     `x` of shape (n,); the multipliers `y` of Ax = b, of any sign, `z` ≥ 0 of Gx ≤ h, and `z_box` of the bounds, ≥ 0
@@ -118,7 +119,7 @@ def solve_qp(
     found = solve_program(program, tolerance=tolerance, time_limit=left, start=start)
     x, y, multipliers = found.values or tuple(np.full(size, np.nan) for size in (n, b.size, program.g.size))
     z, of_low, of_high = np.split(multipliers, [h.size, h.size + np.count_nonzero(below)])
-    z_box = np.zeros(n)
+    z_box = np.zeros(n) if found.values else np.full(n, np.nan)
     z_box[below] -= of_low
     z_box[above] += of_high
     violation = program.violation(x, y, multipliers) if found.values else np.nan

@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import FileError, InputError
 from ...numerics.arrays import described
 from ...numerics.plugins import in_notebook
-from ...present.table import Table
+from ...present.table import Table, must_be_ours
 
 Name = TypeVar("Name", bound=Hashable)
 
@@ -192,10 +192,17 @@ def write(figure: Figure, path: Path, command: str = "") -> Figure:
     return figure
 
 
+def data_file(picture: Path) -> Path:
+    """The .csv beside the `picture`. Raises FileError where another one is there than `save` writes."""
+    data = picture.with_suffix(".csv")
+    must_be_ours(data, "# icpmodel")
+    return data
+
+
 def save(figure: Figure, path: Any, table: Table, command: str) -> list[Path]:
     """Write `figure`, and beside it `table` as .csv, whose first line has the `command`. Returns both paths."""
     path = picture_file(path)
-    data = path.with_suffix(".csv")
+    data = data_file(path)
     write(figure, path, command)
     try:
         data.write_text(f"# {command}\n{table.to_csv()}", encoding="utf-8")
