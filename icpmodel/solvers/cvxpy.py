@@ -142,6 +142,19 @@ class CvxpyOsqp(_ThroughCvxpy):
     name, package, solver = "cvxpy-osqp", "osqp", "OSQP"
     options = staticmethod(osqp_options)
 
+    def run(self, model: Any) -> Claim:
+        """In the steps of CVXPY's `solve`, of which the last one would make an error of OSQP's word for Ctrl-C."""
+        import osqp
+
+        problem, options = model
+        with warnings.catch_warnings(action="ignore"):
+            data, chain, inverse = problem.get_problem_data(self.solver)
+            found = chain.solve_via_data(problem, data, solver_opts=options)
+            if found.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
+                raise KeyboardInterrupt
+            problem.unpack_results(found, chain, inverse)
+        return Claim(problem.var_dict["z"].value, problem.status, problem.status == "optimal")
+
 
 class CvxpyHighs(_ThroughCvxpy):
     """HiGHS's active-set QP solver through CVXPY, of n ≤ 1000.
