@@ -9,6 +9,7 @@ from .hindsight import choice, summary_of
 from .honesty.audit import honesty
 from .iterations import grid_order, sweep_cost, sweep_counts, tuned_and_automatic
 from .memory import memory
+from .programs import program_cost
 
 __all__ = [
     "benchmark",
@@ -25,6 +26,7 @@ __all__ = [
     "honesty",
     "impulse_cost",
     "memory",
+    "program_cost",
     "reading_cost",
     "small_cost",
     "solve_cost",

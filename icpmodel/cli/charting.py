@@ -154,6 +154,7 @@ _COMMANDS: dict[str, Callable[..., Table]] = {
     "limit": benchmarks.solve_cost,
     "honesty": benchmarks.honesty,
     "modelling": benchmarks.reading_cost,
+    "programs": benchmarks.program_cost,
     "dominant": benchmarks.dominant_cost,
     "impulse": benchmarks.impulse_cost,
     "small": benchmarks.small_cost,

@@ -13,6 +13,7 @@ from icpmodel.benchmarks import (
     dominant_cost,
     grid_order,
     impulse_cost,
+    program_cost,
     reading_cost,
     small_cost,
     solve_cost,
@@ -184,3 +185,14 @@ def test_reading_a_model_is_compared_with_its_languages_writer():
         assert lowest <= ratio <= highest
     with pytest.raises(icp.InputError, match="repeats is 2"):
         reading_cost(repeats=2)
+
+
+def test_programs_inside_cvxpy_are_compared_with_its_own_solvers():
+    table = program_cost(size=10, repeats=3)
+    assert {row[1] for row in table.rows} == {"CLARABEL", "OSQP"}
+    for _, _, ours, other, ratio, lowest, highest, off in table.rows:
+        assert min(ours, other) > 0
+        assert lowest <= ratio <= highest
+        assert off < 1e-2  # OSQP at its defaults
+    with pytest.raises(icp.InputError, match="size is 3"):
+        program_cost(size=3)
