@@ -435,3 +435,24 @@ def test_proofs_hold_with_bounds_on_both_sides():
     held = solve(cp.Problem(cp.Minimize(-w @ x - y[0]), [*box, y[0] + x[0] <= 2, y[0] >= y[1], y[1] == 0]))
     assert held.value == pytest.approx(-4)
     assert box[1].dual_value == pytest.approx([0, 2, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_program_whose_data_are_all_new_is_solved_by_what_is_known_of_its_matrices(seed):
+    """By pivots, where they are expected to cost less than the path; the answer is that of a fresh problem."""
+    rng = np.random.default_rng(seed)
+    G, L = rng.normal(size=(12, 6)), np.linalg.cholesky(np.cov(rng.normal(size=(6, 40))))
+
+    def built():
+        x, q, h = cp.Variable(6), cp.Parameter(6), cp.Parameter(12)
+        return cp.Problem(cp.Minimize(0.5 * cp.sum_squares(L.T @ x) + q @ x), [G @ x <= h]), q, h
+
+    (kept, *parameters), steps = built(), []
+    for _ in range(6):
+        fresh, *its = built()
+        for one, other, value in zip(parameters, its, (rng.normal(size=6), rng.random(12)), strict=True):
+            one.value = other.value = value
+        kept.solve(solver=icp.cvxpy_solver())
+        assert kept.value == pytest.approx(fresh.solve(solver=icp.cvxpy_solver()), rel=1e-8, abs=1e-8)
+        steps.append((kept.solver_stats.num_iters, fresh.solver_stats.num_iters))
+    assert sum(one for one, _ in steps[1:]) < sum(other for _, other in steps[1:])

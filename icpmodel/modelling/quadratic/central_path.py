@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...numerics.arrays import Vector
-from .kkt import Solve, systems_of
+from .kkt import Solve
 from .reduction import ProgramLcp
 
 Mask = NDArray[np.bool_]
@@ -43,7 +43,7 @@ class CentralPath:
         self.lower, self.upper = np.flatnonzero(lcp.low > -np.inf), np.flatnonzero(lcp.high < np.inf)
         self.q, self.b = lcp.q[:n], lcp.q[n + m :]
         self.d = np.concatenate([lcp.q[n : n + m], -lcp.low[self.lower], lcp.high[self.upper]])
-        self.systems = systems_of(self.frame.blocks)
+        self.systems = self.frame.systems
         self.steps, self.least = 0, np.inf
         self.x, self.nu = np.zeros(n), np.zeros(self.b.size)
         self.slack = self.multiplier = np.ones(self.d.size)

@@ -28,6 +28,9 @@ from .program import handy
 _SMALL = 1e-9
 #: a smaller weight counts as none
 _NONE = 1e-20
+#: a row is exchanged for another one where a pivot has lost half of its digits, √u beside the largest entry of its
+#: column; more exchanges undo the order of the rows, and with it what is foreseen of the fill
+_THRESHOLD = 1e-8
 #: bytes of an entry of a factor, and of as much again while it is made
 _BYTES = 24
 
@@ -154,8 +157,7 @@ class SparseSystems:
         K = sp.csc_array((self.data[self.entries], self.indices, self.starts), shape=(self.rows.size,) * 2)
         K.has_canonical_format = True
         try:
-            # one row exchanged for another one would undo the order, and with it what is foreseen of the fill
-            lu = splu(K, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            lu = splu(K, permc_spec="NATURAL", diag_pivot_thresh=_THRESHOLD, options={"SymmetricMode": True})
         except RuntimeError:
             return None
 
@@ -226,7 +228,10 @@ def _fits(blocks: KktBlocks) -> bool:
     return work.fits(8.0 * (blocks.n + blocks.m + blocks.k) * (blocks.n + blocks.k))
 
 
-def systems_of(blocks: KktBlocks, may_be_soft: bool = True) -> DenseSystems | SparseSystems | SoftRows:
+Systems = DenseSystems | SparseSystems | SoftRows
+
+
+def systems_of(blocks: KktBlocks, may_be_soft: bool = True) -> Systems:
     """Those that are foreseen to cost less. Raises OutOfTime and OutOfMemory where neither can be afforded."""
     if may_be_soft and blocks.m and dense_cost(blocks) > _ELIMINATING:
         eliminated, rows = soft(blocks)

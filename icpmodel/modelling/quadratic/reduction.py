@@ -31,7 +31,7 @@ from ...numerics.equilibration import in_units
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.between import mid
 from ...theory.certificates.infeasible import Known
-from .kkt import KktBlocks
+from .kkt import KktBlocks, Systems, systems_of
 from .program import Matrices, Program, handy
 
 Columns = NDArray[np.int_]
@@ -85,6 +85,8 @@ class Frame:
         other.D = self.D + np.where(np.arange(self.D.size) < self.n, -by, by)
         if not self.is_linear:
             other.P = in_units(self.P, np.full(self.n, -2 * by))
+            for known in ("conditions", "systems"):
+                other.__dict__.pop(known, None)
         return other
 
     @property
@@ -92,14 +94,21 @@ class Frame:
         return KktBlocks(self.P, self.E, self.A)
 
     @cached_property
+    def systems(self) -> Systems:
+        """The linear systems of all steps of all programs that share this frame: in which order, is found out once."""
+        return systems_of(self.blocks)
+
+    @cached_property
     def is_linear(self) -> bool:
         """Whether P = 0."""
         return not (self.P.data if sp.issparse(self.P) else self.P).any()
 
-    @property
-    def lcp_matrix(self) -> sp.csr_array:
+    @cached_property
+    def conditions(self) -> ICP:
+        """The ICP for q = 0 and without bounds, from which programs that share this frame have all that is of A."""
         P, E, A = map(sp.csr_array, (self.P, self.E, self.A))
-        return sp.csr_array(sp.block_array([[P, E.T, A.T], [-E, None, None], [-A, None, None]]))
+        M = sp.csr_array(sp.block_array([[P, E.T, A.T], [-E, None, None], [-A, None, None]]))
+        return ICP(M, np.zeros(M.shape[0]), np.repeat([-np.inf, 0.0, -np.inf], [self.n, self.m, self.k]))
 
 
 def _scaled(M: Any, rows: Any, columns: Any, left: Vector | None, right: Vector) -> Any:
@@ -165,8 +174,10 @@ class ProgramLcp:
     @cached_property
     def below(self) -> ICP:
         """The ICP without the obstacle above."""
-        frame = self.frame
-        return ICP(frame.lcp_matrix, self.q, np.concatenate([self.low, np.zeros(frame.m), np.full(frame.k, -np.inf)]))
+        frame, problem = self.frame, self.frame.conditions.with_q(self.q)
+        if np.isneginf(self.low).all():
+            return problem
+        return problem.with_psi(np.concatenate([self.low, np.zeros(frame.m), np.full(frame.k, -np.inf)]))
 
     @cached_property
     def problem(self) -> ICP:

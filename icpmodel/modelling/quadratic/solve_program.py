@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import OutOfTime
+from ...errors import OutOfTime, SingularOperator
+from ...methods.pivots import Lemke
 from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.threads import one_blas_thread
@@ -38,8 +38,8 @@ _UNITS: tuple[dict[str, bool], ...] = (
     {"by_bounds": False, "as_linear": True},
     {"as_linear": True},
 )
-#: nanoseconds that it takes to tell BLAS to use one thread
-_SAYING = 12_000.0
+#: steps of a path, and calls of NumPy in each of them: 6 – 12 and 30, dense programs with 5 – 200 unknowns
+_PATH, _CALLS = 9, 30
 #: what counts as less, and as much less
 _LESS, _FALLEN = 0.9, 0.5
 #: a direction is tried as a proof if what is wrong with it is so small beside what it shows, and a tenth each time
@@ -118,8 +118,7 @@ def solve_program(
     if not np.isfinite(program.b).all() or np.isneginf(program.g).any():
         return ProgramOutcome("infeasible", "a right-hand side is infinite")
     frame = Frame(program.matrices, program.g < np.inf) if frame is None else frame
-    alone = one_blas_thread() if dense_cost(frame.blocks) > _SAYING else nullcontext()
-    with work.within(time_limit), alone:
+    with work.within(time_limit), one_blas_thread():
         outcome = _outcome(program, frame, tolerance, active, start)
     return replace(outcome, seconds=time.perf_counter() - begin)
 
@@ -172,13 +171,18 @@ def _sought(judge: Judge, active: Mask | None, start: Vector | None) -> tuple[st
                 return None, found.iterations
         path = CentralPath(lcp)
         active = active if start is None else path.tight(start)
-        if active is not None and active.size == path.d.size and _corrected(path, judge, active):
+        if active is not None and active.size == path.d.size and _quickly(path, judge, active, start is None):
             return None, path.steps
         return _followed(path, judge), path.steps
     except OutOfTime:
         if path is not None:
             judge.asked(*path.best)
         return "user_limit", 0 if path is None else path.steps
+
+
+def _quickly(path: CentralPath, judge: Judge, active: Mask, again: bool) -> bool:
+    """Whether the answer is found from these signs, or by what is known where a program is solved `again`."""
+    return _corrected(path, judge, active) or (again and _pivoted(path, judge))
 
 
 def _corrected(path: CentralPath, judge: Judge, active: Mask) -> bool:
@@ -196,6 +200,26 @@ def _corrected(path: CentralPath, judge: Judge, active: Mask) -> bool:
             return False
         least, active = wrong, found[1] > path.d - path.rows(found[0])
     return False
+
+
+def _pivoted(path: CentralPath, judge: Judge) -> bool:
+    """Whether Lemke's pivots, where they are expected to cost less than the path, end at the answer. What they need to
+    know of the matrix is known where a program like this one was solved before."""
+    problem, pivots, blocks = judge.lcp.problem, Lemke(), judge.lcp.frame.blocks
+    if not is_dense(blocks) or pivots.why_not(problem) is not None:
+        return False
+    foreseen = pivots.estimate(problem.facts, judge.tolerance)
+    cost = (foreseen.setup + foreseen.steps * foreseen.step) * problem.matrix.unit
+    if cost > _PATH * (dense_cost(blocks) + _CALLS * work.COSTS.call):
+        return False
+    path.steps += 1
+    try:
+        found = problem.solve(pivots, rtol=0.0, atol=judge.tolerance, raise_on_failure=False)
+    except SingularOperator:
+        return False
+    if found.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return found.solved and judge.asked(found.z, path.tight(judge.lcp.back(found.z)[0]))
 
 
 def _followed(path: CentralPath, judge: Judge) -> tuple[str, str] | None:
