@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from ...errors import InputError, NotSolved
 from ...numerics.arrays import Vector, as_array, as_csr, as_number, as_real, as_truth, as_vector, axes, row_of
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered
+from ...numerics.threads import one_blas_thread
 from ...present.shown import Shown
 from ...theory.matrices.definiteness import definiteness
 from .program import Program
@@ -177,8 +178,9 @@ def _check_form(P: sp.csr_array) -> None:
         unit = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
         scaled = P.toarray() * unit * unit[:, None]
         scaled[np.diag_indices_from(scaled)] += 8.0 * (P.shape[0] + 1) * UNIT_ROUNDOFF
-        if dpotrf(scaled, lower=1, overwrite_a=1)[1] == 0:
-            return
+        with one_blas_thread():
+            if dpotrf(scaled, lower=1, overwrite_a=1)[1] == 0:
+                return
     answer = definiteness(P)[1]
     if answer.holds is False:
         raise InputError(f"P is not positive semidefinite, so that the program is not convex: {answer.reason}")
