@@ -18,6 +18,7 @@ from ..study import report as make_report
 from ..study import stability as map_stability
 from ..study.charts.figures import Figure, data_file, picture_file, save
 from ..study.charts.table_charts import benchmark_figures, choice_figure, memory_figure
+from ..study.html_report import said_of
 from ..study.planes import PLANES
 from .arguments import (
     METHOD,
@@ -97,8 +98,8 @@ def race(methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None,
     """Time against error on SOURCE: own methods and foreign solvers at every tolerance, in turn."""
     must_be_a_picture(output)
     problem, scene = named_problem(arguments)
-    asked = {name: arguments[name] for name in _TIMINGS} | {"z_exact": scene and scene.z_exact}
-    run = lambda: run_race(problem, methods or None, solvers or None, **asked, progress=True, command=typed())  # noqa: E731
+    asked = {name: arguments[name] for name in _TIMINGS}
+    run = lambda: run_race(scene or problem, methods or None, solvers or None, **asked, progress=True, command=typed())  # noqa: E731
     return _shown(run, output, as_csv, "this is what was measured before")
 
 
@@ -131,10 +132,7 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     must_be_writable(output, ".html")
     problem, scene = named_problem(arguments)
     method = named_method(arguments)
-    about: dict[str, Any] = {"title": arguments["source"] or arguments["a_file"]}
-    if scene is not None:
-        known = {"points": scene.points, "z_exact": scene.z_exact}
-        about = {"title": f"{scene.name}: {scene.title}", "about": scene.models} | known
+    about = {"title": arguments["source"] or arguments["a_file"]} if scene is None else said_of(scene)
     with status_line(True) as say:
         say("solving")
         solution = problem.solve(method, z0=scene and scene.z0, raise_on_failure=False)

@@ -111,7 +111,7 @@ class Scene(ReadOnly, Plotted):
         Parameters: `path` and `ax` as there; `solution` of the scene's problem, by default what `solve` finds.
         Returns the matplotlib figure. Raises InputError, and FileError where the file cannot be written.
         """
-        return public("study").plot(self if solution is None else solution, path, ax=ax, points=self.points)
+        return public("study").plot(self if solution is None else solution, path, ax=ax)
 
 
 Builder = Callable[..., Scene]

@@ -124,8 +124,12 @@ class _ThroughCvxpy(ForeignSolver):
     def run(self, model: Any) -> Claim:
         problem, options = model
         with warnings.catch_warnings(action="ignore"):
-            problem.solve(solver=self.solver, **options)
+            self.solve(problem, options)
         return Claim(problem.var_dict["z"].value, problem.status, problem.status == "optimal")
+
+    def solve(self, problem: Any, options: dict[str, Any]) -> None:
+        """Solve CVXPY's `problem`."""
+        problem.solve(solver=self.solver, **options)
 
 
 class CvxpyClarabel(_ThroughCvxpy):
@@ -142,18 +146,15 @@ class CvxpyOsqp(_ThroughCvxpy):
     name, package, solver = "cvxpy-osqp", "osqp", "OSQP"
     options = staticmethod(osqp_options)
 
-    def run(self, model: Any) -> Claim:
+    def solve(self, problem: Any, options: dict[str, Any]) -> None:
         """In the steps of CVXPY's `solve`, of which the last one would make an error of OSQP's word for Ctrl-C."""
         import osqp
 
-        problem, options = model
-        with warnings.catch_warnings(action="ignore"):
-            data, chain, inverse = problem.get_problem_data(self.solver)
-            found = chain.solve_via_data(problem, data, solver_opts=options)
-            if found.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
-                raise KeyboardInterrupt
-            problem.unpack_results(found, chain, inverse)
-        return Claim(problem.var_dict["z"].value, problem.status, problem.status == "optimal")
+        data, chain, inverse = problem.get_problem_data(self.solver)
+        found = chain.solve_via_data(problem, data, solver_opts=options)
+        if found.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
+            raise KeyboardInterrupt
+        problem.unpack_results(found, chain, inverse)
 
 
 class CvxpyHighs(_ThroughCvxpy):

@@ -6,6 +6,7 @@ import io
 import re
 import zlib
 from collections.abc import Callable
+from typing import Any
 
 from ..crosscheck.check import crosscheck
 from ..errors import IcpError, InputError
@@ -13,6 +14,7 @@ from ..explain.explanation import explain
 from ..numerics.arrays import Vector, as_number
 from ..present.rendering import render
 from ..problem.data import ProblemData, ProblemLike
+from ..scenes import Scene
 from ..solve.driver import solve
 from ..solve.solution import Solution
 from .cases import scene_of
@@ -44,7 +46,7 @@ def report(
     What cannot be done, such as a cross-check of a problem that is too large, is said in its place.
     Parameters: `problem`, which is solved first, or a `Solution`, solved or not; `title` and `about`, text; `points` as
     in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene or
-    names one, these four are by default what it says of itself; `command` what makes the page again; `time_limit` in
+    names one, these are by default what it says of itself; `command` what makes the page again; `time_limit` in
     seconds for each independent solver; `say` is told what is going on. Returns the HTML text, about a megabyte at the
     most, with the figures in it as SVG. Raises InputError.
 
@@ -53,16 +55,15 @@ def report(
     (True, True)
     """
     time_limit = as_number(time_limit, "time_limit", above=0.0)
-    start = None
     if (scene := scene_of(problem)) is not None:
-        title, about = title or f"{scene.name}: {scene.title}", about or scene.models
-        points, z_exact = scene.points if points is None else points, scene.z_exact if z_exact is None else z_exact
-        problem, start = scene.problem, scene.z0
+        known = said_of(scene)
+        title, about = title or known["title"], about or known["about"]
+        z_exact = known["z_exact"] if z_exact is None else z_exact
     if isinstance(problem, Solution):
         solution = problem
     else:
         say("solving")
-        solution = solve(problem, z0=start, raise_on_failure=False)
+        solution = solve(problem, raise_on_failure=False) if scene is None else scene.solution()
     problem = solution.problem
     title = title or repr(problem)
     # what makes each section: its HTML "page", its "picture" as SVG, its plain "text", or several of these
@@ -85,6 +86,11 @@ def report(
     return render("report.html", title=title, about=about, machine=machine(), command=command, sections=sections)
 
 
+def said_of(scene: Scene) -> dict[str, Any]:
+    """What a page on the `scene` takes from it: its title, what it models, and its reference."""
+    return {"title": f"{scene.name}: {scene.title}", "about": scene.models, "z_exact": scene.z_exact}
+
+
 def _map(problem: ProblemData) -> dict[str, str]:
     if problem.n > _MAP_UP_TO:
         raise InputError(f"a map solves the problem hundreds of times, which is done up to n = {_MAP_UP_TO}")
@@ -95,8 +101,7 @@ def _map(problem: ProblemData) -> dict[str, str]:
 def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> dict[str, str]:
     limit = min(_RACE_LIMIT, time_limit)
     found = race(problem, z_exact=z_exact, tolerances=_TOLERANCES, repeats=1, time_limit=limit)
-    left_out = "\n".join(f"{name}: left out, {reason}" for name, reason in found.skipped)
-    return {"picture": _svg(found.figure()), "text": left_out}
+    return {"picture": _svg(found.figure()), "text": "\n".join(found.left_out())}
 
 
 def _svg(figure: Figure) -> str:

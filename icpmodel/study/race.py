@@ -81,7 +81,11 @@ class Race(Plotted, Tabular):
 
     def notes(self) -> list[str]:
         """What is said below the table, in sentences, the `winner` last."""
-        return [*(f"{name}: left out, {reason}" for name, reason in self.skipped), self.winner]
+        return [*self.left_out(), self.winner]
+
+    def left_out(self) -> list[str]:
+        """Who did not take part, and why."""
+        return [f"{name}: left out, {reason}" for name, reason in self.skipped]
 
     def __str__(self) -> str:
         return "\n".join([str(self.table()), *map(folded, self.notes())])

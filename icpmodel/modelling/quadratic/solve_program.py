@@ -11,11 +11,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import OutOfTime, SingularOperator
+from ...methods.contract import Method
 from ...methods.pivots import Lemke
 from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.threads import one_blas_thread
-from ...solve.solution import Status
+from ...solve.solution import Solution, Status
 from .central_path import CentralPath, Mask
 from .kkt import dense_cost, is_dense
 from .program import Program
@@ -160,11 +161,7 @@ def _sought(judge: Judge, active: Mask | None, start: Vector | None) -> tuple[st
     lcp, path = judge.lcp, None
     try:
         if lcp.only_bounds and not is_dense(lcp.frame.blocks):
-            left = 1e-9 * work.nanoseconds_left()
-            limit = left if left < np.inf else None
-            found = lcp.problem.solve(rtol=0.0, atol=judge.tolerance, time_limit=limit, raise_on_failure=False)
-            if found.status is Status.INTERRUPTED:
-                raise KeyboardInterrupt
+            found = _by_icp(judge)
             if found.status is Status.INFEASIBLE:
                 return ("dual", EXACTLY), found.iterations
             if judge.asked(found.z, np.zeros(0, bool)):
@@ -178,6 +175,16 @@ def _sought(judge: Judge, active: Mask | None, start: Vector | None) -> tuple[st
         if path is not None:
             judge.asked(*path.best)
         return "user_limit", 0 if path is None else path.steps
+
+
+def _by_icp(judge: Judge, method: Method | None = None) -> Solution:
+    """What `icpmodel.solve` finds in the time that is left. Raises KeyboardInterrupt after Ctrl-C."""
+    left = 1e-9 * work.nanoseconds_left()
+    limit = left if left < np.inf else None
+    found = judge.lcp.problem.solve(method, rtol=0.0, atol=judge.tolerance, time_limit=limit, raise_on_failure=False)
+    if found.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return found
 
 
 def _quickly(path: CentralPath, judge: Judge, active: Mask, again: bool) -> bool:
@@ -214,11 +221,9 @@ def _pivoted(path: CentralPath, judge: Judge) -> bool:
         return False
     path.steps += 1
     try:
-        found = problem.solve(pivots, rtol=0.0, atol=judge.tolerance, raise_on_failure=False)
+        found = _by_icp(judge, pivots)
     except SingularOperator:
         return False
-    if found.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
     return found.solved and judge.asked(found.z, path.tight(judge.lcp.back(found.z)[0]))
 
 

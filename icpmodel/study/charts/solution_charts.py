@@ -46,7 +46,7 @@ def _(solution: Solution, points: Any = None) -> Drawing:
 
 @drawing.register
 def _(scene: Scene, points: Any = None) -> Drawing:
-    return drawing(scene.solution(), scene.points if points is None else points)
+    return drawing(scene.solution(), points)
 
 
 @drawing.register
