@@ -1,4 +1,5 @@
 from . import benchmarks as benchmarks
+from . import derivatives as derivatives
 from . import methods as methods
 from . import scenes as scenes
 from . import solvers as solvers

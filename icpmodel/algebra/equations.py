@@ -54,6 +54,10 @@ class Pattern(NamedTuple):
         taken = above > a
         return cls(np.where(taken, above, r), (r < a) | taken, taken)
 
+    def sides(self) -> tuple[NDArray[np.bool_], ...]:
+        """The rows that take the obstacle below, and where there is one above, those that take that one."""
+        return (self.active,) if self.above is None else (self.active & ~self.above, self.above)
+
     def is_that_of(self, other: Pattern) -> bool:
         """Whether every row takes the same side."""
         same = np.array_equal(self.active, other.active)

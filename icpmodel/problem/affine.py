@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze
+from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, row_of
 from .map import Map
 
 
@@ -74,6 +74,18 @@ class Constant(Map):
         return f"Constant({low:g})" if low == high else f"Constant({low:g} ... {high:g})"
 
 
+class AffineData(NamedTuple):
+    """What an affine ψ is made of, or a change of it, or a gradient: `G`, CSR, shape (n, n), and `c`, shape (n,).
+
+    >>> psi = icp.Affine([[0.5]], [1.0]).bind(1)
+    >>> psi.data_gradient(np.array([3.0]), np.array([2.0])).c
+    array([2.])
+    """
+
+    G: sp.csr_array
+    c: Vector
+
+
 class Affine(Map):
     """ψ(z) = Gz + c. Its Lipschitz matrix is |G|.
 
@@ -127,6 +139,17 @@ class Affine(Map):
         G = self.G.copy()
         G.data = moved(G.data)
         return Affine(G, moved(self.c))
+
+    def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
+        if not isinstance(change, tuple):
+            return super().data_change(z, change, name)
+        if len(change) != 2:
+            raise InputError(f"{name} has {len(change)} parts; (dG, dc) was expected, or dc alone")
+        return as_csr(change[0], f"{name}[0]", z.size), as_vector(change[1], z.size, f"{name}[1]")
+
+    def data_gradient(self, z: Vector, weight: Vector) -> AffineData:
+        G = self.G
+        return AffineData(sp.csr_array((weight[row_of(G)] * z[G.indices], G.indices, G.indptr), shape=G.shape), weight)
 
     def __repr__(self) -> str:
         return f"Affine(G with {self.G.nnz} entries)"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -123,33 +123,57 @@ class Between(Map):
         return f"Between({self.lower!r}, {self.upper!r})"
 
 
-class Chosen(Map):
-    """The one obstacle that is `psi.upper` in the rows `above`, a mask of shape (n,), and ψ itself in the others."""
+class Rowwise(Map):
+    """The one obstacle whose row i is that of `maps[which[i]]`; `which` of shape (n,)."""
 
-    def __init__(self, psi: Map, above: NDArray[np.bool_]) -> None:
-        assert psi.upper is not None
-        self.sides, self.above = (psi, psi.upper), above
-        self.is_constant = psi.is_constant
+    def __init__(self, maps: Sequence[Map], which: NDArray[np.integer]) -> None:
+        self.maps, self.which = tuple(maps), which
+        self.is_constant = all(one.is_constant for one in maps)
+        self.at_users_word = any(one.at_users_word for one in maps)
+        self.takes_best = any(one.takes_best for one in maps)
 
-    def bind(self, n: int) -> Chosen:
+    def bind(self, n: int) -> Rowwise:
         return self
 
     def value(self, z: Vector) -> Vector:
-        below, above = (one.value(z) for one in self.sides)
-        return np.where(self.above, above, below)
+        return self._of_rows([one.value(z) for one in self.maps])
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
-        below, above = (one.jacobian(z) for one in self.sides)
-        if below is None or above is None:
-            return None
-        if not (below.nnz or above.nnz):
-            return below
-        keep, take = (sp.diags_array(mask.astype(np.float64)) for mask in (~self.above, self.above))
-        return sp.csr_array(keep @ below + take @ above)
+        return self._matrix([one.jacobian(z) for one in self.maps])
 
     def slopes(self, z: Vector) -> Vector | None:
-        below, above = (one.slopes(z) for one in self.sides)
-        return None if below is None or above is None else np.where(self.above, above, below)
+        known = [slope for one in self.maps if (slope := one.slopes(z)) is not None]
+        return self._of_rows(known) if len(known) == len(self.maps) else None
+
+    @cached_property
+    def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
+        return self._matrix([one.lipschitz for one in self.maps])
+
+    @cached_property
+    def linear(self) -> tuple[sp.csr_array, Vector] | None:  # type: ignore[override]
+        known = [one.linear for one in self.maps if one.linear is not None]
+        G = self._matrix([G for G, _ in known]) if len(known) == len(self.maps) else None
+        return None if G is None else (G, self._of_rows([c for _, c in known]))
+
+    def _of_rows(self, vectors: Sequence[Vector]) -> Vector:
+        result = vectors[0]
+        for k, vector in enumerate(vectors[1:], 1):
+            result = np.where(self.which == k, vector, result)
+        return result
+
+    def _matrix(self, matrices: Sequence[sp.csr_array | None]) -> sp.csr_array | None:
+        known = [matrix for matrix in matrices if matrix is not None]
+        if len(known) < len(matrices):
+            return None
+        if not any(matrix.nnz for matrix in known):
+            return known[0]
+        taken = (sp.diags_array((self.which == k).astype(np.float64)) @ matrix for k, matrix in enumerate(known))
+        return sp.csr_array(sum(taken, start=sp.csr_array(known[0].shape)))
+
+
+def sides_of(psi: Map) -> tuple[Map, ...]:
+    """The obstacle below z, and the one above it where there is one."""
+    return (psi.lower, psi.upper) if isinstance(psi, Between) else (psi,)
 
 
 def values(psi: Map, z: Vector) -> Any:
@@ -159,7 +183,7 @@ def values(psi: Map, z: Vector) -> Any:
 
 def chosen(psi: Map, above: NDArray[np.bool_] | None) -> Map:
     """`psi` as one obstacle, in the rows that are `above` the one above z; itself where there is none above."""
-    return psi if psi.upper is None or above is None else Chosen(psi, above)
+    return psi if psi.upper is None or above is None else Rowwise((psi, psi.upper), above.astype(np.intp))
 
 
 def mid(p: Vector, below: Vector, above: Vector | None = None) -> Vector:

@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_vector
 from .map import Map
-from .user_code import as_function, call_user, diagonal_lipschitz, is_compiled
+from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, is_compiled
 
 
-class Elementwise(Map):
+class Elementwise(Parametrised):
     """ψ_i(z) = f(z_i) + c_i: every row's obstacle moves with its own unknown.
 
     Parameters: `f` a function of an array of shape (n,), applied entry by entry (NumPy style), or a scalar function
     compiled with `numba.njit`, which then runs inside the compiled sweeps; `derivative` of f, in the same style;
-    `lipschitz` a number or vector ℓ ≥ 0 with |f(s) − f(t)| ≤ ℓ_i|s − t|; `c` a number or vector of shape (n,).
+    `lipschitz` a number or vector ℓ ≥ 0 with |f(s) − f(t)| ≤ ℓ_i|s − t|; `c` a number or vector of shape (n,);
+    `parameter_derivative`, for `Solution.derivative`, maps z to the derivative of ψ(z) in m parameters of yours, shape
+    (n, m), dense or sparse, or (n,) where there is one: they then are what ψ is made of, c no longer.
     The Lipschitz matrix is diag(ℓ).
 
     >>> psi = Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), lipschitz=0.3, c=1.0).bind(2)
@@ -38,7 +40,10 @@ class Elementwise(Map):
         derivative: Callable[[Any], Any] | None = None,
         lipschitz: Any = None,
         c: Any = 0.0,
+        *,
+        parameter_derivative: Callable[[Vector], Any] | None = None,
     ) -> None:
+        super().__init__(parameter_derivative)
         self.f = as_function(f, "psi.f")
         self.derivative = None if derivative is None else as_function(derivative, "psi.derivative")
         self.given_lipschitz = lipschitz
@@ -49,7 +54,9 @@ class Elementwise(Map):
     def bind(self, n: int) -> Elementwise:
         c = as_vector(self.c, n, "psi.c", infinite=np.inf)
         c.flags.writeable = False
-        bound = Elementwise(self.f, self.derivative, self.given_lipschitz, c)
+        bound = Elementwise(
+            self.f, self.derivative, self.given_lipschitz, c, parameter_derivative=self.parameter_derivative
+        )
         if self.given_lipschitz is not None:
             bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n)
         return bound

@@ -10,16 +10,17 @@ import scipy.sparse as sp
 
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_csr
-from .map import Map
-from .user_code import as_function, call_user, diagonal_lipschitz, raising_map_error
+from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, raising_map_error
 
 
-class Function(Map):
+class Function(Parametrised):
     """ψ given by a Python function of the whole vector.
 
     Parameters: `fun` maps shape (n,) to shape (n,); `jacobian`, if known, maps z to an element of the generalised
     Jacobian, shape (n, n), dense or sparse; `lipschitz`, if known, the matrix G ≥ 0, shape (n, n), or a number or
-    vector that stands for diag(ℓ) and thus says that ψ_i depends on z_i only.
+    vector that stands for diag(ℓ) and thus says that ψ_i depends on z_i only; `parameter_derivative`, for
+    `Solution.derivative`, maps z to the derivative of ψ(z) in m parameters of yours, shape (n, m), dense or sparse, or
+    (n,) where there is one.
 
     >>> psi = Function(lambda z: 0.5 * z[::-1], lipschitz=[[0, 0.5], [0.5, 0]]).bind(2)
     >>> psi.value(np.array([2.0, 4.0]))
@@ -33,13 +34,18 @@ class Function(Map):
         fun: Callable[[Vector], Any],
         jacobian: Callable[[Vector], Any] | None = None,
         lipschitz: Any = None,
+        *,
+        parameter_derivative: Callable[[Vector], Any] | None = None,
     ) -> None:
+        super().__init__(parameter_derivative)
         self.fun = as_function(fun, "psi")
         self.derivative = None if jacobian is None else as_function(jacobian, "psi.jacobian")
         self.given_lipschitz = lipschitz
 
     def bind(self, n: int) -> Function:
-        bound = Function(self.fun, self.derivative, self.given_lipschitz)
+        bound = Function(
+            self.fun, self.derivative, self.given_lipschitz, parameter_derivative=self.parameter_derivative
+        )
         if self.given_lipschitz is None:
             return bound
         if sp.issparse(self.given_lipschitz) or np.ndim(self.given_lipschitz) == 2:

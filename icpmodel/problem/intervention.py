@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_csr, freeze, row_of
+from ..numerics.rounding import UNIT_ROUNDOFF
 from .map import Map
 from .user_code import call_user, raising_map_error
 
@@ -90,6 +91,61 @@ class Intervention(Map):
         above = Intervention(self.jumps if self.fun is None else self.fun, self.best)
         above.none = np.inf
         return above
+
+    def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
+        if self.jumps is None or not sp.issparse(change):
+            return super().data_change(z, change, name)
+        rows, target = np.arange(z.size), self.best_jump(z)[1]
+        found = self._of_gains(change, name)[rows, np.maximum(target, 0)]
+        return None, np.where(target < 0, 0.0, np.asarray(found).reshape(-1))
+
+    def data_gradient(self, z: Vector, weight: Vector) -> Any:
+        jumps = self.jumps
+        if jumps is None:
+            return weight
+        rows = row_of(jumps)
+        best = np.where(jumps.indices == self.best_jump(z)[1][rows], weight[rows], 0.0)
+        return sp.csr_array((best, jumps.indices, jumps.indptr), shape=jumps.shape)
+
+    def kinks(self, z: Vector, delta: Vector) -> NDArray[np.bool_]:
+        value, target = self.best_jump(z)
+        if self.jumps is None:  # of a function it is not known what is second best
+            return target >= 0
+        return np.bincount(row_of(self.jumps)[self._tied(value, z, delta)], minlength=z.size) > 1
+
+    def kinked(self, z: Vector, delta: Vector, change: Any, name: str) -> Map | None:
+        value, jumps = self.best_jump(z)[0], self.jumps
+        if jumps is None or not self.kinks(z, delta).any():
+            return None
+        tied = self._tied(value, z, delta)
+        rows, columns = row_of(jumps)[tied], jumps.indices[tied]
+        if sp.issparse(change):
+            gains = np.asarray(self._of_gains(change, name)[rows, columns]).reshape(-1)
+        else:
+            gains = super().data_change(z, change, name)[1][rows]
+        return Intervention(sp.csr_array((gains, (rows, columns)), shape=jumps.shape), self.best)
+
+    def _tied(self, value: Vector, z: Vector, delta: Vector) -> NDArray[np.bool_]:
+        """The jumps that may be the best one at an x with |x − z| ≤ `delta`, where ψ(z) is `value`."""
+        jumps = self.jumps
+        assert jumps is not None
+        sign = 1.0 if self.best == "max" else -1.0
+        gains, off = sign * (z[jumps.indices] + jumps.data), delta[jumps.indices]
+        off = off + 4.0 * UNIT_ROUNDOFF * (np.abs(z[jumps.indices]) + np.abs(jumps.data))
+        rows, least = row_of(jumps), np.full(z.size, -np.inf)
+        np.maximum.at(least, rows, gains - off)
+        return gains + off >= least[rows]
+
+    def _of_gains(self, change: Any, name: str) -> sp.csr_array:
+        """`change` as a matrix with entries where there are jumps, and nowhere else."""
+        assert self.jumps is not None
+        changed, possible = as_csr(change, name, self.jumps.shape[0]), self.lipschitz
+        beyond = sp.coo_array(abs(changed) - abs(changed).multiply(possible))
+        beyond.eliminate_zeros()
+        if beyond.nnz:
+            i, j = beyond.row[0], beyond.col[0]
+            raise InputError(f"{name}[{i}, {j}] is not 0 where there is no jump; changes of gains were expected")
+        return changed
 
     def describe(self) -> str:
         return f"{self!r}: isotone; where jumps form a cycle rho(G) >= 1, and no proof by contraction can exist"

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import ReadOnly, Vector
+from ..numerics.arrays import ReadOnly, Vector, as_vector
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..present.shown import Shown
 
@@ -172,6 +172,48 @@ class Map(ReadOnly, Shown, ABC):
         array([6.])
         """
         return Substituted(self, 1.0, factor=moved(np.ones(n)))
+
+    def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
+        """(H, d): where ψ's own data change by `change`, ψ changes by Hz + d, to first order; H is None for 0.
+
+        Here its data are the values ψ(z), and `change` is a number or of shape (n,). Raises InputError, which calls it
+        `name`.
+
+        >>> icp.Constant([1, 2]).bind(2).data_change(np.zeros(2), 3, "dpsi")[1]
+        array([3., 3.])
+        """
+        return None, as_vector(change, z.size, name)
+
+    def data_gradient(self, z: Vector, weight: Vector) -> Any:
+        """The gradient of wᵀψ(z), w = `weight`, z staying, for ψ's own data, in their form; here for its values: w.
+
+        >>> icp.Affine([[0.5]]).bind(1).data_gradient(np.array([3.0]), np.ones(1)).G.toarray()
+        array([[3.]])
+        """
+        return weight
+
+    def kinks(self, z: Vector, delta: Vector) -> NDArray[np.bool_]:
+        """The rows, a mask of shape (n,), in which ψ may have another derivative at an x with |x − z| ≤ `delta`, for
+        all that is known; a user's function is taken to be smooth.
+
+        >>> jumps = sp.csr_array([[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+        >>> icp.Intervention(jumps).bind(3).kinks(np.zeros(3), np.zeros(3))
+        array([ True, False, False])
+        """
+        return np.zeros(z.size, dtype=np.bool_)
+
+    def kinked(self, z: Vector, delta: Vector, change: Any, name: str) -> Map | None:
+        """d ↦ lim (ψ_t(z + td) − ψ(z))/t as t ↓ 0, where ψ_t has its own data changed by t · `change`, in case it is
+        not linear, as it has `kinks` at z; what `delta` cannot tell apart counts as equal. Else None.
+
+        Raises InputError, which calls `change` `name`.
+
+        >>> jumps = sp.csr_array([[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+        >>> psi = icp.Intervention(jumps).bind(3)
+        >>> psi.kinked(np.zeros(3), np.zeros(3), 0.0, "dpsi").value(np.array([0.0, -2.0, 4.0]))[0]
+        np.float64(4.0)
+        """
+        return None
 
     def describe(self) -> str:
         """What is known of ψ, in one sentence.

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_array, as_vector, freeze
 from ..numerics.rounding import is_ctrl_c
+from .map import Map
 
 
 def is_compiled(f: object) -> bool:
@@ -57,3 +58,35 @@ def call_user(call: Callable[[], Any], shape: tuple[int, ...], name: str) -> Vec
     if value.dtype.kind not in "biuf":
         raise MapError(f"{name}(z) has dtype {value.dtype}; real numbers were expected")
     return value.astype(np.float64)
+
+
+class Parametrised(Map):
+    """A map by a user's functions, of which one, where it is given, is ψ's derivative in the user's own parameters."""
+
+    def __init__(self, parameter_derivative: Callable[[Vector], Any] | None) -> None:
+        given = parameter_derivative
+        self.parameter_derivative = None if given is None else as_function(given, "psi.parameter_derivative")
+
+    def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
+        if self.parameter_derivative is None:
+            return super().data_change(z, change, name)
+        D = self._by_parameters(z)
+        return None, np.asarray(D @ as_vector(change, D.shape[1], name))
+
+    def data_gradient(self, z: Vector, weight: Vector) -> Any:
+        return weight if self.parameter_derivative is None else np.asarray(self._by_parameters(z).T @ weight)
+
+    def _by_parameters(self, z: Vector) -> Any:
+        """∂ψ(z)/∂θ, shape (n, m), m the number of parameters."""
+        derivative, name = self.parameter_derivative, "psi.parameter_derivative"
+        assert derivative is not None
+        D = raising_map_error(lambda: derivative(z.copy()), name)
+        if not sp.issparse(D):
+            D = np.asarray(D)
+            D = D[:, None] if D.ndim == 1 else D
+        if D.ndim != 2 or D.shape[0] != z.size or D.dtype.kind not in "biuf":
+            found = f"has shape {D.shape} and dtype {D.dtype}"
+            raise MapError(f"{name}(z) {found}; real numbers, a row for each unknown, ({z.size}, m), were expected")
+        if not np.isfinite(D.data if sp.issparse(D) else D).all():
+            raise MapError(f"{name}(z) is not finite")
+        return D

@@ -234,6 +234,16 @@ class Solution(ReadOnly, Plotted):
             return self
         return better._with(message=f"{self.message}; polished to a residual of {residual:.3g}")
 
+    def derivative(self) -> Any:
+        """The derivative of z* in A, q and ψ at this answer, forward and adjoint: an `icpmodel.derivatives.Derivative`.
+
+        Raises InputError where this is no solution, NotApplicable where ψ has no derivative, MapError where it fails.
+
+        >>> ICP([[2.0]], [-2.0]).solve().derivative().forward(dq=[1.0])
+        array([-0.5])
+        """
+        return public("derivatives").Derivative(self)
+
     def _closer(self, z: Vector) -> bool:
         """Whether `z` has an error bound that is smaller enough than that of this answer."""
         known = self.error_bound

@@ -30,6 +30,7 @@ ROOMS = [
     "theory",
     "methods",
     "solve",
+    "derivatives",
     "solvers",
     "crosscheck",
     "explain",

@@ -1,0 +1,297 @@
+"""The derivative of the answer: one linear system, J, on the active set, solved forward or transposed.
+
+Near z* every row keeps its side where p and r are not both 0: Az + q = 0 in the free rows, z = ψ(z) in the active ones.
+Differentiated, J dz = f with the rows of A and −(dA z + dq) where the row is free, those of I − ψ′ and dψ where it is
+active; the adjoint is Jᵀw = z̄. In a row with p = r = 0 one side or the other may hold as soon as the data move: either
+choice gives an element of the B-subdifferential, and the derivative in one direction solves a complementarity problem
+of its own (see `tangent`).
+
+Reference: Robinson, Math. Oper. Res. 5 (1980), and Outrata, Kočvara and Zowe, Nonsmooth Approach to Optimization
+Problems with Equilibrium Constraints (1998), for the implicit function theorem; Mignot, J. Funct. Anal. 22 (1976), for
+the obstacle problem.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..algebra.equations import derivative, equations_on, pattern_at
+from ..errors import InputError, NotApplicable, SingularOperator
+from ..numerics.arrays import ReadOnly, Vector
+from ..numerics.factorisation import factorise
+from ..numerics.rounding import sheltered
+from ..present.card import Card
+from ..present.shown import Shown
+from ..problem.between import sides_of
+from ..problem.data import ProblemData
+from ..solve.driver import solve
+from ..solve.solution import Solution, Status
+from ..theory.certificates.bounds import bound_of_change
+from .direction import Direction
+from .gradient import Gradient
+from .tangent import Mask, Ties, tangent_problem
+
+#: so many rows are named
+_NAMED = 5
+#: the relative tolerance of tangent problems
+_RTOL = 1e-10
+
+
+class OneSided(NamedTuple):
+    """The derivatives of z*(t) at t = 0 in one direction of the data, shape (n,): `right` as t ↓ 0, `left` as t ↑ 0.
+
+    >>> at_corner = ICP([[1.0]], [0.0]).solve().derivative()
+    >>> at_corner.one_sided(dq=[1.0])
+    OneSided(right=array([0.]), left=array([-1.]))
+    """
+
+    right: Vector
+    left: Vector
+
+
+class Derivative(ReadOnly, Shown):
+    """The derivative of z* in A, q and ψ at an answer z; `Solution.derivative` makes it.
+
+    `certain`: whether it is proved that z* is differentiable and that this is its derivative, as every row is known to
+    be at an obstacle or off it and ψ′ is the same as far as z* may be away. Else `undecided` are the rows, shape (k,),
+    in which p = r = 0, or two equally good jumps, cannot be excluded; each takes the side that z is nearer to, which
+    gives an element of the B-subdifferential; `reason` says it. ψ of a user's function is taken to be smooth.
+
+    >>> derivative = ICP([[2, -1], [-1, 2]], [-1, 3]).solve().derivative()
+    >>> derivative.forward(dq=[1.0, 0.0])
+    array([-0.5,  0. ])
+    >>> derivative.adjoint([1.0, 0.0]).q
+    array([-0.5,  0. ])
+    >>> derivative.certain
+    True
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        if solution.status not in (Status.SOLVED, Status.PRECISION_LIMIT):
+            raise InputError(f"solution is not solved ({solution.status.value}): only a solution has a derivative")
+        problem, z = solution.problem, solution.z
+        if (missing := problem.psi.no_derivative()) is not None:
+            raise NotApplicable(missing)
+        self.solution, self.problem, self.z = solution, problem, z
+        self.pattern = pattern_at(problem, z)
+        self._jacobian = derivative(problem.psi, z, self.pattern.above)
+
+    @cached_property
+    def _equations(self) -> sp.csr_array:
+        return equations_on(self.problem, self.pattern.active, self._jacobian)
+
+    @cached_property
+    def _factors(self) -> Any:
+        return factorise(self._equations)
+
+    @sheltered
+    def forward(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> Vector:
+        """dz, shape (n,): how z* moves, to first order, where the data move by a direction.
+
+        Parameters: `dA` dense or sparse, shape (n, n); `dq` shape (n,); `dpsi`, and `dupper` for the obstacle above,
+        the change of ψ's own data: a number or shape (n,) for the change of its values, which is that of the c of a map
+        that has one; (dG, dc) for an affine ψ; a sparse matrix of changed gains for an intervention; shape (m,) where
+        the map has a `parameter_derivative`. What is left out does not move.
+        Returns dz. Raises InputError, and SingularOperator where the equations of the active set are singular.
+
+        >>> ICP([[2.0]], [-2.0]).solve().derivative().forward(dA=[[1.0]])
+        array([-0.5])
+        """
+        change = Direction.of(self.problem, dA, dq, dpsi, dupper)
+        return self._solved(change.right_side(self.z, self.pattern), "N")
+
+    @sheltered
+    def adjoint(self, zbar: Any) -> Gradient:
+        """The gradient of z̄ᵀz* in all data at once, by one transposed solve.
+
+        Parameters: `zbar` the weight z̄, shape (n,). Returns a `Gradient`. Raises as `forward`.
+
+        >>> gradient = ICP([[2.0]], [-2.0]).solve().derivative().adjoint([1.0])
+        >>> gradient.q, gradient.A.data
+        (array([-0.5]), array([-0.5]))
+        """
+        zbar = self.problem.vector(zbar, "zbar", finite=True)
+        return Gradient(self.problem, self.z, self.pattern, self._solved(zbar, "T"))
+
+    def _solved(self, f: Vector, trans: str) -> Vector:
+        x = None if self._factors is None else self._factors.solve(f, trans)
+        if x is None or not np.isfinite(x).all():
+            told = "the equations of the active set are singular: z* has no derivative that they would give"
+            raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
+        return x
+
+    @sheltered
+    def one_sided(
+        self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None, **options: Any
+    ) -> OneSided:
+        """The right and the left derivative in one direction; where `certain`, both are `forward`.
+
+        In the undecided rows of the polished answer p = r = 0 is assumed. Each of the two is a complementarity problem
+        with the matrix A, solved by `icpmodel.solve`, which gets the `options`.
+        Parameters: as of `forward`. Returns a `OneSided`. Raises InputError, and NotSolved where one is not solved.
+
+        >>> two_jumps = sp.csr_array([[0.0, -1.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+        >>> problem = ICP(np.eye(3), [5.0, -2.0, -2.0], icp.Intervention(two_jumps))
+        >>> problem.solve().derivative().one_sided(dq=[0.0, 1.0, 0.0])
+        OneSided(right=array([ 0., -1.,  0.]), left=array([-1., -1.,  0.]))
+        """
+        direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
+        if self.certain:
+            dz = self.forward(dA=dA, dq=dq, dpsi=dpsi, dupper=dupper)
+            return OneSided(dz, dz)
+        near = self.solution.polish().derivative()
+        return OneSided(*(sign * near._to_the_right(direction.times(sign), options) + 0.0 for sign in (1.0, -1.0)))
+
+    def _to_the_right(self, direction: Direction, options: dict[str, Any]) -> Vector:
+        problem = tangent_problem(self.z, self.pattern, self._ties, direction)
+        return solve(problem, **({"rtol": _RTOL} | options)).polish().z
+
+    @sheltered
+    def bound(self, dz: Any, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> float | None:
+        """How far `dz`, shape (n,), is at most from the derivative in the direction of the others, as of `forward`.
+
+        What is not known of z*, and all rounding errors, are in it; it may cost a linear solve. Returns the largest
+        error of an entry; None where the derivative is not `certain`, where ψ is a user's function, whose ψ′ may be
+        another one at z* than at z, and where nothing is proved of J. Raises InputError.
+
+        >>> derivative = ICP([[2.0]], [-2.0]).solve().derivative()
+        >>> derivative.bound([-0.5], dA=[[1.0]]) < 1e-14
+        True
+        """
+        dz = self.problem.vector(dz, "dz")
+        direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
+        f, known = direction.right_side(self.z, self.pattern), self.solution.certificate.bound.componentwise
+        error = np.zeros(dz.size) if known is None else direction.error(self.z, known, self.pattern)
+        return self._bound(self._equations, f, dz, error)
+
+    @sheltered
+    def adjoint_bound(self, zbar: Any, gradient: Gradient) -> float | None:
+        """How far the `q`, `psi_values` and `upper_values` of `gradient` are at most from the gradient of z̄ᵀz*; see
+        `bound`.
+
+        >>> derivative = ICP([[2.0]], [-2.0]).solve().derivative()
+        >>> derivative.adjoint_bound([1.0], derivative.adjoint([1.0])) < 1e-15
+        True
+        """
+        w = gradient.psi_values - gradient.q
+        w = w if gradient.upper_values is None else w + gradient.upper_values
+        zbar = self.problem.vector(zbar, "zbar", finite=True)
+        return self._bound(sp.csr_array(self._equations.T), zbar, w, np.zeros(w.size))
+
+    def _bound(self, J: sp.csr_array, f: Vector, x: Vector, error: Vector) -> float | None:
+        """max|x − x*| for Jx* = f, f wrong by up to `error`."""
+        if not self.certain or self.problem.psi.at_users_word:
+            return None
+        linear = ProblemData(J, -f, -np.inf)
+        for_p, for_r = linear.rounding(x)
+        return bound_of_change(linear, x, for_p + error, for_r)
+
+    @cached_property
+    def _delta(self) -> Vector:
+        """How far z* is at most from z, where that is proved, else twice how far a Newton step leads."""
+        known = self.solution.certificate.bound.componentwise
+        if known is not None:
+            return known
+        problem, z = self.problem, self.z
+        for_p, for_r = problem.rounding(z)
+        F = np.where(self.pattern.active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
+        return 2.0 * np.abs(self._solved(F, "N"))
+
+    @cached_property
+    def _ties(self) -> Ties:
+        """Which of the undecided rows may be held by which obstacle."""
+        problem, z, delta, (for_p, for_r) = self.problem, self.z, self._delta, self.problem.rounding(self.z)
+        moves = abs(self._jacobian) @ delta
+        held = self._open & (np.abs(problem.p(z)) <= for_p + problem.matrix.absolute @ delta)
+        below, above = problem.r(z), problem.r_upper(z)
+        tied = [held & (np.abs(r) <= for_r + delta + moves) for r in (below, above) if r is not None]
+        return Ties(tied[0], tied[1] if above is not None else np.zeros_like(held), delta)
+
+    @cached_property
+    def _open(self) -> Mask:
+        """The rows of which it is not proved that they are at an obstacle or off it."""
+        return self.solution.active_set.undecided
+
+    @cached_property
+    def _tied_jumps(self) -> Mask:
+        """The rows that are, or may be, at an obstacle which is the best of several jumps, perhaps not the only one."""
+        delta, found = self.solution.certificate.bound.componentwise, np.zeros_like(self._open)
+        for psi, rows in zip(sides_of(self.problem.psi), self.pattern.sides(), strict=True):
+            if delta is not None:
+                found |= (rows | self._open) & psi.kinks(self.z, delta)
+        return found
+
+    @cached_property
+    def _misplaced(self) -> Mask:
+        """The rows that are proved to be on another side than z is nearer to."""
+        known, pattern = self.solution.active_set, self.pattern
+        proved = [known.active] if known.above is None else [known.active, known.above]
+        wrong = known.inactive & pattern.active
+        for rows, at in zip(proved, pattern.sides(), strict=True):
+            wrong |= rows & ~at
+        return wrong
+
+    @cached_property
+    def undecided(self) -> NDArray[np.intp]:
+        """The rows, shape (k,), in which p = r = 0 or two equally good jumps cannot be excluded.
+
+        >>> ICP([[1.0]], [0.0]).solve().derivative().undecided
+        array([0])
+        """
+        return np.flatnonzero(self._open | self._tied_jumps | self._misplaced)
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is proved that z* has this derivative.
+
+        >>> ICP([[1.0]], [0.0]).solve().derivative().certain
+        False
+        """
+        return self.undecided.size == 0
+
+    @property
+    def reason(self) -> str:
+        """Why it is certain, or what it is instead, in a sentence.
+
+        >>> print(ICP([[1.0]], [0.0]).solve().derivative().reason)
+        p = r = 0 cannot be excluded in row 0: an element of the B-subdifferential, see one_sided
+        """
+        bound = self.solution.certificate.bound
+        if bound.value is None:
+            return f"no row is decided, as there is no error bound: {bound.reason}"
+        if self._misplaced.any():
+            row = int(np.argmax(self._misplaced))
+            return f"z is too far from z*, which is on the other side in row {row}: solve it to a smaller tolerance"
+        element = "an element of the B-subdifferential, see one_sided"
+        if self._open.any():
+            return f"p = r = 0 cannot be excluded in {_named(self._open)}: {element}"
+        if self._tied_jumps.any():
+            return f"two equally good jumps cannot be excluded in {_named(self._tied_jumps)}: {element}"
+        word = ", given that psi is what the user says" if self.problem.psi.at_users_word else ""
+        return f"every row is proved to be at an obstacle or off it{word}"
+
+    def __str__(self) -> str:
+        active = self.pattern.active
+        rows = {
+            "derivative of": repr(self.problem),
+            "equations": f"{np.count_nonzero(~active)} with Az + q = 0, {np.count_nonzero(active)} with z = psi(z)",
+            "certain": "yes" if self.certain else "no",
+            "because" if self.certain else "instead": self.reason,
+        }
+        return str(Card(rows))
+
+    def __repr__(self) -> str:
+        return f"Derivative({self.problem!r}, {np.count_nonzero(~self.pattern.active)} free rows)"
+
+
+def _named(mask: Mask) -> str:
+    """The rows of `mask`, the first ones by number."""
+    rows = np.flatnonzero(mask)
+    told = ", ".join(map(str, rows[:_NAMED]))
+    more = f", ... ({rows.size} rows)" if rows.size > _NAMED else ""
+    return f"row{'s' if rows.size > 1 else ''} {told}{more}"

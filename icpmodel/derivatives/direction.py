@@ -1,0 +1,93 @@
+"""A direction in the data of a problem: what moves, and how fast."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..algebra.equations import Pattern
+from ..errors import InputError
+from ..numerics.arrays import Vector, as_csr
+from ..numerics.rounding import gamma
+from ..problem.between import sides_of
+from ..problem.data import ProblemData
+from ..problem.map import Map
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """The changes of A, CSR, of q, shape (n,), and of the obstacles below and above in the form of their own data; None
+    for what does not move."""
+
+    problem: ProblemData
+    matrix: sp.csr_array | None
+    q: Vector | None
+    below: Any
+    above: Any
+
+    @classmethod
+    def of(cls, problem: ProblemData, dA: Any, dq: Any, dpsi: Any, dupper: Any) -> Direction:
+        """What a user says of it, checked. Raises InputError."""
+        if dupper is not None and problem.upper is None:
+            raise InputError("dupper was given, but the problem has no obstacle above z")
+        matrix = None if dA is None else as_csr(dA, "dA", problem.n)
+        return cls(problem, matrix, None if dq is None else problem.vector(dq, "dq", finite=True), dpsi, dupper)
+
+    def sides(self) -> list[tuple[str, Map, Any]]:
+        """Of each obstacle the name that the user gave its change, the map, and the change, or 0."""
+        given = ("dpsi", "dupper"), sides_of(self.problem.psi), (self.below, self.above)
+        return list(zip(*given, strict=False))
+
+    def of_p(self, z: Vector) -> Vector:
+        """dA z + dq."""
+        return _value(self.matrix, self.q, z)
+
+    def right_side(self, z: Vector, pattern: Pattern) -> Vector:
+        """f of the equations Jdz = f."""
+        f = -self.of_p(z)
+        for psi, rows in zip(self._parts(z), pattern.sides(), strict=True):
+            f = np.where(rows, _value(*psi, z), f)
+        return f
+
+    def error(self, z: Vector, delta: Vector, pattern: Pattern) -> Vector:
+        """How wrong f is at most, where z is wrong by up to `delta`, rounding included."""
+        error = _error(self.matrix, self.q, z, delta)
+        for psi, rows in zip(self._parts(z), pattern.sides(), strict=True):
+            error = np.where(rows, _error(*psi, z, delta), error)
+        return error
+
+    def _parts(self, z: Vector) -> list[Linear]:
+        return [
+            (None, None) if change is None else psi.data_change(z, change, name) for name, psi, change in self.sides()
+        ]
+
+    def times(self, factor: float) -> Direction:
+        """`factor` times as fast."""
+        return Direction(self.problem, *(_times(factor, one) for one in (self.matrix, self.q, self.below, self.above)))
+
+
+#: H and d of Hz + d, None for 0
+Linear = tuple[sp.csr_array | None, Vector | None]
+
+
+def _value(H: sp.csr_array | None, d: Vector | None, z: Vector) -> Vector:
+    """Hz + d."""
+    d = np.zeros(z.size) if d is None else d
+    return d if H is None else H @ z + d
+
+
+def _error(H: sp.csr_array | None, d: Vector | None, z: Vector, delta: Vector) -> Vector:
+    """|H|δ and the rounding error of Hz + d."""
+    if H is None:
+        return np.zeros(z.size)
+    terms, size = np.diff(H.indptr) + 3, abs(H)
+    return (size @ delta) * (1 + gamma(terms)) + gamma(terms) * (size @ np.abs(z) + (0.0 if d is None else np.abs(d)))
+
+
+def _times(factor: float, change: Any) -> Any:
+    if change is None or sp.issparse(change):
+        return None if change is None else factor * change
+    return tuple(factor * one for one in change) if isinstance(change, tuple) else factor * np.asarray(change)

@@ -1,0 +1,66 @@
+"""The tangent problem: what z* moves to, to first order, in one direction of the data, is a complementarity problem.
+
+0 ≤ (A dz + dA z + dq)_i ⟂ dz_i − (ψ′(z; dz) + dψ)_i ≥ 0 in the rows with p_i = r_i = 0, where A dz + … = 0 in the free
+rows, which have no obstacle, and dz = ψ′ dz + dψ in the active ones, which have the same one below and above. Where
+jumps tie, ψ′(z; ·) is the best of them.
+
+Reference: Robinson, Math. Program. Study 30 (1987); Facchinei and Pang, Finite-Dimensional Variational Inequalities and
+Complementarity Problems (2003), section 5.4.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..algebra.equations import Pattern
+from ..numerics.arrays import Vector
+from ..problem.affine import Affine, Constant
+from ..problem.between import Rowwise
+from ..problem.data import ProblemData
+from ..problem.map import Map
+from .direction import Direction
+
+Mask = NDArray[np.bool_]
+
+
+class Ties(NamedTuple):
+    """The rows, masks of shape (n,), that may leave the obstacle `below`, or the one `above`, and may not; z* is within
+    `delta` of z."""
+
+    below: Mask
+    above: Mask
+    delta: Vector
+
+
+def tangent_problem(z: Vector, pattern: Pattern, ties: Ties, direction: Direction) -> ProblemData:
+    """The problem that dz solves."""
+    sides = direction.sides()
+    maps: list[Map] = [_tangent(name, psi, change, z, ties.delta) for name, psi, change in sides]
+    tied = ties.below | ties.above
+    held = [rows & ~tied for rows in pattern.sides()]
+    obstacles = []
+    for k, (rows, none) in enumerate(((ties.below, -np.inf), (ties.above, np.inf))):
+        # an active row is between its obstacle and the same one
+        which = np.zeros(z.size, dtype=np.intp)
+        for side, at_side in enumerate(held, 1):
+            which[at_side] = side
+        if k < len(maps):
+            which[rows] = k + 1
+        obstacles.append(Rowwise((Constant(none).bind(z.size), *maps), which) if which.any() else None)
+    below, above = obstacles
+    problem = direction.problem.with_q(direction.of_p(z))
+    return problem.with_sides(-np.inf if below is None else below, above)
+
+
+def _tangent(name: str, psi: Map, change: object, z: Vector, delta: Vector) -> Map:
+    """ψ′(z; ·) + dψ."""
+    change = 0.0 if change is None else change
+    kinked = psi.kinked(z, delta, change, name)
+    if kinked is not None:
+        return kinked
+    J = psi.jacobian(z)
+    H, d = psi.data_change(z, change, name)
+    return Affine(J, d if H is None else H @ z + d).bind(z.size)
