@@ -263,7 +263,10 @@ def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
 
 def is_symmetric(matrix: sp.csr_array) -> bool:
     """Whether a sparse matrix equals its transpose, entry by entry."""
-    return (matrix != matrix.T).nnz == 0
+    turned = matrix.T.tocsr()
+    if np.array_equal(turned.indptr, matrix.indptr) and np.array_equal(turned.indices, matrix.indices):
+        return np.array_equal(turned.data, matrix.data)
+    return (matrix != turned).nnz == 0
 
 
 def bandwidths(matrix: sp.csr_array) -> tuple[int, int]:
