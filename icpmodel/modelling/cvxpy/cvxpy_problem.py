@@ -78,6 +78,9 @@ class Problem(Shown):
     ...     print(problem.status, z.value.round(6) + 0.0)
     optimal [0.5 0. ]
     optimal [4. 4.]
+    >>> _ = problem.solve(requires_grad=True), problem.backward()
+    >>> load.gradient
+    array([1., 1.])
     >>> x, force = cp.Variable(2), cp.Variable()
     >>> total = cp.sum(x) == 1
     >>> _ = icp.Problem([icp.complements(x - [2, 1] + force, x, upper=0.75), total, x[0] >= x[1]]).solve()
