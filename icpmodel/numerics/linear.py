@@ -151,7 +151,7 @@ def _bordered(M: sp.csr_array) -> Solver | None:
     units = np.zeros((n, k))
     units[border, np.arange(k)] = 1.0
     solve_band = _banded(band)
-    sparse = cache(lambda: _sparse(M))
+    sparse, size_of = cache(lambda: _sparse(M)), cache(lambda: abs(M))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         # M = band + UV, and Mᵀ = bandᵀ + VᵀUᵀ
@@ -161,7 +161,10 @@ def _bordered(M: sp.csr_array) -> Solver | None:
             x, Y = X[:, 0], X[:, 1:]
             with suppress(np.linalg.LinAlgError):
                 x = x - Y @ np.linalg.solve(np.eye(k) + V @ Y, V @ x)
-            if np.abs(whole @ x - f).max() <= _BACKWARD * max(np.abs(x).max(), np.abs(f).max()):
+            size = max(np.abs(x).max(), np.abs(f).max())
+            if transposed:  # its rows are not of one size
+                size = size_of().T @ np.abs(x) + np.abs(f)
+            if (np.abs(whole @ x - f) <= _BACKWARD * size).all():
                 return np.asarray(x)
         return sparse()(f, tolerance, transposed)
 
