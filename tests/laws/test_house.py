@@ -51,6 +51,7 @@ HEAVY = {
     "gamspy_base",
     "highspy",
     "IPython",
+    "jax",
     "jinja2",
     "matplotlib",
     "numba",
