@@ -6,33 +6,21 @@ Products with changes of A and G are JAX's own, so that nothing of the size of a
 
 from __future__ import annotations
 
-import secrets
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from functools import lru_cache, partial
-from math import prod
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from ...derivatives.derivative import Derivative
-from ...errors import IcpError, InputError, MapError, NotApplicable, SingularOperator
-from ...numerics.arrays import Vector, as_truth, described
-from ...problem.affine import Constant
+from ...errors import InputError, NotApplicable
+from ...numerics.arrays import as_truth, described
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.map import Map
-from ...solve.driver import solve
 from ...solve.goal import RTOL, Limits
-from ...solve.many import solve_many
-from ...solve.solution import Solution, Status
-from ...solve.solutions import Solutions
-from .argument_forms import Argument, Parameters, Shape, argument, obstacles, the_package
+from .argument_forms import Parameters, argument, obstacles, the_package
+from .callbacks import Arrays, Callbacks, LastAnswers
 
-#: argument → its arrays, and the shapes of one of each
-Arrays, Shapes = dict[str, tuple[Any, ...]], dict[str, tuple[Shape, ...]]
-Make = Callable[[Any], Any]
-#: what says that z is an answer, as well as float64 can hold it
-_ANSWERS = (Status.SOLVED, Status.PRECISION_LIMIT)
+Make: TypeAlias = Callable[[Any], Any]
 
 
 def solution_of(
@@ -85,7 +73,8 @@ class SolutionFunction:
     answer is taken from its z, which is not solved for again.
 
     >>> from importlib.util import find_spec
-    >>> solution_of(ICP([[2.0]], [0.0])) if find_spec("jax") else "SolutionFunction(ICP(n=1, nnz=1, psi=Constant(0)))"
+    >>> problem = ICP([[2.0]], [1.0])
+    >>> print(solution_of(problem) if find_spec("jax") else f"SolutionFunction({problem})")
     SolutionFunction(ICP(n=1, nnz=1, psi=Constant(0)))
     """
 
@@ -93,13 +82,8 @@ class SolutionFunction:
         self, problem: ProblemData, makers: dict[str, Make | None], options: dict[str, Any], loud: bool
     ) -> None:
         self.problem, self.makers, self.options, self.raise_on_failure = problem, makers, options, loud
-        self._traced: dict[Any, _Traced] = {}
-        #: a number of its own for every answer, in whatever process
-        self._next = secrets.randbits(62)
-        self._kept = _Kept(self._next, ())
-        # JAX's own threads flush subnormal numbers to zero; one that is begun here rounds as its user does
-        self._thread = ThreadPoolExecutor(1)
-        self._thread.submit(int).result()
+        self._last = LastAnswers()
+        self._traced: dict[Any, Traced] = {}
 
     def __call__(self, *, A: Any = None, q: Any = None, psi: Any = None, upper: Any = None, z0: Any = None) -> Any:
         """z, shape (n,), float64, of the problem with these arrays; what is left out is the problem's own.
@@ -131,97 +115,26 @@ class SolutionFunction:
         arrays = {name: form.read(given[name]) for name, form in forms.items()}
         shapes = {name: tuple(one.shape for one in several) for name, several in arrays.items()}
         key = tuple((name, type(form), shapes[name]) for name, form in forms.items())
-        if key not in self._traced:  # JAX compiles once for what is the same object
-            self._traced[key] = _Traced(self, forms, shapes)
+        if key not in self._traced:
+            calls = Callbacks(self.problem, forms, shapes, self.options, self.raise_on_failure, self._last)
+            self._traced[key] = Traced(calls)
         return self._traced[key].function(arrays)[0]
-
-    def apart(self, call: Callable[..., Any], *arguments: Any) -> Any:
-        """What the call returns, made in a thread that is none of JAX's."""
-        return self._thread.submit(call, *arguments).result()
-
-    def keep(self, answers: Sequence[Solution | None] | Solutions) -> int:
-        """Keep these, and no others; the number of the first one."""
-        kept = self._kept = _Kept(self._next, answers)
-        self._next += len(answers)
-        return kept.first
-
-    def derivative(self, number: int, again: Callable[[], Solution | None]) -> Derivative | None:
-        """That of the answer with this number, which is found `again` where it is not kept; None where it has none."""
-        kept = self._kept
-        if not kept.first <= number < kept.first + len(kept.answers):
-            kept = self._kept = _Kept(number, [again()])
-        return kept.derivative(number)
 
     def __repr__(self) -> str:
         return f"SolutionFunction({self.problem!r})"
 
 
-class _Kept:
-    """The answers of one callback, numbered from `first` on, and the derivative that was last asked for."""
+class Traced:
+    """What JAX sees of a `SolutionFunction` for arguments of certain forms."""
 
-    def __init__(self, first: int, answers: Sequence[Solution | None] | Solutions) -> None:
-        self.first, self.answers = first, answers
-        self.last: tuple[int, Derivative | None] | None = None
-
-    def derivative(self, number: int) -> Derivative | None:
-        """That of the answer with this number."""
-        last = self.last
-        if last is None or last[0] != number:
-            solution = self.answers[number - self.first]
-            self.last = last = number, None if _failed(solution) else solution.derivative()  # type: ignore[union-attr]
-        return last[1]
-
-
-def _failed(solution: Solution | None) -> bool:
-    return solution is None or solution.status not in _ANSWERS
-
-
-class _Rows:
-    """The arrays of a callback, over which JAX may have mapped: one problem, or direction, for each index of `lead`.
-
-    `shapes` are those of a single one.
-    """
-
-    def __init__(self, arrays: Arrays, shapes: Shapes) -> None:
-        both = {
-            name: [(np.asarray(one), shape) for one, shape in zip(several, shapes[name], strict=True)]
-            for name, several in arrays.items()
-        }
-        leads = [one.shape[: one.ndim - len(shape)] for several in both.values() for one, shape in several]
-        self.lead = np.broadcast_shapes(*leads)
-        self.count = prod(self.lead)
-        self.arrays = {name: [self._flat(*one) for one in several] for name, several in both.items()}
-
-    def _flat(self, array: Any, shape: Shape) -> Any:
-        if array.size == prod(shape):  # one for all
-            return array.reshape(1, *shape)
-        return np.broadcast_to(array, self.lead + shape).reshape(self.count, *shape)
-
-    def at(self, row: int) -> Arrays:
-        """The arrays of one row."""
-        return {name: tuple(one[row if len(one) > 1 else 0] for one in own) for name, own in self.arrays.items()}
-
-    def differ(self, name: str) -> bool:
-        """Whether each row has an argument of its own."""
-        return any(len(one) > 1 for one in self.arrays[name])
-
-    def numbers(self, lead: Shape) -> Any:
-        """Which row it is at each index of the larger `lead`."""
-        return np.broadcast_to(np.arange(self.count).reshape(self.lead), lead).reshape(-1)
-
-
-class _Traced:
-    """What JAX sees of a `SolutionFunction` for arguments of these forms; the methods with rows are its callbacks."""
-
-    def __init__(self, owner: SolutionFunction, forms: dict[str, Argument], shapes: Shapes) -> None:
+    def __init__(self, calls: Callbacks) -> None:
         jax = the_package()
-        self.owner, self.forms, self.shapes, self.n = owner, forms, shapes, owner.problem.n
+        self.calls, self.n = calls, calls.n
         self.of_vector = jax.ShapeDtypeStruct((self.n,), np.float64)
-        #: how long what crosses to Python of a change is, a change of A being one of q
-        self.sizes = {"q": self.n} if "A" in forms or "q" in forms else {}
-        self.sizes |= {name: shapes[name][-1][0] for name in ("psi", "upper") if name in forms}
-        calls = ("solved", "forward", "adjoint")
-        self.apart = {name: partial(owner.apart, getattr(self, name)) for name in calls}
+        # JAX compiles once for what is the same object
+        self.solved, self.forward, self.adjoint = (
+            partial(calls.last.apart, call) for call in (calls.solved, calls.forward, calls.adjoint)
+        )
         self.function = jax.custom_jvp(self.value)
         self.function.defjvp(self.tangent)
 
@@ -230,22 +143,23 @@ class _Traced:
         jax = the_package()
         if any(isinstance(one, jax.core.Tracer) for several in arrays.values() for one in several):
             found = self.of_vector, jax.ShapeDtypeStruct((), np.int64)
-            return jax.pure_callback(self.apart["solved"], found, arrays, vmap_method="expand_dims")
-        return tuple(jax.numpy.asarray(one) for one in self.solved(arrays))  # what is raised comes as it is
+            return jax.pure_callback(self.solved, found, arrays, vmap_method="expand_dims")
+        return tuple(jax.numpy.asarray(one) for one in self.calls.solved(arrays))  # what is raised comes as it is
 
     def tangent(self, primals: Any, tangents: Any) -> Any:
         """The rule of forward mode, of which JAX makes that of reverse mode."""
         jax = the_package()
         (arrays,), (moved,) = primals, tangents
-        for name, psi in obstacles(self.owner.problem).items():
-            own = psi is not None and not isinstance(self.forms.get(name), Parameters)
-            if own and (missing := psi.no_derivative()):  # else the user would hear of it from compiled code
+        for name, psi in obstacles(self.calls.problem).items():
+            if psi is None or isinstance(self.calls.forms.get(name), Parameters):
+                continue
+            if missing := psi.no_derivative():  # else the user would hear of it from compiled code
                 raise NotApplicable(missing if name == "psi" else missing.replace("psi", name, 1))
         z, number = self.function(arrays)
         changes: dict[str, Any] = {}
         for name, several in moved.items():
             if name != "z0":
-                key, change = "q" if name == "A" else name, self.forms[name].change(z, *several)
+                key, change = "q" if name == "A" else name, self.calls.forms[name].change(z, *several)
                 changes[key] = changes[key] + change if key in changes else change
         dz = self.linear(arrays | {"z": (z,), "number": (number,)}, changes, z) if changes else jax.numpy.zeros_like(z)
         return (z, number), (dz, np.zeros((), jax.dtypes.float0))
@@ -258,132 +172,18 @@ class _Traced:
         """
         jax, n, once = the_package(), self.n, _guard()(z)
         jnp, options = jax.numpy, {"vmap_method": "expand_dims"}
-        all_of_them = jax.ShapeDtypeStruct((sum(self.sizes.values()),), np.float64)
+        all_of_them = jax.ShapeDtypeStruct((sum(self.calls.sizes.values()),), np.float64)
 
         def ahead(_: Any, b: Any) -> Any:
-            moved = jax.pure_callback(self.apart["forward"], self.of_vector, residuals, b[n:], **options)
+            moved = jax.pure_callback(self.forward, self.of_vector, residuals, b[n:], **options)
             return jnp.concatenate([b[:n] + moved, b[n:]])
 
         def back(_: Any, c: Any) -> Any:
-            found = jax.pure_callback(self.apart["adjoint"], all_of_them, residuals, c[:n], **options)
+            found = jax.pure_callback(self.adjoint, all_of_them, residuals, c[:n], **options)
             return jnp.concatenate([c[:n], c[n:] + found])
 
-        b = jnp.concatenate([jnp.zeros_like(z), *(changes[name] for name in self.sizes)])
+        b = jnp.concatenate([jnp.zeros_like(z), *(changes[name] for name in self.calls.sizes)])
         return jax.lax.custom_linear_solve(lambda x: once * x, b, ahead, back)[:n]
-
-    def solved(self, arrays: Arrays) -> tuple[Any, Any]:
-        """z of all rows, and their numbers."""
-        rows = _Rows(arrays, self.shapes)
-        answers = self.answers(rows)
-        first = self.owner.keep(answers)
-        if isinstance(answers, Solutions):
-            Z, failed = answers.Z, np.array([status not in _ANSWERS for status in answers.statuses])
-            Z = np.where(failed[:, None], np.nan, Z) if failed.any() else Z
-        else:
-            nothing = np.full(self.n, np.nan)
-            Z = np.array([nothing if one is None or _failed(one) else one.z for one in answers])
-        return Z.reshape(*rows.lead, self.n), (first + np.arange(rows.count)).reshape(rows.lead)
-
-    def answers(self, rows: _Rows) -> Sequence[Solution | None] | Solutions:
-        """The solutions of all rows, None where not even a problem can be made and nothing is to be raised."""
-        if rows.count > 1:
-            given = self.many(rows)
-            try:
-                return solve_many(**given, raise_on_failure=self.owner.raise_on_failure, **self.owner.options)
-            except InputError:  # what is wrong with one row
-                if self.owner.raise_on_failure:
-                    raise
-        return [self.answer(rows.at(row)) for row in range(rows.count)]
-
-    def many(self, rows: _Rows) -> dict[str, Any]:
-        """What `solve_many` takes: lists, or matrices with a row for each, of what is not the same for all."""
-        problem, made = self.owner.problem, {}
-        sides = obstacles(problem)
-        for name, form in self.forms.items():
-            arrays = rows.arrays[name]
-            if not rows.differ(name):
-                made[name] = form.made(*(one[0] for one in arrays))
-            elif type(form) is Argument and form.make in (None, Constant):
-                made[name] = arrays[0]
-            else:
-                made[name] = [form.made(*rows.at(row)[name]) for row in range(rows.count)]
-        Q = np.broadcast_to(made.get("q", problem.q), (rows.count, self.n))
-        A, start = made.get("A", problem.A), made.get("z0")
-        psi, upper = (made.get(name, sides[name]) for name in ("psi", "upper"))
-        return {"A": A, "Q": Q, "psi": psi, "upper": upper, "Z0": start}
-
-    def answer(self, row: Arrays) -> Solution | None:
-        """The solution of one row."""
-        loud = self.owner.raise_on_failure
-        try:
-            problem, start = self.problem(row), row.get("z0", (None,))[0]
-            return solve(problem, z0=start, raise_on_failure=loud, **self.owner.options)
-        except IcpError:
-            if loud:
-                raise
-            return None
-
-    def problem(self, row: Arrays) -> ProblemData:
-        """The problem of one row, which shares with the owner's what is the same."""
-        problem, made = self.owner.problem, {name: self.forms[name].made(*row[name]) for name in self.forms}
-        sides = [made.get(name, own) for name, own in obstacles(problem).items()]
-        if "A" in made:
-            return type(problem)(made["A"], made.get("q", problem.q), *sides)
-        if "q" in made:
-            problem = problem.with_q(made["q"])
-        return problem.with_sides(*sides) if "psi" in made or "upper" in made else problem
-
-    def forward(self, residuals: Arrays, changes: Any) -> Any:
-        """dz of all rows and directions; `changes` has those of all arguments, one after the other."""
-        ends = np.cumsum(list(self.sizes.values()))[:-1]
-
-        def act(derivative: Derivative, change: Vector) -> Vector:
-            parts = dict(zip(self.sizes, np.split(change, ends), strict=True))
-            own = {name: self.forms[name].direction(one) if name in self.forms else one for name, one in parts.items()}
-            return derivative.forward(**{f"d{name}": one for name, one in own.items()})
-
-        return self.each(residuals, changes, act, self.n)
-
-    def adjoint(self, residuals: Arrays, zbar: Any) -> Any:
-        """The gradients in what `forward` takes, of all rows and weights."""
-
-        def act(derivative: Derivative, weight: Vector) -> Vector:
-            found = derivative.adjoint(weight)
-            parts = {"q": found.q}
-            for name, values in (("psi", found.psi_values), ("upper", found.upper_values)):
-                if name in self.sizes:
-                    parts[name] = self.forms[name].gradient(partial(getattr, found, name), values)
-                    if parts[name].size != self.sizes[name]:
-                        told = f"{self.sizes[name]} parameters, its parameter_derivative {parts[name].size} columns"
-                        raise MapError(f"{name} has {told}; as many were expected")
-            return np.concatenate([parts[name] for name in self.sizes])
-
-        return self.each(residuals, zbar, act, sum(self.sizes.values()))
-
-    def each(self, residuals: Arrays, vectors: Any, act: Callable[[Derivative, Vector], Vector], size: int) -> Any:
-        """What `act` makes of every derivative and the vectors that come with it, of this `size`; else NaN."""
-        rows = _Rows(residuals, self.shapes | {"z": ((self.n,),), "number": ((),)})
-        directions = _Rows({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
-        lead = np.broadcast_shapes(rows.lead, directions.lead)
-        of_rows, of_directions = rows.numbers(lead), directions.numbers(lead)
-        found = np.full((of_rows.size, size), np.nan)
-        for k in np.argsort(of_rows, kind="stable"):  # one derivative after the other
-            derivative, (vector,) = self.derivative(rows.at(of_rows[k])), directions.at(of_directions[k])[""]
-            if derivative is None or not np.isfinite(vector).all():
-                continue
-            try:
-                found[k] = act(derivative, vector)
-            except SingularOperator:
-                if self.owner.raise_on_failure:
-                    raise
-        return found.reshape(*lead, size)
-
-    def derivative(self, row: Arrays) -> Derivative | None:
-        """That at the z of one row; None where it has none."""
-        if np.isnan(row["z"][0]).any():
-            return None
-        given = {name: several for name, several in row.items() if name in self.forms} | {"z0": row["z"]}
-        return self.owner.derivative(int(row["number"][0]), lambda: self.answer(given))
 
 
 @lru_cache(maxsize=1)
