@@ -84,7 +84,9 @@ def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: floa
         shifted = sp.csr_array(matrix[rows])
     else:
         shifted = matrix
-    most = work.free_memory() / _BYTES if most is None else most
+    if most is None:  # to ask what is free takes as long as to factorise a small matrix
+        full = n * (n + 1.0)
+        most = full if work.fits(_BYTES * full) else work.free_memory() / _BYTES
     fill, order = ordered(shifted, most, work.nanoseconds_left())
     if fill.entries > most:
         raise OutOfMemory(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")
