@@ -1,5 +1,6 @@
 """The answer of a problem as a function that JAX differentiates, compiles and maps."""
 
+import gc
 import logging
 import warnings
 
@@ -222,11 +223,11 @@ def test_a_second_derivative_is_refused():
 BAD = {
     "a wrong length": ({"q": np.ones(2)}, r"q has shape \(2,\); shape \(6,\) was expected"),
     "data on no pattern": ({"A": np.ones(3)}, r"A has shape \(3,\); shape \(16,\) or \(6, 6\) was expected"),
-    "a sparse matrix": ({"A": A}, "A is a csr_array; an array was expected, of a sparse matrix its data"),
+    "a sparse matrix": ({"A": A}, "A is a csr_array; its data, on the pattern of the problem's own was expected"),
     "complex numbers": ({"q": 1j * Q}, "q has dtype complex128; real numbers were expected"),
     "truth values": ({"psi": np.ones(N, dtype=bool)}, "psi has dtype bool; real numbers were expected"),
     "nothing above": ({"upper": D}, "upper is given, but the problem has nothing above z"),
-    "a pair for a constant": ({"psi": (G.data, C)}, "psi is a tuple; an array was expected"),
+    "a pair for a constant": ({"psi": (G.data, C)}, "psi is a tuple; an array of numbers was expected"),
 }
 
 
@@ -253,6 +254,15 @@ def test_a_map_that_is_made_of_no_array_needs_a_function_that_makes_it():
         solution_of(icp.ICP(A, Q), psi=sine)(psi=0.3)
     with pytest.raises(jax.errors.JaxRuntimeError, match="psi has 3 parameters, its parameter_derivative 2 columns"):
         jax.grad(lambda theta: solution_of(icp.ICP(A, Q), psi=sine)(psi=theta).sum())(np.append(THETA, 1.0))
+
+
+def test_a_layer_that_is_made_while_something_is_compiled_works_as_long_as_that():
+    problem = icp.ICP(A, Q, C)
+    gradient = jax.jit(jax.grad(lambda q: solution_of(problem)(q=q).sum()))
+    for scale in (1.0, -1.0):
+        expected = jax.grad(lambda q: solution_of(problem)(q=q).sum())(scale * Q)
+        np.testing.assert_allclose(gradient(scale * Q), expected, rtol=1e-13, atol=1e-15)
+        gc.collect()
 
 
 def test_without_float64_an_answer_is_refused():

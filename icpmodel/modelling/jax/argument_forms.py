@@ -31,13 +31,14 @@ def the_package() -> Any:
 
 
 def _real(value: Any, name: str, shapes: Sequence[Shape]) -> Any:
-    """`value` as a float64 array of JAX, of one of the `shapes`; with () among them, any vector. Raises InputError."""
+    """`value` as a float64 array of JAX, of one of the `shapes`. Raises InputError."""
     import jax.numpy as jnp
 
     try:
         array = jnp.asarray(value)
     except (TypeError, ValueError) as error:
-        raise InputError(f"{name} is {described(value)}; an array was expected, of a sparse matrix its data") from error
+        wanted = "its data, on the pattern of the problem's own" if sp.issparse(value) else "an array of numbers"
+        raise InputError(f"{name} is {described(value)}; {wanted} was expected") from error
     if not (jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)):
         raise InputError(f"{name} has dtype {array.dtype}; real numbers were expected")
     if array.shape not in shapes:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import lru_cache, partial
 from math import prod
 from threading import RLock
 from typing import Any, TypeAlias
@@ -32,6 +32,20 @@ Answers: TypeAlias = Sequence[Solution | None] | Solutions
 _ANSWERS = (Status.SOLVED, Status.PRECISION_LIMIT)
 
 
+@lru_cache(maxsize=1)
+def own_thread() -> ThreadPoolExecutor:
+    """A thread that rounds as that of the user does, who is the first to ask: those of JAX flush subnormal numbers to
+    zero, and hand this on to threads that they begin."""
+    thread = ThreadPoolExecutor(1, "icpmodel")
+    thread.submit(int).result()
+    return thread
+
+
+def apart(call: Callable[..., Any], *arguments: Any) -> Any:
+    """What the call returns, made in that thread."""
+    return own_thread().submit(call, *arguments).result()
+
+
 class LastAnswers:
     """The answers of the last callback, each under a number of its own, and the derivative that was last asked for."""
 
@@ -41,13 +55,10 @@ class LastAnswers:
         self.first = self.next = secrets.randbits(62)
         self.last: tuple[int, Derivative | None] | None = None
         self.lock = RLock()
-        # JAX's own threads flush subnormal numbers to zero; one that begins here rounds as that of the user does
-        self.thread = ThreadPoolExecutor(1)
-        self.thread.submit(int).result()
 
-    def apart(self, call: Callable[..., Any], *arguments: Any) -> Any:
-        """What the call returns, made in that thread."""
-        return self.thread.submit(call, *arguments).result()
+    def forget(self) -> None:
+        """Keep none."""
+        self.answers, self.last = (), None
 
     def keep(self, answers: Answers) -> int:
         """Keep these, and no others; the number of the first one."""
@@ -57,13 +68,15 @@ class LastAnswers:
 
     def derivative(self, number: int, again: Callable[[], Solution | None]) -> Derivative | None:
         """That of the answer with this number, which is found `again` where it is not kept; None where it has none."""
-        if not self.first <= number < self.first + len(self.answers):
-            self.answers, self.first, self.last = [again()], number, None
-        if self.last is None or self.last[0] != number:
-            solution = self.answers[number - self.first]
+        answers, last = self.answers, self.last  # what is forgotten meanwhile is still there
+        if not self.first <= number < self.first + len(answers):
+            answers, last = [again()], None
+            self.answers, self.first = answers, number
+        if last is None or last[0] != number:
+            solution = answers[number - self.first]
             found = solution.derivative() if solution is not None and solution.status in _ANSWERS else None
-            self.last = number, found
-        return self.last[1]
+            self.last = last = number, found
+        return last[1]
 
 
 class Mapped:

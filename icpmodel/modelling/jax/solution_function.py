@@ -6,6 +6,7 @@ Products with changes of A and G are JAX's own, so that nothing of the size of a
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import Any, TypeAlias
@@ -18,7 +19,7 @@ from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.map import Map
 from ...solve.goal import RTOL, Limits
 from .argument_forms import Parameters, argument, obstacles, the_package
-from .callbacks import Arrays, Callbacks, LastAnswers
+from .callbacks import Arrays, Callbacks, LastAnswers, apart, own_thread
 
 Make: TypeAlias = Callable[[Any], Any]
 
@@ -57,6 +58,7 @@ def solution_of(
      [ 0.   0. ]]
     """
     the_package()
+    own_thread()
     limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit, memory_limit=memory_limit)
     for name, make in (("psi", psi), ("upper", upper)):
         if make is not None and (not callable(make) or isinstance(make, Map)):
@@ -83,6 +85,7 @@ class SolutionFunction:
     ) -> None:
         self.problem, self.makers, self.options, self.raise_on_failure = problem, makers, options, loud
         self._last = LastAnswers()
+        weakref.finalize(self, self._last.forget)  # what JAX has compiled may live longer
         self._traced: dict[Any, Traced] = {}
 
     def __call__(self, *, A: Any = None, q: Any = None, psi: Any = None, upper: Any = None, z0: Any = None) -> Any:
@@ -133,7 +136,7 @@ class Traced:
         self.of_vector = jax.ShapeDtypeStruct((self.n,), np.float64)
         # JAX compiles once for what is the same object
         self.solved, self.forward, self.adjoint = (
-            partial(calls.last.apart, call) for call in (calls.solved, calls.forward, calls.adjoint)
+            partial(apart, call) for call in (calls.solved, calls.forward, calls.adjoint)
         )
         self.function = jax.custom_jvp(self.value)
         self.function.defjvp(self.tangent)
