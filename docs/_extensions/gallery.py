@@ -1,7 +1,7 @@
 """The pages of `examples/`: what a script says of itself, its picture, what it printed, its code, and a notebook of it.
 
-Nothing is run here. `python docs/record.py examples` runs the scripts and keeps what they print, with a hash of the script
-that printed it, in `examples/output/`, and what they draw in `examples/figures/`; a script that was changed since is a
+Nothing is run here. `python docs/record.py examples` runs the scripts and keeps what they print, with a hash of the
+script that printed it, in `examples/output/`, and what they draw in `examples/figures/`; a script that was changed since is a
 warning, hence an error. The tests run all scripts.
 """
 
@@ -34,7 +34,7 @@ def parts(script):
 def cells(code):
     """(comment as prose or "", code) for what lies between the lines that begin with "# %%"."""
     for piece in re.split(r"^# %%.*\n", code, flags=re.MULTILINE):
-        prose = re.match(r"(?:#.*\n)*", piece)[0] if not piece == code else ""
+        prose = re.match(r"(?:#.*\n)*", piece)[0] if piece != code else ""
         yield "\n".join(line.removeprefix("#").strip() for line in prose.splitlines()), piece[len(prose) :].strip("\n")
 
 
@@ -81,7 +81,10 @@ def page(script, output):
     for said, piece in cells(code):
         lines += [prose(said), ""] if said else []
         lines += [f"```python\n{piece}\n```", ""] if piece else []
-    lines += [f"{{download}}`{script.stem}.ipynb <{script.stem}.ipynb>` · {{download}}`{script.name} <{script.name}>`", ""]
+    lines += [
+        f"{{download}}`{script.stem}.ipynb <{script.stem}.ipynb>` · {{download}}`{script.name} <{script.name}>`",
+        "",
+    ]
     return "\n".join(lines)
 
 
@@ -92,7 +95,8 @@ def card(script):
     if not found:
         return f"### [{name}]({script.stem}.md)\n\n{prose(question)}\n"
     return (
-        f"```{{figure}} {found[0].name}\n:alt: {question}\n:target: {script.stem}.html\n:figclass: card\n:loading: lazy\n\n"
+        f"```{{figure}} {found[0].name}\n:alt: {question}\n:target: {script.stem}.html\n:figclass: card\n"
+        ":loading: lazy\n\n"
         f"**[{name}]({script.stem}.md)** {prose(question)}\n```\n"
     )
 

@@ -34,8 +34,12 @@ ROOMS = (
 )
 
 
+#: words of other packages as well, which mean ours only where `icp` stands before them
+OTHERS = ("Complementarity", "Problem", "complements")
+
+
 def public_names():
-    """{where it is documented: the object} of all that users may name: at the face, if it is there, else in its room."""
+    """{where it is documented: the object} of what users may name: at the face, if it is there, else in its room."""
     found = {f"icpmodel.{name}": getattr(icpmodel, name) for name in icpmodel.__all__}
     for room in ROOMS:
         module = importlib.import_module(f"icpmodel.{room}")
@@ -52,7 +56,7 @@ def targets():
     verbs = {id(value): path for path, value in public_names().items()}
     for path, value in public_names().items():
         short = path.removeprefix("icpmodel.")
-        found |= {path: path, short: path, f"icp.{short}": path}
+        found |= {path: path, f"icp.{short}": path} | ({short: path} if short not in OTHERS else {})
         if inspect.isclass(value):
             found |= {f"{short}.{member}": where for member, where in members(value, verbs)}
             if issubclass(value, icpmodel.Method) and value.__dict__.get("name"):
@@ -92,6 +96,8 @@ class Links(SphinxTransform):
     known = targets()
 
     def apply(self, **kwargs):
+        for block in self.document.findall(nodes.literal_block):  # doctest wants an empty line at the end, nobody else
+            block[:] = [nodes.Text(block.astext().rstrip())]
         for node in list(self.document.findall(nodes.literal)):
             if isinstance(node.parent, nodes.reference | nodes.title | addnodes.pending_xref | addnodes.desc_name):
                 continue
