@@ -1,8 +1,8 @@
 """The pages of `examples/`: what a script says of itself, its picture, what it printed, its code, and a notebook of it.
 
 Nothing is run here. `python docs/record.py examples` runs the scripts and keeps what they print, with a hash of the
-script that printed it, in `examples/output/`, and what they draw in `examples/figures/`; a script that was changed since is a
-warning, hence an error. The tests run all scripts.
+script that printed it, in `examples/output/`, and what they draw in `examples/figures/`. A script that was changed
+since is a warning, hence an error. The tests run all scripts.
 """
 
 import hashlib
