@@ -64,13 +64,21 @@ def targets():
     for room in ROOMS:
         module = importlib.import_module(f"icpmodel.{room}")
         for name in module.__all__:
-            same = [path for path, value in public_names().items() if value is getattr(module, name)]
-            found.setdefault(f"{room}.{name}", same[0])
-            found.setdefault(f"icpmodel.{room}.{name}", same[0])
+            told = next(path for path, value in public_names().items() if value is getattr(module, name))
+            ways = [f"{room}.{name}", f"icp.{room}.{name}", f"icpmodel.{room}.{name}"]
+            if (name != name.lower() or "_" in name) and name not in OTHERS:
+                ways.append(name)  # no word of the language
+            for way in ways:
+                found.setdefault(way, told)
     return found
 
 
 SECTION = re.compile(r"(Parameters|Reference|Returns|Raises|Yields)\b")
+VECTOR = re.compile(
+    r"~?(numpy\.)?ndarray\[tuple\[~?(typing\.)?Any, \.\.\.\], ~?(numpy\.)?dtype\[~?(numpy\.)?float64\]\]"
+)
+    r"~?(numpy\.)?ndarray\[tuple\[~?(typing\.)?Any, \.\.\.\], ~?(numpy\.)?dtype\[~?(numpy\.)?float64\]\]"
+)
 ERRORS = re.compile(r"\b(\w+Error|NotApplicable|NotSolved|SingularOperator|Interrupted)\b")
 
 
@@ -97,7 +105,11 @@ class Links(SphinxTransform):
 
     def apply(self, **kwargs):
         for block in self.document.findall(nodes.literal_block):  # doctest wants an empty line at the end, nobody else
-            block[:] = [nodes.Text(block.astext().rstrip())]
+            block.rawsource = block.astext().rstrip()
+            block[:] = [nodes.Text(block.rawsource)]
+        for typed in self.document.findall(addnodes.desc_annotation):  # of properties; functions: see `short_types`
+            if VECTOR.search(typed.astext()):
+                typed[:] = [nodes.Text(VECTOR.sub("Vector", typed.astext()))]
         for node in list(self.document.findall(nodes.literal)):
             if isinstance(node.parent, nodes.reference | nodes.title | addnodes.pending_xref | addnodes.desc_name):
                 continue
@@ -121,9 +133,10 @@ class Links(SphinxTransform):
 
     def target_of(self, text, *entries):
         for entry in entries:
-            inside = self.known.get(f"{entry.removeprefix('icpmodel.')}.{text}")
-            if inside:
-                return inside
+            room = entry.rpartition(".")[0]
+            for inside in (f"{entry.removeprefix('icpmodel.')}.{text}", f"{room}.{text}"):
+                if inside in self.known:
+                    return None if self.known[inside] in entries else self.known[inside]
         target = self.known.get(text)
         return None if target in entries else target
 
@@ -184,6 +197,11 @@ def prose(text):
     return "".join(parts)
 
 
+def short_types(app, what, name, obj, options, signature, returns):
+    """The house's own name for arrays of float64."""
+    return tuple(text and VECTOR.sub("Vector", text) for text in (signature, returns))
+
+
 def process(app, what, name, obj, options, lines):
     if name.startswith("icpmodel"):
         lines[:] = as_rst(list(lines))
@@ -196,6 +214,7 @@ def skip(app, what, name, obj, skipped, options):
 
 def setup(app):
     app.connect("autodoc-skip-member", skip)
+    app.connect("autodoc-process-signature", short_types)
     app.connect("autodoc-process-docstring", process)
     app.add_transform(Links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

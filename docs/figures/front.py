@@ -69,7 +69,7 @@ def race(axes):
     axes.spines[["top", "right"]].set_visible(False)
 
 
-for draw, name, size in ((field, "front-field", (4.3, 3.7)), (race, "front-race", (5.6, 3.7))):
+for draw, name, size in ((field, "front-field", (4.8, 3.7)), (race, "front-race", (4.8, 3.7))):
     figure, axes = plt.subplots(figsize=size, layout="constrained")
     draw(axes)
     figure.savefig(HERE / f"{name}.png", dpi=130)
