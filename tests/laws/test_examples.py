@@ -56,6 +56,13 @@ def test_an_example_runs_as_written(name, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == figures
 
 
+@pytest.mark.parametrize("name", SAYS)
+def test_what_the_gallery_shows_says_it_as_well(name):
+    kept = (EXAMPLES / "output" / name.replace(".py", ".txt")).read_text(encoding="utf-8")
+    for phrase in [SAYS[name]] if isinstance(SAYS[name], str) else SAYS[name]:
+        assert phrase in kept, f"python docs/record.py {name}"
+
+
 PAPER = EXAMPLES / "paper_under_the_microscope.py"
 
 
