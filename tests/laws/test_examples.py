@@ -32,6 +32,7 @@ SAYS = {
         "0 of 1 independent checks agree; 1 disagrees. The answer is not confirmed.",
         ". The answer is confirmed.",
     ),
+    "calibrate_dividends.py": ("0.1200   0.0501   0.0008   0.0500", "0.2000   0.3006   0.0008   0.3000"),
     "recover_obstacle.py": ("misfit / noise²: 0.99", "touches    35", "0.0012      0.0013", "hangs free, not seen"),
     "when_methods_fail.py": "Lemke() infeasible: no z has Az + q >= 0 and z >= psi(z)",
 }
