@@ -261,6 +261,12 @@ def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
 
 
+def times_rows(d: Vector, matrix: sp.csr_array) -> sp.csr_array:
+    """diag(d)·`matrix`, CSR; a product of two sparse matrices takes twenty times as long where they are small."""
+    data = np.repeat(d, np.diff(matrix.indptr)) * matrix.data
+    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
 def is_symmetric(matrix: sp.csr_array) -> bool:
     """Whether a sparse matrix equals its transpose, entry by entry."""
     turned = matrix.T.tocsr()

@@ -87,7 +87,9 @@ def factorise(
         shifted = sp.csr_array(matrix[rows])
     else:
         shifted = matrix
-    most = work.free_memory() / _BYTES if most is None else most
+    if most is None:  # to ask what is free takes as long as to factorise a small matrix
+        full = n * (n + 1.0)
+        most = full if work.fits(_BYTES * full) else work.free_memory() / _BYTES
     seen = None if look is None or shifted is not matrix else look.seen
     fill, order = ordered(shifted, most, work.nanoseconds_left()) if seen is None else seen
     if fill.entries > most:
