@@ -53,6 +53,7 @@ class ActiveEquations:
         if self._eliminated.costs_more(cycles_cost(problem)) if by_cycles is None else by_cycles:
             with suppress(NoHierarchy):
                 self._cycled = CycledEquations(Hierarchy(problem), 0, active, jacobian if jacobian.nnz else None)
+                vars(self).pop("_eliminated", None)  # as large as A
 
     @cached_property
     def _eliminated(self) -> _Elimination:
