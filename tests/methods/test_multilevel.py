@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
@@ -78,6 +78,7 @@ class TestVCycle:
 
 
 class TestFixedObstacle:
+    @settings(deadline=None)
     @given(
         slope=st.floats(-0.99, 0.99),
         bend=st.floats(0.0, 0.99),
