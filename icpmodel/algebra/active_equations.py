@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm, row_of
+from ..numerics.fill import Look
 from ..numerics.linear import Solver, cg_steps, cg_vector_cost, multigrid_pays, solver_of
 from ..numerics.multigrid import KRYLOV_STEPS
 from ..problem.data import ProblemData
@@ -94,16 +95,17 @@ class _Elimination:
             self._whole = False
         except _NotWorth:
             self._M, self._whole = equations_on(problem, active, jacobian), True
+        self._look = Look(self._M)
 
     @property
     def suits_multigrid(self) -> bool:
         """Whether M is for multigrid, by what a factorisation is foreseen to cost."""
-        self._by_multigrid = found = multigrid_pays(self._M)
+        self._by_multigrid = found = multigrid_pays(self._M, self._look)
         return found
 
     @cached_property
     def _solver(self) -> Solver:
-        return solver_of(self._M, self._by_multigrid)
+        return solver_of(self._M, self._by_multigrid, self._look)
 
     def solve(self, f: Vector, tolerance: float, transposed: bool) -> Vector | None:
         if self._whole:

@@ -13,8 +13,10 @@ the obstacle problem.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -42,16 +44,20 @@ _NAMED = 5
 _RTOL = 1e-10
 
 
-class OneSided(NamedTuple):
+@dataclass(frozen=True, eq=False, repr=False)
+class OneSided(ReadOnly, Shown):
     """The derivatives of z*(t) at t = 0 in one direction of the data, shape (n,): `right` as t ↓ 0, `left` as t ↑ 0.
 
-    >>> at_corner = ICP([[1.0]], [0.0]).solve().derivative()
-    >>> at_corner.one_sided(dq=[1.0])
-    OneSided(right=array([0.]), left=array([-1.]))
+    >>> right, left = ICP([[1.0]], [0.0]).solve().derivative().one_sided(dq=[1.0])
+    >>> right, left
+    (array([0.]), array([-1.]))
     """
 
     right: Vector
     left: Vector
+
+    def __iter__(self) -> Iterator[Vector]:
+        return iter((self.right, self.left))
 
 
 class Derivative(ReadOnly, Shown):
@@ -127,30 +133,28 @@ class Derivative(ReadOnly, Shown):
         return x
 
     @sheltered
-    def one_sided(
-        self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None, **options: Any
-    ) -> OneSided:
+    def one_sided(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> OneSided:
         """The right and the left derivative in one direction; where `certain`, both are `forward`.
 
         In the undecided rows of the polished answer p = r = 0 is assumed. Each of the two is a complementarity problem
-        with the matrix A, solved by `icpmodel.solve`, which gets the `options`.
+        with the matrix A, solved by `icpmodel.solve`.
         Parameters: as of `forward`. Returns a `OneSided`. Raises InputError, and NotSolved where one is not solved.
 
         >>> two_jumps = sp.csr_array([[0.0, -1.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
         >>> problem = ICP(np.eye(3), [5.0, -2.0, -2.0], icp.Intervention(two_jumps))
-        >>> problem.solve().derivative().one_sided(dq=[0.0, 1.0, 0.0])
-        OneSided(right=array([ 0., -1.,  0.]), left=array([-1., -1.,  0.]))
+        >>> tuple(problem.solve().derivative().one_sided(dq=[0.0, 1.0, 0.0]))
+        (array([ 0., -1.,  0.]), array([-1., -1.,  0.]))
         """
         direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
         if self.certain:
             dz = self.forward(dA=dA, dq=dq, dpsi=dpsi, dupper=dupper)
             return OneSided(dz, dz)
         near = self.solution.polish().derivative()
-        return OneSided(*(sign * near._to_the_right(direction.times(sign), options) + 0.0 for sign in (1.0, -1.0)))
+        return OneSided(*(sign * near._to_the_right(direction.times(sign)) + 0.0 for sign in (1.0, -1.0)))
 
-    def _to_the_right(self, direction: Direction, options: dict[str, Any]) -> Vector:
+    def _to_the_right(self, direction: Direction) -> Vector:
         problem = tangent_problem(self.z, self.pattern, self._ties, direction)
-        return solve(problem, **({"rtol": _RTOL} | options)).polish().z
+        return solve(problem, rtol=_RTOL).polish().z
 
     @sheltered
     def bound(self, dz: Any, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> float | None:

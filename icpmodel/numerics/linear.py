@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from .arrays import Vector, bandwidths, inner, is_symmetric, row_of
 from .equilibration import Exponents, in_units, row_exponents
 from .factorisation import factorise
-from .fill import foreseen
+from .fill import Look
 from .multigrid import KrylovMultigrid
 from .threads import one_blas_thread
-from .work import COSTS, add, afford, dense_cost, free_memory, krylov_cost, least_factor_cost, product
+from .work import COSTS, add, afford, dense_cost, free_memory, krylov_cost, product
 
 
 class Solver(Protocol):
@@ -38,13 +38,14 @@ _INEXACT = 1e-4
 _STEPS = 10
 
 
-def solver_of(M: sp.csr_array, by_multigrid: bool | None = None) -> Solver:
+def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | None = None) -> Solver:
     """A solver of Mx = f and Mᵀx = f for many f: for a band, one with a few full rows, dense or sparse matrices, or
     multigrid.
 
     Multigrid is for matrices with a positive diagonal and nothing positive off it, and taken where a factorisation is
-    foreseen to cost more, unless `by_multigrid` decides; where it does not converge they are factorised as well. Rows
-    are brought to one size first. The solver returns None where M is singular. Raises OutOfTime and OutOfMemory.
+    foreseen to cost more, unless `by_multigrid` decides; where it does not converge they are factorised as well. `look`
+    is one at M that was begun with. Rows are brought to one size first. The solver returns None where M is singular.
+    Raises OutOfTime and OutOfMemory.
     """
     n = M.shape[0]
     if n == 0:
@@ -52,15 +53,15 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None) -> Solver:
     if not np.isfinite(M.data).all():
         return lambda f, tolerance, transposed=False: None
     exponents = row_exponents(M)
-    scaled = in_units(M, exponents)
-    by_multigrid = _is_for_multigrid(M) and (_factorising_costs_more(scaled) if by_multigrid is None else by_multigrid)
+    scaled, look = in_units(M, exponents), look or Look(M)
+    by_multigrid = multigrid_pays(M, look) if by_multigrid is None else by_multigrid and _is_for_multigrid(M)
     cycles = _multigrid(M, scaled, exponents) if by_multigrid else None
 
     @cache
     def direct() -> Solver:
         if sum(bandwidths(M)) < _WIDEST_BAND:
             return _banded(scaled)
-        return _bordered(scaled) or (_dense(scaled) if _is_as_good_as_dense(scaled) else _sparse(scaled))
+        return _bordered(scaled, look) or (_dense(scaled) if _is_as_good_as_dense(n, look) else _sparse(scaled, look))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         afford()
@@ -74,9 +75,9 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None) -> Solver:
     return solve
 
 
-def multigrid_pays(M: sp.csr_array) -> bool:
-    """Whether `solver_of` takes multigrid for M, CSR, n × n."""
-    return _is_for_multigrid(M) and _factorising_costs_more(M)
+def multigrid_pays(M: sp.csr_array, look: Look) -> bool:
+    """Whether multigrid is for M, CSR, n × n, and one solve with it costs less than a factorisation."""
+    return _is_for_multigrid(M) and look.costs_more(krylov_cost(M.nnz, _STEPS))
 
 
 def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> Solver:
@@ -138,7 +139,7 @@ def _band_of(M: sp.csr_array) -> tuple[tuple[int, int], NDArray[np.float64]]:
     return (lower, upper), band
 
 
-def _bordered(M: sp.csr_array) -> Solver | None:
+def _bordered(M: sp.csr_array, look: Look) -> Solver | None:
     """The solver of a band but for a few rows that reach far beyond it, by Woodbury's formula; None for others."""
     rows = row_of(M)
     far = 2 * np.abs(rows - M.indices) >= _WIDEST_BAND
@@ -151,7 +152,7 @@ def _bordered(M: sp.csr_array) -> Solver | None:
     units = np.zeros((n, k))
     units[border, np.arange(k)] = 1.0
     solve_band = _banded(band)
-    sparse = cache(lambda: _sparse(M))
+    sparse, size_of = cache(lambda: _sparse(M, look)), cache(lambda: abs(M))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         # M = band + UV, and Mᵀ = bandᵀ + VᵀUᵀ
@@ -161,7 +162,10 @@ def _bordered(M: sp.csr_array) -> Solver | None:
             x, Y = X[:, 0], X[:, 1:]
             with suppress(np.linalg.LinAlgError):
                 x = x - Y @ np.linalg.solve(np.eye(k) + V @ Y, V @ x)
-            if np.abs(whole @ x - f).max() <= _BACKWARD * max(np.abs(x).max(), np.abs(f).max()):
+            size = max(np.abs(x).max(), np.abs(f).max())
+            if transposed:  # its rows are not of one size
+                size = size_of().T @ np.abs(x) + np.abs(f)
+            if (np.abs(whole @ x - f) <= _BACKWARD * size).all():
                 return np.asarray(x)
         return sparse()(f, tolerance, transposed)
 
@@ -184,8 +188,8 @@ def _dense(M: sp.csr_array) -> Solver:
     return solve
 
 
-def _sparse(M: sp.csr_array) -> Solver:
-    lu = factorise(M)
+def _sparse(M: sp.csr_array, look: Look) -> Solver:
+    lu = factorise(M, look=look)
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         return None if lu is None else lu.solve(f, "T" if transposed else "N")
@@ -202,18 +206,9 @@ def _is_for_multigrid(M: sp.csr_array) -> bool:
     )
 
 
-def _factorising_costs_more(M: sp.csr_array) -> bool:
-    """Whether to factorise M costs more than to solve one system with it by multigrid."""
-    most = krylov_cost(M.nnz, _STEPS)
-    return least_factor_cost(M.shape[0], M.nnz) > most or not foreseen(M, most).seen
-
-
-def _is_as_good_as_dense(M: sp.csr_array) -> bool:
-    """Whether a dense factorisation of M costs less than a sparse one, and fits into memory."""
-    n, most = M.shape[0], dense_cost(M.shape[0])
-    if 16.0 * n**2 > free_memory():
-        return False
-    return least_factor_cost(n, M.nnz) > most or not foreseen(M, most).seen
+def _is_as_good_as_dense(n: int, look: Look) -> bool:
+    """Whether a dense factorisation with n rows costs less than a sparse one, and fits into memory."""
+    return 16.0 * n**2 <= free_memory() and look.costs_more(dense_cost(n))
 
 
 def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:

@@ -240,6 +240,18 @@ def test_ties_at_either_of_two_obstacles_are_told_apart():
     np.testing.assert_allclose(left, [-1.0, 0.0, -1.0], atol=1e-9)
 
 
+def test_affine_obstacles_of_both_sides_are_mixed_row_by_row():
+    G = np.array([[0.0, 0.125, 0.125], [0.125, 0.0, 0.125], [0.125, 0.125, 0.0]])
+    z = np.array([1.0, 2.0, 3.0])
+    sides = {"psi": icp.Affine(G, z - G @ z - [0, 1, 1]), "upper": icp.Affine(G, z - G @ z + [1, 0, 1])}
+    derivative = icp.ICP(4.0 * np.eye(3), -4.0 * z, **sides).solve().derivative()
+    assert derivative.undecided.tolist() == [0, 1]
+    # all move down: row 0 is held by ψ, row 1 is free
+    right, left = derivative.one_sided(dq=[8.0, 8.0, 8.0])
+    np.testing.assert_allclose(right, [G[0, 1:] @ [-2.0, -2.0], -2.0, -2.0], atol=1e-9)
+    np.testing.assert_allclose(left, [-2.0, G[1, ::2] @ [-2.0, -2.0], -2.0], atol=1e-9)
+
+
 def test_of_two_equally_good_jumps_the_better_one_counts_afterwards():
     jumps = sp.csr_array([[0.0, -1.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     problem = icp.ICP(np.eye(3), [5.0, -2.0, -2.0], icp.Intervention(jumps))
