@@ -1,4 +1,4 @@
-"""Measurements behind the numbers of the README: the subcommands of `icpmodel benchmark` print them."""
+"""Measurements behind the numbers of `docs/benchmarks.md`: the subcommands of `icpmodel benchmark` print them."""
 
 from .adjoints import derivative_cost
 from .benchmark import benchmark, faster_peers

@@ -44,7 +44,7 @@ _EXAMPLES = {
     "race membrane -o race.png": "time against error, with independent solvers",
     "stability units -o map.png": "where a method converges, how fast, and where it fails",
     "report membrane -o page.html": "all of that, and pictures, on one page",
-    "benchmark sweep": "the numbers of the README, measured on this machine",
+    "benchmark sweep": "the numbers of the documentation, measured on this machine",
     "warmup": "compile all loops once, before the first solve",
 }
 

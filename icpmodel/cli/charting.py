@@ -1,4 +1,4 @@
-"""`icpmodel race`, `icpmodel stability`, `icpmodel report`, and `icpmodel benchmark`: what the README claims."""
+"""`icpmodel race`, `icpmodel stability`, `icpmodel report`, and `icpmodel benchmark`: what the documentation claims."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ _FOLDER = click.option("-o", "--output", type=click.Path(), help="Write the CSV 
 
 @click.group()
 def benchmark() -> None:
-    """Measure what the README claims, on this machine."""
+    """Measure what the documentation claims, on this machine."""
 
 
 def _faster(table: Table) -> list[str]:

@@ -1,4 +1,4 @@
-"""The tables behind the README: their shape, and what does not depend on the machine."""
+"""The tables behind docs/benchmarks.md: their shape, and what does not depend on the machine."""
 
 import warnings
 

@@ -32,6 +32,10 @@ SAYS = {
         "0 of 1 independent checks agree; 1 disagrees. The answer is not confirmed.",
         ". The answer is confirmed.",
     ),
+    "calibrate_dividends.py": ("0.1200   0.0501   0.0008   0.0500", "0.2000   0.3006   0.0008   0.3000"),
+    "learn_friction.py": ("friction coefficient 0.2994 ± 0.0005, true 0.3", "slips in 0 steps", "certain: True"),
+    "design_contact.py": ("uniform load           1204      66            1470    6138", "               0    7608"),
+    "recover_obstacle.py": ("misfit / noise²: 0.99", "touches    35", "0.0012      0.0013", "hangs free, not seen"),
     "when_methods_fail.py": "Lemke() infeasible: no z has Az + q >= 0 and z >= psi(z)",
 }
 
@@ -54,6 +58,13 @@ def test_an_example_runs_as_written(name, tmp_path):
     if name == "which_solver_do_you_believe.py":
         figures |= {"which_solver_race.png"}
     assert {path.name for path in tmp_path.iterdir()} == figures
+
+
+@pytest.mark.parametrize("name", SAYS)
+def test_what_the_gallery_shows_says_it_as_well(name):
+    kept = (EXAMPLES / "output" / name.replace(".py", ".txt")).read_text(encoding="utf-8")
+    for phrase in [SAYS[name]] if isinstance(SAYS[name], str) else SAYS[name]:
+        assert phrase in kept, f"python docs/record.py {name}"
 
 
 PAPER = EXAMPLES / "paper_under_the_microscope.py"

@@ -325,16 +325,3 @@ def test_the_face_lists_every_name_once_and_has_it():
         getattr(icpmodel, name)
     with pytest.raises(AttributeError, match="Nwton"):
         _ = icpmodel.Nwton
-
-
-def test_the_readme_has_no_gap_its_python_runs_and_its_figures_are_there():
-    text = (HOUSE.parent / "README.md").read_text()
-    assert "@@" not in text
-    names = {}
-    for block in text.split("```python\n")[1:]:
-        exec(compile(block.split("```")[0], "README.md", "exec"), names)
-    figures = re.findall(r"!\[[^]]+\]\(([^)]+)\)", text)
-    assert figures
-    for figure in figures:
-        assert (HOUSE.parent / figure).read_bytes().startswith(b"\x89PNG")
-        assert (HOUSE.parent / figure).with_suffix(".csv").read_text().startswith("# icpmodel ")

@@ -1,13 +1,26 @@
-"""The pages of docs/ run as written, each by itself in an empty folder, and say what they show."""
+"""The README and the pages of docs/: their examples run, their numbers are recorded, every name is on one."""
 
 import doctest
+import json
 import re
+import sys
 
 import numpy as np
 import pytest
 from installed import HOUSE
+from shell import call
 
-PAGES = sorted((HOUSE / "docs").glob("*.md"))
+DOCS = HOUSE / "docs"
+sys.path.insert(0, str(DOCS))
+sys.path.insert(0, str(DOCS / "_extensions"))
+
+import gallery  # noqa: E402
+import house_style  # noqa: E402
+import record  # noqa: E402
+
+README = HOUSE / "README.md"
+PAGES = [page for page in (README, *sorted(DOCS.glob("*.md"))) if ">>>" in page.read_text(encoding="utf-8")]
+SCRIPTS = sorted(gallery.EXAMPLES.glob("*.py"))
 
 
 def examples(page):
@@ -16,8 +29,8 @@ def examples(page):
     return doctest.DocTestParser().get_doctest(text, {}, page.name, str(page), 0)
 
 
-def test_there_are_pages():
-    assert PAGES
+def test_there_are_pages_for_whom_the_readme_names():
+    assert {page.stem for page in PAGES} >= {"README", "start", "scipy", "qp", "cvxpy", "pyomo", "teaching", "research"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -30,3 +43,73 @@ def test_a_page_runs_as_written(page, tmp_path, monkeypatch):
         ran = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS, verbose=False).run(examples(page), out=said.append)
     assert ran.attempted, "a page shows what it says"
     assert not said, "".join(said)
+
+
+def test_every_public_name_has_one_entry_in_the_reference():
+    """A name of several rooms is told of where users name it; rooms themselves are pages."""
+    found = []
+    for page in [*(DOCS / "api").glob("*.md"), DOCS / "cli.md"]:
+        room = ""
+        for line in page.read_text(encoding="utf-8").splitlines():
+            directive = re.match(r"\.\. (?:py:)?(currentmodule|module|auto\w+):: (\S+)", line)
+            if directive and directive[1] == "currentmodule":
+                room = f"{directive[2]}."
+            elif directive:
+                found.append(directive[2] if directive[2].startswith("icpmodel.") else f"{room}{directive[2]}")
+    assert len(found) == len(set(found))
+    assert set(house_style.public_names()) <= set(found)
+
+
+def test_the_rooms_of_the_reference_are_all_that_have_public_names():
+    rooms = {path.parent for path in (HOUSE / "icpmodel").rglob("__init__.py") if "__all__" in path.read_text()}
+    assert {".".join(room.relative_to(HOUSE).parts[1:]) for room in rooms} - {""} == set(house_style.ROOMS)
+
+
+def test_the_readme_is_short_and_all_that_it_links_is_there():
+    text = README.read_text(encoding="utf-8")
+    assert len(text.encode()) < 8192
+    links = re.findall(r"\]\(([^)#]+)[^)]*\)|src=\"([^\"]+)\"", text)
+    assert len(links) > 10
+    for link in (one or other for one, other in links):
+        assert (HOUSE / link).exists(), link
+
+
+def test_every_measured_number_of_the_readme_is_a_recorded_one():
+    """What has a decimal point outside of code was printed by a command of the benchmarks, but for rounding."""
+    prose = re.sub(r"```.*?```|`[^`]*`|Python ≥ [\d.]+", "", README.read_text(encoding="utf-8"), flags=re.DOTALL)
+    outputs = record.BLOCK.findall((DOCS / "benchmarks.md").read_text(encoding="utf-8"))
+    printed = [float(one) for _, output in outputs for one in re.findall(r"\d+\.\d+", output)]
+    numbers = re.findall(r"\d+\.(\d+)", prose), re.findall(r"\d+\.\d+", prose)
+    assert numbers[0]
+    for digits, number in zip(*numbers, strict=True):
+        assert any(f"{one:.{len(digits)}f}" == number for one in printed), number
+
+
+def test_figures_have_their_data_and_its_command_beside_them():
+    for figure in (DOCS / "figures").glob("*.png"):
+        assert figure.read_bytes().startswith(b"\x89PNG")
+        data = "race" if figure.stem.startswith("front") else figure.stem  # the fronts: docs/figures/front.py
+        assert (DOCS / "figures" / f"{data}.csv").read_text().startswith("# icpmodel ")
+
+
+def test_what_a_page_says_a_command_prints_is_what_it_prints(capsys):
+    """Of the commands that are no measurements."""
+    page = (DOCS / "certain.md").read_text(encoding="utf-8")
+    [(command, output)] = record.BLOCK.findall(page)
+    assert call(capsys, *command.split()[1:])[1] == output
+
+
+def test_commands_are_recorded_again_below_themselves():
+    page = "a\n\n```console\n$ echo two; echo three\nold\n```\n\n```console\n$ echo four\nold\n```\n"
+    assert record.recorded(page, ["three"]) == page.replace("old", "two\nthree", 1)
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_a_script_of_the_gallery_was_recorded_and_its_notebook_is_its_code(script):
+    """A script that has changed since says so; comments that begin a cell become its text."""
+    kept = (gallery.EXAMPLES / "output" / f"{script.stem}.txt").read_text(encoding="utf-8")
+    assert kept.startswith(gallery.digest(script)), f"python docs/record.py {script.name}"
+    told, code = gallery.parts(script)
+    cells = json.loads(gallery.notebook(told, code))["cells"]
+    compile("\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"), script.name, "exec")
+    assert cells[0]["source"][0] in script.read_text(encoding="utf-8")
