@@ -77,8 +77,6 @@ SECTION = re.compile(r"(Parameters|Reference|Returns|Raises|Yields)\b")
 VECTOR = re.compile(
     r"~?(numpy\.)?ndarray\[tuple\[~?(typing\.)?Any, \.\.\.\], ~?(numpy\.)?dtype\[~?(numpy\.)?float64\]\]"
 )
-    r"~?(numpy\.)?ndarray\[tuple\[~?(typing\.)?Any, \.\.\.\], ~?(numpy\.)?dtype\[~?(numpy\.)?float64\]\]"
-)
 ERRORS = re.compile(r"\b(\w+Error|NotApplicable|NotSolved|SingularOperator|Interrupted)\b")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import MapError, SingularOperator
-from ..numerics import work
-from ..numerics.arrays import Vector, row_of
-from ..numerics.linear import solver_of
+from ..numerics.arrays import Vector
 from ..problem.between import chosen
 from ..problem.data import ProblemData
 from ..problem.map import Map
@@ -115,86 +112,6 @@ def _refined(
         if size == 0.0:
             break
     return best
-
-
-#: (p, r, relative tolerance) ↦ the step of Newton's method, or None where there is none
-Stepper = Callable[[Vector, Vector, float], Vector | None]
-
-
-def step_of(problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array) -> Stepper:
-    """The solver of (I − ψ′)d = −r in the `active` rows, I, and Ad = −p in the others, F, for many p and r.
-
-    Where the chains of ψ′ through the active rows end, as those of jumps do, the active unknowns are eliminated,
-    d_I = Td_F + s, and A_FF + A_FI T is left: with few rows at the border of I, little more than A_FF.
-    Parameters: `active` a mask of shape (n,); `jacobian` = ψ′(z), CSR, shape (n, n). Returns the solver.
-    """
-    rows, free = np.flatnonzero(active), np.flatnonzero(~active)
-    try:
-        slope, links, T = _chains(jacobian, rows, free)
-        A_F = problem.A[free]
-        M = sp.csr_array(A_F[:, free])
-        if T.nnz:
-            M = sp.csr_array(M + _product(sp.csr_array(A_F[:, rows]), T))
-    except _NotWorth:
-        solve_all = solver_of(equations_on(problem, active, jacobian))
-        return lambda p, r, tolerance: solve_all(-np.where(active, r, p), tolerance)
-    solve = solver_of(M)
-
-    def step(p: Vector, r: Vector, tolerance: float) -> Vector | None:
-        s = -r[rows] / slope
-        for link in links:
-            s = s + link @ s
-        d = np.zeros(p.size)
-        d[rows] = s
-        part = solve(-(p[free] + A_F @ d), tolerance)
-        if part is None or not np.isfinite(s).all():
-            return None
-        d[free] = part
-        d[rows] += T @ part
-        return d
-
-    return step
-
-
-class _NotWorth(Exception):
-    """The active unknowns cannot be eliminated, or that costs more than a dense factorisation of the whole."""
-
-
-def _chains(
-    J: sp.csr_array, rows: NDArray[np.intp], free: NDArray[np.intp]
-) -> tuple[Vector, list[sp.csr_array], sp.csr_array]:
-    """(1 − own slope, N, N², N⁴, …, and T) with (I − N)⁻¹ = … (I + N²)(I + N), where N has a power that is 0."""
-    from scipy.sparse.csgraph import connected_components
-
-    if not J.nnz:
-        return np.ones(rows.size), [], sp.csr_array((rows.size, free.size))
-    own = J.diagonal()[rows]
-    slope, J_I = 1.0 - own, J[rows]
-    if not slope.all():
-        raise _NotWorth
-    if own.any():
-        J_I = sp.diags_array(1.0 / slope) @ J_I
-    T, N = sp.csr_array(J_I[:, free]), sp.csr_array(J_I[:, rows])
-    if own.any():
-        N.data[row_of(N) == N.indices] = 0.0
-        N.eliminate_zeros()
-    if N.nnz and connected_components(N, connection="strong")[0] < rows.size:
-        raise _NotWorth
-    links: list[sp.csr_array] = []
-    while N.nnz:
-        links.append(N)
-        T, N = sp.csr_array(T + _product(N, T)), _product(N, N)
-    return slope, links, T
-
-
-def _product(A: sp.csr_array, B: sp.csr_array) -> sp.csr_array:
-    """AB. Raises _NotWorth where it costs more than a dense factorisation with as many rows as B has in all."""
-    cost = work.COSTS.sparse_flop * float(np.diff(B.indptr)[A.indices].sum())
-    if cost > work.dense_cost(sum(B.shape)):
-        raise _NotWorth
-    work.afford(cost)
-    work.add(cost)
-    return sp.csr_array(A @ B)
 
 
 def derivative(psi: Map, z: Vector, above: NDArray[np.bool_] | None = None) -> sp.csr_array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..numerics import work
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, is_symmetric
 from ..numerics.multigrid import HIERARCHY_BYTES, ruge_stuben
 from ..numerics.threads import one_behind_the_other, one_blas_thread, threads_for
 from ..problem.data import ProblemData
@@ -44,6 +44,13 @@ class Level:
         self.inverse = 1.0 / self.diagonal
         self.P: Any = None
         self.kept: Any = None
+
+    def transposed(self) -> Level:
+        """That of Aᵀ."""
+        A = self.A.T.tocsr()
+        level = Level(ProblemData.of_checked(A, np.zeros(A.shape[0]), 0.0))
+        level.P, level.kept = self.P, self.kept
+        return level
 
 
 class Hierarchy:
@@ -78,6 +85,7 @@ class Hierarchy:
 
     def restrict(self, free: Mask, top: int = 0) -> None:
         """Let only the rows where `free`, shape (m,), of level `top` take part in the cycles that follow."""
+        vars(self).pop("transposed", None)
         self._free = [free] * (top + 1)
         for level in self.levels[top:-1]:
             free = free[level.kept]
@@ -94,6 +102,26 @@ class Hierarchy:
         price = work.COSTS.cycle + work.COSTS.cycle_entry * self.levels[top].A.nnz
         work.spend(price)
         return self._cycle(f, top)
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether A is, and with it every level and the cycle, up to rounding."""
+        return is_symmetric(self.levels[0].A)
+
+    @cached_property
+    def transposed(self) -> Hierarchy:
+        """The levels of Aᵀ with the same interpolation and the same free rows: its cycle is the adjoint of this one.
+
+        Where A is symmetric it is this hierarchy itself.
+        """
+        if self.is_symmetric:
+            return self
+        for level in self.levels:
+            work.build(level.A.nnz)
+        new = object.__new__(Hierarchy)
+        new.levels = [level.transposed() for level in self.levels]
+        new._dense, new._free, new._rows, new._inverse = self._dense.T, self._free, self._rows, self._inverse.T
+        return new
 
     def _cycle(self, f: Vector, top: int) -> Vector:
         from ..numerics.kernels.vcycle import interpolate, restrict, sweep_down, sweep_up

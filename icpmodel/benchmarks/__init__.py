@@ -1,5 +1,6 @@
 """Measurements behind the numbers of `docs/benchmarks.md`: the subcommands of `icpmodel benchmark` print them."""
 
+from .adjoints import derivative_cost
 from .benchmark import benchmark, faster_peers
 from .certainty import bound_ratios, certificate_cost
 from .constants import constants
@@ -17,6 +18,7 @@ __all__ = [
     "certificate_cost",
     "choice",
     "constants",
+    "derivative_cost",
     "dominant_cost",
     "drawn",
     "family_names",

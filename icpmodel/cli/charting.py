@@ -149,6 +149,7 @@ _COMMANDS: dict[str, Callable[..., Table]] = {
     "order": benchmarks.grid_order,
     "bounds": benchmarks.bound_ratios,
     "certificate": benchmarks.certificate_cost,
+    "derivative": benchmarks.derivative_cost,
     "limit": benchmarks.solve_cost,
     "honesty": benchmarks.honesty,
     "modelling": benchmarks.reading_cost,

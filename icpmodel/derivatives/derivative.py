@@ -13,17 +13,19 @@ the obstacle problem.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
 from ..errors import InputError, NotApplicable, SingularOperator
 from ..numerics.arrays import ReadOnly, Vector
-from ..numerics.factorisation import factorise
 from ..numerics.rounding import sheltered
 from ..present.card import Card
 from ..present.shown import Shown
@@ -38,20 +40,24 @@ from .tangent import Mask, Ties, tangent_problem
 
 #: so many rows are named
 _NAMED = 5
-#: the relative tolerance of tangent problems
+#: the relative tolerance of linear systems that are solved by steps, and of tangent problems
 _RTOL = 1e-10
 
 
-class OneSided(NamedTuple):
+@dataclass(frozen=True, eq=False, repr=False)
+class OneSided(ReadOnly, Shown):
     """The derivatives of z*(t) at t = 0 in one direction of the data, shape (n,): `right` as t ↓ 0, `left` as t ↑ 0.
 
-    >>> at_corner = ICP([[1.0]], [0.0]).solve().derivative()
-    >>> at_corner.one_sided(dq=[1.0])
-    OneSided(right=array([0.]), left=array([-1.]))
+    >>> right, left = ICP([[1.0]], [0.0]).solve().derivative().one_sided(dq=[1.0])
+    >>> right, left
+    (array([0.]), array([-1.]))
     """
 
     right: Vector
     left: Vector
+
+    def __iter__(self) -> Iterator[Vector]:
+        return iter((self.right, self.left))
 
 
 class Derivative(ReadOnly, Shown):
@@ -82,12 +88,13 @@ class Derivative(ReadOnly, Shown):
         self._jacobian = derivative(problem.psi, z, self.pattern.above)
 
     @cached_property
-    def _equations(self) -> sp.csr_array:
-        return equations_on(self.problem, self.pattern.active, self._jacobian)
+    def equations(self) -> ActiveEquations:
+        """J and Jᵀ, solved for any right-hand side: `equations.solve(f, tolerance)` and `.transposed(f, tolerance)`.
 
-    @cached_property
-    def _factors(self) -> Any:
-        return factorise(self._equations)
+        >>> ICP([[2.0]], [-2.0]).solve().derivative().equations.solve(np.ones(1), 1e-10)
+        array([0.5])
+        """
+        return ActiveEquations(self.problem, self.pattern.active, self._jacobian)
 
     @sheltered
     def forward(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> Vector:
@@ -103,7 +110,7 @@ class Derivative(ReadOnly, Shown):
         array([-0.5])
         """
         change = Direction.of(self.problem, dA, dq, dpsi, dupper)
-        return self._solved(change.right_side(self.z, self.pattern), "N")
+        return self._checked(self.equations.solve(change.right_side(self.z, self.pattern), _RTOL))
 
     @sheltered
     def adjoint(self, zbar: Any) -> Gradient:
@@ -116,40 +123,38 @@ class Derivative(ReadOnly, Shown):
         (array([-0.5]), array([-0.5]))
         """
         zbar = self.problem.vector(zbar, "zbar", finite=True)
-        return Gradient(self.problem, self.z, self.pattern, self._solved(zbar, "T"))
+        return Gradient(self.problem, self.z, self.pattern, self._checked(self.equations.transposed(zbar, _RTOL)))
 
-    def _solved(self, f: Vector, trans: str) -> Vector:
-        x = None if self._factors is None else self._factors.solve(f, trans)
-        if x is None or not np.isfinite(x).all():
+    @staticmethod
+    def _checked(x: Vector | None) -> Vector:
+        if x is None:
             told = "the equations of the active set are singular: z* has no derivative that they would give"
             raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
         return x
 
     @sheltered
-    def one_sided(
-        self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None, **options: Any
-    ) -> OneSided:
+    def one_sided(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> OneSided:
         """The right and the left derivative in one direction; where `certain`, both are `forward`.
 
         In the undecided rows of the polished answer p = r = 0 is assumed. Each of the two is a complementarity problem
-        with the matrix A, solved by `icpmodel.solve`, which gets the `options`.
+        with the matrix A, solved by `icpmodel.solve`.
         Parameters: as of `forward`. Returns a `OneSided`. Raises InputError, and NotSolved where one is not solved.
 
         >>> two_jumps = sp.csr_array([[0.0, -1.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
         >>> problem = ICP(np.eye(3), [5.0, -2.0, -2.0], icp.Intervention(two_jumps))
-        >>> problem.solve().derivative().one_sided(dq=[0.0, 1.0, 0.0])
-        OneSided(right=array([ 0., -1.,  0.]), left=array([-1., -1.,  0.]))
+        >>> tuple(problem.solve().derivative().one_sided(dq=[0.0, 1.0, 0.0]))
+        (array([ 0., -1.,  0.]), array([-1., -1.,  0.]))
         """
         direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
         if self.certain:
             dz = self.forward(dA=dA, dq=dq, dpsi=dpsi, dupper=dupper)
             return OneSided(dz, dz)
         near = self.solution.polish().derivative()
-        return OneSided(*(sign * near._to_the_right(direction.times(sign), options) + 0.0 for sign in (1.0, -1.0)))
+        return OneSided(*(sign * near._to_the_right(direction.times(sign)) + 0.0 for sign in (1.0, -1.0)))
 
-    def _to_the_right(self, direction: Direction, options: dict[str, Any]) -> Vector:
+    def _to_the_right(self, direction: Direction) -> Vector:
         problem = tangent_problem(self.z, self.pattern, self._ties, direction)
-        return solve(problem, **({"rtol": _RTOL} | options)).polish().z
+        return solve(problem, rtol=_RTOL).polish().z
 
     @sheltered
     def bound(self, dz: Any, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> float | None:
@@ -167,7 +172,7 @@ class Derivative(ReadOnly, Shown):
         direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
         f, known = direction.right_side(self.z, self.pattern), self.solution.certificate.bound.componentwise
         error = np.zeros(dz.size) if known is None else direction.error(self.z, known, self.pattern)
-        return self._bound(self._equations, f, dz, error)
+        return self._bound(self._matrix(), f, dz, error)
 
     @sheltered
     def adjoint_bound(self, zbar: Any, gradient: Gradient) -> float | None:
@@ -181,7 +186,10 @@ class Derivative(ReadOnly, Shown):
         w = gradient.psi_values - gradient.q
         w = w if gradient.upper_values is None else w + gradient.upper_values
         zbar = self.problem.vector(zbar, "zbar", finite=True)
-        return self._bound(sp.csr_array(self._equations.T), zbar, w, np.zeros(w.size))
+        return self._bound(sp.csr_array(self._matrix().T), zbar, w, np.zeros(w.size))
+
+    def _matrix(self) -> sp.csr_array:
+        return equations_on(self.problem, self.pattern.active, self._jacobian)
 
     def _bound(self, J: sp.csr_array, f: Vector, x: Vector, error: Vector) -> float | None:
         """max|x − x*| for Jx* = f, f wrong by up to `error`."""
@@ -200,7 +208,7 @@ class Derivative(ReadOnly, Shown):
         problem, z = self.problem, self.z
         for_p, for_r = problem.rounding(z)
         F = np.where(self.pattern.active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
-        return 2.0 * np.abs(self._solved(F, "N"))
+        return 2.0 * np.abs(self._checked(self.equations.solve(F, _RTOL)))
 
     @cached_property
     def _ties(self) -> Ties:

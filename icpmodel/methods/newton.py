@@ -29,7 +29,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..algebra.equations import Pattern, Stepper, derivative, step_of
+from ..algebra.active_equations import ActiveEquations
+from ..algebra.equations import Pattern, derivative
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, norm
@@ -174,7 +175,7 @@ class Path:
         self.waited = self.descents = 0
         # of the step before: its active set, how many in a row did nothing but shrink, and its factorisation
         self.taken, self.shrunk = self.here.active, 0
-        self.kept: tuple[Mask, sp.csr_array, Stepper] | None = None
+        self.kept: tuple[Mask, sp.csr_array, ActiveEquations] | None = None
         self.fault: MapError | None = None
 
     def advance(self) -> bool:
@@ -254,8 +255,8 @@ class Path:
         tolerance = min(_LOOSE, max(_TIGHT, here.theta / self.first)) if self.first > 0 else _TIGHT
         if self.kept is None or self.kept[1] is not J or not np.array_equal(self.kept[0], active):
             self.kept = None  # so that not two factorisations are held
-            self.kept = (active, J, step_of(self.problem, active, J))
-        return self.kept[2](here.p, here.r, tolerance)
+            self.kept = (active, J, ActiveEquations(self.problem, active, J, by_cycles=False))
+        return self.kept[2].solve(-np.where(active, here.r, here.p), tolerance)
 
     def descent(self) -> Point | None:
         """A step from the best point that reduces Ψ by Armijo's rule; None where none does, or many do too little."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import OutOfMemory, OutOfTime
 from . import work
 from .arrays import Vector, row_of
-from .fill import ordered
+from .fill import Look, ordered
 
 #: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column.
 #: With .1 grids with convection and indefinite ones fill up 2 to 8 times as much as foreseen, with .01 1.5 to 2 times;
@@ -59,12 +59,15 @@ class Factors:
         return x
 
 
-def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: float | None = None) -> Any:
+def factorise(
+    matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: float | None = None, look: Look | None = None
+) -> Any:
     """The `Factors` of a sparse matrix (n × n), ordered for its pattern; None where it is singular, or not finite.
 
     With `diagonal_pivots`, for a symmetric matrix, it is None as well where SuperLU exchanged rows. Raises MemoryError
     before the factorisation where it will have more than `most` entries, by default those that fit into the memory
-    that is free, and OutOfTime where it will take more time than is left.
+    that is free, and OutOfTime where it will take more time than is left. What a `look` at the matrix has seen is not
+    looked for again.
     Reference: Li, ACM TOMS 31 (2005), for SuperLU and its mode for pivots near the diagonal.
     """
     from scipy.sparse.linalg import splu
@@ -84,8 +87,11 @@ def factorise(matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: floa
         shifted = sp.csr_array(matrix[rows])
     else:
         shifted = matrix
-    most = work.free_memory() / _BYTES if most is None else most
-    fill, order = ordered(shifted, most, work.nanoseconds_left())
+    if most is None:  # to ask what is free takes as long as to factorise a small matrix
+        full = n * (n + 1.0)
+        most = full if work.fits(_BYTES * full) else work.free_memory() / _BYTES
+    seen = None if look is None or shifted is not matrix else look.seen
+    fill, order = ordered(shifted, most, work.nanoseconds_left()) if seen is None else seen
     if fill.entries > most:
         raise OutOfMemory(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")
     if not fill.seen:

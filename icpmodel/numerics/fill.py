@@ -44,6 +44,33 @@ def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf) -> tuple[Fi
     return Fill(n, 2.0 * (entries + n), entries + squares, within), order(*path)
 
 
+class Look:
+    """The fill of `A` (CSR, n × n), as `foreseen`, looked at once, however often it is asked what A costs.
+
+    `seen` are the fill and the order of the rows and columns, shape (n,), once they are seen to the end.
+    """
+
+    def __init__(self, A: sp.csr_array) -> None:
+        self._A, self._cost = A, 0.0
+        self.seen: tuple[Fill, NDArray[np.int32]] | None = None
+
+    def costs_more(self, most: float) -> bool:
+        """Whether it is foreseen to take more than so many nanoseconds to factorise A."""
+        from .kernels.graph import order
+
+        n, costs = self._A.shape[0], work.COSTS
+        if least_factor_cost(n, self._A.nnz) > most:
+            return True
+        if self.seen is None:
+            entries, squares, within, path = _looked(self._A, costs.look, np.inf, most - least_factor_cost(n, 0))
+            if not within:
+                return True
+            self.seen = Fill(n, 2.0 * (entries + n), entries + squares, True), order(*path)
+            self._cost = least_factor_cost(n, 0) + 2.0 * costs.factor_entry * entries + costs.factor_flop * squares
+            return False
+        return self._cost > most
+
+
 def _looked(
     A: sp.csr_array, a_look: float, most_entries: float, most_cost: float
 ) -> tuple[float, float, bool, tuple[Any, Any]]:

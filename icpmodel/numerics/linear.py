@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
+from itertools import islice
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from .arrays import Vector, bandwidths, inner, is_symmetric, row_of
-from .equilibration import in_units, row_exponents
+from .equilibration import Exponents, in_units, row_exponents
 from .factorisation import factorise
-from .fill import foreseen
+from .fill import Look
 from .multigrid import KrylovMultigrid
 from .threads import one_blas_thread
-from .work import COSTS, add, afford, dense_cost, free_memory, krylov_cost, least_factor_cost, product
+from .work import COSTS, add, afford, dense_cost, free_memory, krylov_cost, product
 
-#: (right-hand side, relative tolerance) ↦ solution, or None where none was found
-Solver = Callable[[Vector, float], Vector | None]
+
+class Solver(Protocol):
+    """(f, relative tolerance) ↦ x with Mx = f, or with Mᵀx = f where `transposed`; None where none was found."""
+
+    def __call__(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector | None: ...
+
 
 #: more diagonals than this are no band, and more rows that reach beyond it no border
 _WIDEST_BAND, _WIDEST_BORDER = 16, 16
@@ -31,60 +38,108 @@ _INEXACT = 1e-4
 _STEPS = 10
 
 
-def solver_of(M: sp.csr_array, by_multigrid: bool | None = None) -> Solver:
-    """A solver of Mx = f for many f: for a band, one with a few full rows, dense or sparse matrices, or multigrid.
+def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | None = None) -> Solver:
+    """A solver of Mx = f and Mᵀx = f for many f: for a band, one with a few full rows, dense or sparse matrices, or
+    multigrid.
 
     Multigrid is for matrices with a positive diagonal and nothing positive off it, and taken where a factorisation is
-    foreseen to cost more, unless `by_multigrid` decides; where it does not converge they are factorised as well. Rows
-    are brought to one size first. The solver returns None where M is singular. Raises OutOfTime and OutOfMemory.
+    foreseen to cost more, unless `by_multigrid` decides; where it does not converge they are factorised as well. `look`
+    is one at M that was begun with. Rows are brought to one size first. The solver returns None where M is singular.
+    Raises OutOfTime and OutOfMemory.
     """
     n = M.shape[0]
     if n == 0:
-        return lambda f, tolerance: f
+        return lambda f, tolerance, transposed=False: f
     if not np.isfinite(M.data).all():
-        return lambda f, tolerance: None
+        return lambda f, tolerance, transposed=False: None
     exponents = row_exponents(M)
-    scaled, symmetric, multigrid = in_units(M, exponents), False, None
-    by_multigrid = _is_for_multigrid(M) and (_factorising_costs_more(scaled) if by_multigrid is None else by_multigrid)
-    if by_multigrid:
-        symmetric = is_symmetric(M)
-        multigrid = KrylovMultigrid(M if symmetric else scaled)
+    scaled, look = in_units(M, exponents), look or Look(M)
+    by_multigrid = multigrid_pays(M, look) if by_multigrid is None else by_multigrid and _is_for_multigrid(M)
+    cycles = _multigrid(M, scaled, exponents) if by_multigrid else None
 
     @cache
     def direct() -> Solver:
         if sum(bandwidths(M)) < _WIDEST_BAND:
             return _banded(scaled)
-        return _bordered(scaled) or (_dense(scaled) if _is_as_good_as_dense(scaled) else _sparse(scaled))
+        return _bordered(scaled, look) or (_dense(scaled) if _is_as_good_as_dense(n, look) else _sparse(scaled, look))
 
-    def solve(f: Vector, tolerance: float) -> Vector | None:
+    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         afford()
-        right = np.ldexp(f, exponents)
-        x = None if multigrid is None else multigrid.solve(f if symmetric else right, tolerance)
+        x = None if cycles is None else cycles(f, tolerance, transposed)
         if x is None:
-            x = direct()(right, tolerance)
+            x = direct()(f if transposed else np.ldexp(f, exponents), tolerance, transposed)
+            if transposed and x is not None:
+                x = np.ldexp(x, exponents)
         return x if x is not None and np.isfinite(x).all() else None
 
     return solve
 
 
+def multigrid_pays(M: sp.csr_array, look: Look) -> bool:
+    """Whether multigrid is for M, CSR, n × n, and one solve with it costs less than a factorisation."""
+    return _is_for_multigrid(M) and look.costs_more(krylov_cost(M.nnz, _STEPS))
+
+
+def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> Solver:
+    if is_symmetric(M):
+        either = KrylovMultigrid(M)
+        return lambda f, tolerance, transposed=False: either.solve(f, tolerance)
+    forward = KrylovMultigrid(scaled)
+
+    @cache
+    def backward() -> tuple[KrylovMultigrid, Exponents]:
+        turned, units = _turned(scaled)
+        return KrylovMultigrid(turned), units
+
+    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
+        if not transposed:
+            return forward.solve(np.ldexp(f, exponents), tolerance)
+        multigrid, units = backward()
+        x = multigrid.solve(np.ldexp(f, units), tolerance)
+        return None if x is None else np.ldexp(x, exponents)
+
+    return solve
+
+
+def _turned(M: sp.csr_array) -> tuple[sp.csr_array, Exponents]:
+    """Mᵀ with its rows brought to one size, and by what."""
+    turned = sp.csr_array(M.T)
+    exponents = row_exponents(turned)
+    return in_units(turned, exponents), exponents
+
+
 def _banded(M: sp.csr_array) -> Solver:
     from scipy.linalg import LinAlgError, solve_banded
 
-    rows, (lower, upper) = row_of(M), bandwidths(M)
-    band = np.zeros((lower + upper + 1, M.shape[0]))
-    np.add.at(band, (upper + rows - M.indices, M.indices), M.data)
+    shape, band = _band_of(M)
 
-    def solve(f: Vector, tolerance: float) -> Vector | None:
+    @cache
+    def backward() -> tuple[tuple[int, int], Any, Exponents]:
+        turned, units = _turned(M)
+        return *_band_of(turned), units
+
+    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         add(COSTS.call + COSTS.band_entry * band.size)
         try:
-            return np.asarray(solve_banded((lower, upper), band, f, check_finite=False))
+            if not transposed:
+                return np.asarray(solve_banded(shape, band, f, check_finite=False))
+            *turned, units = backward()
+            return np.asarray(solve_banded(*turned, np.ldexp(f.T, units).T, check_finite=False))
         except LinAlgError:
             return None
 
     return solve
 
 
-def _bordered(M: sp.csr_array) -> Solver | None:
+def _band_of(M: sp.csr_array) -> tuple[tuple[int, int], NDArray[np.float64]]:
+    """How far the band of M reaches below the diagonal and above it, and its diagonals as LAPACK has them."""
+    rows, (lower, upper) = row_of(M), bandwidths(M)
+    band = np.zeros((lower + upper + 1, M.shape[0]))
+    np.add.at(band, (upper + rows - M.indices, M.indices), M.data)
+    return (lower, upper), band
+
+
+def _bordered(M: sp.csr_array, look: Look) -> Solver | None:
     """The solver of a band but for a few rows that reach far beyond it, by Woodbury's formula; None for others."""
     rows = row_of(M)
     far = 2 * np.abs(rows - M.indices) >= _WIDEST_BAND
@@ -97,17 +152,22 @@ def _bordered(M: sp.csr_array) -> Solver | None:
     units = np.zeros((n, k))
     units[border, np.arange(k)] = 1.0
     solve_band = _banded(band)
-    sparse = cache(lambda: _sparse(M))
+    sparse, size_of = cache(lambda: _sparse(M, look)), cache(lambda: abs(M))
 
-    def solve(f: Vector, tolerance: float) -> Vector | None:
-        X = solve_band(np.column_stack([f, units]), tolerance)
+    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
+        # M = band + UV, and Mᵀ = bandᵀ + VᵀUᵀ
+        U, V, whole = (W.T.toarray(), units.T, M.T) if transposed else (units, W, M)
+        X = solve_band(np.column_stack([f, U]), tolerance, transposed)
         if X is not None:
             x, Y = X[:, 0], X[:, 1:]
             with suppress(np.linalg.LinAlgError):
-                x = x - Y @ np.linalg.solve(np.eye(k) + W @ Y, W @ x)
-            if np.abs(M @ x - f).max() <= _BACKWARD * max(np.abs(x).max(), np.abs(f).max()):
+                x = x - Y @ np.linalg.solve(np.eye(k) + V @ Y, V @ x)
+            size = max(np.abs(x).max(), np.abs(f).max())
+            if transposed:  # its rows are not of one size
+                size = size_of().T @ np.abs(x) + np.abs(f)
+            if (np.abs(whole @ x - f) <= _BACKWARD * size).all():
                 return np.asarray(x)
-        return sparse()(f, tolerance)
+        return sparse()(f, tolerance, transposed)
 
     return solve
 
@@ -121,16 +181,20 @@ def _dense(M: sp.csr_array) -> Solver:
         lu = lu_factor(M.toarray(), check_finite=False)
     add(dense_cost(M.shape[0]))
 
-    def solve(f: Vector, tolerance: float) -> Vector:
+    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector:
         add(COSTS.call + COSTS.entry * M.shape[0] ** 2)
-        return np.asarray(lu_solve(lu, f, check_finite=False))
+        return np.asarray(lu_solve(lu, f, trans=int(transposed), check_finite=False))
 
     return solve
 
 
-def _sparse(M: sp.csr_array) -> Solver:
-    lu = factorise(M)
-    return lambda f, tolerance: None if lu is None else lu.solve(f)
+def _sparse(M: sp.csr_array, look: Look) -> Solver:
+    lu = factorise(M, look=look)
+
+    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
+        return None if lu is None else lu.solve(f, "T" if transposed else "N")
+
+    return solve
 
 
 def _is_for_multigrid(M: sp.csr_array) -> bool:
@@ -142,18 +206,9 @@ def _is_for_multigrid(M: sp.csr_array) -> bool:
     )
 
 
-def _factorising_costs_more(M: sp.csr_array) -> bool:
-    """Whether to factorise M costs more than to solve one system with it by multigrid."""
-    most = krylov_cost(M.nnz, _STEPS)
-    return least_factor_cost(M.shape[0], M.nnz) > most or not foreseen(M, most).seen
-
-
-def _is_as_good_as_dense(M: sp.csr_array) -> bool:
-    """Whether a dense factorisation of M costs less than a sparse one, and fits into memory."""
-    n, most = M.shape[0], dense_cost(M.shape[0])
-    if 16.0 * n**2 > free_memory():
-        return False
-    return least_factor_cost(n, M.nnz) > most or not foreseen(M, most).seen
+def _is_as_good_as_dense(n: int, look: Look) -> bool:
+    """Whether a dense factorisation with n rows costs less than a sparse one, and fits into memory."""
+    return 16.0 * n**2 <= free_memory() and look.costs_more(dense_cost(n))
 
 
 def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
@@ -161,24 +216,46 @@ def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
 
     SciPy's does not count its work, nor ask for the time between two steps.
     """
-    inverse, x = 1.0 / M.diagonal(), np.zeros(f.size)
-    rest, direction = f, inverse * f
-    square = first = inner(rest, direction)
-    for _ in range(most):
+    inverse, first = 1.0 / M.diagonal(), None
+    for x, _, square in islice(cg_steps(lambda y: M @ y, lambda rest: inverse * rest, f), most):
         afford()
+        first = square if first is None else first
         if square <= _INEXACT**2 * first:
             return x
-        image = M @ direction
-        step = square / inner(direction, image)
-        x = x + step * direction
-        rest = rest - step * image
-        y = inverse * rest
-        square, before = inner(rest, y), square
-        direction = y + square / before * direction
         add(cg_step_cost(M.shape[0], M.nnz))
     return None
 
 
+def cg_steps(
+    product: Callable[[Vector], Vector], preconditioned: Callable[[Vector], Vector], f: Vector
+) -> Iterator[tuple[Vector, Vector, float]]:
+    """Conjugate gradients for Mx = f: x, the rest f − Mx, and the rest's square in the norm of the preconditioner B.
+
+    From x = 0 on, in the same arrays; they end where M or B is seen not to be definite.
+    """
+    x, rest = np.zeros(f.size), f.copy()
+    direction = preconditioned(rest)
+    square = inner(rest, direction)
+    while True:
+        yield x, rest, square
+        image = product(direction)
+        curvature = inner(direction, image)
+        if not (0 < curvature < np.inf and square > 0):
+            return
+        step = square / curvature
+        x += step * direction
+        rest -= step * image
+        y = preconditioned(rest)
+        square, before = inner(rest, y), square
+        direction *= square / before
+        direction += y
+
+
 def cg_step_cost(n: int, nnz: int) -> float:
     """The cost of a step of `conjugate_gradients`: a product, and eight calls for vectors."""
-    return product(n, nnz) + 8 * (COSTS.call + COSTS.vector * n)
+    return product(n, nnz) + cg_vector_cost(n)
+
+
+def cg_vector_cost(n: int) -> float:
+    """What a step of `cg_steps` does besides its product and the preconditioner: eight calls for vectors."""
+    return 8 * (COSTS.call + COSTS.vector * n)

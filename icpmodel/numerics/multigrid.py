@@ -18,7 +18,7 @@ from .arrays import Vector, is_symmetric
 #: coarsening has stalled where so many rows are left
 _STALLED = 500
 #: with multigrid as preconditioner a Krylov method that needs more steps will not get there
-_KRYLOV_STEPS = 30
+KRYLOV_STEPS = 30
 #: steps where nothing else is left to try
 _STEPS = 100
 #: what SciPy's direct solvers, on the coarsest level, make of a matrix that is singular, or not finite
@@ -53,14 +53,14 @@ class KrylovMultigrid:
         work.add(work.krylov_cost(A.nnz, 0))
         self._accelerate = "cg" if is_symmetric(A) else "bicgstab"
 
-    def solve(self, f: Vector, tolerance: float, maxiter: int = _KRYLOV_STEPS) -> Vector | None:
+    def solve(self, f: Vector, tolerance: float, maxiter: int = KRYLOV_STEPS) -> Vector | None:
         """x with ‖Ax − f‖ ≤ 2·`tolerance`‖f‖, shape (n,); None where the steps break down or do not get there."""
         x = self.best(f, tolerance, maxiter)
         with np.errstate(all="ignore"):
             good = x is not None and np.linalg.norm(self._A @ x - f) <= 2 * tolerance * np.linalg.norm(f)
         return x if good else None
 
-    def best(self, f: Vector, tolerance: float, maxiter: int = _KRYLOV_STEPS) -> Vector | None:
+    def best(self, f: Vector, tolerance: float, maxiter: int = KRYLOV_STEPS) -> Vector | None:
         """What the steps end with, near or far; None where the coarsest level is singular."""
         made: list[float] = []
         work.afford(work.krylov_cost(self._A.nnz, 1, hierarchy=False))

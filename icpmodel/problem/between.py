@@ -168,7 +168,9 @@ class Rowwise(Map):
         if not any(matrix.nnz for matrix in known):
             return known[0]
         taken = (sp.diags_array((self.which == k).astype(np.float64)) @ matrix for k, matrix in enumerate(known))
-        return sp.csr_array(sum(taken, start=sp.csr_array(known[0].shape)))
+        matrix = sp.csr_array(sum(taken, start=sp.csr_array(known[0].shape)))
+        matrix.sort_indices()  # which nobody can once it is read-only
+        return matrix
 
 
 def sides_of(psi: Map) -> tuple[Map, ...]:

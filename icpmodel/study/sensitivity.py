@@ -6,19 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from ..algebra.equations import equations_on, pattern_at
-from ..algebra.operators import FactorisedOperator
-from ..errors import IcpError, InputError
+from ..errors import InputError
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..present.card import Card
 from ..present.shown import Shown
 from ..problem.affine import Constant
-from ..problem.between import Between, chosen
+from ..problem.between import Between
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..solve.solution import Solution
@@ -27,6 +23,8 @@ from .cases import unbroken
 
 #: up to this size the inverse is computed, beyond its norm is estimated
 _INVERT_UP_TO = 500
+#: the relative tolerance of linear systems that are solved by steps
+_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,20 +87,21 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
     size = float(np.abs(solution.z).max())
     if size == 0.0:
         raise InputError("solution has z = 0, to which no change is relative")
-    problem, known, z = solution.problem, solution.active_set, solution.polish().z
+    answer = solution.polish()
+    problem, z = solution.problem, answer.z
     of_p, of_r = _moved_by(problem, z, size)
     unit = change * size
     with np.errstate(over="ignore", invalid="ignore"):
         certified = bound_of_change(problem, z, unit * of_p, unit * of_r)
     observed = _observed(problem, z, change, trials, random)
     return Sensitivity(
-        local=_local(problem, solution.z, *known.completed(pattern_at(problem, solution.z))),
+        local=_local(answer, size),
         exact=problem.n <= _INVERT_UP_TO,
         certified=None if certified is None else certified / unit,
         observed=None if observed is None else observed / unit,
         change=change,
         trials=trials,
-        undecided=int(known.undecided.sum()),
+        undecided=int(solution.active_set.undecided.sum()),
     )
 
 
@@ -119,25 +118,25 @@ def _moved_by(problem: ProblemData, z: Vector, size: float) -> tuple[Vector, Vec
     return problem.matrix.absolute @ x + np.abs(problem.q) / size, of_r
 
 
-def _local(problem: ProblemData, z: Vector, active: NDArray[np.bool_], above: NDArray[np.bool_] | None) -> float | None:
+def _local(answer: Solution, size: float) -> float | None:
     """‖J⁻¹ diag(E/max|z|)‖_∞ = ‖diag(E/max|z|) J⁻ᵀ‖₁, computed or estimated."""
     from scipy.sparse.linalg import LinearOperator, onenormest
 
-    jacobian = chosen(problem.psi, above).jacobian(z)
-    if jacobian is None:
+    if answer.problem.psi.no_derivative() is not None:
         return None
-    of_p, of_r = _moved_by(problem, z, float(np.abs(z).max()))
-    E = np.where(active, of_r, of_p)
-    J = equations_on(problem, active, jacobian)
-    try:
-        forward, transposed = FactorisedOperator(J), FactorisedOperator(sp.csr_array(J.T))
-    except IcpError:
+    derivative = answer.derivative()
+    equations, (of_p, of_r) = derivative.equations, _moved_by(answer.problem, answer.z, size)
+    E = np.where(derivative.pattern.active, of_r, of_p)
+    if equations.solve(E, _TOLERANCE) is None:
         return None
-    if problem.n <= _INVERT_UP_TO:
-        columns = np.column_stack([forward.solve(column) for column in np.diag(E)])
+    if E.size <= _INVERT_UP_TO:
+        columns = np.column_stack([equations.solve(column, _TOLERANCE) for column in np.diag(E)])
         return float(np.abs(columns).sum(axis=1).max())
-    times, back = lambda x: E * transposed.solve(np.ravel(x)), lambda x: forward.solve(E * np.ravel(x))
-    return float(onenormest(LinearOperator(J.shape, matvec=times, rmatvec=back, dtype=np.float64)))
+    times, back = (
+        lambda x: E * equations.transposed(np.ravel(x), _TOLERANCE),
+        lambda x: equations.solve(E * np.ravel(x), _TOLERANCE),
+    )
+    return float(onenormest(LinearOperator((E.size, E.size), matvec=times, rmatvec=back, dtype=np.float64)))
 
 
 def _uncrossed(psi: Map) -> Map:

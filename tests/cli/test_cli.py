@@ -589,8 +589,10 @@ def test_a_race_is_printed_and_written(capsys, tmp_path):
 
 def test_every_measurement_is_a_command(capsys):
     """What the README tells to type is there: each has a help page with a sentence of its own."""
-    names = "bounds certificate choice constants counts dominant honesty impulse limit memory modelling order peers"
-    names += " programs small sweep tuning"
+    names = (
+        "bounds certificate choice constants counts derivative dominant honesty impulse limit memory modelling order"
+    )
+    names += " peers programs small sweep tuning"
     listed = call(capsys, "benchmark", "--help")[1]
     assert [line.split()[0] for line in listed.split("Commands:")[1].splitlines() if line.strip()] == names.split()
     code, out, _ = call(capsys, "benchmark", "memory", "membrane", "--n", "400", "--csv")

@@ -3,9 +3,11 @@
 import ctypes
 import os
 import resource
+import runpy
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -89,6 +91,22 @@ def test_compiled_code_that_cannot_be_kept_is_compiled_all_the_same():
             assert compiled(half)(3.0) == 1.5
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_processes_that_compile_at_the_same_time_never_read_each_others_code(tmp_path):
+    """One finds no index and writes its own, for whole numbers; the other one's, for floats, comes later."""
+    (tmp_path / "halves.py").write_text("def half(x):\n    return 0.5 * x\n")
+    function = runpy.run_path(str(tmp_path / "halves.py"))["half"]
+    code = compiled(function)
+    assert code(3.0) == 1.5
+    index = next(Path(code.stats.cache_path).glob("*.half-*.nbi"))
+    late = index.read_bytes()
+    index.unlink()
+    assert compiled(function)(3) == 1.5
+    index.write_bytes(late)
+    third = compiled(function)
+    assert third(5.5) == 2.75
+    assert sum(third.stats.cache_hits.values()) == 1
 
 
 UNDER_OO = """

@@ -94,6 +94,11 @@ race.plot("race.pdf")
 race.to_dataframe()
 solution.plot(Path("z.png"), points=z0)
 icp.study.sensitivity(solution, change=1e-6)
+derivative: icp.derivatives.Derivative = solution.derivative()
+assert_type(derivative.forward(dq=z0, dpsi=1.0), NDArray[np.float64])
+assert_type(derivative.adjoint(z0), icp.derivatives.Gradient)
+assert_type(derivative.one_sided(dA=A), icp.derivatives.OneSided)
+assert_type(derivative.certain, bool)
 axes: Any = icp.study.figure(solution).axes
 problem.stability().plot(ax=axes[0])
 

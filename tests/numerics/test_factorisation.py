@@ -1,9 +1,10 @@
-"""Singular or not, by structure and by pivots, whatever SuperLU says of it."""
+"""Singular or not, by structure and by pivots, whatever SuperLU says of it; what of a full matrix fits, and scaling."""
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from icpmodel.numerics.arrays import times_rows
 from icpmodel.numerics.factorisation import factorise
 
 
@@ -51,3 +52,17 @@ def test_pivots_on_the_diagonal_are_those_of_the_matrix_itself():
     assert (factorise(S, diagonal_pivots=True).U.diagonal() > 0).all()
     S[0, 0] = 0.1
     assert (factorise(S, diagonal_pivots=True).U.diagonal() < 0).sum() == 1
+
+
+@pytest.mark.parametrize("n", [1, 2, 40])
+def test_a_full_matrix_small_enough_to_fit_in_any_case_has_its_factors(n):
+    """Its factors have as many entries as factors can: the limit that is taken for granted leaves room for them all."""
+    A = np.random.default_rng(n).normal(size=(n, n)) + n * np.eye(n)
+    x = factorise(sp.csr_array(A)).solve(np.ones(n))
+    np.testing.assert_allclose(A @ x, np.ones(n), rtol=1e-12)
+
+
+def test_rows_are_multiplied_as_by_a_diagonal_matrix():
+    rng = np.random.default_rng(0)
+    A, d = sp.random_array((7, 7), density=0.3, rng=rng, format="csr"), rng.normal(size=7)
+    np.testing.assert_array_equal(times_rows(d, A).toarray(), d[:, None] * A.toarray())

@@ -42,6 +42,40 @@ def test_the_solution_does_not_depend_on_the_units_of_the_rows(M):
         assert np.allclose(M @ solver_of(A)(right, 1e-10), f, atol=1e-6)
 
 
+def skewed(n):
+    """A border and a band that are not symmetric."""
+    A = sp.lil_array(sp.diags_array([-1.0, -2.0, 5.0, 0.5], offsets=[-2, -1, 0, 1], shape=(n, n)))
+    A[[3, n // 2], :] = np.random.default_rng(5).normal(size=(2, n)) / n
+    A[[3, n // 2], [3, n // 2]] = 5.0
+    return sp.csr_array(A)
+
+
+@pytest.mark.parametrize("wild", ["rows", "columns", "both"])
+@pytest.mark.parametrize("kind", ["band", "tridiagonal", "border", "dense", "sparse", "multigrid", "skewed multigrid"])
+def test_the_transposed_system_is_solved_whatever_the_units_of_rows_and_columns(kind, wild):
+    """And ⟨w, M⁻¹d⟩ = ⟨M⁻ᵀw, d⟩: both are solved with the same factors, levels, or band."""
+    rng, by_multigrid = np.random.default_rng(2), "multigrid" in kind
+    M = {
+        "band": sp.diags_array([-1.0, -2.0, 4.0, -0.5], offsets=[-5, -1, 0, 2], shape=(200, 200)),
+        "tridiagonal": sp.diags_array([-1.0, 3.0, -0.5], offsets=[-1, 0, 1], shape=(200, 200)),
+        "border": skewed(300),
+        "dense": rng.normal(size=(20, 20)),
+        "sparse": icp.scenes.bai_nonsymmetric(n=900).problem.A,
+        "multigrid": icp.scenes.membrane(n=900).problem.A,
+        "skewed multigrid": icp.scenes.membrane(n=900, skew=0.3).problem.A,
+    }[kind]
+    n = M.shape[0]
+    rows, columns = (
+        np.ldexp(1.0, rng.integers(-30, 30, n) if wild in (one, "both") else np.zeros(n, int))
+        for one in ("rows", "columns")
+    )
+    scaled = sp.csr_array(sp.diags_array(rows) @ sp.csr_array(M) @ sp.diags_array(columns))
+    x, y = rng.normal(size=(2, n))
+    solve = solver_of(scaled, by_multigrid=by_multigrid)
+    assert columns * solve(rows * (M @ x), 1e-12) == pytest.approx(x, abs=1e-8)
+    assert rows * solve(columns * (M.T @ y), 1e-12, True) == pytest.approx(y, abs=1e-8)
+
+
 @pytest.mark.parametrize(
     "M",
     [
@@ -56,6 +90,7 @@ def test_a_singular_matrix_has_no_solution(M):
     M = sp.csr_array(M)
     with np.errstate(all="ignore"):
         assert solver_of(M)(np.ones(M.shape[0]), 1e-8) is None
+        assert solver_of(M)(np.ones(M.shape[0]), 1e-8, transposed=True) is None
 
 
 def test_no_equations_have_the_empty_solution():
@@ -83,7 +118,9 @@ def test_a_band_with_a_few_full_rows_is_solved(rows, within):
     M = sp.csr_array(M)
     M.eliminate_zeros()
     f = rng.normal(size=n)
-    assert M @ solver_of(M)(f, 1e-12) == pytest.approx(f, abs=1e-10)
+    solve = solver_of(M)
+    assert M @ solve(f, 1e-12) == pytest.approx(f, abs=1e-10)
+    assert M.T @ solve(f, 1e-12, transposed=True) == pytest.approx(f, abs=1e-10)
 
 
 @pytest.mark.parametrize("kind", ["band", "dense", "sparse", "multigrid", "multigrid, rows in units"])

@@ -8,15 +8,19 @@ from __future__ import annotations
 import math
 import re
 import textwrap
+import warnings
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 from cvxpy.atoms.affine.affine_atom import AffAtom
+from cvxpy.atoms.affine.binary_operators import DivExpression
 from cvxpy.atoms.affine.broadcast_to import broadcast_to
 from cvxpy.atoms.elementwise.elementwise import Elementwise
+from cvxpy.atoms.quad_form import QuadForm
 
 from ...errors import InputError
 from ...numerics.arrays import Vector
@@ -34,7 +38,7 @@ class Compiled:
     stacks, in this order; `atoms` the parts w by the variable that stands for each; `is_dpp` whether once is enough."""
 
     def __init__(self, sides: Sequence[cp.Expression]) -> None:
-        self.atoms: dict[cp.Variable, cp.Expression] = {}
+        self.sides, self.atoms = list(sides), dict[cp.Variable, cp.Expression]()
         self._model = cp.Problem(cp.Minimize(0), [_separated(side, self.atoms) == 0 for side in sides])
         self.is_dpp = self._model.is_dpp()
         self._rows = sum(side.size for side in sides)
@@ -44,23 +48,48 @@ class Compiled:
 
     def parameter_values(self) -> list[Any]:
         """Copies of what the parameters are now. Raises InputError where one has no value."""
-        for parameter in self.parameters:
-            if parameter.value is None:
+        values = [value_of(parameter) for parameter in self.parameters]
+        for parameter, value in zip(self.parameters, values, strict=True):
+            if value is None:
                 raise InputError(f"the parameter {parameter.name()} has no value; set its .value before solving")
-        values = (parameter.value for parameter in self.parameters)
-        return [value.toarray() if sp.issparse(value) else np.array(value) for value in values]
+        return values
 
     def rows(self) -> AffineRows:
         """They, at the present values of the parameters, without stored zeros."""
         # of CVXPY's compilers the one in SciPy is the quickest for large matrices; with parameters it knows better
         backend = None if self.parameters else cp.SCIPY_CANON_BACKEND
-        data, _, _ = self._model.get_problem_data(cvxpy_solver(), ignore_dpp=not self.is_dpp, canon_backend=backend)
-        columns = data[cp.settings.PARAM_PROB].var_id_to_col
+        solver, ignore = cvxpy_solver(), not self.is_dpp
+        # it reads sparse parameters in a way of which it warns its users
+        is_sparse = any(parameter.attributes["sparsity"] for parameter in self.parameters)
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning) if is_sparse else nullcontext():
+            data, chain, _ = self._model.get_problem_data(solver, ignore_dpp=ignore, canon_backend=backend)
+        self._program, self._reductions = data[cp.settings.PARAM_PROB], chain.reductions
+        columns = self._program.var_id_to_col
         M, constant = sp.csr_array(data[cp.settings.A]), -data[cp.settings.B]
         assert M.shape[0] == self._rows, "CVXPY has added rows of its own"
         M.eliminate_zeros()
         Z, W = (_columns(M, part, columns) for part in (self.variables, list(self.atoms)))
         return AffineRows(Z, W, constant)
+
+    def moved_by(self, parameters: dict[cp.Parameter, cp.Variable], values: dict[cp.Variable, Vector]) -> sp.csr_array:
+        """The derivative of a DPP model's rows where z and w have these `values`, by the `parameters`, each of which
+        has the entries of its variable: what CVXPY has compiled for the last `rows` is linear in them."""
+        program = self._program
+        at = np.ones(program.x.size + 1)  # the last is that of the constant
+        for x, value in values.items():
+            if x.id in program.var_id_to_col:
+                at[program.var_id_to_col[x.id] :][: x.size] = np.ravel(value, order="F")
+        T = program.A.tocoo()
+        column, row = np.divmod(T.row, self._rows)
+        J = sp.csr_array((T.data * at[column], (row, T.col)), shape=(self._rows, T.shape[1]))
+        starts = {}
+        for parameter, entries in parameters.items():
+            identity = parameter.id
+            for reduction in self._reductions:
+                (identity,) = reduction.param_id_map.get(identity, [identity])
+            if identity in program.param_id_to_col:
+                starts[entries.id] = program.param_id_to_col[identity]
+        return _columns(J, list(parameters.values()), starts)
 
 
 class AtomObstacle:
@@ -79,70 +108,83 @@ class AtomObstacle:
     ) -> None:
         self.__name__ = f"{name} of CVXPY"
         self.G, self.c, self.V = G, c, V
-        atoms, self._variables = list(atoms), [cp.Variable(x.shape, name=x.name()) for x in variables]
-        copies: dict[int, Any] = {id(x): copy for x, copy in zip(variables, self._variables, strict=True)}
-        copies |= {id(one): cp.Constant(one.value) for atom in atoms for one in atom.parameters()}
-        self._atoms = [_copied(atom, copies) for atom in atoms]
+        atoms, inner = list(atoms), [cp.Variable(x.shape, name=x.name()) for x in variables]
+        copies: dict[int, Any] = {id(x): copy for x, copy in zip(variables, inner, strict=True)}
+        copies |= {id(one): cp.Constant(value_of(one)) for atom in atoms for one in atom.parameters()}
+        self._atoms = Copies(atoms, inner, copies)
+        self.gradient_holds = self._atoms.gradient_holds
 
     def __call__(self, z: Vector) -> Vector:
         """ψ(z). Raises ArithmeticError where an expression has no finite value at `z`."""
-        return self.G @ z + self.c + self.V @ self._w(z)
+        return self.G @ z + self.c + self.V @ self._atoms.value(z)
 
     def jacobian(self, z: Vector) -> sp.csr_array:
         """ψ′(z) = G + Vw′(z). Raises ArithmeticError where an expression has no gradient at `z`."""
-        return sp.csr_array(self.G + self.V @ self._derivative(z))
+        return sp.csr_array(self.G + self.V @ self._atoms.derivative(z))
+
+
+class Copies:
+    """Copies of the `expressions`, in which leaves are replaced by their `copies`, as functions of the `variables`
+    among these, stacked column by column."""
+
+    def __init__(
+        self, expressions: Sequence[cp.Expression], variables: Sequence[cp.Variable], copies: dict[int, Any]
+    ) -> None:
+        self._variables, self._expressions = variables, [_copied(one, copies) for one in expressions]
 
     def _write(self, z: Vector) -> None:
         for x, value in zip(self._variables, unstacked(z, self._variables), strict=True):
             x.save_value(value)
 
-    def _w(self, z: Vector) -> Vector:
+    def value(self, z: Vector) -> Vector:
+        """Of all of them. Raises ArithmeticError where one has no finite value at `z`."""
         self._write(z)
         values = []
-        for atom in self._atoms:
+        for one in self._expressions:
             with np.errstate(all="ignore"):
-                value = np.asarray(atom.value, dtype=np.float64).ravel(order="F")
+                value = np.asarray(one.value, dtype=np.float64).ravel(order="F")
             if not np.isfinite(value).all():
-                found = f"{named(atom)} is {value[np.argmin(np.isfinite(value))]} here"
+                found = f"{named(one)} is {value[np.argmin(np.isfinite(value))]} here"
                 raise ArithmeticError(f"{found}; start where it is finite, from the variables' values")
             values.append(value)
         return np.concatenate(values)
 
-    def _derivative(self, z: Vector) -> sp.csr_array:
+    def derivative(self, z: Vector) -> sp.csr_array:
+        """Raises ArithmeticError where one has no gradient at `z`."""
         self._write(z)
         with np.errstate(all="ignore"):
-            return sp.csr_array(sp.block_array([self._blocks(atom) for atom in self._atoms]))
+            return sp.csr_array(sp.block_array([self._blocks(one) for one in self._expressions]))
 
-    def _blocks(self, atom: cp.Expression) -> list[sp.csr_array]:
-        """∂atom/∂x for each variable x."""
-        gradients, blocks = atom.grad, []
+    def _blocks(self, one: cp.Expression) -> list[sp.csr_array]:
+        """∂one/∂x for each variable x."""
+        gradients, blocks = one.grad, []
         for x in self._variables:
             gradient: Any = gradients.get(x, 0.0)
             if gradient is None:
-                raise ArithmeticError(f"{named(atom)} has no gradient here")
+                raise ArithmeticError(f"{named(one)} has no gradient here")
             if sp.issparse(gradient) or np.size(gradient) > 1:
-                blocks.append(sp.csr_array(gradient).reshape(x.size, atom.size).T.tocsr())
+                blocks.append(sp.csr_array(gradient).reshape(x.size, one.size).T.tocsr())
             else:
-                shape = (atom.size, x.size)
+                shape = (one.size, x.size)
                 blocks.append(sp.csr_array(shape if gradient == 0.0 else np.full(shape, np.asarray(gradient).item())))
         return blocks
 
     def gradient_holds(self, z: Vector) -> bool:
         """Whether CVXPY gives a gradient that no difference quotient near `z` contradicts. CVXPY 1.9 has none of
-        norm_inf, and a wrong one of a quotient of variables."""
+        norm_inf."""
         random = np.random.default_rng(0)
         size = float(np.abs(z).max(initial=0.0)) or 1.0
         step = 1e-6 * size * random.choice([-1.0, 1.0], z.size) * random.uniform(0.5, 1.0, z.size)
         for least in (-0.01, 0.0):
             at = z + size * random.uniform(least, 0.01, z.size)
             try:
-                quotient = self._w(at + step) - self._w(at - step)
-                expected = 2.0 * (self._derivative(at) @ step)
+                quotient = self.value(at + step) - self.value(at - step)
+                expected = 2.0 * (self.derivative(at) @ step)
             except ArithmeticError:
                 continue
             except Exception:  # whatever an expression without a gradient raises
                 return False
-            noise = 1e-12 * np.abs(self._w(at)).max()
+            noise = 1e-12 * np.abs(self.value(at)).max()
             allowed = _SAME * max(np.abs(quotient).max(), np.abs(expected).max()) + noise
             return bool((np.abs(quotient - expected) <= allowed).all())
         return True
@@ -189,6 +231,12 @@ def _columns(M: sp.csr_array, variables: list[cp.Variable], columns: dict[int, i
     return sp.csr_array(M[:, wanted])
 
 
+def value_of(parameter: cp.Parameter) -> Any:
+    """A copy of its value as an array; None where it has none."""
+    value: Any = parameter.value_sparse if parameter.attributes["sparsity"] else parameter.value
+    return value.toarray() if sp.issparse(value) else value if value is None else np.array(value)
+
+
 def unique(items: Iterable[Any]) -> list[Any]:
     """Each of the `items` once, in order of appearance."""
     return list(dict.fromkeys(items))
@@ -196,12 +244,17 @@ def unique(items: Iterable[Any]) -> list[Any]:
 
 def _copied(expression: Any, copies: dict[int, Any]) -> Any:
     """`expression` with some of its leaves replaced, also a parameter that is no argument (power, huber). What is
-    stretched to the shape of the others is stretched beforehand: CVXPY 1.9 forgets it in gradients."""
+    stretched to the shape of the others is stretched beforehand: CVXPY 1.9 forgets it in gradients. Nor does it know
+    those of a quotient a/b in b, which becomes ab/b², and of a quadratic form in its matrix."""
     if id(expression) in copies or not expression.args:
         return copies.get(id(expression), expression)
     arguments = [_copied(argument, copies) for argument in expression.args]
+    if isinstance(expression, DivExpression) and not arguments[1].is_constant():
+        return cp.multiply(cp.multiply(*arguments), cp.power(cp.square(arguments[1]), -1))
     if isinstance(expression, Elementwise):
         arguments = [x if x.shape == expression.shape else broadcast_to(x, expression.shape) for x in arguments]
+    if isinstance(expression, QuadForm) and not arguments[1].is_constant():
+        return cp.sum(cp.multiply(arguments[0], arguments[1] @ arguments[0]))
     data = expression.get_data() or []
     if not any(isinstance(x, cp.Expression) for x in data):
         return expression.copy(arguments)

@@ -27,6 +27,7 @@ from ..running_log import log_on
 from .compiled import named
 from .complementarity import Complementarity
 from .expressions import CvxpyReading
+from .parameter_derivative import ParameterDerivative
 
 _EQUATIONS, _INEQUALITIES = (Equality, Zero), (Inequality, cp.NonNeg, cp.NonPos)
 #: what CVXPY calls each end of a run
@@ -61,6 +62,8 @@ class Problem(Shown):
     only checked at the answer, where its `dual_value` is 0, as nothing in p stands for it. Where it is violated the
     status is "infeasible" if it is proved that the conditions have no other solution, else "solver_error".
 
+    After `solve(requires_grad=True)` `backward` and `derivative` differentiate the answer by the parameters.
+
     z stacks the variables in the order of `variables()`, each column by column. Raises InputError for a model that is
     not of this form, with the expression and the reason.
     Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016); Agrawal et al., Differentiable convex optimization
@@ -75,6 +78,9 @@ class Problem(Shown):
     ...     print(problem.status, z.value.round(6) + 0.0)
     optimal [0.5 0. ]
     optimal [4. 4.]
+    >>> _ = problem.solve(requires_grad=True), problem.backward()
+    >>> load.gradient
+    array([1., 1.])
     >>> x, force = cp.Variable(2), cp.Variable()
     >>> total = cp.sum(x) == 1
     >>> _ = icp.Problem([icp.complements(x - [2, 1] + force, x, upper=0.75), total, x[0] >= x[1]]).solve()
@@ -93,6 +99,7 @@ class Problem(Shown):
         self.solution: Solution | None = None
         self._of_conditions: Solution  # that of the ICP, whatever the inequalities say
         self.solver_stats: SolverStats | None = None
+        self._derivative: ParameterDerivative | None = None
 
     @property
     def constraints(self) -> list[Any]:
@@ -177,25 +184,27 @@ class Problem(Shown):
         warm_start: bool = True,
         verbose: bool = False,
         raise_on_failure: bool = True,
+        requires_grad: bool = False,
         **options: Any,
     ) -> Solution:
         """Solve it and write the values to the variables and constraints; the options are those of `icpmodel.solve`.
 
         Parameters: `method` a name, a `Method` or None; `z0` the start, by default the values that the variables have
         (0 where they have none), so that a series starts each problem from the answer before, or 0 without
-        `warm_start`; `verbose` prints what is decided and how far it is while it runs.
+        `warm_start`; `verbose` prints what is decided and how far it is while it runs; `requires_grad` prepares
+        `backward` and `derivative`.
         Returns the `Solution`, which is also kept in `solution`, and in CVXPY's form in `solver_stats`. Raises
         NotSolved where the run fails or an inequality is violated, and the variables then have no values; with
         `raise_on_failure` False they have those of the best iterate, `status` says what it is, and the `Solution`
-        comes back.
+        comes back. Raises InputError, with the answer written, where CVXPY has no gradient that `requires_grad` needs.
 
         >>> z = cp.Variable()
         >>> icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve("newton").z.round(6), float(z.value)
         (array([1.5]), 1.5)
         """
-        self.solution = self.solver_stats = None
+        self.solution = self.solver_stats = self._derivative = None
         flags = {"warm_start": warm_start, "verbose": verbose, "raise_on_failure": raise_on_failure}
-        for name, flag in flags.items():
+        for name, flag in {**flags, "requires_grad": requires_grad}.items():
             as_truth(flag, name)
         _check_solver(method, options)
         reading, begin = self._reading, time.perf_counter()
@@ -221,7 +230,53 @@ class Problem(Shown):
         self._write(None if failed else found.z)
         if failed:
             raise NotSolved(found)
+        if requires_grad and self.value == 0.0:
+            self._derivative = ParameterDerivative(reading, found)
         return found
+
+    def backward(self) -> None:
+        """The gradient of ∑ g·x over the variables x into each parameter's `gradient`, g being x's `gradient`.
+
+        As in CVXPY: g is what the user has set, of the shape of x or a number for all entries, by default 1; the last
+        solve needs `requires_grad=True`; the `gradient` of a symmetric parameter counts each pair of entries once, that
+        of a diagonal one is sparse. The model need not be DPP, nor the program convex. Atoms must have a `.grad` in
+        their parameters: those that are no arguments, as an exponent is, have none.
+
+        It is the derivative where `solution.derivative().certain` says that each row is known to be at an obstacle or
+        off it. In the `undecided` rows of the same object, in which p = r = 0 cannot be excluded, one of the two sides
+        is taken, which gives an element of the B-subdifferential; its `one_sided` tells the sides apart. Inequalities
+        have no part in it, and a kink of ψ at the answer, as of `maximum`, is taken on CVXPY's side.
+        Raises InputError (a ValueError) where nothing was solved with `requires_grad=True`, or a `gradient` has a wrong
+        shape, NotSolved where the solve failed, SingularOperator where z cannot be differentiated.
+        Reference: Agrawal et al., Differentiable convex optimization layers (2019).
+
+        >>> z, load = cp.Variable(2), cp.Parameter(2, value=[1, -3])
+        >>> problem = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z))
+        >>> problem.solve(requires_grad=True).z, problem.backward(), load.gradient
+        (array([0.5, 0. ]), None, array([0.5, 0. ]))
+        """
+        self._differentiable("backward").backward()
+
+    def derivative(self) -> None:
+        """How the variables move with the parameters, to first order, into each variable's `delta`.
+
+        The direction are the parameters' `delta`, of their shape or a number for all entries, by default 0. What
+        `backward` says of conditions, certainty and errors holds here, too.
+
+        >>> z, load = cp.Variable(2), cp.Parameter(2, value=[1, -3])
+        >>> problem = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z))
+        >>> _, load.delta = problem.solve(requires_grad=True), [1, 1]
+        >>> problem.derivative(), z.delta
+        (None, array([0.5, 0. ]))
+        """
+        self._differentiable("derivative").derivative()
+
+    def _differentiable(self, verb: str) -> ParameterDerivative:
+        if self._derivative is not None:
+            return self._derivative
+        if self.solution is not None and self.value != 0.0:
+            raise NotSolved(self.solution)
+        raise InputError(f"{verb}() was called without a solve(requires_grad=True) just before it; call that first")
 
     def _write(self, z: Vector | None) -> None:
         """What the variables, conditions and constraints are at `z`; nothing where it is None."""

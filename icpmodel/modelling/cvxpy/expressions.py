@@ -51,10 +51,10 @@ class CvxpyReading:
         parts = [[p for p, _ in self._pairs], [r for _, r in self._pairs], zero, least, *bounds]
         sides = [side for part in parts for side in part]
         _check_variables(unique(x for side in sides for x in side.variables()), self._n, bool(inequalities))
-        self._compiled = Compiled(sides)
+        self.compiled = Compiled(sides)
         self._ends = np.cumsum([sum(side.size for side in part) for part in parts])
-        self.variables, self.parameters = self._compiled.variables, self._compiled.parameters
-        self.is_dpp = self._compiled.is_dpp
+        self.variables, self.parameters = self.compiled.variables, self.compiled.parameters
+        self.is_dpp = self.compiled.is_dpp
         self._order: np.ndarray | None = None  # in which the compiled rows are those of p, then those of r
         self._gradient_holds: bool | None = None
         self._last: ICP | None = None
@@ -70,11 +70,21 @@ class CvxpyReading:
     @property
     def problem(self) -> ICP:
         """The same object until a parameter has a new value; what is known of A and ψ is kept where they stay."""
-        values = self._compiled.parameter_values()
+        values = self.compiled.parameter_values()
         same = (np.array_equal(a, b) for a, b in zip(values, self._values, strict=False))
         if self._last is None or not all(same):
             self._last, self._values = self._read(self._last), values
         return self._last
+
+    def moved_by(self, rows: AffineRows) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array | None]:
+        """How p, ψ and ψ̄, None where there is none, move with the values of the compiled `rows`, at an answer: there
+        r = l in each row in which ψ holds z, so that a change of ρ moves no ψ_i = z_i − (r_i − l_i)/ρ."""
+        # nothing but Z says which row goes where, so that the columns of W can be the compiled rows themselves
+        tagged = rows._replace(W=sp.eye_array(rows.constant.size, format="csr"))
+        p, r, lower, upper = self._in_order(*self._parts(tagged))
+        down = sp.diags_array(-1.0 / r.Z.diagonal())
+        psi, above = (down @ (r.W - bound.W if bound else r.W) for bound in (lower, upper))
+        return p.W, psi, above if upper else None
 
     def start(self) -> Vector | None:
         if all(x.value is None for x in self.variables):
@@ -114,7 +124,7 @@ class CvxpyReading:
         return list(zip(self._conditions, unstacked(rows, [p for p, _ in self._pairs]), strict=True))
 
     def _read(self, last: ICP | None) -> ICP:
-        p, r, lower, upper = self._in_order(*self._parts())
+        p, r, lower, upper = self._in_order(*self._parts(self.compiled.rows()))
         self._scale = r.Z.diagonal()
         before = self._obstacles
         now = self._obstacle(r, lower, "psi"), upper and self._obstacle(r, upper, "upper")
@@ -147,7 +157,7 @@ class CvxpyReading:
 
     def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> Function:
         """ψ with atoms; its derivative only where CVXPY's gradients held at the first start."""
-        obstacle = AtomObstacle(self._compiled.atoms.values(), self.variables, G, c, V, name)
+        obstacle = AtomObstacle(self.compiled.atoms.values(), self.variables, G, c, V, name)
         if self._gradient_holds is None:
             start = self.start()
             self._gradient_holds = obstacle.gradient_holds(np.zeros(self._n) if start is None else start)
@@ -185,10 +195,9 @@ class CvxpyReading:
             parts[0] = parts[0].of(rows).times(sign)
         return parts
 
-    def _parts(self) -> tuple[Any, ...]:
-        """The rows of p, of r, of the equations, and of the bounds of r, None where no condition has such a one; those
-        of the inequalities are kept."""
-        rows = self._compiled.rows()
+    def _parts(self, rows: AffineRows) -> tuple[Any, ...]:
+        """The compiled `rows` of p, of r, of the equations, and of the bounds of r, None where no condition has such a
+        one; those of the inequalities are kept."""
         if self._order is None:
             self._order = self._p_before_r(rows.Z)
         if not np.array_equal(self._order, np.arange(self._ends[-1])):  # it would copy a matrix that may be large

@@ -11,6 +11,7 @@ copies of such a loop, which cost up to a third of a sweep to choose from.
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import sys
 import warnings
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import numba
 import numpy as np
 from llvmlite import ir
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.event import Listener, register
 from numba.extending import intrinsic
 
@@ -36,8 +37,26 @@ _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "n
 inlined = numba.njit(inline="always", **_OPTIONS)
 
 
+class _Files(IndexDataCacheFile):
+    """numba numbers the files of a function, and processes that compile at the same time choose the same number: then
+    the index tells a third one to run what was compiled for other types. Here each has the number of its key, and is
+    there before the index names it."""
+
+    def save(self, key: Any, data: Any) -> None:
+        overloads = self._load_index()
+        number = int.from_bytes(hashlib.sha256(repr(key).encode()).digest()[:8])
+        overloads[key] = self._data_name(number)
+        self._save_data(overloads[key], data)
+        self._save_index(overloads)
+
+
 class Cache(FunctionCache):
     """Compiled code on disk. Where it cannot be read or written the process compiles for itself."""
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        locator = self._impl.locator
+        self._cache_file = _Files(self._cache_path, self._impl.filename_base, locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """None where there is nothing that can be read."""

@@ -53,7 +53,7 @@ import scipy.sparse as sp
 from ...algebra.splittings import AOR, Member
 from ...errors import InputError
 from ...numerics import work
-from ...numerics.arrays import Vector, as_csr, as_vector, described, diagonal_positions
+from ...numerics.arrays import Vector, as_csr, as_vector, described, diagonal_positions, row_of, times_rows
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData, as_problem
 from ..matrices.comparison_matrix import positive_diagonal
@@ -106,7 +106,7 @@ class StepMatrices:
     def omega_G(self) -> sp.csr_array:
         """ΩG."""
         work.build(self.G.nnz)
-        return sp.csr_array(sp.diags_array(self.omega) @ self.G)
+        return times_rows(self.omega, self.G)
 
     @cached_property
     def size(self) -> sp.csr_array:
@@ -119,8 +119,9 @@ class StepMatrices:
 def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     """|`matrix`| with a zero diagonal."""
     work.build(matrix.nnz, 2)
-    result = sp.csr_array(abs(matrix))
-    return sp.csr_array(result - sp.diags_array(result.diagonal()))
+    data, own = np.abs(matrix.data), matrix.indices == row_of(matrix)
+    data[own] -= data[own]  # NaN where it is infinite
+    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
 def _shifted(matrix: sp.csr_array, diagonal: Vector) -> sp.csr_array:
@@ -161,8 +162,8 @@ def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap |
     if as_printed:
         if reason := _not_as_printed(step):
             return reason
-        phi2_G = sp.diags_array(step.phi1 * step.omega) @ step.G
-        return _plain(factor * (sp.diags_array(1.0 / step.D) @ B + phi2_G), np.ones(step.n), 1.0 / factor)
+        phi2_G = times_rows(step.phi1 * step.omega, step.G)
+        return _plain(factor * (times_rows(1.0 / step.D, B) + phi2_G), np.ones(step.n), 1.0 / factor)
     if (step.phi < 0).any():
         return f"phi has the negative entry {step.phi.min():g}"
     if theta.theta2 < 0:
@@ -190,9 +191,8 @@ def printed_42(step: StepMatrices) -> MonotoneMap | str:
     N1 = sp.csr_array(step.M1 - step.A)
     bound = off_diagonal(step.M1) + off_diagonal(N1) - off_diagonal(step.A)
     bound = sp.csr_array(bound + sp.diags_array(np.abs(n1 + step.phi) - n1 - np.abs(step.phi)))
-    half = sp.diags_array(0.5 / step.omega)
     # up to rounding: for most splittings the bounds are zero
-    excess = sp.coo_array(step.G - half @ (bound + (16 * UNIT_ROUNDOFF) * step.size))
+    excess = sp.coo_array(step.G - times_rows(0.5 / step.omega, bound + (16 * UNIT_ROUNDOFF) * step.size))
     if excess.nnz and excess.data.max() > 0:
         k = int(np.argmax(excess.data))
         i, j = int(excess.coords[0][k]), int(excess.coords[1][k])
@@ -211,10 +211,10 @@ def printed_44(step: StepMatrices) -> MonotoneMap | str:
     splitting = _h_splitting(step)
     if isinstance(splitting, str):
         return splitting
-    phi1, phi = sp.diags_array(step.phi1), sp.diags_array(step.phi)
-    M, N = phi1 @ step.M1 + phi, phi1 @ (step.M1 - step.A) + phi
-    F = off_diagonal(sp.csr_array(M)) + abs(N) + phi1 @ step.omega_G
-    F = F if above.all() else F + phi1 @ step.short
+    phi = sp.diags_array(step.phi)
+    M, N = (sp.csr_array(times_rows(step.phi1, part) + phi) for part in (step.M1, step.M1 - step.A))
+    F = off_diagonal(M) + abs(N) + times_rows(step.phi1, step.omega_G)
+    F = F if above.all() else F + times_rows(step.phi1, sp.csr_array(step.short))
     diagonal = np.abs(M.diagonal())
     if not (diagonal > 0).all():
         return "phi1 m + phi has a zero on its diagonal"
@@ -246,7 +246,7 @@ def _h_splitting(step: StepMatrices) -> MonotoneMap | str:
 
 def _plain(F: sp.csr_array, diagonal: Vector, limit: float = 1.0, parts: tuple[sp.csr_array, ...] = ()) -> MonotoneMap:
     """v ↦ the maximum of diag(`diagonal`)⁻¹Fv and of `parts` times v."""
-    parts = (*parts, sp.csr_array(sp.diags_array(1.0 / diagonal) @ F))
+    parts = (*parts, times_rows(1.0 / diagonal, F))
     one = sp.csr_array(sp.eye_array(diagonal.size))
     size = sp.csr_array(sum(parts, one))
     return MonotoneMap(Comparison(one, size), parts, size, limit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import operator
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ import scipy.sparse as sp
 from ...algebra.splittings import Given
 from ...errors import OutOfTime, SingularOperator
 from ...numerics import work
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Vector, times_rows
 from ...numerics.equilibration import equilibrated, in_units
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
@@ -200,10 +201,9 @@ class MonotoneMap(HomogeneousMap):
         return self.inverse.lower(np.maximum(self._largest(v) - slack(self.size, v), 0.0))
 
     def steeper(self, mu: float, v: Vector) -> Vector | None:
-        products = np.array([F @ v for F in self.parts])
-        choice = products.argmax(axis=0)
-        picked = sum(sp.diags_array((choice == k).astype(float)) @ F for k, F in enumerate(self.parts))
-        return self.inverse.resolvent(mu, sp.csr_array(picked), v)
+        choice = np.array([F @ v for F in self.parts]).argmax(axis=0)
+        picked = (times_rows((choice == k).astype(float), F) for k, F in enumerate(self.parts))
+        return self.inverse.resolvent(mu, reduce(operator.add, picked), v)
 
     def _largest(self, v: Vector) -> Vector:
         return reduce(np.maximum, (F @ v for F in self.parts))

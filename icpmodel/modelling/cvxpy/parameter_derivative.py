@@ -1,0 +1,140 @@
+"""The derivative of an answer by the parameters of a CVXPY model, in the words of CVXPY's `backward` and `derivative`.
+
+Parameters move the values of p, ψ and ψ̄ at the answer, which is the work of this file, and these move z, which is that
+of `Solution.derivative`. The compiled rows of a DPP model are linear in the parameters, and only its atoms remain; of
+these, and of all of a model that is not DPP, CVXPY's `.grad` is asked, for copies in which a parameter is a variable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import cached_property
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from cvxpy.reductions.cvx_attr2constr import build_dim_reduced_expression, lower_value, recover_value_for_leaf
+
+from ...errors import InputError
+from ...numerics.arrays import Vector, as_array, as_real, not_finite
+from ...solve.solution import Solution
+from .affine_rows import AffineRows
+from .compiled import Copies, named, unstacked, value_of
+from .expressions import CvxpyReading
+
+
+class ParameterDerivative:
+    """That of the `solution` of what was read, by the parameters at their present values. Raises InputError where CVXPY
+    has no gradient in one of them."""
+
+    def __init__(self, reading: CvxpyReading, solution: Solution) -> None:
+        self._solution, self._variables, self._parameters = solution, reading.variables, reading.parameters
+        for one in self._parameters:
+            if one.is_complex():
+                advice = "give its real and its imaginary part as two parameters"
+                raise InputError(f"the parameter {one.name()} is complex, and no derivative is known: {advice}")
+        #: θ: of each parameter the entries that are its own, half of them where it is symmetric
+        self._entries = {one: cp.Variable(lower_value(one, value_of(one)).shape) for one in self._parameters}
+        rows = reading.compiled.rows()
+        p, psi, upper = reading.moved_by(rows)
+        by_parameters = self._by_rows(reading, rows)
+        self._p, self._psi = p @ by_parameters, psi @ by_parameters
+        self._upper = None if upper is None else upper @ by_parameters
+
+    @cached_property
+    def _derivative(self) -> Any:
+        return self._solution.derivative()
+
+    def backward(self) -> None:
+        """The gradient of z̄ᵀz into each parameter's `gradient`, z̄ being the variables' `gradient`, by default 1."""
+        zbar = [_filled(x, "gradient", 1.0).ravel(order="F") for x in self._variables]
+        found = self._derivative.adjoint(np.concatenate(zbar))
+        theta = self._p.T @ found.q + self._psi.T @ found.psi_values
+        if self._upper is not None:
+            theta = theta + self._upper.T @ found.upper_values
+        for parameter, part in zip(self._parameters, unstacked(theta, list(self._entries.values())), strict=True):
+            parameter.gradient = recover_value_for_leaf(parameter, part, project=False)
+
+    def derivative(self) -> None:
+        """How z moves in the direction of the parameters' `delta`, by default 0, into each variable's `delta`."""
+        parts = [_own(one, _filled(one, "delta", 0.0)) for one in self._parameters]
+        delta = np.concatenate([np.zeros(0), *parts])
+        upper = None if self._upper is None else self._upper @ delta
+        dz = self._derivative.forward(dq=self._p @ delta, dpsi=self._psi @ delta, dupper=upper)
+        for variable, part in zip(self._variables, unstacked(dz, self._variables), strict=True):
+            variable.delta = part
+
+    def _by_rows(self, reading: CvxpyReading, rows: AffineRows) -> sp.csr_array:
+        """∂row/∂θ of the compiled rows at the answer."""
+        compiled, values = reading.compiled, dict(reading.values(self._solution.z))
+        constants: dict[int, Any] = {id(x): cp.Constant(value) for x, value in values.items()}
+        constants |= {id(one): cp.Constant(value_of(one)) for one in self._parameters}
+        if self._solution.problem.psi.no_derivative() is not None:
+            for atom in compiled.atoms.values():  # one of them has none in a variable, which is named here
+                for x in atom.variables():
+                    copy = cp.Variable(x.shape)
+                    _gradient(atom, x, constants | {id(x): copy}, copy, values[x].ravel(order="F"))
+        if not compiled.is_dpp:
+            return self._gradients(compiled.sides, constants)
+        values |= {w: Copies([atom], [], constants).value(np.zeros(0)) for w, atom in compiled.atoms.items()}
+        moved = compiled.moved_by(self._entries, values)
+        return moved + rows.W @ self._gradients(compiled.atoms.values(), constants)
+
+    def _gradients(self, expressions: Iterable[cp.Expression], constants: dict[int, Any]) -> sp.csr_array:
+        """∂expression/∂θ, row by row."""
+        blocks = [sp.csr_array((0, sum(entries.size for entries in self._entries.values())))]
+        for one in expressions:
+            parts = [sp.csr_array((one.size, 0))]
+            for parameter, entries in self._entries.items():
+                if any(parameter is x for x in one.parameters()):
+                    copies = constants | {id(parameter): build_dim_reduced_expression(parameter, entries)}
+                    parts.append(_gradient(one, parameter, copies, entries, _own(parameter, value_of(parameter))))
+                else:
+                    parts.append(sp.csr_array((one.size, entries.size)))
+            blocks.append(sp.hstack(parts))
+        return sp.csr_array(sp.vstack(blocks))
+
+
+def _gradient(
+    one: cp.Expression, leaf: cp.Variable | cp.Parameter, copies: dict[int, Any], entries: cp.Variable, at: Vector
+) -> sp.csr_array:
+    """∂one/∂leaf where its `entries`, of which its copy is made, are `at`. Raises InputError where CVXPY has none."""
+    kind = "parameter" if isinstance(leaf, cp.Parameter) else "variable"
+    without = f"CVXPY has no gradient of {named(one)} in the {kind} {leaf.name()}"
+    if any(leaf is x for x in _beside(one)):
+        raise InputError(f"{without}, which is none of its arguments; x**a is exp(a*log(x)) where x > 0")
+    try:
+        copy = Copies([one], [entries], copies)
+        if copy.gradient_holds(at):
+            return copy.derivative(at)
+    except Exception as error:  # whatever an expression raises that expects a constant there
+        raise InputError(f"{without}: {error}") from error
+    raise InputError(f"{without}, or a wrong one; requires_grad=True needs it: write it in other atoms")
+
+
+def _beside(expression: Any) -> Iterator[cp.Parameter]:
+    """The parameters in `expression` that are no arguments, as an exponent is."""
+    for argument in expression.args:
+        yield from _beside(argument)
+    for x in (expression.get_data() or []) if expression.args else []:
+        if isinstance(x, cp.Expression):
+            yield from x.parameters()
+
+
+def _filled(leaf: cp.Variable | cp.Parameter, name: str, default: float) -> np.ndarray:
+    """The attribute `name` of `leaf` in its shape; a number stands for all entries. Raises InputError."""
+    value, title = getattr(leaf, name), f"the {name} of {leaf.name()}"
+    if value is None:
+        return np.full(leaf.shape, default)
+    array = as_real(as_array(value.toarray() if sp.issparse(value) else value, title), title)
+    if array.shape != leaf.shape and array.size != 1:
+        raise InputError(f"{title} has shape {array.shape}; {leaf.shape}, or a number for all entries, was expected")
+    if found := not_finite(np.ravel(array, order="F"), title):
+        raise InputError(f"{found}; finite numbers were expected")
+    return np.array(np.broadcast_to(array if array.shape == leaf.shape else array.item(), leaf.shape), dtype=np.float64)
+
+
+def _own(parameter: cp.Parameter, value: np.ndarray) -> Vector:
+    """Those entries of `value` that determine it, as CVXPY takes them: of a symmetric one half, of a diagonal one n."""
+    return np.ravel(lower_value(parameter, value), order="F")
