@@ -1,0 +1,247 @@
+"""What JAX calls back: problems are solved, and derivatives taken, with NumPy's arrays and in a thread that is none of
+JAX's."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache, partial
+from math import prod
+from threading import RLock
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ...derivatives.derivative import Derivative
+from ...errors import IcpError, MapError, SingularOperator
+from ...numerics.arrays import Vector
+from ...problem.affine import Constant
+from ...problem.data import ProblemData
+from ...solve.driver import solve
+from ...solve.many import solve_many
+from ...solve.solution import Solution, Status
+from ...solve.solutions import Solutions
+from .argument_forms import Argument, Shape, obstacles
+
+#: argument → its arrays, and the shapes of one of each
+Arrays: TypeAlias = dict[str, tuple[Any, ...]]
+Shapes: TypeAlias = dict[str, tuple[Shape, ...]]
+Answers: TypeAlias = Sequence[Solution | None] | Solutions
+#: what says that z is an answer, as well as float64 can hold it
+_ANSWERS = (Status.SOLVED, Status.PRECISION_LIMIT)
+
+
+@lru_cache(maxsize=1)
+def own_thread() -> ThreadPoolExecutor:
+    """A thread that rounds as that of the user does, who is the first to ask: those of JAX flush subnormal numbers to
+    zero, and hand this on to threads that they begin."""
+    thread = ThreadPoolExecutor(1, "icpmodel")
+    thread.submit(int).result()
+    return thread
+
+
+def apart(call: Callable[..., Any], *arguments: Any) -> Any:
+    """What the call returns, made in that thread."""
+    return own_thread().submit(call, *arguments).result()
+
+
+class LastAnswers:
+    """The answers of the last callback, each under a number of its own, and the derivative that was last asked for."""
+
+    def __init__(self) -> None:
+        self.answers: Answers = ()
+        # told apart from those of another layer and another process
+        self.first = self.next = secrets.randbits(62)
+        self.last: tuple[int, Derivative | None] | None = None
+        self.lock = RLock()
+
+    def forget(self) -> None:
+        """Keep none."""
+        self.answers, self.last = (), None
+
+    def keep(self, answers: Answers) -> int:
+        """Keep these, and no others; the number of the first one."""
+        self.answers, self.first, self.last = answers, self.next, None
+        self.next += len(answers)
+        return self.first
+
+    def derivative(self, number: int, again: Callable[[], Solution | None]) -> Derivative | None:
+        """That of the answer with this number, which is found `again` where it is not kept; None where it has none."""
+        answers, last = self.answers, self.last  # what is forgotten meanwhile is still there
+        if not self.first <= number < self.first + len(answers):
+            answers, last = [again()], None
+            self.answers, self.first = answers, number
+        if last is None or last[0] != number:
+            solution = answers[number - self.first]
+            found = solution.derivative() if solution is not None and solution.status in _ANSWERS else None
+            self.last = last = number, found
+        return last[1]
+
+
+class Mapped:
+    """The arrays of a callback, over which JAX may have mapped: one problem, or direction, for each index of `lead`.
+
+    `shapes` are those of a single one.
+    """
+
+    def __init__(self, arrays: Arrays, shapes: Shapes) -> None:
+        both = {
+            name: [(np.asarray(one), shape) for one, shape in zip(several, shapes[name], strict=True)]
+            for name, several in arrays.items()
+        }
+        leads = [one.shape[: one.ndim - len(shape)] for several in both.values() for one, shape in several]
+        self.lead = np.broadcast_shapes(*leads)
+        self.count = prod(self.lead)
+        self.arrays = {name: [self._flat(*one) for one in several] for name, several in both.items()}
+
+    def _flat(self, array: Any, shape: Shape) -> Any:
+        if array.size == prod(shape):  # one for all
+            return array.reshape(1, *shape)
+        return np.broadcast_to(array, self.lead + shape).reshape(self.count, *shape)
+
+    def at(self, row: int) -> Arrays:
+        """The arrays of one row."""
+        return {name: tuple(one[row if len(one) > 1 else 0] for one in own) for name, own in self.arrays.items()}
+
+    def differ(self, name: str) -> bool:
+        """Whether each row has an argument of its own."""
+        return any(len(one) > 1 for one in self.arrays[name])
+
+    def numbers(self, lead: Shape) -> Any:
+        """Which row it is at each index of the larger `lead`."""
+        return np.broadcast_to(np.arange(self.count).reshape(self.lead), lead).reshape(-1)
+
+
+class Callbacks:
+    """The three callbacks of a problem for arguments of these `forms`: `solved`, `forward` and `adjoint`."""
+
+    def __init__(
+        self,
+        problem: ProblemData,
+        forms: dict[str, Argument],
+        shapes: Shapes,
+        options: dict[str, Any],
+        loud: bool,
+        last: LastAnswers,
+    ) -> None:
+        self.problem, self.forms, self.shapes, self.n = problem, forms, shapes, problem.n
+        self.options, self.loud, self.last = options, loud, last
+        #: how long what crosses over of a change is, a change of A being one of q
+        self.sizes = {"q": self.n} if "A" in forms or "q" in forms else {}
+        self.sizes |= {name: shapes[name][-1][0] for name in ("psi", "upper") if name in forms}
+
+    def solved(self, arrays: Arrays) -> tuple[Any, Any]:
+        """z of all rows, and their numbers."""
+        rows = Mapped(arrays, self.shapes)  # waits for the arrays, and with the lock would wait for itself
+        with self.last.lock:
+            answers = self.answers(rows)
+            first = self.last.keep(answers)
+        if isinstance(answers, Solutions):
+            Z, failed = answers.Z, np.array([status not in _ANSWERS for status in answers.statuses])
+            Z = np.where(failed[:, None], np.nan, Z) if failed.any() else Z
+        else:
+            nothing = np.full(self.n, np.nan)
+            Z = np.array([nothing if one is None or one.status not in _ANSWERS else one.z for one in answers])
+        return Z.reshape(*rows.lead, self.n), (first + np.arange(rows.count)).reshape(rows.lead)
+
+    def answers(self, rows: Mapped) -> Answers:
+        """The solutions of all rows, None where not even a problem can be made and nothing is to be raised."""
+        if rows.count > 1:
+            try:
+                return solve_many(**self.many(rows), raise_on_failure=self.loud, **self.options)
+            except IcpError:  # what is wrong with one row
+                if self.loud:
+                    raise
+        return [self.answer(rows.at(row)) for row in range(rows.count)]
+
+    def many(self, rows: Mapped) -> dict[str, Any]:
+        """What `solve_many` takes: lists, or matrices with a row for each, of what is not the same for all."""
+        problem, made = self.problem, {}
+        sides = obstacles(problem)
+        for name, form in self.forms.items():
+            arrays = rows.arrays[name]
+            if not rows.differ(name):
+                made[name] = form.made(*(one[0] for one in arrays))
+            elif type(form) is Argument and form.make in (None, Constant):
+                made[name] = arrays[0]
+            else:
+                made[name] = [form.made(*rows.at(row)[name]) for row in range(rows.count)]
+        Q = np.broadcast_to(made.get("q", problem.q), (rows.count, self.n))
+        A, start = made.get("A", problem.A), made.get("z0")
+        psi, upper = (made.get(name, sides[name]) for name in ("psi", "upper"))
+        return {"A": A, "Q": Q, "psi": psi, "upper": upper, "Z0": start}
+
+    def answer(self, row: Arrays) -> Solution | None:
+        """The solution of one row."""
+        loud = self.loud
+        try:
+            problem, start = self.stated(row), row.get("z0", (None,))[0]
+            return solve(problem, z0=start, raise_on_failure=loud, **self.options)
+        except IcpError:
+            if loud:
+                raise
+            return None
+
+    def stated(self, row: Arrays) -> ProblemData:
+        """The problem of one row, which shares with the owner's what is the same."""
+        problem, made = self.problem, {name: self.forms[name].made(*row[name]) for name in self.forms}
+        sides = [made.get(name, own) for name, own in obstacles(problem).items()]
+        if "A" in made:
+            return type(problem)(made["A"], made.get("q", problem.q), *sides)
+        if "q" in made:
+            problem = problem.with_q(made["q"])
+        return problem.with_sides(*sides) if "psi" in made or "upper" in made else problem
+
+    def forward(self, residuals: Arrays, changes: Any) -> Any:
+        """dz of all rows and directions; `changes` has those of all arguments, one after the other."""
+        ends = np.cumsum(list(self.sizes.values()))[:-1]
+
+        def act(derivative: Derivative, change: Vector) -> Vector:
+            parts = dict(zip(self.sizes, np.split(change, ends), strict=True))
+            own = {name: self.forms[name].direction(one) if name in self.forms else one for name, one in parts.items()}
+            return derivative.forward(**{f"d{name}": one for name, one in own.items()})
+
+        return self.each(residuals, changes, act, self.n)
+
+    def adjoint(self, residuals: Arrays, zbar: Any) -> Any:
+        """The gradients in what `forward` takes, of all rows and weights."""
+
+        def act(derivative: Derivative, weight: Vector) -> Vector:
+            found = derivative.adjoint(weight)
+            parts = {"q": found.q}
+            for name, values in (("psi", found.psi_values), ("upper", found.upper_values)):
+                if name in self.sizes:
+                    parts[name] = self.forms[name].gradient(partial(getattr, found, name), values)
+                    if parts[name].size != self.sizes[name]:
+                        told = f"{self.sizes[name]} parameters, its parameter_derivative {parts[name].size} columns"
+                        raise MapError(f"{name} has {told}; as many were expected")
+            return np.concatenate([parts[name] for name in self.sizes])
+
+        return self.each(residuals, zbar, act, sum(self.sizes.values()))
+
+    def each(self, residuals: Arrays, vectors: Any, act: Callable[[Derivative, Vector], Vector], size: int) -> Any:
+        """What `act` makes of every derivative and the vectors that come with it, of this `size`; else NaN."""
+        rows = Mapped(residuals, self.shapes | {"z": ((self.n,),), "number": ((),)})
+        directions = Mapped({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
+        lead = np.broadcast_shapes(rows.lead, directions.lead)
+        of_rows, of_directions = rows.numbers(lead), directions.numbers(lead)
+        found = np.full((of_rows.size, size), np.nan)
+        with self.last.lock:
+            for k in np.argsort(of_rows, kind="stable"):  # one derivative after the other
+                derivative, (vector,) = self.derivative(rows.at(of_rows[k])), directions.at(of_directions[k])[""]
+                if derivative is None or not np.isfinite(vector).all():
+                    continue
+                try:
+                    found[k] = act(derivative, vector)
+                except SingularOperator:
+                    if self.loud:
+                        raise
+        return found.reshape(*lead, size)
+
+    def derivative(self, row: Arrays) -> Derivative | None:
+        """That at the z of one row; None where it has none."""
+        if np.isnan(row["z"][0]).any():
+            return None
+        given = {name: several for name, several in row.items() if name in self.forms} | {"z0": row["z"]}
+        return self.last.derivative(int(row["number"][0]), lambda: self.answer(given))

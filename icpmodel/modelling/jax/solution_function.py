@@ -1,0 +1,205 @@
+"""The answer of a problem as a function that JAX can trace, batch and differentiate.
+
+What JAX traces calls back to `solve`, or to `solve_many` where it maps, and for derivatives to `Solution.derivative`.
+Products with changes of A and G are JAX's own, so that nothing of the size of a matrix comes back from Python.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ...errors import InputError, NotApplicable
+from ...numerics.arrays import as_truth, described
+from ...problem.data import ProblemData, ProblemLike, as_problem
+from ...problem.map import Map
+from ...solve.goal import RTOL, Limits
+from .argument_forms import Parameters, argument, obstacles, the_package
+from .callbacks import Arrays, Callbacks, LastAnswers, apart, own_thread
+
+Make: TypeAlias = Callable[[Any], Any]
+
+
+def solution_of(
+    problem: ProblemLike,
+    *,
+    psi: Make | None = None,
+    upper: Make | None = None,
+    rtol: float = RTOL,
+    atol: float = 0.0,
+    time_limit: float | None = None,
+    memory_limit: float | None = None,
+    raise_on_failure: bool = True,
+) -> SolutionFunction:
+    """The answer z of a problem as a function of its arrays, for `jax.jit`, `grad`, `jacrev`, `jacfwd`, `jvp`, `vmap`.
+
+    Parameters: `problem` an ICP or what holds, names or makes one; `psi`, and `upper` for the obstacle above, only
+    where the map has parameters of yours: a function of their values, a NumPy array of shape (m,), that returns the
+    map, a `Function` or an `Elementwise` with its `parameter_derivative`; `rtol`, `atol`, `time_limit` and
+    `memory_limit` as for `solve` and `solve_many`; `raise_on_failure`: where it is False, z and its derivatives are NaN
+    where there is no answer, and nothing is raised. Else NotSolved is; out of compiled code JAX lets it through as a
+    `jax.errors.JaxRuntimeError` that ends with its message.
+    Returns a `SolutionFunction`. Raises InputError, and NotApplicable where JAX is not installed.
+    Reference: Blondel and others, Efficient and Modular Implicit Differentiation, NeurIPS 35 (2022).
+
+    >>> from importlib.util import find_spec
+    >>> if find_spec("jax"):
+    ...     import jax
+    ...     with jax.enable_x64(True):
+    ...         layer = solution_of(ICP([[2, -1], [-1, 2]], [-1, 3]))
+    ...         print(jax.jacrev(lambda q: layer(q=q))(np.array([-1.0, 3.0])) + 0.0)
+    ... else:
+    ...     print("[[-0.5  0. ]\\n [ 0.   0. ]]")
+    [[-0.5  0. ]
+     [ 0.   0. ]]
+    """
+    the_package()
+    own_thread()
+    limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit, memory_limit=memory_limit)
+    for name, make in (("psi", psi), ("upper", upper)):
+        if make is not None and (not callable(make) or isinstance(make, Map)):
+            raise InputError(f"{name} is {described(make)}; a function of parameters that returns a map was expected")
+    options = {name: getattr(limits, name) for name in ("rtol", "atol", "time_limit", "memory_limit")}
+    loud = as_truth(raise_on_failure, "raise_on_failure")
+    return SolutionFunction(as_problem(problem), {"psi": psi, "upper": upper}, options, loud)
+
+
+class SolutionFunction:
+    """The answer of a problem as a function of its arrays; `solution_of` makes it.
+
+    The last answers, with the factors of the last derivative, are kept until the next ones; a derivative at an older
+    answer is taken from its z, which is not solved for again.
+
+    >>> from importlib.util import find_spec
+    >>> problem = ICP([[2.0]], [1.0])
+    >>> print(solution_of(problem) if find_spec("jax") else f"SolutionFunction({problem})")
+    SolutionFunction(ICP(n=1, nnz=1, psi=Constant(0)))
+    """
+
+    def __init__(
+        self, problem: ProblemData, makers: dict[str, Make | None], options: dict[str, Any], loud: bool
+    ) -> None:
+        self.problem, self.makers, self.options, self.raise_on_failure = problem, makers, options, loud
+        self._last = LastAnswers()
+        weakref.finalize(self, self._last.forget)  # what JAX has compiled may live longer
+        self._traced: dict[Any, Traced] = {}
+
+    def __call__(self, *, A: Any = None, q: Any = None, psi: Any = None, upper: Any = None, z0: Any = None) -> Any:
+        """z, shape (n,), float64, of the problem with these arrays; what is left out is the problem's own.
+
+        Parameters: `A` the data of `problem.A`, shape (nnz,), or dense, (n, n); `q` shape (n,); `psi`, and `upper`, a
+        number or shape (n,) for the c of a `Constant`, `Affine` or `Elementwise`, for an `Affine` also a tuple (G, c),
+        G as A is given, on the pattern of its own G; shape (nnz,) for the gains of an `Intervention`; shape (m,) for
+        parameters; `z0` the start, shape (n,), on which the derivative does not depend.
+        Raises InputError, also where JAX has not float64, and as `solution_of` says.
+
+        >>> from importlib.util import find_spec
+        >>> if find_spec("jax"):
+        ...     import jax
+        ...     with jax.enable_x64(True):
+        ...         layer = solution_of(ICP([[2.0]], [0.0]))
+        ...         print(jax.vmap(lambda q: layer(q=q))(np.array([[-2.0], [4.0]])))
+        ... else:
+        ...     print("[[1.]\\n [0.]]")
+        [[1.]
+         [0.]]
+        """
+        jax = the_package()
+        if not jax.config.jax_enable_x64:
+            told = "JAX rounds to float32 here, and an answer is float64"
+            raise InputError(f'{told}: call jax.config.update("jax_enable_x64", True) at the start of the program')
+        given = {"A": A, "q": q, "psi": psi, "upper": upper, "z0": z0}
+        given = {name: value for name, value in given.items() if value is not None}
+        forms = {name: argument(name, value, self.problem, self.makers.get(name)) for name, value in given.items()}
+        arrays = {name: form.read(given[name]) for name, form in forms.items()}
+        shapes = {name: tuple(one.shape for one in several) for name, several in arrays.items()}
+        key = tuple((name, type(form), shapes[name]) for name, form in forms.items())
+        if key not in self._traced:
+            calls = Callbacks(self.problem, forms, shapes, self.options, self.raise_on_failure, self._last)
+            self._traced[key] = Traced(calls)
+        return self._traced[key].function(arrays)[0]
+
+    def __repr__(self) -> str:
+        return f"SolutionFunction({self.problem!r})"
+
+
+class Traced:
+    """What JAX sees of a `SolutionFunction` for arguments of certain forms."""
+
+    def __init__(self, calls: Callbacks) -> None:
+        jax = the_package()
+        self.calls, self.n = calls, calls.n
+        self.of_vector = jax.ShapeDtypeStruct((self.n,), np.float64)
+        # JAX compiles once for what is the same object
+        self.solved, self.forward, self.adjoint = (
+            partial(apart, call) for call in (calls.solved, calls.forward, calls.adjoint)
+        )
+        self.function = jax.custom_jvp(self.value)
+        self.function.defjvp(self.tangent)
+
+    def value(self, arrays: Arrays) -> Any:
+        """z, and the number under which its solution is found as long as it is kept."""
+        jax = the_package()
+        if any(isinstance(one, jax.core.Tracer) for several in arrays.values() for one in several):
+            found = self.of_vector, jax.ShapeDtypeStruct((), np.int64)
+            return jax.pure_callback(self.solved, found, arrays, vmap_method="expand_dims")
+        return tuple(jax.numpy.asarray(one) for one in self.calls.solved(arrays))  # what is raised comes as it is
+
+    def tangent(self, primals: Any, tangents: Any) -> Any:
+        """The rule of forward mode, of which JAX makes that of reverse mode."""
+        jax = the_package()
+        (arrays,), (moved,) = primals, tangents
+        for name, psi in obstacles(self.calls.problem).items():
+            if psi is None or isinstance(self.calls.forms.get(name), Parameters):
+                continue
+            if missing := psi.no_derivative():  # else the user would hear of it from compiled code
+                raise NotApplicable(missing if name == "psi" else missing.replace("psi", name, 1))
+        z, number = self.function(arrays)
+        changes: dict[str, Any] = {}
+        for name, several in moved.items():
+            if name != "z0":
+                key, change = "q" if name == "A" else name, self.calls.forms[name].change(z, *several)
+                changes[key] = changes[key] + change if key in changes else change
+        dz = self.linear(arrays | {"z": (z,), "number": (number,)}, changes, z) if changes else jax.numpy.zeros_like(z)
+        return (z, number), (dz, np.zeros((), jax.dtypes.float0))
+
+    def linear(self, residuals: Arrays, changes: dict[str, Any], z: Any) -> Any:
+        """dz for these changes, by a map that JAX can transpose and batch.
+
+        `jax.custom_derivatives.linear_call`, made for this, cannot be batched; `custom_linear_solve` can, and takes a
+        map L for the solution of (x − Ld, d) = b, which for b = (0, d) is (Ld, d).
+        """
+        jax, n, once = the_package(), self.n, _guard()(z)
+        jnp, options = jax.numpy, {"vmap_method": "expand_dims"}
+        all_of_them = jax.ShapeDtypeStruct((sum(self.calls.sizes.values()),), np.float64)
+
+        def ahead(_: Any, b: Any) -> Any:
+            moved = jax.pure_callback(self.forward, self.of_vector, residuals, b[n:], **options)
+            return jnp.concatenate([b[:n] + moved, b[n:]])
+
+        def back(_: Any, c: Any) -> Any:
+            found = jax.pure_callback(self.adjoint, all_of_them, residuals, c[:n], **options)
+            return jnp.concatenate([c[:n], c[n:] + found])
+
+        b = jnp.concatenate([jnp.zeros_like(z), *(changes[name] for name in self.calls.sizes)])
+        return jax.lax.custom_linear_solve(lambda x: once * x, b, ahead, back)[:n]
+
+
+@lru_cache(maxsize=1)
+def _guard() -> Any:
+    """z ↦ 1, of which no derivative can be taken."""
+    jax = the_package()
+
+    @jax.custom_jvp
+    def one(z: Any) -> Any:
+        return jax.numpy.ones(())
+
+    @one.defjvp
+    def of_second_order(primals: Any, tangents: Any) -> Any:
+        raise NotApplicable("the derivative of an answer cannot be differentiated again")
+
+    return one

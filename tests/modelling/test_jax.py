@@ -1,0 +1,277 @@
+"""The answer of a problem as a function that JAX differentiates, compiles and maps."""
+
+import gc
+import logging
+import warnings
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+
+jax = pytest.importorskip("jax", reason="jax is not installed: pip install icpmodel[jax]")
+jnp = pytest.importorskip("jax.numpy")
+check_grads = pytest.importorskip("jax.test_util").check_grads
+ravel_pytree = pytest.importorskip("jax.flatten_util").ravel_pytree
+solution_of = pytest.importorskip("icpmodel.modelling.jax").solution_of
+
+N = 6
+A = sp.csr_array(sp.diags_array([-1.2, 4.0, -0.8], offsets=[-1, 0, 1], shape=(N, N)))
+Q = np.array([-3.0, 2.0, -1.0, 5.0, -4.0, 3.0])
+C = np.array([0.1, -0.2, 0.4, -0.3, -np.inf, 0.2])
+D = np.array([1.5, 0.6, np.inf, 0.4, 0.7, 0.9])
+G = sp.csr_array(sp.diags_array([0.2, 0.1], offsets=[-1, 2], shape=(N, N)))
+JUMPS = sp.csr_array((np.array([-0.4, -0.3, -0.5, -0.2, -0.6]), ([1, 1, 3, 3, 5], [0, 2, 2, 4, 4])), shape=(N, N))
+THETA = np.array([0.3, 0.2])
+
+
+@pytest.fixture(autouse=True)
+def doubles():
+    with jax.enable_x64(True):
+        yield
+
+
+def sine(theta):
+    """ψ(z) = θ₀ sin z + θ₁, entry by entry."""
+    return icp.Elementwise(
+        lambda z: theta[0] * np.sin(z) + theta[1],
+        lambda z: theta[0] * np.cos(z),
+        parameter_derivative=lambda z: np.stack([np.sin(z), np.ones(N)], axis=1),
+    )
+
+
+def mirrored(theta):
+    """ψ(z) = θ₀ z reversed + θ₁."""
+    return icp.Function(
+        lambda z: theta[0] * z[::-1] + theta[1],
+        jacobian=lambda z: theta[0] * np.eye(N)[::-1],
+        parameter_derivative=lambda z: np.stack([z[::-1], np.ones(N)], axis=1),
+    )
+
+
+SLOPE = icp.Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), lipschitz=0.3, c=C)
+#: kind → problem, what solution_of gets, and the arguments in which the answer is differentiated
+KINDS = {
+    "constant": (icp.ICP(A, Q, C), {}, {"A": A.data, "q": Q, "psi": C}),
+    "a dense A and a number": (icp.ICP(A, Q, 0.1), {}, {"A": A.toarray(), "psi": 0.1}),
+    "affine": (icp.ICP(A, Q, icp.Affine(G, C)), {}, {"A": A.data, "psi": (G.data, C)}),
+    "elementwise": (icp.ICP(A, Q, SLOPE), {}, {"q": Q, "psi": C}),
+    "function by parameters": (icp.ICP(A, Q, 0.0), {"psi": mirrored}, {"A": A.data, "psi": THETA}),
+    "intervention": (icp.ICP(A, Q, icp.Intervention(JUMPS)), {}, {"q": Q, "psi": JUMPS.data}),
+    "two sides": (icp.ICP(A, Q, C, upper=D), {}, {"A": A.data, "psi": C, "upper": D}),
+    "two sides, dense and by parameters": (
+        icp.ICP(A, Q, icp.Affine(G, C - 0.5), upper=3.0),
+        {"upper": sine},
+        {"psi": (G.toarray(), C - 0.5), "upper": THETA},
+    ),
+}
+each_kind = pytest.mark.parametrize("kind", KINDS)
+
+
+def layer_of(kind):
+    """The layer of a kind, and the point at which it is differentiated; what is infinite there stays so."""
+    problem, options, given = KINDS[kind]
+    layer = solution_of(problem, rtol=1e-12, **options)
+
+    def finite(some):
+        return layer(**jax.tree.map(lambda x, own: jnp.where(np.isinf(own), own, x), some, given))
+
+    return finite, jax.tree.map(lambda one: np.where(np.isinf(one), 0.0, one), given)
+
+
+def loss(z):
+    return jnp.sum(jnp.cos(z + jnp.arange(N)) * z)
+
+
+@each_kind
+def test_the_gradient_of_a_loss_is_that_of_differences_forward_and_in_reverse(kind):
+    layer, given = layer_of(kind)
+    check_grads(jax.jit(lambda one: loss(layer(one))), (given,), order=1, modes=("fwd", "rev"), rtol=1e-5, eps=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["affine", "intervention", "two sides, dense and by parameters"])
+def test_jacobians_are_the_same_in_both_modes_and_those_of_differences(kind):
+    layer, given = layer_of(kind)
+    flat, whole = ravel_pytree(given)
+    reverse, forward = jax.jit(lambda x: [jac(lambda y: layer(whole(y)))(x) for jac in (jax.jacrev, jax.jacfwd)])(flat)
+    np.testing.assert_allclose(reverse, forward, rtol=1e-12, atol=1e-13)
+    h, unit = 1e-5, np.eye(flat.size)
+    differences = [(layer(whole(flat + h * one)) - layer(whole(flat - h * one))) / (2 * h) for one in unit]
+    np.testing.assert_allclose(forward, np.transpose(differences), rtol=1e-6, atol=1e-7)
+
+
+def test_compiled_or_not_a_call_gives_the_bits_of_solve():
+    problem = icp.ICP(A, Q, C)
+    layer, z = solution_of(problem), problem.with_q(Q + 1.0).solve().z
+    for call in (layer, jax.jit(layer)):
+        np.testing.assert_array_equal(call(q=Q + 1.0), z)
+
+
+MAPPED = {
+    "right-hand sides and obstacles": (icp.ICP(A, Q, C), {"q": [Q, -Q], "psi": [C, C - 0.5]}),
+    "matrices by data": (icp.ICP(A, Q, C), {"A": [A.data, 1.5 * A.data]}),
+    "affine": (icp.ICP(A, Q, icp.Affine(G, C)), {"psi": [(G.data, C), (2.0 * G.data, C - 0.5)]}),
+    "gains": (icp.ICP(A, Q, icp.Intervention(JUMPS)), {"psi": [JUMPS.data, JUMPS.data - 0.3]}),
+    "above": (icp.ICP(A, Q, C, upper=D), {"upper": [D, D + 0.2], "q": [Q, 2.0 * Q]}),
+}
+
+
+@pytest.mark.parametrize("kind", MAPPED)
+def test_what_is_mapped_is_solved_by_one_solve_many_and_is_what_a_loop_gives(kind, caplog):
+    problem, lists = MAPPED[kind]
+    layer = solution_of(problem)
+    rows = [dict(zip(lists, one, strict=True)) for one in zip(*lists.values(), strict=True)]
+    stacked = jax.tree.map(lambda *several: np.stack(several), *rows)
+    with caplog.at_level(logging.INFO, "icpmodel"):
+        Z = jax.vmap(lambda one: layer(**one))(stacked)
+    assert [record for record in caplog.messages if record.startswith("2 rows")]
+    np.testing.assert_allclose(Z, [layer(**row) for row in rows], rtol=1e-13, atol=1e-13)
+
+
+def test_gradients_are_mapped_too_over_some_arguments_or_all():
+    layer, Qs, Cs = solution_of(icp.ICP(A, Q, C)), np.stack([Q, 2.0 * Q, -Q]), np.stack([C, C - 0.5])
+    gradient = jax.grad(lambda a, q, c: loss(layer(A=a, q=q, psi=c)), argnums=(0, 1, 2))
+    of_pairs = jax.jit(jax.vmap(jax.vmap(gradient, (None, 0, None)), (None, None, 0)))(A.data, Qs, Cs)
+    for i, c in enumerate(Cs):
+        for j, q in enumerate(Qs):
+            for mapped, one in zip(of_pairs, gradient(A.data, q, c), strict=True):
+                np.testing.assert_allclose(mapped[i, j], one, rtol=1e-12, atol=1e-13)
+
+
+def test_the_derivative_costs_no_second_solve(caplog):
+    layer = solution_of(icp.ICP(A, Q, C))
+    with caplog.at_level(logging.INFO, "icpmodel"):
+        _, back = jax.vjp(lambda q: layer(q=q), Q)
+        first = back(np.ones(N))
+        np.testing.assert_array_equal(back(np.ones(N)), first)
+    assert len([record for record in caplog.messages if "z is from" in record]) == 1
+
+
+def test_an_answer_that_is_kept_no_longer_has_its_derivative_all_the_same():
+    layer = solution_of(icp.ICP(A, Q, C))
+    derivatives = [jax.vjp(lambda q: layer(q=q), scale * Q)[1] for scale in (1.0, -1.0)]
+    for scale, back in zip((1.0, -1.0), derivatives, strict=True):
+        expected = icp.ICP(A, scale * Q, C).solve().derivative().adjoint(np.arange(N)).q
+        np.testing.assert_allclose(back(np.arange(float(N)))[0], expected, rtol=1e-13, atol=1e-15)
+
+
+def test_the_gradient_of_an_entry_that_happens_to_be_zero_is_not_lost():
+    data = A.data.copy()
+    data[1] = 0.0
+    gradient = jax.grad(lambda a: solution_of(icp.ICP(A, Q, -9.0))(A=a).sum())(data)
+    z, w = np.linalg.solve(with_data(data), -Q), np.linalg.solve(with_data(data).T, np.ones(N))
+    assert gradient[1] == pytest.approx(-w[0] * z[1])
+
+
+def with_data(data):
+    return sp.csr_array((data, A.indices, A.indptr), shape=A.shape).toarray()
+
+
+def test_the_start_is_an_argument_on_which_nothing_depends(caplog):
+    problem = icp.ICP(A, Q, SLOPE)
+    layer, z = solution_of(problem), problem.solve().z
+    with caplog.at_level(logging.INFO, "icpmodel"):
+        gradients = jax.grad(lambda q, z0: layer(q=q, z0=z0).sum(), argnums=(0, 1))(Q, z)
+    assert " 0 iterations" in caplog.text
+    np.testing.assert_array_equal(gradients[1], np.zeros(N))
+    assert np.abs(gradients[0]).max() > 0.1
+
+
+def test_what_jax_sets_in_its_own_threads_does_not_touch_the_rounding_of_a_solve():
+    """They flush subnormal numbers to zero, on which proofs count, and of which the package warns."""
+    layer = solution_of(icp.ICP([[1.0]], [0.0]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_array_equal(jax.jit(lambda q: layer(q=q))(np.array([-3e-310])), [3e-310])
+
+
+def test_without_a_solution_notsolved_is_raised_and_its_message_comes_out_of_compiled_code():
+    layer = solution_of(icp.ICP([[-1.0]], [1.0]))
+    np.testing.assert_array_equal(layer(), [0.0])
+    with pytest.raises(icp.NotSolved):
+        layer(q=[-1.0])
+    with pytest.raises(jax.errors.JaxRuntimeError, match=r"NotSolved: .*"):
+        jax.block_until_ready(jax.jit(lambda q: layer(q=q))(np.array([-1.0])))
+
+
+def test_where_nothing_is_to_be_raised_rows_without_a_solution_are_nan_with_their_derivatives():
+    layer = solution_of(icp.ICP([[-1.0]], [1.0], upper=5.0), raise_on_failure=False)
+    bad = solution_of(icp.ICP([[-1.0]], [1.0]), raise_on_failure=False)
+    Qs = np.array([[1.0], [-1.0]])
+    z, gradient = jax.vmap(jax.value_and_grad(lambda q: bad(q=q)[0]))(Qs)
+    np.testing.assert_array_equal(z, [0.0, np.nan])
+    np.testing.assert_array_equal(gradient, [[0.0], [np.nan]])
+    np.testing.assert_array_equal(jax.vmap(lambda d: layer(upper=d))(np.array([[-1.0], [3.0]]))[0], [np.nan])
+    np.testing.assert_array_equal(layer(q=np.array([np.nan])), [np.nan])
+
+
+def test_singular_equations_of_the_active_set_are_an_error_or_nan():
+    problem = icp.ICP([[0.0]], [0.0], -1.0)
+    with pytest.raises(jax.errors.JaxRuntimeError, match="singular"):
+        jax.grad(lambda q: solution_of(problem)(q=q)[0])(np.zeros(1))
+    quiet = solution_of(problem, raise_on_failure=False)
+    np.testing.assert_array_equal(jax.grad(lambda q: quiet(q=q)[0])(np.zeros(1)), [np.nan])
+
+
+def test_a_second_derivative_is_refused():
+    layer = solution_of(icp.ICP(A, Q, C))
+    with pytest.raises(icp.NotApplicable, match="cannot be differentiated again"):
+        jax.hessian(lambda q: layer(q=q).sum())(Q)
+
+
+BAD = {
+    "a wrong length": ({"q": np.ones(2)}, r"q has shape \(2,\); shape \(6,\) was expected"),
+    "data on no pattern": ({"A": np.ones(3)}, r"A has shape \(3,\); shape \(16,\) or \(6, 6\) was expected"),
+    "a sparse matrix": ({"A": A}, "A is a csr_array; its data, on the pattern of the problem's own was expected"),
+    "complex numbers": ({"q": 1j * Q}, "q has dtype complex128; real numbers were expected"),
+    "truth values": ({"psi": np.ones(N, dtype=bool)}, "psi has dtype bool; real numbers were expected"),
+    "nothing above": ({"upper": D}, "upper is given, but the problem has nothing above z"),
+    "a pair for a constant": ({"psi": (G.data, C)}, "psi is a tuple; an array of numbers was expected"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_wrong_array_is_named_when_it_is_traced(what):
+    given, message = BAD[what]
+    layer = solution_of(icp.ICP(A, Q, C))
+    for call in (layer, lambda **some: jax.eval_shape(lambda: layer(**some))):
+        with pytest.raises(icp.InputError, match=message):
+            call(**given)
+
+
+def test_a_map_that_is_made_of_no_array_needs_a_function_that_makes_it():
+    layer = solution_of(icp.ICP(A, Q, lambda z: 0.1 * z))
+    with pytest.raises(icp.InputError, match="give solution_of a function psi= that makes the map of parameters"):
+        layer(psi=C)
+    with pytest.raises(icp.NotApplicable, match="psi has no derivative: give `jacobian` to Function"):
+        jax.grad(lambda q: layer(q=q).sum())(Q)
+    with pytest.raises(icp.InputError, match=r"psi is 0\.3; a function of parameters that returns a map was expected"):
+        solution_of(icp.ICP(A, Q), psi=0.3)
+    with pytest.raises(icp.InputError, match="an Elementwise with its parameter_derivative was expected"):
+        solution_of(icp.ICP(A, Q), psi=lambda theta: icp.Constant(theta))(psi=C)
+    with pytest.raises(icp.InputError, match=r"psi has shape \(\); a vector of parameters was expected"):
+        solution_of(icp.ICP(A, Q), psi=sine)(psi=0.3)
+    with pytest.raises(jax.errors.JaxRuntimeError, match="psi has 3 parameters, its parameter_derivative 2 columns"):
+        jax.grad(lambda theta: solution_of(icp.ICP(A, Q), psi=sine)(psi=theta).sum())(np.append(THETA, 1.0))
+
+
+def test_a_layer_that_is_made_while_something_is_compiled_works_as_long_as_that():
+    problem = icp.ICP(A, Q, C)
+    gradient = jax.jit(jax.grad(lambda q: solution_of(problem)(q=q).sum()))
+    for scale in (1.0, -1.0):
+        expected = jax.grad(lambda q: solution_of(problem)(q=q).sum())(scale * Q)
+        np.testing.assert_allclose(gradient(scale * Q), expected, rtol=1e-13, atol=1e-15)
+        gc.collect()
+
+
+def test_without_float64_an_answer_is_refused():
+    layer = solution_of(icp.ICP(A, Q, C))
+    with jax.enable_x64(False), pytest.raises(icp.InputError, match="jax_enable_x64"):
+        layer(q=Q)
+
+
+def test_single_precision_is_widened_and_its_gradient_comes_back_as_it_was():
+    layer, q = solution_of(icp.ICP(A, Q, C)), jnp.asarray(Q, dtype=jnp.float32)
+    assert layer(q=q).dtype == np.float64
+    assert jax.grad(lambda q: layer(q=q).sum())(q).dtype == np.float32
