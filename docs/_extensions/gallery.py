@@ -76,7 +76,8 @@ def page(script, output):
     lines = [f"# {script.stem.replace('_', ' ').capitalize()}", "", f"**{prose(title)}**", ""]
     lines += [prose("\n\n".join(rest)), ""] if rest else []
     for picture in pictures(script):
-        lines += [f"![what {script.name} draws: {title.splitlines()[0]}]({picture.name})", ""]
+        alt = f"what {script.name} draws: {title.splitlines()[0]}"
+        lines += [":::{container} wide", f"![{alt}]({picture.name})", ":::", ""]
     lines += ["## What it prints", "", f"```text\n{output}```", "", "## The code", ""]
     for said, piece in cells(code):
         lines += [prose(said), ""] if said else []
