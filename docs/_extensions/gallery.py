@@ -9,6 +9,7 @@ import hashlib
 import json
 import re
 import shutil
+import textwrap
 from pathlib import Path
 
 from sphinx.util import logging
@@ -43,7 +44,7 @@ def prose(text):
     found = []
     for paragraph in text.split("\n\n"):
         if paragraph.startswith("    "):
-            found.append(f"```text\n{paragraph}\n```")
+            found.append(f"```text\n{textwrap.dedent(paragraph)}\n```")
         else:
             found.append(re.sub(r"(?<!\w)[*_]|[*_](?!\w)|<", r"\\\g<0>", paragraph))
     return "\n\n".join(found)
@@ -77,7 +78,7 @@ def page(script, output):
     lines += [prose("\n\n".join(rest)), ""] if rest else []
     for picture in pictures(script):
         alt = f"what {script.name} draws: {title.splitlines()[0]}"
-        lines += [":::{container} wide", f"![{alt}]({picture.name})", ":::", ""]
+        lines += [f"![{alt}]({picture.name})", ""]
     lines += ["## What it prints", "", f"```text\n{output}```", "", "## The code", ""]
     for said, piece in cells(code):
         lines += [prose(said), ""] if said else []
