@@ -113,3 +113,30 @@ def test_a_script_of_the_gallery_was_recorded_and_its_notebook_is_its_code(scrip
     cells = json.loads(gallery.notebook(told, code))["cells"]
     compile("\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"), script.name, "exec")
     assert cells[0]["source"][0] in script.read_text(encoding="utf-8")
+
+
+def test_a_docstring_of_the_house_means_itself_as_rst():
+    """Parameters become a list, indented lines formulas, errors names; |z| and z* stay what they are."""
+    lines = ["|z| of z*, or `A`.", "Parameters: `A` a", "matrix; `q` a vector. It is copied.", "Raises InputError."]
+    assert [line for line in house_style.as_rst([*lines, "", "    Az", "", ">>> 1"]) if line] == [
+        r"\|z\| of z\*, or \ ``A``\ .",
+        "**Parameters**",
+        r"- \ ``A``\  a matrix",
+        r"- \ ``q``\  a vector",
+        "It is copied.",
+        r"**Raises** ``InputError``.",
+        "::",
+        "    Az",
+        ">>> 1",
+    ]
+
+
+def test_a_name_in_backticks_leads_to_its_entry():
+    known = house_style.targets()
+    for written in ("solve", "icp.solve", "ICP.solve", "icpmodel.solve"):
+        assert known[written] == "icpmodel.solve"
+    assert known["solution.polish"] == known["Solution.polish"] == "icpmodel.Solution.polish"
+    assert known["predicted_rate"] == known["icp.theory.predicted_rate"] == "icpmodel.theory.predicted_rate"
+    assert known["mnmgs"] == "icpmodel.MNMGS"
+    assert known["theory.error_bound"] == "icpmodel.error_bound"
+    assert "Complementarity" not in known, "it is Pyomo's word as well"
