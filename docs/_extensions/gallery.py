@@ -50,9 +50,24 @@ def prose(text):
     return "\n\n".join(found)
 
 
+def with_cells(code):
+    """A script without lines "# %%" gets them where a paragraph begins with a comment, so far as cells stay whole."""
+    if re.search(r"^# %%", code, flags=re.MULTILINE):
+        return code
+    whole: list[str] = []
+    for piece in re.split(r"\n\n+(?=# )", code):
+        try:
+            compile(piece, "cell", "exec")
+            compile(whole[-1] if whole else "", "cell", "exec")
+            whole.append(piece)
+        except SyntaxError:
+            whole[-1:] = ["\n\n".join([*whole[-1:], piece])]
+    return "\n# %%\n".join(whole)
+
+
 def notebook(told, code):
     pieces = [("markdown", told)]
-    for said, piece in cells(code):
+    for said, piece in cells(with_cells(code).replace('matplotlib.use("Agg")\n', "")):  # pictures appear in notebooks
         pieces += [("markdown", said)] * bool(said) + [("code", piece)] * bool(piece)
     extra = {"code": {"execution_count": None, "outputs": []}, "markdown": {}}
     made = [

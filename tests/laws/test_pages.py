@@ -29,6 +29,11 @@ def examples(page):
     return doctest.DocTestParser().get_doctest(text, {}, page.name, str(page), 0)
 
 
+def statements(code):
+    """The lines that are not empty and no comments."""
+    return [line for line in code.splitlines() if line.strip() and not line.startswith("#")]
+
+
 def test_there_are_pages_for_whom_the_readme_names():
     assert {page.stem for page in PAGES} >= {"README", "start", "scipy", "qp", "cvxpy", "pyomo", "teaching", "research"}
 
@@ -111,7 +116,10 @@ def test_a_script_of_the_gallery_was_recorded_and_its_notebook_is_its_code(scrip
     assert kept.startswith(gallery.digest(script)), f"python docs/record.py {script.name}"
     told, code = gallery.parts(script)
     cells = json.loads(gallery.notebook(told, code))["cells"]
-    compile("\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"), script.name, "exec")
+    sources = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    for source in sources:
+        compile(source, script.name, "exec")
+    assert statements("\n".join(sources)) == [line for line in statements(code) if line != 'matplotlib.use("Agg")']
     assert cells[0]["source"][0] in script.read_text(encoding="utf-8")
 
 
