@@ -158,36 +158,39 @@ class Links(SphinxTransform):
 
 def as_rst(lines):
     """The lines of a docstring of this house as reStructuredText."""
-    found, kind = [], ""
+    found: list[tuple[bool, str]] = []  # whether it is prose, and the line
+    kind = ""
     for line in lines:
         text = line.strip()
         section = SECTION.match(text)
+        ended = found[-1:] and found[-1][1].endswith(".") and text[:1].isupper()
         if not text:
             kind = ""
         elif text.startswith(">>>") or kind == "example":
             kind = "example"
-            found.append(line)
+            found.append((False, line))
             continue
         elif line.startswith("    ") and kind in ("", "formula"):
-            found += ["", "::", ""] if not kind else []
+            found += [(False, one) for one in ("", "::", "")] if not kind else []
             kind = "formula"
-            found.append(line)
+            found.append((False, line))
             continue
         elif section and section[1] == "Parameters":
             kind = "parameters"
-        elif section or kind in ("", "formula"):
-            kind = "item" if text.startswith("- ") else "text"
-        if kind in ("parameters", "item") and not section and found[-1:] != [""]:
-            found[-1] += f" {text}"
+        elif text.startswith("- "):
+            kind = "item"
+        elif section or kind in ("", "formula") or (kind == "parameters" and ended):
+            found += [(False, "")] * (kind == "parameters")
+            kind = "text"
+        if kind in ("parameters", "item") and not section and not text.startswith("- ") and text:
+            found[-1] = (True, f"{found[-1][1]} {text}")
         else:
-            found += ["", line] if section else [line]
-    return [one for line in found for one in spread(line)]
+            found += [(False, "")] * bool(section) + [(True, line)]
+    return [one for is_prose, line in found for one in (spread(line) if is_prose else [line])]
 
 
 def spread(line):
     """Parameters as a list; what is said after the last one follows below; sections begin in bold."""
-    if line.startswith((">>>", "...", "    ", "::")):
-        return [line]
     section = SECTION.match(line)
     if not section:
         return [prose(line)]

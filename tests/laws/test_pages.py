@@ -124,18 +124,22 @@ def test_a_script_of_the_gallery_was_recorded_and_its_notebook_is_its_code(scrip
 
 
 def test_a_docstring_of_the_house_means_itself_as_rst():
-    """Parameters become a list, indented lines formulas, errors names; |z| and z* stay what they are."""
-    lines = ["|z| of z*, or `A`.", "Parameters: `A` a", "matrix; `q` a vector. It is copied.", "Raises InputError."]
-    assert [line for line in house_style.as_rst([*lines, "", "    Az", "", ">>> 1"]) if line] == [
+    """Parameters become a list, indented lines formulas, errors names; |z|, z* and outputs stay what they are."""
+    lines = ["|z| of z*, or `A`.", "Parameters: `A` a", "matrix; `q` a vector.", "It is copied.", "Raises InputError."]
+    lines += ["", "- one,", "  long", "- two", "", "    Az", "", ">>> 1", "InputError: |z*|"]
+    assert [line for line in house_style.as_rst(lines) if line] == [
         r"\|z\| of z\*, or \ ``A``\ .",
         "**Parameters**",
         r"- \ ``A``\  a matrix",
         r"- \ ``q``\  a vector",
         "It is copied.",
         r"**Raises** ``InputError``.",
+        "- one, long",
+        "- two",
         "::",
         "    Az",
         ">>> 1",
+        "InputError: |z*|",
     ]
 
 
