@@ -38,6 +38,8 @@ from .direction import Direction
 from .gradient import Gradient
 from .tangent import Mask, Ties, tangent_problem
 
+#: so many random weights: that all of them cancel to a hundredth happens once in 10⁶
+_DRAWS = 3
 #: so many rows are named
 _NAMED = 5
 #: the relative tolerance of linear systems that are solved by steps, and of tangent problems
@@ -87,6 +89,9 @@ class Derivative(ReadOnly, Shown):
         self.pattern = pattern_at(problem, z)
         self._jacobian = derivative(problem.psi, z, self.pattern.above)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.solution,)
+
     @cached_property
     def equations(self) -> ActiveEquations:
         """J and Jᵀ, solved for any right-hand side: `equations.solve(f, tolerance)` and `.transposed(f, tolerance)`.
@@ -128,7 +133,7 @@ class Derivative(ReadOnly, Shown):
     @staticmethod
     def _checked(x: Vector | None) -> Vector:
         if x is None:
-            told = "the equations of the active set are singular: z* has no derivative that they would give"
+            told = "the equations of the active set are singular, or what they give is beyond all numbers"
             raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
         return x
 
@@ -201,14 +206,25 @@ class Derivative(ReadOnly, Shown):
 
     @cached_property
     def _delta(self) -> Vector:
-        """How far z* is at most from z, where that is proved, else twice how far a Newton step leads."""
+        """How far z* is at most from z, where that is proved, else twice how far steps of Newton's method lead."""
         known = self.solution.certificate.bound.componentwise
         if known is not None:
             return known
-        problem, z = self.problem, self.z
+        problem, z, active = self.problem, self.z, self.pattern.active
         for_p, for_r = problem.rounding(z)
-        F = np.where(self.pattern.active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
-        return 2.0 * np.abs(self._checked(self.equations.solve(F, _RTOL)))
+        F = np.where(active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
+        # what the entries of F add to a step may cancel, but not with one random weight after the other
+        weights = np.vstack([np.ones(z.size), np.random.default_rng(0).standard_normal((_DRAWS, z.size))])
+        return 2.0 * np.linalg.norm([self._step(one * F) for one in weights], axis=0)
+
+    def _step(self, F: Vector) -> Vector:
+        """J⁻¹F, and where J is singular the shortest x with the least |Jx − F|."""
+        x = self.equations.solve(F, _RTOL)
+        if x is None:
+            from scipy.sparse.linalg import lsmr
+
+            x = np.asarray(lsmr(self._matrix(), F)[0])
+        return x
 
     @cached_property
     def _ties(self) -> Ties:
