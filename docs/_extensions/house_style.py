@@ -24,6 +24,7 @@ ROOMS = (
     "explain",
     "methods",
     "modelling",
+    "modelling.jax",
     "modelling.pyomo",
     "present",
     "scenes",

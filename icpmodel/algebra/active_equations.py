@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm, row_of
 from ..numerics.fill import Look
-from ..numerics.linear import Solver, cg_steps, cg_vector_cost, multigrid_pays, solver_of
+from ..numerics.linear import STEPS, Solver, cg_steps, cg_vector_cost, multigrid_pays, solver_of
 from ..numerics.multigrid import KRYLOV_STEPS
 from ..problem.data import ProblemData
 from .equations import equations_on
@@ -50,9 +50,10 @@ class ActiveEquations:
         by_cycles: bool | None = None,
     ) -> None:
         self._of, self._cycled = (problem, active, jacobian), None
-        if self._eliminated.suits_multigrid if by_cycles is None else by_cycles:
+        if self._eliminated.costs_more(cycles_cost(problem)) if by_cycles is None else by_cycles:
             with suppress(NoHierarchy):
                 self._cycled = CycledEquations(Hierarchy(problem), 0, active, jacobian if jacobian.nnz else None)
+                vars(self).pop("_eliminated", None)  # as large as A
 
     @cached_property
     def _eliminated(self) -> _Elimination:
@@ -97,10 +98,9 @@ class _Elimination:
             self._M, self._whole = equations_on(problem, active, jacobian), True
         self._look = Look(self._M)
 
-    @property
-    def suits_multigrid(self) -> bool:
-        """Whether M is for multigrid, by what a factorisation is foreseen to cost."""
-        self._by_multigrid = found = multigrid_pays(self._M, self._look)
+    def costs_more(self, most: float) -> bool:
+        """Whether M is for multigrid, and a factorisation is foreseen to cost more than so many nanoseconds."""
+        self._by_multigrid = found = multigrid_pays(self._M, self._look, most)
         return found
 
     @cached_property
@@ -179,6 +179,13 @@ def _product(A: sp.csr_array, B: sp.csr_array) -> sp.csr_array:
     work.afford(cost)
     work.add(cost)
     return sp.csr_array(A @ B)
+
+
+def cycles_cost(problem: ProblemData) -> float:
+    """What one system costs by `CycledEquations`, with the hierarchy and as many steps as it needs as a rule."""
+    costs, n, nnz = work.COSTS, problem.n, problem.nnz
+    step = costs.cycle + costs.cycle_entry * nnz + problem.matrix.unit + cg_vector_cost(n)
+    return costs.hierarchy + costs.hierarchy_entry * nnz + STEPS * step
 
 
 class _NotConverged(Exception):

@@ -275,7 +275,7 @@ def times_rows(d: Vector, matrix: sp.csr_array) -> sp.csr_array:
 
 def is_symmetric(matrix: sp.csr_array) -> bool:
     """Whether a sparse matrix equals its transpose, entry by entry."""
-    turned = matrix.T.tocsr()
+    matrix, turned = sp.csr_array(matrix), sp.csr_array(matrix.T)
     if np.array_equal(turned.indptr, matrix.indptr) and np.array_equal(turned.indices, matrix.indices):
         return np.array_equal(turned.data, matrix.data)
     return (matrix != turned).nnz == 0

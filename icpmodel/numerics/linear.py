@@ -35,7 +35,7 @@ _BACKWARD = 1e-12
 #: the relative residual of an inexact solve
 _INEXACT = 1e-4
 #: so many Krylov steps multigrid needs as a rule
-_STEPS = 10
+STEPS = 10
 
 
 def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | None = None) -> Solver:
@@ -54,7 +54,10 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
         return lambda f, tolerance, transposed=False: None
     exponents = row_exponents(M)
     scaled, look = in_units(M, exponents), look or Look(M)
-    by_multigrid = multigrid_pays(M, look) if by_multigrid is None else by_multigrid and _is_for_multigrid(M)
+    if by_multigrid is None:
+        by_multigrid = multigrid_pays(M, look, krylov_cost(M.nnz, STEPS))
+    else:
+        by_multigrid = by_multigrid and _is_for_multigrid(M)
     cycles = _multigrid(M, scaled, exponents) if by_multigrid else None
 
     @cache
@@ -75,9 +78,9 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
     return solve
 
 
-def multigrid_pays(M: sp.csr_array, look: Look) -> bool:
-    """Whether multigrid is for M, CSR, n × n, and one solve with it costs less than a factorisation."""
-    return _is_for_multigrid(M) and look.costs_more(krylov_cost(M.nnz, _STEPS))
+def multigrid_pays(M: sp.csr_array, look: Look, cost: float) -> bool:
+    """Whether multigrid is for M, CSR, n × n, and its `cost`, in nanoseconds, less than that of a factorisation."""
+    return _is_for_multigrid(M) and look.costs_more(cost)
 
 
 def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> Solver:

@@ -6,7 +6,9 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.numerics import work
-from icpmodel.numerics.fill import foreseen
+from icpmodel.numerics.arrays import is_symmetric
+from icpmodel.numerics.factorisation import factorise
+from icpmodel.numerics.fill import Look, foreseen
 from icpmodel.numerics.linear import solver_of
 
 
@@ -143,6 +145,36 @@ def test_only_multigrid_stops_at_the_tolerance(kind):
     solve = solver_of(M, by_multigrid=True) if kind.startswith("multigrid") else solver_of(M)
     assert is_solution(solve(f, 1e-10))
     assert is_solution(solve(f, 1e-2)) is not kind.startswith("multigrid")
+
+
+def test_what_was_seen_of_the_fill_is_not_looked_for_again():
+    """Neither where another limit is asked about nor where the matrix is factorised, in the same order."""
+    M = icp.scenes.membrane(n=900).problem.A
+    look, counts, factors = Look(M), [], []
+    cost = work.factor_cost(foreseen(M))
+    assert look.costs_more(0.9 * cost)
+    assert not look.costs_more(1.1 * cost)
+    for given in (None, look):
+        before = work.done()
+        assert given is None or look.costs_more(0.9 * cost)
+        factors.append(factorise(M, look=given))
+        counts.append(work.done() - before)
+    assert (factors[0].L != factors[1].L).nnz == 0
+    assert counts[0] - counts[1] > work.COSTS.look * M.nnz
+
+
+@pytest.mark.parametrize("form", [sp.csr_array, sp.csc_array, sp.coo_array])
+def test_symmetry_is_seen_entry_by_entry_whatever_is_stored(form):
+    """Zeros that are stored, and rows that are not sorted, are no asymmetry."""
+    M = np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 3.0], [0.0, 3.0, 2.0]])
+    stored = sp.csr_array((np.array([0.0, 1.0, 2.0]), np.array([2, 1, 0]), np.array([0, 3, 3, 3])), shape=(3, 3))
+    assert is_symmetric(form(M))
+    assert not is_symmetric(form(M + np.eye(3, k=1)))
+    assert not is_symmetric(form(np.triu(M)))
+    assert is_symmetric(form(stored + sp.csr_array(M.T) - stored))
+    assert not is_symmetric(stored)
+    stored.data[1] = 0.0
+    assert is_symmetric(stored)
 
 
 def laplacian(m, power):

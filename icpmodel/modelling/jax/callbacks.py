@@ -135,6 +135,7 @@ class Callbacks:
         """z of all rows, and their numbers."""
         rows = Mapped(arrays, self.shapes)  # waits for the arrays, and with the lock would wait for itself
         with self.last.lock:
+            self.last.forget()  # so that no two are held at once
             answers = self.answers(rows)
             first = self.last.keep(answers)
         if isinstance(answers, Solutions):
