@@ -11,11 +11,12 @@ A command is the line that begins with "$ " in a block of the kind "console"; it
 
 import argparse
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from PIL import Image
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS / "_extensions"))
@@ -52,7 +53,8 @@ def record_example(script):
         output = printed([sys.executable, str(script)], folder)
         for picture in Path(folder).glob("*.png"):
             name = picture.name if picture.name.startswith(script.stem) else f"{script.stem}-{picture.name}"
-            shutil.copy(picture, EXAMPLES / "figures" / name)
+            small = Image.open(picture).convert("RGB").quantize(256, dither=Image.Dither.NONE)  # a third of the bytes
+            small.save(EXAMPLES / "figures" / name, optimize=True)
     (EXAMPLES / "output" / f"{script.stem}.txt").write_text(digest(script) + output, encoding="utf-8")
 
 

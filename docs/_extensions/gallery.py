@@ -9,6 +9,7 @@ import hashlib
 import json
 import re
 import shutil
+import textwrap
 from pathlib import Path
 
 from sphinx.util import logging
@@ -43,15 +44,30 @@ def prose(text):
     found = []
     for paragraph in text.split("\n\n"):
         if paragraph.startswith("    "):
-            found.append(f"```text\n{paragraph}\n```")
+            found.append(f"```text\n{textwrap.dedent(paragraph)}\n```")
         else:
             found.append(re.sub(r"(?<!\w)[*_]|[*_](?!\w)|<", r"\\\g<0>", paragraph))
     return "\n\n".join(found)
 
 
+def with_cells(code):
+    """A script without lines "# %%" gets them where a paragraph begins with a comment, so far as cells stay whole."""
+    if re.search(r"^# %%", code, flags=re.MULTILINE):
+        return code
+    whole: list[str] = []
+    for piece in re.split(r"\n\n+(?=# )", code):
+        try:
+            compile(piece, "cell", "exec")
+            compile(whole[-1] if whole else "", "cell", "exec")
+            whole.append(piece)
+        except SyntaxError:
+            whole[-1:] = ["\n\n".join([*whole[-1:], piece])]
+    return "\n# %%\n".join(whole)
+
+
 def notebook(told, code):
     pieces = [("markdown", told)]
-    for said, piece in cells(code):
+    for said, piece in cells(with_cells(code).replace('matplotlib.use("Agg")\n', "")):  # pictures appear in notebooks
         pieces += [("markdown", said)] * bool(said) + [("code", piece)] * bool(piece)
     extra = {"code": {"execution_count": None, "outputs": []}, "markdown": {}}
     made = [
@@ -76,7 +92,8 @@ def page(script, output):
     lines = [f"# {script.stem.replace('_', ' ').capitalize()}", "", f"**{prose(title)}**", ""]
     lines += [prose("\n\n".join(rest)), ""] if rest else []
     for picture in pictures(script):
-        lines += [f"![what {script.name} draws: {title.splitlines()[0]}]({picture.name})", ""]
+        alt = f"what {script.name} draws: {title.splitlines()[0]}"
+        lines += [f"![{alt}]({picture.name})", ""]
     lines += ["## What it prints", "", f"```text\n{output}```", "", "## The code", ""]
     for said, piece in cells(code):
         lines += [prose(said), ""] if said else []

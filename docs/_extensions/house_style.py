@@ -39,6 +39,19 @@ ROOMS = (
 OTHERS = ("Complementarity", "Problem", "complements")
 
 
+#: what pages call an object of a class
+INSTANCES = {
+    "solution": "icpmodel.Solution",
+    "certificate": "icpmodel.Certificate",
+    "derivative": "icpmodel.derivatives.Derivative",
+    "bound": "icpmodel.ErrorBound",
+}
+
+
+#: pages whose verbs are those of a class
+SPEAK_OF = {"cvxpy": "icpmodel.Problem"}
+
+
 def public_names():
     """{where it is documented: the object} of what users may name: at the face, if it is there, else in its room."""
     found = {f"icpmodel.{name}": getattr(icpmodel, name) for name in icpmodel.__all__}
@@ -71,6 +84,8 @@ def targets():
                 ways.append(name)  # no word of the language
             for way in ways:
                 found.setdefault(way, told)
+    for word, path in INSTANCES.items():
+        found |= {f"{word}.{name}": where for name, where in members(public_names()[path], verbs)}
     return found
 
 
@@ -112,7 +127,8 @@ class Links(SphinxTransform):
         for node in list(self.document.findall(nodes.literal)):
             if isinstance(node.parent, nodes.reference | nodes.title | addnodes.pending_xref | addnodes.desc_name):
                 continue
-            target = self.target_of(node.astext().removesuffix("()"), *self.around(node))
+            text = re.sub(r"\(.*\)$", "", node.astext())
+            target = self.target_of(text, *self.around(node))
             if target:
                 reference = addnodes.pending_xref(
                     "", refdomain="py", reftype="obj", reftarget=target, refexplicit=True, refwarn=True
@@ -128,13 +144,13 @@ class Links(SphinxTransform):
             if isinstance(node, addnodes.desc) and node.get("domain") == "py":
                 found.append(node[0]["ids"][0] if node[0]["ids"] else "")
             node = node.parent
-        return found
+        return [*found, SPEAK_OF.get(self.env.docname, "")]
 
     def target_of(self, text, *entries):
         for entry in entries:
             room = entry.rpartition(".")[0]
             for inside in (f"{entry.removeprefix('icpmodel.')}.{text}", f"{room}.{text}"):
-                if inside in self.known:
+                if inside in self.known and entry:
                     return None if self.known[inside] in entries else self.known[inside]
         target = self.known.get(text)
         return None if target in entries else target

@@ -19,10 +19,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..errors import OutOfTime
 from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm, row_of
 from ..numerics.fill import Look
-from ..numerics.linear import STEPS, Solver, cg_steps, cg_vector_cost, multigrid_pays, solver_of
+from ..numerics.linear import STEPS, Solver, cg_steps, cg_vector_cost, dense_solver, multigrid_pays, solver_of
 from ..numerics.multigrid import KRYLOV_STEPS
 from ..problem.data import ProblemData
 from .equations import equations_on
@@ -37,6 +38,8 @@ _KEPT = 8
 class ActiveEquations:
     """Jx = f and Jᵀx = f for many f: by V-cycles of A's hierarchy where these pay, or by elimination.
 
+    The levels of A serve every active set, and factors one only, so that cycles are weighed without what the levels
+    cost; and as they cost again for every f, a factorisation takes over once it costs no more than they have.
     Parameters: `active` a mask of shape (n,); `jacobian` = ψ′(z), CSR, shape (n, n); `by_cycles` whether the hierarchy
     is taken, None where the foreseen cost of a factorisation is to decide. Where A has none, or where the cycles do not
     converge, elimination takes over. Raises OutOfTime and OutOfMemory.
@@ -49,15 +52,29 @@ class ActiveEquations:
         jacobian: sp.csr_array,
         by_cycles: bool | None = None,
     ) -> None:
-        self._of, self._cycled = (problem, active, jacobian), None
-        if self._eliminated.costs_more(cycles_cost(problem)) if by_cycles is None else by_cycles:
+        self._of, self._cycled, self._decided = (problem, active, jacobian), None, by_cycles is not None
+        self._by_lu = None
+        if by_cycles is None and problem.matrix.dense is not None:
+            self._by_lu = dense_solver(
+                np.where(active[:, None], np.eye(problem.n) - jacobian.toarray(), problem.dense())
+            )
+            return
+        # what cycles have cost, and what they may cost until that is weighed again
+        self._spent, self._most = 0.0, cycles_cost(problem)
+        if by_cycles or (by_cycles is None and self._factors_cost_more()):
             with suppress(NoHierarchy):
                 self._cycled = CycledEquations(Hierarchy(problem), 0, active, jacobian if jacobian.nnz else None)
-                vars(self).pop("_eliminated", None)  # as large as A
 
     @cached_property
     def _eliminated(self) -> _Elimination:
         return _Elimination(*self._of)
+
+    def _factors_cost_more(self) -> bool:
+        """Whether a factorisation costs more than cycles may."""
+        if not self._eliminated.costs_more(self._most):
+            return False
+        vars(self).pop("_eliminated")  # as large as A
+        return True
 
     def solve(self, f: Vector, tolerance: float) -> Vector | None:
         """x with Jx = f, shape (n,), its free rows to the relative `tolerance` where that is inexact; None where J is
@@ -69,10 +86,21 @@ class ActiveEquations:
         return self._solved(f, tolerance, transposed=True)
 
     def _solved(self, f: Vector, tolerance: float, transposed: bool) -> Vector | None:
+        if self._by_lu is not None:
+            return self._by_lu(f, tolerance, transposed)
+        if self._cycled is not None and not self._decided and self._spent > 2.0 * self._most:
+            self._most = self._spent
+            if not self._factors_cost_more():
+                self._cycled = None
         with np.errstate(all="ignore"):
             if self._cycled is not None:
-                with suppress(_NotConverged):
+                done = work.done()
+                try:
                     return self._cycled.solve(f, tolerance, transposed)
+                except _NotConverged:
+                    self._cycled = None
+                finally:
+                    self._spent += work.done() - done
             return self._eliminated.solve(f, tolerance, transposed)
 
 
@@ -100,7 +128,12 @@ class _Elimination:
 
     def costs_more(self, most: float) -> bool:
         """Whether M is for multigrid, and a factorisation is foreseen to cost more than so many nanoseconds."""
-        self._by_multigrid = found = multigrid_pays(self._M, self._look, most)
+        try:
+            with work.of_count(most):
+                found = multigrid_pays(self._M, self._look, most)
+        except OutOfTime:  # to look at M costs less than to factorise it
+            found = True
+        self._by_multigrid = found
         return found
 
     @cached_property
@@ -182,10 +215,9 @@ def _product(A: sp.csr_array, B: sp.csr_array) -> sp.csr_array:
 
 
 def cycles_cost(problem: ProblemData) -> float:
-    """What one system costs by `CycledEquations`, with the hierarchy and as many steps as it needs as a rule."""
-    costs, n, nnz = work.COSTS, problem.n, problem.nnz
-    step = costs.cycle + costs.cycle_entry * nnz + problem.matrix.unit + cg_vector_cost(n)
-    return costs.hierarchy + costs.hierarchy_entry * nnz + STEPS * step
+    """What one system costs by `CycledEquations`, with as many steps as it needs as a rule."""
+    costs = work.COSTS
+    return STEPS * (costs.cycle + costs.cycle_entry * problem.nnz + problem.matrix.unit + cg_vector_cost(problem.n))
 
 
 class _NotConverged(Exception):

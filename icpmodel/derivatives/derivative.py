@@ -26,12 +26,13 @@ from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
 from ..errors import InputError, NotApplicable, SingularOperator
 from ..numerics.arrays import ReadOnly, Vector
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import UNIT_ROUNDOFF, sheltered
 from ..present.card import Card
 from ..present.shown import Shown
 from ..problem.between import sides_of
 from ..problem.data import ProblemData
 from ..solve.driver import solve
+from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
 from ..theory.certificates.bounds import bound_of_change
 from .direction import Direction
@@ -42,8 +43,8 @@ from .tangent import Mask, Ties, tangent_problem
 _DRAWS = 3
 #: so many rows are named
 _NAMED = 5
-#: the relative tolerance of linear systems that are solved by steps, and of tangent problems
-_RTOL = 1e-10
+#: the relative tolerance of tangent problems, and the least one of linear systems that are solved by steps
+_RTOL, _LEAST = 1e-10, 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,6 +89,10 @@ class Derivative(ReadOnly, Shown):
         self.solution, self.problem, self.z = solution, problem, z
         self.pattern = pattern_at(problem, z)
         self._jacobian = derivative(problem.psi, z, self.pattern.above)
+        at_0 = problem.residual_at_0()
+        # linear systems that are solved by steps are solved as exactly as z was asked for, and not less than by default
+        asked = solution.tolerance / at_0 if at_0 > 0.0 and not solution.accuracy else RTOL
+        self._tolerance = min(max(asked, _LEAST), RTOL)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.solution,)
@@ -115,7 +120,7 @@ class Derivative(ReadOnly, Shown):
         array([-0.5])
         """
         change = Direction.of(self.problem, dA, dq, dpsi, dupper)
-        return self._checked(self.equations.solve(change.right_side(self.z, self.pattern), _RTOL))
+        return self._solved(change.right_side(self.z, self.pattern))
 
     @sheltered
     def adjoint(self, zbar: Any) -> Gradient:
@@ -128,14 +133,25 @@ class Derivative(ReadOnly, Shown):
         (array([-0.5]), array([-0.5]))
         """
         zbar = self.problem.vector(zbar, "zbar", finite=True)
-        return Gradient(self.problem, self.z, self.pattern, self._checked(self.equations.transposed(zbar, _RTOL)))
+        return Gradient(self.problem, self.z, self.pattern, self._solved(zbar, transposed=True))
 
-    @staticmethod
-    def _checked(x: Vector | None) -> Vector:
-        if x is None:
+    def _solved(self, f: Vector, transposed: bool = False) -> Vector:
+        """J⁻¹f or J⁻ᵀf. Raises SingularOperator."""
+        solve = self.equations.transposed if transposed else self.equations.solve
+        x = solve(f, self._tolerance)
+        # all of f within the rounding of Jx: J is singular but for rounding
+        if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
             told = "the equations of the active set are singular, or what they give is beyond all numbers"
             raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
         return x
+
+    def _sizes(self, x: Vector, transposed: bool) -> Vector:
+        """|J||x| or |J|ᵀ|x|."""
+        A, G, active, x = self.problem.matrix.absolute, abs(self._jacobian), self.pattern.active, np.abs(x)
+        if not transposed:
+            return np.where(active, x + G @ x, A @ x)
+        held = np.where(active, x, 0.0)
+        return A.T @ (x - held) + held + G.T @ held
 
     @sheltered
     def one_sided(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> OneSided:
@@ -219,12 +235,12 @@ class Derivative(ReadOnly, Shown):
 
     def _step(self, F: Vector) -> Vector:
         """J⁻¹F, and where J is singular the shortest x with the least |Jx − F|."""
-        x = self.equations.solve(F, _RTOL)
-        if x is None:
-            from scipy.sparse.linalg import lsmr
+        from scipy.sparse.linalg import lsmr
 
-            x = np.asarray(lsmr(self._matrix(), F)[0])
-        return x
+        try:
+            return self._solved(F)
+        except SingularOperator:
+            return np.asarray(lsmr(self._matrix(), F)[0])
 
     @cached_property
     def _ties(self) -> Ties:

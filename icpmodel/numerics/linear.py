@@ -175,13 +175,32 @@ def _bordered(M: sp.csr_array, look: Look) -> Solver | None:
     return solve
 
 
+def dense_solver(M: NDArray[np.float64]) -> Solver:
+    """The same of a dense matrix."""
+    if not np.isfinite(M).all():
+        return lambda f, tolerance, transposed=False: None
+    exponents = row_exponents(M)
+    scaled = _by_lu(in_units(M, exponents))
+
+    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
+        before, after = (0, exponents) if transposed else (exponents, 0)
+        x = scaled(np.ldexp(f, before), tolerance, transposed)
+        return np.ldexp(x, after) if x is not None and np.isfinite(x).all() else None
+
+    return solve
+
+
 def _dense(M: sp.csr_array) -> Solver:
+    afford(dense_cost(M.shape[0]), 16.0 * M.shape[0] ** 2)
+    return _by_lu(M.toarray())
+
+
+def _by_lu(M: NDArray[np.float64]) -> Solver:
     from scipy.linalg import lu_factor, lu_solve
 
-    afford(dense_cost(M.shape[0]), 16.0 * M.shape[0] ** 2)
     with warnings.catch_warnings(), one_blas_thread():  # of a pivot that is zero
         warnings.simplefilter("ignore")
-        lu = lu_factor(M.toarray(), check_finite=False)
+        lu = lu_factor(M, check_finite=False)
     add(dense_cost(M.shape[0]))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector:

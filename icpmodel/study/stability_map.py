@@ -21,7 +21,8 @@ from ..solve.driver import solve
 from ..solve.goal import Limits
 from ..solve.progress import status_line
 from ..solve.solution import Status
-from ..theory import check, check_all, theorems
+from ..theory import theorems
+from ..theory.convergence.theorems import holding
 from .cases import unbroken
 from .planes import PLANES, Plane
 from .planes import plane as plane_named
@@ -182,11 +183,10 @@ def _fill(found: StabilityMap, starts: int, progress: bool) -> None:
             runs = [_run(one, member, k, found.max_iter, found.rtol) for k in range(starts)]
             worst = max((end for end, _ in runs), key=ENDS.index)
             if isinstance(member, ModulusMember) and member.why_not(one) is None:
-                checks = check_all(one, member)
-                for name, mask in found.proved.items():
-                    mask[j, i] = bool(checks[name].holds)
-                for name, mask in found.printed.items():
-                    mask[j, i] = bool(check(name, one, member, as_printed=True).holds)
+                masks = found.proved, found.printed
+                for of, names in zip(masks, holding(one, member, *masks), strict=True):
+                    for name in names:
+                        of[name][j, i] = True
             found.steps[j, i] = max(steps for _, steps in runs) if worst == "solved" else 0
             found.ends[j, i] = worst
 

@@ -307,3 +307,15 @@ def test_bad_input_is_named():
         problem.with_psi(
             icp.Function(lambda z: 0 * z, lambda z: np.zeros((2, 2)), parameter_derivative=user.parameter_derivative)
         ).solve().derivative().forward(dpsi=[1.0])
+
+
+@pytest.mark.parametrize("n", [4, 80])
+def test_equations_that_are_singular_but_for_rounding_are_said_to_be(n):
+    B = np.random.default_rng(n).normal(size=(n, n - 1))
+    z = np.ones(n)
+    problem = icp.ICP(B @ B.T, -B @ (B.T @ z), psi=-10.0)
+    derivative = problem.solve(z0=z, raise_on_failure=False).derivative()
+    with pytest.raises(icp.SingularOperator, match="the equations of the active set are singular"):
+        derivative.forward(dq=np.arange(n))
+    with pytest.raises(icp.SingularOperator):
+        derivative.adjoint(np.arange(n))

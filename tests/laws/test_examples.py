@@ -1,5 +1,6 @@
 """Every example runs as written, in an empty folder, and says what it should."""
 
+import functools
 import runpy
 import sys
 
@@ -46,9 +47,21 @@ def test_every_example_is_run():
     assert sorted(path.name for path in EXAMPLES.glob("*.py")) == sorted(SAYS)
 
 
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """The name of an example → (what it said, the names of the files that it left in its empty folder), run once."""
+
+    @functools.cache
+    def of(name):
+        folder = tmp_path_factory.mktemp("empty")
+        return run(str(EXAMPLES / name), folder=folder), {path.name for path in folder.iterdir()}
+
+    return of
+
+
 @pytest.mark.parametrize("name", SAYS)
-def test_an_example_runs_as_written(name, tmp_path):
-    ran = run(str(EXAMPLES / name), folder=tmp_path)
+def test_an_example_runs_as_written(name, runs):
+    ran, files = runs(name)
     assert ran.returncode == 0, ran.stderr
     assert ran.stderr == ""
     for phrase in [SAYS[name]] if isinstance(SAYS[name], str) else SAYS[name]:
@@ -57,7 +70,7 @@ def test_an_example_runs_as_written(name, tmp_path):
     figures = set() if name in WITHOUT_FIGURE else {f"{stem}.png", f"{stem}.svg"}
     if name == "which_solver_do_you_believe.py":
         figures |= {"which_solver_race.png"}
-    assert {path.name for path in tmp_path.iterdir()} == figures
+    assert files == figures
 
 
 @pytest.mark.parametrize("name", SAYS)
@@ -70,13 +83,9 @@ def test_what_the_gallery_shows_says_it_as_well(name):
 PAPER = EXAMPLES / "paper_under_the_microscope.py"
 
 
-def read_paper(*words):
-    return run(str(PAPER), *words, folder=EXAMPLES)
-
-
-def test_the_paper_is_judged_by_numbers_that_are_computed():
+def test_the_paper_is_judged_by_numbers_that_are_computed(runs):
     """Every verdict is shown by every line, and the counterexamples have the numbers of the theory."""
-    text = read_paper().stdout
+    text = runs(PAPER.name)[0].stdout
     assert "NO  " not in text
     assert "NOT SHOWN" not in text
     assert text.count("FALSE AS PRINTED") == 2 * 7  # beside the numbers and in the table
@@ -97,14 +106,21 @@ def test_the_paper_is_judged_by_numbers_that_are_computed():
         assert number in text, number
 
 
-def test_words_choose_the_statements():
+def ended(monkeypatch, path, *words):
+    """What the example at `path`, run with these words, hands to sys.exit."""
+    monkeypatch.setattr(sys, "argv", [str(path), *words])
+    with pytest.raises(SystemExit) as end:
+        runpy.run_path(str(path), run_name="__main__")
+    return end.value.code
+
+
+def test_words_choose_the_statements(monkeypatch, capsys):
     """What begins with a word is read, in the order of the paper; an unknown word is answered with what there is."""
-    lines = read_paper("4.3", "2.1").stdout.splitlines()
+    assert not ended(monkeypatch, PAPER, "4.3", "2.1")
+    lines = capsys.readouterr().out.splitlines()
     names = [line[1 : line.index("]")] for line in lines if line.startswith("[")]
     assert names == ["2.1", "4.3 ()", "4.3 phi", "4.3 theta2"]
-    unknown = read_paper("5")
-    assert unknown.returncode == 1
-    assert "nothing begins with 5; there are: 2 M, 2.1" in unknown.stderr
+    assert "nothing begins with 5; there are: 2 M, 2.1" in ended(monkeypatch, PAPER, "5")
 
 
 @pytest.mark.parametrize(
@@ -134,8 +150,5 @@ def test_a_wrong_number_or_sign_is_marked(right, wrong, name, tmp_path, monkeypa
     assert source.count(right) >= 1
     changed = tmp_path / "changed.py"
     changed.write_text(source.replace(right, wrong), encoding="utf-8")
-    monkeypatch.setattr(sys, "argv", [str(changed), name])
-    with pytest.raises(SystemExit) as end:
-        runpy.run_path(str(changed), run_name="__main__")
-    assert end.value.code == 1
+    assert ended(monkeypatch, changed, name) == 1
     assert "NOT SHOWN" in capsys.readouterr().out

@@ -29,6 +29,11 @@ def examples(page):
     return doctest.DocTestParser().get_doctest(text, {}, page.name, str(page), 0)
 
 
+def statements(code):
+    """The lines that are not empty and no comments."""
+    return [line for line in code.splitlines() if line.strip() and not line.startswith("#")]
+
+
 def test_there_are_pages_for_whom_the_readme_names():
     assert {page.stem for page in PAGES} >= {"README", "start", "scipy", "qp", "cvxpy", "pyomo", "teaching", "research"}
 
@@ -57,7 +62,7 @@ def test_every_public_name_has_one_entry_in_the_reference():
             elif directive:
                 found.append(directive[2] if directive[2].startswith("icpmodel.") else f"{room}{directive[2]}")
     assert len(found) == len(set(found))
-    assert set(house_style.public_names()) <= set(found)
+    assert set(house_style.public_names()) - set(found) == set()
 
 
 def test_the_rooms_of_the_reference_are_all_that_have_public_names():
@@ -111,5 +116,35 @@ def test_a_script_of_the_gallery_was_recorded_and_its_notebook_is_its_code(scrip
     assert kept.startswith(gallery.digest(script)), f"python docs/record.py {script.name}"
     told, code = gallery.parts(script)
     cells = json.loads(gallery.notebook(told, code))["cells"]
-    compile("\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"), script.name, "exec")
+    sources = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    for source in sources:
+        compile(source, script.name, "exec")
+    assert statements("\n".join(sources)) == [line for line in statements(code) if line != 'matplotlib.use("Agg")']
     assert cells[0]["source"][0] in script.read_text(encoding="utf-8")
+
+
+def test_a_docstring_of_the_house_means_itself_as_rst():
+    """Parameters become a list, indented lines formulas, errors names; |z| and z* stay what they are."""
+    lines = ["|z| of z*, or `A`.", "Parameters: `A` a", "matrix; `q` a vector. It is copied.", "Raises InputError."]
+    assert [line for line in house_style.as_rst([*lines, "", "    Az", "", ">>> 1"]) if line] == [
+        r"\|z\| of z\*, or \ ``A``\ .",
+        "**Parameters**",
+        r"- \ ``A``\  a matrix",
+        r"- \ ``q``\  a vector",
+        "It is copied.",
+        r"**Raises** ``InputError``.",
+        "::",
+        "    Az",
+        ">>> 1",
+    ]
+
+
+def test_a_name_in_backticks_leads_to_its_entry():
+    known = house_style.targets()
+    for written in ("solve", "icp.solve", "ICP.solve", "icpmodel.solve"):
+        assert known[written] == "icpmodel.solve"
+    assert known["solution.polish"] == known["Solution.polish"] == "icpmodel.Solution.polish"
+    assert known["predicted_rate"] == known["icp.theory.predicted_rate"] == "icpmodel.theory.predicted_rate"
+    assert known["mnmgs"] == "icpmodel.MNMGS"
+    assert known["theory.error_bound"] == "icpmodel.error_bound"
+    assert "Complementarity" not in known, "it is Pyomo's word as well"

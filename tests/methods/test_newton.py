@@ -177,7 +177,7 @@ def test_no_end_is_declared_at_an_active_set_that_stays_while_z_is_no_solution()
 
 
 def test_at_a_fine_grid_rounding_moves_the_active_set_and_the_residual_ends_the_run():
-    problem = scenes.membrane(n=40_000).problem
+    problem = scenes.membrane(n=10_000).problem
     solution = problem.solve("newton", rtol=0.0, atol=0.0, raise_on_failure=False)
     assert solution.status is Status.PRECISION_LIMIT
     assert solution.residual <= np.linalg.norm(np.maximum(*problem.rounding(solution.z)))

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
+from icpmodel.modelling.jax import SolutionFunction
 from icpmodel.present import Card, Table
 from icpmodel.present.shown import Shown
 from icpmodel.present.table import width
@@ -56,6 +57,7 @@ OBJECTS = [
     MAP.plane,
     MAP.plane.x,
     icp.study.sensitivity(icp.ICP([[2.0]], [-2.0]).solve()),
+    SolutionFunction(icp.ICP([[2.0]], [-2.0]), {}, {}, True),
     icp.ICP([[2.0]], [-2.0]).solve().derivative(),
     icp.ICP([[2.0]], [-2.0]).solve().derivative().adjoint([1.0]),
     icp.ICP([[2.0]], [-2.0]).solve().derivative().one_sided(dq=[1.0]),

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...errors import InputError, NotApplicable
 from ...numerics.arrays import as_truth, described
+from ...present.shown import Shown
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.map import Map
 from ...solve.goal import RTOL, Limits
@@ -68,7 +69,7 @@ def solution_of(
     return SolutionFunction(as_problem(problem), {"psi": psi, "upper": upper}, options, loud)
 
 
-class SolutionFunction:
+class SolutionFunction(Shown):
     """The answer of a problem as a function of its arrays; `solution_of` makes it.
 
     The last answers, with the factors of the last derivative, are kept until the next ones; a derivative at an older

@@ -93,6 +93,8 @@ class StepMatrices:
             self.X = _shifted(self.M, self.omega)
             #: (D − Ω)⁺, the zero matrix where Ω ≥ D
             self.short = sp.diags_array(np.maximum(self.D - self.omega, 0.0))
+        #: below which number a theorem's is small enough: 1 where only whether it holds is asked for
+        self.enough = 0.0
         #: vectors v > 0 that served one theorem and may serve the next
         self.vectors: list[Vector] = []
 

@@ -217,7 +217,7 @@ class Radius(NamedTuple):
     holds: bool | None = None
 
 
-def radius(T: HomogeneousMap, starts: Iterable[Vector]) -> Radius:
+def radius(T: HomogeneousMap, starts: Iterable[Vector], enough: float = 0.0) -> Radius:
     """Bounds on the spectral radius of `T` by Collatz–Wielandt quotients.
 
     Every v > 0 gives ρ(T) ≤ max_i T(v)_i/v_i, and ρ(T) < 1 exactly if some v > 0 has T(v) < v; every v ≥ 0, v ≠ 0
@@ -225,7 +225,8 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector]) -> Radius:
     of `starts` (vectors of shape (n,), asked for only until one gives less than 1) is improved by v ← T(v) + v/4·ρ,
     which never makes the quotient larger, and, where a sparse factorisation is cheap, by Noda's iteration
     v ← (μI − T_v)⁻¹v, μ the quotient, which converges quadratically and keeps v > 0; both for as long as the work may
-    be afforded. Raises OutOfTime where it ends before anything is decided.
+    be afforded, and until it is below `enough`: 1 where nothing but `holds` is asked for. Raises OutOfTime where the
+    work ends before anything is decided.
     Reference: Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1979), chapter 2; Noda, Numer.
     Math. 17 (1971); Nussbaum, Linear Algebra Appl. 75 (1986), for maps that are not linear.
     """
@@ -238,8 +239,8 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector]) -> Radius:
         if best.v is None:
             return best
         if T.entries <= _FACTORISED:
-            best = _noda(T, best)
-        best, last = _power(T, best, int(np.clip(_READ // T.entries, 3, 100)))
+            best = _noda(T, best, enough)
+        best, last = _power(T, best, int(np.clip(_READ // T.entries, 3, 100)), enough)
         fails = best.upper >= 1 and (_invariant_part(T, last) or _invariant_part(T, best.v))
         if best.upper >= 1 and not fails:
             work.afford(T.price)
@@ -267,22 +268,25 @@ def _worthwhile(before: float, after: float) -> bool:
     return before - after > _WORTH * min(abs(1.0 - after), after)
 
 
-def _noda(T: HomogeneousMap, best: Radius) -> Radius:
+def _noda(T: HomogeneousMap, best: Radius, enough: float) -> Radius:
     with contextlib.suppress(OutOfTime, MemoryError):
         # where rho < 1 this start alone proves it: T(v) = v - start
-        best = _better(T, T.steeper(1.0, best.v), best)
+        if best.upper >= enough:
+            best = _better(T, T.steeper(1.0, best.v), best)
         for _ in range(20):
+            if best.upper < enough:
+                break
             before, best = best, _better(T, T.steeper(best.upper, best.v), best)
             if not _worthwhile(before.upper, best.upper):
                 break
     return best
 
 
-def _power(T: HomogeneousMap, best: Radius, steps: int) -> tuple[Radius, Vector]:
+def _power(T: HomogeneousMap, best: Radius, steps: int, enough: float) -> tuple[Radius, Vector]:
     """Power steps for as long as they gain, or until T(v) ≥ v: the best bound and the last v."""
     v = best.v
     for step in range(steps):
-        if work.nanoseconds_left() < T.price:
+        if best.upper < enough or work.nanoseconds_left() < T.price:
             break
         before = best.upper
         quotient, image = _quotient(T, v)
