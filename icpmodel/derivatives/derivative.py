@@ -39,6 +39,8 @@ from .direction import Direction
 from .gradient import Gradient
 from .tangent import Mask, Ties, tangent_problem
 
+#: so many random weights: that all of them cancel to a hundredth happens once in 10⁶
+_DRAWS = 3
 #: so many rows are named
 _NAMED = 5
 #: the relative tolerance of tangent problems, and the least one of linear systems that are solved by steps
@@ -92,6 +94,9 @@ class Derivative(ReadOnly, Shown):
         asked = solution.tolerance / at_0 if at_0 > 0.0 and not solution.accuracy else RTOL
         self._tolerance = min(max(asked, _LEAST), RTOL)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.solution,)
+
     @cached_property
     def equations(self) -> ActiveEquations:
         """J and Jᵀ, solved for any right-hand side: `equations.solve(f, tolerance)` and `.transposed(f, tolerance)`.
@@ -136,7 +141,7 @@ class Derivative(ReadOnly, Shown):
         x = solve(f, self._tolerance)
         # all of f within the rounding of Jx: J is singular but for rounding
         if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
-            told = "the equations of the active set are singular: z* has no derivative that they would give"
+            told = "the equations of the active set are singular, or what they give is beyond all numbers"
             raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
         return x
 
@@ -217,14 +222,25 @@ class Derivative(ReadOnly, Shown):
 
     @cached_property
     def _delta(self) -> Vector:
-        """How far z* is at most from z, where that is proved, else twice how far a Newton step leads."""
+        """How far z* is at most from z, where that is proved, else twice how far steps of Newton's method lead."""
         known = self.solution.certificate.bound.componentwise
         if known is not None:
             return known
-        problem, z = self.problem, self.z
+        problem, z, active = self.problem, self.z, self.pattern.active
         for_p, for_r = problem.rounding(z)
-        F = np.where(self.pattern.active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
-        return 2.0 * np.abs(self._solved(F))
+        F = np.where(active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
+        # what the entries of F add to a step may cancel, but not with one random weight after the other
+        weights = np.vstack([np.ones(z.size), np.random.default_rng(0).standard_normal((_DRAWS, z.size))])
+        return 2.0 * np.linalg.norm([self._step(one * F) for one in weights], axis=0)
+
+    def _step(self, F: Vector) -> Vector:
+        """J⁻¹F, and where J is singular the shortest x with the least |Jx − F|."""
+        from scipy.sparse.linalg import lsmr
+
+        try:
+            return self._solved(F)
+        except SingularOperator:
+            return np.asarray(lsmr(self._matrix(), F)[0])
 
     @cached_property
     def _ties(self) -> Ties:
