@@ -17,6 +17,25 @@ from sphinx.util import logging
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 PAGES = ROOT / "docs" / "gallery"
+#: the order of the gallery; a script that is in no group comes last
+GROUPS = {
+    "First steps": ["first_problem", "membrane", "three_front_ends"],
+    "Machines and materials": ["friction_block", "journal_bearing"],
+    "Markets, games and money": [
+        "nash_cournot",
+        "market_equilibrium",
+        "bimatrix_game",
+        "american_option",
+        "dividends",
+    ],
+    "Fitting and design, by derivatives": [
+        "recover_obstacle",
+        "learn_friction",
+        "calibrate_dividends",
+        "design_contact",
+    ],
+    "Trust": ["which_solver_do_you_believe", "when_methods_fail", "paper_under_the_microscope"],
+}
 
 
 def digest(script):
@@ -108,14 +127,34 @@ def page(script, output):
 def card(script):
     name = script.stem.replace("_", " ").capitalize()
     question = parts(script)[0].split("\n\n")[0].replace("\n", " ")
+    said = f"**[{name}]({script.stem}.md)** {prose(question)}"
     found = pictures(script)
     if not found:
-        return f"### [{name}]({script.stem}.md)\n\n{prose(question)}\n"
+        return f":::{{container}} card\n{said}\n:::\n"
     return (
         f"```{{figure}} {found[0].name}\n:alt: {question}\n:target: {script.stem}.html\n:figclass: card\n"
-        ":loading: lazy\n\n"
-        f"**[{name}]({script.stem}.md)** {prose(question)}\n```\n"
+        f":loading: lazy\n\n{said}\n```\n"
     )
+
+
+def index(scripts):
+    """Cards by group; scripts of no group at the end."""
+    placed = {stem for stems in GROUPS.values() for stem in stems}
+    groups = {**GROUPS, "More": [one.stem for one in scripts if one.stem not in placed]}
+    lines = [
+        "# Gallery",
+        "",
+        "Scripts of `examples/`, each with what it prints and draws; below each page are the script and a notebook to "
+        "download. The tests run all of them.",
+        "",
+    ]
+    listed = []
+    for title, stems in groups.items():
+        here = [one for stem in stems for one in scripts if one.stem == stem]
+        listed += [one.stem for one in here]
+        cards = [line for one in here for line in card(one).splitlines()]
+        lines += [f"## {title}", "", "::::{container} gallery", *cards, "::::", ""] if here else []
+    return "\n".join([*lines, "```{toctree}", ":hidden:", *listed, "```", ""])
 
 
 def write(path, text):
@@ -136,17 +175,7 @@ def generate(app):
         write(PAGES / f"{script.stem}.ipynb", notebook(told, code))
         for file in (script, *pictures(script)):
             shutil.copy2(file, PAGES)
-    listed = "\n".join(script.stem for script in scripts)
-    write(
-        PAGES / "index.md",
-        "# Gallery\n\nScripts of `examples/`, each with what it prints and draws; below each page are the script and a "
-        "notebook to download. The tests run all of them.\n\n"
-        + ":::{container} gallery\n"
-        + "\n".join(card(script) for script in scripts if pictures(script))
-        + ":::\n\n## Without a picture\n\n"
-        + "\n".join(card(script) for script in scripts if not pictures(script))
-        + f"\n```{{toctree}}\n:hidden:\n{listed}\n```\n",
-    )
+    write(PAGES / "index.md", index(scripts))
 
 
 def setup(app):
