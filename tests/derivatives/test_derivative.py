@@ -319,3 +319,14 @@ def test_equations_that_are_singular_but_for_rounding_are_said_to_be(n):
         derivative.forward(dq=np.arange(n))
     with pytest.raises(icp.SingularOperator):
         derivative.adjoint(np.arange(n))
+
+
+def test_an_obstacle_that_has_no_value_at_0_has_a_derivative_elsewhere():
+    def logarithm(z):
+        if (z <= 0).any():
+            raise ValueError("not here")
+        return np.log(z)
+
+    psi = icp.Elementwise(logarithm, lambda z: 1.0 / z, c=1.0)  # 1 + log z touches z at 1, and is below it
+    derivative = icp.ICP([[1.0]], [-2.0], psi).solve("newton", z0=[3.0]).derivative()
+    assert derivative.forward(dq=[1.0]) == pytest.approx([-1.0])
