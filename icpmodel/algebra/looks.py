@@ -18,7 +18,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, norm
 from ..problem.between import mid
 from ..problem.data import ProblemData
-from .active_equations import GCR, LEAST_SLOPE, CycledEquations
+from .cycled_equations import GCR, LEAST_SLOPE, CycledEquations
 from .equations import Pattern, derivative
 from .hierarchy import Hierarchy, Level
 from .steps import Step, compiled_step, in_a_row

@@ -14,6 +14,7 @@ the obstacle problem.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
-from ..errors import InputError, NotApplicable, SingularOperator
+from ..errors import InputError, MapError, NotApplicable, SingularOperator
 from ..numerics.arrays import ReadOnly, Vector
 from ..numerics.rounding import UNIT_ROUNDOFF, sheltered
 from ..present.card import Card
@@ -39,6 +40,8 @@ from .direction import Direction
 from .gradient import Gradient
 from .tangent import Mask, Ties, tangent_problem
 
+#: so many random weights: that all of them cancel to a hundredth happens once in 10⁶
+_DRAWS = 3
 #: so many rows are named
 _NAMED = 5
 #: the relative tolerance of tangent problems, and the least one of linear systems that are solved by steps
@@ -87,10 +90,9 @@ class Derivative(ReadOnly, Shown):
         self.solution, self.problem, self.z = solution, problem, z
         self.pattern = pattern_at(problem, z)
         self._jacobian = derivative(problem.psi, z, self.pattern.above)
-        at_0 = problem.residual_at_0()
-        # linear systems that are solved by steps are solved as exactly as z was asked for, and not less than by default
-        asked = solution.tolerance / at_0 if at_0 > 0.0 and not solution.accuracy else RTOL
-        self._tolerance = min(max(asked, _LEAST), RTOL)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.solution,)
 
     @cached_property
     def equations(self) -> ActiveEquations:
@@ -130,13 +132,23 @@ class Derivative(ReadOnly, Shown):
         zbar = self.problem.vector(zbar, "zbar", finite=True)
         return Gradient(self.problem, self.z, self.pattern, self._solved(zbar, transposed=True))
 
+    @cached_property
+    def _tolerance(self) -> float:
+        """That of linear systems which are solved by steps: the one of z, and no larger one than by default."""
+        asked = RTOL
+        with suppress(MapError):  # at 0
+            at_0 = self.problem.residual_at_0()
+            if at_0 > 0.0 and not self.solution.accuracy:
+                asked = self.solution.tolerance / at_0
+        return min(max(asked, _LEAST), RTOL)
+
     def _solved(self, f: Vector, transposed: bool = False) -> Vector:
         """J⁻¹f or J⁻ᵀf. Raises SingularOperator."""
         solve = self.equations.transposed if transposed else self.equations.solve
         x = solve(f, self._tolerance)
         # all of f within the rounding of Jx: J is singular but for rounding
         if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
-            told = "the equations of the active set are singular: z* has no derivative that they would give"
+            told = "the equations of the active set are singular, or what they give is beyond all numbers"
             raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
         return x
 
@@ -217,14 +229,25 @@ class Derivative(ReadOnly, Shown):
 
     @cached_property
     def _delta(self) -> Vector:
-        """How far z* is at most from z, where that is proved, else twice how far a Newton step leads."""
+        """How far z* is at most from z, where that is proved, else twice how far steps of Newton's method lead."""
         known = self.solution.certificate.bound.componentwise
         if known is not None:
             return known
-        problem, z = self.problem, self.z
+        problem, z, active = self.problem, self.z, self.pattern.active
         for_p, for_r = problem.rounding(z)
-        F = np.where(self.pattern.active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
-        return 2.0 * np.abs(self._solved(F))
+        F = np.where(active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
+        # what the entries of F add to a step may cancel, but not with one random weight after the other
+        weights = np.vstack([np.ones(z.size), np.random.default_rng(0).standard_normal((_DRAWS, z.size))])
+        return 2.0 * np.linalg.norm([self._step(one * F) for one in weights], axis=0)
+
+    def _step(self, F: Vector) -> Vector:
+        """J⁻¹F, and where J is singular the shortest x with the least |Jx − F|."""
+        from scipy.sparse.linalg import lsmr
+
+        try:
+            return self._solved(F)
+        except SingularOperator:
+            return np.asarray(lsmr(self._matrix(), F)[0])
 
     @cached_property
     def _ties(self) -> Ties:

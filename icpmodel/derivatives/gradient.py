@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..algebra.equations import Pattern
-from ..numerics.arrays import ReadOnly, Vector, row_of
+from ..numerics.arrays import ReadOnly, Vector, freeze, locked, row_of
 from ..present.shown import Shown, brief
 from ..problem.between import sides_of
 from ..problem.data import ProblemData
@@ -46,7 +46,7 @@ class Gradient(ReadOnly, Shown):
         array([[-0.5]])
         """
         A = self.problem.A
-        return sp.csr_array((self.q[row_of(A)] * self.z[A.indices], A.indices, A.indptr), shape=A.shape)
+        return freeze(sp.csr_array((self.q[row_of(A)] * self.z[A.indices], A.indices, A.indptr), shape=A.shape))
 
     @cached_property
     def psi(self) -> Any:
@@ -55,7 +55,7 @@ class Gradient(ReadOnly, Shown):
         >>> ICP([[2.0]], [2.0], psi=3).solve().derivative().adjoint([1.0]).psi
         array([1.])
         """
-        return sides_of(self.problem.psi)[0].data_gradient(self.z, self.psi_values)
+        return locked(sides_of(self.problem.psi)[0].data_gradient(self.z, self.psi_values))
 
     @cached_property
     def upper(self) -> Any:
@@ -65,7 +65,9 @@ class Gradient(ReadOnly, Shown):
         array([1.])
         """
         upper = self.problem.upper
-        return None if upper is None or self.upper_values is None else upper.data_gradient(self.z, self.upper_values)
+        if upper is None or self.upper_values is None:
+            return None
+        return locked(upper.data_gradient(self.z, self.upper_values))
 
     def __repr__(self) -> str:
         return f"Gradient(q={brief(self.q)}, psi_values={brief(self.psi_values)})"

@@ -237,11 +237,17 @@ class ReadOnly:
     def lock(self) -> None:
         """Make the arrays and the CSR matrices among the attributes read-only."""
         for value in vars(self).values():
-            for one in value if isinstance(value, tuple) else (value,):
-                if isinstance(one, np.ndarray):
-                    one.flags.writeable = False
-                elif type(one) is sp.csr_array:  # isinstance is slow where a class has abstract bases
-                    freeze(one)
+            locked(value)
+
+
+def locked(value: Any) -> Any:
+    """`value`, which cannot be written to from here on if it is an array, a CSR matrix or a tuple of these."""
+    for one in value if isinstance(value, tuple) else (value,):
+        if isinstance(one, np.ndarray):
+            one.flags.writeable = False
+        elif type(one) is sp.csr_array:  # isinstance is slow where a class has abstract bases
+            freeze(one)
+    return value
 
 
 def freeze(matrix: sp.csr_array) -> sp.csr_array:

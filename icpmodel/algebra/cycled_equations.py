@@ -1,0 +1,163 @@
+"""The linear systems of an active set by V-cycles of A's hierarchy on the free rows, in Krylov's methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from itertools import islice
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..numerics import work
+from ..numerics.arrays import Vector, inner, norm
+from ..numerics.linear import STEPS, cg_steps, cg_vector_cost
+from ..numerics.multigrid import KRYLOV_STEPS
+from ..problem.data import ProblemData
+from .hierarchy import Hierarchy, Level
+
+#: ψ_i is not followed where 1 − ∂ψ_i/∂z_i is smaller
+LEAST_SLOPE = 0.1
+#: directions that GCR keeps
+_KEPT = 8
+
+
+def cycles_cost(problem: ProblemData) -> float:
+    """What one system costs by `CycledEquations`, with as many steps as it needs as a rule."""
+    costs = work.COSTS
+    return STEPS * (costs.cycle + costs.cycle_entry * problem.nnz + problem.matrix.unit + cg_vector_cost(problem.n))
+
+
+class NotConverged(Exception):
+    """The Krylov steps do not get to their tolerance."""
+
+
+class CycledEquations:
+    """J on level `top` of a hierarchy of A, never made: its products, V-cycles on the free rows, and what they solve.
+
+    Parameters: the `hierarchy`, whose free rows are from now on those that are not `active`; `jacobian` = ψ′(z), or
+    None where ψ is constant.
+    """
+
+    def __init__(
+        self, hierarchy: Hierarchy, top: int, active: NDArray[np.bool_], jacobian: sp.csr_array | None
+    ) -> None:
+        self._hierarchy, self._top, self._active, self._J = hierarchy, top, active, jacobian
+        hierarchy.restrict(~active, top)
+        own = 0.0 if jacobian is None else jacobian.diagonal()
+        self._slope = np.maximum(1.0 - own, LEAST_SLOPE)
+        self._coupled = jacobian is not None and jacobian.nnz > np.count_nonzero(own)
+        #: whether x_I follows from the own rows of I
+        self._alone = not self._coupled and bool(np.all((self._slope == 1.0 - own) | ~active))
+
+    def start(self, f: Vector) -> Vector:
+        """x_I = S⁻¹f_I, x_F = 0."""
+        return np.where(self._active, f / self._slope, 0.0)
+
+    def product(self, y: Vector, transposed: bool = False) -> Vector:
+        """Jy, or Jᵀy."""
+        if transposed:
+            held = np.where(self._active, y, 0.0)
+            image = self._level(True).problem.product(y - held) + held
+            return image if self._J is None else image - self._J.T @ held
+        image = self._level(False).problem.product(y)
+        return np.where(self._active, y if self._J is None else y - self._J @ y, image)
+
+    def preconditioned(self, f: Vector) -> Vector:
+        """About J⁻¹f; where nothing is coupled, f_I must be 0."""
+        return self._in_blocks(f, self._cycle, False) if self._coupled else self._cycle(f)
+
+    def solve(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector:
+        """x with Jx = f, or Jᵀx = f. Raises NotConverged."""
+        if self._alone:
+            return self._in_blocks(f, partial(self._on_free, tolerance=tolerance, transposed=transposed), transposed)
+        units = np.ones(f.size) if transposed else np.where(self._active, 1.0, self._level(False).inverse)
+        cycle, x = partial(self._cycle, transposed=transposed), self.start(f)
+        steps = GCR(
+            lambda y: units * self.product(y, transposed),
+            lambda rest: self._in_blocks(rest / units, cycle, transposed),
+            units * (f - self.product(x, transposed)),
+        )
+        return steps.until(x, tolerance * norm(units * f))
+
+    def _on_free(self, f: Vector, tolerance: float, transposed: bool) -> Vector:
+        """x with A_FF x_F = f_F, or with its transpose, and x_I = 0."""
+        level, cycle = self._level(transposed), partial(self._cycle, transposed=transposed)
+        f = np.where(self._active, 0.0, f)
+
+        def product(y: Vector) -> Vector:
+            return np.where(self._active, 0.0, level.problem.product(y))
+
+        if not self._hierarchy.is_symmetric:
+            units = np.ones(f.size) if transposed else level.inverse
+            steps = GCR(lambda y: units * product(y), lambda rest: cycle(rest / units), units * f)
+            return steps.until(np.zeros(f.size), tolerance * norm(steps.rest))
+        units = np.sqrt(level.inverse)
+        enough = tolerance * norm(units * f)
+        for x, rest, _ in islice(cg_steps(product, cycle, f), KRYLOV_STEPS):
+            work.add(cg_vector_cost(f.size))
+            if norm(units * rest) <= enough:
+                return x
+        raise NotConverged
+
+    def _in_blocks(self, f: Vector, on_free: Callable[[Vector], Vector], transposed: bool) -> Vector:
+        """J⁻¹f or J⁻ᵀf, with `on_free` in place of A_FF⁻¹, where nothing is coupled, else about that."""
+        if transposed:
+            y = on_free(f)
+            return y + self.start(f - self._level(True).problem.product(y))
+        step = self.start(f)
+        return step + on_free(f - self._level(False).problem.product(step))
+
+    def _cycle(self, f: Vector, transposed: bool = False) -> Vector:
+        return self._way(transposed).cycle(f, self._top)
+
+    def _level(self, transposed: bool) -> Level:
+        return self._way(transposed).levels[self._top]
+
+    def _way(self, transposed: bool) -> Hierarchy:
+        return self._hierarchy.transposed if transposed else self._hierarchy
+
+
+class GCR:
+    """Generalised conjugate residuals: steps that each reduce the 2-norm of the rest as the last directions allow.
+
+    Parameters: the `product` with M and a preconditioner for it; `rest` = f − Mx where they begin.
+    """
+
+    def __init__(
+        self, product: Callable[[Vector], Vector], preconditioned: Callable[[Vector], Vector], rest: Vector
+    ) -> None:
+        self._product, self._preconditioned, self.rest = product, preconditioned, rest
+        self._directions: list[tuple[Vector, Vector]] = []
+
+    def further(self, x: Vector, wanted: float, most: int) -> tuple[Vector, bool]:
+        """`x` after at most so many steps, until the rest is as small as `wanted`, and whether any was made."""
+        moved = False
+        for _ in range(most):
+            y = self._preconditioned(self.rest)
+            w = self._product(y)
+            for direction, image in self._directions:
+                share = inner(w, image)
+                w -= share * image
+                y -= share * direction
+            size = norm(w)
+            if not 0 < size < np.inf:
+                break
+            y /= size
+            w /= size
+            self._directions = [*self._directions[1 - _KEPT :], (y, w)]
+            share = inner(self.rest, w)
+            x, moved = x + share * y, True
+            self.rest = self.rest - share * w
+            if norm(self.rest) <= wanted:
+                break
+        return x, moved
+
+    def until(self, x: Vector, wanted: float) -> Vector:
+        """`x` where the rest is as small as `wanted`."""
+        if norm(self.rest) > wanted:
+            x, _ = self.further(x, wanted, KRYLOV_STEPS)
+        if not norm(self.rest) <= wanted:
+            raise NotConverged
+        return x

@@ -1,0 +1,57 @@
+"""What use and misuse of the derivative found: what is tied, what is sent, and what cannot be written to."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import icpmodel as icp
+
+
+def test_a_row_at_its_obstacle_up_to_rounding_is_tied_though_steps_that_add_up_to_nothing_lead_there():
+    """Where nothing is proved the reach of rounding errors is that of several steps, as those of one may cancel."""
+    A = np.array([[3.0, 0.0, 0.0, 1.0], [0.0, 2.0, 0.0, 0.0], [-2.0, 0.0, 4.0, 0.0], [2.0, 0.0, 0.0, 4.0]])
+    never_best = sp.csr_array(([-9.0, -9.0], ([0, 1], [1, 0])), shape=(4, 4))
+    problem = icp.ICP(A, [3.0, -2.0, -14.0, 2.0], icp.Intervention(never_best), upper=[np.inf, np.inf, np.inf, 0.0])
+    for last in (0.0, -1e-16, -1e-17, 1e-17):
+        derivative = problem.solve(z0=[-1.0, 1.0, 3.0, last]).derivative()
+        assert "no error bound" in derivative.reason
+        right, left = derivative.one_sided(dupper=[0.0, 0.0, 0.0, -1.0])
+        np.testing.assert_allclose(right, [1 / 3, 0.0, 1 / 6, -1.0], atol=1e-9)
+        np.testing.assert_allclose(left, 0.0, atol=1e-9)
+
+
+def test_there_are_one_sided_derivatives_where_an_element_of_the_b_subdifferential_is_singular():
+    # z = 0 is the only solution, and all rows are tied: A has the rows (1, 1) twice
+    derivative = icp.ICP(np.ones((2, 2)), [0.0, 0.0]).solve(z0=[0.0, 0.0]).derivative()
+    with pytest.raises(icp.SingularOperator, match="one_sided may have an answer"):
+        derivative.forward(dq=[1.0, 0.0])
+    right, left = derivative.one_sided(dq=[1.0, 0.0])
+    np.testing.assert_allclose(right, [0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(left, [-1.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_derivative_that_was_used_can_be_sent_and_copied(again):
+    derivative = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0]).solve().derivative()
+    dz = derivative.forward(dq=[1.0, 0.0])
+    there = again(derivative)
+    assert np.array_equal(there.forward(dq=[1.0, 0.0]), dz)
+    assert there.reason == derivative.reason
+    gradient = again(derivative.adjoint([1.0, 0.0]))
+    assert np.array_equal(gradient.A.toarray(), derivative.adjoint([1.0, 0.0]).A.toarray())
+
+
+@pytest.mark.parametrize(
+    "psi",
+    [0.5, icp.Affine(np.eye(2) / 4, 1.0), icp.Intervention(sp.csr_array([[0.0, 1.0], [0.0, 0.0]]))],
+    ids=["constant", "affine", "jumps"],
+)
+def test_nothing_of_a_gradient_can_be_written_to(psi):
+    gradient = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0], psi, upper=9.0).solve().derivative().adjoint([1.0, 1.0])
+    of_psi = gradient.psi if isinstance(gradient.psi, tuple) else (gradient.psi,)
+    for one in (gradient.q, gradient.A, gradient.psi_values, gradient.upper, *of_psi):
+        with pytest.raises(ValueError, match="read-only"):
+            (one.data if sp.issparse(one) else one)[0] = 7.0
