@@ -14,6 +14,7 @@ the obstacle problem.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
-from ..errors import InputError, NotApplicable, SingularOperator
+from ..errors import InputError, MapError, NotApplicable, SingularOperator
 from ..numerics.arrays import ReadOnly, Vector
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, sheltered
 from ..present.card import Card
@@ -89,10 +90,6 @@ class Derivative(ReadOnly, Shown):
         self.solution, self.problem, self.z = solution, problem, z
         self.pattern = pattern_at(problem, z)
         self._jacobian = derivative(problem.psi, z, self.pattern.above)
-        at_0 = problem.residual_at_0()
-        # linear systems that are solved by steps are solved as exactly as z was asked for, and not less than by default
-        asked = solution.tolerance / at_0 if at_0 > 0.0 and not solution.accuracy else RTOL
-        self._tolerance = min(max(asked, _LEAST), RTOL)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.solution,)
@@ -134,6 +131,16 @@ class Derivative(ReadOnly, Shown):
         """
         zbar = self.problem.vector(zbar, "zbar", finite=True)
         return Gradient(self.problem, self.z, self.pattern, self._solved(zbar, transposed=True))
+
+    @cached_property
+    def _tolerance(self) -> float:
+        """That of linear systems which are solved by steps: the one of z, and no larger one than by default."""
+        asked = RTOL
+        with suppress(MapError):  # at 0
+            at_0 = self.problem.residual_at_0()
+            if at_0 > 0.0 and not self.solution.accuracy:
+                asked = self.solution.tolerance / at_0
+        return min(max(asked, _LEAST), RTOL)
 
     def _solved(self, f: Vector, transposed: bool = False) -> Vector:
         """J⁻¹f or J⁻ᵀf. Raises SingularOperator."""
