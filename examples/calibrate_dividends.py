@@ -114,6 +114,13 @@ told = {one.reason for one in asked}
 print(f"\nThe derivative was certain in {sum(one.certain for one in asked)} of {len(asked)} solutions on the path:")
 print("; ".join(sorted(told)) + ".")
 
+# found by bisection: the cost at which two neighbouring rows are equally good to pay down to
+solution = value(0.05616791923759763, TRUE[1], 0.5)
+kink, zbar = solution.derivative(), thresholds(solution)[0][1]
+print(f"At c = 0.0561679..., with a drift of 0.5, it is not: {kink.reason}.")
+left, right = (zbar @ dz for dz in kink.one_sided(dpsi=WORTH))  # gains fall where c rises
+print(f"There dx*/dc is {-left:.4f} to the left and {-right:.4f} to the right.")
+
 # the same firm at costs so near to each other that one row more pays now and then
 costs, one = np.linspace(0.05, 0.058, 41), None
 by_rows, by_slopes = [], []

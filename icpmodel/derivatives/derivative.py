@@ -27,7 +27,7 @@ from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
 from ..errors import InputError, MapError, NotApplicable, SingularOperator
 from ..numerics.arrays import ReadOnly, Vector
-from ..numerics.rounding import UNIT_ROUNDOFF, sheltered
+from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, sheltered
 from ..present.card import Card
 from ..present.shown import Shown
 from ..problem.between import sides_of
@@ -182,7 +182,8 @@ class Derivative(ReadOnly, Shown):
 
     def _to_the_right(self, direction: Direction) -> Vector:
         problem = tangent_problem(self.z, self.pattern, self._ties, direction)
-        return solve(problem, rtol=_RTOL).polish().z
+        # numbers below SMALLEST/UNIT_ROUNDOFF have fewer digits than rtol asks for
+        return solve(problem, rtol=_RTOL, atol=SMALLEST / UNIT_ROUNDOFF).polish().z
 
     @sheltered
     def bound(self, dz: Any, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> float | None:

@@ -33,6 +33,12 @@ def test_there_are_one_sided_derivatives_where_an_element_of_the_b_subdifferenti
     np.testing.assert_allclose(left, [-1.0, 0.0], atol=1e-9)
 
 
+@pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-300, 1e300])
+def test_a_direction_may_have_any_size(size):
+    right, left = icp.ICP([[2.0]], [-4.0], psi=2.0).solve().derivative().one_sided(dq=[size])
+    np.testing.assert_allclose([*right, *left], [0.0, -size / 2], rtol=1e-9, atol=1e-307)
+
+
 @pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
 def test_a_derivative_that_was_used_can_be_sent_and_copied(again):
     derivative = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0]).solve().derivative()

@@ -33,7 +33,11 @@ SAYS = {
         "0 of 1 independent checks agree; 1 disagrees. The answer is not confirmed.",
         ". The answer is confirmed.",
     ),
-    "calibrate_dividends.py": ("0.1200   0.0501   0.0008   0.0500", "0.2000   0.3006   0.0008   0.3000"),
+    "calibrate_dividends.py": (
+        "0.1200   0.0501   0.0008   0.0500",
+        "0.3006   0.0008   0.3000",
+        "4.3928 to the left and 4.3471",
+    ),
     "learn_friction.py": ("friction coefficient 0.2994 ± 0.0005, true 0.3", "slips in 0 steps", "certain: True"),
     "design_contact.py": ("uniform load           1204      66            1470    6138", "               0    7608"),
     "recover_obstacle.py": ("misfit / noise²: 0.99", "touches    35", "0.0012      0.0013", "hangs free, not seen"),
