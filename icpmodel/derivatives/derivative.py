@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
 from ..errors import InputError, NotApplicable, SingularOperator
-from ..numerics.arrays import ReadOnly, Vector
+from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.rounding import UNIT_ROUNDOFF, sheltered
 from ..present.card import Card
 from ..present.shown import Shown
@@ -79,6 +79,8 @@ class Derivative(ReadOnly, Shown):
     """
 
     def __init__(self, solution: Solution) -> None:
+        if not isinstance(solution, Solution):
+            raise InputError(f"solution is {described(solution)}; a Solution was expected")
         if solution.status not in (Status.SOLVED, Status.PRECISION_LIMIT):
             raise InputError(f"solution is not solved ({solution.status.value}): only a solution has a derivative")
         problem, z = solution.problem, solution.z
@@ -91,6 +93,9 @@ class Derivative(ReadOnly, Shown):
         # linear systems that are solved by steps are solved as exactly as z was asked for, and not less than by default
         asked = solution.tolerance / at_0 if at_0 > 0.0 and not solution.accuracy else RTOL
         self._tolerance = min(max(asked, _LEAST), RTOL)
+
+    def __reduce__(self) -> tuple[Any, ...]:  # factors cannot be sent
+        return Derivative, (self.solution,)
 
     @cached_property
     def equations(self) -> ActiveEquations:
@@ -133,11 +138,12 @@ class Derivative(ReadOnly, Shown):
     def _solved(self, f: Vector, transposed: bool = False) -> Vector:
         """J⁻¹f or J⁻ᵀf. Raises SingularOperator."""
         solve = self.equations.transposed if transposed else self.equations.solve
-        x = solve(f, self._tolerance)
-        # all of f within the rounding of Jx: J is singular but for rounding
-        if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
-            told = "the equations of the active set are singular: z* has no derivative that they would give"
-            raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            x = solve(f, self._tolerance)
+            # all of f within the rounding of Jx: J is singular but for rounding
+            if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
+                told = "the equations of the active set are singular, or what they give overflows"
+                raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
         return x
 
     def _sizes(self, x: Vector, transposed: bool) -> Vector:
@@ -165,6 +171,7 @@ class Derivative(ReadOnly, Shown):
         if self.certain:
             dz = self.forward(dA=dA, dq=dq, dpsi=dpsi, dupper=dupper)
             return OneSided(dz, dz)
+        direction.right_side(self.z, self.pattern)
         near = self.solution.polish().derivative()
         return OneSided(*(sign * near._to_the_right(direction.times(sign)) + 0.0 for sign in (1.0, -1.0)))
 
@@ -199,6 +206,8 @@ class Derivative(ReadOnly, Shown):
         >>> derivative.adjoint_bound([1.0], derivative.adjoint([1.0])) < 1e-15
         True
         """
+        if not isinstance(gradient, Gradient):
+            raise InputError(f"gradient is {described(gradient)}; what adjoint(zbar) returns was expected")
         w = gradient.psi_values - gradient.q
         w = w if gradient.upper_values is None else w + gradient.upper_values
         zbar = self.problem.vector(zbar, "zbar", finite=True)
