@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
 from ..errors import InputError, MapError, NotApplicable, SingularOperator
-from ..numerics.arrays import ReadOnly, Vector
+from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, sheltered
 from ..present.card import Card
 from ..present.shown import Shown
@@ -82,6 +82,8 @@ class Derivative(ReadOnly, Shown):
     """
 
     def __init__(self, solution: Solution) -> None:
+        if not isinstance(solution, Solution):
+            raise InputError(f"solution is {described(solution)}; a Solution was expected")
         if solution.status not in (Status.SOLVED, Status.PRECISION_LIMIT):
             raise InputError(f"solution is not solved ({solution.status.value}): only a solution has a derivative")
         problem, z = solution.problem, solution.z
@@ -91,8 +93,8 @@ class Derivative(ReadOnly, Shown):
         self.pattern = pattern_at(problem, z)
         self._jacobian = derivative(problem.psi, z, self.pattern.above)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.solution,)
+    def __reduce__(self) -> tuple[Any, ...]:  # factors cannot be sent
+        return Derivative, (self.solution,)
 
     @cached_property
     def equations(self) -> ActiveEquations:
@@ -145,11 +147,12 @@ class Derivative(ReadOnly, Shown):
     def _solved(self, f: Vector, transposed: bool = False) -> Vector:
         """J⁻¹f or J⁻ᵀf. Raises SingularOperator."""
         solve = self.equations.transposed if transposed else self.equations.solve
-        x = solve(f, self._tolerance)
-        # all of f within the rounding of Jx: J is singular but for rounding
-        if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
-            told = "the equations of the active set are singular, or what they give is beyond all numbers"
-            raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            x = solve(f, self._tolerance)
+            # all of f within the rounding of Jx: J is singular but for rounding
+            if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
+                told = "the equations of the active set are singular, or what they give overflows"
+                raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
         return x
 
     def _sizes(self, x: Vector, transposed: bool) -> Vector:
@@ -177,6 +180,7 @@ class Derivative(ReadOnly, Shown):
         if self.certain:
             dz = self.forward(dA=dA, dq=dq, dpsi=dpsi, dupper=dupper)
             return OneSided(dz, dz)
+        direction.right_side(self.z, self.pattern)  # which says what is wrong with it
         near = self.solution.polish().derivative()
         return OneSided(*(sign * near._to_the_right(direction.times(sign)) + 0.0 for sign in (1.0, -1.0)))
 
@@ -212,6 +216,8 @@ class Derivative(ReadOnly, Shown):
         >>> derivative.adjoint_bound([1.0], derivative.adjoint([1.0])) < 1e-15
         True
         """
+        if not isinstance(gradient, Gradient):
+            raise InputError(f"gradient is {described(gradient)}; what adjoint(zbar) returns was expected")
         w = gradient.psi_values - gradient.q
         w = w if gradient.upper_values is None else w + gradient.upper_values
         zbar = self.problem.vector(zbar, "zbar", finite=True)

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from ..algebra.equations import Pattern
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_csr
+from ..numerics.arrays import Vector, as_csr, not_finite
 from ..numerics.rounding import gamma
 from ..problem.between import sides_of
 from ..problem.data import ProblemData
@@ -46,10 +46,13 @@ class Direction:
         return _value(self.matrix, self.q, z)
 
     def right_side(self, z: Vector, pattern: Pattern) -> Vector:
-        """f of the equations Jdz = f."""
-        f = -self.of_p(z)
-        for psi, rows in zip(self._parts(z), pattern.sides(), strict=True):
-            f = np.where(rows, _value(*psi, z), f)
+        """f of the equations Jdz = f. Raises InputError where it overflows, and for what is no change of ψ's data."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            f = -self.of_p(z)
+            for psi, rows in zip(self._parts(z), pattern.sides(), strict=True):
+                f = np.where(rows, _value(*psi, z), f)
+        if fault := not_finite(f, "dA z + dq, or the change of psi(z),"):
+            raise InputError(f"{fault}; a direction that does not overflow was expected")
         return f
 
     def error(self, z: Vector, delta: Vector, pattern: Pattern) -> Vector:
@@ -65,7 +68,7 @@ class Direction:
         ]
 
     def times(self, factor: float) -> Direction:
-        """`factor` times as fast."""
+        """`factor` times as fast, of one of which `right_side` was asked for, and which is thus as it should be."""
         return Direction(self.problem, *(_times(factor, one) for one in (self.matrix, self.q, self.below, self.above)))
 
 
@@ -90,4 +93,6 @@ def _error(H: sp.csr_array | None, d: Vector | None, z: Vector, delta: Vector) -
 def _times(factor: float, change: Any) -> Any:
     if change is None or sp.issparse(change):
         return None if change is None else factor * change
-    return tuple(factor * one for one in change) if isinstance(change, tuple) else factor * np.asarray(change)
+    if isinstance(change, tuple):
+        return tuple(_times(factor, one) for one in change)
+    return factor * np.asarray(change)

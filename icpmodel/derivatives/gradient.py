@@ -39,6 +39,7 @@ class Gradient(ReadOnly, Shown):
         self.lock()
 
     @cached_property
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def A(self) -> sp.csr_array:
         """The gradient in the entries of A that are stored, CSR, shape (n, n).
 
@@ -49,6 +50,7 @@ class Gradient(ReadOnly, Shown):
         return freeze(sp.csr_array((self.q[row_of(A)] * self.z[A.indices], A.indices, A.indptr), shape=A.shape))
 
     @cached_property
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def psi(self) -> Any:
         """The gradient in ψ's own data, in their form.
 
@@ -58,6 +60,7 @@ class Gradient(ReadOnly, Shown):
         return locked(sides_of(self.problem.psi)[0].data_gradient(self.z, self.psi_values))
 
     @cached_property
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def upper(self) -> Any:
         """The same of the obstacle above, None where there is none.
 

@@ -1,5 +1,7 @@
 """The derivative of the answer, against exact rational ones, and what is said where there is none."""
 
+import copy
+import pickle
 from fractions import Fraction
 
 import numpy as np
@@ -333,3 +335,49 @@ def test_an_obstacle_that_has_no_value_at_0_has_a_derivative_elsewhere():
     psi = icp.Elementwise(logarithm, lambda z: 1.0 / z, c=1.0)  # 1 + log z touches z at 1, and is below it
     derivative = icp.ICP([[1.0]], [-2.0], psi).solve("newton", z0=[3.0]).derivative()
     assert derivative.forward(dq=[1.0]) == pytest.approx([-1.0])
+
+
+@pytest.mark.parametrize("wrong", ["a", (None, [1, 2]), ("x", "y"), {"a": 1}, object(), [1, [2]], 10**400, 1j])
+@pytest.mark.parametrize("psi", [0.0, icp.Affine([[0.0, 0.1], [0.1, 0.0]])])
+def test_a_wrong_change_of_psi_is_named_where_the_derivative_is_one_sided_too(psi, wrong):
+    derivative = icp.ICP(2.0 * np.eye(2), [0.0, 3.0], psi).solve().derivative()
+    assert not derivative.certain
+    with pytest.raises(icp.InputError, match="dpsi"):
+        derivative.one_sided(dpsi=wrong)
+
+
+def test_a_change_of_an_affine_map_may_be_of_lists_or_tuples():
+    psi = icp.Affine([[0.0, 0.125], [0.125, 0.0]], [1.0, 0.0])
+    derivative = icp.ICP(2.0 * np.eye(2), [-2.0, -8.0], icp.Affine(psi.G, [0.5, 0.0])).solve().derivative()
+    assert derivative.undecided.tolist() == [0]
+    arrays = derivative.one_sided(dpsi=(np.eye(2), np.array([1.0, 2.0])))
+    for dG in ([[1, 0], [0, 1]], ((1, 0), (0, 1)), sp.eye_array(2)):
+        np.testing.assert_array_equal(tuple(derivative.one_sided(dpsi=(dG, (1, 2)))), tuple(arrays))
+
+
+def test_what_overflows_is_said_without_a_warning():
+    derivative = icp.ICP([[1e-150]], [-1e50]).solve().derivative()
+    with pytest.raises(icp.InputError, match="does not overflow was expected"):
+        derivative.forward(dA=[[1e300]])
+    with pytest.raises(icp.SingularOperator, match="overflows"):
+        derivative.forward(dq=[1e300])
+    with pytest.raises(icp.SingularOperator, match="overflows"):
+        derivative.adjoint([1e300])
+    assert derivative.adjoint([1e100]).A.data.tolist() == [-np.inf]
+
+
+def test_a_derivative_that_was_asked_can_be_sent_and_copied():
+    derivative = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0]).solve().derivative()
+    dz = derivative.forward(dq=[1.0, 1.0])
+    for other in (pickle.loads(pickle.dumps(derivative)), copy.deepcopy(derivative)):
+        np.testing.assert_array_equal(other.forward(dq=[1.0, 1.0]), dz)
+
+
+def test_what_is_no_solution_and_no_gradient_is_named():
+    derivative = icp.ICP([[2.0]], [-2.0]).solve().derivative()
+    with pytest.raises(icp.InputError, match="solution is a ICP; a Solution was expected"):
+        type(derivative)(derivative.problem)
+    with pytest.raises(icp.InputError, match="gradient is a list; what adjoint"):
+        derivative.adjoint_bound([1.0], [1.0])
+    with pytest.raises(ValueError, match="read-only"):
+        derivative.adjoint([1.0]).A.data[0] = 3.0
