@@ -157,11 +157,11 @@ class Derivative(ReadOnly, Shown):
 
     def _sizes(self, x: Vector, transposed: bool) -> Vector:
         """|J||x| or |J|ᵀ|x|."""
-        A, G, active, x = self.problem.matrix.absolute, abs(self._jacobian), self.pattern.active, np.abs(x)
-        if not transposed:
-            return np.where(active, x + G @ x, A @ x)
-        held = np.where(active, x, 0.0)
-        return A.T @ (x - held) + held + G.T @ held
+        matrix, G, active, x = self.problem.matrix, self._jacobian, self.pattern.active, np.abs(x)
+        A = matrix.absolute if matrix.dense is None else np.abs(matrix.dense)
+        held = np.where(active, x, 0.0) if transposed else x
+        moved = (abs(G).T if transposed else abs(G)) @ held + held if G.nnz else held
+        return A.T @ (x - held) + moved if transposed else np.where(active, moved, A @ x)
 
     @sheltered
     def one_sided(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> OneSided:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
@@ -196,16 +195,15 @@ def _dense(M: sp.csr_array) -> Solver:
 
 
 def _by_lu(M: NDArray[np.float64]) -> Solver:
-    from scipy.linalg import lu_factor, lu_solve
+    from scipy.linalg.lapack import dgetrf, dgetrs  # lu_factor warns of a zero pivot, and is slower than a small matrix
 
-    with warnings.catch_warnings(), one_blas_thread():  # of a pivot that is zero
-        warnings.simplefilter("ignore")
-        lu = lu_factor(M, check_finite=False)
+    with one_blas_thread():
+        lu, pivots, _ = dgetrf(M)
     add(dense_cost(M.shape[0]))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector:
         add(COSTS.call + COSTS.entry * M.shape[0] ** 2)
-        return np.asarray(lu_solve(lu, f, trans=int(transposed), check_finite=False))
+        return np.asarray(dgetrs(lu, pivots, f, trans=int(transposed))[0])
 
     return solve
 

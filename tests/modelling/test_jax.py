@@ -2,6 +2,7 @@
 
 import gc
 import logging
+import multiprocessing
 import warnings
 
 import numpy as np
@@ -184,6 +185,37 @@ def test_what_jax_sets_in_its_own_threads_does_not_touch_the_rounding_of_a_solve
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         np.testing.assert_array_equal(jax.jit(lambda q: layer(q=q))(np.array([-3e-310])), [3e-310])
+
+
+def test_a_map_may_compute_with_jax_in_double_precision_and_by_another_layer():
+    inner = solution_of(icp.ICP(A, Q, C))
+    height = jax.jit(lambda q: 0.1 * jnp.sin(inner(q=q)))
+
+    def over_it(theta):
+        return icp.Function(
+            lambda z: np.asarray(height(theta[0] + jnp.asarray(Q))),
+            jacobian=lambda z: np.zeros((N, N)),
+            parameter_derivative=lambda z: np.asarray(jax.jacfwd(lambda t: height(t[0] + Q))(jnp.asarray(theta))),
+        )
+
+    layer = solution_of(icp.ICP(A, Q, 0.0), psi=over_it, rtol=1e-13)
+    z, dz = jax.jit(lambda theta: jax.jvp(lambda t: layer(psi=t), (theta,), (jnp.ones(1),)))(np.array([0.3]))
+    np.testing.assert_allclose(z, icp.ICP(A, Q, np.asarray(height(0.3 + Q))).solve().z, rtol=1e-9)
+    h = 1e-5
+    np.testing.assert_allclose(dz, (layer(psi=[0.3 + h]) - layer(psi=[0.3 - h])) / (2 * h), rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork on this system")
+@pytest.mark.filterwarnings("ignore:os.fork")
+def test_what_is_compiled_works_in_a_forked_process():
+    layer, q = solution_of(icp.ICP(A, Q, C)), jnp.asarray(Q)
+    compiled = jax.jit(lambda q: layer(q=q))
+    jax.block_until_ready(compiled(q))
+    child = multiprocessing.get_context("fork").Process(target=lambda: jax.block_until_ready(compiled(q)))
+    child.start()
+    child.join(20)
+    child.kill()
+    assert child.exitcode == 0
 
 
 def test_without_a_solution_notsolved_is_raised_and_its_message_comes_out_of_compiled_code():

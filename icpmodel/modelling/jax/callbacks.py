@@ -1,9 +1,11 @@
-"""What JAX calls back: problems are solved, and derivatives taken, with NumPy's arrays and in a thread that is none of
+"""What JAX calls back: problems are solved, and derivatives taken, with NumPy's arrays and in threads that are none of
 JAX's."""
 
 from __future__ import annotations
 
+import os
 import secrets
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache, partial
@@ -22,7 +24,7 @@ from ...solve.driver import solve
 from ...solve.many import solve_many
 from ...solve.solution import Solution, Status
 from ...solve.solutions import Solutions
-from .argument_forms import Argument, Shape, obstacles
+from .argument_forms import Argument, Shape, obstacles, the_package
 
 #: argument → its arrays, and the shapes of one of each
 Arrays: TypeAlias = dict[str, tuple[Any, ...]]
@@ -33,17 +35,37 @@ _ANSWERS = (Status.SOLVED, Status.PRECISION_LIMIT)
 
 
 @lru_cache(maxsize=1)
-def own_thread() -> ThreadPoolExecutor:
-    """A thread that rounds as that of the user does, who is the first to ask: those of JAX flush subnormal numbers to
-    zero, and hand this on to threads that they begin."""
-    thread = ThreadPoolExecutor(1, "icpmodel")
-    thread.submit(int).result()
-    return thread
+def own_threads() -> tuple[ThreadPoolExecutor, ThreadPoolExecutor]:
+    """Threads that round as that of the user does, who is the first to ask: those of JAX flush subnormal numbers to
+    zero, and hand this on to threads that they begin. So the first one begins the others, as many as are waited for at
+    once: a map of the user's may call another layer."""
+    first = ThreadPoolExecutor(1, "icpmodel")
+    first.submit(int).result()
+    return first, ThreadPoolExecutor(sys.maxsize, "icpmodel")
 
 
 def apart(call: Callable[..., Any], *arguments: Any) -> Any:
-    """What the call returns, made in that thread."""
-    return own_thread().submit(call, *arguments).result()
+    """What the call returns, made in one of those threads."""
+    first, others = own_threads()
+    return first.submit(others.submit, _in_float64, call, *arguments).result().result()
+
+
+def _in_float64(call: Callable[..., Any], *arguments: Any) -> Any:
+    with the_package().enable_x64(
+        True
+    ):  # a map of the user's may compute with JAX, and the setting be that of a thread
+        return call(*arguments)
+
+
+def _begin_anew() -> None:
+    """Threads do not survive a fork."""
+    if own_threads.cache_info().currsize:
+        own_threads.cache_clear()
+        own_threads()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
 
 
 class LastAnswers:

@@ -20,7 +20,7 @@ from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.map import Map
 from ...solve.goal import RTOL, Limits
 from .argument_forms import Parameters, argument, obstacles, the_package
-from .callbacks import Arrays, Callbacks, LastAnswers, apart, own_thread
+from .callbacks import Arrays, Callbacks, LastAnswers, apart, own_threads
 
 Make: TypeAlias = Callable[[Any], Any]
 
@@ -59,7 +59,7 @@ def solution_of(
      [ 0.   0. ]]
     """
     the_package()
-    own_thread()
+    own_threads()
     limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit, memory_limit=memory_limit)
     for name, make in (("psi", psi), ("upper", upper)):
         if make is not None and (not callable(make) or isinstance(make, Map)):
