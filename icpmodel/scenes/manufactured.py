@@ -107,6 +107,23 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0) -> Sc
 
 
 @register
+def manufactured_vertical(n: int = 900, mu: float = 4.0, skew: float = 0.5, seed: int = 0) -> Scene:
+    """A random vertical LCP, of two matrices, with a known solution.
+
+    min(Az + q, Bz + d) = 0 with A = Tridiag(−(1 + s)I, S, −(1 − s)I) + μI, s = `skew`, and B = Aᵀ, the other way round;
+    p* and r* are those of manufactured-affine. It is the grid of a Hamilton–Jacobi–Bellman equation with two controls.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `skew` in [−1, 1]; `seed` an integer ≥ 0.
+    Reference: Lions and Mercier, RAIRO Anal. Numér. 14 (1980), for such equations.
+    """
+    m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
+    z, p, r = complementary(m * m, seed)
+    A, B = five_point(m, mu, skew), five_point(m, mu, -skew)
+    problem = ICP.vertical(A, p - A @ z, B, r * B.diagonal() - B @ z)
+    models = "A grid of cells that drift in one of two winds, in each the one that serves it, with a known answer."
+    return Scene(problem=problem, models=models, z_exact=z, points=square_points(0.0, 1.0, m))
+
+
+@register
 def box_manufactured(n: int = 900, mu: float = 4.0, skew: float = 0.0, coupling: float = 0.0, seed: int = 0) -> Scene:
     """A random problem between two obstacles, with a known solution.
 
