@@ -78,7 +78,7 @@ class ProblemData(Shown):
         second side, which is the equation p_i = 0.
         Raises InputError where one of them has a wrong shape or is not finite.
         Reference: Cottle and Dantzig, J. Combin. Theory 8 (1970), doi:10.1016/S0021-9800(70)80010-2; Sznajder and
-        Gowda, Linear Algebra Appl. 223/224 (1995), doi:10.1016/0024-3795(95)93216-V, for when z is the only one.
+        Gowda, Linear Algebra Appl. 223/224 (1995), for when z is the only one.
 
         >>> problem = ICP.vertical([[2, -1], [0, 2]], [-1, 1], [[1, 0], [-2, 4]], [-1, 6])
         >>> z = problem.solve().z
