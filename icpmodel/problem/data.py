@@ -90,7 +90,9 @@ class ProblemData(Shown):
         problem = cls(A, q)
         B, d = as_csr(B, "B", problem.n), as_vector(d, problem.n, "d", infinite=np.inf, number=False)
         if np.isneginf(d).any():
-            raise InputError(f"d[{int(np.argmin(d))}] is -inf, below which nothing is; a finite number or inf was expected")
+            raise InputError(
+                f"d[{int(np.argmin(d))}] is -inf; a finite number, or inf for no second side, was expected"
+            )
         largest = np.maximum(abs(B).max(axis=1).toarray(), np.where(np.isinf(d), 0.0, np.abs(d)))
         positive = B.diagonal() > largest / np.finfo(np.float64).max  # else the quotients overflow
         unit = np.where(positive, B.diagonal(), np.where(largest > 0, largest, 1.0))

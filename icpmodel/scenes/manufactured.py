@@ -79,10 +79,10 @@ def bai_nonsymmetric(n: int = 900, mu: float = 4.0) -> Scene:
 def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0, skew: float = 0.0) -> Scene:
     """A random ICP with an affine map and a known solution.
 
-    A = Tridiag(−(1 + s)I, S, −(1 − s)I) + μI, s = `skew`, as in Bai's LCPs, of which s is 0 and ½; ψ(z) = Gz + c,
-    G = (.9/4)·adjacency of the m × m grid: each obstacle
-    hangs on the four neighbours, ‖G‖∞ = .9. z* is random in [−1, 1], a random half of the rows has p* in [.5, 1.5] and
-    r* = 0, the other half r* in [.5, 1.5] and p* = 0; c = z* − r* − Gz* and q = p* − Az* make z* exact to rounding.
+    A = Tridiag(−(1 + s)I, S, −(1 − s)I) + μI, s = `skew`, as in Bai's LCPs, where s is 0 or ½; ψ(z) = Gz + c,
+    G = (.9/4)·adjacency of the m × m grid: each obstacle hangs on the four neighbours, ‖G‖∞ = .9. z* is random in
+    [−1, 1], a random half of the rows has p* in [.5, 1.5] and r* = 0, the other half r* in [.5, 1.5] and p* = 0;
+    c = z* − r* − Gz* and q = p* − Az* make z* exact to rounding.
     Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0; `skew` in [−1, 1].
     Reference for A: Bai (2010), doi:10.1002/nla.680.
     """
