@@ -8,7 +8,8 @@ from .costs import dominant_cost, impulse_cost, reading_cost, small_cost, solve_
 from .families.gallery import drawn, family_names, gallery
 from .hindsight import choice, summary_of
 from .honesty.audit import honesty
-from .iterations import grid_order, sweep_cost, sweep_counts, tuned_and_automatic
+from .iterations import grid_order, sweep_cost, tuned_and_automatic
+from .members import member_runs
 from .memory import memory
 from .programs import program_cost
 
@@ -27,6 +28,7 @@ __all__ = [
     "grid_order",
     "honesty",
     "impulse_cost",
+    "member_runs",
     "memory",
     "program_cost",
     "reading_cost",
@@ -34,6 +36,5 @@ __all__ = [
     "solve_cost",
     "summary_of",
     "sweep_cost",
-    "sweep_counts",
     "tuned_and_automatic",
 ]

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError, NotApplicable
-from ..icp import ICP
 from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMAOR, MNMSOR, overrelaxed
 from ..methods.contract import Method, named
@@ -59,28 +58,6 @@ def sweep_cost(n: int = 1_000_000, repeats: int = 15, methods: Sequence[str] = (
 def _together(call: Callable[[], object]) -> None:
     for _ in range(_TOGETHER):
         call()
-
-
-def sweep_counts(sides: Sequence[int] = (10, 20, 30), methods: Sequence[str] = ("mms", "mnmgs", "mnmj")) -> Table:
-    """Sweeps to Res ≤ 1e-5 on Bai's LCP, against the grid side m.
-
-    From z⁰ = (1, 0, 1, 0, …), A symmetric and not, with μ = 0 and 4.
-    Parameters: `sides` m of the grids, n = m²; `methods` by name. Returns a `Table`; "-" where a run failed.
-    Reference: Bai, Numer. Linear Algebra Appl. 17 (2010).
-
-    >>> icp.benchmarks.sweep_counts(sides=(10,), methods=("mms",)).rows[0]
-    ('bai-symmetric', 0, 'mms', 142)
-    """
-    rows = []
-    for name in ("bai-symmetric", "bai-nonsymmetric"):
-        for mu in (0, 4):
-            problems = [scene_named(name, m * m, mu=mu) for m in sides]
-            for method in methods:
-                asked = partial(ICP.solve, method=method, atol=1e-5, rtol=0.0, raise_on_failure=False)
-                runs = [asked(bai.problem, z0=bai.z0) for bai in problems]
-                rows.append((name, mu, method, *(run.iterations if run.solved else None for run in runs)))
-    heads = ("scene", "mu", "method", *(f"m = {m}" for m in sides))
-    return Table("Sweeps to Res <= 1e-5 from z0 = (1, 0, 1, 0, ...)", heads, tuple(rows))
 
 
 def grid_order(scene: str = "dividend", sizes: Sequence[int] = (61, 241, 961), method: str | None = None) -> Table:

@@ -34,7 +34,7 @@ from .arguments import (
     named_problem,
 )
 from .output import (
-    AS_CSV,
+    FORMS,
     TO_FIGURE,
     exit_code,
     make_folder,
@@ -62,9 +62,9 @@ _TIMINGS = {"repeats": "Rounds of timings.", "time_limit": "Seconds for one run.
     click.option("--method", type=METHOD, help="For the planes that vary the problem.  [default: mnmgs]"),
     *from_signature(map_stability, _RUNS),
     TO_FIGURE,
-    AS_CSV,
+    *FORMS,
 )
-def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) -> int:
+def stability(plane: str, output: str | None, form: str | None, **arguments: Any) -> int:
     """Map where a method converges, how fast, how it fails elsewhere, and where the theorems prove what.
 
     PLANE is one of relaxation (theta1 x theta2, the default) and shift (phi x Omega), which vary a method on SOURCE or
@@ -81,7 +81,7 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
     elif arguments["n"] is not None:
         asked["n"] = arguments["n"]
     run = lambda: map_stability(plane, problem, **asked, progress=True, command=typed())  # noqa: E731
-    return _shown(run, output, as_csv, "the other points are not run")
+    return _shown(run, output, form, "the other points are not run")
 
 
 @command(
@@ -92,15 +92,17 @@ def stability(plane: str, output: str | None, as_csv: bool, **arguments: Any) ->
     click.option("--solver", "solvers", multiple=True, type=SOLVER, help="Repeatable; default: all that apply."),
     *from_signature(run_race, _TIMINGS),
     TO_FIGURE,
-    AS_CSV,
+    *FORMS,
 )
-def race(methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, as_csv: bool, **arguments: Any) -> int:
+def race(
+    methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, form: str | None, **arguments: Any
+) -> int:
     """Time against error on SOURCE: own methods and foreign solvers at every tolerance, in turn."""
     must_be_a_picture(output)
     problem, scene = named_problem(arguments)
     asked = {name: arguments[name] for name in _TIMINGS}
     run = lambda: run_race(scene or problem, methods or None, solvers or None, **asked, progress=True, command=typed())  # noqa: E731
-    return _shown(run, output, as_csv, "this is what was measured before")
+    return _shown(run, output, form, "this is what was measured before")
 
 
 def must_be_a_picture(path: str | None) -> None:
@@ -110,11 +112,11 @@ def must_be_a_picture(path: str | None) -> None:
         data_file(picture_file(path))
 
 
-def _shown(run: Callable[[], Any], output: str | None, as_csv: bool, partly: str) -> int:
+def _shown(run: Callable[[], Any], output: str | None, form: str | None, partly: str) -> int:
     """Measure, print and draw; after Ctrl-C what there is, with the sentence `partly`."""
 
     def show(found: Any) -> None:
-        print_table(found, found.table(), as_csv)
+        print_table(found, found.table(), form)
         for path in [] if output is None else save(found.figure(), output, found.table(), typed()):
             wrote(path)
 
@@ -144,7 +146,7 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
 
 _COMMANDS: dict[str, Callable[..., Table]] = {
     "sweep": benchmarks.sweep_cost,
-    "counts": benchmarks.sweep_counts,
+    "members": benchmarks.member_runs,
     "constants": benchmarks.constants,
     "order": benchmarks.grid_order,
     "bounds": benchmarks.bound_ratios,
@@ -193,7 +195,7 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
     into_folder = name == "peers"
     settings = {"progress": True} if "progress" in inspect.signature(function).parameters else {}
 
-    def run(as_csv: bool, output: str | None = None, **arguments: Any) -> int:
+    def run(form: str | None, output: str | None = None, **arguments: Any) -> int:
         if not into_folder:
             must_be_a_picture(output)
         elif output is not None:
@@ -201,17 +203,17 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
         asked = {key: value for key, value in arguments.items() if value != ()}  # no scenes: the default ones
 
         def show(table: Table) -> None:
-            print_table(table, table, as_csv)
+            print_table(table, table, form)
             if output is not None:
                 for file, (figure, data) in _FIGURES[name](table).items():
                     save(figure, Path(output) / f"{file}.png" if file else output, data, typed())
-            if name in _BELOW and not as_csv:
+            if name in _BELOW and not form:
                 click.echo("\n".join(["", *_BELOW[name](table)]))
 
         return measured(lambda: function(**asked, **settings), show, "this is what was measured before")
 
     output = [_FOLDER if into_folder else TO_FIGURE] if name in _FIGURES else []
-    return documented(name, function, AS_CSV, *output)(run)
+    return documented(name, function, *FORMS, *output)(run)
 
 
 for _name, _function in _COMMANDS.items():

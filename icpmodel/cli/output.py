@@ -19,7 +19,11 @@ from ..present.table import Table
 _FILES = (".png", ".svg", ".pdf", ".csv", ".npz", ".npy", ".html", ".json", ".txt", ".mat")
 
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-AS_CSV = click.option("--csv", "as_csv", is_flag=True, help="Print all of it as CSV.")
+#: one of them for a table; the last one that is typed counts
+FORMS = (
+    click.option("--csv", "form", flag_value="csv", help="Print all of it as CSV."),
+    click.option("--latex", "form", flag_value="latex", help="Print all of it as LaTeX (booktabs)."),
+)
 TO_FIGURE = click.option(
     "-o", "--output", type=click.Path(), help="Write the figure (.png, .pdf or .svg), and its data beside it (.csv)."
 )
@@ -36,9 +40,10 @@ def print_told(told: dict[str, Any], text: object, as_json: bool) -> None:
     show_json(told) if as_json else click.echo(str(text))
 
 
-def print_table(found: Any, table: Table, as_csv: bool) -> None:
-    """Print what was found, or all of its table as CSV."""
-    click.echo(table.to_csv() if as_csv else str(found), nl=not as_csv)
+def print_table(found: Any, table: Table, form: str | None) -> None:
+    """Print what was found, or all of its table as CSV or LaTeX."""
+    made = {"csv": table.to_csv, "latex": table.to_latex}
+    click.echo(made[form]() if form else str(found), nl=not form)
 
 
 def complain(message: str, code: int = 2) -> int:

@@ -1,4 +1,4 @@
-"""A table: one description, shown as text, HTML or CSV; and how much fits beside each other where texts are printed."""
+"""A table: one description, shown as text, HTML, CSV or LaTeX; and how much fits beside each other in a text."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from typing import Any
 
 from ..errors import FileError, NotApplicable
 from ..numerics.plugins import in_notebook
+from .latex import as_latex
 from .rendering import render
 from .shown import Shown
 
@@ -125,6 +126,28 @@ class Table(Shown):
         out = io.StringIO()
         csv.writer(out, lineterminator="\n").writerows([self.heads, *self.rows])
         return out.getvalue()
+
+    def to_latex(self) -> str:
+        """The table as LaTeX: a float of the kind `table`, with the rules of the package booktabs.
+
+        A text of the first column that stands for several rows is told once; where all of them do, each has a float of
+        its own, and the text is in its caption.
+
+        >>> print(Table("Steps", ("method", "RES"), (("newton", 1.5e-9), ("psor", None))).to_latex(), end="")
+        \\begin{table}
+        \\centering
+        \\caption{Steps}
+        \\begin{tabular}{lr}
+        \\toprule
+        method & RES \\\\
+        \\midrule
+        newton & $1.5 \\times 10^{-9}$ \\\\
+        psor & -- \\\\
+        \\bottomrule
+        \\end{tabular}
+        \\end{table}
+        """
+        return as_latex(self.title, self.heads, self.rows, self._cells())
 
     def _cells(self) -> list[list[str]]:
         return [[_text(cell) for cell in row] for row in self.rows]

@@ -11,12 +11,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_array, as_vector, check_labels, described, norm, not_finite
+from ..numerics.arrays import Vector, as_array, as_csr, as_vector, check_labels, described, norm, not_finite, row_of
 from ..numerics.plugins import public
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
 from ..present.shown import Shown
+from .affine import Affine
 from .between import Between, as_map, mid
 from .facts import Facts
 from .map import Map
@@ -64,6 +65,39 @@ class ProblemData(Shown):
         new = object.__new__(cls)
         new._set(Matrix.of_checked(A), q, as_map(psi, q.size), None)
         return new
+
+    @classmethod
+    def vertical(cls, A: Any, q: Any, B: Any, d: Any) -> Self:
+        """The vertical linear complementarity problem of two matrices: min(Az + q, Bz + d) = 0, entry by entry.
+
+        It is the ICP with ψ(z) = z − D⁻¹(Bz + d), so that r(z) = D⁻¹(Bz + d), D the diagonal of B. That changes no
+        solution, as rows of B and d may be multiplied by any positive number, and makes ψ_i independent of z_i: a step
+        that is scaled by the diagonal of A would else be wrong by the factor B_ii on the rows where r is the smaller.
+        Where B_ii ≤ 0, row i of (B, d) is divided by its largest |entry| instead. Each quotient is rounded once.
+        Parameters: `A` and `B` dense or sparse, shape (n, n); `q` and `d` shape (n,), +inf in d for a row without a
+        second side, which is the equation p_i = 0.
+        Raises InputError where one of them has a wrong shape or is not finite.
+        Reference: Cottle and Dantzig, J. Combin. Theory 8 (1970), doi:10.1016/S0021-9800(70)80010-2; Sznajder and
+        Gowda, Linear Algebra Appl. 223/224 (1995), for when z is the only one.
+
+        >>> problem = ICP.vertical([[2, -1], [0, 2]], [-1, 1], [[1, 0], [-2, 4]], [-1, 6])
+        >>> z = problem.solve().z
+        >>> z, problem.p(z), problem.r(z)
+        (array([ 1. , -0.5]), array([1.5, 0. ]), array([0. , 0.5]))
+        """
+        if hasattr(A, "columns"):
+            check_labels({"A": A, "q": q, "B": B, "d": d})
+        problem = cls(A, q)
+        B, d = as_csr(B, "B", problem.n), as_vector(d, problem.n, "d", infinite=np.inf, number=False)
+        if np.isneginf(d).any():
+            raise InputError(
+                f"d[{int(np.argmin(d))}] is -inf; a finite number, or inf for no second side, was expected"
+            )
+        largest = np.maximum(abs(B).max(axis=1).toarray(), np.where(np.isinf(d), 0.0, np.abs(d)))
+        positive = B.diagonal() > largest / np.finfo(np.float64).max  # else the quotients overflow
+        unit = np.where(positive, B.diagonal(), np.where(largest > 0, largest, 1.0))
+        scaled = sp.csr_array((B.data / unit[row_of(B)], B.indices, B.indptr), shape=B.shape)
+        return problem.with_psi(Affine(sp.eye_array(problem.n) - scaled, -d / unit))
 
     def _with(self, q: Vector, psi: Map, facts: Facts | None) -> Self:
         new = object.__new__(type(self))

@@ -76,34 +76,54 @@ def bai_nonsymmetric(n: int = 900, mu: float = 4.0) -> Scene:
 
 
 @register
-def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
+def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0, skew: float = 0.0) -> Scene:
     """A random ICP with an affine map and a known solution.
 
-    A = Tridiag(−I, S, −I) + μI as in Bai's LCP; ψ(z) = Gz + c, G = (.9/4)·adjacency of the m × m grid: each obstacle
-    hangs on the four neighbours, ‖G‖∞ = .9. z* is random in [−1, 1], a random half of the rows has p* in [.5, 1.5] and
-    r* = 0, the other half r* in [.5, 1.5] and p* = 0; c = z* − r* − Gz* and q = p* − Az* make z* exact to rounding.
-    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0. Reference for A: Bai (2010), doi:10.1002/nla.680.
+    A = Tridiag(−(1 + s)I, S, −(1 − s)I) + μI, s = `skew`, as in Bai's LCPs, where s is 0 or ½; ψ(z) = Gz + c,
+    G = (.9/4)·adjacency of the m × m grid: each obstacle hangs on the four neighbours, ‖G‖∞ = .9. z* is random in
+    [−1, 1], a random half of the rows has p* in [.5, 1.5] and r* = 0, the other half r* in [.5, 1.5] and p* = 0;
+    c = z* − r* − Gz* and q = p* − Az* make z* exact to rounding.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0; `skew` in [−1, 1].
+    Reference for A: Bai (2010), doi:10.1002/nla.680.
     """
-    m, mu = side(n), as_number(mu, "mu", least=0)
+    m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
     z, p, r = complementary(m * m, seed)
     G = (0.9 / 4.0) * adjacency(m)
     models = "A grid of cells, each resting on its own neighbours, with forces chosen so that the answer is known."
     psi = Affine(G, z - r - G @ z)
-    return manufactured(five_point(m, mu), z, p, psi, models, points=square_points(0.0, 1.0, m))
+    return manufactured(five_point(m, mu, skew), z, p, psi, models, points=square_points(0.0, 1.0, m))
 
 
 @register
-def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
+def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0, skew: float = 0.0) -> Scene:
     """A random ICP with a nonlinear map and a known solution.
 
     As manufactured-affine with ψ_i(z) = .3 sin z_i + c_i, c = z* − r* − .3 sin z*; |ψ′| ≤ .3.
-    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0. Reference for A: Bai (2010), doi:10.1002/nla.680.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0; `skew` in [−1, 1].
+    Reference for A: Bai (2010), doi:10.1002/nla.680.
     """
-    m, mu = side(n), as_number(mu, "mu", least=0)
+    m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
     z, p, r = complementary(m * m, seed)
     models = "A grid of cells whose obstacles bend with them, with forces chosen so that the answer is known."
     psi = Elementwise(_sine, _cosine, lipschitz=0.3, c=z - r - _sine(z))
-    return manufactured(five_point(m, mu), z, p, psi, models, points=square_points(0.0, 1.0, m))
+    return manufactured(five_point(m, mu, skew), z, p, psi, models, points=square_points(0.0, 1.0, m))
+
+
+@register
+def manufactured_vertical(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
+    """A random vertical LCP, of two matrices, with a known solution.
+
+    min(Az + q, Bz + d) = 0 with A of Bai's nonsymmetric LCP and B = Aᵀ, the flow the other way round; p* and r* are
+    those of manufactured-affine. It is the grid of a Hamilton–Jacobi–Bellman equation with two controls.
+    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0.
+    Reference: Lions and Mercier, RAIRO Anal. Numér. 14 (1980), for such equations.
+    """
+    m, mu = side(n), as_number(mu, "mu", least=0)
+    z, p, r = complementary(m * m, seed)
+    A, B = five_point(m, mu, 0.5), five_point(m, mu, -0.5)
+    problem = ICP.vertical(A, p - A @ z, B, r * B.diagonal() - B @ z)
+    models = "A grid of cells that drift in one of two winds, in each the one that serves it, with a known answer."
+    return Scene(problem=problem, models=models, z_exact=z, points=square_points(0.0, 1.0, m))
 
 
 @register

@@ -1,5 +1,6 @@
 """The tables behind docs/benchmarks.md: their shape, and what does not depend on the machine."""
 
+import inspect
 import warnings
 
 import numpy as np
@@ -13,12 +14,12 @@ from icpmodel.benchmarks import (
     dominant_cost,
     grid_order,
     impulse_cost,
+    member_runs,
     program_cost,
     reading_cost,
     small_cost,
     solve_cost,
     sweep_cost,
-    sweep_counts,
     tuned_and_automatic,
 )
 from icpmodel.numerics.multigrid import linear_solve
@@ -33,11 +34,59 @@ def test_sweep_cost_compares_in_pairs():
     assert sweep > 0
 
 
-def test_sweep_counts_show_a_failed_run_as_such():
-    row = sweep_counts(sides=(10,), methods=("mnmgs",)).rows[0]
-    solution = icp.scenes.bai_symmetric(n=100, mu=0)
-    expected = solution.problem.solve("mnmgs", z0=solution.z0, atol=1e-5, rtol=0).iterations
-    assert row == ("bai-symmetric", 0, "mnmgs", expected)
+def test_members_are_counted_from_the_start_of_the_literature_to_its_residual():
+    """IT and RES are those of a solve from z0 = (1, 0, 1, 0, ...), and for MMS the counts of an independent
+    implementation."""
+    table = member_runs(["bai-symmetric,mu=0"], [10, 20], methods=["mms", "mnmsor,theta1=1.1"], phis=[0, 0.5])
+    assert table.heads == ("problem", "method", "", "m = 10", "m = 20")
+    found = {(row[1], row[2]): row[3:] for row in table.rows}
+    assert found["MMS", "IT"] == (142, 493)
+    assert [row[1] for row in table.rows[::3]] == ["MMS", "MNMSOR(theta1=1.1)", "MNMSOR(theta1=1.1, phi=0.5)"]
+    bai = icp.scenes.bai_symmetric(n=400, mu=0)
+    expected = bai.problem.solve("mnmsor", theta1=1.1, phi=0.5, z0=bai.z0, atol=1e-5, rtol=0)
+    assert found["MNMSOR(theta1=1.1, phi=0.5)", "IT"][1] == expected.iterations
+    assert found["MNMSOR(theta1=1.1, phi=0.5)", "RES"][1] == expected.residual <= 1e-5
+    assert all(cell > 0 for cell in found["MMS", "CPU"])
+
+
+def test_a_member_that_does_not_converge_has_dashes_and_one_named_with_phi_keeps_it():
+    table = member_runs(
+        ["manufactured-affine,mu=0"], [10], methods=["mnmj,phi=-0.5", icp.Tridiagonal(), "mnmgs"], phis=[1], atol=1e-6
+    )
+    assert [row[1:] for row in table.rows[:6]] == [
+        *(("MNMJ(phi=-0.5)", of, None) for of in ("IT", "CPU", "RES")),
+        *(("Tridiagonal()", of, None) for of in ("IT", "CPU", "RES")),
+    ]
+    assert table.rows[6][1] == "MNMGS(phi=1)"
+    assert table.rows[8][3] <= 1e-6
+
+
+def test_by_default_every_member_that_the_paper_prints_meets_every_kind_of_psi():
+    """On both matrices of the literature: named, not run."""
+    run = inspect.signature(member_runs).parameters["methods"].default
+    assert {text.split(",")[0] for text in run} - {"mms"} == {
+        name for name in icp.methods.names() if icp.methods.named(name).family == "paper"
+    } - {"modulus", "nmms"}
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"scenes": ["hand-lcp"]}, r"hand-lcp has 2 unknowns; a scene that can have m \* m = 9"),
+        ({"methods": ["mnmgz"]}, "method is 'mnmgz'"),
+        ({"methods": ["mnmgs,theta1=2"]}, "mnmgs has no option theta1"),
+        ({"methods": "mnmgs"}, "methods is 'mnmgs'; a list"),
+        ({"methods": []}, "methods is empty"),
+        ({"phis": []}, "phis is empty"),
+        ({"phis": ["much"]}, "phis"),
+        ({"sides": [0]}, "sides is 0"),
+        ({"atol": 0}, "atol is 0"),
+        ({"repeats": 2}, "repeats is 2"),
+    ],
+)
+def test_members_name_the_argument_that_is_wrong(asked, words):
+    with pytest.raises(icp.InputError, match=words):
+        member_runs(**{"scenes": ["bai-symmetric"], "sides": [3], **asked})
 
 
 def test_the_dividend_scene_converges_with_second_order():
@@ -50,11 +99,11 @@ def test_the_dividend_scene_converges_with_second_order():
 
 
 def test_a_table_aligns_and_exports():
-    table = sweep_counts(sides=(10,), methods=("mms",))
+    table = member_runs(["bai-symmetric,mu=0"], [10], methods=["mms", "mnmj"])
     lines = str(table).splitlines()
     assert len(lines) == 1 + 1 + len(table.rows)
     assert len({line.rstrip().rindex("m = 10") + 6 for line in lines[1:2]} | {len(line) for line in lines[2:]}) == 1
-    assert table.to_csv().splitlines()[1] == "bai-symmetric,0,mms,142"
+    assert table.to_csv().splitlines()[1] == '"bai-symmetric,mu=0",MMS,IT,142'
 
 
 def test_the_bounds_are_never_below_the_error_and_sharp_ones_near_it():

@@ -413,7 +413,12 @@ def test_help_explains_every_command(capsys, arguments):
 
 
 def test_benchmark_prints_tables_and_csv(capsys):
-    assert "m = 10" in call(capsys, "benchmark", "counts", "--m", "10")[1]
+    asked = ("benchmark", "members", "bai-symmetric,mu=4", "--m", "10", "--method", "mnmsor,theta1=1.1", "--phi", "1")
+    assert "m = 10" in call(capsys, *asked)[1]
+    out = call(capsys, *asked, "--latex")[1]
+    assert out.startswith("\\begin{table}\n")
+    assert "\nMNMSOR(theta1=1.1, phi=1) & IT & 18 \\\\\n& CPU & " in out
+    assert call(capsys, *asked, "--latex", "--csv")[1].startswith("problem,method,,m = 10\n")
     code, out, _ = call(capsys, "benchmark", "sweep", "--n", "400", "--repeats", "3", "--csv")
     assert code == 0
     assert out.splitlines()[0].startswith("method,n,")
@@ -557,6 +562,7 @@ def test_stability_prints_counts_and_writes_figure_and_data(capsys, tmp_path):
     code, out, err = call(capsys, "stability", "relaxation", "hand-lcp", "--points", "2", "--csv")
     assert code == 0
     assert len(out.splitlines()) == 5
+    assert call(capsys, "stability", "relaxation", "hand-lcp", "--points", "2", "--latex")[1].count(r" \\") == 5
     assert "MNMAOR on" in call(capsys, "stability", "--points", "2", "--n", "9")[1]
     assert call(capsys, "stability", "units", "--set", "mu=1")[0] == 2
     assert call(capsys, "stability", "no-plane")[0] == 2
@@ -590,7 +596,7 @@ def test_a_race_is_printed_and_written(capsys, tmp_path):
 def test_every_measurement_is_a_command(capsys):
     """What the README tells to type is there: each has a help page with a sentence of its own."""
     names = (
-        "bounds certificate choice constants counts derivative dominant honesty impulse limit memory modelling order"
+        "bounds certificate choice constants derivative dominant honesty impulse limit members memory modelling order"
     )
     names += " peers programs small sweep tuning"
     listed = call(capsys, "benchmark", "--help")[1]

@@ -91,6 +91,7 @@ MUST_FAIL = {
                 "hard-three",
                 "manufactured-affine",
                 "manufactured-elementwise",
+                "manufactured-vertical",
                 "membrane",
                 "phase-step",
                 "torsion",
@@ -113,6 +114,7 @@ MUST_FAIL = {
                 "hard-singular",
                 "manufactured-affine",
                 "manufactured-elementwise",
+                "manufactured-vertical",
                 "membrane",
                 "torsion",
             )
@@ -140,7 +142,10 @@ MUST_FAIL = {
     **dict.fromkeys([(m, "hard-three") for m in (*_BY_DIAGONAL, "tridiagonal")], "why_not: the diagonal is negative"),
     ("mnmod", "hard-three"): "A + Omega = 0",
     ("mnmmod", "hard-three"): "X = A + Omega = 1 and Omega = 2: at either obstacle the step overshoots threefold",
-    ("proximal", "manufactured-affine"): "why_not: an obstacle moves with other unknowns, or it is not known how",
+    **dict.fromkeys(
+        [("proximal", "manufactured-affine"), ("proximal", "manufactured-vertical")],
+        "why_not: an obstacle moves with other unknowns, or it is not known how",
+    ),
     ("lemke", "dividend"): "why_not: psi is neither constant nor affine",
     ("mms", "dividend"): "why_not: a row without obstacle",
     ("mms", "hand-free"): "why_not: a row without obstacle",

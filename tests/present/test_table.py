@@ -114,6 +114,39 @@ def test_csv_has_numbers_in_full():
     assert rows[1][2] == ""
 
 
+def test_latex_escapes_texts_and_sets_numbers_as_formulas():
+    """Braces balance, no line begins with what LaTeX would read as an argument of the line before."""
+    special = Table(
+        "50 % of {a_b} & <c>", ("who", "RES"), (("[x]~^\\$#", -1.5e-9), ("*", np.inf), ("y|", -2), ("z", None))
+    )
+    lines = special.to_latex().splitlines()
+    assert lines[2] == r"\caption{50 \% of \{a\_b\} \& \textless{}c\textgreater{}}"
+    assert lines[3] == r"\begin{tabular}{lr}"
+    assert [line for line in lines if line.endswith(r"\\")][1:] == [
+        r"{[}x{]}\textasciitilde{}\textasciicircum{}\textbackslash{}\$\# & $-1.5 \times 10^{-9}$ \\",
+        r"{*} & inf \\",
+        r"y\textbar{} & $-2$ \\",
+        r"z & -- \\",
+    ]
+    assert [line for line in lines if "rule" in line] == [r"\toprule", r"\midrule", r"\bottomrule"]
+
+
+def test_latex_tells_once_what_stands_for_several_rows():
+    """In the form of the literature: a float for each problem, and a method beside its first quantity."""
+    rows = tuple(
+        (problem, method, of, 1) for problem in ("p", "q") for method in ("newton", "psor") for of in ("IT", "RES")
+    )
+    first, second = Table("T", ("problem", "method", "", "m = 10"), rows).to_latex().split("\n\n")
+    assert r"\caption{T: p}" in first
+    assert r"\caption{T: q}" in second
+    body = first.split("\\midrule\n")[1].split("\n\\bottomrule")[0].splitlines()
+    assert body == [r"newton & IT & 1 \\", r"& RES & 1 \\", r"\addlinespace", r"psor & IT & 1 \\", r"& RES & 1 \\"]
+    uneven = Table("T", ("problem", "n"), (("p", 1), ("p", 2), ("q", 1))).to_latex()
+    assert uneven.count(r"\begin{table}") == 1
+    assert "p & 1 \\\\\n& 2 \\\\\n\\addlinespace\nq & 1" in uneven
+
+
 def test_a_table_without_rows_and_a_card_without_text_are_shown():
     assert str(Table("", ("a", "b"), ())).split() == ["a", "b"]
+    assert "\\midrule\n\\bottomrule" in Table("", ("a", "b"), ()).to_latex()
     assert str(Card({"empty": ""})) == "empty"

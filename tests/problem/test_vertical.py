@@ -1,0 +1,109 @@
+"""Vertical LCPs, min(Az + q, Bz + d) = 0: what they are as an ICP, and their solutions against all choices of rows."""
+
+from fractions import Fraction
+from itertools import product
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel import ICP
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def drawn(seed, n):
+    """A and B strictly dominant with positive diagonals, so that every choice of rows has a positive determinant, the
+    rows of B and d in units of their own."""
+    random = np.random.default_rng(seed)
+    A, B = random.uniform(-1.0, 1.0, (2, n, n))
+    for M in (A, B):
+        np.fill_diagonal(M, np.abs(M).sum(axis=1) * random.uniform(1.1, 3.0, n))
+    q, d = random.uniform(-1.0, 1.0, (2, n))
+    unit = 10.0 ** random.uniform(-4.0, 4.0, n)
+    return A, q, unit[:, None] * B, unit * d
+
+
+def by_all_choices(A, q, B, d):
+    """The z of the choice of rows that is best: the brute force of 2^n linear solves."""
+    found = []
+    for choice in product((False, True), repeat=q.size):
+        z = np.linalg.solve(np.where(np.array(choice)[:, None], A, B), -np.where(choice, q, d))
+        found.append((np.abs(np.minimum(A @ z + q, (B @ z + d) / B.diagonal())).max(), z))
+    return min(found, key=lambda one: one[0])[1]
+
+
+@given(seed=SEEDS, n=st.integers(1, 4))
+@settings(max_examples=25, deadline=None)
+def test_the_solution_is_that_of_the_right_choice_of_rows(seed, n):
+    A, q, B, d = drawn(seed, n)
+    solution = ICP.vertical(A, q, B, d).solve(rtol=1e-12)
+    np.testing.assert_allclose(solution.z, by_all_choices(A, q, B, d), atol=1e-10)
+    assert solution.certificate.unique
+
+
+@given(seed=SEEDS, n=st.integers(2, 6), method=st.sampled_from(["mnmgs", "mnmj", "mnmod", "psor"]))
+@settings(max_examples=25, deadline=None)
+def test_the_members_solve_it_in_whatever_units_the_rows_of_b_are(seed, n, method):
+    A, q, B, d = drawn(seed, n)
+    problem = ICP.vertical(A, q, B, d)
+    assert problem.solve(method, max_iter=5000).solved
+    unit = 2.0 ** np.arange(-3 * n, 3 * n, 6)
+    again = ICP.vertical(A, q, sp.csr_array(unit[:, None] * B), unit * d)
+    assert (problem.psi.G != again.psi.G).nnz == 0
+    assert (problem.psi.c == again.psi.c).all()
+
+
+@given(seed=SEEDS)
+@settings(max_examples=25, deadline=None)
+def test_z_minus_psi_is_the_row_divided_by_its_diagonal_each_number_rounded_once(seed):
+    """Exactly so where the diagonal is a power of two; with the diagonal of G a true zero."""
+    random = np.random.default_rng(seed)
+    B, d = random.uniform(-1.0, 1.0, (3, 3)), random.uniform(-1.0, 1.0, 3)
+    np.fill_diagonal(B, 2.0 ** random.integers(-9, 9, 3))
+    psi = ICP.vertical(np.eye(3), d, B, d).psi
+    z = [Fraction(value) for value in random.uniform(-1.0, 1.0, 3)]
+    for i, row in enumerate(psi.G.toarray()):
+        r = z[i] - sum(Fraction(g) * one for g, one in zip(row, z, strict=True)) - Fraction(psi.c[i])
+        expected = sum(Fraction(b) * one for b, one in zip(B[i], z, strict=True)) + Fraction(d[i])
+        assert r * Fraction(B[i, i]) == expected
+    assert psi.G.diagonal().tolist() == [0.0] * 3
+
+
+def test_rows_whose_diagonal_divides_nothing_are_divided_by_their_largest_entry():
+    """One is negative, one is zero, one is too small; and the row without a second side is an equation."""
+    B = [[-2.0, 4.0, 0, 0], [1, 0, 0, 0.5], [0, 1, 1e-310, 0], [0, 0, 0, 1]]
+    problem = ICP.vertical(np.eye(4), np.ones(4), B, [8.0, 0, 1, np.inf])
+    z = np.array([1.0, 2, 3, 4])
+    assert problem.r(z).tolist() == [(8.0 - 2 + 8) / 8, 3.0, 3.0, np.inf]
+
+
+def test_a_problem_with_one_matrix_twice_is_an_lcp_of_sides():
+    problem = ICP.vertical([[2.0, -1.0], [-1.0, 2.0]], [-1, 3], np.eye(2), 0.0 * np.ones(2))
+    np.testing.assert_array_equal(problem.solve().z, icp.scenes.hand_lcp().z_exact)
+
+
+@pytest.mark.parametrize(
+    ("B", "d", "words"),
+    [
+        ([[1.0]], [0, 0], r"^B has shape \(1, 1\); shape \(2, 2\) was expected"),
+        ([[1, np.nan], [0, 1]], [0, 0], r"^B\[0, 1\] is nan"),
+        (np.eye(2), [0, 0, 0], r"^d has shape \(3,\); shape \(2,\) was expected"),
+        (np.eye(2), 0.0, r"^d has shape \(\)"),
+        (np.eye(2), [0, -np.inf], r"^d\[1\] is -inf; a finite number"),
+        (np.eye(2), [np.nan, 0], r"^d\[0\] is nan"),
+    ],
+)
+def test_what_is_wrong_is_named(B, d, words):
+    with pytest.raises(icp.InputError, match=words):
+        ICP.vertical(np.eye(2), [1.0, 1.0], B, d)
+
+
+def test_labels_must_agree():
+    pandas = pytest.importorskip("pandas")
+    A = pandas.DataFrame(np.eye(2), index=["a", "b"], columns=["a", "b"])
+    with pytest.raises(icp.InputError, match="other labels"):
+        ICP.vertical(A, [1.0, 1.0], A, pandas.Series([1.0, 1.0], index=["b", "a"]))
