@@ -19,6 +19,7 @@ import numpy as np
 from ...derivatives.derivative import Derivative
 from ...errors import IcpError, MapError, SingularOperator
 from ...numerics.arrays import Vector
+from ...numerics.threads import one_blas_thread
 from ...problem.affine import Constant
 from ...problem.data import ProblemData
 from ...solve.driver import solve
@@ -250,7 +251,7 @@ class Callbacks:
         lead = np.broadcast_shapes(rows.lead, directions.lead)
         of_rows, of_directions = rows.numbers(lead), directions.numbers(lead)
         found = np.full((of_rows.size, size), np.nan)
-        with self.last.lock:
+        with self.last.lock, one_blas_thread():  # told once, not by every row
             for k in np.argsort(of_rows, kind="stable"):  # one derivative after the other
                 derivative, (vector,) = self.derivative(rows.at(of_rows[k])), directions.at(of_directions[k])[""]
                 if derivative is None or not np.isfinite(vector).all():
