@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,8 +32,57 @@ def the_package() -> Any:
     return jax
 
 
+@dataclass(frozen=True, eq=False)
+class Argument:
+    """How one argument is written, as one or two arrays, and what stands for a change of them.
+
+    `shapes`: which each of the arrays may have; none where it is a vector of any length. `make`: what `ICP` takes, of
+    the arrays; the array itself where it is None. `matrix`: the pattern of the first array, where this holds entries.
+    `in_data`: whether a change is handed on as one of the data of a map, gains or parameters; else it is made one of
+    values before.
+    """
+
+    name: str
+    shapes: tuple[Sequence[Shape], ...]
+    make: Callable[..., Any] | None = None
+    matrix: sp.csr_array | None = None
+    in_data: bool = False
+
+    def read(self, value: Any) -> tuple[Any, ...]:
+        """The arrays, float64, checked. Raises InputError."""
+        if len(self.shapes) == 1:
+            return (_real(value, self.name, self.shapes[0]),)
+        return tuple(_real(one, f"{self.name}[{k}]", self.shapes[k]) for k, one in enumerate(value))
+
+    def made(self, *arrays: Any) -> Any:
+        """What `ICP` takes."""
+        return self.make(*arrays) if self.make else arrays[0]
+
+    def change(self, z: Any, *tangents: Any) -> Any:
+        """What a change of the arrays amounts to at the answer z, a vector."""
+        if self.matrix is None or self.in_data:
+            return tangents[0]
+        import jax
+
+        entries, *constant = tangents
+        if entries.ndim == 2:
+            return sum(constant, entries @ z)
+        rows, products = row_of(self.matrix), entries * z[self.matrix.indices]
+        return sum(constant, jax.ops.segment_sum(products, rows, z.size, indices_are_sorted=True))
+
+    def direction(self, change: Any) -> Any:
+        """That as `Derivative.forward` takes it."""
+        return _on(self.matrix, change) if self.in_data and self.matrix is not None else change
+
+    def gradient(self, in_data: Callable[[], Any], in_values: Any) -> Any:
+        """Its transpose, of the two gradients that `Derivative.adjoint` knows."""
+        if not self.in_data:
+            return in_values
+        return in_data() if self.matrix is None else in_data().data
+
+
 def _real(value: Any, name: str, shapes: Sequence[Shape]) -> Any:
-    """`value` as a float64 array of JAX, of one of the `shapes`. Raises InputError."""
+    """`value` as a float64 array of JAX, of one of the `shapes`, a number as the first of them. Raises InputError."""
     import jax.numpy as jnp
 
     try:
@@ -41,125 +92,24 @@ def _real(value: Any, name: str, shapes: Sequence[Shape]) -> Any:
         raise InputError(f"{name} is {described(value)}; {wanted} was expected") from error
     if not (jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)):
         raise InputError(f"{name} has dtype {array.dtype}; real numbers were expected")
-    if array.shape not in shapes:
-        raise InputError(f"{name} has shape {array.shape}; shape {' or '.join(map(str, shapes))} was expected")
-    return array.astype(np.float64)
+    if array.shape not in shapes if shapes else array.ndim != 1:
+        wanted = f"shape {' or '.join(map(str, shapes))}" if shapes else "a vector of parameters"
+        raise InputError(f"{name} has shape {array.shape}; {wanted} was expected")
+    return (array if array.ndim else jnp.broadcast_to(array, shapes[0])).astype(np.float64)
 
 
-class Argument:
-    """How one argument is written, as one or two arrays, and what stands for a change of them.
-
-    Here it is a vector, q or z0, or an obstacle by the c that `make` turns into a map.
-    """
-
-    def __init__(self, name: str, n: int, make: Callable[..., Any] | None = None) -> None:
-        self.name, self.n, self.make = name, n, make
-
-    def read(self, value: Any) -> tuple[Any, ...]:
-        """The arrays, float64, checked."""
-        import jax.numpy as jnp
-
-        shapes: list[Shape] = [(self.n,)] if self.make is None else [(self.n,), ()]
-        return (jnp.broadcast_to(_real(value, self.name, shapes), (self.n,)),)
-
-    def made(self, *arrays: Any) -> Any:
-        """What `ICP` takes."""
-        return self.make(*arrays) if self.make else arrays[0]
-
-    def change(self, z: Any, *tangents: Any) -> Any:
-        """What a change of the arrays amounts to at the answer z, a vector: here the change of values."""
-        return tangents[0]
-
-    def direction(self, change: Any) -> Any:
-        """That as `Derivative.forward` takes it."""
-        return change
-
-    def gradient(self, in_data: Callable[[], Any], in_values: Any) -> Any:
-        """Its transpose, of the two gradients that `Derivative.adjoint` knows."""
-        return in_values
+def _on(pattern: sp.csr_array, data: Any) -> Any:
+    """The matrix with other `data` on a pattern; a dense one as it is."""
+    return data if data.ndim == 2 else sp.csr_array((data, pattern.indices, pattern.indptr), shape=pattern.shape)
 
 
-class Entries(Argument):
-    """A square matrix by its data on the pattern of `matrix`, or as a dense array."""
-
-    def __init__(self, name: str, matrix: sp.csr_array) -> None:
-        super().__init__(name, matrix.shape[0])
-        self.matrix = matrix
-
-    def read(self, value: Any) -> tuple[Any, ...]:
-        return (_real(value, self.name, [self.matrix.data.shape, self.matrix.shape]),)
-
-    def made(self, *arrays: Any) -> Any:
-        return arrays[0] if arrays[0].ndim == 2 else _on(self.matrix, arrays[0])
-
-    def change(self, z: Any, *tangents: Any) -> Any:
-        import jax
-
-        (data,) = tangents
-        if data.ndim == 2:
-            return data @ z
-        products = data * z[self.matrix.indices]
-        return jax.ops.segment_sum(products, row_of(self.matrix), self.n, indices_are_sorted=True)
-
-
-class Moving(Argument):
-    """Gz + c by both."""
-
-    def __init__(self, name: str, psi: Affine) -> None:
-        super().__init__(f"{name}[1]", psi.G.shape[0], Affine)
-        self.G = Entries(f"{name}[0]", psi.G)
-
-    def read(self, value: Any) -> tuple[Any, ...]:
-        return *self.G.read(value[0]), *super().read(value[1])
-
-    def made(self, *arrays: Any) -> Any:
-        return Affine(self.G.made(arrays[0]), arrays[1])
-
-    def change(self, z: Any, *tangents: Any) -> Any:
-        return self.G.change(z, tangents[0]) + tangents[1]
-
-
-class Gains(Argument):
-    """The gains of an `Intervention` that has the pattern of `jumps`."""
-
-    def __init__(self, name: str, jumps: sp.csr_array, best: str) -> None:
-        super().__init__(name, jumps.shape[0], lambda gains: Intervention(_on(jumps, gains), best))
-        self.jumps = jumps
-
-    def read(self, value: Any) -> tuple[Any, ...]:
-        return (_real(value, self.name, [self.jumps.data.shape]),)
-
-    def direction(self, change: Any) -> Any:
-        return _on(self.jumps, change)
-
-    def gradient(self, in_data: Callable[[], Any], in_values: Any) -> Any:
-        return in_data().data
-
-
-class Parameters(Argument):
-    """A user's parameters, of which `make` makes the map."""
-
-    def read(self, value: Any) -> tuple[Any, ...]:
-        shape = np.shape(value)
-        if len(shape) != 1:
-            raise InputError(f"{self.name} has shape {shape}; a vector of parameters was expected")
-        return (_real(value, self.name, [shape]),)
-
-    def made(self, *arrays: Any) -> Any:
-        assert self.make is not None
-        made = self.make(arrays[0].copy())
-        if not isinstance(made, Function | Elementwise) or made.parameter_derivative is None:
-            wanted = "a Function or an Elementwise with its parameter_derivative was expected"
-            raise InputError(f"{self.name}, the function that makes a map of parameters, returned {made!r}; {wanted}")
-        return made
-
-    def gradient(self, in_data: Callable[[], Any], in_values: Any) -> Any:
-        return in_data()
-
-
-def _on(pattern: sp.csr_array, data: Any) -> sp.csr_array:
-    """The matrix with other `data` on a pattern."""
-    return sp.csr_array((data, pattern.indices, pattern.indptr), shape=pattern.shape)
+def _of_parameters(name: str, make: Callable[[Any], Any], theta: Any) -> Map:
+    """The map that the user makes of parameters. Raises InputError where it has no derivative in them."""
+    made = make(theta.copy())
+    if not isinstance(made, Function | Elementwise) or made.parameter_derivative is None:
+        wanted = "a Function or an Elementwise with its parameter_derivative was expected"
+        raise InputError(f"{name}, the function that makes a map of parameters, returned {made!r}; {wanted}")
+    return made
 
 
 def obstacles(problem: ProblemData) -> dict[str, Map | None]:
@@ -169,24 +119,28 @@ def obstacles(problem: ProblemData) -> dict[str, Map | None]:
 
 def argument(name: str, value: Any, problem: ProblemData, make: Callable[[Any], Any] | None) -> Argument:
     """How the argument `name` is written. Raises InputError."""
-    n, psi = problem.n, obstacles(problem).get(name)
+    A, psi = problem.A, obstacles(problem).get(name)
+    vector, number_too = [(problem.n,)], [(problem.n,), ()]
     if name == "A":
-        return Entries(name, problem.A)
+        return Argument(name, ([A.data.shape, A.shape],), partial(_on, A), A)
     if name in ("q", "z0"):
-        return Argument(name, n)
+        return Argument(name, (vector,))
     if make is not None:
-        return Parameters(name, n, make)
+        return Argument(name, ([],), partial(_of_parameters, name, make), in_data=True)
     if psi is None:
         raise InputError(f"{name} is given, but the problem has nothing above z: make it with an upper, inf for none")
+    if isinstance(psi, Affine) and isinstance(value, tuple) and len(value) == 2:
+        G = psi.G
+        return Argument(name, ([G.data.shape, G.shape], number_too), lambda data, c: Affine(_on(G, data), c), G)
     if isinstance(psi, Affine):
-        pair = isinstance(value, tuple) and len(value) == 2
-        return Moving(name, psi) if pair else Argument(name, n, lambda c: Affine(psi.G, c))
+        return Argument(name, (number_too,), lambda c: Affine(psi.G, c))
     if isinstance(psi, Constant):
-        return Argument(name, n, Constant)
+        return Argument(name, (number_too,), Constant)
     if isinstance(psi, Elementwise) and psi.parameter_derivative is None:
-        return Argument(name, n, lambda c: Elementwise(psi.f, psi.derivative, psi.given_lipschitz, c))
+        return Argument(name, (number_too,), lambda c: Elementwise(psi.f, psi.derivative, psi.given_lipschitz, c))
     if isinstance(psi, Intervention) and psi.jumps is not None:
-        return Gains(name, psi.jumps, psi.best)
+        jumps, best = psi.jumps, psi.best
+        return Argument(name, ([jumps.data.shape],), lambda gains: Intervention(_on(jumps, gains), best), jumps, True)
     raise InputError(
         f"{name} of the problem is {psi!r}, which is not made of one array: give solution_of a function {name}= that "
         "makes the map of parameters"

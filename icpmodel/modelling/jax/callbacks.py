@@ -8,7 +8,8 @@ import secrets
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache, partial
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 from math import prod
 from threading import RLock
 from typing import Any, TypeAlias
@@ -18,6 +19,7 @@ import numpy as np
 from ...derivatives.derivative import Derivative
 from ...errors import IcpError, MapError, SingularOperator
 from ...numerics.arrays import Vector
+from ...numerics.threads import one_blas_thread
 from ...problem.affine import Constant
 from ...problem.data import ProblemData
 from ...solve.driver import solve
@@ -135,23 +137,22 @@ class Mapped:
         return np.broadcast_to(np.arange(self.count).reshape(self.lead), lead).reshape(-1)
 
 
+@dataclass(frozen=True, eq=False)
 class Callbacks:
     """The three callbacks of a problem for arguments of these `forms`: `solved`, `forward` and `adjoint`."""
 
-    def __init__(
-        self,
-        problem: ProblemData,
-        forms: dict[str, Argument],
-        shapes: Shapes,
-        options: dict[str, Any],
-        loud: bool,
-        last: LastAnswers,
-    ) -> None:
-        self.problem, self.forms, self.shapes, self.n = problem, forms, shapes, problem.n
-        self.options, self.loud, self.last = options, loud, last
-        #: how long what crosses over of a change is, a change of A being one of q
-        self.sizes = {"q": self.n} if "A" in forms or "q" in forms else {}
-        self.sizes |= {name: shapes[name][-1][0] for name in ("psi", "upper") if name in forms}
+    problem: ProblemData
+    forms: dict[str, Argument]
+    shapes: Shapes
+    options: dict[str, Any]
+    loud: bool
+    last: LastAnswers
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """How long what crosses over of a change is, a change of A being one of q."""
+        sizes = {"q": self.problem.n} if "A" in self.forms or "q" in self.forms else {}
+        return sizes | {name: self.shapes[name][-1][0] for name in ("psi", "upper") if name in self.forms}
 
     def solved(self, arrays: Arrays) -> tuple[Any, Any]:
         """z of all rows, and their numbers."""
@@ -164,9 +165,9 @@ class Callbacks:
             Z, failed = answers.Z, np.array([status not in _ANSWERS for status in answers.statuses])
             Z = np.where(failed[:, None], np.nan, Z) if failed.any() else Z
         else:
-            nothing = np.full(self.n, np.nan)
+            nothing = np.full(self.problem.n, np.nan)
             Z = np.array([nothing if one is None or one.status not in _ANSWERS else one.z for one in answers])
-        return Z.reshape(*rows.lead, self.n), (first + np.arange(rows.count)).reshape(rows.lead)
+        return Z.reshape(*rows.lead, self.problem.n), (first + np.arange(rows.count)).reshape(rows.lead)
 
     def answers(self, rows: Mapped) -> Answers:
         """The solutions of all rows, None where not even a problem can be made and nothing is to be raised."""
@@ -186,11 +187,11 @@ class Callbacks:
             arrays = rows.arrays[name]
             if not rows.differ(name):
                 made[name] = form.made(*(one[0] for one in arrays))
-            elif type(form) is Argument and form.make in (None, Constant):
+            elif form.make in (None, Constant):
                 made[name] = arrays[0]
             else:
                 made[name] = [form.made(*rows.at(row)[name]) for row in range(rows.count)]
-        Q = np.broadcast_to(made.get("q", problem.q), (rows.count, self.n))
+        Q = np.broadcast_to(made.get("q", problem.q), (rows.count, self.problem.n))
         A, start = made.get("A", problem.A), made.get("z0")
         psi, upper = (made.get(name, sides[name]) for name in ("psi", "upper"))
         return {"A": A, "Q": Q, "psi": psi, "upper": upper, "Z0": start}
@@ -225,7 +226,7 @@ class Callbacks:
             own = {name: self.forms[name].direction(one) if name in self.forms else one for name, one in parts.items()}
             return derivative.forward(**{f"d{name}": one for name, one in own.items()})
 
-        return self.each(residuals, changes, act, self.n)
+        return self.each(residuals, changes, act, self.problem.n)
 
     def adjoint(self, residuals: Arrays, zbar: Any) -> Any:
         """The gradients in what `forward` takes, of all rows and weights."""
@@ -245,12 +246,12 @@ class Callbacks:
 
     def each(self, residuals: Arrays, vectors: Any, act: Callable[[Derivative, Vector], Vector], size: int) -> Any:
         """What `act` makes of every derivative and the vectors that come with it, of this `size`; else NaN."""
-        rows = Mapped(residuals, self.shapes | {"z": ((self.n,),), "number": ((),)})
+        rows = Mapped(residuals, self.shapes | {"z": ((self.problem.n,),), "number": ((),)})
         directions = Mapped({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
         lead = np.broadcast_shapes(rows.lead, directions.lead)
         of_rows, of_directions = rows.numbers(lead), directions.numbers(lead)
         found = np.full((of_rows.size, size), np.nan)
-        with self.last.lock:
+        with self.last.lock, one_blas_thread():  # told once, not by every row
             for k in np.argsort(of_rows, kind="stable"):  # one derivative after the other
                 derivative, (vector,) = self.derivative(rows.at(of_rows[k])), directions.at(of_directions[k])[""]
                 if derivative is None or not np.isfinite(vector).all():

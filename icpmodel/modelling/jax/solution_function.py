@@ -19,7 +19,7 @@ from ...present.shown import Shown
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.map import Map
 from ...solve.goal import RTOL, Limits
-from .argument_forms import Parameters, argument, obstacles, the_package
+from .argument_forms import argument, obstacles, the_package
 from .callbacks import Arrays, Callbacks, LastAnswers, apart, own_threads
 
 Make: TypeAlias = Callable[[Any], Any]
@@ -118,7 +118,7 @@ class SolutionFunction(Shown):
         forms = {name: argument(name, value, self.problem, self.makers.get(name)) for name, value in given.items()}
         arrays = {name: form.read(given[name]) for name, form in forms.items()}
         shapes = {name: tuple(one.shape for one in several) for name, several in arrays.items()}
-        key = tuple((name, type(form), shapes[name]) for name, form in forms.items())
+        key = tuple(shapes.items())
         if key not in self._traced:
             calls = Callbacks(self.problem, forms, shapes, self.options, self.raise_on_failure, self._last)
             self._traced[key] = Traced(calls)
@@ -133,7 +133,7 @@ class Traced:
 
     def __init__(self, calls: Callbacks) -> None:
         jax = the_package()
-        self.calls, self.n = calls, calls.n
+        self.calls, self.n = calls, calls.problem.n
         self.of_vector = jax.ShapeDtypeStruct((self.n,), np.float64)
         # JAX compiles once for what is the same object
         self.solved, self.forward, self.adjoint = (
@@ -155,7 +155,8 @@ class Traced:
         jax = the_package()
         (arrays,), (moved,) = primals, tangents
         for name, psi in obstacles(self.calls.problem).items():
-            if psi is None or isinstance(self.calls.forms.get(name), Parameters):
+            form = self.calls.forms.get(name)
+            if psi is None or (form and form.in_data):
                 continue
             if missing := psi.no_derivative():  # else the user would hear of it from compiled code
                 raise NotApplicable(missing if name == "psi" else missing.replace("psi", name, 1))
