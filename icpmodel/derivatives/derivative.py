@@ -226,14 +226,18 @@ class Derivative(ReadOnly, Shown):
 
     @cached_property
     def _delta(self) -> Vector:
-        """How far z* is at most from z, where that is proved, else twice how far a Newton step leads."""
+        """How far z* is at most from z, where that is proved, else twice how far a Newton step leads, or, where there
+        is none, the residuals in the units of z."""
         known = self.solution.certificate.bound.componentwise
         if known is not None:
             return known
         problem, z = self.problem, self.z
         for_p, for_r = problem.rounding(z)
         F = np.where(self.pattern.active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
-        return 2.0 * np.abs(self._solved(F))
+        try:
+            return 2.0 * np.abs(self._solved(F))
+        except SingularOperator:
+            return 2.0 * np.where(self.pattern.active, F, F / problem.matrix.weights)
 
     @cached_property
     def _ties(self) -> Ties:

@@ -389,3 +389,12 @@ def test_units_of_z_and_p_do_not_decide_one_sided_derivatives(seed, of_z, of_p):
         return np.array(tuple(derivative.one_sided(dq=dq * v, dpsi=dc * u))) / u
 
     np.testing.assert_allclose(ends(of_z, of_p), ends(1.0, 1.0), atol=1e-8)
+
+
+@pytest.mark.parametrize("A", [np.zeros((2, 2)), np.ones((2, 2)), np.array([[1.0, -1.0], [-1.0, 1.0]])])
+def test_one_sided_derivatives_need_no_regular_equations(A):
+    derivative = icp.ICP(A, [0.0, 0.0]).solve().derivative()
+    with pytest.raises(icp.SingularOperator, match="one_sided may have an answer"):
+        derivative.forward(dq=[1.0, 1.0])
+    for end, sign in zip(derivative.one_sided(dpsi=1.0), (1.0, -1.0), strict=True):
+        np.testing.assert_allclose(np.minimum(sign * end - sign, sign * (A @ end)), 0.0, atol=1e-9)
