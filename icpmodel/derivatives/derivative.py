@@ -248,13 +248,11 @@ class Derivative(ReadOnly, Shown):
         return 2.0 * np.linalg.norm([self._step(one * F) for one in weights], axis=0)
 
     def _step(self, F: Vector) -> Vector:
-        """J⁻¹F, and where J is singular the shortest x with the least |Jx − F|."""
-        from scipy.sparse.linalg import lsmr
-
+        """J⁻¹F, and where J is singular F in the units of z."""
         try:
             return self._solved(F)
         except SingularOperator:
-            return np.asarray(lsmr(self._matrix(), F)[0])
+            return np.where(self.pattern.active, F, F / self.problem.matrix.weights)
 
     @cached_property
     def _ties(self) -> Ties:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..algebra.equations import Pattern
 from ..numerics.arrays import Vector
+from ..numerics.equilibration import in_units
 from ..problem.affine import Affine, Constant
 from ..problem.between import Rowwise
 from ..problem.data import ProblemData
@@ -36,7 +37,7 @@ class Ties(NamedTuple):
 
 
 def tangent_problem(z: Vector, pattern: Pattern, ties: Ties, direction: Direction) -> ProblemData:
-    """The problem that dz solves."""
+    """The problem that dz solves, p in the units of z: Res, by which it is solved, adds p and r up."""
     sides = direction.sides()
     maps: list[Map] = [_tangent(name, psi, change, z, ties.delta) for name, psi, change in sides]
     tied = ties.below | ties.above
@@ -51,8 +52,12 @@ def tangent_problem(z: Vector, pattern: Pattern, ties: Ties, direction: Directio
             which[rows] = k + 1
         obstacles.append(Rowwise((Constant(none).bind(z.size), *maps), which) if which.any() else None)
     below, above = obstacles
-    problem = direction.problem.with_q(direction.of_p(z))
-    return problem.with_sides(-np.inf if below is None else below, above)
+    matrix = direction.problem.matrix
+    # one unit for all rows, so that A stays as symmetric as it is, and a power of two, so that nothing is rounded
+    exponents = np.full(z.size, -np.frexp(np.median(matrix.weights))[1])
+    with np.errstate(over="ignore"):
+        A, q = in_units(matrix.sparse, exponents), np.ldexp(direction.of_p(z), exponents)
+    return ProblemData(A, q).with_sides(-np.inf if below is None else below, above)
 
 
 def _tangent(name: str, psi: Map, change: object, z: Vector, delta: Vector) -> Map:
