@@ -18,12 +18,10 @@ from ..solve.progress import status_line
 from ..solvers.foreign import Claim, chosen_solvers
 from ..study.cases import VARIANTS, Case, as_scenes, as_sizes, cases
 from ..study.competitors import Competitor, Foreign, Own, limits, own_methods
-from ..study.timing import as_repeats, interleaved, machine
+from ..study.timing import BRIEFLY, MORE, as_repeats, interleaved, machine
 
 #: one that takes this many times the time of solve(), and more than that many seconds, is timed once
 _FAR, _SHORT = 3.0, 0.25
-#: short runs are timed in up to so many times as many rounds, while all of them take less than so many seconds
-_MORE, _ALL = 7, 2.0
 #: a run of fewer seconds is timed with warm caches
 _BRIEF = 0.01
 #: own methods are given so many times the time of the quickest so far, and so many seconds at least
@@ -163,7 +161,7 @@ class Measurement:
         brief = {k: found[k].seconds[0] < _BRIEF for k in calls}
         runs: dict[int, list[Claim]] = {k: [] for k in calls}
         told = lambda done: say(f"{where}: round {done}")  # noqa: E731
-        for k, run in interleaved(calls, self.repeats, most=_MORE * self.repeats, within=_ALL, brief=brief, say=told):
+        for k, run in interleaved(calls, self.repeats, most=MORE * self.repeats, within=BRIEFLY, brief=brief, say=told):
             runs[k].append(run)
         for k, taken in runs.items():
             setups = [run.setup for run in taken if run.setup is not None]

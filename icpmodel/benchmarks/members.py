@@ -19,7 +19,7 @@ from ..scenes import Scene
 from ..solve.progress import status_line
 from ..solve.solution import Solution
 from ..study.cases import as_scenes, built, fresh, unbroken
-from ..study.timing import as_repeats, clocked, machine, timed
+from ..study.timing import BRIEFLY, MORE, as_repeats, clocked, machine, timed
 
 #: Bai's two matrices without ψ, with an affine and with an elementwise one, hard and easy
 _PROBLEMS = tuple(
@@ -58,7 +58,7 @@ def member_runs(
     Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, on a square grid, by default Bai's two matrices, μ = 0 and 4,
     with ψ = 0, affine and elementwise; `sides` m of the grids, n = m²; `methods` as NAME or NAME,OPTION=NUMBER, also
     `Method` objects; `phis` numbers f: a member named without phi is run with φ = fI for each; `atol` where to stop,
-    > 0; `repeats` rounds of timings, ≥ 3; `progress` shows a line on what is going on.
+    > 0; `repeats` rounds of timings, ≥ 3, and more of short runs; `progress` shows a line on what is going on.
     Returns a `Table`, three rows for each method. Raises InputError, and Interrupted, whose `report` has the problems
     so far.
     Reference: Bai, Numer. Linear Algebra Appl. 17 (2010), for the problems with ψ = 0, the start and `atol`.
@@ -135,7 +135,7 @@ def _column(one: Scene, methods: Sequence[Method], atol: float, repeats: int) ->
         run = partial(_run, method=method, atol=atol)
         if method.why_not(one.problem) is None and (solution := run(fresh(one.problem))).solved:
             calls[k], counts[k] = clocked(run, partial(fresh, one.problem)), solution
-    taken = timed(calls, repeats, warm=False)
+    taken = timed(calls, repeats, warm=False, most=MORE * repeats, within=BRIEFLY)
     cells = {k: (found.iterations, taken.median(k), found.residual) for k, found in counts.items()}
     return [cells.get(k, (None, None, None)) for k in range(len(methods))]
 

@@ -1,4 +1,4 @@
-"""Tables and cards: one description, shown as text, HTML or CSV; this room knows nothing of what it shows."""
+"""Tables and cards: one description, shown as text, HTML, CSV or LaTeX; this room knows nothing of what it shows."""
 
 from .card import Card
 from .rendering import render

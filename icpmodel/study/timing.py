@@ -14,6 +14,9 @@ import numpy as np
 
 from ..numerics.arrays import Vector, as_number
 
+#: short runs are timed in up to so many times as many rounds, while all of them take less than so many seconds
+MORE, BRIEFLY = 7, 2.0
+
 Name = TypeVar("Name", bound=Hashable)
 Run = TypeVar("Run")
 
@@ -85,12 +88,15 @@ class Timings(Generic[Name]):
         return spread(self.seconds[name] / self.seconds[to] / per)
 
 
-def timed(calls: Mapping[Name, Callable[[], float]], rounds: int, *, warm: bool = True) -> Timings[Name]:
-    """The `calls`, which tell seconds, in turn; if `warm` after a first run, which compiles and takes fresh memory."""
+def timed(
+    calls: Mapping[Name, Callable[[], float]], rounds: int, *, warm: bool = True, most: int = 0, within: float = 0.0
+) -> Timings[Name]:
+    """The `calls`, which tell seconds, in turn; if `warm` after a first run, which compiles and takes fresh memory;
+    `most` and `within` as in `interleaved`."""
     if warm:
         for call in calls.values():
             call()
-    runs = list(interleaved(calls, rounds))
+    runs = list(interleaved(calls, rounds, most=most, within=within))
     return Timings({name: np.array([seconds for one, seconds in runs if one == name]) for name in calls})
 
 

@@ -21,6 +21,7 @@ version: str = icp.__version__
 # a problem, its maps, its verbs
 problem = icp.ICP(A, [1.0, -2.0], psi=icp.Affine(0.1 * np.eye(2), -1.0), upper=icp.Constant(3.0))
 assert_type(problem.with_q([1.0, 2.0]).with_psi(icp.Elementwise(np.tanh, lipschitz=1.0)), icp.ICP)
+assert_type(icp.ICP.vertical(A, [1.0, -2.0], np.eye(2), z0), icp.ICP)
 assert_type(problem.with_upper(icp.Function(np.sin)).n, int)
 moving: icp.Map = icp.Intervention([[(1, 0.5)], [(0, 0.5)]])
 solution = problem.solve(
@@ -90,6 +91,8 @@ assert_type(problem.stability("shift", points=5), icp.study.StabilityMap)
 assert_type(icp.report(solution, title="mine"), str)
 assert_type(problem.report(title="mine"), str)
 assert_type(race.table(), Table)
+assert_type(race.table().to_latex(), str)
+assert_type(icp.benchmarks.member_runs(["bai-symmetric"], [10], methods=["mnmgs,phi=1", icp.MNMJ()]), Table)
 race.plot("race.pdf")
 race.to_dataframe()
 solution.plot(Path("z.png"), points=z0)

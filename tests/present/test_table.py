@@ -128,6 +128,7 @@ def test_latex_escapes_texts_and_sets_numbers_as_formulas():
         r"y\textbar{} & $-2$ \\",
         r"z & -- \\",
     ]
+    assert r"\addlinespace" not in lines
     assert [line for line in lines if "rule" in line] == [r"\toprule", r"\midrule", r"\bottomrule"]
 
 

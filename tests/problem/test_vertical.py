@@ -45,9 +45,10 @@ def test_the_solution_is_that_of_the_right_choice_of_rows(seed, n):
     assert solution.certificate.unique
 
 
-@given(seed=SEEDS, n=st.integers(2, 6), method=st.sampled_from(["mnmgs", "mnmj", "mnmod", "psor"]))
+@given(seed=SEEDS, n=st.integers(2, 6), method=st.sampled_from(["mnmj", "psor", "projection-fixed-point"]))
 @settings(max_examples=25, deadline=None)
-def test_the_members_solve_it_in_whatever_units_the_rows_of_b_are(seed, n, method):
+def test_what_takes_the_larger_of_two_couplings_solves_it_in_whatever_units_the_rows_of_b_are(seed, n, method):
+    """They contract with factor max(|D^-1 offdiag(A)|, |G|) in the maximum norm, here at most 1/1.1."""
     A, q, B, d = drawn(seed, n)
     problem = ICP.vertical(A, q, B, d)
     assert problem.solve(method, max_iter=5000).solved
