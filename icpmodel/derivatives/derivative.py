@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
-from ..errors import InputError, MapError, NotApplicable, SingularOperator
+from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, sheltered
 from ..present.card import Card
@@ -35,7 +35,7 @@ from ..problem.data import ProblemData
 from ..solve.driver import solve
 from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
-from ..theory.certificates.bounds import bound_of_change
+from ..theory.certificates.bounds import bound_of_change, limited
 from .direction import Direction
 from .gradient import Gradient
 from .tangent import Mask, Ties, tangent_problem
@@ -195,7 +195,8 @@ class Derivative(ReadOnly, Shown):
 
         What is not known of z*, and all rounding errors, are in it; it may cost a linear solve. Returns the largest
         error of an entry; None where the derivative is not `certain`, where ψ is a user's function, whose ψ′ may be
-        another one at z* than at z, and where nothing is proved of J. Raises InputError.
+        another one at z* than at z, and where nothing is proved of J within the limits of the certificate.
+        Raises InputError.
 
         >>> derivative = ICP([[2.0]], [-2.0]).solve().derivative()
         >>> derivative.bound([-0.5], dA=[[1.0]]) < 1e-14
@@ -232,7 +233,9 @@ class Derivative(ReadOnly, Shown):
             return None
         linear = ProblemData(J, -f, -np.inf)
         for_p, for_r = linear.rounding(x)
-        return bound_of_change(linear, x, for_p + error, for_r)
+        with suppress(OutOfTime, MemoryError), limited(self.solution.time_limit, self.solution.memory_limit):
+            return bound_of_change(linear, x, for_p + error, for_r)
+        return None
 
     @cached_property
     def _delta(self) -> Vector:

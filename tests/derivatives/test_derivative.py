@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
+from icpmodel.numerics import work
 from icpmodel.problem.affine import AffineData
 
 FREE, BELOW, ABOVE = 0, 1, 2
@@ -412,3 +413,14 @@ def test_one_sided_derivatives_need_no_regular_equations(A):
         derivative.forward(dq=[1.0, 1.0])
     for end, sign in zip(derivative.one_sided(dpsi=1.0), (1.0, -1.0), strict=True):
         np.testing.assert_allclose(np.minimum(sign * end - sign, sign * (A @ end)), 0.0, atol=1e-9)
+
+
+def test_a_bound_keeps_to_the_limits_of_the_certificate():
+    problem = icp.scenes.scene("membrane", 400).problem
+    derivative = problem.solve().derivative()
+    ones = np.ones(problem.n)
+    dz = derivative.forward(dq=ones)
+    assert derivative.certain
+    with work.of_count(1.0):
+        assert derivative.bound(dz, dq=ones) is None
+    assert derivative.bound(dz, dq=ones) < 1e-9
