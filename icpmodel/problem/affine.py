@@ -155,6 +155,18 @@ class Affine(Map):
         return f"Affine(G with {self.G.nnz} entries)"
 
 
+def vertical_map(B: Any, d: Any, n: int) -> Affine:
+    """ψ(z) = z − D⁻¹(Bz + d), D the diagonal of B: see `ProblemData.vertical`."""
+    B, d = as_csr(B, "B", n), as_vector(d, n, "d", infinite=np.inf, number=False)
+    if np.isneginf(d).any():
+        raise InputError(f"d[{int(np.argmin(d))}] is -inf; a finite number, or inf for no second side, was expected")
+    largest = np.maximum(abs(B).max(axis=1).toarray(), np.where(np.isinf(d), 0.0, np.abs(d)))
+    positive = B.diagonal() > largest / np.finfo(np.float64).max  # else the quotients overflow
+    unit = np.where(positive, B.diagonal(), np.where(largest > 0, largest, 1.0))
+    scaled = sp.csr_array((B.data / unit[row_of(B)], B.indices, B.indptr), shape=B.shape)
+    return Affine(sp.eye_array(n) - scaled, -d / unit)
+
+
 @lru_cache(maxsize=2)
 def zero(n: int) -> sp.csr_array:
     """The n × n matrix without entries, which maps of one length share."""

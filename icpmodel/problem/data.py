@@ -11,13 +11,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_array, as_csr, as_vector, check_labels, described, norm, not_finite, row_of
+from ..numerics.arrays import Vector, as_array, as_vector, check_labels, described, norm, not_finite
 from ..numerics.plugins import public
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
 from ..present.shown import Shown
-from .affine import Affine
+from .affine import vertical_map
 from .between import Between, as_map, mid
 from .facts import Facts
 from .map import Map
@@ -88,16 +88,7 @@ class ProblemData(Shown):
         if hasattr(A, "columns"):
             check_labels({"A": A, "q": q, "B": B, "d": d})
         problem = cls(A, q)
-        B, d = as_csr(B, "B", problem.n), as_vector(d, problem.n, "d", infinite=np.inf, number=False)
-        if np.isneginf(d).any():
-            raise InputError(
-                f"d[{int(np.argmin(d))}] is -inf; a finite number, or inf for no second side, was expected"
-            )
-        largest = np.maximum(abs(B).max(axis=1).toarray(), np.where(np.isinf(d), 0.0, np.abs(d)))
-        positive = B.diagonal() > largest / np.finfo(np.float64).max  # else the quotients overflow
-        unit = np.where(positive, B.diagonal(), np.where(largest > 0, largest, 1.0))
-        scaled = sp.csr_array((B.data / unit[row_of(B)], B.indices, B.indptr), shape=B.shape)
-        return problem.with_psi(Affine(sp.eye_array(problem.n) - scaled, -d / unit))
+        return problem.with_psi(vertical_map(B, d, problem.n))
 
     def _with(self, q: Vector, psi: Map, facts: Facts | None) -> Self:
         new = object.__new__(type(self))
