@@ -155,8 +155,8 @@ class Affine(Map):
         return f"Affine(G with {self.G.nnz} entries)"
 
 
-def second_side(B: Any, d: Any, n: int) -> Affine:
-    """ψ with z − ψ(z) = D⁻¹(Bz + d), D the diagonal of B where it is positive, else the largest |entry| of the row."""
+def vertical_map(B: Any, d: Any, n: int) -> Affine:
+    """ψ(z) = z − D⁻¹(Bz + d), D the diagonal of B: see `ProblemData.vertical`."""
     B, d = as_csr(B, "B", n), as_vector(d, n, "d", infinite=np.inf, number=False)
     if np.isneginf(d).any():
         raise InputError(f"d[{int(np.argmin(d))}] is -inf; a finite number, or inf for no second side, was expected")

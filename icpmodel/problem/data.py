@@ -17,7 +17,7 @@ from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
 from ..present.shown import Shown
-from .affine import second_side
+from .affine import vertical_map
 from .between import Between, as_map, mid
 from .facts import Facts
 from .map import Map
@@ -88,7 +88,7 @@ class ProblemData(Shown):
         if hasattr(A, "columns"):
             check_labels({"A": A, "q": q, "B": B, "d": d})
         problem = cls(A, q)
-        return problem.with_psi(second_side(B, d, problem.n))
+        return problem.with_psi(vertical_map(B, d, problem.n))
 
     def _with(self, q: Vector, psi: Map, facts: Facts | None) -> Self:
         new = object.__new__(type(self))
