@@ -104,8 +104,8 @@ def _members(methods: list[Any], phis: list[float]) -> Iterator[tuple[str, Metho
         method = _called(given)
         takes_phi = isinstance(method, ModulusMember) and "phi" in vars(method) and ",phi=" not in given
         for phi in phis if takes_phi else [0]:
-            name, *options = text = [*given.split(","), *([f"phi={phi:g}"] if phi else [])]
-            yield name.upper() + (f"({', '.join(options)})" if options else ""), _called(",".join(text))
+            _, *options = text = [*given.split(","), *([f"phi={phi:g}"] if phi else [])]
+            yield type(method).__name__ + (f"({', '.join(options)})" if options else ""), _called(",".join(text))
 
 
 def _called(text: Any) -> Method:

@@ -51,14 +51,19 @@ def test_members_are_counted_from_the_start_of_the_literature_to_its_residual():
 
 def test_a_member_that_does_not_converge_has_dashes_and_one_named_with_phi_keeps_it():
     table = member_runs(
-        ["manufactured-affine,mu=0"], [10], methods=["mnmj,phi=-0.5", icp.Tridiagonal(), "mnmgs"], phis=[1], atol=1e-6
+        ["manufactured-affine,mu=0"],
+        [10],
+        methods=["mnmj,phi=-0.5", "tridiagonal", "mnmgs", icp.MNMJ(phi=2)],
+        phis=[1],
+        atol=1e-6,
     )
     assert [row[1:] for row in table.rows[:6]] == [
         *(("MNMJ(phi=-0.5)", of, None) for of in ("IT", "CPU", "RES")),
-        *(("Tridiagonal()", of, None) for of in ("IT", "CPU", "RES")),
+        *(("Tridiagonal", of, None) for of in ("IT", "CPU", "RES")),
     ]
     assert table.rows[6][1] == "MNMGS(phi=1)"
     assert table.rows[8][3] <= 1e-6
+    assert [row[1] for row in table.rows[9:]] == ["MNMJ(phi=2)"] * 3
 
 
 def test_by_default_every_member_that_the_paper_prints_meets_every_kind_of_psi():
