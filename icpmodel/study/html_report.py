@@ -129,13 +129,13 @@ def _data(problem: ProblemData) -> str:
     kind = "is a function of z that is not affine"
     if psi.linear is not None:
         kind = "does not depend on z" if psi.is_constant else "depends on z: it is Gz + c"
-    return f"A has {problem.n} rows and {problem.A.nnz} entries; ψ {kind}."
+    return f"A is {problem.n} × {problem.n}, with {problem.A.nnz} entries that are not 0; ψ {kind}."
 
 
 def _answer(solution: Solution, points: Vector | None) -> _Section:
-    took = f"{solution.iterations} steps, {solution.seconds:.2g}\u00a0s"
+    took = f"{solution.iterations} step{'' if solution.iterations == 1 else 's'}, {solution.seconds:.2g}\u00a0s"
     short = (
-        f"Yes, by {solution.method.name}: {took}. The residual, which is 0 at a solution, is {solution.residual:.1e}."
+        f"Yes, by {solution.method.name}: {took}. The residual, which is 0 at a solution, is {solution.residual:.2g}."
     )
     if not solution.solved:
         short = f"No: {solution.message}. What is shown is the best that was found in {took}."
@@ -172,7 +172,7 @@ def _checked(solution: Solution, time_limit: float) -> _Section:
 
 def _moved(solution: Solution) -> _Section:
     derivative = solution.derivative()
-    sure = "Yes, and this is proved" if derivative.certain else "Only from one side or the other may hold"
+    sure = "Yes, and this is proved" if derivative.certain else "Not for certain"
     short = f"{sure}: {derivative.reason}."
     lead = "How much z moves when A, q and ψ change by a small share of themselves, entry by entry."
     folded = [("The derivative", render("folded.html", text=str(derivative)))]
@@ -185,7 +185,7 @@ def _moved(solution: Solution) -> _Section:
 
 def _explained(problem: ProblemData) -> _Section:
     page = explain(problem)
-    first, *_ = page.sections().values()
+    first, *_ = next(iter(page.sections().values())).splitlines()
     return {
         "lead": f"To do: {first}.",
         "folded": [("What is known of A and ψ, and what is proved", page._repr_html_())],

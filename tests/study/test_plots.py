@@ -124,7 +124,7 @@ def test_a_picture_has_the_name_of_the_scene_that_people_use():
 
 def test_the_way_of_a_run_says_where_it_ended():
     texts = [text.get_text() for text in SOLUTION.history.figure().axes[0].texts]
-    assert texts == [f"{SOLUTION.residual:.1e} after {SOLUTION.iterations} steps"]
+    assert texts == [f"{SOLUTION.residual:.2g} after {SOLUTION.iterations} steps"]
 
 
 def test_a_scene_is_known_by_its_name():

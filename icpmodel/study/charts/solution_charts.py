@@ -78,11 +78,12 @@ def _(history: History, points: Any = None) -> Drawing:
         axes.grid(alpha=0.3)
         return []
 
-    ended = f"{history.residual[-1]:.1e} after {history.iteration[-1]} steps"
+    last = int(history.iteration[-1])
+    ended = f"{history.residual[-1]:.2g} after {last} step{'' if last == 1 else 's'}"
     caption = (
         "How far z is from a solution, step by step, on a logarithmic axis: a straight line is a fixed factor a step."
     )
-    alt = f"The residual falls from {history.residual[0]:.1e} to {ended}."
+    alt = f"The residual goes from {history.residual[0]:.2g} to {ended}."
     return Drawing(panels=(Panel(draw=residuals, caption=caption, alt=alt),), size=(6.0, 3.8))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...numerics.rounding import UNIT_ROUNDOFF
 from ...solve.goal import RTOL
 from ..competitors import Entry
 from ..planes import Axis
@@ -113,13 +114,13 @@ def _most_accurate(runs: Sequence[Entry]) -> Entry:
 
 
 def _limits(found: Race) -> dict[str, Any]:
-    """The limits of all panels, errors the other way round, and what is drawn where the error is 0."""
+    """The limits of all panels, errors the other way round, and what is drawn where the error is 0, or nothing beside
+    the largest: a way may begin, or a run that diverges may go, far beyond."""
     errors = [run.error for run in found.entries if run.error]
-    errors += [float(e) for _, path in found.traces.values() for e in path if e > 0]
     times = [second for run in found.entries if run.error is not None for second in run.seconds]
     times += [t for seconds, _ in found.traces.values() for t in seconds.tolist() if t > 0]
     times += [found.limit] if found.limit else []
-    floor = _EXACT * min(errors, default=1.0)
+    floor = max(_EXACT * min(errors, default=1.0), UNIT_ROUNDOFF * max(errors, default=1.0))
     return {
         "floor": floor,
         "xlim": (2 * max(errors, default=1.0), floor / 2),
@@ -195,7 +196,9 @@ def _bars(first: dict[str, Entry], axes: Any) -> list[Any]:
     for kind, (colour, words) in _KINDS.items():
         if kind in kinds:
             axes.barh([0], [0], color=colour, alpha=0.85, label=words)
-    if first:
+    if not first:
+        axes.text(0.5, 0.5, "nobody got there", ha="center", transform=axes.transAxes)
+    else:
         axes.legend(loc="upper right", fontsize=8, frameon=False)  # where bars are short
     return []
 
