@@ -206,7 +206,7 @@ def test_a_panel_has_at_most_seven_competitors_each_with_a_colour_and_a_marker_o
 
 
 @settings(max_examples=15, deadline=None)
-@given(st.lists(st.integers(1, 10**6), min_size=1, max_size=7, unique=True))
+@given(st.lists(st.integers(1, 10**6), min_size=1, max_size=6, unique=True))
 def test_names_at_lines_are_in_the_order_of_their_lines_and_do_not_overlap(times):
     entries = tuple(
         Entry(str(k), "own" if k else "solve", 1e-3, seconds=(t,), error=0.1, residual=0.1) for k, t in enumerate(times)
