@@ -137,7 +137,7 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     about = {"title": arguments["source"] or arguments["a_file"]} if scene is None else said_of(scene)
     with status_line(True) as say:
         say("solving")
-        solution = problem.solve(method, z0=scene and scene.z0, raise_on_failure=False)
+        solution = problem.solve(method, z0=scene and scene.z0, history=True, raise_on_failure=False)
         page = make_report(solution, **about, command=typed(), time_limit=time_limit, say=say)
     Path(output).write_text(page, encoding="utf-8")
     wrote(output)

@@ -81,6 +81,8 @@ class Scene(ReadOnly, Plotted):
                 array.flags.writeable = False
         if self.points is not None:
             _PLACES[self.problem.matrix] = self.points
+        if self.name:
+            _CALLED[self.problem] = self.name
 
     def errors(self, z: Any) -> dict[str, float]:
         """The distance of `z`, shape (n,), to each reference: "z" in the max-norm, then every quantity by its name.
@@ -124,6 +126,16 @@ _PLACES: WeakKeyDictionary[Matrix, Vector] = WeakKeyDictionary()
 def points_of(problem: ProblemData) -> Vector | None:
     """Where the unknowns of `problem` are if its A is that of a scene, shape (n,) or (n, 2), else None."""
     return _PLACES.get(problem.matrix)
+
+
+#: the scene that a problem is
+_CALLED: WeakKeyDictionary[ProblemData, str] = WeakKeyDictionary()
+
+
+def title(problem: ProblemData) -> str:
+    """What people call the `problem`, such as "membrane, 900 unknowns"; without the name where it is no scene's."""
+    unknowns = f"{problem.n:_} unknown{'' if problem.n == 1 else 's'}".replace("_", " ")
+    return f"{_CALLED[problem]}, {unknowns}" if problem in _CALLED else unknowns
 
 
 #: beyond this the matrix alone would need tens of gigabytes

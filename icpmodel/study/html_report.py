@@ -1,4 +1,4 @@
-"""One self-contained HTML page on a problem: the answer pictured, what is certain, who confirms it, how it moves."""
+"""One self-contained HTML page on a problem: in short, then pictured, explained, cross-checked, timed and mapped."""
 
 from __future__ import annotations
 
@@ -6,19 +6,24 @@ import io
 import re
 import zlib
 from collections.abc import Callable
+from html import escape
 from typing import Any
 
 from ..crosscheck.check import crosscheck
 from ..errors import IcpError, InputError
 from ..explain.explanation import explain
 from ..numerics.arrays import Vector, as_number
+from ..numerics.rounding import at_most
+from ..present.card import Card
 from ..present.rendering import render
 from ..problem.data import ProblemData, ProblemLike
 from ..scenes import Scene
+from ..scenes.registry import title as called
 from ..solve.driver import solve
 from ..solve.solution import Solution
 from .cases import scene_of
-from .charts.figures import Figure, figure
+from .charts.figures import Figure, drawing
+from .planes import relaxation
 from .race import race
 from .sensitivity import sensitivity
 from .stability_map import stability
@@ -26,8 +31,16 @@ from .timing import machine
 
 #: a map solves the problem some hundreds of times
 _MAP_UP_TO = 1000
+#: maps that are tried in turn, until on a few points each a share of them converges: the largest θ, a smaller one makes
+#: shorter steps, how many of these a run may take, and the points per axis and starts that this leaves time for
+_MAPS = ((2.5, 1000, 11, 2), (2.5, 10_000, 7, 1), (0.25, 10_000, 7, 1))
+_TRIED, _SHARE = 4, 0.25
 #: the tolerances of the race, and the seconds that each of its runs may take
 _TOLERANCES, _RACE_LIMIT = tuple(10.0**-k for k in range(2, 13, 2)), 3.0
+
+#: what a section shows, each entry left out where there is none: "short", the answer to its question; "lead", a
+#: sentence or two; "pictures", (SVG, caption) each; "folded", (what it is, HTML) each
+_Section = dict[str, Any]
 
 
 def report(
@@ -41,9 +54,11 @@ def report(
     time_limit: float = 60.0,
     say: Callable[[str], None] = lambda text: None,
 ) -> str:
-    """A page that opens offline: the answer, its picture, the problem explained, a cross-check, sensitivity, a map.
+    """A page that opens offline: in short whether the problem is solved, how sure that is, who agrees, who is quickest
+    and whether the answer has a derivative; then the answer, what is certain, the cross-check, the race and a map.
 
-    What cannot be done, such as a cross-check of a problem that is too large, is said in its place.
+    What cannot be done, such as a cross-check of a problem that is too large, is said in its place. The page is dark
+    where the reader's screen is, and can be read on a phone.
     Parameters: `problem`, which is solved first, or a `Solution`, solved or not; `title` and `about`, text; `points` as
     in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene or
     names one, these are by default what it says of itself; `command` what makes the page again; `time_limit` in
@@ -51,7 +66,7 @@ def report(
     most, with the figures in it as SVG. Raises InputError.
 
     >>> page = icp.report(ICP([[2, -1], [-1, 2]], [-1, 3]), title="A pair", time_limit=5)
-    >>> page.startswith("<!DOCTYPE html>"), "<h2>Cross-check</h2>" in page
+    >>> page.startswith("<!DOCTYPE html>"), "Who agrees?" in page
     (True, True)
     """
     time_limit = as_number(time_limit, "time_limit", above=0.0)
@@ -63,52 +78,176 @@ def report(
         solution = problem
     else:
         say("solving")
-        solution = solve(problem, raise_on_failure=False) if scene is None else scene.solution()
+        start = None if scene is None else scene.z0
+        solution = solve(scene.problem if scene else problem, z0=start, history=True, raise_on_failure=False)
     problem = solution.problem
-    title = title or repr(problem)
-    # what makes each section: its HTML "page", its "picture" as SVG, its plain "text", or several of these
-    makers: dict[str, Callable[[], dict[str, str]]] = {
-        "Answer": lambda: {"page": solution._repr_html_()},
-        "Picture": lambda: {"picture": _svg(figure(solution, points))},
-        "What is certain before a solve": lambda: {"page": explain(problem)._repr_html_()},
-        "Cross-check": lambda: {"page": crosscheck(problem, solution, time_limit=time_limit)._repr_html_()},
-        "Sensitivity of the answer": lambda: {"text": str(sensitivity(solution))},
-        "Race": lambda: _race(problem, z_exact, time_limit),
-        "Where relaxation works": lambda: _map(problem),
-    }
-    sections = []
-    for heading, make in makers.items():
+    sections: list[_Section] = []
+    for heading, question, make in _contents(solution, points, z_exact, time_limit):
         say(heading)
+        section: _Section = {"heading": heading, "question": question, "id": re.sub(r"\W+", "-", heading.lower())}
         try:
-            sections.append({"heading": heading} | make())
+            section |= make()
         except IcpError as error:
-            sections.append({"heading": heading, "missing": str(error)})
-    return render("report.html", title=title, about=about, machine=machine(), command=command, sections=sections)
+            section |= {"missing": str(error), "short": f"Not known: {error}."}
+        sections.append(section)
+    return render(
+        "report.html",
+        title=title or called(problem),
+        about=about,
+        data=_data(problem),
+        bounded=problem.upper is not None,
+        machine=machine(),
+        command=command,
+        sections=sections,
+    )
 
 
 def said_of(scene: Scene) -> dict[str, Any]:
     """What a page on the `scene` takes from it: its title, what it models, and its reference."""
-    return {"title": f"{scene.name}: {scene.title}", "about": scene.models, "z_exact": scene.z_exact}
+    return {"title": called(scene.problem), "about": f"{scene.title}. {scene.models}", "z_exact": scene.z_exact}
 
 
-def _map(problem: ProblemData) -> dict[str, str]:
-    if problem.n > _MAP_UP_TO:
-        raise InputError(f"a map solves the problem hundreds of times, which is done up to n = {_MAP_UP_TO}")
-    found = stability("relaxation", problem, points=11, starts=2, max_iter=1000)
-    return {"picture": _svg(found.figure()), "text": str(found)}
+def _contents(
+    solution: Solution, points: Vector | None, z_exact: Vector | None, time_limit: float
+) -> list[tuple[str, str, Callable[[], _Section]]]:
+    """Heading, the question that it answers in short, and what makes the section."""
+    problem = solution.problem
+    return [
+        ("The answer", "Is it solved?", lambda: _answer(solution, points)),
+        ("How sure that is", "How sure is that?", lambda: _certain(solution)),
+        ("Second opinions", "Who agrees?", lambda: _checked(solution, time_limit)),
+        ("Time against accuracy", "Who is quickest?", lambda: _race(problem, z_exact, time_limit)),
+        ("When the data change", "Has it a derivative?", lambda: _moved(solution)),
+        ("Before the solve", "", lambda: _explained(problem)),
+        ("Where relaxation works", "", lambda: _map(problem)),
+    ]
 
 
-def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> dict[str, str]:
+def _data(problem: ProblemData) -> str:
+    """The size of A, and of what kind ψ is."""
+    psi = problem.psi
+    kind = "is a function of z that is not affine"
+    if psi.linear is not None:
+        kind = "does not depend on z" if psi.is_constant else "depends on z: it is Gz + c"
+    return f"A is {problem.n} × {problem.n}, with {problem.A.nnz} entries that are not 0; ψ {kind}."
+
+
+def _answer(solution: Solution, points: Vector | None) -> _Section:
+    took = f"{solution.iterations} step{'' if solution.iterations == 1 else 's'}, {solution.seconds:.2g}\u00a0s"
+    short = (
+        f"Yes, by {solution.method.name}: {took}. The residual, which is 0 at a solution, is {solution.residual:.2g}."
+    )
+    if not solution.solved:
+        short = f"No: {solution.message}. What is shown is the best that was found in {took}."
+    pictures = _pictures(solution, points)
+    if solution.history is not None and solution.history.residual.size > 1:
+        pictures += _pictures(solution.history)
+    return {
+        "short": short,
+        "pictures": pictures,
+        "folded": [("The solve in detail", Card(solution.summary()).to_html())],
+    }
+
+
+def _certain(solution: Solution) -> _Section:
+    certificate = solution.certificate
+    bound = certificate.bound
+    short = f"It is not proved: {bound.reason}."
+    if bound.value is not None:
+        size = at_most(bound.value)
+        short = f"It is proved that no entry of z is off by more than {size}, and that there is no other solution."
+    elif bound.unique:
+        short = (
+            f"It is proved that there is one solution and no other; how far z is from it is not known: {bound.reason}."
+        )
+    lead = "What is said here was computed again from A, q, ψ and z, whatever solver found z."
+    return {"short": short, "lead": lead, "folded": [("The certificate", render("folded.html", text=str(certificate)))]}
+
+
+def _checked(solution: Solution, time_limit: float) -> _Section:
+    found = crosscheck(solution.problem, solution, time_limit=time_limit)
+    lead = "Other solvers got the same problem, from scratch and without being told the answer, and one judge compares."
+    return {"short": found.conclusion(), "lead": lead, "folded": [("Every check", found._repr_html_())]}
+
+
+def _moved(solution: Solution) -> _Section:
+    derivative = solution.derivative()
+    sure = "Yes, and this is proved" if derivative.certain else "Not for certain"
+    short = f"{sure}: {derivative.reason}."
+    lead = "How much z moves when A, q and ψ change by a small share of themselves, entry by entry."
+    folded = [("The derivative", render("folded.html", text=str(derivative)))]
+    try:
+        folded.insert(0, ("The condition number", render("folded.html", text=str(sensitivity(solution)))))
+    except IcpError as error:
+        lead = f"How much z moves with the data is not told: {error}."
+    return {"short": short, "lead": lead, "folded": folded}
+
+
+def _explained(problem: ProblemData) -> _Section:
+    page = explain(problem)
+    first, *_ = next(iter(page.sections().values())).splitlines()
+    return {
+        "lead": f"To do: {first}.",
+        "folded": [("What is known of A and ψ, and what is proved", page._repr_html_())],
+    }
+
+
+def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> _Section:
     limit = min(_RACE_LIMIT, time_limit)
     found = race(problem, z_exact=z_exact, tolerances=_TOLERANCES, repeats=1, time_limit=limit)
-    return {"picture": _svg(found.figure()), "text": "\n".join(found.left_out())}
+    folded = [("Every run", found.table().to_html())]
+    if left := found.left_out():
+        folded.append(("Who did not take part", render("folded.html", text="\n".join(left))))
+    lead = "Each run was made once; times on other machines, and of problems of another size, differ."
+    return {
+        "short": found.in_words("To {goal:g} of the residual at z = 0"),
+        "lead": lead,
+        "pictures": _pictures(found),
+        "folded": folded,
+    }
 
 
-def _svg(figure: Figure) -> str:
-    """The figure as an SVG element, with names of its own within it, as several figures meet on a page."""
+def _map(problem: ProblemData) -> _Section:
+    if problem.n > _MAP_UP_TO:
+        raise InputError(f"a map solves the problem hundreds of times, which is done up to n = {_MAP_UP_TO}")
+    largest, max_iter, points, starts = _worth_mapping(problem)
+    found = stability(relaxation(points, problem, largest), starts=starts, max_iter=max_iter)
+    worst = f" from {starts} starts, of which the worst counts" if starts > 1 else ""
+    lead = f"What relaxation does to the paper's method: at each point {found.plane.title} is solved{worst}."
+    return {"lead": lead, "pictures": _pictures(found), "folded": [("Counted", found._repr_html_())]}
+
+
+def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
+    """The first of the maps of which enough converges, or else the one of which most does. Raises InputError."""
+    share = {}
+    for one in _MAPS:
+        largest, max_iter, *_ = one
+        found = stability(relaxation(_TRIED, problem, largest), starts=1, max_iter=max_iter)
+        share[one] = float((found.ends == "solved").mean())
+        if share[one] >= _SHARE:
+            return one
+    best = max(share, key=lambda one: share[one])
+    if not share[best]:
+        raise InputError(f"no point converged, for θ₁ and θ₂ up to {_MAPS[0][0]:g} and up to {max_iter} steps")
+    return best
+
+
+def _pictures(what: Any, points: Vector | None = None) -> list[tuple[str, str]]:
+    """Each panel as (SVG, caption)."""
+    made = drawing(what, points)
+    return [(_svg(one, panel.alt), panel.caption) for one, panel in zip(made.apart(), made.panels, strict=True)]
+
+
+def _svg(figure: Figure, alt: str) -> str:
+    """The figure as an SVG element that says what it shows, with names of its own within it, as several figures meet on
+    a page; what is black has the colour of the text, and white paper is the page."""
+    figure.patch.set_visible(False)
+    for axes in figure.axes:
+        axes.patch.set_visible(axes.get_facecolor() != (1.0, 1.0, 1.0, 1.0))
     text = io.StringIO()
     figure.savefig(text, format="svg", dpi=110)
     svg = text.getvalue()
-    svg = svg[svg.index("<svg") :]
+    svg = svg[svg.index("<svg") :].replace("#000000", "currentColor")
     mark = f"f{zlib.crc32(svg.encode()):x}-"
-    return re.sub(r'(\bid="|url\(#|href="#)', lambda found: found.group(1) + mark, svg)
+    svg = re.sub(r'(\bid="|url\(#|href="#)', lambda found: found.group(1) + mark, svg)
+    return svg.replace("<svg", f'<svg role="img" aria-label="{escape(alt)}" fill="currentColor"', 1)

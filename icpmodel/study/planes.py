@@ -21,6 +21,7 @@ from ..problem.data import ProblemData
 from ..scenes import scene
 from ..scenes.grid import adjacency, five_point, side
 from ..scenes.manufactured import complementary
+from ..scenes.registry import title
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,7 +42,8 @@ class Axis(Shown):
 class Plane(Shown):
     """Two parameters, and the problem and method that belong to each pair of values.
 
-    Parameters: `title`; the axes `x` and `y`; `at(x, y)` gives (problem, method).
+    Parameters: `title`; the axes `x` and `y`; `at(x, y)` gives (problem, method); `default` the (x, y) that the method
+    has where nothing is said, or None where the problem varies.
 
     >>> x, y = icp.study.Axis("theta1", "θ₁", np.array([1.0, 2.0])), icp.study.Axis("a", "a", np.array([1.0, 3.0]))
     >>> plane = icp.study.Plane("one", x, y, lambda theta, a: (ICP([[a]], [-1.0]), icp.MNMAOR(theta1=theta)))
@@ -54,12 +56,15 @@ class Plane(Shown):
     x: Axis
     y: Axis
     at: Callable[[float, float], tuple[ProblemData, Method]]
+    default: tuple[float, float] | None = None
 
 
-def _relaxation(points: int, one: ProblemData) -> Plane:
-    theta1 = Axis("theta1", "θ₁", np.linspace(0.1, 2.5, points))
-    theta2 = Axis("theta2", "θ₂", np.linspace(0.0, 2.5, points))
-    return Plane(f"MNMAOR on {one!r}", theta1, theta2, partial(_relaxed, one))
+def relaxation(points: int, one: ProblemData, largest: float = 2.5) -> Plane:
+    """θ₁ and θ₂ of MNMAOR on `one`, up to the `largest`."""
+    theta1 = Axis("theta1", "relaxation θ₁", np.linspace(largest / 25.0, largest, points))
+    theta2 = Axis("theta2", "acceleration θ₂", np.linspace(0.0, largest, points))
+    default = (1.0, 1.0) if largest >= 1.0 else None
+    return Plane(f"MNMAOR on {title(one)}", theta1, theta2, partial(_relaxed, one), default)
 
 
 def _shift(points: int, one: ProblemData) -> Plane:
@@ -67,23 +72,23 @@ def _shift(points: int, one: ProblemData) -> Plane:
     if not (D > 0).all():
         i = int(np.argmax(D <= 0))
         raise InputError(f"problem has A[{i}, {i}] = {D[i]:g}; the plane shift needs a positive diagonal")
-    phi = Axis("phi / D", "φ / D", np.linspace(-1.0, 3.0, points))
-    omega = Axis("Omega / D", "Ω / D", np.geomspace(0.05, 20.0, points), log=True)
-    return Plane(f"MNMGS on {one!r}", phi, omega, partial(_shifted, one, D))
+    phi = Axis("phi / D", "shift φ / D", np.linspace(-1.0, 3.0, points))
+    omega = Axis("Omega / D", "weight of the modulus Ω / D", np.geomspace(0.05, 20.0, points), log=True)
+    return Plane(f"MNMGS on {title(one)}", phi, omega, partial(_shifted, one, D), default=(0.0, 1.0))
 
 
 def _coupling(points: int, n: int, sweep: Method) -> Plane:
     mu = Axis("mu", "shift μ of the diagonal (A = 5-point matrix + μI)", np.geomspace(0.01, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 2.0, points))
-    title = f"{sweep!r}: dominance against coupling of the obstacle"
-    return Plane(title, mu, norm, partial(_coupled, n, sweep))
+    about = f"{_name(sweep)}: dominance against coupling of the obstacle"
+    return Plane(about, mu, norm, partial(_coupled, n, sweep))
 
 
 def _transport(points: int, n: int, sweep: Method) -> Plane:
     skew = Axis("skew", "skewness s (neighbours −1 − s and −1 + s)", np.linspace(0.0, 6.0, points))
     mu = Axis("mu", "shift μ of the diagonal", np.geomspace(0.01, 30.0, points), log=True)
-    title = f"{sweep!r}: transport against dominance"
-    return Plane(title, skew, mu, partial(_carried, n, sweep))
+    about = f"{_name(sweep)}: transport against dominance"
+    return Plane(about, skew, mu, partial(_carried, n, sweep))
 
 
 def _condition(points: int, n: int, sweep: Method) -> Plane:
@@ -92,15 +97,19 @@ def _condition(points: int, n: int, sweep: Method) -> Plane:
         raise InputError(f"n is {n}; the plane condition needs a ring of at least 3 unknowns")
     kappa = Axis("condition number", "condition number κ of A", np.geomspace(10.0, 1e12, points), log=True)
     scale = Axis("scale of A", "size of the entries of A", np.geomspace(1e-200, 1e200, points), log=True)
-    return Plane(f"{sweep!r}: condition number against units", kappa, scale, partial(_ring, n, sweep))
+    return Plane(f"{_name(sweep)}: condition number against units", kappa, scale, partial(_ring, n, sweep))
 
 
 def _units(points: int, n: int, sweep: Method) -> Plane:
     """No method with Ω = D feels the scale, but the conditions as printed do."""
     scale = Axis("scale of A", "diagonal of A", np.geomspace(0.1, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 4.0, points))
-    title = f"{sweep!r}: a change of units against coupling of the obstacle"
-    return Plane(title, scale, norm, partial(_in_units, n, sweep))
+    about = f"{_name(sweep)}: a change of units against coupling of the obstacle"
+    return Plane(about, scale, norm, partial(_in_units, n, sweep))
+
+
+def _name(sweep: Method) -> str:
+    return repr(sweep).removesuffix("()")
 
 
 # functions of the file, as what is public can be sent to another process
@@ -142,7 +151,7 @@ def _grid(A: Any, norm: float) -> ICP:
 
 
 #: name → builder, of the planes that vary a method, and of those that vary the problem
-_OF_METHOD = {"relaxation": _relaxation, "shift": _shift}
+_OF_METHOD = {"relaxation": relaxation, "shift": _shift}
 _OF_PROBLEM = {"coupling": _coupling, "transport": _transport, "condition": _condition, "units": _units}
 PLANES = (*_OF_METHOD, *_OF_PROBLEM)
 

@@ -19,6 +19,7 @@ from ..present.rendering import render
 from ..present.shown import Plotted
 from ..present.table import Table, Tabular, folded
 from ..problem.data import ProblemLike, as_problem
+from ..scenes.registry import title as called
 from ..solve.driver import solve
 from ..solve.goal import RTOL
 from ..solve.progress import status_line
@@ -101,6 +102,10 @@ class Race(Plotted, Tabular):
         >>> icp.race(ICP([[2.0]], [-3.0]), methods=[], solvers=[], repeats=1).winner.split(", in")[0]
         'First to Res(z) <= 1e-08 Res(0): solve()'
         """
+        return self.in_words("First to Res(z) <= {goal:g} Res(0)")
+
+    def in_words(self, opening: str) -> str:
+        """The winner, after the `opening` with the {goal} in it."""
         for goal in (RTOL, *sorted({one.tolerance for one in self.entries})):
             best: dict[str, Entry] = {}
             for one in sorted(self.entries, key=lambda one: one.median):
@@ -113,7 +118,7 @@ class Race(Plotted, Tabular):
         first, *others = best.values()
         level = [one.name for one in others if min(one.seconds) <= max(first.seconds)]
         once = "" if first.seconds[1:] else ", timed once"
-        told = f"First to Res(z) <= {goal:g} Res(0): {first.name}, in {first.median:.3g} s{once}"
+        told = f"{opening.format(goal=goal)}: {first.name}, in {first.median:.3g} s{once}"
         if level:
             return f"{told}; level with it, as the times overlap: {', '.join(level)}."
         after = others and f"; next {others[0].name}, {others[0].median / first.median:.3g} times as long"
@@ -166,7 +171,7 @@ def race(
     }
     entered = [one for one, reason in reasons.items() if reason is None]
     skipped = tuple((one.name, reason) for one, reason in reasons.items() if reason is not None)
-    found = Race(title=f"{problem!r} ({machine()})", measure="", entries=(), skipped=skipped, command=command)
+    found = Race(title=f"{called(problem)} ({machine()})", measure="", entries=(), skipped=skipped, command=command)
     entries: dict[tuple[str, float], Entry] = {}
     try:
         with status_line(progress) as say:

@@ -114,6 +114,19 @@ def test_points_of_no_grid_are_dots_and_no_outline_is_promised():
     assert len(axes.collections) == 1
 
 
+def test_a_picture_has_the_name_of_the_scene_that_people_use():
+    assert SQUARE.figure().get_suptitle() == SOLUTION.figure().get_suptitle() == "membrane, 100 unknowns"
+    assert LINE.figure().get_suptitle() == "bearing, 50 unknowns"
+    other = SQUARE.problem.with_q(2 * SQUARE.problem.q).solve("psor")  # no longer that scene
+    assert other.figure().get_suptitle() == "100 unknowns"
+    assert icp.ICP([[2.0]], [1.0]).solve().figure().get_suptitle() == "1 unknown"
+
+
+def test_the_way_of_a_run_says_where_it_ended():
+    texts = [text.get_text() for text in SOLUTION.history.figure().axes[0].texts]
+    assert texts == [f"{SOLUTION.residual:.2g} after {SOLUTION.iterations} steps"]
+
+
 def test_a_scene_is_known_by_its_name():
     assert icp.study.figure("membrane").axes[0].get_title().startswith("z, ")
     with pytest.raises(icp.InputError, match="there is no scene 'membrain'"):

@@ -4,6 +4,8 @@ import csv
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.benchmarks import memory
@@ -98,7 +100,7 @@ class Liar(ForeignSolver):
 def test_a_claim_that_is_wrong_is_marked():
     found = icp.race(BAI.problem, ["mnmgs"], [Liar()], tolerances=TOLERANCES, repeats=1)
     assert {(one.name, one.wrong) for one in found.entries} == {("solve()", False), ("mnmgs", False), ("liar", True)}
-    assert 'says "solved", is not' in [text.get_text() for text in found.figure().legends[0].get_texts()]
+    assert 'says "solved", is not' in [text.get_text() for text in found.figure().axes[0].get_legend().get_texts()]
 
 
 @pytest.mark.parametrize("name", ["highs", "cvxpy-clarabel", "osqp, not polished"])
@@ -157,19 +159,65 @@ def test_a_race_is_written_with_its_data(bai, tmp_path):
 def test_the_chart_names_its_axes_and_everyone(bai):
     figure = bai.figure()
     left, right = figure.axes
-    assert (left.get_xlabel(), left.get_ylabel()) == ("max |z - z*|", "time, s")
-    told = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert sorted(told) == ["mnmgs", "one linear solve (PyAMG)", "osqp", "solve()"]
+    assert (left.get_xlabel(), left.get_ylabel()) == ("max |z - z*|   (more accurate →)", "time, s")
+    assert sorted(named(left)) == ["mnmgs", "one linear solve", "osqp", "solve()"]
     assert left.xaxis_inverted()
     assert len(right.get_yticklabels()) == 3
+    assert figure.get_suptitle().startswith("bai-symmetric, 100 unknowns")
 
 
-def test_no_two_competitors_look_alike():
-    names = [f"method {k}" for k in range(12)]
-    entries = tuple(Entry(name, "own", 1e-3, seconds=(1.0,), error=0.1, residual=0.1) for name in names)
+def named(axes):
+    """What is written at the lines."""
+    return [text.get_text() for text in axes.texts if text.get_text()]
+
+
+def test_bars_are_logarithmic_and_have_their_numbers(bai):
+    bars = bai.figure().axes[1]
+    first = {}
+    for run in bai.entries:
+        if run.residual is not None and run.residual <= 1e-8:
+            first.setdefault(run.name, run.median)
+    assert bars.get_xscale() == "log"
+    assert [label.get_text() for label in bars.get_yticklabels()] == sorted(first, key=first.get)
+    assert bars.yaxis_inverted()
+    told = [float(text.split()[0]) * {"s": 1.0, "ms": 1e-3, "µs": 1e-6}[text.split()[1]] for text in named(bars)]
+    assert told == pytest.approx(sorted(first.values()), rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("own", "peers", "panels"), [(6, 0, 1), (3, 3, 1), (7, 0, 2), (6, 6, 2), (12, 1, 3), (0, 0, 1)]
+)
+def test_a_panel_has_at_most_seven_competitors_each_with_a_colour_and_a_marker_of_its_own(own, peers, panels):
+    kinds = {"solve()": "solve"} | {f"own {k}": "own" for k in range(own)} | {f"peer {k}": "peer" for k in range(peers)}
+    entries = tuple(
+        Entry(name, kind, 1e-3, seconds=(1e-3 * (k + 1),), error=0.1, residual=0.1)
+        for k, (name, kind) in enumerate(kinds.items())
+    )
+    found = Race(title="", measure="error", entries=entries).figure().axes
+    times = [axes for axes in found if "more accurate →" in axes.get_xlabel()]
+    assert len(found) == len(times) + 1
+    assert len(times) == panels
+    assert {name for axes in times for name in named(axes)} == {*kinds}
+    for axes in times:
+        assert len(axes.containers) <= 7
+        assert "solve()" in named(axes)
+        assert len({bar[0].get_color() for bar in axes.containers}) == len(axes.containers)
+        assert len({bar[0].get_marker() for bar in axes.containers}) == len(axes.containers)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.lists(st.integers(1, 10**6), min_size=1, max_size=6, unique=True))
+def test_names_at_lines_are_in_the_order_of_their_lines_and_do_not_overlap(times):
+    entries = tuple(
+        Entry(str(k), "own" if k else "solve", 1e-3, seconds=(t,), error=0.1, residual=0.1) for k, t in enumerate(times)
+    )
     axes = Race(title="", measure="error", entries=entries).figure().axes[0]
-    looks = {(bar[0].get_color(), bar[0].get_marker()) for bar in axes.containers}
-    assert len(looks) == len(names)
+    heights = {text.get_text(): text.get_position()[1] for text in axes.texts if text.get_text()}
+    assert all(-1e-9 <= height <= 1.0 + 1e-9 for height in heights.values())
+    by_height = sorted(heights, key=heights.get)
+    assert [times[int(name)] for name in by_height] == sorted(times)
+    gaps = np.diff(sorted(heights.values()))
+    assert (gaps * axes.bbox.height / axes.figure.dpi * 72 > 8).all()
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Stability maps: what is proved must converge, what the paper prints need not, and the pictures have their data."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from icpmodel import study as measure
 from icpmodel.methods.pivots import Lemke
 from icpmodel.study import Axis, Plane, StabilityMap, planes
 from icpmodel.study.charts.figures import save
+from icpmodel.study.stability_map import GLOBAL
 
 #: plane → points per axis, enough to meet failures
 MAPS = {name: icp.stability(name, points=5, n=16) for name in planes.PLANES}
@@ -118,7 +120,7 @@ def test_the_figure_shows_every_kind_of_end_and_line_in_its_legend():
     figure = found.figure()
     told = {text.get_text() for text in figure.legends[0].get_texts()}
     assert "said to converge, as printed (false)" in told
-    assert any(label.startswith("proved: ") and "sharper" in label for label in told)
+    assert "proved to converge (sharper bound)" in told
     assert "cycled" in told
     assert figure.axes[0].get_xlabel() == "diagonal of A"
     assert "steps to" in figure.axes[1].get_ylabel()
@@ -148,9 +150,31 @@ def test_wrong_wishes_are_named(arguments, words):
         icp.stability(**arguments)
 
 
+def test_the_default_and_the_point_of_fewest_steps_are_marked_where_the_plane_is_one_of_a_method():
+    found = measure.stability("relaxation", icp.scenes.membrane(n=9).problem, points=5)
+    marks = {line.get_label(): (line.get_xdata()[0], line.get_ydata()[0]) for line in found.figure().axes[0].lines}
+    assert marks["default"] == (1.0, 1.0)
+    (best,) = [place for label, place in marks.items() if label.startswith("fewest steps")]
+    j, i = list(found.plane.y.values).index(best[1]), list(found.plane.x.values).index(best[0])
+    assert found.steps[j, i] == found.steps[found.ends == "solved"].min()
+    assert f"fewest steps: {found.steps[j, i]}" in marks
+    of_problem = MAPS["units"].figure().legends[0].get_texts()
+    assert not {text.get_text() for text in of_problem} & {"default"}
+
+
+@pytest.mark.parametrize("theorem", GLOBAL)
+def test_every_theorem_that_proves_convergence_has_words_and_a_line(theorem):
+    found = MAPS["units"]
+    nothing = {name: np.zeros_like(mask) for name, mask in found.proved.items()}
+    alone = replace(found, proved=nothing | {theorem: found.ends == "solved"}, printed={})
+    told = [text.get_text() for text in alone.figure().legends[0].get_texts()]
+    assert told.count("proved to converge") == 1
+    assert theorem not in " ".join(told)
+
+
 def test_a_problem_of_ones_own_is_mapped():
     found = measure.stability("relaxation", icp.scenes.hand_splittings().problem, points=4)
-    assert "n=2" in found.plane.title
+    assert found.plane.title == "MNMAOR on hand-splittings, 2 unknowns"
     assert found.failed.any()
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import singledispatch
-from itertools import cycle
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,11 +25,18 @@ Figure = Any
 #: which colour-blind readers can tell apart: Okabe and Ito, Color Universal Design (2008)
 BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
-#: one more than the colours, so that no pair comes twice in 42
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+#: one for each colour; with the black circle of solve() a panel has seven series at the most
+MARKERS = ("s", "^", "D", "v", "P", "X")
+#: what is neither a series nor text
+GREY = "0.5"
+#: what stands on an axis of errors, which is turned round
+ACCURATE = "more accurate →"
 #: what a picture is written as
 FORMATS = (".png", ".pdf", ".svg")
-DASHES = ("solid", "dashed", "dotted", "dashdot")
+#: a panel on its own, in inches: on the screen of a phone its letters are still those of a small print
+ALONE = (4.9, 3.7)
+#: the letters at lines, in points, and how far apart lines of them stand, as a multiple
+_LETTERS, _APART = 8.0, 1.6
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -40,10 +46,15 @@ def new_figure(width: float, height: float) -> Figure:
     return Empty(figsize=(width, height), layout="constrained")
 
 
-def looks(names: Iterable[Name]) -> dict[Name, tuple[str, str]]:
-    """name → (colour, marker); "solve()" is always a black circle."""
-    pairs = zip(cycle(COLOURS), cycle(MARKERS), strict=False)
-    return {name: ("black", "o") if name == "solve()" else next(pairs) for name in names}
+def looks(names: Iterable[Name]) -> list[dict[Name, tuple[str, str]]]:
+    """Panel by panel name → (colour, marker), alike for no two of a panel; "solve()", a black circle, is in each."""
+    listed = list(names)
+    own = [name for name in listed if name == "solve()"]
+    others = [name for name in listed if name != "solve()"]
+    each = -(-len(others) // max(-(-len(others) // len(COLOURS)), 1)) or 1
+    parts = [others[k : k + each] for k in range(0, len(others), each)] or [[]]
+    pairs = tuple(zip(COLOURS, MARKERS, strict=True))
+    return [dict.fromkeys(own, ("black", "o")) | dict(zip(part, pairs, strict=False)) for part in parts]
 
 
 def legend_below(figure: Figure, columns: int, **more: Any) -> None:
@@ -51,31 +62,78 @@ def legend_below(figure: Figure, columns: int, **more: Any) -> None:
     figure.legend(loc="outside lower center", ncols=columns, frameon=False, **({"fontsize": 8} | more))
 
 
+def name_lines(axes: Any, ends: Sequence[tuple[str, Any, str, str]]) -> None:
+    """Write the names of series right of the `axes`, as near to the height where each ends as they have room, with
+    their markers; `ends` are (name, point, colour, marker). The limits of the axes must not change any more.
+
+    The heights h with h_{k+1} − h_k ≥ a line are those nearest to the wanted ones, by isotonic regression.
+    """
+    from scipy.optimize import isotonic_regression
+
+    if not ends:
+        return
+    inverse = axes.transAxes.inverted()
+    wanted = np.array([inverse.transform(axes.transData.transform(point))[1] for _, point, _, _ in ends])
+    order, many = np.argsort(wanted), len(ends)
+    line = min(_APART * _LETTERS / 72.0 / (axes.bbox.height / axes.figure.dpi), 1.0 / max(many - 1, 1))
+    steps = line * np.arange(many)
+    heights = np.clip(isotonic_regression(wanted[order] - steps).x, 0.0, max(1.0 - steps[-1], 0.0)) + steps
+    for k, height in zip(order, heights, strict=True):
+        name, point, colour, marker = ends[k]
+        lead = {"arrowstyle": "-", "color": colour, "linewidth": 0.6, "alpha": 0.6, "shrinkA": 0, "shrinkB": 3}
+        axes.annotate("", point, (1.02, height), textcoords="axes fraction", arrowprops=lead, annotation_clip=False)
+        sign = {"marker": marker, "color": colour, "markersize": 5, "transform": axes.transAxes, "clip_on": False}
+        axes.plot([1.04], [height], linestyle="", label="_", **sign)
+        where = {"transform": axes.transAxes, "va": "center", "fontsize": _LETTERS}
+        axes.text(1.06, height, name, fontweight="bold" if name.startswith("solve()") else "normal", **where)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Panel:
+    """One part of a picture: `draw` draws it into axes and returns the handles of the legend, or none where it has made
+    its own; `caption` says how to read it and `alt`, for who cannot see it, what there is to see; `height` in inches on
+    its own."""
+
+    draw: Callable[[Any], Sequence[Any]]
+    caption: str
+    alt: str
+    height: float = ALONE[1]
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Drawing:
-    """What is to be drawn: `panels`, the first of which says most, each a function that draws into axes and returns the
-    handles of the legend, or none where it has made its own; for a figure of them all its `size` in inches, the
-    `layout` of its subplots, the `columns` of the legend below them, and its `title`.
+    """What is to be drawn: `panels`, the first of which says most; for a figure of them all its `size` in inches, the
+    `mosaic` of their numbers with its `layout`, the `columns` of the legend below them, and its `title`.
     """
 
-    panels: Sequence[Callable[[Any], Sequence[Any]]]
+    panels: Sequence[Panel]
     size: tuple[float, float]
+    mosaic: Sequence[Sequence[int]] = ((0,),)
     layout: Mapping[str, Any] = field(default_factory=dict)
     columns: int = 3
     title: str = ""
 
     def on(self, figure: Figure) -> Figure:
         """All panels on an empty `figure`."""
-        axes = np.ravel(figure.subplots(**self.layout))
-        handles = [handle for panel, ax in zip(self.panels, axes, strict=True) for handle in panel(ax)]
+        axes = figure.subplot_mosaic([list(row) for row in self.mosaic], **self.layout)
+        handles = [handle for k, panel in enumerate(self.panels) for handle in panel.draw(axes[k])]
         if "sharex" in self.layout or "sharey" in self.layout:
-            for ax in axes:
+            for ax in axes.values():
                 ax.label_outer()
         if self.title:
             figure.suptitle(self.title, fontsize=10)
         if handles:
             legend_below(figure, self.columns, handles=handles)
         return figure
+
+    def apart(self) -> list[Figure]:
+        """Each panel as a figure of its own, without the title."""
+        return [
+            replace(self, panels=(one,), mosaic=((0,),), layout={}, columns=1, title="").on(
+                new_figure(ALONE[0], one.height)
+            )
+            for one in self.panels
+        ]
 
     def into(self, ax: Any) -> Figure:
         """The panels in somebody's axes, or the first one where `ax` is one. Returns the figure that these are in."""
@@ -88,8 +146,8 @@ class Drawing:
             wanted = "matplotlib axes were" if many == 1 else f"one matplotlib axes, or {many} for all panels, were"
             raise InputError(f"ax is {found}; {wanted} expected")
         for panel, one in zip(self.panels, given, strict=False):
-            if handles := panel(one):
-                one.legend(handles=handles, fontsize=8)
+            if handles := panel.draw(one):
+                one.legend(handles=handles, fontsize=8, frameon=False)
         if self.title and not given[0].get_title():
             given[0].set_title(self.title, fontsize=10, wrap=True)
         return given[0].get_figure(root=True)
@@ -109,7 +167,7 @@ def figure(what: Any, points: Any = None) -> Figure:
 
     >>> solution = icp.scenes.membrane(n=100).problem.solve()
     >>> [axes.get_title() for axes in icp.study.figure(solution).axes[:2]]
-    ['z, contact set outlined', 'p']
+    ['z, contact set outlined', 'force p']
     """
     made = drawing(what, points)
     return made.on(new_figure(*made.size))
@@ -122,8 +180,8 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None) -> 
     a window of matplotlib's.
     Parameters: `what`, and its `points` as in `icpmodel.study.figure`; `path` a file to write instead, its format by
     its suffix, .png, .pdf or .svg; `ax` matplotlib axes to draw into instead, one for the panel that says most, or as
-    many as there are panels (two of a solution: z with its obstacles, and p; two of a race: time against error, and
-    where the time goes).
+    many as there are panels (two of a solution: z with its obstacles, and p; of a race time against error, for at most
+    seven competitors each, and last how long each takes).
     Returns the matplotlib figure. Raises InputError for another suffix, other axes or what has no picture, FileError
     where the file cannot be written.
 

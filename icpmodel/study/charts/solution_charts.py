@@ -12,19 +12,22 @@ from ...errors import InputError
 from ...numerics.arrays import Vector
 from ...scenes import Scene
 from ...scenes import scene as scene_called
-from ...scenes.registry import points_of
+from ...scenes.registry import points_of, title
 from ...solve.solution import History, Solution
-from .figures import BLUE, GREEN, ORANGE, PURPLE, Drawing, drawing
+from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, Panel, drawing
 
 #: more points than this are thinned out before they are drawn: a figure has fewer pixels
 _DRAWN = 200_000
 #: dots on points of no grid cover half of a panel, which is about 3 inches square, in squared points
 _PANEL = (3 * 72) ** 2
+#: so many points or rows are shown one by one
+_FEW = 60
 #: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
 _ZERO = 0.1
 #: contact with the obstacle below and with the one above, where there are two; how they are shaded and outlined
 _BELOW, _ABOVE = "contact below", "contact above"
-_SHADES = {"contact set": "0.85", _BELOW: "0.85", _ABOVE: "#EBD3E1"}
+_SHADES = {"contact set": GREY, _BELOW: GREY, _ABOVE: PURPLE}
+_SHADE = 0.25
 _OUTLINES = {"contact set": "white", _BELOW: "white", _ABOVE: ORANGE}
 
 
@@ -58,61 +61,102 @@ def _(name: str, points: Any = None) -> Drawing:
 def _(history: History, points: Any = None) -> Drawing:
     """Res(z) of every tested iterate."""
 
+    above_0 = history.residual[history.residual > 0.0]
+    shown = np.maximum(history.residual, _ZERO * above_0.min() if above_0.size else 1.0)
+
     def residuals(axes: Any) -> list[Any]:
-        above_0 = history.residual[history.residual > 0.0]
-        shown = np.maximum(history.residual, _ZERO * above_0.min() if above_0.size else 1.0)
-        style = {"marker": "o", "markersize": 3} if shown.size <= 60 else {}
-        axes.plot(history.iteration, shown, color=BLUE, linewidth=1.2, **style)
+        style = {"marker": "o", "markersize": 4} if shown.size <= _FEW else {}
+        axes.plot(history.iteration, shown, color=BLUE, linewidth=1.5, **style)
+        axes.plot(history.iteration[-1:], shown[-1:], "o", color=BLUE, markersize=5)
         lowest = ", 0 at the lower end" if above_0.size < shown.size else ""
         axes.set(yscale="log", xlabel="iteration", ylabel=f"residual Res(z){lowest}")
+        where = {"textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 9}
+        axes.annotate(ended, (history.iteration[-1], shown[-1]), (0, -7), **where)
         axes.locator_params(axis="x", integer=True)
+        axes.margins(x=0.03, y=0.12)
+        axes.spines[["top", "right"]].set_visible(False)
         axes.grid(alpha=0.3)
         return []
 
-    return Drawing(panels=(residuals,), size=(6.4, 4.0))
+    last = int(history.iteration[-1])
+    ended = f"{history.residual[-1]:.2g} after {last} step{'' if last == 1 else 's'}"
+    caption = (
+        "How far z is from a solution, step by step, on a logarithmic axis: a straight line is a fixed factor a step."
+    )
+    alt = f"The residual goes from {history.residual[0]:.2g} to {ended}."
+    return Drawing(panels=(Panel(draw=residuals, caption=caption, alt=alt),), size=(6.0, 3.8))
 
 
 def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -> Drawing:
     problem, n = solution.problem, solution.problem.n
     x = np.arange(n, dtype=np.float64) if points is None else points
-    style: dict[str, Any] = {"drawstyle": "steps-mid"} if points is None else {}
-    if n <= 60:
-        style["marker"] = "o"
     keep = np.unique(np.linspace(0, n - 1, min(n, _DRAWN)).astype(int))
     middles = (x[:-1] + x[1:]) / 2
-    ends = np.concatenate([x[:1], middles, x[-1:]]) if n > 1 else x[0] + np.array([-0.5, 0.5])
+    apart = x[1] - x[0] if n > 1 else 1.0
+    ends = np.concatenate([[x[0] - apart / 2], middles, [x[-1] + apart / 2]])
+    single = points is None and n <= _FEW  # rows have nothing between them
 
-    def dressed(axes: Any, label: str) -> None:
-        across = {"transform": axes.get_xaxis_transform(), "fill": True, "linewidth": 0, "zorder": 0}
-        for name, rows in contacts.items():  # a single row is shaded, too
-            shade = axes.stairs(rows.astype(float), ends, color=_SHADES[name], **across)
-            shade.sticky_edges.y.clear()  # or the axis would begin at 0
-        axes.grid(alpha=0.3)
-        axes.set(ylabel=label, xlabel="row" if points is None else "x")
-        if points is None:
-            axes.locator_params(axis="x", integer=True)
+    def style(width: float, sign: str = "o") -> dict[str, Any]:
+        if single:
+            return {"linestyle": "", "marker": sign, "markersize": 6 if sign == "o" else max(400 / max(n, 8), 8)}
+        drawn = {"drawstyle": "steps-mid"} if points is None else {}
+        return {"linewidth": width, "marker": "o" if n <= _FEW else "", "markersize": 3} | drawn
 
     def heights(axes: Any) -> list[Any]:
         for psi, colour, label in ((problem.psi, ORANGE, "obstacle ψ(z)"), (problem.upper, PURPLE, "obstacle above")):
             if psi is not None:
                 value = psi.value(solution.z)
                 value = np.where(np.isfinite(value), value, np.nan)
-                axes.plot(x[keep], value[keep], color=colour, label=label, linewidth=2.5, markersize=5, **style)
-        axes.plot(x[keep], solution.z[keep], color=BLUE, label="z", linewidth=1.5, markersize=3, **style)
-        dressed(axes, "z")
+                axes.plot(x[keep], value[keep], color=colour, label=label, **style(2.5, "_"))
+        axes.plot(x[keep], solution.z[keep], color=BLUE, label="z", **style(1.5))
+        _dressed(axes, "z", ends, contacts, points is None)
         for name, rows in contacts.items():
             if rows.any():
-                axes.fill_between([], [], facecolor=_SHADES[name], edgecolor="0.5", linewidth=0.5, label=name)
-        axes.legend(loc="best", frameon=False)
+                axes.fill_between([], [], facecolor=_SHADES[name], alpha=_SHADE, linewidth=0, label=name)
+        for handle in axes.legend(loc="best", frameon=False, fontsize=9).legend_handles:
+            if single and hasattr(handle, "set_markersize"):
+                handle.set_markersize(7)
         return []
 
     def forces(axes: Any) -> list[Any]:
-        axes.plot(x[keep], solution.p[keep], color=GREEN, markersize=3, **style)
-        dressed(axes, "force p")
+        if single:
+            axes.vlines(x, 0.0, solution.p, color=GREEN, linewidth=1.5)
+        axes.plot(x[keep], solution.p[keep], color=GREEN, **style(1.5))
+        _dressed(axes, "force p", ends, contacts, points is None)
         return []
 
-    layout = {"nrows": 2, "ncols": 1, "sharex": True, "height_ratios": (2, 1)}
-    return Drawing(panels=(heights, forces), size=(8.2, 5.0), layout=layout)
+    caption = "The answer z and its obstacle. Where it is shaded they touch."
+    return Drawing(
+        panels=(
+            Panel(draw=heights, caption=caption, alt=_told("z", solution.z, contacts)),
+            Panel(draw=forces, caption=_PUSHES, alt=_told("The force p", solution.p, contacts)),
+        ),
+        size=(7.2, 4.8),
+        mosaic=[[0], [1]],
+        layout={"sharex": True, "height_ratios": (2, 1)},
+        title=title(problem),
+    )
+
+
+def _dressed(axes: Any, label: str, ends: Vector, contacts: dict[str, Any], by_row: bool) -> None:
+    """Contact shaded between the `ends` of its rows, and the axes named."""
+    across = {"transform": axes.get_xaxis_transform(), "fill": True, "linewidth": 0, "zorder": 0, "alpha": _SHADE}
+    for name, rows in contacts.items():  # a single row is shaded, too
+        shade = axes.stairs(rows.astype(float), ends, color=_SHADES[name], **across)
+        shade.sticky_edges.y.clear()  # or the axis would begin at 0
+    axes.grid(alpha=0.3)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set(ylabel=label, xlabel="row" if by_row else "x")
+    if by_row:
+        axes.locator_params(axis="x", integer=True)
+
+
+_PUSHES = "The force p = Az + q with which the obstacle pushes back: 0 where z is free."
+
+
+def _told(name: str, values: Vector, contacts: dict[str, Any]) -> str:
+    held = " and ".join(f"{int(rows.sum())} of {rows.size} rows in the {words}" for words, rows in contacts.items())
+    return f"{name} between {values.min():.3g} and {values.max():.3g}, {held}."
 
 
 def _plane(solution: Solution, points: Any, contacts: dict[str, Any]) -> Drawing:
@@ -125,23 +169,39 @@ def _plane(solution: Solution, points: Any, contacts: dict[str, Any]) -> Drawing
         found[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
         return found
 
-    def half(values: Vector, title: str, colours: str, outlined: dict[str, Any], axes: Any) -> list[Any]:
+    def half(values: Vector, heading: str, colours: str, outlined: dict[str, Any], axes: Any) -> list[Any]:
         if regular:
             shown = axes.pcolormesh(columns, rows, field(values), cmap=colours, shading="nearest", rasterized=True)
         else:
             size = max(_PANEL / (2 * x.size), 1.0)
             shown = axes.scatter(x, y, c=values, cmap=colours, s=size, rasterized=True)
         axes.figure.colorbar(shown, ax=axes, pad=0.01)
-        axes.set(title=title, aspect="equal", xlabel="x", ylabel="y")
+        axes.set_title(heading, fontsize=10)
+        axes.set(aspect="equal", xlabel="x", ylabel="y")
         for name, contact in outlined.items():
             if regular and contact.any() and not contact.all() and min(columns.size, rows.size) > 1:
                 axes.contour(columns, rows, field(contact), [0.5], colors=_OUTLINES[name], linewidths=1.5)
         return []
 
-    title = f"z, {_outlined(contacts)}" if regular else "z"
-    heights = partial(half, solution.z, title, "viridis", contacts)
-    layout = {"nrows": 1, "ncols": 2, "sharex": True, "sharey": True}
-    return Drawing(panels=(heights, partial(half, solution.p, "p", "cividis", {})), size=(9.6, 4.2), layout=layout)
+    heading = f"z, {_outlined(contacts)}" if regular else "z"
+    heights = partial(half, solution.z, heading, "viridis", contacts)
+    caption = "The answer z" + (
+        ", with an outline around the points where it touches its obstacle." if regular else "."
+    )
+    return Drawing(
+        panels=(
+            Panel(draw=heights, caption=caption, alt=_told("z", solution.z, contacts)),
+            Panel(
+                draw=partial(half, solution.p, "force p", "cividis", {}),
+                caption=_PUSHES,
+                alt=_told("The force p", solution.p, contacts),
+            ),
+        ),
+        size=(9.6, 4.2),
+        mosaic=[[0, 1]],
+        layout={"sharex": True, "sharey": True},
+        title=title(solution.problem),
+    )
 
 
 def _outlined(contacts: dict[str, Any]) -> str:

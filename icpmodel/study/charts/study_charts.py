@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from ...numerics.rounding import UNIT_ROUNDOFF
 from ...solve.goal import RTOL
 from ..competitors import Entry
 from ..planes import Axis
 from ..race import Race
 from ..stability_map import StabilityMap
-from .figures import BLUE, ORANGE, PURPLE, SKY, YELLOW, Drawing, drawing, looks
+from .figures import ACCURATE, BLUE, GREY, ORANGE, SKY, YELLOW, Drawing, Panel, drawing, looks, name_lines
 
 #: what an answer that is exact to the last digit is drawn at, as a share of the smallest error above 0
 _EXACT = 0.1
+#: kind of a competitor → colour of its bar and what that means
+_KINDS = {
+    "solve": ("black", "what solve() does by itself"),
+    "own": (BLUE, "a method of this package"),
+    "peer": (ORANGE, "an independent solver"),
+}
+#: what a panel on its own needs for a bar, in inches, and for the axes around them
+_BAR, _AROUND = 0.24, 1.0
+#: room for the numbers at the bars, as a factor
+_NUMBERS = 30.0
 #: how a run ended → the sign for it and its words; solved points have colours
 _SIGNS = {
     "slow": (".", "not there after {max_iter} steps"),
@@ -29,106 +41,203 @@ _SIGNS = {
     "overflowed": ("$\\ast$", "overflowed"),
     "refused": ("$/$", "not applicable"),
 }
-#: theorem → colour and dashes: they often bound the same region
-_LINES: dict[str, tuple[str, Any]] = {
-    "4.1": (BLUE, (0, (6, 2))),
-    "4.2": (ORANGE, (0, (4, 2))),
-    "4.3": (PURPLE, (0, (2, 2))),
-    "4.4": (SKY, (0, (1, 1))),
-    "sharper": ("black", "solid"),
-    "rowwise": ("black", "solid"),
-    "h-plus": (BLUE, (0, (6, 2))),
-    "definite": (YELLOW, (0, (5, 1, 1, 1))),
+_INK, _PLATE = "0.25", "0.97"
+#: what proves convergence → the theorems, the colour and dashes of its line: they often bound the same region
+_PROVED: dict[str, tuple[tuple[str, ...], str, Any]] = {
+    "paper, corrected": (("4.1", "4.2", "4.3", "4.4"), SKY, (0, (2, 1))),
+    "sharper bound": (("sharper",), "#1a1a1a", "solid"),
+    "row by row": (("rowwise", "h-plus"), BLUE, (0, (6, 2))),
+    "positive definite": (("definite",), YELLOW, (0, (5, 1, 1, 1))),
 }
 _FALSE = "#C00000"
 
 
 @drawing.register
 def _(found: Race, points: Any = None) -> Drawing:
-    """Left: time against error, more accurate to the right; right: build, set-up and the rest, to Res ≤ 1e-8·Res(0)."""
-    shown = looks(list(dict.fromkeys(run.name for run in found.entries)))
-    colours = {name: colour for name, (colour, _) in shown.items()}
+    """Time against error, more accurate to the right, for seven competitors at most in a panel; then the times to
+    Res ≤ 1e-8·Res(0) as bars."""
+    kinds = {run.name: run.kind for run in found.entries}
+    parts = looks(kinds)
+    if len(parts) > 1:
+        parts = [one for kind in ("own", "peer") for one in looks(_with_solve(kinds, kind)) if {*one} - {"solve()"}]
+    limits = _limits(found)
+    panels = [
+        Panel(
+            draw=partial(_times, found, shown, limits, len(parts) > 1),
+            caption=_HOW_TIMES if k == 0 else "The same for others, with solve() once more.",
+            alt=_times_told(found, shown),
+        )
+        for k, shown in enumerate(parts)
+    ]
+    first = _first_to_goal(found.entries)
+    took = [f"{name} {_seconds(run.median)}" for name, run in first.items()]
+    bars = Panel(
+        draw=partial(_bars, first),
+        caption="The time to the accuracy that solve() aims at by default, the shortest at the top, on a logarithmic "
+        "axis; in brackets how much of it goes by before the first step.",
+        alt=f"Bars of times. {', '.join(took) or 'Nobody got there'}.",
+        height=_AROUND + _BAR * max(len(first), 4),
+    )
+    many = len(panels)
+    return Drawing(
+        panels=(*panels, bars),
+        size=(11.5, max(4.4, 3.7 * many)),
+        mosaic=[[k, many] for k in range(many)],
+        layout={"width_ratios": (1.5, 1)},
+        title=found.title,
+    )
 
-    def bars(axes: Any) -> list[Any]:
-        _bars(axes, found.entries, colours)
-        return []
 
-    layout = {"nrows": 1, "ncols": 2, "width_ratios": (2.2, 1)}
-    panels = (lambda axes: _times(axes, found, shown), bars)
-    return Drawing(panels=panels, size=(11, 6.0), layout=layout, columns=5, title=found.title)
+_HOW_TIMES = (
+    "Each marker is a run to one tolerance, its bar the spread of the rounds, the thin line the way of one run; "
+    "further right is more accurate, further down is faster. A hollow marker says “solved” and is not; the dashed "
+    "line is one solve of a linear system with A."
+)
 
 
-def _times(axes: Any, found: Race, shown: dict[str, tuple[str, str]]) -> list[Any]:
-    """A marker is a run to one tolerance, the bar on it the spread of the rounds, the thin line the path of one run; a
-    hollow marker says "solved" and is not. The dashed line is one linear solve with A."""
-    entries, traces = found.entries, found.traces
-    errors = [run.error for run in entries if run.error]
-    errors += [float(e) for _, path in traces.values() for e in path if e > 0]
-    floor = _EXACT * min(errors, default=1.0)
+def _with_solve(kinds: dict[str, str], kind: str) -> list[str]:
+    return [name for name, one in kinds.items() if one in ("solve", kind)]
+
+
+def _times_told(found: Race, shown: Iterable[str]) -> str:
+    """For each competitor its most accurate run."""
+    told = []
+    for name in shown:
+        if runs := [run for run in found.entries if run.name == name and run.error is not None]:
+            best = _most_accurate(runs)
+            told.append(f"{name} gets to {best.error or 0.0:.1e} in {_seconds(best.median)}")
+    return f"Time against {found.measure}. {'; '.join(told) or 'No run has an error'}."
+
+
+def _most_accurate(runs: Sequence[Entry]) -> Entry:
+    return min(runs, key=lambda run: np.inf if run.error is None else run.error)
+
+
+def _limits(found: Race) -> dict[str, Any]:
+    """The limits of all panels, errors the other way round, and what is drawn where the error is 0, or nothing beside
+    the largest: a way may begin, or a run that diverges may go, far beyond."""
+    errors = [run.error for run in found.entries if run.error]
+    times = [second for run in found.entries if run.error is not None for second in run.seconds]
+    times += [t for seconds, _ in found.traces.values() for t in seconds.tolist() if t > 0]
+    times += [found.limit] if found.limit else []
+    floor = max(_EXACT * min(errors, default=1.0), UNIT_ROUNDOFF * max(errors, default=1.0))
+    return {
+        "floor": floor,
+        "xlim": (2 * max(errors, default=1.0), floor / 2),
+        "ylim": (min(times, default=1.0) / 1.6, 1.6 * max(times, default=1.0)),
+    }
+
+
+def _times(
+    found: Race, shown: dict[str, tuple[str, str]], limits: dict[str, Any], several: bool, axes: Any
+) -> list[Any]:
+    entries, floor, ends = found.entries, limits["floor"], []
+    axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{found.measure}   ({ACCURATE})")
+    axes.set(xlim=limits["xlim"], ylim=limits["ylim"])
     for name, (colour, marker) in shown.items():
-        _points(axes, [run for run in entries if run.name == name and run.error is not None], colour, marker, floor)
-        if name in traces:
-            seconds, path = traces[name]
+        mine = [run for run in entries if run.name == name and run.error is not None]
+        _points(axes, mine, colour, marker, floor)
+        if name in found.traces:
+            seconds, path = found.traces[name]
             axes.plot(np.maximum(path, floor), seconds, color=colour, linewidth=0.7, alpha=0.6, zorder=1)
+        if mine:
+            best = _most_accurate(mine)
+            ends.append((name, (max(best.error or 0.0, floor), best.median), colour, marker))
     if found.limit is not None:
-        axes.axhline(found.limit, color="0.4", linestyle="--", linewidth=1.2, label="one linear solve (PyAMG)")
-    axes.set(xscale="log", yscale="log", xlabel=found.measure, ylabel="time, s")
-    axes.xaxis.set_inverted(True)
+        axes.axhline(found.limit, color=GREY, linestyle="--", linewidth=1.2)
+        ends.append(("one linear solve", (limits["xlim"][1], found.limit), GREY, "$-$"))
     axes.grid(alpha=0.3)
-    if any(run.wrong for run in entries):
-        axes.plot([], [], "o", color="0.3", markerfacecolor="white", label='says "solved", is not')
-    return list(axes.get_legend_handles_labels()[0])
+    if several:
+        kinds = {run.kind for run in entries if run.name in shown}
+        axes.set_title("methods of this package" if "own" in kinds else "independent solvers", fontsize=10)
+    if any(run.wrong for run in entries if run.name in shown):
+        hollow = axes.plot([], [], "o", color=GREY, markerfacecolor="none", label='says "solved", is not')
+        axes.legend(handles=hollow, loc="best", fontsize=8, frameon=False)
+    name_lines(axes, ends)
+    return []
 
 
 def _points(axes: Any, mine: list[Entry], colour: str, marker: str, floor: float) -> None:
-    """The runs of one competitor; only the first of them is in the legend."""
+    """The runs of one competitor."""
     places = [(max(run.error or 0.0, floor), run.median) for run in mine]
     for k, (run, (error, median)) in enumerate(zip(mine, places, strict=True)):
         size, order = (7, 3) if run.kind == "solve" else (5, 2)
         spread = [[median - min(run.seconds)], [max(run.seconds) - median]]
         style = {"color": colour, "marker": marker, "markersize": size, "linestyle": "", "linewidth": 0.8}
-        style |= {"markerfacecolor": "white" if run.wrong else colour, "zorder": order}
+        style |= {"markerfacecolor": "none" if run.wrong else colour, "zorder": order}
         axes.errorbar([error], [median], yerr=spread, label=run.name if k == 0 else None, **style)
     if mine and mine[0].kind == "peer":  # they have no path of their own
         axes.plot(*zip(*sorted(places), strict=True), color=colour, linewidth=0.7, linestyle=":", zorder=1)
 
 
-def _bars(axes: Any, runs: Sequence[Entry], colours: dict[str, str]) -> None:
-    """For each competitor the first run that reached the residual: build, dotted, set-up, striped, and the rest."""
+def _first_to_goal(runs: Sequence[Entry]) -> dict[str, Entry]:
+    """For each competitor the first run that reached the residual, the quickest first."""
     best: dict[str, Entry] = {}
     for run in runs:
         if run.residual is not None and run.residual <= RTOL:
             best.setdefault(run.name, run)
-    slowest_first = sorted(best.values(), key=lambda run: -run.median)
-    for k, run in enumerate(slowest_first):
-        style = {"color": "white", "edgecolor": colours[run.name], "height": 0.6}
-        axes.barh(k, run.median, color=colours[run.name], alpha=0.85, height=0.6)
-        axes.barh(k, run.build, hatch="..", **style)
-        if run.setup:
-            axes.barh(k, run.setup, left=run.build, hatch="////", **style)
-    axes.set_yticks(range(len(best)), [run.name for run in slowest_first], fontsize=8)
-    axes.set_xlabel(f"time to Res(z) ≤ {RTOL:g} Res(0), s\n(dots: build, stripes: set-up)")
+    return dict(sorted(best.items(), key=lambda pair: pair[1].median))
+
+
+def _bars(first: dict[str, Entry], axes: Any) -> list[Any]:
+    """On a logarithmic axis parts of a bar have no length, so what goes by before the first step is a number."""
+    times = [run.median for run in first.values()]
+    left = min(times, default=1.0) / 3
+    for k, run in enumerate(first.values()):
+        axes.barh(k, run.median - left, left=left, color=_KINDS[run.kind][0], alpha=0.85, height=0.6)
+        before = (run.build + (run.setup or 0.0)) / run.median
+        axes.text(1.1 * run.median, k, f"{_seconds(run.median)} ({before:.0%})", va="center", fontsize=8)
+    axes.set(xscale="log", xlim=(left, _NUMBERS * max(times, default=1.0)))
+    axes.set_yticks(range(len(first)), list(first), fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xlabel(f"time to Res(z) ≤ {RTOL:g} Res(0), s\n(in brackets the share before the first step)")
     axes.grid(axis="x", alpha=0.3)
+    kinds = {run.kind for run in first.values()}
+    for kind, (colour, words) in _KINDS.items():
+        if kind in kinds:
+            axes.barh([0], [0], color=colour, alpha=0.85, label=words)
+    if not first:
+        axes.text(0.5, 0.5, "nobody got there", ha="center", transform=axes.transAxes)
+    else:
+        axes.legend(loc="upper right", fontsize=8, frameon=False)  # where bars are short
+    return []
+
+
+def _seconds(t: float) -> str:
+    """`t` seconds to two digits, in the unit that people would use."""
+    for unit, words in ((1.0, "s"), (1e-3, "ms")):
+        if t >= unit:
+            return f"{float(f'{t / unit:.1e}'):g} {words}"
+    return f"{float(f'{t / 1e-6:.1e}'):g} µs"
 
 
 @drawing.register
 def _(found: StabilityMap, points: Any = None) -> Drawing:
-    return Drawing(panels=(lambda axes: _map(axes, found),), size=(8.2, 5.4), title=found.plane.title)
+    ends = {end: int((found.ends == end).sum()) for end in np.unique(found.ends)}
+    counted = ", ".join(f"{many} {end}" for end, many in sorted(ends.items(), key=lambda pair: -pair[1]))
+    caption = (
+        "Each cell is a pair of parameters; its colour is the number of steps, its sign how it failed. "
+        "Within a line it is proved that the method converges, whatever the start."
+    )
+    alt = f"Map over {found.plane.x.label} and {found.plane.y.label}. Of {found.ends.size} points {counted}."
+    panel = Panel(draw=partial(_map, found), caption=caption, alt=alt, height=5.2)
+    return Drawing(panels=(panel,), size=(8.2, 5.6), columns=2, title=found.plane.title)
 
 
-def _map(axes: Any, found: StabilityMap) -> list[Any]:
-    """Steps as colours, failures as signs on white, and a line around the points where each theorem proves convergence.
+def _map(found: StabilityMap, axes: Any) -> list[Any]:
+    """Steps as colours, failures as signs on a plate, and a line around the points where convergence is proved.
 
     A red line encloses what the paper, as printed, says to converge, where that is more than is proved.
     """
     from matplotlib.colors import LogNorm
     from matplotlib.lines import Line2D
 
-    x, y, ends, proved, printed = found.plane.x, found.plane.y, found.ends, found.proved, found.any_printed
+    x, y, ends, printed = found.plane.x, found.plane.y, found.ends, found.any_printed
     solved = ends == "solved"
     counts = np.ma.masked_where(~solved, np.maximum(found.steps, 1))
     least = int(counts.min()) if solved.any() else found.max_iter
     norm = LogNorm(least, max(int(counts.max()) if solved.any() else 1, 10 * least))  # at least a factor of ten apart
+    axes.set_facecolor(_PLATE)
     mesh = axes.pcolormesh(_edges(x), _edges(y), counts, cmap="viridis_r", norm=norm)
     axes.figure.colorbar(mesh, ax=axes, label=f"steps to Res(z) ≤ {found.rtol:g} Res(0)", pad=0.01)
     handles = []
@@ -136,23 +245,51 @@ def _map(axes: Any, found: StabilityMap) -> list[Any]:
     for end, (sign, words) in _SIGNS.items():
         here = ends == end
         if here.any():
-            style: dict[str, Any] = {"linestyle": "", "marker": sign, "color": "0.25"}
-            axes.plot(X[here], Y[here], markersize=5, **style)
-            handles.append(Line2D([], [], markersize=7, label=words.format(max_iter=found.max_iter), **style))
-    alike: dict[bytes, list[str]] = {}  # theorems that prove the same points have one line
-    for name, mask in proved.items():
-        alike.setdefault(mask.tobytes(), []).append(name)
-    for names in alike.values():
-        mask, (colour, dashes) = proved[names[0]], _LINES[names[-1]]
-        if mask.any():
-            _outline(axes, x, y, mask, colors=[colour], linestyles=[dashes], linewidths=2.0)
-            label = f"proved: {', '.join(names)}"
-            handles.append(Line2D([], [], color=colour, linestyle=dashes, linewidth=2.0, label=label))
+            style: dict[str, Any] = {"linestyle": "", "marker": sign}
+            axes.plot(X[here], Y[here], markersize=5, color=_INK, **style)
+            handles.append(
+                Line2D([], [], markersize=7, color=GREY, label=words.format(max_iter=found.max_iter), **style)
+            )
+    for words, mask, colour, dashes in _proofs(found):
+        _outline(axes, x, y, mask, colors=[colour], linestyles=[dashes], linewidths=2.0)
+        shown = "black" if dashes == "solid" else colour
+        handles.append(Line2D([], [], color=shown, linestyle=dashes, linewidth=2.0, label=words))
     if (printed & ~found.any_proved).any():
         _outline(axes, x, y, printed, colors=[_FALSE], linewidths=3.0, zorder=1.5)
         handles.append(Line2D([], [], color=_FALSE, linewidth=3.0, label="said to converge, as printed (false)"))
     axes.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear", xlabel=x.label, ylabel=y.label)
-    return handles
+    return handles + _marked(found, axes)
+
+
+def _proofs(found: StabilityMap) -> list[tuple[str, Any, str, Any]]:
+    """(words, points, colour, dashes) of what proves convergence somewhere; what proves the same points is one."""
+    alike: dict[bytes, list[str]] = {}
+    masks = {words: np.any([found.proved[name] for name in names], axis=0) for words, (names, *_) in _PROVED.items()}
+    for words, mask in masks.items():
+        if mask.any():
+            alike.setdefault(mask.tobytes(), []).append(words)
+    told = []
+    for same in alike.values():
+        how = "" if len(alike) == 1 else f" ({', '.join(same)})"
+        told.append((f"proved to converge{how}", masks[same[-1]], *_PROVED[same[-1]][1:]))
+    return told
+
+
+def _marked(found: StabilityMap, axes: Any) -> list[Any]:
+    """Where the method is by default, and where it needs the fewest steps, as far as the plane is one of a method."""
+    places, marked = {}, []
+    if found.plane.default is not None:
+        places["default"] = found.plane.default, "o"
+        if (found.ends == "solved").any():
+            j, i = np.unravel_index(np.where(found.ends == "solved", found.steps, np.inf).argmin(), found.ends.shape)
+            best = float(found.plane.x.values[i]), float(found.plane.y.values[j])
+            places[f"fewest steps: {found.steps[j, i]}"] = best, "*"
+    for words, (place, marker) in places.items():
+        style = {"marker": marker, "color": "white", "markeredgecolor": "#1a1a1a", "linestyle": ""}
+        marked += axes.plot(
+            *[[at] for at in place], label=words, markersize=12 if marker == "*" else 8, zorder=4, **style
+        )
+    return marked
 
 
 def _edges(axis: Axis) -> Any:

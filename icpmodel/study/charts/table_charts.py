@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
 from ...numerics.arrays import Vector
 from ...present.table import Table
-from .figures import COLOURS, DASHES, Figure, legend_below, looks, new_figure
+from .figures import COLOURS, Figure, looks, name_lines, new_figure
 
 #: what is so many times as slow as the best own method in hindsight, or as a peer, makes `solve()` look bad
 OWN, PEER = 2.0, 1.5
 #: the largest factor of a profile that is drawn
 _LARGEST = 1000.0
-#: more profiles than these cannot be told apart
-_SHOWN = 12
-
 #: (n, seconds or MiB) by increasing n
 _Points = list[tuple[int, float]]
 
@@ -33,62 +31,91 @@ def benchmark_figures(table: Table) -> dict[str, tuple[Figure, Table]]:
 def scaling(table: Table) -> dict[str, Figure]:
     """Scene → time against n of a `benchmark`, for each scene of which two sizes or more were measured.
 
-    Left `solve()`, the peers and the linear solves, right `solve()` and the own methods; only runs that reached the
-    residual are shown. The label has the exponent of n, fitted through the three largest sizes.
+    Left `solve()`, the peers and the linear solves, right `solve()` and the own methods, in rows of panels of at most
+    seven lines; only runs that reached the residual are shown. The label has the exponent of n, fitted through the
+    three largest sizes.
     """
     scenes: dict[str, dict[tuple[str, str], _Points]] = {}
     for cells in table.records():
         if cells["time, s"] is not None:
             lines = scenes.setdefault(cells["scene"], {})
             lines.setdefault((cells["kind"], cells["method"]), []).append((cells["n"], cells["time, s"]))
-    found: dict[str, Figure] = {}
-    for scene, lines in scenes.items():
-        if len({n for points in lines.values() for n, _ in points}) < 2:
-            continue
-        found[scene] = figure = new_figure(10, 6.2)
-        left, right = figure.subplots(1, 2, sharey=True)
-        _draw(left, {key: points for key, points in lines.items() if key[0] != "own"})
-        _draw(right, {key: points for key, points in lines.items() if key[0] in ("solve", "own")})
-        left.set(title="solve(), peers and one linear solve", ylabel="time to Res(z) ≤ 1e-8 Res(0), s")
-        right.set(title="solve() and single methods")
-        figure.suptitle(scene)
-    return found
+    return {
+        scene: _scaling_figure(scene, lines)
+        for scene, lines in scenes.items()
+        if len({n for points in lines.values() for n, _ in points}) > 1
+    }
 
 
-def _draw(axes: Any, lines: dict[tuple[str, str], _Points]) -> None:
-    shown = looks([name for _, name in lines])
-    for (kind, name), points in lines.items():
-        colour, marker = shown[name]
-        width, size = (2.5, 6) if kind == "solve" else (1.2, 5)
-        style = {"color": colour, "marker": marker, "linewidth": width, "markersize": size}
-        dash = "--" if kind == "limit" else "-"
-        axes.plot(*zip(*points, strict=True), dash, label=_labelled(name, points), zorder=1 + width, **style)
-    axes.set(xscale="log", yscale="log", xlabel="number of unknowns n")
+def _scaling_figure(scene: str, lines: dict[tuple[str, str], _Points]) -> Figure:
+    """Columns: peers and linear solves, own methods; as many rows as it takes for seven lines a panel."""
+    kinds = {name: kind for kind, name in lines}
+    own = {name for name, kind in kinds.items() if kind == "own"}
+    columns = [looks(name for name in kinds if (name in own) is mine or name == "solve()") for mine in (False, True)]
+    rows = max(map(len, columns))
+    figure = new_figure(11.5, max(4.4, 3.8 * rows))
+    panels = figure.subplots(rows, 2, sharex=True, sharey=True, squeeze=False)
+    ends = []
+    for k, parts in enumerate(columns):
+        for axes, shown in zip_longest(panels[:, k], parts):
+            if shown is None:
+                axes.set_axis_off()
+                continue
+            ends.append(
+                (axes, [_draw(axes, name, kinds[name], lines[kinds[name], name], shown[name]) for name in shown])
+            )
+            axes.set(xscale="log", yscale="log")
+            axes.grid(alpha=0.3)
+            axes.tick_params(labelleft=True)
+            if axes is panels[len(parts) - 1, k]:
+                axes.set_xlabel("number of unknowns n")
+                axes.tick_params(labelbottom=True)
     sizes = sorted({n for points in lines.values() for n, _ in points})
     apart = [n for k, n in enumerate(sizes) if k == 0 or n > 1.8 * sizes[k - 1]]
-    axes.set_xticks(apart, [f"{n}" for n in apart])
-    axes.minorticks_off()
-    axes.grid(alpha=0.3)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, frameon=False, fontsize=8)
+    panels[0, 0].set_xticks(apart, [f"{n}" for n in apart])
+    panels[0, 0].minorticks_off()
+    for axes, named in ends:  # all limits are known
+        name_lines(axes, named)
+    panels[0, 0].set_title("solve(), peers and one linear solve", fontsize=10)
+    panels[0, 1].set_title("solve() and single methods", fontsize=10)
+    figure.supylabel("time to Res(z) ≤ 1e-8 Res(0), s", fontsize=10)
+    figure.suptitle(scene)
+    return figure
+
+
+def _draw(axes: Any, name: str, kind: str, points: _Points, look: tuple[str, str]) -> tuple[str, Any, str, str]:
+    """One line, and what `name_lines` has to know of it."""
+    colour, marker = look
+    width, size = (2.5, 6) if kind == "solve" else (1.2, 5)
+    style = {"color": colour, "marker": marker, "linewidth": width, "markersize": size}
+    label = _labelled(name, points)
+    axes.plot(*zip(*points, strict=True), "--" if kind == "limit" else "-", label=label, zorder=1 + width, **style)
+    return label, points[-1], colour, marker
 
 
 def memory_figure(table: Table) -> Figure:
-    """Memory against n of a `memory`, one line for each scene, and the bytes of A; exponents as in `scaling`."""
+    """Memory against n of a `memory`, a line for each scene, and beside it that of A; exponents as in `scaling`."""
     lines: dict[str, _Points] = {}
     sizes: dict[str, _Points] = {}
     for scene, n, _, size, peak, *_ in table.rows:
         sizes.setdefault(scene, []).append((n, size))
         if peak > 0:
             lines.setdefault(scene, []).append((n, peak))
-    figure = new_figure(7, 4.6)
-    axes = figure.subplots()
-    for kind, found, dash in (("solve()", lines, "-"), ("A", sizes, "--")):
-        for scene, (colour, marker) in looks(found).items():
-            label, points = _labelled(f"{kind}, {scene}", found[scene]), zip(*found[scene], strict=True)
-            axes.plot(*points, dash, marker=marker, color=colour, label=label, linewidth=1.2)
-    axes.set(xscale="log", yscale="log", xlabel="number of unknowns n", ylabel="memory, MiB")
-    axes.grid(alpha=0.3)
-    legend_below(figure, 2)
+    parts = looks(sizes)
+    figure = new_figure(11.5, max(4.4, 3.8 * len(parts)))
+    panels = figure.subplots(len(parts), 2, sharex=True, sharey=True, squeeze=False)
+    named: list[tuple[Any, list[tuple[str, Any, str, str]]]] = []
+    for row, part in zip(panels, parts, strict=True):
+        for axes, found in zip(row, (lines, sizes), strict=True):
+            shown = [(scene, look) for scene, look in part.items() if scene in found]
+            named.append((axes, [_draw(axes, scene, "", found[scene], look) for scene, look in shown]))
+            axes.set(xscale="log", yscale="log", xlabel="number of unknowns n", ylabel="memory, MiB")
+            axes.grid(alpha=0.3)
+            axes.label_outer()
+    for axes, ends in named:  # all limits are known
+        name_lines(axes, ends)
+    panels[0, 0].set_title("solve()", fontsize=10)
+    panels[0, 1].set_title("A", fontsize=10)
     return figure
 
 
@@ -108,35 +135,45 @@ def exponent(points: _Points) -> float | None:
 
 def choice_figure(table: Table) -> Figure:
     """The ratios of a `choice` over n, to the best own method and to each peer: a mark for each kind of family, which
-    is its name up to the first hyphen, and at the upper edge a cross where `solve()` failed."""
+    is its name up to the first hyphen, six in a row of panels, and at the upper edge a cross where `solve()` failed."""
     rows = [(row, row["family"].partition("+")[0].partition("-")[0]) for row in table.records()]
-    marks = looks(sorted({kind for _, kind in rows}))
+    parts = looks(sorted({kind for _, kind in rows}))
     peers = [head for head in table.heads if head.startswith("to ")]
+    figure = new_figure(10, max(5.2, 0.6 + 3.8 * len(parts)))
+    panels = figure.subplots(len(parts), 2, sharex=True, sharey=True, squeeze=False)
+    for pair, marks in zip(panels, parts, strict=True):
+        for axes, columns, bound in ((pair[0], ["ratio"], OWN), (pair[1], peers, PEER)):
+            _ratios(axes, {kind: [row for row, one in rows if one == kind] for kind in marks}, marks, columns, bound)
+        failed = [row["n"] for row, one in rows if one in marks and not row["solve() by"]]
+        if failed:
+            cross = {"color": "black", "transform": pair[0].get_xaxis_transform(), "clip_on": False}
+            pair[0].plot(failed, [1.0] * len(failed), "x", label="not solved", **cross)
+        pair[0].set_ylabel("time of solve() / time of the other")
+        pair[0].legend(loc="best", fontsize=8, framealpha=0.8)
     sizes = [row["n"] for row, _ in rows] or [1]
-    figure = new_figure(10, 5.2)
-    panels = figure.subplots(1, 2, sharey=True)
-    for axes, columns, bound in ((panels[0], ["ratio"], OWN), (panels[1], peers, PEER)):
-        for kind, (colour, marker) in marks.items():
-            here = [(row["n"], row[head]) for row, one in rows if one == kind for head in columns]
-            points = [point for point in here if point[1] is not None]
-            x, y = zip(*points, strict=True) if points else ((), ())
-            label = kind if axes is panels[0] else None
-            axes.plot(x, y, marker, color=colour, markersize=5, alpha=0.75, linestyle="none", label=label)
-        for at, style in ((1.0, "-"), (bound, "--")):
-            axes.axhline(at, color="black", linestyle=style, linewidth=0.8)
-        axes.set(xscale="log", yscale="log", xlabel="number of unknowns n", xlim=(0.8 * min(sizes), 1.25 * max(sizes)))
-        axes.xaxis.set_minor_formatter("")
-        axes.grid(alpha=0.3)
-    failed = [row["n"] for row, _ in rows if not row["solve() by"]]
-    if failed:
-        edge = panels[0].get_xaxis_transform()
-        panels[0].plot(
-            failed, [1.0] * len(failed), "x", color="black", transform=edge, clip_on=False, label="not solved"
-        )
-    panels[0].set(title="to the best own method in hindsight", ylabel="time of solve() / time of the other")
-    panels[1].set(title="to " + ", ".join(head.removeprefix("to ") for head in peers) if peers else "no peers")
-    legend_below(figure, 5, fontsize=9)
+    panels[0, 0].set_xlim(0.8 * min(sizes), 1.25 * max(sizes))
+    for axes in panels[-1]:
+        axes.set_xlabel("number of unknowns n")
+    panels[0, 0].set_title("to the best own method in hindsight", fontsize=10)
+    others = ", ".join(head.removeprefix("to ") for head in peers)
+    panels[0, 1].set_title(f"to {others}" if peers else "no peers", fontsize=10)
     return figure
+
+
+def _ratios(
+    axes: Any, rows: dict[str, Any], marks: dict[str, tuple[str, str]], columns: list[str], bound: float
+) -> None:
+    """The points of each kind, at 1 a line, and a dashed one at the `bound`."""
+    for kind, (colour, marker) in marks.items():
+        here = [(row["n"], row[head]) for row in rows[kind] for head in columns]
+        points = [point for point in here if point[1] is not None]
+        x, y = zip(*points, strict=True) if points else ((), ())
+        axes.plot(x, y, marker, color=colour, markersize=5, alpha=0.75, linestyle="none", label=kind)
+    for at, style in ((1.0, "-"), (bound, "--")):
+        axes.axhline(at, color="black", linestyle=style, linewidth=0.8)
+    axes.set(xscale="log", yscale="log")
+    axes.xaxis.set_minor_formatter("")
+    axes.grid(alpha=0.3)
 
 
 def profiles(table: Table) -> dict[str, Vector]:
@@ -164,22 +201,23 @@ def profiles(table: Table) -> dict[str, Vector]:
 
 
 def profile_figure(table: Table) -> Figure:
-    """The twelve best profiles of a `benchmark`, by the area below them over log τ, best first in the legend."""
+    """The profile of `solve()` and the six best others of a `benchmark`, by the area below them over log τ."""
     found = profiles(table)
     figure = new_figure(9, 5.4)
     axes = figure.subplots()
     areas = {name: np.log(_LARGEST / np.clip(factors, 1.0, _LARGEST)).sum() for name, factors in found.items()}
-    ranked = sorted(found, key=lambda name: (name != "solve()", -areas[name]))[:_SHOWN]
-    styles = [("black", "solid"), *((colour, dash) for dash in DASHES for colour in COLOURS)]
-    for name, (colour, dash) in zip(ranked, styles, strict=False):
+    ranked = sorted(found, key=lambda name: (name != "solve()", -areas[name]))
+    ends = []
+    for name, (colour, marker) in looks(ranked[: 1 + len(COLOURS)])[0].items():
         factors = found[name]
         solved = factors[factors <= _LARGEST]
         x = np.concatenate([[1.0], solved, [_LARGEST]])
         y = np.concatenate([[0.0], np.arange(1, solved.size + 1), [solved.size]]) / max(factors.size, 1)
-        width = 2.5 if name == "solve()" else 1.3
-        axes.plot(x, y, drawstyle="steps-post", color=colour, linestyle=dash, linewidth=width, label=name)
+        style = {"linewidth": 2.5 if name == "solve()" else 1.3, "color": colour, "drawstyle": "steps-post"}
+        axes.plot(x, y, label=name, marker=marker, markersize=4, markevery=max(x.size // 8, 1), **style)
+        ends.append((name, (_LARGEST, y[-1]), colour, marker))
     axes.set(xscale="log", xlim=(1.0, _LARGEST), ylim=(0.0, 1.02))
     axes.set(xlabel="time within this factor of the quickest", ylabel="share of the problems")
     axes.grid(alpha=0.3)
-    figure.legend(loc="outside right center", frameon=False, fontsize=8)
+    name_lines(axes, ends)
     return figure
