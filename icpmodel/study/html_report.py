@@ -219,16 +219,18 @@ def _map(problem: ProblemData) -> _Section:
 
 def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
     """The first of the maps of which enough converges, or else the one of which most does. Raises InputError."""
-    share = {}
+    share, ends = {}, set()
     for one in _MAPS:
         largest, max_iter, *_ = one
         found = stability(relaxation(_TRIED, problem, largest), starts=1, max_iter=max_iter)
         share[one] = float((found.ends == "solved").mean())
+        ends |= {*found.ends.ravel().tolist()}
         if share[one] >= _SHARE:
             return one
     best = max(share, key=lambda one: share[one])
     if not share[best]:
-        raise InputError(f"no point converged, for θ₁ and θ₂ up to {_MAPS[0][0]:g} and up to {max_iter} steps")
+        tried = f"for θ₁ and θ₂ up to {_MAPS[0][0]:g} and up to {max_iter} steps"
+        raise InputError(f"no point converged, {tried}; how they ended: {', '.join(sorted(ends))}")
     return best
 
 

@@ -574,7 +574,7 @@ def test_a_report_is_written_and_its_exit_code_is_that_of_the_solve(capsys, tmp_
     code, out, err = call(capsys, "report", "hand-lcp", "-o", str(page), "--time-limit", "5")
     assert (code, out) == (0, "")
     assert f"wrote {page}" in err
-    assert "hand-lcp: By hand" in page.read_text()
+    assert "<h1>hand-lcp, 2 unknowns</h1>" in page.read_text()
     assert call(capsys, "report", "hard-jump", "-o", str(page), "--time-limit", "5")[0] == 1
     assert "cycled" in page.read_text()
     assert call(capsys, "report", "hand-lcp", "-o", "no/such/folder.html")[0] == 2
