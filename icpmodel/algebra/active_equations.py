@@ -64,9 +64,16 @@ class ActiveEquations:
 
     def _factors_cost_more(self) -> bool:
         """Whether a factorisation costs more than cycles may."""
+        problem, active, jacobian = self._of
+        if not jacobian.nnz:  # M is a part of A, and need not be made where its size says enough
+            free = ~active
+            entries = int(np.count_nonzero(free[row_of(problem.A)] & free[problem.A.indices]))
+            least = work.least_factor_cost(int(np.count_nonzero(free)), entries)
+            if least > self._most and problem.matrix.is_for_multigrid:
+                return True
         if not self._eliminated.costs_more(self._most):
             return False
-        vars(self).pop("_eliminated")  # as large as A
+        vars(self).pop("_eliminated", None)  # as large as A
         return True
 
     def solve(self, f: Vector, tolerance: float) -> Vector | None:

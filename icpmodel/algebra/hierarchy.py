@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..numerics import work
-from ..numerics.arrays import Vector, is_symmetric
+from ..numerics.arrays import Vector
 from ..numerics.multigrid import HIERARCHY_BYTES, ruge_stuben
 from ..numerics.threads import one_behind_the_other, one_blas_thread, threads_for
 from ..problem.data import ProblemData
@@ -91,8 +91,13 @@ class Hierarchy:
             free = free[level.kept]
             self._free.append(free)
         self._rows = np.flatnonzero(free)
+        vars(self).pop("_inverse", None)
+
+    @cached_property
+    def _inverse(self) -> NDArray[np.float64]:
+        """That of the free rows of the coarsest level."""
         with one_blas_thread():
-            self._inverse = np.linalg.pinv(self._dense[np.ix_(self._rows, self._rows)])
+            return np.linalg.pinv(self._dense[np.ix_(self._rows, self._rows)])
 
     def cycle(self, f: Vector, top: int = 0) -> Vector:
         """About the x with (Ax)_i = f_i in the free rows and x_i = 0 in the others, by one V(1, 1)-cycle.
@@ -106,7 +111,7 @@ class Hierarchy:
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether A is, and with it every level and the cycle, up to rounding."""
-        return is_symmetric(self.levels[0].A)
+        return self.levels[0].problem.matrix.is_symmetric
 
     @cached_property
     def transposed(self) -> Hierarchy:

@@ -14,7 +14,7 @@ from ..icp import ICP
 from ..numerics.multigrid import linear_solve
 from ..present.table import Table
 from ..scenes import scene
-from ..study.timing import as_repeats, clocked, machine, timed
+from ..study.timing import as_repeats, clocked, machine, middle, timed
 
 _LAYERS = "cvxpylayers"
 
@@ -28,7 +28,7 @@ def derivative_cost(
     levels being there where the solve has left them; "next adjoint" and "next forward" are on the same object. The
     linear solve is PyAMG's Ruge–Stüben hierarchy with conjugate gradients to 1e-8, set-up included. "solve and adjoint"
     stands against the forward and the backward pass of the same problem as a quadratic program with the parameter q in
-    cvxpylayers, in JAX, after a first run that compiles; without it these rows are left out.
+    cvxpylayers, in JAX, both warm, the median of five in a row; without it these rows are left out.
     Parameters: `sizes` unknowns (the nearest squares) against linear solves; `layers` unknowns against cvxpylayers;
     `repeats` rounds of timings, ≥ 3. Returns a `Table` (seconds; the ratio is the median of those pair by pair).
     Reference: Agrawal et al., Differentiable convex optimization layers (2019).
@@ -42,7 +42,7 @@ def derivative_cost(
         rows += [(problem.n, *found) for found in _in_linear_solves(problem, repeats)]
     for n in layers if find_spec(_LAYERS) else ():
         problem = scene("membrane", n).problem
-        calls = {"": clocked(partial(_once, problem, np.ones(problem.n))), _LAYERS: clocked(_layer(problem))}
+        calls = {"": middle(partial(_once, problem, np.ones(problem.n))), _LAYERS: middle(_layer(problem))}
         taken = timed(calls, repeats)
         times = taken.median(""), taken.median(_LAYERS), *taken.ratio("", _LAYERS)
         rows.append((problem.n, "solve and adjoint", _LAYERS, *times))

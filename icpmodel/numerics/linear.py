@@ -56,7 +56,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
     if by_multigrid is None:
         by_multigrid = multigrid_pays(M, look, krylov_cost(M.nnz, STEPS))
     else:
-        by_multigrid = by_multigrid and _is_for_multigrid(M)
+        by_multigrid = by_multigrid and is_for_multigrid(M)
     cycles = _multigrid(M, scaled, exponents) if by_multigrid else None
 
     @cache
@@ -79,7 +79,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
 
 def multigrid_pays(M: sp.csr_array, look: Look, cost: float) -> bool:
     """Whether multigrid is for M, CSR, n × n, and its `cost`, in nanoseconds, less than that of a factorisation."""
-    return _is_for_multigrid(M) and look.costs_more(cost)
+    return is_for_multigrid(M) and look.costs_more(cost)
 
 
 def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> Solver:
@@ -217,7 +217,7 @@ def _sparse(M: sp.csr_array, look: Look) -> Solver:
     return solve
 
 
-def _is_for_multigrid(M: sp.csr_array) -> bool:
+def is_for_multigrid(M: sp.csr_array) -> bool:
     """Whether M has the signs of an M-matrix and is no band."""
     return bool(
         sum(bandwidths(M)) >= _WIDEST_BAND

@@ -9,9 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..numerics import work
-from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze
+from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze, is_symmetric
 from ..numerics.fill import foreseen, of_band
 from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
+from ..numerics.linear import is_for_multigrid
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 
 #: an A of so many rows is dense until its sparse form is asked for
@@ -123,6 +124,16 @@ class Matrix(ReadOnly):
     def is_band(self) -> bool:
         """Whether few diagonals next to the main one hold all entries."""
         return self.rows.below + self.rows.above < _WIDEST_BAND
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether A = Aᵀ, up to rounding."""
+        return is_symmetric(self.sparse)
+
+    @cached_property
+    def is_for_multigrid(self) -> bool:
+        """Whether A has the signs of an M-matrix and is no band."""
+        return is_for_multigrid(self.sparse)
 
     @cached_property
     def fill(self) -> work.Fill:
