@@ -119,7 +119,7 @@ class Derivative(ReadOnly, Shown):
         array([-0.5])
         """
         change = Direction.of(self.problem, dA, dq, dpsi, dupper)
-        return self._solved(change.right_side(self.z, self.pattern))
+        return self.solved(change.right_side(self.z, self.pattern))
 
     @sheltered
     def adjoint(self, zbar: Any) -> Gradient:
@@ -132,7 +132,7 @@ class Derivative(ReadOnly, Shown):
         (array([-0.5]), array([-0.5]))
         """
         zbar = self.problem.vector(zbar, "zbar", finite=True)
-        return Gradient(self.problem, self.z, self.pattern, self._solved(zbar, transposed=True))
+        return Gradient(self.problem, self.z, self.pattern, self.solved(zbar, transposed=True))
 
     @cached_property
     def _tolerance(self) -> float:
@@ -144,8 +144,12 @@ class Derivative(ReadOnly, Shown):
                 asked = self.solution.tolerance / at_0
         return min(max(asked, _LEAST), RTOL)
 
-    def _solved(self, f: Vector, transposed: bool = False) -> Vector:
-        """J⁻¹f or J⁻ᵀf. Raises SingularOperator."""
+    def solved(self, f: Vector, transposed: bool = False) -> Vector:
+        """J⁻¹f, or J⁻ᵀf, shape (n,). Raises SingularOperator where J is singular, be it but for rounding.
+
+        >>> ICP([[2.0]], [-2.0]).solve().derivative().solved(np.ones(1))
+        array([0.5])
+        """
         solve = self.equations.transposed if transposed else self.equations.solve
         with np.errstate(over="ignore", invalid="ignore"):
             x = solve(f, self._tolerance)
@@ -177,10 +181,10 @@ class Derivative(ReadOnly, Shown):
         (array([ 0., -1.,  0.]), array([-1., -1.,  0.]))
         """
         direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
+        f = direction.right_side(self.z, self.pattern)  # which says what is wrong with the direction
         if self.certain:
-            dz = self.forward(dA=dA, dq=dq, dpsi=dpsi, dupper=dupper)
+            dz = self.solved(f)
             return OneSided(dz, dz)
-        direction.right_side(self.z, self.pattern)  # which says what is wrong with it
         near = self.solution.polish().derivative()
         return OneSided(*(sign * near._to_the_right(direction.times(sign)) + 0.0 for sign in (1.0, -1.0)))
 
@@ -253,7 +257,7 @@ class Derivative(ReadOnly, Shown):
     def _step(self, F: Vector) -> Vector:
         """J⁻¹F, and where J is singular F in the units of z."""
         try:
-            return self._solved(F)
+            return self.solved(F)
         except SingularOperator:
             return np.where(self.pattern.active, F, F / self.problem.matrix.weights)
 

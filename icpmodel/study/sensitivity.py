@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, SingularOperator
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
@@ -127,7 +127,9 @@ def _local(answer: Solution, size: float) -> float | None:
     derivative = answer.derivative()
     equations, (of_p, of_r) = derivative.equations, _moved_by(answer.problem, answer.z, size)
     E = np.where(derivative.pattern.active, of_r, of_p)
-    if equations.solve(E, _TOLERANCE) is None:
+    try:
+        derivative.solved(E)
+    except SingularOperator:
         return None
     if E.size <= _INVERT_UP_TO:
         columns = np.column_stack([equations.solve(column, _TOLERANCE) for column in np.diag(E)])

@@ -126,3 +126,9 @@ def test_rows_whose_obstacles_are_the_same_are_moved_together():
 def test_points_of_another_shape_are_refused():
     with pytest.raises(icp.InputError, match=r"points has shape \(3,\); \(2,\) or \(2, 2\) was expected"):
         icp.study.figure(icp.scenes.hand_lcp().problem.solve(), np.zeros(3))
+
+
+def test_equations_that_are_singular_but_for_rounding_give_no_condition_number():
+    B = np.random.default_rng(80).normal(size=(80, 79))
+    solution = icp.ICP(B @ B.T, -B @ (B.T @ np.ones(80)), psi=-10.0).solve(z0=np.ones(80))
+    assert sensitivity(solution, trials=1).local is None
