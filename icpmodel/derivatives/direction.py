@@ -43,14 +43,14 @@ class Direction:
 
     def of_p(self, z: Vector) -> Vector:
         """dA z + dq."""
-        return _value(self.matrix, self.q, z)
+        return linear_value(self.matrix, self.q, z)
 
     def right_side(self, z: Vector, pattern: Pattern) -> Vector:
         """f of the equations Jdz = f. Raises InputError where it overflows, and for what is no change of ψ's data."""
         with np.errstate(over="ignore", invalid="ignore"):
             f = -self.of_p(z)
             for psi, rows in zip(self._parts(z), pattern.sides(), strict=True):
-                f = np.where(rows, _value(*psi, z), f)
+                f = np.where(rows, linear_value(*psi, z), f)
         if fault := not_finite(f, "dA z + dq, or the change of psi(z),"):
             raise InputError(f"{fault}; a direction that does not overflow was expected")
         return f
@@ -76,7 +76,7 @@ class Direction:
 Linear = tuple[sp.csr_array | None, Vector | None]
 
 
-def _value(H: sp.csr_array | None, d: Vector | None, z: Vector) -> Vector:
+def linear_value(H: sp.csr_array | None, d: Vector | None, z: Vector) -> Vector:
     """Hz + d."""
     d = np.zeros(z.size) if d is None else d
     return d if H is None else H @ z + d

@@ -22,7 +22,7 @@ from ..problem.affine import Affine, Constant
 from ..problem.between import Rowwise
 from ..problem.data import ProblemData
 from ..problem.map import Map
-from .direction import Direction
+from .direction import Direction, linear_value
 
 Mask = NDArray[np.bool_]
 
@@ -66,6 +66,4 @@ def _tangent(name: str, psi: Map, change: object, z: Vector, delta: Vector) -> M
     kinked = psi.kinked(z, delta, change, name)
     if kinked is not None:
         return kinked
-    J = psi.jacobian(z)
-    H, d = psi.data_change(z, change, name)
-    return Affine(J, d if H is None else H @ z + d).bind(z.size)
+    return Affine(psi.jacobian(z), linear_value(*psi.data_change(z, change, name), z)).bind(z.size)

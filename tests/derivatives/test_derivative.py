@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from exact import solve_rational
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -103,21 +104,7 @@ class Exact:
             rows.append([Fraction(int(a)) for a in self.A[i]] if side == FREE else own)
             value = {FREE: -of_p[i], BELOW: of_psi[i], ABOVE: of_upper[i]}[int(side)]
             right.append(Fraction(float(value)))
-        return np.array([float(x) for x in solved(rows, right)])
-
-
-def solved(rows, right):
-    """The solution of a small system of Fractions by elimination."""
-    rows = [[*row, b] for row, b in zip(rows, right, strict=True)]
-    n = len(rows)
-    for k in range(n):
-        pivot = next(i for i in range(k, n) if rows[i][k] != 0)
-        rows[k], rows[pivot] = rows[pivot], rows[k]
-        for i in range(n):
-            if i != k and rows[i][k]:
-                factor = rows[i][k] / rows[k][k]
-                rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
-    return [row[-1] / row[k] for k, row in enumerate(rows)]
+        return np.array([float(x) for x in solve_rational(rows, right)])
 
 
 each_kind = pytest.mark.parametrize("kind", KINDS)
