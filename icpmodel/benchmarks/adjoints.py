@@ -28,7 +28,8 @@ def derivative_cost(
     levels being there where the solve has left them; "next adjoint" and "next forward" are on the same object. The
     linear solve is PyAMG's Ruge–Stüben hierarchy with conjugate gradients to 1e-8, set-up included. "solve and adjoint"
     stands against the forward and the backward pass of the same problem as a quadratic program with the parameter q in
-    cvxpylayers, in JAX, both warm, the median of five in a row; without it these rows are left out.
+    cvxpylayers, in JAX, both warm, the median of those in a row that fill a fifth of a second; without it these rows
+    are left out.
     Parameters: `sizes` unknowns (the nearest squares) against linear solves; `layers` unknowns against cvxpylayers;
     `repeats` rounds of timings, ≥ 3. Returns a `Table` (seconds; the ratio is the median of those pair by pair).
     Reference: Agrawal et al., Differentiable convex optimization layers (2019).

@@ -36,12 +36,15 @@ def clocked(call: Callable[..., Any], given: Callable[[], Any] | None = None) ->
     return run
 
 
-def middle(call: Callable[[], Any], times: int = 5) -> Callable[[], float]:
-    """What tells the median of the seconds of a short `call`, so often in a row, which has warm caches."""
+def middle(call: Callable[[], Any], times: int = 5, seconds: float = 0.2) -> Callable[[], float]:
+    """What tells the median of the seconds of a short `call`, so often and so long in a row that its caches are warm.
+
+    The threads of another library spin for some ten milliseconds after their last work.
+    """
 
     def run() -> float:
         marks = [time.perf_counter()]
-        for _ in range(times):
+        while len(marks) <= times or marks[-1] - marks[0] < seconds:
             call()
             marks.append(time.perf_counter())
         return float(np.median(np.diff(marks)))
