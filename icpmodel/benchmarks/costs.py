@@ -42,8 +42,8 @@ def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int
     Set-up is included on both sides. On the membrane with μ = 0 and its variants: ψ elementwise, ½ sin(z) + c, and
     affine, a quarter of each of two neighbours; a lid above, which a quarter of the rows touch; A nonsymmetric (skew
     ½); A strongly dominant (μ = 4); and the ball. The ratio is the median of the ratios pair by pair; the last column
-    has the time of `solve()` in products A @ z, the median of those in a row that fill a fifth of a second, and says how the
-    work grows.
+    has the time of `solve()` in products A @ z, the median of those that fill a fifth of a second, and says
+    how the work grows.
     Parameters: `sizes` unknowns (the nearest squares); `repeats` pairs of timings, ≥ 3. Returns a `Table` (seconds).
 
     >>> icp.benchmarks.solve_cost([400], repeats=3).heads[:6]
@@ -69,7 +69,7 @@ def solve_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int
 def dominant_cost(sizes: Sequence[int] = (10_000, 100_000, 1_000_000), repeats: int = 9, mu: float = 4.0) -> Table:
     """solve() on the membrane with a strongly dominant A against sweeps times one SciPy A @ z, timed in turn.
 
-    The problem is a new one in every pair, so that nothing is known of A; the time of a product is the median of those in a row
+    The problem is a new one in every pair, so that nothing is known of A; a product's time is the median of those
     that fill a fifth of a second.
     Parameters: `sizes` unknowns (the nearest squares); `repeats` pairs of timings, ≥ 3; `mu` what is added to the
     diagonal. Returns a `Table` (milliseconds).
