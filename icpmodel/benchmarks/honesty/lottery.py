@@ -199,7 +199,8 @@ def _proved(rng: np.random.Generator) -> Trial:
     if above and above["upper"] not in ("constant", "affine"):
         above |= {"upper": kind if kind == "affine" else "constant"}
     asked = str(rng.choice(list(ASKED)[5:]))
-    return Trial(tuples(A), tuples(q), kind, tuples(c), tuples(G), **above, asked=asked)
+    options = (("max_iter", _STEPS),) if rng.random() < 0.9 else ()
+    return Trial(tuples(A), tuples(q), kind, tuples(c), tuples(G), **above, options=options, asked=asked)
 
 
 def _asked(rng: np.random.Generator, trial: Trial) -> Trial:
