@@ -14,7 +14,7 @@ from typing import Any
 
 from ..errors import InputError, meant
 from ..problem.by_rows import ByRows
-from .registry import LARGEST, Builder, Quantity, Scene, assemblies, builders, register, size, title_of
+from .registry import ASSEMBLIES, LARGEST, Builder, Quantity, Scene, builders, register, size, title_of
 
 __all__ = ["Quantity", "Scene", "by_rows", "names", "parameters", "register", "scene", "titles"]
 
@@ -58,12 +58,12 @@ def by_rows(name: str, /, n: int | None = None, **parameters: Any) -> ByRows:
     """
     name, n, parameters = _asked(name, n, parameters)
     signature = inspect.signature(_builder(name))
-    if name not in assemblies():
-        listed = ", ".join(sorted(assemblies()))
+    if name not in ASSEMBLIES:
+        listed = ", ".join(sorted(ASSEMBLIES))
         raise InputError(f"{name} is not assembled by rows; the scenes that are: {listed}")
     given = signature.bind(**parameters, **({} if n is None else {"n": size(n)}))
     given.apply_defaults()
-    return assemblies()[name](**given.arguments)
+    return ASSEMBLIES[name](**given.arguments)
 
 
 def _asked(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[str, int | None, dict[str, Any]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -72,14 +71,7 @@ def points(low: float, high: float, shape: tuple[int, ...], at: Index) -> Vector
 
 
 def rows_on_grid(
-    shape: tuple[int, ...],
-    low: float,
-    high: float,
-    psi: Callable[[Vector], Vector],
-    edge: Any,
-    stencil: tuple[float, ...],
-    lo: int,
-    hi: int,
+    shape: tuple[int, ...], low: float, high: float, psi: Any, edge: Any, stencil: tuple[float, ...], lo: int, hi: int
 ) -> LocalRows:
     """Those of h² times −Δu ≥ 0 above `psi` in [low, high]ᵈ, u = `edge`, or 0, at points of shape (k, d) on its edge;
     `stencil` is the number on the diagonal, and the skew, of `difference_rows`."""
@@ -96,11 +88,6 @@ def rows_on_grid(
 def adjacency(m: int) -> sp.csr_array:
     """The adjacency matrix of the m × m grid: 1 for each pair of neighbouring points."""
     return -five_point(m, -4.0)
-
-
-def neighbours(m: int, left: float, right: float) -> Any:
-    """tridiag(`left`, 0, `right`), shape (m, m), CSR."""
-    return tridiagonal(np.full(m - 1, left), np.zeros(m), np.full(m - 1, right))
 
 
 def tridiagonal(left: Vector, middle: Vector, right: Vector) -> Any:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..icp import ICP
 from ..numerics.arrays import Vector
@@ -23,15 +22,11 @@ def _bearing(n: int) -> ByRows:
 
 
 def _film_rows(n: int, lo: int, hi: int) -> LocalRows:
-    h, H = 2.0 * np.pi / (n + 1), _thickness(n, np.arange(lo, hi + 1))
+    h = 2.0 * np.pi / (n + 1)
+    H = 1.0 + ECCENTRICITY * np.cos((np.arange(lo, hi + 1) + 0.5) * h)
     cubes = H**3
     A = rows_of(n, lo, hi, {-1: -cubes[:-1], 0: cubes[:-1] + cubes[1:], 1: -cubes[1:]})
     return LocalRows(A, h * np.diff(H), np.zeros(hi - lo))
-
-
-def _thickness(n: int, cell: NDArray[np.int64]) -> Vector:
-    """H in the middle of cells, the first of which is 0."""
-    return 1.0 + ECCENTRICITY * np.cos((cell + 0.5) * (2.0 * np.pi / (n + 1)))
 
 
 @register
@@ -49,7 +44,8 @@ def bearing(n: int = 300) -> Scene:
     Reference: Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
     """
     rows = _bearing(n)
-    h, first = 2.0 * np.pi / (n + 1), float(_thickness(n, np.zeros(1, dtype=np.int64))[0])
+    h = 2.0 * np.pi / (n + 1)
+    first = 1.0 + ECCENTRICITY * np.cos(h / 2)
     known = {
         "p_max": Quantity(P_MAX, _top, order=2.0),
         "cavitation angle": Quantity(CAVITATION, partial(_angle, first, first**3 / h), order=2.0),

@@ -144,7 +144,7 @@ LARGEST, LARGEST_BY_ROWS = 10**8, 2**52
 
 _BUILDERS: dict[str, Builder] = {}
 #: what assembles the rows of a scene, by its name
-_ASSEMBLIES: dict[str, Callable[..., ByRows]] = {}
+ASSEMBLIES: dict[str, Callable[..., ByRows]] = {}
 
 
 def builders() -> dict[str, Builder]:
@@ -185,13 +185,7 @@ def register(build: Callable[Given, Scene]) -> Callable[Given, Scene]:
 
 def assembles(name: str) -> Callable[[Callable[Given, ByRows]], Callable[Given, ByRows]]:
     """Make the function, which takes the parameters of the scene called `name`, what `by_rows` asks for its rows."""
-    return lambda build: _ASSEMBLIES.setdefault(name, build)
-
-
-def assemblies() -> dict[str, Callable[..., ByRows]]:
-    """Name of the scene → what assembles its rows, those of plug-ins among them."""
-    load_plugins()
-    return _ASSEMBLIES
+    return lambda build: ASSEMBLIES.setdefault(name, build)
 
 
 def title_of(build: Builder) -> str:

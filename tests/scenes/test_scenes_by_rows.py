@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel import scenes
-from icpmodel.scenes.registry import assemblies
+from icpmodel.scenes.registry import ASSEMBLIES
 
-NAMES = sorted(assemblies())
+NAMES = sorted(ASSEMBLIES)
 
 
 def test_the_scenes_that_many_machines_want_are_among_them():
