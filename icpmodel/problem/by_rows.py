@@ -50,9 +50,8 @@ class ByRows:
     rows: Callable[[int, int], LocalRows | tuple[Any, ...]]
 
     def __post_init__(self) -> None:
-        if not isinstance(self.shape, tuple) or not self.shape or not callable(self.rows):
-            found = f"shape is {described(self.shape)} and rows is {described(self.rows)}"
-            raise InputError(f"{found}; a tuple such as (n,) and a function of lo and hi were expected")
+        if not isinstance(self.shape, tuple) or not self.shape:
+            raise InputError(f"shape is {described(self.shape)}; a tuple such as (n,) was expected")
         for m in self.shape:
             as_number(m, "a length in shape", least=1, whole=True)
 
@@ -77,32 +76,24 @@ class ByRows:
             what = f"a tuple of {len(found)}" if isinstance(found, tuple) else described(found)
             raise InputError(f"{called[3:]} is {what}; LocalRows, or A, q, psi and perhaps upper, were expected")
         A = _rows_of(found[0], f"A {called}", (hi - lo, self.n))
+        none = len(found) < 4 or found[3] is None
         if hi == lo:
-            return LocalRows(A, np.zeros(0), np.zeros(0), None if len(found) < 4 or found[3] is None else np.zeros(0))
-        kinds = zip(("q", "psi", "upper"), (None, -np.inf, np.inf), found[1:], strict=False)
-        return LocalRows(A, *(_entries(one, hi - lo, f"{name} {called}", allowed) for name, allowed, one in kinds))
-
-
-def _entries(value: Any, size: int, name: str, infinite: float | None) -> Any:
-    """`as_vector` of what is not None, but +inf allows no −inf."""
-    vector = None if value is None and infinite == np.inf else as_vector(value, size, name, infinite=infinite)
-    if vector is not None and infinite == np.inf and (vector == -np.inf).any():
-        raise InputError(f"{name}[{int(vector.argmin())}] is -inf; a finite number or inf was expected")
-    return vector
+            return LocalRows(A, np.zeros(0), np.zeros(0), None if none else np.zeros(0))
+        q, psi = (
+            as_vector(found[1], hi - lo, f"q {called}"),
+            as_vector(found[2], hi - lo, f"psi {called}", infinite=-np.inf),
+        )
+        below = None if none else as_vector(np.negative(found[3]), hi - lo, f"-upper {called}", infinite=-np.inf)
+        return LocalRows(A, q, psi, None if below is None else -below)
 
 
 def _rows_of(A: Any, name: str, shape: tuple[int, int]) -> sp.csr_array:
-    """`A` as CSR with sorted columns and no duplicates, its indices as small as they fit. Raises InputError."""
-    found: Any = A.shape if sp.issparse(A) else np.shape(A)
-    if found != shape:
-        raise InputError(f"{name} has shape {found}; shape {shape} was expected: all columns, whatever the rows")
+    """`A` as CSR with sorted columns and no duplicates. Raises InputError."""
     matrix = sp.csr_array(A, dtype=np.float64)
     least, most = int(matrix.indices.min(initial=0)), int(matrix.indices.max(initial=0))
-    if least < 0 or most >= shape[1] or not np.isfinite(matrix.data).all():
-        raise InputError(f"{name} has entries that are not finite, or in columns {least} to {most} of {shape[1]}")
+    if matrix.shape != shape or least < 0 or most >= shape[1] or not np.isfinite(matrix.data).all():
+        found = f"has shape {matrix.shape} and entries in columns {least} to {most}"
+        raise InputError(f"{name} {found}; shape {shape}, of finite numbers in all columns, was expected")
     if not matrix.has_canonical_format:
-        matrix = matrix.copy()
-        matrix.sum_duplicates()
-    index = sp.get_index_dtype(maxval=max(shape[1], matrix.nnz))
-    parts = matrix.data, matrix.indices.astype(index, copy=False), matrix.indptr.astype(index, copy=False)
-    return sp.csr_array(parts, shape=shape)
+        (matrix := matrix.copy()).sum_duplicates()
+    return matrix

@@ -59,8 +59,7 @@ def by_rows(name: str, /, n: int | None = None, **parameters: Any) -> ByRows:
     name, n, parameters = _asked(name, n, parameters)
     signature = inspect.signature(_builder(name))
     if name not in ASSEMBLIES:
-        listed = ", ".join(sorted(ASSEMBLIES))
-        raise InputError(f"{name} is not assembled by rows; the scenes that are: {listed}")
+        raise InputError(f"{name} is not assembled by rows; the scenes that are: {', '.join(sorted(ASSEMBLIES))}")
     given = signature.bind(**parameters, **({} if n is None else {"n": size(n)}))
     given.apply_defaults()
     return ASSEMBLIES[name](**given.arguments)

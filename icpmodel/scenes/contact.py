@@ -94,9 +94,7 @@ def obstacle_3d(n: int = 1000) -> Scene:
     1/(2r) − ½ for r > ½ (u and u′ continuous). Discretised by the 7-point stencil on m × m × m interior points,
     h = 2/(m + 1), rows multiplied by h². Units: lengths in halves of an edge; p is h² times the sources per volume.
     Quantity: "u", the largest |z − u| over the grid, O(h²) up to a factor ln h, with a factor that depends on where the
-    sphere cuts the cells: measured at most .78h² for m ≤ 35.
-    Raises InputError for n < 27.
-    Reference: Bueler, PETSc for Partial Differential Equations (2020), chapter 12, for the like in the plane.
+    sphere cuts the cells: measured at most .78h² for m ≤ 35. Raises InputError for n < 27.
     """
     rows = _obstacle_3d(n)
     at, h = index(rows.shape, 0, rows.n), 2.0 / (rows.shape[0] + 1)

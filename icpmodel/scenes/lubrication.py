@@ -44,8 +44,7 @@ def bearing(n: int = 300) -> Scene:
     Reference: Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
     """
     rows = _bearing(n)
-    h = 2.0 * np.pi / (n + 1)
-    first = 1.0 + ECCENTRICITY * np.cos(h / 2)
+    h, first = 2.0 * np.pi / (n + 1), 1.0 + ECCENTRICITY * np.cos(np.pi / (n + 1))
     known = {
         "p_max": Quantity(P_MAX, _top, order=2.0),
         "cavitation angle": Quantity(CAVITATION, partial(_angle, first, first**3 / h), order=2.0),

@@ -48,17 +48,17 @@ def with_entry(value, column=0):
     [
         (None, r"rows\(1, 3\) is None; LocalRows, or"),
         ((np.eye(2, 3), 1.0), r"rows\(1, 3\) is a tuple of 2;"),
-        ((np.eye(2), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 2\); shape \(2, 3\) was expected"),
+        ((np.eye(2), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 2\) .*; shape \(2, 3\), of finite"),
         (
             (with_entry(np.nan), 1.0, 0.0),
-            r"A of rows\(1, 3\) has entries that are not finite, or in columns 0 to 0 of 3",
+            r"A of rows\(1, 3\) has shape \(2, 3\) .* columns 0 to 0; .* finite",
         ),
-        ((with_entry(1.0, -1), 1.0, 0.0), r"A of rows\(1, 3\) has entries .* in columns -1 to 0 of 3"),
-        ((with_entry(1.0, 3), 1.0, 0.0), r"A of rows\(1, 3\) has entries .* in columns 0 to 3 of 3"),
+        ((with_entry(1.0, -1), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) and entries in columns -1 to 0"),
+        ((with_entry(1.0, 3), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) and entries in columns 0 to 3"),
         ((np.eye(2, 3), [1.0], 0.0), r"q of rows\(1, 3\) has shape \(1,\); shape \(2,\)"),
         ((np.eye(2, 3), [1.0, np.inf], 0.0), r"q of rows\(1, 3\)\[1\] is inf; a finite number"),
         ((np.eye(2, 3), 1.0, np.inf), r"psi of rows\(1, 3\)\[0\] is inf; a finite number or -inf"),
-        ((np.eye(2, 3), 1.0, 0.0, -np.inf), r"upper of rows\(1, 3\)\[0\] is -inf; a finite number or inf"),
+        ((np.eye(2, 3), 1.0, 0.0, -np.inf), r"-upper of rows\(1, 3\)\[0\] is inf; a finite number or -inf"),
     ],
 )
 def test_what_does_not_fit_is_named_with_the_range_in_which_it_was_asked_for(found, message):
@@ -72,7 +72,7 @@ def test_a_range_lies_within_the_rows(lo, hi):
         icp.ByRows((3,), lambda lo, hi: (np.eye(3)[lo:hi], 0.0, 0.0)).local_rows(lo, hi)
 
 
-@pytest.mark.parametrize(("shape", "made"), [(3, min), ((), min), ((0,), min), ((2.0,), min), ((3,), None)])
-def test_a_shape_is_a_tuple_of_lengths_and_rows_a_function(shape, made):
+@pytest.mark.parametrize(("shape", "made"), [(3, min), ((), min), ((0,), min), ((2.0,), min)])
+def test_a_shape_is_a_tuple_of_lengths(shape, made):
     with pytest.raises(icp.InputError, match=r"^(shape|a length in shape) is"):
         icp.ByRows(shape, made)

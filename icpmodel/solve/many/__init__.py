@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from concurrent.futures import BrokenExecutor, Future, wait
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,12 +18,12 @@ from ...numerics.rounding import sheltered
 from ..goal import RTOL, Limits
 from ..solution import Status
 from ..solutions import Solutions
-from .batch import CHAIN, FOUND, SHARE, Batch
+from .batch import CHAIN, SHARE, Batch
 
-#: the rows low ≤ i < high
-Share = tuple[int, int]
 #: a share without rows, which is sent first: whether anything can be
 _NOTHING = (0, 0)
+#: what is found for a share: by row, and else
+_BY_ROW, _ELSE = ("Z", "residuals", "tolerances", "solved"), ("failures", "alone", "compiled")
 #: what this worker has no more to do, as Ctrl-C came: by when it began
 _INTERRUPTED: set[float] = set()
 
@@ -49,18 +51,16 @@ def solve_many(
     row, and the start is the row of `Z0`, or the answer of the row before (but for every 16th one). Ctrl-C leaves the
     rows that are solved.
 
-    With an `executor`, which makes a pool of workers, such as `ProcessPoolExecutor`, `partial(ProcessPoolExecutor, 8)`,
-    `MPIPoolExecutor` of mpi4py.futures or `client.get_executor` of Dask's client, these solve the rows, in shares, with
-    the same answers. Where a worker dies, its share is done again, by a new pool; rows whose worker does so again have
-    the status WORKER_LOST, and all others are kept.
+    With an `executor`, which makes a pool, such as `ProcessPoolExecutor`, `MPIPoolExecutor` of mpi4py.futures or Dask's
+    `client.get_executor`, workers solve the rows in shares, with the same answers. What a worker that dies had to do is
+    done again, by a new pool; a row whose worker does so again has the status WORKER_LOST, and all others are kept.
 
     Parameters: `A` as for `ICP`, or a list of k of them; `Q` shape (k, n), or (n,) where A or psi are k; `psi` as for
     `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `upper` the same of obstacles above, +inf
-    for none, or None; `Z0` starts of shape (k, n) or (n,), or
-    earlier `Solutions`; `rtol` and `atol`: row i is solved where Res(z) ≤ max(atol, rtol·Res(0)); `time_limit` and
-    `memory_limit` as for `solve`, of all rows together: one that does not finish has its best iterate, one that was not
-    begun its start, with an infinite residual; with an executor the start of its workers counts, whose clocks should
-    agree, and `memory_limit` holds for each worker.
+    for none, or None; `Z0` starts of shape (k, n) or (n,), or earlier `Solutions`; `rtol` and `atol`: row i is solved
+    where Res(z) ≤ max(atol, rtol·Res(0)); `time_limit` and `memory_limit` as for `solve`, of all rows together: one
+    that does not finish has its best iterate, one that was not begun its start, with an infinite residual; the start of
+    workers counts, whose clocks should agree, and `memory_limit` is that of each.
     Returns `Solutions`. Raises InputError for wrong shapes, NotSolved, which carries them, where a row is not solved
     unless `raise_on_failure` is False, and what else `solve` raises.
     Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
@@ -74,10 +74,7 @@ def solve_many(
     """
     limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit, memory_limit=memory_limit)
     batch = Batch(A, Q, psi, upper, Z0, limits)
-    if executor is None:
-        batch.run()
-    else:
-        _by_workers(batch, executor)
+    batch.run() if executor is None else _by_workers(batch, executor)
     solutions = batch.solutions()
     if raise_on_failure and solutions.messages:
         raise NotSolved(solutions)
@@ -92,28 +89,31 @@ def _done(batch: Batch, begun: float) -> dict[str, Any]:
         batch.run()
     if batch.interrupted:
         _INTERRUPTED.add(begun)
-    return {name: getattr(batch, name) for name in FOUND}
+    return {name: getattr(batch, name) for name in (*_BY_ROW, *_ELSE)}
 
 
 def _by_workers(batch: Batch, make: Any) -> None:
-    """The rows of `batch` by the workers of executors that `make` makes: a new one after each that a worker broke.
-
-    A worker that dies may take with it all that its executor had still to do: that goes on in halves, so that a share
-    which kills every worker is alone at last. It is tried once more, then row by row, and at last a row is lost.
-    """
+    """The rows of `batch` by the workers of executors that `make` makes: a new one after each that a worker broke. What
+    was still to be done goes on in halves, until a share that kills every worker is alone; that is tried once more, then
+    row by row, and at last a row is lost."""
     if not callable(make):
-        wanted = "ProcessPoolExecutor itself, or functools.partial of it, or client.get_executor for Dask"
-        raise InputError(f"executor is {described(make)}; a function that makes a pool was expected, such as {wanted}")
+        wanted = "a function that makes a pool was expected, such as ProcessPoolExecutor or Dask's client.get_executor"
+        raise InputError(f"executor is {described(make)}; {wanted}")
     k, price, limit = len(batch.Z), batch.price(), batch.limits.time_limit
     size = CHAIN if price is None else CHAIN * int(np.ceil(SHARE / price / CHAIN))
     groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [_NOTHING]]
-    pool, ends, tried, begun = None, dict[Share, Future[Any]](), set[Share](), time.time() - batch.elapsed()
+    pool, ends, tried, begun = (
+        None,
+        dict[tuple[int, int], Future[Any]](),
+        set[tuple[int, int]](),
+        time.time() - batch.elapsed(),
+    )
     try:
         while groups:
             group, pool = groups.pop(), pool or make()
             with suppress(BrokenExecutor):
                 for share in group:
-                    ends[share] = pool.submit(_done, batch.part(*share), begun)
+                    ends[share] = pool.submit(_done, _part(batch, *share), begun)
             # as late as `time_limit` is kept to
             left = None if limit is None else max(1.1 * limit + 0.2 - batch.elapsed(), 0.0)
             if wait(ends.values(), timeout=left).not_done:
@@ -135,27 +135,54 @@ def _by_workers(batch: Batch, make: Any) -> None:
         if pool is not None:
             pool.shutdown(wait=not running)
     _failed(batch, [share for share, end in ends.items() if end.done() and not end.cancelled()], ends)
-    told = Status.TIME_LIMIT, f"time_limit = {limit} s was over before its worker had sent it"
-    if batch.interrupted:
-        told = Status.INTERRUPTED, "interrupted by Ctrl-C before its worker had sent it"
+    why = "Ctrl-C came" if batch.interrupted else f"time_limit = {limit} s was over"
+    told = Status.INTERRUPTED if batch.interrupted else Status.TIME_LIMIT, f"{why} before its worker had sent it"
     batch.failures |= {int(row): told for row in np.flatnonzero(~batch.solved) if row not in batch.failures}
 
 
-def _failed(batch: Batch, shares: list[Share], ends: dict[Share, Future[Any]]) -> list[Share]:
+def _failed(batch: Batch, shares: list[tuple[int, int]], ends: dict[tuple[int, int], Future[Any]]) -> list[Any]:
     """Those of the `shares` that did not come back; the others are kept."""
     failed = []
     for low, high in shares:
         end = ends.get((low, high))
         error = BrokenExecutor("another share's worker broke it") if end is None else end.exception()
         if error is None:
-            batch.take(low, high, ends[low, high].result())
+            _take(batch, low, high, ends[low, high].result())
         elif isinstance(error, KeyboardInterrupt):
             batch.interrupted = True
         else:
             why = f"{type(error).__name__}: {error}"
             if low == high:
-                advice = "A, psi and all else must be picklable, so a psi is a function at the top of a module"
-                raise InputError(f"executor: nothing reaches a worker: {why}; {advice}")
+                raise InputError(
+                    f"executor: nothing reaches a worker: {why}; what is sent, such as psi, must be picklable"
+                )
             failed.append((low, high))
             batch.failures |= dict.fromkeys(range(low, high), (Status.WORKER_LOST, f"its worker failed: {why}"))
     return failed
+
+
+def _part(batch: Batch, low: int, high: int) -> Batch:
+    """The rows low ≤ i < high as a batch of their own, which takes the same way."""
+
+    def cut(rows: Any) -> Any:
+        return rows if rows is None or len(rows) == 1 else rows[low:high]
+
+    part, stated = copy.copy(batch), batch.stated
+    for name in ("maps", "obstacles", "uppers", "above", "starts"):
+        setattr(part, name, cut(getattr(batch, name)))
+    for name in ("Q", *_BY_ROW):
+        setattr(part, name, getattr(batch, name)[low:high])
+    sides = [(one if maps is None else None, cut(maps)) for one, maps in (stated.below, stated.above)]
+    part.stated = replace(stated, problems=cut(stated.problems), Q=part.Q, below=sides[0], above=sides[1])
+    part.failures, part.alone, part.compiled = {}, {}, np.zeros(2)
+    return part
+
+
+def _take(batch: Batch, low: int, high: int, found: dict[str, Any]) -> None:
+    """Keep what was found for a part, whatever became of it before."""
+    for name in _BY_ROW:
+        getattr(batch, name)[low:high] = found[name]
+    batch.failures = {row: told for row, told in batch.failures.items() if not low <= row < high}
+    batch.failures |= {low + row: told for row, told in found["failures"].items()}
+    batch.alone |= {low + row: told for row, told in found["alone"].items()}
+    batch.compiled += found["compiled"]

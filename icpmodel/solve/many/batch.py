@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import copy
 import logging
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,8 +45,6 @@ ROWS_A_THREAD, UNKNOWNS_A_THREAD = 200, 20_000
 CHAIN = 16
 #: a share of rows in compiled code is worth so many nanoseconds, some hundred times what it takes to send it
 SHARE = 1e8
-#: what is found for a share
-FOUND = ("Z", "residuals", "tolerances", "solved", "failures", "alone", "compiled")
 
 
 def _rows(value: Any, name: str, infinite: float) -> Matrix:
@@ -107,6 +104,7 @@ class Batch:
         self.problem = self.stated.problems[0]
         n = self.problem.n
         self.small = self.problem.n <= PIVOT_UP_TO
+        self.affine = self.problem.psi.linear is not None and not self.problem.psi.is_constant
         self.compiler: Method = Lemke() if self.small else Tridiagonal()
         for name, rows in (("Z0", self.starts), ("psi", self.obstacles), ("upper", self.above)):
             if rows is not None:
@@ -130,51 +128,23 @@ class Batch:
         #: the rows that compiled code has solved, and the seconds that it took
         self.interrupted, self.compiled = False, np.zeros(2)
 
-    def part(self, low: int, high: int) -> Batch:
-        """The rows low ≤ i < high as a batch of their own, which takes the same way."""
-
-        def cut(rows: Any) -> Any:
-            return rows if rows is None or len(rows) == 1 else rows[low:high]
-
-        part, stated = copy.copy(self), self.stated
-        for name in ("maps", "obstacles", "uppers", "above", "starts"):
-            setattr(part, name, cut(getattr(self, name)))
-        for name in ("Q", *FOUND[:4]):
-            setattr(part, name, getattr(self, name)[low:high])
-        sides = [(one if maps is None else None, cut(maps)) for one, maps in (stated.below, stated.above)]
-        part.stated = replace(stated, problems=cut(stated.problems), Q=part.Q, below=sides[0], above=sides[1])
-        part.failures, part.alone, part.compiled = {}, {}, np.zeros(2)
-        return part
-
-    def take(self, low: int, high: int, found: dict[str, Any]) -> None:
-        """Keep what was found for a part, whatever became of it before."""
-        for name in FOUND[:4]:
-            getattr(self, name)[low:high] = found[name]
-        kept = {row: told for row, told in self.failures.items() if not low <= row < high}
-        self.failures = kept | {low + row: told for row, told in found["failures"].items()}
-        self.alone |= {low + row: told for row, told in found["alone"].items()}
-        self.compiled += found["compiled"]
-
     def elapsed(self) -> float:
         """The seconds since it began."""
         return work.clock() - self.clock
 
     def price(self) -> float | None:
         """What compiled code takes for a row, in nanoseconds; None where it takes none of these problems."""
-        problem, psi = self.problem, self.problem.psi
-        affine = psi.linear is not None and not psi.is_constant
-        if not self.together or not (affine or problem.facts.has_fixed_obstacle):
+        problem = self.problem
+        if not self.together or not (self.affine or problem.facts.has_fixed_obstacle):
             return None
         if self.small:
             return work.COSTS.pivot_entry * problem.n**3 / 3.0
-        open_ = affine or self.compiler.why_not(problem) is not None
-        return None if open_ else work.COSTS.band_entry * 3.0 * problem.n
+        return None if self.affine or self.compiler.why_not(problem) else work.COSTS.band_entry * 3.0 * problem.n
 
     def at_once(self) -> None:
         """The rows in compiled code, where there is some for them, while the limits allow it; a row is solved where its
         residual says so."""
         problem, psi, small, price = self.problem, self.problem.psi, self.small, self.price()
-        affine = psi.linear is not None and not psi.is_constant
         if price is None:
             return
         with (
@@ -182,8 +152,8 @@ class Batch:
             suppress(MapError, SingularOperator, OutOfTime, MemoryError),  # then it is seen row by row what remains
         ):
             work.afford(memory=_COPIES * 8.0 * self.Q.size)
-            C, G = self._affine(psi, self.obstacles, affine)
-            D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above, affine)
+            C, G = self._affine(psi, self.obstacles)
+            D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above)
             above = None if D is None else (D[0], H)
             lcp = AffineLcp(problem.dense(), self.Q[0], C[0], G, above) if small else None
             piece = work.pieces(price)
@@ -198,10 +168,10 @@ class Batch:
                 for kept, found in ((self.Z, Z), (self.residuals, residuals), (self.tolerances, tolerances)):
                     kept[rows][good] = found[good]
 
-    def _affine(self, psi: Map, rows: Matrix | None, affine: bool) -> tuple[Matrix, Any]:
+    def _affine(self, psi: Map, rows: Matrix | None) -> tuple[Matrix, Any]:
         """c and G of one obstacle Gz + c, c row by row, be it fixed: then G is None."""
         facts, G, c = self.problem.facts, None, rows
-        if affine and psi.linear is not None:
+        if self.affine and psi.linear is not None:
             G, c = psi.linear[0].toarray(), psi.linear[1] if rows is None else rows
         elif rows is None:
             c = facts.obstacle if psi is self.problem.psi else facts.upper_obstacle
@@ -229,11 +199,8 @@ class Batch:
         of_rows = [Q, C if psi.linear is not None else here, Z, residuals, tolerances]
         if upper is not None and D is not None and above is not None:
             of_rows.append(D if upper.linear is not None else above)
-
-        def look(low: int, high: int) -> None:
-            certain_rows(problem.matrix, psi, *(X[low:high] for X in of_rows))
-
-        in_parts(len(Q), self._threads(Q), look)
+        look = partial(certain_rows, problem.matrix, psi)
+        in_parts(len(Q), self._threads(Q), lambda low, high: look(*(X[low:high] for X in of_rows)))
         return residuals, tolerances
 
     def pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
@@ -255,12 +222,8 @@ class Batch:
 
         A, Z = self.problem.A, np.zeros(Q.shape)
         matrix = bands(A.indptr, A.indices, A.data)
-
-        def of_rows(low: int, high: int) -> None:
-            above = None if D is None else D[low:high]
-            many(*matrix, Q[low:high], C[low:high], above, _STEPS, Z[low:high])
-
-        in_parts(len(Q), self._threads(Q), of_rows)
+        parts = lambda low, high: (Q[low:high], C[low:high], None if D is None else D[low:high], _STEPS, Z[low:high])  # noqa: E731
+        in_parts(len(Q), self._threads(Q), lambda *part: many(*matrix, *parts(*part)))
         return Z
 
     def solve(self, row: int) -> None:
@@ -272,8 +235,7 @@ class Batch:
         if limits.time_limit is not None:
             left = limits.time_limit - self.elapsed()
             if left <= 0.0:
-                told = f"time_limit = {limits.time_limit:g} s was over before its turn"
-                self.failures[row] = Status.TIME_LIMIT, told
+                self.failures[row] = Status.TIME_LIMIT, f"time_limit = {limits.time_limit:g} s was over before its turn"
                 return
         free = None if limits.memory_limit is None else work.free_memory()
         options: Any = {"rtol": limits.rtol, "atol": limits.atol, "time_limit": left, "memory_limit": free}
@@ -334,9 +296,7 @@ class Batch:
         """What was found."""
         self.Z.flags.writeable = False
         at_once = Found.at_once(self.compiler, int(self.compiled[0]), self.compiled[1])
-        statuses = [Status.SOLVED] * len(self.Z)
-        for row, (status, _) in self.failures.items():
-            statuses[row] = status
+        statuses = [self.failures.get(row, (Status.SOLVED,))[0] for row in range(len(self.Z))]
         messages = {row: self.failures[row][1] for row in sorted(self.failures)}
         found = self.Z, tuple(statuses), self.residuals, self.tolerances, self.elapsed(), messages
         return Solutions(*found, self.stated, at_once, self.alone)
