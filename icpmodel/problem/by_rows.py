@@ -79,10 +79,8 @@ class ByRows:
         none = len(found) < 4 or found[3] is None
         if hi == lo:
             return LocalRows(A, np.zeros(0), np.zeros(0), None if none else np.zeros(0))
-        q, psi = (
-            as_vector(found[1], hi - lo, f"q {called}"),
-            as_vector(found[2], hi - lo, f"psi {called}", infinite=-np.inf),
-        )
+        q = as_vector(found[1], hi - lo, f"q {called}")
+        psi = as_vector(found[2], hi - lo, f"psi {called}", infinite=-np.inf)
         below = None if none else as_vector(np.negative(found[3]), hi - lo, f"-upper {called}", infinite=-np.inf)
         return LocalRows(A, q, psi, None if below is None else -below)
 

@@ -94,8 +94,8 @@ def _done(batch: Batch, begun: float) -> dict[str, Any]:
 
 def _by_workers(batch: Batch, make: Any) -> None:
     """The rows of `batch` by the workers of executors that `make` makes: a new one after each that a worker broke. What
-    was still to be done goes on in halves, until a share that kills every worker is alone; that is tried once more, then
-    row by row, and at last a row is lost."""
+    was still to be done goes on in halves, until a share that kills every worker is alone; that is tried once more,
+    then row by row, and at last a row is lost."""
     if not callable(make):
         wanted = "a function that makes a pool was expected, such as ProcessPoolExecutor or Dask's client.get_executor"
         raise InputError(f"executor is {described(make)}; {wanted}")
