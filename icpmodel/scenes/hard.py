@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..problem.affine import Affine
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
-from .grid import five_point, neighbours, side, square_points, tridiagonal
+from .grid import five_point, rows_of, side, square_points, tridiagonal
 from .hand import PAIR, by_hand
 from .manufactured import BOXED, boxed, complementary, manufactured
 from .registry import Quantity, Scene, register, size
@@ -76,7 +75,7 @@ def hard_domain() -> Scene:
     there after a while only. Honest: ψ failed, with the best iterate before it did.
     """
     psi = Elementwise(_below_root, _its_slope)
-    problem = ICP(neighbours(31, -1.0, -1.0) + 2.0 * sp.eye_array(31), np.full(31, -0.1), psi)
+    problem = ICP(rows_of(31, 0, 31, {-1: -1.0, 0: 2.0, 1: -1.0}), np.full(31, -0.1), psi)
     models = "A string pulled up out of the region where the shape of its support is known."
     return Scene(
         problem=problem, models=models, why_no_solution="p >= 0 lifts z out of the domain of psi, row 1 already"
@@ -93,7 +92,7 @@ def hard_skew(n: int = 100, skew: float = 10.0, seed: int = 0) -> Scene:
     """
     n, s = size(n, 2), as_number(skew, "skew")
     z, p, r = complementary(n, seed)
-    A = neighbours(n, -s, s) + sp.eye_array(n)
+    A = rows_of(n, 0, n, {-1: -s, 0: 1.0, 1: s})
     return manufactured(A, z, p, z - r, "A ring of gyroscopes, each turning the next, with little friction and stops.")
 
 
@@ -140,8 +139,7 @@ def hard_singular(n: int = 100) -> Scene:
     residual, and an error bound that says how little that means here. `n` ≥ 4, odd numbers are raised by 1.
     """
     n = size(n, 4) + n % 2
-    corners = sp.coo_array(([-1.0, -1.0], ([0, n - 1], [n - 1, 0])), shape=(n, n))
-    A = neighbours(n, -1.0, -1.0) + corners + (2.0 + 2.0**-40) * sp.eye_array(n)
+    A = rows_of(n, 0, n, {1 - n: -1.0, -1: -1.0, 0: 2.0 + 2.0**-40, 1: -1.0, n - 1: -1.0})
     z = np.tile([1.0, 2.0], n // 2)
     return manufactured(A, z, 0.0, 0.0, "A ring of masses and springs that hardly anything holds in place.")
 

@@ -48,11 +48,12 @@ class Limits:
         if self.accuracy is not None:
             as_number(self.accuracy, "accuracy", above=0)
 
-    def kept(self) -> AbstractContextManager[None]:
-        """A block that keeps to the limits of time and memory: see `numerics.work`."""
+    def kept(self, begun: float | None = None) -> AbstractContextManager[None]:
+        """A block that keeps to the limits of time, which `begun` then or now, and memory: see `numerics.work`."""
         from ..numerics import kernels  # noqa: F401  loads numba, before the clock begins
 
-        return work.within(*(math.inf if limit is None else limit for limit in (self.time_limit, self.memory_limit)))
+        seconds, memory = (math.inf if limit is None else limit for limit in (self.time_limit, self.memory_limit))
+        return work.within(seconds, memory, begun)
 
 
 @dataclass

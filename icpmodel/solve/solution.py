@@ -48,6 +48,7 @@ class Status(Enum):
     STOPPED = "stopped by callback"
     MAP_FAILED = "psi failed"
     CROSSED = "obstacles cross"
+    WORKER_LOST = "worker lost"
 
     @property
     def advice(self) -> str:
@@ -81,6 +82,7 @@ _ADVICE = {
     "STOPPED": "the callback returned True; pass this solution as z0 to go on",
     "MAP_FAILED": "mend psi, or start nearer to the solution; this is the best iterate before it failed",
     "CROSSED": "mend psi or upper, or start elsewhere: no z is between them in that row where the run has come to",
+    "WORKER_LOST": "solve it alone to see why, or give its worker more memory",
 }
 
 #: a residual or a bound counts as better than another one if it is at most this share of it

@@ -7,7 +7,8 @@ import scipy.sparse as sp
 import icpmodel as icp
 from icpmodel import Status
 from icpmodel.solve.goal import Limits
-from icpmodel.solve.many import ROWS_A_THREAD, UNKNOWNS_A_THREAD, Batch, solve_many
+from icpmodel.solve.many import solve_many
+from icpmodel.solve.many.batch import ROWS_A_THREAD, UNKNOWNS_A_THREAD, Batch
 
 SMALL = [[2.0, -1.0], [-1.0, 2.0]]
 LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=0, time_limit=None)
@@ -20,8 +21,13 @@ class AtOnce(Batch):
         raise AssertionError(f"row {row} was left open")
 
 
+def answers(batch):
+    batch.run()
+    return batch.solutions()
+
+
 def at_once(A, Q, psi=0.0):
-    return AtOnce(A, Q, psi, None, None, LIMITS).solutions()
+    return answers(AtOnce(A, Q, psi, None, None, LIMITS))
 
 
 def spd(rng, n):
@@ -109,7 +115,7 @@ def test_what_the_pivots_get_wrong_is_not_called_solved():
     rng = np.random.default_rng(3)
     A, Q = spd(rng, 5), rng.normal(size=(4, 5))
     expected = solve_many(A, Q).Z
-    assert np.allclose(Rubbish(A, Q, 0.0, None, None, LIMITS).solutions().Z, expected, rtol=1e-6)
+    assert np.allclose(answers(Rubbish(A, Q, 0.0, None, None, LIMITS)).Z, expected, rtol=1e-6)
 
 
 def test_overflow_is_safe_in_the_residuals():
@@ -221,7 +227,7 @@ def test_starts_are_used_row_by_row_and_else_the_answer_of_the_row_before():
             return z0
 
     def solve_seen(Z0):
-        return Seen(problem.A, Q, problem.psi.c, None, Z0, LIMITS).solutions()
+        return answers(Seen(problem.A, Q, problem.psi.c, None, Z0, LIMITS))
 
     first = solve_seen(None)
     assert np.array_equal(first.Z, solve_many(problem.A, Q, problem.psi.c).Z)
@@ -340,7 +346,7 @@ def test_ctrl_c_among_the_rows_at_once_leaves_what_was_solved():
         def pivoted(self, lcp, Q, C, D):
             raise KeyboardInterrupt
 
-    found = Interrupted([[2.0]], [[-2.0], [3.0]], 0.0, None, None, LIMITS).solutions()
+    found = answers(Interrupted([[2.0]], [[-2.0], [3.0]], 0.0, None, None, LIMITS))
     assert set(found.statuses) == {icp.Status.INTERRUPTED}
 
 

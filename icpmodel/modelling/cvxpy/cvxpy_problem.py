@@ -36,7 +36,7 @@ STATUSES = {
     Status.PRECISION_LIMIT: s.OPTIMAL_INACCURATE,
     Status.INFEASIBLE: s.INFEASIBLE,
     **dict.fromkeys([Status.STAGNATED, Status.CYCLED, Status.DIVERGED], s.SOLVER_ERROR),
-    **dict.fromkeys([Status.MAP_FAILED, Status.CROSSED], s.SOLVER_ERROR),
+    **dict.fromkeys([Status.MAP_FAILED, Status.CROSSED, Status.WORKER_LOST], s.SOLVER_ERROR),
     **dict.fromkeys([Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.MEMORY_LIMIT], s.USER_LIMIT),
     **dict.fromkeys([Status.INTERRUPTED, Status.STOPPED], s.USER_LIMIT),
 }

@@ -42,6 +42,7 @@ ENDS = {
     Status.STOPPED: (TerminationCondition.interrupted, SolutionStatus.infeasible),
     Status.MAP_FAILED: (TerminationCondition.error, SolutionStatus.infeasible),
     Status.CROSSED: (TerminationCondition.error, SolutionStatus.infeasible),
+    Status.WORKER_LOST: (TerminationCondition.error, SolutionStatus.infeasible),
 }
 #: what all of Pyomo's new solvers take and this one has no use for
 _NO_USE = {

@@ -1,32 +1,34 @@
-"""Thousands of problems at once: right-hand sides, obstacles or parameter values, in compiled code where it can be."""
+"""The rows of one `solve_many`, in compiled code where it can be, and else one by one."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
-from ..errors import InputError, MapError, NotApplicable, NotSolved, OutOfTime, SingularOperator
-from ..methods.pivots import Lemke
-from ..methods.tridiagonal import Tridiagonal
-from ..numerics import work
-from ..numerics.arrays import Vector, as_array, as_real, axes, row_norms
-from ..numerics.plugins import public
-from ..numerics.rounding import is_ctrl_c, sheltered
-from ..numerics.threads import cores, in_parts
-from ..problem.between import as_map, mid
-from ..problem.data import ProblemData
-from ..problem.map import Map
-from ..problem.verdict import certain_rows
-from .driver import solve
-from .goal import RTOL, Limits
-from .solution import Status
-from .solutions import Found, Solutions, Stated
+from ...algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
+from ...errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator
+from ...methods.contract import Method
+from ...methods.pivots import Lemke
+from ...methods.tridiagonal import Tridiagonal
+from ...numerics import work
+from ...numerics.arrays import Vector, as_array, as_real, axes, row_norms
+from ...numerics.plugins import public
+from ...numerics.rounding import is_ctrl_c
+from ...numerics.threads import cores, in_parts
+from ...problem.between import as_map, mid
+from ...problem.data import ProblemData
+from ...problem.map import Map
+from ...problem.verdict import certain_rows
+from ..driver import solve
+from ..goal import Limits
+from ..solution import Status
+from ..solutions import Found, Solutions, Stated
 
 _LOG = logging.getLogger("icpmodel")
 
@@ -38,51 +40,11 @@ _STEPS = 50
 _COPIES = 6
 #: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
 ROWS_A_THREAD, UNKNOWNS_A_THREAD = 200, 20_000
-
-
-@sheltered
-def solve_many(
-    A: Any,
-    Q: Any,
-    psi: Any = 0.0,
-    *,
-    upper: Any = None,
-    Z0: Any = None,
-    rtol: float = RTOL,
-    atol: float = 0.0,
-    time_limit: float | None = None,
-    memory_limit: float | None = None,
-    raise_on_failure: bool = True,
-) -> Solutions:
-    """Solve k problems, row i of `Q` with A and ψ, or with the i-th of those that are lists, as `solve` would each.
-
-    Where they share A, and ψ is affine or amounts to fixed obstacles, problems with n ≤ 64 are pivoted (see `Lemke`),
-    and those with a tridiagonal A go the way of `Tridiagonal`: all of them in a few compiled calls on all cores. What
-    these leave open, and all other problems, `solve` gets one by one: what is known of a shared A is kept from row to
-    row, and the start is the row of `Z0`, or the answer of the row before. Ctrl-C leaves the rows that are solved.
-
-    Parameters: `A` as for `ICP`, or a list of k of them; `Q` shape (k, n), or (n,) where A or psi are k; `psi` as for
-    `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `upper` the same of obstacles above, +inf
-    for none, or None; `Z0` starts of shape (k, n) or (n,), or
-    earlier `Solutions`; `rtol` and `atol`: row i is solved where Res(z) ≤ max(atol, rtol·Res(0)); `time_limit` and
-    `memory_limit` as for `solve`, of all rows together: one that does not finish has its best iterate, one that was not
-    begun its start, with an infinite residual.
-    Returns `Solutions`. Raises InputError for wrong shapes, NotSolved, which carries them, where a row is not solved
-    unless `raise_on_failure` is False, and what else `solve` raises.
-    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
-
-    >>> solve_many([[2, -1], [-1, 2]], [[-1, 3], [3, -1], [-1, -1]]).Z
-    array([[0.5, 0. ],
-           [0. , 0.5],
-           [1. , 1. ]])
-    >>> solve_many([[[2.0]], [[4.0]]], [-2.0]).Z.ravel()
-    array([1. , 0.5])
-    """
-    limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit, memory_limit=memory_limit)
-    solutions = Batch(A, Q, psi, upper, Z0, limits).solutions()
-    if raise_on_failure and solutions.messages:
-        raise NotSolved(solutions)
-    return solutions
+#: so many rows that are solved one by one start each from the answer of the one before; the next one begins anew, so
+#: that a share of the rows in another process has the same answers: measured, a row costs 1.0 to 1.2 times as much then
+CHAIN = 16
+#: a share of rows in compiled code is worth so many nanoseconds, some hundred times what it takes to send it
+SHARE = 1e8
 
 
 def _rows(value: Any, name: str, infinite: float) -> Matrix:
@@ -142,6 +104,8 @@ class Batch:
         self.problem = self.stated.problems[0]
         n = self.problem.n
         self.small = self.problem.n <= PIVOT_UP_TO
+        self.affine = self.problem.psi.linear is not None and not self.problem.psi.is_constant
+        self.compiler: Method = Lemke() if self.small else Tridiagonal()
         for name, rows in (("Z0", self.starts), ("psi", self.obstacles), ("upper", self.above)):
             if rows is not None:
                 self.problem.vector(rows[0], name)  # has the right length
@@ -150,6 +114,10 @@ class Batch:
         elif self.uppers is not None:
             for row in range(k):
                 self.problem.with_sides(*self.stated.sides(row))
+        #: whether compiled code may take the rows together: A, and which rows have an obstacle above, are the same
+        self.together = len(self.stated.problems) == 1 and (self.maps is None or self.obstacles is not None)
+        if self.uppers is not None:
+            self.together &= self.above is not None and bool((np.isinf(self.above) == np.isinf(self.above[0])).all())
         self.Q, self.Z = self.stated.Q, np.zeros((k, n))
         if self.starts is not None:
             self.Z[:] = self.starts
@@ -157,29 +125,35 @@ class Batch:
         self.solved = np.zeros(k, dtype=bool)
         self.failures: dict[int, tuple[Status, str]] = {}
         self.alone: dict[int, Found] = {}
-        self.interrupted = False
+        #: the rows that compiled code has solved, and the seconds that it took
+        self.interrupted, self.compiled = False, np.zeros(2)
+
+    def elapsed(self) -> float:
+        """The seconds since it began."""
+        return work.clock() - self.clock
+
+    def price(self) -> float | None:
+        """What compiled code takes for a row, in nanoseconds; None where it takes none of these problems."""
+        problem = self.problem
+        if not self.together or not (self.affine or problem.facts.has_fixed_obstacle):
+            return None
+        if self.small:
+            return work.COSTS.pivot_entry * problem.n**3 / 3.0
+        return None if self.affine or self.compiler.why_not(problem) else work.COSTS.band_entry * 3.0 * problem.n
 
     def at_once(self) -> None:
         """The rows in compiled code, where there is some for them, while the limits allow it; a row is solved where its
         residual says so."""
-        problem, psi, n, small = self.problem, self.problem.psi, self.problem.n, self.small
-        affine = psi.linear is not None and not psi.is_constant
-        shared = len(self.stated.problems) == 1 and (self.maps is None or self.obstacles is not None)
-        shared = shared and (self.uppers is None or self.above is not None)
-        if not shared or not (affine or problem.facts.has_fixed_obstacle):
+        problem, psi, small, price = self.problem, self.problem.psi, self.small, self.price()
+        if price is None:
             return
-        if not small and (affine or Tridiagonal().why_not(problem) is not None):
-            return
-        price = work.COSTS.pivot_entry * n**3 / 3.0 if small else work.COSTS.band_entry * 3.0 * n
         with (
             np.errstate(over="ignore", invalid="ignore"),
             suppress(MapError, SingularOperator, OutOfTime, MemoryError),  # then it is seen row by row what remains
         ):
             work.afford(memory=_COPIES * 8.0 * self.Q.size)
-            C, G = self._affine(psi, self.obstacles, affine)
-            D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above, affine)
-            if D is not None and not (np.isinf(D) == np.isinf(D[0])).all():
-                return  # the rows of the LCP would not be the same ones
+            C, G = self._affine(psi, self.obstacles)
+            D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above)
             above = None if D is None else (D[0], H)
             lcp = AffineLcp(problem.dense(), self.Q[0], C[0], G, above) if small else None
             piece = work.pieces(price)
@@ -194,10 +168,10 @@ class Batch:
                 for kept, found in ((self.Z, Z), (self.residuals, residuals), (self.tolerances, tolerances)):
                     kept[rows][good] = found[good]
 
-    def _affine(self, psi: Map, rows: Matrix | None, affine: bool) -> tuple[Matrix, Any]:
+    def _affine(self, psi: Map, rows: Matrix | None) -> tuple[Matrix, Any]:
         """c and G of one obstacle Gz + c, c row by row, be it fixed: then G is None."""
         facts, G, c = self.problem.facts, None, rows
-        if affine and psi.linear is not None:
+        if self.affine and psi.linear is not None:
             G, c = psi.linear[0].toarray(), psi.linear[1] if rows is None else rows
         elif rows is None:
             c = facts.obstacle if psi is self.problem.psi else facts.upper_obstacle
@@ -225,41 +199,31 @@ class Batch:
         of_rows = [Q, C if psi.linear is not None else here, Z, residuals, tolerances]
         if upper is not None and D is not None and above is not None:
             of_rows.append(D if upper.linear is not None else above)
-
-        def look(low: int, high: int) -> None:
-            certain_rows(problem.matrix, psi, *(X[low:high] for X in of_rows))
-
-        in_parts(len(Q), self._threads(Q), look)
+        look = partial(certain_rows, problem.matrix, psi)
+        in_parts(len(Q), self._threads(Q), lambda low, high: look(*(X[low:high] for X in of_rows)))
         return residuals, tolerances
 
     def pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""
-        from ..numerics.kernels.balancing import scale
-        from ..numerics.kernels.pivoting import many  # loads numba
+        from ...numerics.kernels.balancing import scale
+        from ...numerics.kernels.pivoting import many  # loads numba
 
         if D is not None:
             Q = lcp.extended(Q, D)
             C = np.concatenate([C, np.zeros((len(C), len(lcp.q) - lcp.n))], axis=1)
         X, scaled, limit = np.empty(Q.shape), scale(lcp.M), PIVOTS * (lcp.M.shape[0] + 1)
-        in_parts(
-            len(Q),
-            self._threads(Q),
-            lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high]),
-        )
+        rows = lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high])  # noqa: E731
+        in_parts(len(Q), self._threads(Q), rows)
         return X
 
     def by_thomas(self, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """What the direct method for tridiagonal A makes of the rows."""
-        from ..numerics.kernels.thomas import bands, many  # loads numba
+        from ...numerics.kernels.thomas import bands, many  # loads numba
 
         A, Z = self.problem.A, np.zeros(Q.shape)
         matrix = bands(A.indptr, A.indices, A.data)
-
-        def of_rows(low: int, high: int) -> None:
-            above = None if D is None else D[low:high]
-            many(*matrix, Q[low:high], C[low:high], above, _STEPS, Z[low:high])
-
-        in_parts(len(Q), self._threads(Q), of_rows)
+        parts = lambda low, high: (Q[low:high], C[low:high], None if D is None else D[low:high], _STEPS, Z[low:high])  # noqa: E731
+        in_parts(len(Q), self._threads(Q), lambda *part: many(*matrix, *parts(*part)))
         return Z
 
     def solve(self, row: int) -> None:
@@ -269,10 +233,9 @@ class Batch:
             return
         limits, left = self.limits, None
         if limits.time_limit is not None:
-            left = limits.time_limit - (work.clock() - self.clock)
+            left = limits.time_limit - self.elapsed()
             if left <= 0.0:
-                told = f"time_limit = {limits.time_limit:g} s was over before its turn"
-                self.failures[row] = Status.TIME_LIMIT, told
+                self.failures[row] = Status.TIME_LIMIT, f"time_limit = {limits.time_limit:g} s was over before its turn"
                 return
         free = None if limits.memory_limit is None else work.free_memory()
         options: Any = {"rtol": limits.rtol, "atol": limits.atol, "time_limit": left, "memory_limit": free}
@@ -310,29 +273,30 @@ class Batch:
         with suppress(MapError):  # ψ need not have a value at 0
             if problem.residual_at_0() == 0.0:
                 return None
-        return self.Z[row - 1] if row and self.solved[row - 1] else None
+        return self.Z[row - 1] if row % CHAIN and self.solved[row - 1] else None
 
-    def solutions(self) -> Solutions:
+    def run(self) -> None:
         """All rows, at once where that can be, the others one by one."""
-        with self.limits.kept():
+        with self.limits.kept(self.clock):
+            began = work.clock()
             try:
                 self.at_once()
             except (KeyboardInterrupt, SystemError) as error:
                 if not is_ctrl_c(error):
                     raise
                 self.interrupted = True
-            method = Lemke() if self.small else Tridiagonal()
-            told = int(self.solved.sum()), method
-            at_once = Found.at_once(method, told[0], work.clock() - self.clock)
+            self.compiled[:] = self.solved.sum(), work.clock() - began
             if _LOG.isEnabledFor(logging.INFO):
-                _LOG.info("%d rows, n = %d: %d are solved at once by %r, the others one by one", *self.Z.shape, *told)
+                told = *self.Z.shape, int(self.compiled[0]), self.compiler
+                _LOG.info("%d rows, n = %d: %d are solved at once by %r, the others one by one", *told)
             for left_open in np.flatnonzero(~self.solved):
                 self.solve(int(left_open))
+
+    def solutions(self) -> Solutions:
+        """What was found."""
         self.Z.flags.writeable = False
-        statuses = [Status.SOLVED] * len(self.Z)
-        for row, (status, _) in self.failures.items():
-            statuses[row] = status
-        messages = {row: message for row, (_, message) in self.failures.items()}
-        seconds = work.clock() - self.clock
-        found = self.Z, tuple(statuses), self.residuals, self.tolerances, seconds, messages
+        at_once = Found.at_once(self.compiler, int(self.compiled[0]), self.compiled[1])
+        statuses = [self.failures.get(row, (Status.SOLVED,))[0] for row in range(len(self.Z))]
+        messages = {row: self.failures[row][1] for row in sorted(self.failures)}
+        found = self.Z, tuple(statuses), self.residuals, self.tolerances, self.elapsed(), messages
         return Solutions(*found, self.stated, at_once, self.alone)

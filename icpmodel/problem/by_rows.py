@@ -1,0 +1,97 @@
+"""Problems of which nobody holds the whole: any range of their rows is assembled when it is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import InputError
+from ..numerics.arrays import Vector, as_number, as_vector, described
+
+
+class LocalRows(NamedTuple):
+    """The rows lo ≤ i < hi of a problem with n unknowns, in the order of the arguments of `ICP`.
+
+    `A` CSR, shape (hi − lo, n): rows counted from lo, columns from 0, as in the whole; `q` shape (hi − lo,); `psi` the
+    fixed obstacle, shape (hi − lo,), −inf for none; `upper` the one above, +inf for none, or None.
+
+    >>> rows = icp.scenes.by_rows("membrane", n=10**9).local_rows(5 * 10**8, 5 * 10**8 + 2)
+    >>> rows.A.shape, rows.A.nnz, rows.psi.shape
+    ((2, 1000014129), 10, (2,))
+    """
+
+    A: sp.csr_array
+    q: Vector
+    psi: Vector
+    upper: Vector | None = None
+
+
+@dataclass(frozen=True)
+class ByRows:
+    """A problem that is assembled a range of rows at a time: processes that share it make each its own rows.
+
+    `rows(lo, hi)`, a function of yours, returns `LocalRows`, or a tuple of three or four in their order: A, dense or
+    any sparse matrix of SciPy's, with all n columns, q, ψ and, where there is one, the obstacle above; numbers stand
+    for vectors. It must give the same rows in whatever range they are asked for, and should take time and memory for
+    hi − lo rows only. To be sent to another process it must be a function at the top of a module, or `partial` of one.
+    `shape` is (n,), or the grid, such as (m, m), of which the unknowns are numbered with the last axis quickest.
+
+    >>> made = icp.ByRows((10**6,), lambda lo, hi: (2.0 * sp.eye_array(hi - lo, 10**6, k=lo), -1.0, 0.0))
+    >>> made.n, made.local_rows(500, 502).A.indices
+    (1000000, array([500, 501], dtype=int32))
+    """
+
+    shape: tuple[int, ...]
+    rows: Callable[[int, int], LocalRows | tuple[Any, ...]]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.shape, tuple) or not self.shape:
+            raise InputError(f"shape is {described(self.shape)}; a tuple such as (n,) was expected")
+        for m in self.shape:
+            as_number(m, "a length in shape", least=1, whole=True)
+
+    @property
+    def n(self) -> int:
+        """The number of unknowns."""
+        return math.prod(int(m) for m in self.shape)
+
+    def local_rows(self, lo: int, hi: int) -> LocalRows:
+        """The rows lo ≤ i < hi, of 0 ≤ lo ≤ hi ≤ n, checked; A has sorted columns and no duplicates.
+
+        Raises InputError for another range, and where `rows` returns what does not fit or is not finite.
+
+        >>> icp.ByRows((3,), lambda lo, hi: (np.eye(3)[lo:hi], 1.0)).local_rows(0, 3)
+        Traceback (most recent call last):
+        icpmodel.errors.InputError: rows(0, 3) is a tuple of 2; LocalRows, or A, q, psi and perhaps upper, were expected
+        """
+        lo = int(as_number(lo, "lo", least=0, most=self.n, whole=True))
+        hi = int(as_number(hi, "hi", least=lo, most=self.n, whole=True))
+        found, called = self.rows(lo, hi), f"of rows({lo}, {hi})"
+        if not isinstance(found, tuple) or len(found) not in (3, 4):
+            what = f"a tuple of {len(found)}" if isinstance(found, tuple) else described(found)
+            raise InputError(f"{called[3:]} is {what}; LocalRows, or A, q, psi and perhaps upper, were expected")
+        A = _rows_of(found[0], f"A {called}", (hi - lo, self.n))
+        none = len(found) < 4 or found[3] is None
+        if hi == lo:
+            return LocalRows(A, np.zeros(0), np.zeros(0), None if none else np.zeros(0))
+        q = as_vector(found[1], hi - lo, f"q {called}")
+        psi = as_vector(found[2], hi - lo, f"psi {called}", infinite=-np.inf)
+        below = None if none else as_vector(np.negative(found[3]), hi - lo, f"-upper {called}", infinite=-np.inf)
+        return LocalRows(A, q, psi, None if below is None else -below)
+
+
+def _rows_of(A: Any, name: str, shape: tuple[int, int]) -> sp.csr_array:
+    """`A` as CSR with sorted columns and no duplicates. Raises InputError."""
+    matrix = sp.csr_array(A, dtype=np.float64)
+    least, most = int(matrix.indices.min(initial=0)), int(matrix.indices.max(initial=0))
+    if matrix.shape != shape or least < 0 or most >= shape[1] or not np.isfinite(matrix.data).all():
+        found = f"has shape {matrix.shape} and entries in columns {least} to {most}"
+        raise InputError(f"{name} {found}; shape {shape}, of finite numbers in all columns, was expected")
+    if not matrix.has_canonical_format:
+        (matrix := matrix.copy()).sum_duplicates()
+    return matrix

@@ -1,0 +1,188 @@
+"""Thousands of problems at once: right-hand sides, obstacles or parameter values, here or by workers anywhere."""
+
+from __future__ import annotations
+
+import copy
+import time
+from concurrent.futures import BrokenExecutor, Future, wait
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, NotSolved
+from ...numerics import work
+from ...numerics.arrays import described
+from ...numerics.rounding import sheltered
+from ..goal import RTOL, Limits
+from ..solution import Status
+from ..solutions import Solutions
+from .batch import CHAIN, SHARE, Batch
+
+#: a share without rows, which is sent first: whether anything can be
+_NOTHING = (0, 0)
+#: what is found for a share: by row, and else
+_BY_ROW, _ELSE = ("Z", "residuals", "tolerances", "solved"), ("failures", "alone", "compiled")
+#: what this worker has no more to do, as Ctrl-C came: by when it began
+_INTERRUPTED: set[float] = set()
+
+
+@sheltered
+def solve_many(
+    A: Any,
+    Q: Any,
+    psi: Any = 0.0,
+    *,
+    upper: Any = None,
+    Z0: Any = None,
+    rtol: float = RTOL,
+    atol: float = 0.0,
+    time_limit: float | None = None,
+    memory_limit: float | None = None,
+    executor: Any = None,
+    raise_on_failure: bool = True,
+) -> Solutions:
+    """Solve k problems, row i of `Q` with A and ψ, or with the i-th of those that are lists, as `solve` would each.
+
+    Where they share A, and ψ is affine or amounts to fixed obstacles, problems with n ≤ 64 are pivoted (see `Lemke`),
+    and those with a tridiagonal A go the way of `Tridiagonal`: all of them in a few compiled calls on all cores. What
+    these leave open, and all other problems, `solve` gets one by one: what is known of a shared A is kept from row to
+    row, and the start is the row of `Z0`, or the answer of the row before (but for every 16th one). Ctrl-C leaves the
+    rows that are solved.
+
+    With an `executor`, which makes a pool, such as `ProcessPoolExecutor`, `MPIPoolExecutor` of mpi4py.futures or Dask's
+    `client.get_executor`, workers solve the rows in shares, with the same answers. What a worker that dies had to do is
+    done again, by a new pool; a row whose worker does so again has the status WORKER_LOST, and all others are kept.
+
+    Parameters: `A` as for `ICP`, or a list of k of them; `Q` shape (k, n), or (n,) where A or psi are k; `psi` as for
+    `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `upper` the same of obstacles above, +inf
+    for none, or None; `Z0` starts of shape (k, n) or (n,), or earlier `Solutions`; `rtol` and `atol`: row i is solved
+    where Res(z) ≤ max(atol, rtol·Res(0)); `time_limit` and `memory_limit` as for `solve`, of all rows together: one
+    that does not finish has its best iterate, one that was not begun its start, with an infinite residual; the start of
+    workers counts, whose clocks should agree, and `memory_limit` is that of each.
+    Returns `Solutions`. Raises InputError for wrong shapes, NotSolved, which carries them, where a row is not solved
+    unless `raise_on_failure` is False, and what else `solve` raises.
+    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
+
+    >>> solve_many([[2, -1], [-1, 2]], [[-1, 3], [3, -1], [-1, -1]]).Z
+    array([[0.5, 0. ],
+           [0. , 0.5],
+           [1. , 1. ]])
+    >>> solve_many([[[2.0]], [[4.0]]], [-2.0]).Z.ravel()
+    array([1. , 0.5])
+    """
+    limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit, memory_limit=memory_limit)
+    batch = Batch(A, Q, psi, upper, Z0, limits)
+    batch.run() if executor is None else _by_workers(batch, executor)
+    solutions = batch.solutions()
+    if raise_on_failure and solutions.messages:
+        raise NotSolved(solutions)
+    return solutions
+
+
+@sheltered
+def _done(batch: Batch, begun: float) -> dict[str, Any]:
+    """What a worker makes of a share, which `begun` says when all began, by the clock on the wall."""
+    batch.clock = work.clock() - max(time.time() - begun, 0.0)
+    if len(batch.Z) and begun not in _INTERRUPTED:
+        batch.run()
+    if batch.interrupted:
+        _INTERRUPTED.add(begun)
+    return {name: getattr(batch, name) for name in (*_BY_ROW, *_ELSE)}
+
+
+def _by_workers(batch: Batch, make: Any) -> None:
+    """The rows of `batch` by the workers of executors that `make` makes: a new one after each that a worker broke. What
+    was still to be done goes on in halves, until a share that kills every worker is alone; that is tried once more,
+    then row by row, and at last a row is lost."""
+    if not callable(make):
+        wanted = "a function that makes a pool was expected, such as ProcessPoolExecutor or Dask's client.get_executor"
+        raise InputError(f"executor is {described(make)}; {wanted}")
+    k, price, limit = len(batch.Z), batch.price(), batch.limits.time_limit
+    size = CHAIN if price is None else CHAIN * int(np.ceil(SHARE / price / CHAIN))
+    groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [_NOTHING]]
+    pool, ends, tried, begun = (
+        None,
+        dict[tuple[int, int], Future[Any]](),
+        set[tuple[int, int]](),
+        time.time() - batch.elapsed(),
+    )
+    try:
+        while groups:
+            group, pool = groups.pop(), pool or make()
+            with suppress(BrokenExecutor):
+                for share in group:
+                    ends[share] = pool.submit(_done, _part(batch, *share), begun)
+            # as late as `time_limit` is kept to
+            left = None if limit is None else max(1.1 * limit + 0.2 - batch.elapsed(), 0.0)
+            if wait(ends.values(), timeout=left).not_done:
+                break
+            failed, ends = _failed(batch, group, ends), {}
+            if failed:
+                pool, half, (low, high) = pool.shutdown(), len(failed) // 2, failed[0]
+                if half:
+                    groups += [failed[half:], failed[:half]]
+                elif failed[0] not in tried:
+                    groups.append(failed)
+                    tried.add(failed[0])
+                elif high - low > 1:
+                    groups.append([(row, row + 1) for row in range(low, high)])
+    except KeyboardInterrupt:
+        batch.interrupted = True
+    finally:
+        running = [end for end in ends.values() if not end.done() and not end.cancel()]
+        if pool is not None:
+            pool.shutdown(wait=not running)
+    _failed(batch, [share for share, end in ends.items() if end.done() and not end.cancelled()], ends)
+    why = "Ctrl-C came" if batch.interrupted else f"time_limit = {limit} s was over"
+    told = Status.INTERRUPTED if batch.interrupted else Status.TIME_LIMIT, f"{why} before its worker had sent it"
+    batch.failures |= {int(row): told for row in np.flatnonzero(~batch.solved) if row not in batch.failures}
+
+
+def _failed(batch: Batch, shares: list[tuple[int, int]], ends: dict[tuple[int, int], Future[Any]]) -> list[Any]:
+    """Those of the `shares` that did not come back; the others are kept."""
+    failed = []
+    for low, high in shares:
+        end = ends.get((low, high))
+        error = BrokenExecutor("another share's worker broke it") if end is None else end.exception()
+        if error is None:
+            _take(batch, low, high, ends[low, high].result())
+        elif isinstance(error, KeyboardInterrupt):
+            batch.interrupted = True
+        else:
+            why = f"{type(error).__name__}: {error}"
+            if low == high:
+                raise InputError(
+                    f"executor: nothing reaches a worker: {why}; what is sent, such as psi, must be picklable"
+                )
+            failed.append((low, high))
+            batch.failures |= dict.fromkeys(range(low, high), (Status.WORKER_LOST, f"its worker failed: {why}"))
+    return failed
+
+
+def _part(batch: Batch, low: int, high: int) -> Batch:
+    """The rows low ≤ i < high as a batch of their own, which takes the same way."""
+
+    def cut(rows: Any) -> Any:
+        return rows if rows is None or len(rows) == 1 else rows[low:high]
+
+    part, stated = copy.copy(batch), batch.stated
+    for name in ("maps", "obstacles", "uppers", "above", "starts"):
+        setattr(part, name, cut(getattr(batch, name)))
+    for name in ("Q", *_BY_ROW):
+        setattr(part, name, getattr(batch, name)[low:high])
+    sides = [(one if maps is None else None, cut(maps)) for one, maps in (stated.below, stated.above)]
+    part.stated = replace(stated, problems=cut(stated.problems), Q=part.Q, below=sides[0], above=sides[1])
+    part.failures, part.alone, part.compiled = {}, {}, np.zeros(2)
+    return part
+
+
+def _take(batch: Batch, low: int, high: int, found: dict[str, Any]) -> None:
+    """Keep what was found for a part, whatever became of it before."""
+    for name in _BY_ROW:
+        getattr(batch, name)[low:high] = found[name]
+    batch.failures = {row: told for row, told in batch.failures.items() if not low <= row < high}
+    batch.failures |= {low + row: told for row, told in found["failures"].items()}
+    batch.alone |= {low + row: told for row, told in found["alone"].items()}
+    batch.compiled += found["compiled"]
