@@ -51,6 +51,8 @@ from .modelling.solution_files import load_solution as load_solution
 from .modelling.solution_files import save_solution as save_solution
 from .problem.affine import Affine as Affine
 from .problem.affine import Constant as Constant
+from .problem.by_rows import ByRows as ByRows
+from .problem.by_rows import LocalRows as LocalRows
 from .problem.elementwise import Elementwise as Elementwise
 from .problem.function import Function as Function
 from .problem.intervention import Intervention as Intervention

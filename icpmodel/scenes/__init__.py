@@ -13,9 +13,10 @@ import pkgutil
 from typing import Any
 
 from ..errors import InputError, meant
-from .registry import Builder, Quantity, Scene, builders, register, size, title_of
+from ..problem.by_rows import ByRows
+from .registry import LARGEST, Builder, Quantity, Scene, assemblies, builders, register, size, title_of
 
-__all__ = ["Quantity", "Scene", "names", "parameters", "register", "scene", "titles"]
+__all__ = ["Quantity", "Scene", "by_rows", "names", "parameters", "register", "scene", "titles"]
 
 for _module in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_module.name}")
@@ -36,24 +37,50 @@ def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     Traceback (most recent call last):
     icpmodel.errors.InputError: n is 1000; hand-lcp has one size only, n = 2
     """
+    name, n, parameters = _asked(name, n, parameters)
+    build = _builder(name)
+    if n is not None and "n" in inspect.signature(build).parameters:
+        return build(n=n, **parameters)
+    built = build(**parameters)
+    if n is not None and size(n, most=LARGEST) != built.problem.n:
+        raise InputError(f"n is {n!r}; {name} has one size only, n = {built.problem.n}")
+    return built
+
+
+def by_rows(name: str, /, n: int | None = None, **parameters: Any) -> ByRows:
+    """The scene called `name` as what assembles any range of its rows: nothing of size n is formed.
+
+    Parameters: as for `scene`, which forms the whole of the same rows. Returns a `ByRows`, whose `n` is the size that
+    the scene takes. Raises InputError as `scene` does, and for a scene that has no such assembly.
+
+    >>> by_rows("obstacle-3d", n=10**9).local_rows(0, 1).A.indices
+    array([      0,       1,    1000, 1000000], dtype=int32)
+    """
+    name, n, parameters = _asked(name, n, parameters)
+    signature = inspect.signature(_builder(name))
+    if name not in assemblies():
+        listed = ", ".join(sorted(assemblies()))
+        raise InputError(f"{name} is not assembled by rows; the scenes that are: {listed}")
+    given = signature.bind(**parameters, **({} if n is None else {"n": size(n)}))
+    given.apply_defaults()
+    return assemblies()[name](**given.arguments)
+
+
+def _asked(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[str, int | None, dict[str, Any]]:
+    """The name without the parameters that follow it, n, and all other parameters, which the scene has."""
     name, *pairs = name.split(",")
     try:
         parameters |= {key: json.loads(value) for key, _, value in (pair.partition("=") for pair in pairs)}
     except ValueError:
         raise InputError(f"{','.join([name, *pairs])!r} is not of the form NAME,PARAMETER=NUMBER") from None
-    n, build = parameters.pop("n", n), _builder(name)
-    known = inspect.signature(build).parameters
+    n = parameters.pop("n", n)
+    known = inspect.signature(_builder(name)).parameters
     for parameter in parameters:
         if parameter not in known:
             listed = ", ".join(known) or "none"
             hint = meant(parameter, known)
             raise InputError(f"{name} has no parameter {parameter!r}; its parameters are: {listed}{hint}")
-    if n is not None and "n" in known:
-        return build(n=n, **parameters)
-    built = build(**parameters)
-    if n is not None and size(n) != built.problem.n:
-        raise InputError(f"n is {n!r}; {name} has one size only, n = {built.problem.n}")
-    return built
+    return name, n, parameters
 
 
 def names() -> list[str]:

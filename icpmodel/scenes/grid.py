@@ -2,32 +2,100 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector
+from ..problem.by_rows import LocalRows
+
+#: the index of each of some unknowns along each axis of their grid
+Index = tuple[NDArray[np.int64], ...]
 
 
-def side(n: int) -> int:
-    """m = round(√n), the side of the m × m grid whose number of points is nearest to `n`."""
-    return round(n**0.5)
+def side(n: int, axes: int = 2) -> int:
+    """The side m of the square grid, or the cubic one, whose number of points is nearest to `n`."""
+    m = int(n ** (1.0 / axes))
+    return min(max(m, 1), m + 1, key=lambda m: abs(m**axes - n))
+
+
+def index(shape: tuple[int, ...], lo: int, hi: int) -> Index:
+    """Where the unknowns lo ≤ k < hi stand in a grid of this shape, the last axis quickest."""
+    return tuple(np.unravel_index(np.arange(lo, hi), shape))
+
+
+def rows_of(n: int, lo: int, hi: int, entries: dict[int, Any]) -> sp.csr_array:
+    """The rows lo ≤ i < hi of the n × n matrix that has entries[d] in column i + d, each a number or an array of shape
+    (hi − lo,), and 0 where there is no such column. Zeros are not stored."""
+    offsets = sorted(entries)
+    kind = sp.get_index_dtype(maxval=max(n, (hi - lo) * len(offsets)))
+    columns = np.arange(lo, hi, dtype=kind)[:, None] + np.array(offsets, dtype=kind)
+    values = np.empty(columns.shape)
+    for k, offset in enumerate(offsets):
+        values[:, k] = entries[offset]
+    kept = (values != 0.0) & (columns >= 0) & (columns < n)
+    indptr = np.zeros(hi - lo + 1, dtype=kind)
+    np.cumsum(kept.sum(axis=1), out=indptr[1:])
+    matrix = sp.csr_array((values[kept], columns[kept], indptr), shape=(hi - lo, n))
+    matrix.has_canonical_format = True
+    return matrix
+
+
+def difference_rows(shape: tuple[int, ...], at: Index, lo: int, middle: float, skew: float = 0.0) -> sp.csr_array:
+    """The rows from `lo` on, which stand `at` these places, of the differences of second order on a grid: `middle` on
+    the diagonal, −(1+s) for the neighbour before along each axis and −(1−s) for the one behind, s = `skew`."""
+    stride = 1
+    entries: dict[int, Any] = {0: middle}
+    for where, m in zip(reversed(at), reversed(shape), strict=True):
+        if m > 1:
+            entries[-stride] = np.where(where > 0, -(1.0 + skew), 0.0)
+            entries[stride] = np.where(where < m - 1, -(1.0 - skew), 0.0)
+        stride *= m
+    return rows_of(stride, lo, lo + at[0].size, entries)
 
 
 def five_point(m: int, mu: float = 0.0, skew: float = 0.0) -> sp.csr_array:
     """h² times the 5-point operator on m × m interior points, zero boundary values, plus `mu` on the diagonal.
     Tridiag(−(1+s)I, S, −(1−s)I) + μI with S = tridiag(−(1+s), 4, −(1−s)) and s = `skew`. Unknown i·m + j stands at (x,
     y) = ((j + 1)h, (i + 1)h). s = 0 is h²(−Δ); s ≠ 0 adds a flow of velocity (b, b), s = bh/2."""
-    line = neighbours(m, -(1.0 + skew), -(1.0 - skew))
-    eye = sp.eye_array(m)
-    return sp.csr_array(sp.kron(eye, line) + sp.kron(line, eye) + (4.0 + mu) * sp.eye_array(m * m))
+    return difference_rows((m, m), index((m, m), 0, m * m), 0, 4.0 + mu, skew)
+
+
+def points(low: float, high: float, shape: tuple[int, ...], at: Index) -> Vector:
+    """The coordinates `at` these places of the grid of interior points of [low, high]ᵈ, shape (k, d), x along the last
+    axis; index −1 and the length of an axis are on the edge."""
+    along = zip(reversed(at), reversed(shape), strict=True)
+    return np.column_stack([(i + 1.0) * ((high - low) / (m + 1)) + low for i, m in along])
+
+
+def rows_on_grid(
+    shape: tuple[int, ...],
+    low: float,
+    high: float,
+    psi: Callable[[Vector], Vector],
+    edge: Any,
+    stencil: tuple[float, ...],
+    lo: int,
+    hi: int,
+) -> LocalRows:
+    """Those of h² times −Δu ≥ 0 above `psi` in [low, high]ᵈ, u = `edge`, or 0, at points of shape (k, d) on its edge;
+    `stencil` is the number on the diagonal, and the skew, of `difference_rows`."""
+    at, q = index(shape, lo, hi), np.zeros(hi - lo)
+    for axis, m in enumerate(shape):
+        for last, outside in ((0, -1), (m - 1, m)) if edge else ():
+            there = np.flatnonzero(at[axis] == last)
+            neighbours = [i[there] for i in at]
+            neighbours[axis] = np.full(there.size, outside)
+            q[there] -= edge(points(low, high, shape, tuple(neighbours)))
+    return LocalRows(difference_rows(shape, at, lo, *stencil), q, psi(points(low, high, shape, at)))
 
 
 def adjacency(m: int) -> sp.csr_array:
     """The adjacency matrix of the m × m grid: 1 for each pair of neighbouring points."""
-    line, eye = neighbours(m, 1.0, 1.0), sp.eye_array(m)
-    return sp.csr_array(sp.kron(eye, line) + sp.kron(line, eye))
+    return -five_point(m, -4.0)
 
 
 def neighbours(m: int, left: float, right: float) -> Any:
@@ -37,15 +105,12 @@ def neighbours(m: int, left: float, right: float) -> Any:
 
 def tridiagonal(left: Vector, middle: Vector, right: Vector) -> Any:
     """The CSR matrix with these three diagonals; `middle` has shape (n,), the others (n − 1,). Zeros are not stored."""
-    matrix: Any = sp.csr_array(sp.diags_array([left, middle, right], offsets=(-1, 0, 1)))
-    matrix.eliminate_zeros()
-    return matrix
+    return rows_of(middle.size, 0, middle.size, {-1: np.r_[0.0, left], 0: middle, 1: np.r_[right, 0.0]})
 
 
 def square_points(low: float, high: float, m: int) -> Vector:
     """Coordinates of the m × m interior points of [low, high]², shape (m², 2), in the order of `five_point`."""
-    line = np.linspace(low, high, m + 2)[1:-1]
-    return np.column_stack([np.tile(line, m), np.repeat(line, m)])
+    return points(low, high, (m, m), index((m, m), 0, m * m))
 
 
 def level_crossing(x: Vector, y: Vector, level: float) -> float:

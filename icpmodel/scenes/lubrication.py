@@ -5,14 +5,33 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..icp import ICP
 from ..numerics.arrays import Vector
-from .grid import tridiagonal
-from .registry import Quantity, Scene, register, size
+from ..problem.by_rows import ByRows, LocalRows
+from .grid import rows_of
+from .registry import Quantity, Scene, assembles, register, size
 
 #: eccentricity, and the solution's greatest pressure and the angle where the film tears
 ECCENTRICITY, P_MAX, CAVITATION = 0.5, 0.745831366621, 3.83438392852963
+
+
+@assembles("bearing")
+def _bearing(n: int) -> ByRows:
+    return ByRows((size(n, 10),), partial(_film_rows, n))
+
+
+def _film_rows(n: int, lo: int, hi: int) -> LocalRows:
+    h, H = 2.0 * np.pi / (n + 1), _thickness(n, np.arange(lo, hi + 1))
+    cubes = H**3
+    A = rows_of(n, lo, hi, {-1: -cubes[:-1], 0: cubes[:-1] + cubes[1:], 1: -cubes[1:]})
+    return LocalRows(A, h * np.diff(H), np.zeros(hi - lo))
+
+
+def _thickness(n: int, cell: NDArray[np.int64]) -> Vector:
+    """H in the middle of cells, the first of which is 0."""
+    return 1.0 + ECCENTRICITY * np.cos((cell + 0.5) * (2.0 * np.pi / (n + 1)))
 
 
 @register
@@ -29,19 +48,15 @@ def bearing(n: int = 300) -> Scene:
     .08h² and .015h². Raises InputError for n < 10.
     Reference: Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
     """
-    size(n, 10)
-    h = 2.0 * np.pi / (n + 1)
-    H = 1.0 + ECCENTRICITY * np.cos(np.linspace(h / 2, 2.0 * np.pi - h / 2, n + 1))
-    cubes = H**3
-    A = tridiagonal(-cubes[1:-1], cubes[:-1] + cubes[1:], -cubes[1:-1])
-
+    rows = _bearing(n)
+    h, first = 2.0 * np.pi / (n + 1), float(_thickness(n, np.zeros(1, dtype=np.int64))[0])
     known = {
         "p_max": Quantity(P_MAX, _top, order=2.0),
-        "cavitation angle": Quantity(CAVITATION, partial(_angle, H[0], cubes[0] / h), order=2.0),
+        "cavitation angle": Quantity(CAVITATION, partial(_angle, first, first**3 / h), order=2.0),
     }
     models = "The pressure of the oil between a shaft and its bearing, and where the oil film tears."
     points = np.linspace(0.0, 2.0 * np.pi, n + 2)[1:-1]
-    return Scene(problem=ICP(A, h * np.diff(H)), models=models, quantities=known, h=h, points=points)
+    return Scene(problem=ICP(*rows.local_rows(0, n)), models=models, quantities=known, h=h, points=points)
 
 
 def _top(z: Vector) -> float:

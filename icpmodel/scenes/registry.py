@@ -18,6 +18,7 @@ from ..icp import ICP
 from ..numerics.arrays import ReadOnly, Vector, as_number
 from ..numerics.plugins import load_plugins, public
 from ..present.shown import Plotted, Shown
+from ..problem.by_rows import ByRows
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 from ..solve.solution import Solution
@@ -138,10 +139,12 @@ def title(problem: ProblemData) -> str:
     return f"{_CALLED[problem]}, {unknowns}" if problem in _CALLED else unknowns
 
 
-#: beyond this the matrix alone would need tens of gigabytes
-LARGEST = 10**8
+#: beyond this the matrix alone would need tens of gigabytes, and the side of a grid would not be exact in float64
+LARGEST, LARGEST_BY_ROWS = 10**8, 2**52
 
 _BUILDERS: dict[str, Builder] = {}
+#: what assembles the rows of a scene, by its name
+_ASSEMBLIES: dict[str, Callable[..., ByRows]] = {}
 
 
 def builders() -> dict[str, Builder]:
@@ -173,11 +176,22 @@ def register(build: Callable[Given, Scene]) -> Callable[Given, Scene]:
     def checked(*args: Given.args, **kwargs: Given.kwargs) -> Scene:
         given = signature.bind(*args, **kwargs)
         if "n" in given.arguments:
-            given.arguments["n"] = size(given.arguments["n"])
+            given.arguments["n"] = size(given.arguments["n"], most=LARGEST)
         return replace(build(*given.args, **given.kwargs), name=name, title=title_of(build))
 
     _BUILDERS[name] = checked
     return checked
+
+
+def assembles(name: str) -> Callable[[Callable[Given, ByRows]], Callable[Given, ByRows]]:
+    """Make the function, which takes the parameters of the scene called `name`, what `by_rows` asks for its rows."""
+    return lambda build: _ASSEMBLIES.setdefault(name, build)
+
+
+def assemblies() -> dict[str, Callable[..., ByRows]]:
+    """Name of the scene → what assembles its rows, those of plug-ins among them."""
+    load_plugins()
+    return _ASSEMBLIES
 
 
 def title_of(build: Builder) -> str:
@@ -185,6 +199,6 @@ def title_of(build: Builder) -> str:
     return (build.__doc__ or build.__name__.replace("_", " ")).strip().splitlines()[0].rstrip(".")
 
 
-def size(n: Any, least: int = 1, most: int = LARGEST) -> int:
+def size(n: Any, least: int = 1, most: int = LARGEST_BY_ROWS) -> int:
     """`n`, a number of unknowns that a scene can have. Raises InputError."""
     return int(as_number(n, "the number of unknowns n", least=least, most=most, whole=True))

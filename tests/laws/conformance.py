@@ -93,6 +93,7 @@ MUST_FAIL = {
                 "manufactured-elementwise",
                 "manufactured-vertical",
                 "membrane",
+                "obstacle-3d",
                 "phase-step",
                 "torsion",
             )
@@ -116,6 +117,7 @@ MUST_FAIL = {
                 "manufactured-elementwise",
                 "manufactured-vertical",
                 "membrane",
+                "obstacle-3d",
                 "torsion",
             )
         ],

@@ -49,6 +49,10 @@ def test_a_scene_takes_the_nearest_size_it_can_have(name, n):
     elif name == "dividend":
         assert problem.n % 30 == 1
         assert abs(problem.n - n) <= 15
+    elif name == "obstacle-3d":
+        k = round(problem.n ** (1 / 3))
+        assert problem.n == k**3
+        assert abs(problem.n - n) <= min(abs((k + 1) ** 3 - n), abs((k - 1) ** 3 - n))
     else:
         assert problem.n == m * m
         assert abs(problem.n - n) <= min(abs((m + 1) ** 2 - n), abs((m - 1) ** 2 - n))
@@ -70,7 +74,15 @@ def test_n_must_be_a_positive_integer(name, n):
 
 @pytest.mark.parametrize(
     ("name", "n"),
-    [("bearing", 9), ("ball", 15), ("dividend", 30), ("game-put", 32), ("phase-step", 32), ("torsion", 24)],
+    [
+        ("bearing", 9),
+        ("ball", 15),
+        ("dividend", 30),
+        ("game-put", 32),
+        ("obstacle-3d", 26),
+        ("phase-step", 32),
+        ("torsion", 24),
+    ],
 )
 def test_a_scene_says_how_many_unknowns_it_needs(name, n):
     assert scenes.scene(name, n + 1).problem.n >= n + 1

@@ -234,6 +234,18 @@ def test_the_ball_is_of_second_order():
     assert order(h, error["contact radius"]) > 1.7
 
 
+def test_the_obstacle_in_space_is_of_second_order_and_touches_in_a_sphere():
+    h, error = errors_on_grids("obstacle-3d", [5**3, 8**3, 12**3, 17**3])
+    assert (error["u"] <= 0.78 * h**2).all(), error
+    scene = scenes.obstacle_3d(n=12**3)
+    z = newton(scene.problem)
+    axis = np.linspace(-1, 1, 14)[1:-1]
+    r = np.sqrt((np.stack(np.meshgrid(axis, axis, axis)) ** 2).sum(axis=0)).ravel()
+    touches = scene.problem.r(z) < scene.problem.p(z)
+    assert r[touches].max() <= 0.5 + scene.h
+    assert r[~touches].min() >= 0.5 - scene.h
+
+
 # --- lubrication
 
 
