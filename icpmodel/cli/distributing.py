@@ -1,4 +1,4 @@
-"""`mpiexec -n RANKS icpmodel distributed`: a scene of which every rank assembles its own rows, solved on all of them."""
+"""`mpiexec -n RANKS icpmodel distributed`: a scene of which every rank assembles its own rows, solved on all."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LIMITS = {
 def distributed(
     scene: str, n: float | None, parameters: tuple[str, ...], bound: bool, as_json: bool, **limits: Any
 ) -> int:
-    """Solve SCENE on the ranks of MPI: mpiexec -n 4 icpmodel distributed membrane --n 1e7. Needs petsc4py and mpi4py."""
+    """Solve SCENE on the ranks of MPI: mpiexec -n 4 icpmodel distributed membrane --n 1e7. Needs petsc4py, mpi4py."""
     comm = world()
     try:
         return _solved(comm, scene, n, parameters, bound, as_json, limits)
