@@ -1,5 +1,6 @@
 from . import benchmarks as benchmarks
 from . import derivatives as derivatives
+from . import distributed as distributed
 from . import methods as methods
 from . import scenes as scenes
 from . import solvers as solvers

@@ -69,3 +69,10 @@ class ICP(ProblemData):
     race, report, stability = StudyVerb(), StudyVerb(), StudyVerb(1)
     to_pyomo = pyomo.to_pyomo
     to_cvxpy = cvxpy.to_cvxpy
+
+    def distribute(self, comm: Any = None) -> Any:
+        """This problem, which every rank holds, spread over the ranks of `comm`: see `icpmodel.distributed.distribute`.
+
+        Returns a `DistributedICP`. Raises NotApplicable where petsc4py or mpi4py is missing.
+        """
+        return public("distributed").distribute(self, comm)

@@ -21,6 +21,7 @@ ROOMS = (
     "cli",
     "crosscheck",
     "derivatives",
+    "distributed",
     "explain",
     "methods",
     "modelling",

@@ -32,6 +32,7 @@ _FILES = {
     **dict.fromkeys(("solve", "crosscheck", "explain", "scenes"), "solving"),
     **dict.fromkeys(("race", "stability", "report", "benchmark"), "charting"),
     "warmup": "warming",
+    "distributed": "distributing",
 }
 
 _EXAMPLES = {
@@ -44,6 +45,7 @@ _EXAMPLES = {
     "race membrane -o race.png": "time against error, with independent solvers",
     "stability units -o map.png": "where a method converges, how fast, and where it fails",
     "report membrane -o page.html": "all of that, and pictures, on one page",
+    "distributed membrane --n 1e6": "on the ranks of mpiexec, with petsc4py",
     "benchmark sweep": "the numbers of the documentation, measured on this machine",
     "warmup": "compile all loops once, before the first solve",
 }

@@ -1,0 +1,234 @@
+"""What is certain of an answer on ranks: the error bound of H₊-matrices, and the rows that it decides.
+
+v > 0 with ⟨A⟩v ≥ α > 0 and (I − G)v ≥ β > 0 comes from one Krylov solve with the levels that there are; that both are
+positive is checked, rounding included, by one product each, so that nothing hangs on how well v was solved for. The
+bound is that of `theory.certificates.h_plus`, the rows those of `theory.certificates.certificate`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..errors import MapError
+from ..numerics.arrays import Vector
+from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, gamma
+from ..present.card import Card
+from ..present.shown import Shown
+from ..problem.between import mid
+from ..theory.certificates.bounds import ErrorBound
+from .distributed_icp import DistributedICP
+from .distributed_levels import DistributedLevels
+from .distributed_matrix import DistributedMatrix
+from .newton_on_ranks import looks, simplified
+from .ranks import largest, totals
+
+#: what is added to the proof that rests on what a user says of ψ
+_WORD = ", given that psi is what the user says"
+#: what Newton's steps towards a better z are to leave of the residual, and how many there are at the most
+_SHARPER, _STEPS = 1e-3, 3
+#: (how it was found, v, α, β)
+HPlusVectors = tuple[str, Vector, Vector, Vector]
+
+
+@dataclass(frozen=True, repr=False)
+class DistributedCertificate(Shown):
+    """What is true of z on ranks, recomputed from (A, q, ψ, z).
+
+    `residual` = ‖min(p, r)‖₂ (with an obstacle above the median of z − ψ̄, p and r); `bound` the `ErrorBound`, whose
+    `componentwise` are the entries of the own rows; how many rows of z* are proved to be `active` (at the obstacle
+    below), `inactive` (off both), at the one `above` and `undecided`, over all ranks; and of the own rows the masks
+    `own_active` and `own_inactive`.
+
+    >>> problem = icp.distributed.distribute(icp.scenes.hand_lcp().problem)
+    >>> icp.distributed.solve(problem).certify().bound.unique
+    True
+    """
+
+    residual: float
+    bound: ErrorBound
+    active: int
+    inactive: int
+    above: int
+    undecided: int
+    own_active: Any = field(repr=False)
+    own_inactive: Any = field(repr=False)
+
+    @property
+    def rows(self) -> str:
+        """The rows in words."""
+        upper = f", {self.above} at the one above" if self.above else ""
+        return f"{self.active} at the obstacle{upper}, {self.inactive} off it, {self.undecided} undecided"
+
+    def __str__(self) -> str:
+        return str(Card({"residual": f"{self.residual:.3g}", "error": str(self.bound), "rows": self.rows}))
+
+
+def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = None) -> DistributedCertificate:
+    """What is certain of the `Vec` `z`, whoever found it: the residual, the error bound, the rows that it decides.
+
+    Every rank calls it at the same time. Parameters: `problem`; `z`; `levels` those of a solve with the same A, which
+    also sharpen the bound, or None. Returns a `DistributedCertificate`. Raises MapError where ψ fails at z.
+
+    >>> problem = icp.distributed.distribute(ICP([[2.0]], [-2.0]))
+    >>> icp.distributed.certify(problem, problem.vector([1.5])).bound.value >= 0.5
+    True
+    """
+    here = _Point(problem, z)
+    proof, nothing = _proof(problem, levels), np.zeros(here.p.size, dtype=bool)
+    if isinstance(proof, str):
+        return _certificate(problem, here, ErrorBound.none(proof), nothing, nothing, nothing)
+    delta = here.bound(proof)
+    if levels is not None:
+        delta = _sharpened(problem, z, levels, proof, delta)
+    value, change = largest(problem.comm, float(delta.max(initial=0.0)))[0], moved(problem, delta)
+    sentence = f"A is an H+-matrix ({proof[0]})" + (_WORD if problem.calls_users else "")
+    if _may_cross(problem, here, change):
+        told = "psi <= upper is not proved near z, where z* would be"
+        return _certificate(problem, here, ErrorBound.none(told), nothing, nothing, nothing)
+    if not np.isfinite(value):
+        bound = ErrorBound.none("the proof bounds nothing at this z: it is too far from z*, or not finite", sentence)
+        return _certificate(problem, here, bound, nothing, nothing, nothing)
+    squares = totals(problem.comm, float(np.sum((delta / value) ** 2)))[0] if value else 0.0
+    euclidean = value * float(np.sqrt(squares)) * (1 + (problem.n + 8) * UNIT_ROUNDOFF)
+    return _certificate(problem, here, ErrorBound(value, delta, euclidean, sentence, ""), *here.rows(delta, change))
+
+
+class _Point:
+    """A `Vec` z with all that a bound asks of it in the own rows. Collective."""
+
+    def __init__(self, problem: DistributedICP, z: Any) -> None:
+        self.problem = problem
+        self.p, self.below, self.above = problem.sides(z)
+        self.for_p, self.for_r = rounding(problem, z)
+
+    @property
+    def residual(self) -> float:
+        own = float(np.sum(mid(self.p, self.below, self.above) ** 2))
+        return float(np.sqrt(totals(self.problem.comm, own)[0]))
+
+    def bound(self, proof: HPlusVectors) -> Vector:
+        """δ with |z − z*| ≤ δ."""
+        _, v, alpha, beta = proof
+        with np.errstate(over="ignore", invalid="ignore"):
+            top = None if self.above is None else self.above / beta
+            F = np.abs(mid(self.p / alpha, self.below / beta, top))
+            own = float(np.max(F + np.maximum(self.for_p / alpha, self.for_r / beta), initial=0.0))
+            factor = largest(self.problem.comm, own)[0] + SMALLEST
+            return np.nextafter(v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
+
+    def rows(self, delta: Vector, change: Vector) -> tuple[Any, Any, Any]:
+        """The masks of the rows that |z − z*| ≤ `delta` proves to be active, off both obstacles, at the one above."""
+        inflate = 1 + 8 * UNIT_ROUNDOFF
+        of_p = (self.for_p + self.problem.matrix.absolute(delta)) * inflate
+        of_r = (self.for_r + delta + change) * inflate
+        active, inactive, at_upper = self.p > of_p, self.below > of_r, np.zeros(delta.size, dtype=bool)
+        if self.above is not None:
+            inactive, at_upper = inactive & (-self.above > of_r), self.p < -of_p
+        return active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive
+
+
+def _sharpened(
+    problem: DistributedICP, z: Any, levels: DistributedLevels, proof: HPlusVectors, delta: Vector
+) -> Vector:
+    """The better one of δ(z) and |z − ẑ| + δ(ẑ), ẑ from a few of Newton's steps. Collective."""
+    before = levels.steps
+    try:
+        path = looks(levels, simplified(problem), z, 0)
+        look = next(path)
+        wanted = _SHARPER * look.residual
+        for _ in range(_STEPS):
+            look = path.send(wanted)
+            if look.residual <= wanted:
+                break
+        beyond = _Point(problem, look.z).bound(proof)
+    except MapError:  # ψ need not have a value anywhere but at z
+        return delta
+    finally:
+        levels.steps = before
+    with np.errstate(over="ignore", invalid="ignore"):
+        candidate = (np.abs(z.array_r - look.z.array_r) + beyond) * (1 + 4 * UNIT_ROUNDOFF)
+    ours, theirs = largest(problem.comm, float(delta.max(initial=0.0)), float(candidate.max(initial=0.0)))
+    return candidate if theirs < ours or not np.isfinite(ours) else delta
+
+
+def _certificate(
+    problem: DistributedICP, here: _Point, bound: ErrorBound, active: Any, inactive: Any, above: Any
+) -> DistributedCertificate:
+    at, off, top = (int(x) for x in totals(problem.comm, *(float(mask.sum()) for mask in (active, inactive, above))))
+    left = problem.n - at - off - top
+    return DistributedCertificate(here.residual, bound, at, off, top, left, active, inactive)
+
+
+def rounding(problem: DistributedICP, z: Any) -> tuple[Vector, Vector]:
+    """Bounds on the rounding errors of p(z) and r(z) in the own rows, as `ProblemData.rounding`. Collective."""
+    size, k = np.abs(z.array_r), problem.matrix.terms + 2
+    for_p = gamma(k) * (problem.matrix.absolute(size) + np.abs(problem.q)) + k * SMALLEST
+    for_r = np.zeros(size.size)
+    for one in problem.maps:
+        value = np.abs(one.value(z))
+        own, G = one.lipschitz
+        terms = 3 if G is None else G.terms + 3
+        total = size + own * size + np.where(np.isinf(value), 0.0, value) + (0.0 if G is None else G.product_of(size))
+        for_r = np.maximum(for_r, np.where(np.isinf(value), 0.0, gamma(terms) * total + terms * SMALLEST))
+    return for_p, for_r
+
+
+def moved(problem: DistributedICP, delta: Vector) -> Vector:
+    """A bound on |ψ(x) − ψ(y)|, and on that of ψ̄, for |x − y| ≤ `delta`, in the own rows. Collective."""
+    most = np.zeros(delta.size)
+    for one in problem.maps:
+        own, G = one.lipschitz
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = own * delta + (0.0 if G is None else G.product_of(delta))
+        k = 3 if G is None else G.terms + 3
+        most = np.maximum(most, total * (1 + 2 * gamma(k)) + (0.0 if one.is_fixed else k * SMALLEST))
+    return most
+
+
+def _may_cross(problem: DistributedICP, here: _Point, change: Vector) -> bool:
+    """Whether it is not certain that ψ ≤ ψ̄ for all x within the bound of z. Fixed obstacles were looked at."""
+    if here.above is None or all(one.is_fixed for one in problem.maps):
+        return False
+    with np.errstate(invalid="ignore"):
+        safe = np.isinf(here.below) | np.isinf(here.above)
+        safe |= here.below - here.above > (2.0 * change + 2.0 * here.for_r) * (1 + 8 * UNIT_ROUNDOFF)
+    return totals(problem.comm, float((~safe).sum()))[0] > 0
+
+
+def _proof(problem: DistributedICP, levels: DistributedLevels | None) -> HPlusVectors | str:
+    """(name, v, α, β), or why there is none. Collective."""
+    matrix, comm = problem.matrix, problem.comm
+    if largest(comm, float((matrix.diagonal <= 0).any()))[0]:
+        return "A is not an H+-matrix: its diagonal is not positive"
+    dominated = False
+    for name, v in _candidates(matrix, levels):
+        image, size = matrix.comparison.product(matrix.vector(v)).array, matrix.absolute(v)
+        k = matrix.terms + 2
+        alpha = image - 2.0 * gamma(k) * size - k * SMALLEST
+        beta = v - moved(problem, v) - 2.0 * UNIT_ROUNDOFF * v
+        bad = (float((~(one > 0)).any()) for one in (alpha, beta))
+        not_alpha, not_beta = largest(comm, *bad)
+        if not (not_alpha or not_beta):
+            return name, v, alpha, beta
+        dominated |= not not_alpha
+    if dominated:
+        return "A is an H+-matrix, but no v > 0 found gives both <A>v > 0 and (I - G)v > 0: psi moves too much"
+    return "A is not proved to be an H+-matrix: no v > 0 found gives <A>v > 0"
+
+
+def _candidates(matrix: DistributedMatrix, levels: DistributedLevels | None) -> Iterator[tuple[str, Vector]]:
+    """v = 1, and the solution of ⟨A⟩v = D1 to a residual of at most half of it in every row. Collective."""
+    size = matrix.high - matrix.low
+    yield "v = 1", np.ones(size)
+    comparison = matrix.comparison
+    if levels is None or comparison is not matrix:
+        levels = DistributedLevels(comparison)
+    levels.restrict(np.ones(size), 0)
+    least = -largest(matrix.comm, -float(comparison.diagonal.min(initial=np.inf)))[0]
+    v = levels.solved(matrix.vector(comparison.diagonal), 0, None, None, least)
+    if not largest(matrix.comm, float((~(v.array_r > 0)).any()))[0]:
+        yield "v = <A>^-1 D1", v.array.copy()

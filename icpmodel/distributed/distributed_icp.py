@@ -1,0 +1,194 @@
+"""The problem on ranks: A and q are PETSc's, every rank holds the rows that PETSc gives it, and nobody holds all."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..numerics.arrays import Vector, described
+from ..present.shown import Shown
+from ..problem.affine import Affine, Constant
+from ..problem.between import mid, sides_of
+from ..problem.data import ProblemData, as_problem
+from ..problem.elementwise import Elementwise
+from .distributed_map import DistributedMap
+from .distributed_matrix import DistributedMatrix, from_rows
+from .ranks import petsc, together, totals, world
+
+
+class DistributedICP(Shown):
+    """An ICP on the ranks of a communicator: p = Az + q ≥ 0, r = z − ψ(z) ≥ 0, pᵀr = 0, or one with ψ ≤ z ≤ ψ̄.
+
+    Every rank makes it at the same time, with its share of each argument; so are all functions of this room called.
+    Parameters: `A` an assembled PETSc `Mat` (aij), n × n, whose columns are distributed as its rows; `q` a `Vec` of the
+    same layout, a number, or the entries of the own rows; `psi` a number, a `Vec`, the entries of the own rows, a pair
+    (`Mat`, any of these) for ψ(z) = Gz + c, or an `icpmodel.Elementwise` map of the own rows with its `lipschitz` < 1;
+    −inf for no obstacle; `upper` the same above z, or None. A is not copied: leave it as it is.
+    Raises InputError on all ranks where one finds its share wrong.
+
+    >>> from petsc4py import PETSc
+    >>> A = PETSc.Mat().createAIJ((2, 2), csr=([0, 2, 4], [0, 1, 0, 1], [2.0, -1.0, -1.0, 2.0]))
+    >>> A.assemble()
+    >>> icp.distributed.DistributedICP(A, np.array([-1.0, 3.0]))
+    DistributedICP(n=2, ranks=1)
+    """
+
+    def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None) -> None:
+        PETSc = petsc()
+        if not isinstance(A, PETSc.Mat):
+            raise InputError(f"A is {described(A)}; a matrix of PETSc (petsc4py.PETSc.Mat) was expected")
+        sizes, comm = A.getSizes(), A.comm.tompi4py()
+        with together(comm):
+            if sizes[0] != sizes[1]:
+                raise InputError(f"A has the sizes {sizes}; a square matrix, its columns as its rows, was expected")
+            if "aij" not in A.getType():
+                raise InputError(f"A is of PETSc's type {A.getType()}; aij was expected: A.convert('aij')")
+        matrix = DistributedMatrix(A)
+        with together(comm):
+            q = _own_entries(q, matrix.high - matrix.low)
+        below = DistributedMap.of(psi, matrix, "psi")
+        self._set(matrix, q, below, None if upper is None else DistributedMap.of(upper, matrix, "upper"))
+        data = A.getValuesCSR()[2]
+        with together(comm):
+            if not np.isfinite(data).all():
+                raise InputError("A has an entry that is not finite; finite numbers were expected")
+            self._check_sides()
+
+    def _set(self, matrix: DistributedMatrix, q: Vector, psi: DistributedMap, upper: DistributedMap | None) -> None:
+        self.matrix, self.q, self.psi, self.upper = matrix, q, psi, upper
+        self.n, self.comm, self.low, self.high = matrix.n, matrix.comm, matrix.low, matrix.high
+
+    @classmethod
+    def of_checked(
+        cls, matrix: DistributedMatrix, q: Vector, psi: DistributedMap, upper: DistributedMap | None
+    ) -> DistributedICP:
+        """The problem of parts that are known to be right."""
+        new = object.__new__(cls)
+        new._set(matrix, q, psi, upper)
+        return new
+
+    def _check_sides(self) -> None:
+        if self.upper is None or not (self.psi.is_fixed and self.upper.is_fixed):
+            return
+        below, above = self.psi.fixed(), self.upper.fixed()
+        if (below > above).any():
+            i = int(np.argmax(below > above))
+            raise InputError(
+                f"the obstacles cross in row {self.low + i}: psi has {below[i]:g} there, upper {above[i]:g}; "
+                "psi <= upper was expected"
+            )
+
+    @property
+    def A(self) -> Any:
+        """A, the `Mat` that was handed in."""
+        return self.matrix.mat
+
+    @property
+    def maps(self) -> tuple[DistributedMap, ...]:
+        """ψ, and ψ̄ where there is one."""
+        return (self.psi,) if self.upper is None else (self.psi, self.upper)
+
+    @property
+    def calls_users(self) -> bool:
+        """Whether an obstacle is computed by a user's function."""
+        return any(one.is_users for one in self.maps)
+
+    def vector(self, own: Any = None) -> Any:
+        """A new `Vec` of this layout with the `own` entries, or zeros."""
+        return self.matrix.vector(own)
+
+    def sides(self, z: Any) -> tuple[Vector, Vector, Vector | None]:
+        """p, z − ψ(z), and z − ψ̄(z) or None, in the own rows, at the `Vec` `z`. Raises MapError on all ranks."""
+        p = self.matrix.product(z).array_r + self.q
+        above = None if self.upper is None else z.array_r - self.upper.value(z)
+        return p, z.array_r - self.psi.value(z), above
+
+    def residual(self, z: Any) -> float:
+        """Res(z) = ‖min(p, r)‖₂, with an obstacle above that of mid(z − ψ̄, p, z − ψ), at the `Vec` `z`."""
+        return float(np.sqrt(totals(self.comm, float(np.sum(mid(*self.sides(z)) ** 2)))[0]))
+
+    def __repr__(self) -> str:
+        return f"DistributedICP(n={self.n}, ranks={self.comm.size})"
+
+
+def _own_entries(value: Any, size: int) -> Vector:
+    """q in the own rows."""
+    array = np.asarray(getattr(value, "array_r", value), dtype=np.float64)
+    if not array.ndim:
+        array = np.full(size, array)
+    if array.shape != (size,):
+        raise InputError(f"q has shape {array.shape} on this rank; ({size},) was expected")
+    if not np.isfinite(array).all():
+        raise InputError(
+            f"q[{int(np.argmin(np.isfinite(array)))}] of this rank is not finite; finite numbers were expected"
+        )
+    return array.copy()
+
+
+def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
+    """The problem of which every rank assembles its own rows, and nobody holds all.
+
+    Parameters: `problem` an `icpmodel.ByRows`; or what has its `n` and `local_rows(lo, hi)`; `comm` a communicator of
+    mpi4py or petsc4py, by default that of all ranks. Returns a `DistributedICP`. Raises InputError, on all ranks, what
+    one of them finds wrong with its rows, and whatever else `local_rows` raises as RuntimeError.
+
+    >>> class Springs:
+    ...     n = 1000
+    ...     def local_rows(self, lo, hi):
+    ...         return 2.0 * sp.eye_array(self.n).tocsr()[lo:hi], np.full(hi - lo, -1.0), np.zeros(hi - lo)
+    >>> icp.distributed.solve(icp.distributed.by_rows(Springs())).z.sum()
+    500.0
+    """
+    comm, PETSc = world(comm), petsc()
+    layout = PETSc.Vec().createMPI(problem.n, comm=comm)
+    with together(comm):
+        A, q, psi, upper = (*problem.local_rows(*layout.getOwnershipRange()), None)[:4]
+    return DistributedICP(from_rows(A, comm), q, psi, upper)
+
+
+def distribute(problem: Any, comm: Any = None) -> DistributedICP:
+    """The `problem` that rank 0 holds, or all ranks hold, spread over the ranks of `comm`.
+
+    Parameters: `problem` an ICP, or what has one, such as a scene, with obstacles that are constant, affine or
+    elementwise; None on the ranks that have none: then rank 0 sends them their rows, and functions in ψ must be ones
+    that can be pickled. `comm` a communicator of mpi4py or petsc4py, by default that of all ranks.
+    Returns a `DistributedICP`. Raises InputError, on all ranks, where ψ is another one or rank 0 has no problem.
+
+    >>> icp.distributed.distribute(icp.scenes.membrane(n=100))
+    DistributedICP(n=100, ranks=1)
+    """
+    comm = world(comm)
+    everywhere = totals(comm, problem is not None)[0] == comm.size
+    with together(comm):
+        mine = comm.rank == 0 or everywhere
+        given = as_problem(problem) if mine else None
+        bounds = None if given is None else [given.n * k // comm.size for k in range(comm.size + 1)]
+        if given is not None and bounds is not None and everywhere:
+            share = _share(given, bounds[comm.rank], bounds[comm.rank + 1])
+        elif given is not None and bounds is not None:
+            # a function that cannot be pickled must not be found out when the others wait already
+            sent = [pickle.dumps(_share(given, *bounds[k : k + 2])) for k in range(comm.size)]
+    if not everywhere:
+        share = pickle.loads(comm.scatter(sent if comm.rank == 0 else None))
+    A, q, sides = share
+    maps = [own if G is None else (from_rows(G, comm), own) for own, G in sides]
+    return DistributedICP(from_rows(A, comm), q, *maps)
+
+
+def _share(problem: ProblemData, low: int, high: int) -> tuple[Any, ...]:
+    """The rows `low` ≤ i < `high` of A, of q, and of the obstacles: (f, G or None) each."""
+    sides: list[tuple[Any, Any]] = []
+    for psi in sides_of(problem.psi):
+        if isinstance(psi, Constant):
+            sides.append((psi.c[low:high], None))
+        elif isinstance(psi, Affine):
+            sides.append((psi.c[low:high], psi.G[low:high]))
+        elif isinstance(psi, Elementwise):
+            own = psi.restricted(np.arange(low, high), np.zeros(0)) if high > low else np.zeros(0)
+            sides.append((own, None))
+        else:
+            raise InputError(f"psi is {psi!r}; a constant, affine or elementwise obstacle was expected")
+    return problem.A[low:high], problem.q[low:high], sides

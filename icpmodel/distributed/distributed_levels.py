@@ -1,0 +1,187 @@
+"""The levels of algebraic multigrid for a matrix on ranks: hypre's or GAMG's, made once, and V-cycles of them in which
+only some rows take part.
+
+PETSc makes the hierarchy (BoomerAMG by way of PCHMG, which gives away its interpolations, or GAMG where hypre is not
+built in) and runs the cycles (PCMG); here rows are masked: on every level J = A_l with the rows and columns that do not
+take part replaced by those of the diagonal, and the interpolation from such rows is 0. Which coarse rows take part is
+decided by a representative of each: the fine unknown that it weighs most in, for hypre the coarse point itself.
+Reference: Kornhuber, Numer. Math. 69 (1994), for the truncation; Henson and Yang, Appl. Numer. Math. 41 (2002), for
+BoomerAMG.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..numerics.arrays import Vector
+from .distributed_matrix import DistributedMatrix
+from .ranks import petsc, totals
+
+#: up to so many rows every rank factorises all of them where nothing is coarser
+_DIRECT = 2000
+#: Krylov's steps at the most while the active set moves, and afterwards, to this part of the residual that is wanted
+_FEW, _MANY, _PART = 8, 60, 0.3
+#: PETSc's words for: A, or the cycle, is not positive definite
+_INDEFINITE = (-8, -10)
+#: options of what makes the levels begin with this in PETSc's database
+_PREFIX = "icpmodel_"
+
+
+class DistributedLevel:
+    """One level: its `matrix`, and where there is a `coarser` one the interpolation `P` from it, the `chosen` fine
+    unknown of each coarse one (a `Mat` with one 1 in each row) and its `weight` in P; work space `J` and `masked`."""
+
+    def __init__(self, matrix: DistributedMatrix, coarser: Any, P: Any) -> None:
+        self.matrix, self.coarser, self.P, self.J = matrix, coarser, P, matrix.mat.duplicate(copy=True)
+        self.masked: Any = None
+        if P is not None:
+            self.masked = P.duplicate(copy=True)
+            self.chosen, self.weight = _representatives(P)
+
+    def injected(self, own: Vector) -> Any:
+        """The values of the chosen unknowns, a coarse vector, from those of all, in the own rows. Collective."""
+        coarse = self.coarser.vector()
+        self.chosen.mult(self.matrix.vector(own), coarse)
+        return coarse
+
+    def interpolated(self, coarse: Any) -> Any:
+        """Pz_c."""
+        fine = self.matrix.vector()
+        self.P.mult(coarse, fine)
+        return fine
+
+    def restricted(self, fine: Any) -> Vector:
+        """Pᵀf, in the own rows of the coarser level."""
+        coarse = self.coarser.vector()
+        self.P.multTranspose(fine, coarse)
+        return coarse.array.copy()
+
+
+class DistributedLevels:
+    """The levels of `matrix`, finest first: `levels`; with what solves A_FF x = f_F where F, the free rows, changes.
+
+    The diagonal must be positive. Where PETSc makes no hierarchy of it there is one level.
+    """
+
+    def __init__(self, matrix: DistributedMatrix) -> None:
+        found = _hierarchy(matrix)
+        matrices = [matrix, *(DistributedMatrix(mat) for mat, _ in found)]
+        transfers = [*(P for _, P in found), None]
+        self.levels = [DistributedLevel(*one) for one in zip(matrices, [*matrices[1:], None], transfers, strict=True)]
+        self.krylov = "cg" if matrix.is_symmetric else "gmres"
+        #: Krylov's steps so far, on all levels
+        self.steps = 0
+        self._top = -1
+        self._solver: Any = None
+
+    def restrict(self, free: Vector, top: int) -> None:
+        """Let only the rows where `free` is 1, of level `top`, take part in what is solved from now on. Collective."""
+        for level in self.levels[top:]:
+            mask = level.matrix.vector(free)
+            level.matrix.mat.copy(level.J, petsc().Mat.Structure.SAME_NONZERO_PATTERN)
+            level.J.diagonalScale(mask, mask)
+            level.J.setDiagonal(level.matrix.vector(level.matrix.diagonal))
+            if level.P is not None:
+                coarse = level.injected(free)
+                free = coarse.array.copy()
+                level.P.copy(level.masked, petsc().Mat.Structure.SAME_NONZERO_PATTERN)
+                level.masked.diagonalScale(mask, coarse)
+
+    def solved(self, f: Any, top: int, J: Any, share: float | None, wanted: float | None) -> Any:
+        """x with A_FF x = f_F on level `top`, 0 elsewhere, or Jx = f where a `J` is given: until ‖f − Jx‖ is a `share`
+        of ‖f‖, within a few steps, or `_PART` of `wanted`, or as near as the steps get."""
+        ksp, x = self._krylov_solver(top, J), f.duplicate()
+        if wanted is None:
+            ksp.setTolerances(rtol=share, atol=0.0, max_it=_FEW)
+        else:
+            ksp.setTolerances(rtol=0.0, atol=_PART * wanted, max_it=_MANY)
+        x.zeroEntries()
+        ksp.solve(f, x)
+        self.steps += ksp.getIterationNumber()
+        if ksp.getConvergedReason() in _INDEFINITE and self.krylov == "cg":
+            self.krylov = "gmres"
+            return self.solved(f, top, J, share, wanted)
+        return x
+
+    def _krylov_solver(self, top: int, J: Any) -> Any:
+        """CG or GMRES with a cycle of level `top`; it is kept until another level's is asked for."""
+        PETSc, levels = petsc(), self.levels[top:]
+        if self._top != top:
+            if self._solver is not None:
+                self._solver.destroy()
+            self._top, self._solver = top, PETSc.KSP().create(self.levels[0].matrix.mat.comm)
+            _make_cycle(self._solver.getPC(), levels)
+        ksp = self._solver
+        ksp.setOperators(levels[0].J if J is None else J, levels[0].J)
+        kind = self.krylov if J is None else "gmres"
+        if ksp.getType() != kind:
+            ksp.setType(kind)
+            ksp.setPCSide(PETSc.PC.Side.LEFT if kind == "cg" else PETSc.PC.Side.RIGHT)
+            ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        return ksp
+
+
+def _make_cycle(pc: Any, levels: list[DistributedLevel]) -> None:
+    """Make `pc` a V(1, 1)-cycle with Gauss–Seidel in each rank, forwards before and backwards after: its own adjoint
+    where A is symmetric."""
+    PETSc = petsc()
+    if len(levels) == 1 and levels[0].matrix.n > _DIRECT:
+        pc.setType("bjacobi")  # with an incomplete factorisation in each rank
+        return
+    pc.setType("mg")
+    pc.setUseAmat(False)  # or the finest residual would stay that of the first J that was given
+    pc.setMGLevels(len(levels))
+    options, coarse = PETSc.Options(), pc.getMGCoarseSolve()
+    coarse.setOperators(levels[-1].J, levels[-1].J)
+    for k, level in enumerate(reversed(levels[:-1]), 1):
+        pc.setMGInterpolation(k, level.masked)
+        for smoother, way in ((pc.getMGSmootherDown(k), "forward"), (pc.getMGSmootherUp(k), "backward")):
+            smoother.setType("richardson")
+            smoother.setTolerances(max_it=1)
+            smoother.setOperators(level.J, level.J)
+            sor = smoother.getPC()
+            sor.setType("sor")
+            sor.setOptionsPrefix(f"{_PREFIX}{way}_")
+            options[f"{_PREFIX}{way}_pc_sor_local_{way}"] = None
+            sor.setFromOptions()
+
+
+def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
+    """(A of a coarser level, the interpolation to the finer one) level by level, as PETSc makes them; none where it
+    fails, or where a coarse diagonal is not positive."""
+    PETSc = petsc()
+    pc = PETSc.PC().create(matrix.mat.comm)
+    pc.setOptionsPrefix(_PREFIX)
+    pc.setType("hmg" if PETSc.Sys.hasExternalPackage("hypre") else "gamg")
+    pc.setOperators(matrix.mat, matrix.mat)
+    pc.setFromOptions()
+    try:
+        pc.setUp()
+    except PETSc.Error:
+        return []
+    count = pc.getMGLevels()
+    found = [(pc.getMGSmoother(k).getOperators()[0], pc.getMGInterpolation(k + 1)) for k in range(count - 2, -1, -1)]
+    pc.destroy()
+    low = sum(float((mat.getDiagonal().array_r <= 0).sum()) for mat, _ in found)
+    return [] if totals(matrix.comm, low)[0] else found
+
+
+def _representatives(P: Any) -> tuple[Any, Vector]:
+    """The fine unknown that each coarse one weighs most in, as a `Mat` with one 1 in each row, and the weight."""
+    PETSc, (fine, coarse) = petsc(), P.getSizes()
+    indptr, indices, data = P.transpose(PETSc.Mat()).getValuesCSR()
+    size = coarse[0]
+    columns, weight = np.zeros(size, PETSc.IntType), np.ones(size)
+    if data.size:
+        rows, size_of = np.repeat(np.arange(size), np.diff(indptr)), np.abs(data)
+        most = np.zeros(size)
+        np.maximum.at(most, rows, size_of)
+        places = np.flatnonzero(size_of == most[rows])[::-1]  # of several the first one is written last
+        columns[rows[places]], weight[rows[places]] = indices[places], data[places]
+    chosen = PETSc.Mat().createAIJ(
+        (coarse, fine), csr=(np.arange(size + 1, dtype=PETSc.IntType), columns, np.ones(size)), comm=P.comm
+    )
+    chosen.assemble()
+    return chosen, weight

@@ -1,0 +1,111 @@
+"""Obstacles on ranks: what moves with its own unknown is a map of the own rows, what is coupled a matrix of PETSc."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..algebra.cycled_equations import LEAST_SLOPE
+from ..errors import InputError, NotApplicable
+from ..numerics.arrays import Vector, described
+from ..problem.affine import Constant
+from ..problem.between import as_map
+from ..problem.elementwise import Elementwise
+from ..problem.facts import Facts
+from ..problem.map import Map
+from ..problem.matrix import Matrix
+from .distributed_matrix import Bounding, DistributedMatrix, with_entries
+from .ranks import petsc, together, totals
+
+_WANTED = (
+    "a number, a Vec, a pair (Mat, Vec) for Gz + c, the entries of the own rows "
+    "or an Elementwise map of them was expected"
+)
+
+
+class DistributedMap:
+    """ψ(z) = f(z) + Gz: `own`, f as a map of the own rows (None where there are none), and `G`, a `Mat`, or None.
+
+    `is_users`: f is no constant on some rank, so that a user's function is called.
+    """
+
+    def __init__(self, matrix: DistributedMatrix, own: Map | None, G: Any = None, is_users: bool = False) -> None:
+        self.matrix, self.own, self.G, self.is_users = matrix, own, G, is_users
+
+    @classmethod
+    def constant(cls, matrix: DistributedMatrix, c: Vector, G: Any = None) -> DistributedMap:
+        """Gz + c, `c` of the own rows."""
+        return cls(matrix, Constant(c).bind(c.size) if c.size else None, G)
+
+    @classmethod
+    def of(cls, value: Any, matrix: DistributedMatrix, name: str) -> DistributedMap:
+        """What a user gives as the obstacle `name`, psi or upper. Collective. Raises InputError."""
+        PETSc, size, G = petsc(), matrix.high - matrix.low, None
+        with together(matrix.comm):
+            if isinstance(value, tuple):
+                if len(value) != 2 or not isinstance(value[0], PETSc.Mat):
+                    raise InputError(f"{name} is {described(value)}; {_WANTED}")
+                G, value = value
+                if G.getSizes() != matrix.mat.getSizes():
+                    found, wanted = G.getSizes(), matrix.mat.getSizes()
+                    raise InputError(f"{name}[0] has the sizes {found}; {wanted}, those of A, were expected")
+            if isinstance(value, PETSc.Vec):
+                value = value.array.copy()
+            elif isinstance(value, Map) and not isinstance(value, Constant | Elementwise):
+                raise InputError(f"{name} is {value!r}; {_WANTED}")
+            if np.ndim(value) and np.shape(value) != (size,):
+                raise InputError(f"{name} has shape {np.shape(value)} on this rank; ({size},) was expected")
+            own = None
+            if size:
+                own = as_map(value, size) if name == "psi" else as_map(-np.inf, size, value).upper
+            if own is not None and not isinstance(own, Constant) and own.lipschitz is None:
+                raise NotApplicable(
+                    f"{name} moves, and it is not known how far: give an Elementwise with `lipschitz` < 1"
+                )
+        is_users = totals(matrix.comm, own is not None and not own.is_constant)[0] > 0
+        return cls(matrix, own, G, is_users)
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether it is a constant."""
+        return self.G is None and not self.is_users
+
+    def value(self, z: Any) -> Vector:
+        """ψ(z) in the own rows, `z` a `Vec`. Collective. Raises MapError on all ranks."""
+        if self.is_users:
+            with together(self.matrix.comm):
+                found = self._own(z)
+        else:
+            found = self._own(z)
+        if self.G is not None:
+            found = found + self.matrix.image(self.G, z).array_r
+        return found
+
+    def _own(self, z: Any) -> Vector:
+        return np.zeros(0) if self.own is None else self.own.value(z.array_r)
+
+    def fixed(self) -> Vector:
+        """c with c_i = f_i(c_i) in the own rows, which serves in place of f, see `Facts.obstacle`. Local. Raises
+        MapError, and NotApplicable where f is not known to move by less than z."""
+        if self.own is None:
+            return np.zeros(0)
+        facts = Facts(Matrix.of_checked(sp.csr_array(sp.eye_array(self.matrix.high - self.matrix.low))), self.own)
+        if not facts.has_fixed_obstacle:
+            raise NotApplicable("an obstacle may move as far as its own unknown: `lipschitz` < 1 was expected")
+        return facts.obstacle
+
+    @cached_property
+    def own_slope(self) -> Any:
+        """1 − g_ii in the own rows, at least `LEAST_SLOPE`, or 1 where there is no G."""
+        return 1.0 if self.G is None else np.maximum(1.0 - self.G.getDiagonal().array, LEAST_SLOPE)
+
+    @cached_property
+    def lipschitz(self) -> tuple[Vector, Any]:
+        """(ℓ, |G|): |ψ(x) − ψ(y)| ≤ ℓ|x − y| + |G||x − y|, ℓ in the own rows, |G| or None. Collective."""
+        own = np.zeros(self.matrix.high - self.matrix.low)
+        if self.own is not None and self.own.lipschitz is not None:
+            own = self.own.lipschitz.diagonal()
+        return own, None if self.G is None else Bounding(self.matrix, with_entries(self.G, np.abs))

@@ -1,0 +1,158 @@
+"""A matrix whose rows are spread over ranks: PETSc's, with what is asked of it more than once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..numerics.arrays import Vector, diagonal_positions, freeze
+from ..numerics.rounding import SMALLEST, gamma
+from .ranks import largest, petsc, together, totals
+
+#: what rounding may make of xᵀAy − yᵀAx, as a share of |xᵀAy| + |yᵀAx| and of ‖x‖‖Ay‖
+_SYMMETRIC = 1e-10
+
+
+class Block(NamedTuple):
+    """The rows and columns of one rank as compiled sweeps take them: CSR, and where its diagonal is."""
+
+    indptr: NDArray[np.int32]
+    indices: NDArray[np.int32]
+    data: Vector
+    diag: NDArray[np.integer]
+
+    def product(self, z: Vector) -> Vector:
+        return sp.csr_array((self.data, self.indices, self.indptr), shape=(z.size, z.size)) @ z
+
+
+class DistributedMatrix:
+    """A square `mat` of PETSc (aij) on the ranks of `comm`; this one holds the rows `low` ≤ i < `high` of `n`."""
+
+    def __init__(self, mat: Any) -> None:
+        self.mat, self.comm = mat, mat.comm.tompi4py()
+        self.low, self.high = mat.getOwnershipRange()
+        self.n = mat.getSize()[0]
+
+    @cached_property
+    def diagonal(self) -> Vector:
+        """That of the own rows."""
+        found: Vector = self.mat.getDiagonal().array.copy()
+        found.flags.writeable = False
+        return found
+
+    @cached_property
+    def block(self) -> Block:
+        """The own rows and columns."""
+        size = self.high - self.low
+        indptr, indices, data = self.mat.getDiagonalBlock().getValuesCSR() if size else (np.zeros(1, np.int32),) * 3
+        own = freeze(sp.csr_array((np.asarray(data, np.float64), indices, indptr), shape=(size, size)))
+        return Block(own.indptr, own.indices, own.data, diagonal_positions(own))
+
+    @cached_property
+    def _signs(self) -> tuple[int, bool]:
+        """The entries of the longest row, and whether D > 0 and nothing is positive off it."""
+        indptr, indices, data = self.mat.getValuesCSR()
+        rows = np.repeat(np.arange(self.low, self.high), np.diff(indptr))
+        wrong = (data > 0) != (rows == indices)
+        longest, other = largest(self.comm, float(np.diff(indptr).max(initial=0)), float((wrong & (data != 0)).any()))
+        return int(longest), not other
+
+    @property
+    def terms(self) -> int:
+        """How many entries the longest row has: what bounds the rounding of a product."""
+        return self._signs[0]
+
+    @cached_property
+    def comparison(self) -> DistributedMatrix:
+        """⟨A⟩, |a_ii| on the diagonal and −|a_ij| off it: this matrix itself where these are its signs."""
+        if self._signs[1]:
+            return self
+        new = DistributedMatrix(with_entries(self.mat, lambda data: -np.abs(data)))
+        new.mat.setDiagonal(self.vector(np.abs(self.diagonal)))
+        new.mat.assemble()
+        return new
+
+    def absolute(self, v: Vector) -> Vector:
+        """About |A|v = 2|D|v − ⟨A⟩v in the own rows, for `v` ≥ 0 in them: no less than |A|v, rounding included."""
+        double = 2.0 * np.abs(self.diagonal) * v
+        image = self.comparison.product(self.vector(v)).array
+        # each of the two products and their difference lose at most γ_k(2|D|v + |A|v) ≤ 3γ_k|A|v
+        return (double - image) * (1.0 + 8.0 * gamma(self.terms + 2)) + self.terms * SMALLEST
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether A looks symmetric: xᵀAy = yᵀAx for two vectors without a pattern, two products. It decides which
+        Krylov method is tried, and nothing that is proved."""
+        known, symmetric = self.mat.isSymmetricKnown()
+        if known:
+            return bool(symmetric)
+        x, y = self.vector(), self.vector()
+        for vector, step in ((x, np.sqrt(2.0)), (y, np.sqrt(3.0))):
+            vector.array = np.modf(step * (1.0 + np.arange(self.low, self.high)))[0] - 0.5
+        of_y, of_x = self.product(y), self.product(x)
+        one, other = x.dot(of_y), y.dot(of_x)
+        allowed = _SYMMETRIC * (abs(one) + abs(other)) + 1e-5 * _SYMMETRIC * x.norm() * of_y.norm()
+        return bool(abs(one - other) <= allowed)
+
+    def vector(self, own: Vector | None = None) -> Any:
+        """A new PETSc vector of shape (n,), with the `own` entries, or zeros."""
+        vector = self._template.duplicate()
+        vector.set(0.0) if own is None else vector.setArray(own)
+        return vector
+
+    @cached_property
+    def _template(self) -> Any:
+        """A copy of a vector asks nothing of other ranks, another one from the matrix does."""
+        return self.mat.createVecRight()
+
+    def product(self, z: Any) -> Any:
+        """Az, a new PETSc vector."""
+        return self.image(self.mat, z)
+
+    def image(self, mat: Any, z: Any) -> Any:
+        """Mz for a `mat` of the same layout, a new PETSc vector."""
+        made = self._template.duplicate()
+        mat.mult(z, made)
+        return made
+
+
+class Bounding:
+    """A matrix with entries ≥ 0, a `Mat`, and how many the longest row has."""
+
+    def __init__(self, matrix: DistributedMatrix, mat: Any) -> None:
+        self.matrix, self.mat = matrix, mat
+        lengths = np.diff(mat.getValuesCSR()[0])
+        self.terms = int(largest(matrix.comm, float(lengths.max(initial=0)))[0])
+
+    def product_of(self, own: Vector) -> Vector:
+        """Gv in the own rows, for `own` entries v. Collective."""
+        return self.matrix.image(self.mat, self.matrix.vector(own)).array.copy()
+
+
+def with_entries(mat: Any, made: Callable[[Vector], Vector]) -> Any:
+    """The `Mat` whose entries are `made` of those of `mat`. Collective."""
+    indptr, indices, data = mat.getValuesCSR()
+    new = petsc().Mat().createAIJ(mat.getSizes(), csr=(indptr, indices, made(data)), comm=mat.comm)
+    new.assemble()
+    return new
+
+
+def from_rows(rows: sp.csr_array, comm: Any) -> Any:
+    """PETSc's square matrix of the `rows` that each rank gives, CSR with all columns. Collective. Raises InputError."""
+    PETSc, own = petsc(), rows.shape[0]
+    n = int(totals(comm, own)[0])
+    with together(comm):
+        if rows.shape[1] != n:
+            raise InputError(f"A has {rows.shape[1]} columns in the rows of this rank; {n} were expected")
+        if max(n, rows.nnz) > np.iinfo(PETSc.IntType).max:
+            raise InputError(f"{n} unknowns are too many for this PETSc, whose indices have 32 bits")
+        csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
+    mat = PETSc.Mat().createAIJ(((own, n), (own, n)), csr=csr, comm=comm)
+    mat.assemble()
+    return mat

@@ -1,0 +1,177 @@
+"""Inexact Newton steps on the modulus equation on one level of a hierarchy on ranks, and its start from coarser ones.
+
+The steps are those of `algebra.looks`: projected Gauss–Seidel in the rows of each rank moves the border of the active
+set, the active rows take z = ψ(z), and Krylov's steps with V-cycles on the free rows reduce Az + q there. Whoever has
+the rows of another rank beside his own is told of them between the sweeps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..algebra.equations import Pattern
+from ..algebra.looks import SWEEPS
+from ..errors import NotApplicable
+from ..numerics.arrays import Vector
+from ..problem.between import Sides, mid
+from .distributed_icp import DistributedICP
+from .distributed_levels import DistributedLevel, DistributedLevels
+from .distributed_map import DistributedMap
+from .ranks import petsc, together, totals
+
+#: what Krylov's steps leave of Az + q in the free rows while the active set moves
+_SHARE = 0.1
+#: a coarser level is left at this share of its own Res(0), or after so many looks
+_COARSE, _LOOKS = 1e-4, 8
+
+
+class LookOnRanks:
+    """z with all that is evaluated there: p, z − ψ `below`, z − ψ̄ `above`, the pattern, the residual, and whether the
+    pattern `moved` from `taken`. One product and one reduction."""
+
+    def __init__(self, problem: DistributedICP, z: Any, taken: Pattern | None) -> None:
+        self.problem, self.z = problem, z
+        self.p, self.below, self.above = problem.sides(z)
+        with np.errstate(all="ignore"):
+            # p and r then change alike with z_i
+            a = self.p / problem.matrix.diagonal * problem.psi.own_slope
+            self.pattern = Pattern.of(self.below, self.above, a)
+            squares = float(np.sum(mid(self.p, self.below, self.above) ** 2))
+        moved = taken is None or not self.pattern.is_that_of(taken)
+        total, changes = totals(problem.comm, squares, float(moved))
+        self.residual, self.moved = float(np.sqrt(total)), changes > 0
+
+    def swept(self, count: int) -> Any:
+        """z after `count` sweeps of projected Gauss–Seidel in the rows of each rank, what the other ranks have and the
+        obstacles being as they were. Local."""
+        from ..numerics.kernels.sweeps import SWEEPS as LOOPS  # loads numba
+
+        block, z = self.problem.matrix.block, self.z.array_r
+        # with what the unknowns of other ranks add to it
+        q = self.problem.q if self.problem.comm.size == 1 else self.p - block.product(z)
+        psi: Any = z - self.below
+        if self.above is not None:
+            psi = Sides(psi, z - self.above)
+        for k in range(count if z.size else 0):
+            z, out = z.copy() if not k else z, np.empty(z.size)
+            LOOPS.in_order(*block, q, psi, (1.0,), k % 2 == 0, z, out)
+            z = out
+        return self.problem.vector(z)
+
+
+def looks(
+    levels: DistributedLevels, problem: DistributedICP, z: Any, top: int
+) -> Generator[LookOnRanks, float | None, None]:
+    """Newton's steps on level `top`, whose problem is `problem` and calls no user's function: a look after each.
+
+    What is sent is the residual that is wanted, or None.
+    """
+    taken: Pattern | None = None
+    while True:
+        look = LookOnRanks(problem, z, taken)
+        if look.moved:
+            look = LookOnRanks(problem, look.swept(SWEEPS), taken)
+        wanted = yield look
+        if look.moved:
+            taken = look.pattern
+            levels.restrict(np.where(taken.active, 0.0, 1.0), top)
+        z = _stepped(levels, look, top, None if look.moved else wanted)
+
+
+def _stepped(levels: DistributedLevels, look: LookOnRanks, top: int, wanted: float | None) -> Any:
+    """z after one Newton step from `look`, until ‖Az + q‖ in the free rows is a fraction of `wanted`, or a tenth."""
+    problem, active = look.problem, look.pattern.active
+    J, at_rest = _coupled(problem, look.pattern), np.where(active, look.pattern.r, 0.0)
+    if J is None:  # z = ψ(z) in the active rows needs no equations
+        z = problem.vector(look.z.array_r - at_rest)
+        f = np.where(active, 0.0, -(problem.matrix.product(z).array_r + problem.q))
+    else:
+        z, f = look.z, np.where(active, -at_rest * problem.matrix.diagonal, -look.p)
+    step = levels.solved(problem.vector(f), top, J, _SHARE if wanted is None else None, wanted)
+    if np.isfinite(step.norm()):
+        z.axpy(1.0, step)
+    return z
+
+
+def _coupled(problem: DistributedICP, pattern: Pattern) -> Any:
+    """The Newton matrix where an obstacle moves with other unknowns, else None: rows of A, and of D(I − G) where
+    active."""
+    maps = [problem.psi] if problem.upper is None else [problem.psi, problem.upper]
+    if all(one.G is None for one in maps):
+        return None
+    Mat, matrix = petsc().Mat, problem.matrix
+    J = matrix.mat.duplicate(copy=True)
+    J.diagonalScale(matrix.vector(np.where(pattern.active, 0.0, 1.0)))
+    for one, rows in zip(maps, pattern.sides(), strict=True):
+        if one.G is not None:
+            G = one.G.duplicate(copy=True)
+            G.diagonalScale(matrix.vector(np.where(rows, -matrix.diagonal, 0.0)))
+            J.axpy(1.0, G, Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    J.setDiagonal(matrix.vector(np.where(pattern.active, matrix.diagonal, 0.0)), addv=True)
+    return J
+
+
+def start(levels: DistributedLevels, problem: DistributedICP) -> Any:
+    """z from the coarser levels, each of which begins with the answer of the one below it; see `methods.multilevel`."""
+    problems, shifts = [problem], []
+    for level, coarser in pairwise(levels.levels):
+        coarse, shift = _coarse(problems[-1], level, coarser)
+        problems.append(coarse)
+        shifts.append(shift)
+    z = problems[-1].vector()
+    for top in range(len(problems) - 1, 0, -1):
+        enough = _COARSE * problems[top].residual(problems[top].vector())
+        path = looks(levels, problems[top], z, top)
+        look = next(path)
+        for _ in range(_LOOKS - 1):
+            if look.residual <= enough:
+                break
+            look = path.send(enough)
+        z = levels.levels[top - 1].interpolated(look.z)
+        z.array = z.array_r + shifts[top - 1]
+    return z
+
+
+def _coarse(
+    problem: DistributedICP, level: DistributedLevel, coarser: DistributedLevel
+) -> tuple[DistributedICP, Vector]:
+    """The problem on the level below `level`, and the shift s: Pz + s is what its answer z is worth on `level`."""
+    ones = coarser.matrix.vector(np.ones(coarser.matrix.high - coarser.matrix.low))
+    kept = problem.vector()
+    level.chosen.multTranspose(ones, kept)
+    shift = np.where(kept.array_r > 0, 0.0, -problem.q / problem.matrix.diagonal)
+    at_shift = problem.vector(shift)
+    p = problem.matrix.product(at_shift)
+    p.array = p.array_r + problem.q
+    maps: list[Any] = []
+    for one, none in ((problem.psi, -np.inf), (problem.upper, np.inf)):
+        if one is None:
+            maps.append(None)
+            continue
+        c = level.injected(one.value(at_shift) - shift).array
+        with np.errstate(divide="ignore", invalid="ignore"):
+            c = np.where(level.weight > 0, c / level.weight, none)
+        G = None
+        if one.G is not None:
+            G = level.chosen.matMult(one.G).matMult(level.P)
+            G.diagonalScale(coarser.matrix.vector(np.where(level.weight > 0, 1.0 / level.weight, 0.0)))
+        maps.append(DistributedMap.constant(coarser.matrix, c, G))
+    return DistributedICP.of_checked(coarser.matrix, level.restricted(p), *maps), shift
+
+
+def simplified(problem: DistributedICP) -> DistributedICP:
+    """The problem with the same solutions in which nothing calls a user's function. Raises MapError, NotApplicable."""
+    maps: list[Any] = []
+    for one in (problem.psi, problem.upper):
+        if one is not None and one.is_users:
+            if one.G is not None:
+                raise NotApplicable("psi is Gz and an elementwise map in one, which is not solved")
+            with together(problem.comm):
+                c = one.fixed()
+            one = DistributedMap.constant(problem.matrix, c)
+        maps.append(one)
+    return DistributedICP.of_checked(problem.matrix, problem.q, *maps)

@@ -1,0 +1,90 @@
+"""PETSc and MPI at first use, and what ranks tell each other, so that none of them waits for one that has failed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, MapError, NotApplicable
+
+_MISSING = (
+    "icpmodel.distributed needs petsc4py and mpi4py, which do not come with pip install icpmodel: "
+    "docs/distributed.md and CONTRIBUTING.md say how to get them"
+)
+
+
+def petsc() -> Any:
+    """The module `petsc4py.PETSc`, ready for use. Raises NotApplicable where it is missing."""
+    try:
+        import mpi4py.MPI  # noqa: F401  MPI begins here, or has begun
+        from petsc4py import PETSc
+    except ImportError as error:
+        raise NotApplicable(f"{_MISSING} ({error})") from error
+    return PETSc
+
+
+def world(comm: Any = None) -> Any:
+    """`comm` as an mpi4py communicator: all ranks where it is None. Raises InputError, NotApplicable."""
+    PETSc = petsc()
+    if comm is None:
+        return PETSc.COMM_WORLD.tompi4py()
+    if isinstance(comm, PETSc.Comm):
+        return comm.tompi4py()
+    if not hasattr(comm, "Allreduce"):
+        raise InputError(f"comm is a {type(comm).__name__}; a communicator of mpi4py or petsc4py was expected")
+    return comm
+
+
+@contextmanager
+def together(comm: Any) -> Iterator[None]:
+    """A block of local work that ranks leave together: what the first of them raises, all of them raise.
+
+    Nothing in it may wait for other ranks. The error of another rank than 0 says of which one it is.
+    """
+    fault: Exception | None = None
+    try:
+        yield
+    except Exception as error:
+        fault = error
+    from mpi4py import MPI
+
+    first = comm.allreduce(comm.rank if fault is not None else comm.size, op=MPI.MIN)
+    if first == comm.size:
+        return
+    told = None if comm.rank != first else (type(fault) if isinstance(fault, _PASSED) else None, described(fault))
+    kind, text = comm.bcast(told, root=first)
+    text = f"{text} (rank {first} of {comm.size})" if comm.size > 1 else text
+    raise (kind or RuntimeError)(text) from fault
+
+
+#: errors that are the same on all ranks
+_PASSED = (InputError, MapError, NotApplicable, OSError, MemoryError)
+
+
+def described(fault: BaseException | None) -> str:
+    """The error in words; with its name where it is none of the package's."""
+    return (
+        str(fault) if isinstance(fault, InputError | MapError | NotApplicable) else f"{type(fault).__name__}: {fault}"
+    )
+
+
+def totals(comm: Any, *numbers: float) -> list[float]:
+    """The sums of the `numbers` over all ranks, in one reduction."""
+    mine, every = np.array(numbers, dtype=np.float64), np.empty(len(numbers))
+    comm.Allreduce(mine, every)
+    return [float(x) for x in every]
+
+
+def largest(comm: Any, *numbers: float) -> list[float]:
+    """The largest of the `numbers` over all ranks, in one reduction; NaN where one of them is."""
+    from mpi4py import MPI
+
+    mine = np.array(numbers, dtype=np.float64)
+    # MPI.MAX may lose a NaN
+    both = np.concatenate([np.where(np.isnan(mine), -np.inf, mine), np.isnan(mine)])
+    every = np.empty(both.size)
+    comm.Allreduce(both, every, op=MPI.MAX)
+    return [float("nan") if nan else float(x) for x, nan in zip(*np.split(every, 2), strict=True)]

@@ -1,0 +1,321 @@
+"""`solve()` on ranks: the start from the coarser levels, Newton's steps, sweeps where those fail, and honest ends."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, MapError, NotApplicable, NotSolved
+from ..numerics.arrays import as_truth
+from ..numerics.rounding import sheltered
+from ..present.card import Card
+from ..present.shown import Shown
+from ..solve.goal import RTOL, Limits
+from ..solve.progress import status_line
+from ..solve.solution import Status
+from .distributed_bound import DistributedCertificate, certify, rounding
+from .distributed_icp import DistributedICP
+from .distributed_levels import DistributedLevels
+from .newton_on_ranks import LookOnRanks, looks, simplified, start
+from .ranks import largest, together, totals
+
+#: a start with this share of Res(0) is kept
+_NEAR = 1e-2
+#: what counts as reduced, and how many Newton steps may fail to
+_REDUCED, _PATIENCE = 0.9, 5
+#: where they do, so many rounds of sweeps must, and that may happen so often
+_ROUNDS, _SWEEPS, _RESCUES = 100, 8, 10
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DistributedSolution(Shown):
+    """An answer on ranks: the returned z, a `Vec`, why the run stopped, and, when all ranks ask, what is certain of z.
+
+    `problem`; `z`; `status`; `message` with advice; `residual` = Res(z) and the `tolerance` it was held against;
+    `iterations` on the finest level, a Newton step or a round of sweeps each; `krylov_steps` on all levels; `sizes`,
+    the unknowns of each level; `seconds`, set-up included.
+
+    >>> solution = icp.distributed.solve(icp.distributed.distribute(icp.scenes.membrane(n=100).problem))
+    >>> solution.status, solution.solved
+    (<Status.SOLVED: 'solved'>, True)
+    """
+
+    problem: DistributedICP
+    z: Any
+    status: Status
+    message: str
+    residual: float
+    tolerance: float
+    iterations: int
+    krylov_steps: int
+    sizes: tuple[int, ...]
+    seconds: float
+    levels: DistributedLevels | None = field(repr=False)
+
+    @property
+    def solved(self) -> bool:
+        """Whether the status is SOLVED."""
+        return self.status is Status.SOLVED
+
+    @sheltered
+    def certify(self) -> DistributedCertificate:
+        """What is certain of z: the error bound, whether z* is the only solution, which rows are decided. Collective:
+        all ranks must call it; it costs about one linear solve, once."""
+        return self._certificate
+
+    @cached_property
+    def _certificate(self) -> DistributedCertificate:
+        return certify(self.problem, self.z, self.levels)
+
+    def summary(self) -> dict[str, str]:
+        """What `print` shows, as names and texts. The bound is in it once all ranks have called `certify`."""
+        many = "s" if self.problem.comm.size > 1 else ""
+        steps = f"{self.iterations} iteration{'' if self.iterations == 1 else 's'}"
+        rows = {
+            "problem": f"{self.problem.n} unknowns on {self.problem.comm.size} rank{many}",
+            "status": f"{self.status.value} after {steps} and {self.krylov_steps} Krylov steps",
+            "method": f"multilevel modulus Newton on {len(self.sizes)} levels",
+            "residual": f"{self.residual:.3g} (stop at {self.tolerance:.3g})",
+        }
+        known = vars(self).get("_certificate")
+        if known is not None:
+            rows |= {"error": known.bound.in_words(), "rows": known.rows}
+        if not self.solved:
+            rows["message"] = self.message
+        return rows | {"seconds": f"{self.seconds:.3g}"}
+
+    def about(self) -> dict[str, Any]:
+        """The same as plain data for JSON."""
+        known = vars(self).get("_certificate")
+        told = {
+            "n": self.problem.n,
+            "ranks": self.problem.comm.size,
+            "status": self.status.value,
+            "message": self.message,
+            "residual": self.residual,
+            "tolerance": self.tolerance,
+            "iterations": self.iterations,
+            "krylov_steps": self.krylov_steps,
+            "levels": list(self.sizes),
+            "seconds": self.seconds,
+        }
+        if known is not None:
+            bound = known.bound
+            told |= {"error_bound": bound.value, "unique": bound.unique or None, "proof": bound.proof or None}
+            told |= {"no_error_bound_because": bound.reason or None}
+            told |= {f"rows_{name}": getattr(known, name) for name in ("active", "inactive", "above", "undecided")}
+        return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
+
+    def __repr__(self) -> str:
+        return f"DistributedSolution({self.problem!r}, {self.status.value}, residual={self.residual:.3g})"
+
+    def __str__(self) -> str:
+        return str(Card(self.summary()))
+
+
+@sheltered
+def solve(
+    A: Any,
+    q: Any = None,
+    psi: Any = 0.0,
+    upper: Any = None,
+    *,
+    z0: Any = None,
+    rtol: float = RTOL,
+    atol: float = 0.0,
+    max_iter: int = 200,
+    time_limit: float | None = None,
+    progress: bool = False,
+    raise_on_failure: bool = True,
+) -> DistributedSolution:
+    """Solve an ICP on the ranks of A: stop at Res(z) = ‖min(p, r)‖₂ ≤ max(atol, rtol·Res(0)), as `icpmodel.solve`.
+
+    Every rank calls it at the same time with the same options. It is the multilevel modulus Newton method of
+    `icpmodel.Multilevel`: PETSc's algebraic multigrid (hypre's BoomerAMG where it is built in, else GAMG) makes the
+    levels, once; each level starts from the answer of the next coarser one; projected Gauss–Seidel in the rows of each
+    rank moves the border of the active set, and conjugate gradients, or GMRES where A is not symmetric, solve for the
+    free rows. Where Newton's steps do not reduce the residual, sweeps take over for a while.
+
+    Parameters: `A` a `DistributedICP`, or with `q`, `psi` and `upper` what makes one; `z0` the start, a `Vec` (default
+    0), which is kept where Res(z0) ≤ Res(0)/100; `rtol`, `atol`; `max_iter` iterations on the finest level;
+    `time_limit` in seconds of rank 0, looked at between two iterations: what PETSc has begun is not cut short;
+    `progress` shows a line on rank 0; `raise_on_failure`.
+    Returns a `DistributedSolution`, on every rank; its z is the best iterate. Ctrl-C ends the run after the iteration
+    that is at work. Raises, on all ranks, InputError, MapError where ψ fails at the start, NotApplicable where the
+    diagonal of A is not positive, and NotSolved, which carries the best iterate, unless `raise_on_failure` is False.
+    PETSc's options that begin with `-icpmodel_` reach what makes the levels.
+
+    >>> problem = icp.distributed.distribute(icp.scenes.membrane(n=100).problem)
+    >>> bool(abs(icp.distributed.solve(problem).z.array - icp.scenes.membrane(n=100).problem.solve().z).max() < 1e-6)
+    True
+    """
+    problem = A if isinstance(A, DistributedICP) else DistributedICP(A, q, psi, upper)
+    if isinstance(A, DistributedICP) and q is not None:
+        raise InputError("A is a DistributedICP, which has its q; leave out q, psi and upper")
+    limits = Limits(rtol=rtol, atol=atol, max_iter=max_iter, time_limit=time_limit)
+    as_truth(progress, "progress"), as_truth(raise_on_failure, "raise_on_failure")
+    if largest(problem.comm, float((problem.matrix.diagonal <= 0).any()))[0]:
+        raise NotApplicable("the diagonal of A has an entry that is not positive, which sweeps and multigrid divide by")
+    with _watch(problem.comm, limits) as watch, status_line(progress and problem.comm.rank == 0) as say:
+        run = _Run(problem, limits, watch, say)
+        status, note = run.carried_out(z0)
+    solution = run.solution(status, note)
+    if raise_on_failure and not solution.solved:
+        raise NotSolved(solution)
+    return solution
+
+
+@contextmanager
+def _watch(comm: Any, limits: Limits) -> Iterator[Callable[[], Status | None]]:
+    """What tells, on all ranks the same, whether Ctrl-C was pressed or the time is over. Ctrl-C, and what mpiexec sends
+    then, is a flag as long as the block lasts, and at the second time what it was before."""
+    begin, pressed = time.perf_counter(), list[int]()
+    old: dict[int, Any] = {}
+
+    def note(signum: int, frame: Any) -> None:
+        pressed.append(signum)
+        signal.signal(signum, old[signum])
+
+    if threading.current_thread() is threading.main_thread():
+        old = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def ended() -> Status | None:
+        late = comm.rank == 0 and limits.time_limit is not None and time.perf_counter() - begin > limits.time_limit
+        stop, over = totals(comm, float(bool(pressed)), float(late))
+        return Status.INTERRUPTED if stop else Status.TIME_LIMIT if over else None
+
+    try:
+        yield ended
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)
+
+
+class _Run:
+    """One run: the best iterate so far, and the loop."""
+
+    def __init__(
+        self, problem: DistributedICP, limits: Limits, watch: Callable[[], Status | None], say: Callable[[str], None]
+    ) -> None:
+        self.problem, self.limits, self.watch, self.say = problem, limits, watch, say
+        self.begin, self.iterations, self.tolerance = time.perf_counter(), 0, limits.atol
+        self.levels: DistributedLevels | None = None
+        self.best, self.least = problem.vector(), np.inf
+
+    def carried_out(self, z0: Any) -> tuple[Status, str]:
+        """(the status, what is to be said of it)."""
+        problem = self.problem
+        at_0 = problem.residual(problem.vector())
+        z, first = (problem.vector(), at_0) if z0 is None else (z0.copy(), problem.residual(z0))
+        scale = at_0 if np.isfinite(at_0) and at_0 else first
+        if not np.isfinite(scale):
+            raise MapError(_where_not_finite(problem, z))
+        self.tolerance = max(self.limits.atol, self.limits.rtol * scale)
+        self._seen(z, first)
+        if first <= self.tolerance:
+            return Status.SOLVED, ""
+        simple = simplified(problem) if problem.calls_users else problem
+        self.say("making the levels")
+        self.levels = DistributedLevels(problem.matrix)
+        if (stop := self.watch()) is not None:
+            return stop, "while the levels were made"
+        if not first <= _NEAR * at_0:
+            self.say(f"starting from {len(self.levels.levels)} levels")
+            z = start(self.levels, simple)
+        try:
+            return self._steps(simple, z)
+        except MapError as error:
+            return Status.MAP_FAILED, str(error)
+
+    def _steps(self, simple: DistributedICP, z: Any) -> tuple[Status, str]:
+        assert self.levels is not None
+        mark, since, rescues = np.inf, 0, 0
+        path = looks(self.levels, simple, z, 0)
+        look = next(path)
+        while True:
+            residual = look.residual if simple is self.problem else self.problem.residual(look.z)
+            self._seen(look.z, residual)
+            self.say(f"iteration {self.iterations}, residual {residual:.2e} -> {self.tolerance:.2e}")
+            if residual <= self.tolerance:
+                return Status.SOLVED, ""
+            if self.iterations >= self.limits.max_iter:
+                return Status.ITERATION_LIMIT, f"{self.iterations} iterations"
+            if (stop := self.watch()) is not None:
+                return stop, f"in iteration {self.iterations}"
+            since += 1
+            if residual <= _REDUCED * mark:
+                mark, since = residual, 0
+            if since > _PATIENCE or not np.isfinite(residual):
+                rescues += 1
+                rescued = self._swept(simple) if rescues <= _RESCUES else None
+                if rescued is None:
+                    return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
+                path = looks(self.levels, simple, rescued, 0)
+                look, since = next(path), 0
+            else:
+                look = path.send(self.tolerance)
+            self.iterations += 1
+
+    def _swept(self, simple: DistributedICP) -> Any:
+        """z from the best iterate by sweeps, with a residual that counts as reduced, or None."""
+        z = self.best
+        for _ in range(_ROUNDS):
+            look = LookOnRanks(simple, z, None)
+            if look.residual <= _REDUCED * self.least:
+                return look.z
+            if self.iterations >= self.limits.max_iter or not np.isfinite(look.residual):
+                return None
+            z = look.swept(_SWEEPS)
+            self.iterations += 1
+        return None
+
+    def _seen(self, z: Any, residual: float) -> None:
+        if residual < self.least or not np.isfinite(self.least):
+            self.best, self.least = z.copy(), residual
+
+    def solution(self, status: Status, note: str) -> DistributedSolution:
+        """The best iterate, judged once more, rounding included."""
+        problem, residual = self.problem, self.least
+        if status is Status.SOLVED:
+            for_p, for_r = rounding(problem, self.best)
+            luck = float(np.sqrt(totals(problem.comm, float(np.sum(np.maximum(for_p, for_r) ** 2)))[0]))
+            if not residual + luck <= self.tolerance and self.tolerance > 0:
+                status, note = Status.PRECISION_LIMIT, f"rounding may be worth {luck:.3g} of it"
+        message = "solved"
+        if status is not Status.SOLVED:
+            message = (
+                f"{status.value}: {note}; best residual {residual:.3g} (stop at {self.tolerance:.3g}). "
+                f"Advice: {status.advice}"
+            )
+        levels = self.levels
+        return DistributedSolution(
+            problem=problem,
+            z=self.best,
+            status=status,
+            message=message,
+            residual=residual,
+            tolerance=self.tolerance,
+            iterations=self.iterations,
+            krylov_steps=0 if levels is None else levels.steps,
+            sizes=(problem.n,) if levels is None else tuple(one.matrix.n for one in levels.levels),
+            seconds=time.perf_counter() - self.begin,
+            levels=levels,
+        )
+
+
+def _where_not_finite(problem: DistributedICP, z: Any) -> str:
+    """Which row has no value at `z`. Collective; raised on all ranks."""
+    _, below, above = problem.sides(z)
+    with together(problem.comm):
+        for name, side in (("psi", below), ("upper", above)):
+            if side is not None and np.isnan(side).any():
+                raise MapError(f"{name} is nan in row {problem.low + int(np.argmax(np.isnan(side)))} at the start")
+    return "the residual at the start is not finite"
