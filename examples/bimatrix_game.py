@@ -144,9 +144,9 @@ assert classes.p.holds is False
 # %%
 # **3.** Lemke's pivoting, which has no start to choose, ends here without a solution. Does it claim anything false?
 #
-# Answer: No. It ends on a ray, which proves that there is no solution only for matrices of certain classes, and $A$ is
-# in none of them; so it says that it stagnated, and not that the problem is infeasible. The algorithm of Lemke and
-# Howson, which is made for games, always ends with an equilibrium.
+# Answer: No. It ends on a ray. For some classes of matrices, the copositive-plus ones for example, that proves that
+# there is no solution; $A$ is copositive and not copositive-plus. So it says that it stagnated, and not that the
+# problem is infeasible. The algorithm of Lemke and Howson, which is made for games, does end with an equilibrium.
 
 lemke = game(3.0).solve("lemke", raise_on_failure=False)
 print(f"Lemke's pivoting: {lemke.status.value}; proved infeasible: {lemke.infeasible is not None}")

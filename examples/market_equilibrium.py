@@ -67,7 +67,7 @@ def prices(share: float) -> list[float]:
 # ## What is seen
 #
 # Without a floor all markets clear. With the floor the wage is higher, some find no work, and bread and housing are
-# dearer as well, since who earns more buys more of everything that may replace something.
+# dearer as well: they replace labour a little, and what replaces a dear good is wanted more.
 
 for share in (0.0, SHARE):
     *found, unemployed = prices(share)
