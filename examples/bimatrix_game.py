@@ -9,8 +9,8 @@ Run: python examples/bimatrix_game.py         writes bimatrix_game.png and bimat
 # %%
 # ## The model
 #
-# She chooses a row, he a column: the opera (0), which she prefers, or the match (1), which he prefers. Both would rather
-# be together. What each of them gets is in
+# She chooses a row, he a column: the opera (0), which she prefers, or the match (1), which he prefers. Both would
+# rather be together. What each of them gets is in
 #
 # $$\text{hers} = \begin{pmatrix} g & 1 \\ 0 & 2 \end{pmatrix}, \qquad
 #   \text{his} = \begin{pmatrix} 2 & 1 \\ 0 & 3 \end{pmatrix}, \qquad g = 3.$$
@@ -150,4 +150,5 @@ assert classes.p.holds is False
 
 lemke = game(3.0).solve("lemke", raise_on_failure=False)
 print(f"Lemke's pivoting: {lemke.status.value}; proved infeasible: {lemke.infeasible is not None}")
-assert not lemke.solved and lemke.infeasible is None
+assert not lemke.solved
+assert lemke.infeasible is None

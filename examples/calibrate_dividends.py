@@ -16,8 +16,8 @@ Run: python examples/calibrate_dividends.py   writes calibrate_dividends.png and
 #   \psi_i(V) = \max_{j < i}\left( V_j + \frac{x_i - x_j - c}{1 + \lambda} \right),$$
 #
 # where $\sigma$ is in $A$ and $q$, and $c$ in the gains of all jumps. Several firms are observed, whose drifts are
-# known: at which reserve they pay and down to which one, each with an error of 1 %. Wanted are the $c$ and $\sigma$ that
-# all of them share. The drifts are `DRIFTS`.
+# known: at which reserve they pay and down to which one, each with an error of 1 %. Wanted are the $c$ and $\sigma$
+# that all of them share. The drifts are `DRIFTS`.
 #
 # The first row that pays is no threshold for a least-squares method: it stands still while $c$ moves, and then jumps by
 # the grid spacing. What is fitted is where the slope of $V$ reaches $1/(1 + \lambda)$, by the straight line through the

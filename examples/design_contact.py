@@ -97,9 +97,13 @@ print(f"the derivative at the chosen load is certain: {after.derivative().certai
 # %%
 # The pressure on the floor before and after, where it is touched, and the load; the line is the wanted shape.
 
+
+def pressure(one: icp.Solution) -> np.ndarray:
+    return np.where(one.p > one.r, one.p / cell, np.nan).reshape(M, M)
+
+
 shade = {"extent": (-1, 1, -1, 1), "origin": "lower"}
 touched = {"cmap": "cividis", "vmin": 0, "vmax": 0.9 * after.p.max() / cell}
-pressure = lambda one: np.where(one.p > one.r, one.p / cell, np.nan).reshape(M, M)  # noqa: E731
 figure, (first, load, last) = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained", sharey=True)
 first.imshow(pressure(before), **shade, **touched)
 first.set_title(f"Contact under the uniform load {START:.0f}")
@@ -134,7 +138,7 @@ for most in sorted({3.0, 6.0, 12.0, MOST}):
 #
 # **1.** Check the gradient by a difference. Near a load at which a point begins to touch, does it jump?
 #
-# Answer: What is made least has a continuous slope wherever no point is exactly at the floor without pressing; where one
+# Answer: It has a continuous slope at every load at which no point is exactly at the floor without pressing. Where one
 # is, $z$ has different derivatives to both sides, and so has the margin. Such loads are rare, and the check passes.
 
 rng = np.random.default_rng(0)

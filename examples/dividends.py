@@ -20,6 +20,8 @@ Run: python examples/dividends.py             writes dividends.png and dividends
 # With $\mu = 0.5$, $\sigma = 0.3$, $\rho = 0.2$ the answer is known: pay from $x^*$ on, down to a lower reserve. $c$ is
 # `COST`.
 
+import itertools
+
 import matplotlib.pyplot as plt
 import numpy as np
 import scipy.sparse as sp
@@ -123,9 +125,10 @@ for cost in (0.02, 0.005, 0.00125):
     x, one = firm(601, cost)
     high, low = payment(x, one)
     sizes.append(high - low)
+factors = [a / b for a, b in itertools.pairwise(sizes)]
 print("payments " + ", ".join(f"{one:.4f}" for one in sizes), end="; factors ")
-print(", ".join(f"{a / b:.3f}" for a, b in zip(sizes, sizes[1:], strict=False)))
-assert all(1.4 < a / b < 1.8 for a, b in zip(sizes, sizes[1:], strict=False))
+print(", ".join(f"{one:.3f}" for one in factors) + f"; 4^(1/3) = {4 ** (1 / 3):.3f}")
+assert all(1.5 < one < 1.75 for one in factors)
 
 # %%
 # **2.** The tax is doubled. Does the owner pay later?
@@ -136,7 +139,8 @@ assert all(1.4 < a / b < 1.8 for a, b in zip(sizes, sizes[1:], strict=False))
 x, old = firm(241)
 _, new = firm(241, tax=2 * TAX)
 ratio = new.z[1:] / old.z[1:]
-print(f"V falls to {ratio.min():.6f} ... {ratio.max():.6f} of it, (1 + tax)/(1 + 2 tax) = {(1 + TAX) / (1 + 2 * TAX):.6f}")
+print(f"V falls to {ratio.min():.6f} ... {ratio.max():.6f} of it,", end=" ")
+print(f"(1 + tax)/(1 + 2 tax) = {(1 + TAX) / (1 + 2 * TAX):.6f}")
 print(f"pay at {payment(x, old)[0]:.6f} and {payment(x, new, 2 * TAX)[0]:.6f}")
 assert np.allclose(ratio, (1 + TAX) / (1 + 2 * TAX), rtol=1e-8)
 

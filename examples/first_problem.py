@@ -119,7 +119,8 @@ def all_solutions(c: float) -> list[np.ndarray]:
 
 for z in all_solutions(1.1):
     print(f"z = {z.round(4)}, residual {icp.ICP(A, q, bound(1.1)).residual(z):.0e}")
-assert len(all_solutions(1.1)) == 2 and len(all_solutions(0.5)) == 1
+assert len(all_solutions(1.1)) == 2
+assert len(all_solutions(0.5)) == 1
 
 # %%
 # **2.** And for $c = 1.5$? What does `solve` say then?
@@ -130,7 +131,8 @@ assert len(all_solutions(1.1)) == 2 and len(all_solutions(0.5)) == 1
 print("solutions:", all_solutions(1.5))
 failed = icp.ICP(A, q, bound(1.5)).solve(raise_on_failure=False)
 print(f"{failed.status.value}; solved: {failed.solved}")
-assert not all_solutions(1.5) and not failed.solved
+assert not all_solutions(1.5)
+assert not failed.solved
 
 # %%
 # **3.** Give $\psi(z) = 0.3\sin z$ as a bare function, `psi=lambda z: 0.3 * np.sin(z)`. It is solved, but nothing is

@@ -99,7 +99,8 @@ for mu in sorted({0.1, 0.3, 0.6, MU}):
 
 light, heavy = step(30.0, m=1.0), step(30.0, m=10.0)
 print(f"1 kg: {light.z.round(4)} N s, {light.p[1]:.4f} m/s;   10 kg: {heavy.z.round(4)} N s, {heavy.p[1]:.4f} m/s")
-assert np.allclose(heavy.z, 10 * light.z) and np.allclose(heavy.p, light.p)
+assert np.allclose(heavy.z, 10 * light.z)
+assert np.allclose(heavy.p, light.p)
 
 # %%
 # **2.** At $\tan\alpha = \mu$ exactly, what are $p_2$ and $r_2 = \lambda_t + \mu\lambda_n$? What does a certificate say

@@ -144,7 +144,8 @@ fixed.floor.set_value(1.2 * (0.01 + free[0] * free[1]) ** 0.5)
 pyo.assert_optimal_termination(solver.solve(fixed))
 print(f"the same but for {apart:.0e}; wage {moving[2]:.4f} with the floor that moves,", end=" ")
 print(f"{pyo.value(fixed.price['labour']):.4f} with 1.2 times the free market's cost of living")
-assert apart < 1e-8 and pyo.value(fixed.price["labour"]) < moving[2]
+assert apart < 1e-8
+assert pyo.value(fixed.price["labour"]) < moving[2]
 
 # %%
 # **3.** With the floor of 1.2, how many does the state have to hire for nobody to be unemployed? What happens to the
@@ -153,12 +154,17 @@ assert apart < 1e-8 and pyo.value(fixed.price["labour"]) < moving[2]
 # Answer: As many as were unemployed. No price changes: they satisfy the same conditions, with nothing left over on the
 # market for labour. If it hires more, the wage leaves its floor, and all prices rise.
 
+
+def floor(z: np.ndarray) -> np.ndarray:
+    return np.array([0.0, 0.0, 1.2 * np.sqrt(0.01 + max(z[0] * z[1], 0.0))])
+
+
 A, w = np.array([SLOPE[good] for good in GOODS]), np.array([WANTED[good] for good in GOODS])
-floor = lambda z: np.array([0.0, 0.0, 1.2 * np.sqrt(0.01 + max(z[0] * z[1], 0.0))])  # noqa: E731
 *before, unemployed = prices(1.2)
 print("before the state hires: prices " + ", ".join(f"{one:.4f}" for one in before))
 for hired in (unemployed, 1.5 * unemployed):
     one = icp.ICP(A, -w - [0.0, 0.0, hired], floor).solve(rtol=1e-10)
     print(f"{hired:.4f} hired: prices " + ", ".join(f"{price:.4f}" for price in one.z), end="; ")
     print(f"wage above its floor by {abs(one.r[2]):.4f}, unemployed {abs(one.p[2]):.4f}")
-    assert np.allclose(one.z, before, atol=1e-6) == (hired == unemployed) and abs(one.p[2]) < 1e-6
+    assert np.allclose(one.z, before, atol=1e-6) == (hired == unemployed)
+    assert abs(one.p[2]) < 1e-6

@@ -136,7 +136,8 @@ for weight in (0.0, 1.0, 5.0):
     there = np.arange(1, 1000)[one.p > one.r] / 1000
     s1, s2 = np.sqrt(0.57 / (2 + weight / 2)), 1 - np.sqrt(0.17 / (2 + weight / 2))
     print(f"weight {weight}: from {s1:.4f} to {s2:.4f}; on the grid from {there[0]:.3f} to {there[-1]:.3f}")
-    assert abs(there[0] - s1) <= 2e-3 and abs(there[-1] - s2) <= 2e-3
+    assert abs(there[0] - s1) <= 2e-3
+    assert abs(there[-1] - s2) <= 2e-3
 
 # %%
 # **2.** Pulled up by how much does the string leave the bump?
@@ -147,7 +148,8 @@ lifts = 2 * ((np.sqrt(0.57) + np.sqrt(0.17)) ** 2 - 2)
 just_above, just_below = (in_numpy(lifts + change, 999) for change in (0.01, -0.01))
 print(f"w = {lifts:.4f}; contacts at w + 0.01: {(just_above.p > just_above.r).sum()}", end=", ")
 print(f"at w - 0.01: {(just_below.p > just_below.r).sum()}")
-assert (just_above.p > just_above.r).any() and not (just_below.p > just_below.r).any()
+assert (just_above.p > just_above.r).any()
+assert not (just_below.p > just_below.r).any()
 
 # %%
 # **3.** The three front ends hand the same numbers to the same solver, so that they agree if they are *written* alike.

@@ -53,6 +53,9 @@ def report(title: str, problem: icp.ICP, method: str | None = None, **options) -
 # $0.1 \cdot 5 = 0.5 < 1$, and promises convergence; the right number has $D^{-1}$ before both terms and is 5. The
 # method cycles, and says so.
 
+for as_printed in (True, False):
+    answer = icp.theory.check("4.3", steep, icp.MNMGS(phi2=PHI2), as_printed=as_printed)
+    print(f"theorem {'as printed' if as_printed else 'corrected '}: {answer}")
 report(f"A = .1, q = 1, psi(z) = 6 - 5z, phi2 = {PHI2}", steep, "mnmgs", phi2=PHI2, z0=[56.0])
 
 # %%
@@ -122,8 +125,8 @@ for phi2 in sorted({0.005, 0.01, 0.018, 0.1, 0.15, PHI2}):
 # %%
 # ## Exercises
 #
-# **1.** For which $\varphi_2$ does the first method converge near $z^*$? The advice is a larger $\varphi$, which is added
-# to $M$: for $\varphi_2 = 0.1$, how large has it to be?
+# **1.** For which $\varphi_2$ does the first method converge near $z^*$? The advice is a larger $\varphi$, which is
+# added to $M$: for $\varphi_2 = 0.1$, how large has it to be?
 #
 # Answer: $|1 - 12\varphi_2/(0.1 + \varphi + \varphi_2)| < 1$ if and only if $5\varphi_2 < 0.1 + \varphi$: for
 # $\varphi = 0$ that is $\varphi_2 < 0.02$, and for $\varphi_2 = 0.1$ it is $\varphi > 0.4$.
@@ -149,7 +152,9 @@ A = cyclic.A.toarray()
 turns = np.linalg.eigvals(np.linalg.solve(2 * np.eye(3) + A, 2 * np.eye(3) - A))
 print(f"moduli of the eigenvalues of the step: {np.sort(np.abs(turns)).round(12)}; ", end="")
 print(f"pivoting: {cyclic.solve().status.value}")
-assert not found.solved and cyclic.solve().solved and np.isclose(np.abs(turns), 1).sum() == 2
+assert not found.solved
+assert cyclic.solve().solved
+assert np.isclose(np.abs(turns), 1).sum() == 2
 
 # %%
 # **3.** The witness of the problem without solution is a vector $y$ with $y \ge 0$, $A^Ty \le 0$ and $q^Ty < 0$. Why is
@@ -161,4 +166,6 @@ assert not found.solved and cyclic.solve().solved and np.isclose(np.abs(turns), 
 for problem in (icp.ICP([[-1.0]], [-1.0]), icp.ICP([[1.0, -2.0], [-2.0, 1.0]], [-1.0, -1.0])):
     y = problem.solve("lemke", raise_on_failure=False).infeasible.witness
     print(f"A = {problem.A.toarray().tolist()}: y = {y}, A'y = {problem.A.T @ y}, q'y = {problem.q @ y:g}")
-    assert (y >= 0).all() and (problem.A.T @ y <= 0).all() and problem.q @ y < 0
+    assert (y >= 0).all()
+    assert (problem.A.T @ y <= 0).all()
+    assert problem.q @ y < 0

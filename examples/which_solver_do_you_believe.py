@@ -14,8 +14,8 @@ the work-precision chart which_solver_race.png
 #
 # $$-(H^3u')' + H' \ge 0, \qquad u \ge 0, \qquad \text{one of them } 0.$$
 #
-# On a grid of $n$ points with rows multiplied by $h^2$ this is $Az + q \ge 0$, $z \ge 0$, complementary, with entries of
-# $A$ near 1 and $q_i \approx h^2 H'$. $A$ is symmetric and positive definite, so that $z$ is also the solution of a
+# On a grid of $n$ points with rows multiplied by $h^2$ this is $Az + q \ge 0$, $z \ge 0$, complementary, with entries
+# of $A$ near 1 and $q_i \approx h^2 H'$. $A$ is symmetric and positive definite, so that $z$ is also the solution of a
 # quadratic program, which any QP solver takes:
 #
 # $$\min_{z \ge 0}\ \tfrac12 z^T A z + q^T z.$$
@@ -138,8 +138,9 @@ print(f"{says}, load {load(scene, z):.4f}")
 # **2.** Leave the energy as it is, and ask OSQP and SCS for tolerances of $10^{-9}$ instead. Better?
 #
 # Answer: SCS is right then. OSQP (as of version 1) says that the problem is unbounded. That is false, since $A$ is
-# positive definite; the test behind it has a tolerance of its own, `eps_dual_inf`, and with that tightened OSQP is right. An "unbounded" or
-# "infeasible" is to be believed as little as an "optimal", unless it comes with a witness that one can check.
+# positive definite; the test behind it has a tolerance of its own, `eps_dual_inf`, and with that tightened OSQP is
+# right. An "unbounded" or "infeasible" is to be believed as little as an "optimal", unless it comes with a witness that
+# one can check.
 
 for name, more in (("SCS", {}), ("OSQP", {}), ("OSQP", {"eps_dual_inf": 1e-12})):
     z, says = as_it_comes(scene.problem, name, eps_abs=1e-9, eps_rel=1e-9, **more)
