@@ -54,8 +54,8 @@ print("p =", solution.p.round(9), " (force: only where the bound is touched)")
 print("r =", solution.r.round(9), " (distance from the bound)")
 
 # %%
-# In the plane: $z$ has to lie above both bounds, drawn solid, and on the side of the dashed lines where the forces are
-# not negative. Of the points where lines of different unknowns cross, one has that.
+# In the plane: $z$ has to lie right of the blue bound and above the orange one, drawn solid, and on the side of the
+# dashed lines where the forces are not negative. Of the points where a blue line crosses an orange one, one has that.
 
 figure, axes = plt.subplots(figsize=(5.6, 4.6), layout="constrained")
 grid = np.linspace(-1.5, 5.0, 301)
