@@ -13,7 +13,7 @@ Run: python examples/american_option.py       writes american_option.png and ame
 # equation of Black and Scholes,
 #
 # $$\frac{\partial V}{\partial t} + L V = 0, \qquad
-#   L V = \tfrac12\sigma^2 S^2 V_{SS} + \rho S V_S - \rho V,$$
+#   L V = \tfrac{1}{2}\sigma^2 S^2 V_{SS} + \rho S V_S - \rho V,$$
 #
 # with the volatility $\sigma$ and the interest $\rho$, which is `RATE`. On a grid in $\log(S/K)$, where $L$ has
 # constant coefficients, and in time steps $\Delta t$ backwards from expiry, one problem per date:

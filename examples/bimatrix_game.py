@@ -123,8 +123,8 @@ for g in sorted({1.5, 3.0, 6.0, 12.0, HERS}):
 # **1.** Derive the equilibrium of chance. With which probability do they miss each other?
 #
 # Answer: She does not care if $g y_0 + (1 - y_0) = 2(1 - y_0)$, hence $y_0 = 1/(1 + g)$. He does not care if
-# $2x_0 = x_0 + 3(1 - x_0)$, hence $x_0 = \tfrac34$. For $g = 3$ they miss each other with probability
-# $\tfrac34\cdot\tfrac34 + \tfrac14\cdot\tfrac14 = 0.625$.
+# $2x_0 = x_0 + 3(1 - x_0)$, hence $x_0 = \frac{3}{4}$. For $g = 3$ they miss each other with probability
+# $\frac{3}{4}\cdot\frac{3}{4} + \frac{1}{4}\cdot\frac{1}{4} = 0.625$.
 
 for g in (1.5, 3.0, 6.0):
     assert any(np.allclose(one, (3 / 4, 1 / (1 + g))) for one in equilibria(g))

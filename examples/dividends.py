@@ -13,7 +13,7 @@ Run: python examples/dividends.py             writes dividends.png and dividends
 # less, by the rate $\rho$. The value $V$ of a reserve is at least what the best payment now gives, and where it is more
 # it is best to wait:
 #
-# $$p = \rho V - \tfrac12\sigma^2 V'' - \mu V' \ge 0, \qquad r = V - \psi(V) \ge 0, \qquad p\,r = 0,$$
+# $$p = \rho V - \tfrac{1}{2}\sigma^2 V'' - \mu V' \ge 0, \qquad r = V - \psi(V) \ge 0, \qquad p\,r = 0,$$
 #
 # $$\psi(V)(x) = \max_{y < x}\left( V(y) + \frac{x - y - c}{1 + \lambda} \right), \qquad V(0) = 0.$$
 #

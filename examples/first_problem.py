@@ -10,7 +10,7 @@ Run: python examples/first_problem.py         writes first_problem.png and first
 #
 # Two unknowns may not fall below bounds that move with the other one:
 #
-# $$z_1 \ge \psi_1(z) = c\,z_2 + 1, \qquad z_2 \ge \psi_2(z) = c\,z_1 - 3, \qquad c = \frac12.$$
+# $$z_1 \ge \psi_1(z) = c\,z_2 + 1, \qquad z_2 \ge \psi_2(z) = c\,z_1 - 3, \qquad c = \frac{1}{2}.$$
 #
 # A force acts on each of them, $p = Az + q \ge 0$, and it acts only where its bound is touched. With the distance from
 # the bound, $r = z - \psi(z) \ge 0$, that is

@@ -12,7 +12,7 @@ Run: python examples/membrane.py        writes membrane.png and membrane.svg int
 # $u$ is at least that of the hill, it pulls with $-\Delta u$ per area, and it pulls only on what it touches:
 #
 # $$-\Delta u \ge 0, \qquad u \ge \psi, \qquad (-\Delta u)(u - \psi) = 0, \qquad
-#   \psi(x, y) = \tfrac12 - c\left((x - \tfrac12)^2 + (y - \tfrac12)^2\right).$$
+#   \psi(x, y) = \tfrac{1}{2} - c\left((x - \tfrac{1}{2})^2 + (y - \tfrac{1}{2})^2\right).$$
 #
 # On a grid of $m \times m$ points with spacing $h = 1/(m + 1)$ the five-point formula replaces $-h^2\Delta$,
 #

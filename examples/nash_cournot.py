@@ -17,7 +17,7 @@ Run: python examples/nash_cournot.py          writes nash_cournot.png and nash_c
 # where in each pair one is 0. For $z = (x, y)$ these are $p = Az + q \ge 0$, $z \ge 0$, $p^T z = 0$ with
 #
 # $$A = \begin{pmatrix} b(ee^T + I) & I \\ -I & 0 \end{pmatrix}, \qquad q = \begin{pmatrix} c - d\,e \\ k \end{pmatrix},
-#   \qquad e = (1, \dots, 1).$$
+#   \qquad e = (1, \ldots, 1).$$
 #
 # $d$, the highest price that anyone would pay, is `DEMAND`.
 
@@ -99,7 +99,7 @@ for demand in sorted({25.0, 50.0, 100.0, 150.0, 300.0, DEMAND}):
 #
 # Answer: All at once they swing: everybody produces much, then everybody little. With more than three firms that are
 # not at a limit, linear demand and equal slopes, the swings grow until limits stop them. One after the other they get
-# there: each answer lowers the energy $\tfrac12 x^T b(ee^T + I)x + (c - de)^T x$ of the same problem, whose least
+# there: each answer lowers the energy $\tfrac{1}{2} x^T b(ee^T + I)x + (c - de)^T x$ of the same problem, whose least
 # value within the capacities is the equilibrium. That is projected Gauss–Seidel, played by firms. (Capacities are set
 # aside here, so that five firms are free, and the demand is 300 for all of them to sell.)
 

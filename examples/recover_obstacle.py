@@ -15,7 +15,7 @@ Run: python examples/recover_obstacle.py      writes recover_obstacle.png and re
 #
 # and $z$ is measured with noise of known size $\sigma$. Wanted are the $\theta \ge 0$ for which
 #
-# $$\frac12 \left|\frac{z(\theta) - z^{\text{measured}}}{\sigma}\right|^2 + \frac12 |D\theta|^2$$
+# $$\frac{1}{2} \left|\frac{z(\theta) - z^{\text{measured}}}{\sigma}\right|^2 + \frac{1}{2} |D\theta|^2$$
 #
 # is least; $D$ is the second difference between neighbouring splines over how much hills bend about. Where nothing
 # touches, $z$ does not depend on $\psi$: there the measurements are silent, and only the last term speaks. $f$ is

@@ -9,7 +9,7 @@ the work-precision chart which_solver_race.png
 # %%
 # ## The model
 #
-# The oil film of a journal bearing, with the thickness $H = 1 + \tfrac12\cos\theta$: the pressure $u$ is 0 where the
+# The oil film of a journal bearing, with the thickness $H = 1 + \tfrac{1}{2}\cos\theta$: the pressure $u$ is 0 where the
 # film has torn, and elsewhere satisfies Reynolds' equation,
 #
 # $$-(H^3u')' + H' \ge 0, \qquad u \ge 0, \qquad \text{one of them } 0.$$
@@ -18,7 +18,7 @@ the work-precision chart which_solver_race.png
 # of $A$ near 1 and $q_i \approx h^2 H'$. $A$ is symmetric and positive definite, so that $z$ is also the solution of a
 # quadratic program, which any QP solver takes:
 #
-# $$\min_{z \ge 0}\ \tfrac12 z^T A z + q^T z.$$
+# $$\min_{z \ge 0}\ \tfrac{1}{2} z^T A z + q^T z.$$
 #
 # What the bearing is built for is its load, $\left|\int u\,(\cos\theta, \sin\theta)\,d\theta\right| \approx 1.0759$.
 # $n$ is `N`.

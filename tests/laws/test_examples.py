@@ -160,6 +160,12 @@ def test_every_number_of_a_lessons_prose_is_in_its_code_or_printed_by_it(lesson)
 
 
 @each_lesson
+def test_fractions_have_braces(lesson):
+    """docutils takes `frac12` for a fraction of 12 and whatever comes next, and says nothing."""
+    assert not re.findall(r"frac\d", lesson.read_text(encoding="utf-8"))
+
+
+@each_lesson
 def test_a_lesson_asks_for_nothing_that_a_notebook_has_not(lesson):
     """No words of the command line, no file of its own, no choice of where pictures appear."""
     code = gallery.parts(lesson)[1]
