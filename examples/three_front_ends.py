@@ -125,7 +125,7 @@ for weight in sorted({-1.2, -0.5, 0.0, 1.0, 5.0, 20.0, WEIGHT}):
 # %%
 # ## Exercises
 #
-# **1.** Where does the string first touch the bump? (Left of it $u = as + \tfrac{1}{2} w s^2$; at the first contact $u$ and
+# **1.** Where does the string first touch the bump? (Left of it $u = as + w s^2/2$; at the first contact $u$ and
 # $u'$ are those of the bump.)
 #
 # Answer: Eliminating $a$ gives $s_1^2\,(2 + w/2) = 2 \cdot 0.6^2 - 0.15 = 0.57$, and from the other nail, at the

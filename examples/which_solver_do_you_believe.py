@@ -9,7 +9,7 @@ the work-precision chart which_solver_race.png
 # %%
 # ## The model
 #
-# The oil film of a journal bearing, with the thickness $H = 1 + \tfrac{1}{2}\cos\theta$: the pressure $u$ is 0 where the
+# The oil film of a journal bearing, with the thickness $H = 1 + \cos\theta/2$: the pressure $u$ is 0 where the
 # film has torn, and elsewhere satisfies Reynolds' equation,
 #
 # $$-(H^3u')' + H' \ge 0, \qquad u \ge 0, \qquad \text{one of them } 0.$$
