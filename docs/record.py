@@ -20,7 +20,7 @@ from PIL import Image
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS / "_extensions"))
-from gallery import EXAMPLES, digest  # noqa: E402
+from gallery import EXAMPLES, digest, kept_name  # noqa: E402
 
 BLOCK = re.compile(r"^```console\n\$ (?P<command>.+)\n(?P<output>(?:.*\n)*?)```$", re.MULTILINE)
 
@@ -50,9 +50,9 @@ def recorded(text, words=()):
 def record_example(script):
     print(script.name, flush=True)
     with tempfile.TemporaryDirectory() as folder:
-        output = printed([sys.executable, str(script)], folder)
+        output = printed([sys.executable, str(DOCS / "lesson.py"), str(script)], folder)
         for picture in Path(folder).glob("*.png"):
-            name = picture.name if picture.name.startswith(script.stem) else f"{script.stem}-{picture.name}"
+            name = kept_name(script, picture.name)
             small = Image.open(picture).convert("RGB").quantize(256, dither=Image.Dither.NONE)  # a third of the bytes
             small.save(EXAMPLES / "figures" / name, optimize=True)
     (EXAMPLES / "output" / f"{script.stem}.txt").write_text(digest(script) + output, encoding="utf-8")

@@ -1,18 +1,23 @@
-"""The pages of `examples/`: what a script says of itself, its picture, what it printed, its code, and a notebook of it.
+"""The pages of `examples/`: the question of a script, its cells, each with what it printed and drew, and a notebook.
 
 Nothing is run here. `python docs/record.py examples` runs the scripts and keeps what they print, with a hash of the
 script that printed it, in `examples/output/`, and what they draw in `examples/figures/`. A script that was changed
 since is a warning, hence an error. The tests run all scripts.
+
+Prose is Markdown. What follows "Answer: " in a cell is folded, and its code with it; so is code that draws.
 """
 
 import hashlib
 import json
 import re
 import shutil
-import textwrap
+import sys
 from pathlib import Path
 
 from sphinx.util import logging
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from lesson import CELL, cells, parts
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -37,41 +42,18 @@ GROUPS = {
     "Trust": ["which_solver_do_you_believe", "when_methods_fail", "paper_under_the_microscope"],
 }
 
+#: what a page offers to download
+KINDS = {"ipynb": "notebook", "py": "script"}
+
 
 def digest(script):
     """What the first line of a recorded output says of its script."""
     return f"# {script.name} {hashlib.sha256(script.read_bytes()).hexdigest()[:16]}\n"
 
 
-def parts(script):
-    """(docstring without its last paragraph on how to run it, the code after it)."""
-    text = script.read_text(encoding="utf-8")
-    _, told, code = text.split('"""', 2)
-    told = "\n\n".join(one for one in told.strip().split("\n\n") if not one.startswith("Run:"))
-    return told, code.lstrip("\n")
-
-
-def cells(code):
-    """(comment as prose or "", code) for what lies between the lines that begin with "# %%"."""
-    for piece in re.split(r"^# %%.*\n", code, flags=re.MULTILINE):
-        prose = re.match(r"(?:#.*\n)*", piece)[0] if piece != code else ""
-        yield "\n".join(line.removeprefix("#").strip() for line in prose.splitlines()), piece[len(prose) :].strip("\n")
-
-
-def prose(text):
-    """Text of a docstring as Markdown: indented lines are formulas."""
-    found = []
-    for paragraph in text.split("\n\n"):
-        if paragraph.startswith("    "):
-            found.append(f"```text\n{textwrap.dedent(paragraph)}\n```")
-        else:
-            found.append(re.sub(r"(?<!\w)[*_]|[*_](?!\w)|<", r"\\\g<0>", paragraph))
-    return "\n\n".join(found)
-
-
 def with_cells(code):
     """A script without lines "# %%" gets them where a paragraph begins with a comment, so far as cells stay whole."""
-    if re.search(r"^# %%", code, flags=re.MULTILINE):
+    if CELL.search(code):
         return code
     whole: list[str] = []
     for piece in re.split(r"\n\n+(?=# )", code):
@@ -84,15 +66,23 @@ def with_cells(code):
     return "\n# %%\n".join(whole)
 
 
+def fold(words, lines):
+    """What a reader may open."""
+    return [f"<details><summary>{words}</summary>", "", *lines, "</details>", ""]
+
+
 def notebook(told, code):
-    pieces = [("markdown", told)]
-    for said, piece in cells(with_cells(code).replace('matplotlib.use("Agg")\n', "")):  # pictures appear in notebooks
-        pieces += [("markdown", said)] * bool(said) + [("code", piece)] * bool(piece)
-    extra = {"code": {"execution_count": None, "outputs": []}, "markdown": {}}
-    made = [
-        {"cell_type": kind, "id": f"cell-{k}", "metadata": {}, **extra[kind], "source": text.splitlines(keepends=True)}
-        for k, (kind, text) in enumerate(pieces)
-    ]
+    pieces = [("markdown", told, {})]
+    for said, piece in cells(with_cells(code)):
+        asked, _, answer = said.partition("\n\nAnswer: ")
+        text = "\n".join([asked, "", *fold("Answer", [answer, ""])]).rstrip() if answer else said
+        folded = {"jupyter": {"source_hidden": True}} if answer else {}
+        pieces += [("markdown", text, {})] * bool(said) + [("code", piece, folded)] * bool(piece)
+    empty = {"code": {"execution_count": None, "outputs": []}, "markdown": {}}
+    made = []
+    for k, (kind, text, about) in enumerate(pieces):
+        lines = text.splitlines(keepends=True)
+        made.append({"cell_type": kind, "id": f"cell-{k}", "metadata": about, **empty[kind], "source": lines})
     python = {"name": "python3", "display_name": "Python 3", "language": "python"}
     return json.dumps(
         {"cells": made, "metadata": {"kernelspec": python}, "nbformat": 4, "nbformat_minor": 5}, ensure_ascii=False
@@ -105,34 +95,65 @@ def pictures(script):
     return [*figures.glob(f"{script.stem}.png"), *sorted(figures.glob(f"{script.stem}-*.png"))]
 
 
-def page(script, output):
-    told, code = parts(script)
-    title, *rest = told.split("\n\n")
-    lines = [f"# {script.stem.replace('_', ' ').capitalize()}", "", f"**{prose(title)}**", ""]
-    lines += [prose("\n\n".join(rest)), ""] if rest else []
-    for picture in pictures(script):
-        alt = f"what {script.name} draws: {title.splitlines()[0]}"
-        lines += [f"![{alt}]({picture.name})", ""]
-    lines += ["## What it prints", "", f"```text\n{output}```", "", "## The code", ""]
-    for said, piece in cells(code):
-        lines += [prose(said), ""] if said else []
-        lines += [f"```python\n{piece}\n```", ""] if piece else []
-    lines += [
-        f"{{download}}`{script.stem}.ipynb <{script.stem}.ipynb>` · {{download}}`{script.name} <{script.name}>`",
-        "",
-    ]
+def kept_name(script, picture):
+    """What a picture that a script drew is called in `examples/figures/`."""
+    return picture if picture.startswith(script.stem) else f"{script.stem}-{picture}"
+
+
+def recorded(script):
+    """(whether it is of this script, [what a cell printed, the names of the pictures that it drew])."""
+    kept = EXAMPLES / "output" / f"{script.stem}.txt"
+    first, _, rest = kept.read_text(encoding="utf-8").partition("\n") if kept.exists() else ("", "", "")
+    found = re.split(r"^# %%(.*)\n", rest, flags=re.MULTILINE)
+    drawn = [[kept_name(script, one) for one in names.split()] for names in found[1::2]]
+    return f"{first}\n" == digest(script), list(zip(found[0::2], drawn or [[]], strict=False))
+
+
+def heading(script):
+    return script.stem.replace("_", " ").capitalize()
+
+
+def question(script):
+    return parts(script)[0].split("\n\n")[0].replace("\n", " ")
+
+
+def opening(script):
+    """A heading, and what the docstring says, the question in bold."""
+    _, *rest = parts(script)[0].split("\n\n")
+    return "\n\n".join([f"# {heading(script)}", f"**{question(script)}**", *rest])
+
+
+def shown(said, code, output, drawn, alt):
+    """A cell on its page."""
+    asked, _, answer = said.partition("\n\nAnswer: ")
+    block = [f"```python\n{code}\n```", ""] if code else []
+    result = [f"```text\n{output.strip(chr(10))}\n```", ""] if output.strip() else []
+    result += [line for name in drawn for line in (f"![{alt}]({name})", "")]
+    if answer:
+        return [asked, "", *fold("Answer", [answer, "", *block, *result])]
+    if drawn:
+        return [said, "", *result, *fold("How it is drawn", block)]
+    return [*([said, ""] if said else []), *block, *result]
+
+
+def page(script, outputs):
+    links = [f"{{download}}`{words} <{script.stem}.{kind}>`" for kind, words in KINDS.items()]
+    lines = [opening(script), "", " · ".join(links), ""]
+    alt = f"what {script.name} draws: {question(script)}"
+    outputs, drawn = iter(outputs), [name for _, names in outputs for name in names]
+    lines += [line for one in pictures(script) if one.name not in drawn for line in (f"![{alt}]({one.name})", "")]
+    for said, piece in cells(parts(script)[1]):
+        lines += shown(said, piece, *(next(outputs, ("", [])) if piece else ("", [])), alt)
     return "\n".join(lines)
 
 
 def card(script):
-    name = script.stem.replace("_", " ").capitalize()
-    question = parts(script)[0].split("\n\n")[0].replace("\n", " ")
-    said = f"**[{name}]({script.stem}.md)** {prose(question)}"
+    said = f"**[{heading(script)}]({script.stem}.md)** {question(script)}"
     found = pictures(script)
     if not found:
         return f":::{{container}} card\n{said}\n:::\n"
     return (
-        f"```{{figure}} {found[0].name}\n:alt: {question}\n:target: {script.stem}.html\n:figclass: card\n"
+        f"```{{figure}} {found[0].name}\n:alt: {question(script)}\n:target: {script.stem}.html\n:figclass: card\n"
         f":loading: lazy\n\n{said}\n```\n"
     )
 
@@ -144,8 +165,8 @@ def index(scripts):
     lines = [
         "# Gallery",
         "",
-        "Scripts of `examples/`, each with what it prints and draws; below each page are the script and a notebook to "
-        "download. The tests run all of them.",
+        "Lessons of ten minutes: a question, a model, what is seen, one thing to vary, and exercises whose answers are "
+        "computed. Each can be downloaded as a notebook or as a script; the tests run all of them.",
         "",
     ]
     listed = []
@@ -166,13 +187,11 @@ def generate(app):
     PAGES.mkdir(exist_ok=True)
     scripts = sorted(EXAMPLES.glob("*.py"))
     for script in scripts:
-        kept = EXAMPLES / "output" / f"{script.stem}.txt"
-        first, _, output = kept.read_text(encoding="utf-8").partition("\n") if kept.exists() else ("", "", "")
-        if f"{first}\n" != digest(script):
+        fresh, outputs = recorded(script)
+        if not fresh:
             logging.getLogger(__name__).warning("%s has changed: python docs/record.py %s", script.name, script.name)
-        told, code = parts(script)
-        write(PAGES / f"{script.stem}.md", page(script, output))
-        write(PAGES / f"{script.stem}.ipynb", notebook(told, code))
+        write(PAGES / f"{script.stem}.md", page(script, outputs))
+        write(PAGES / f"{script.stem}.ipynb", notebook(opening(script), parts(script)[1]))
         for file in (script, *pictures(script)):
             shutil.copy2(file, PAGES)
     write(PAGES / "index.md", index(scripts))
