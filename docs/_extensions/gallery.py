@@ -25,6 +25,7 @@ PAGES = ROOT / "docs" / "gallery"
 #: the order of the gallery; a script that is in no group comes last
 GROUPS = {
     "First steps": ["first_problem", "membrane", "three_front_ends"],
+    "Ideas": ["modulus_in_one_unknown", "why_relaxation_helps"],
     "Machines and materials": ["friction_block", "journal_bearing"],
     "Markets, games and money": [
         "nash_cournot",
@@ -39,7 +40,12 @@ GROUPS = {
         "calibrate_dividends",
         "design_contact",
     ],
-    "Trust": ["which_solver_do_you_believe", "when_methods_fail", "paper_under_the_microscope"],
+    "Trust": [
+        "what_a_bound_is_worth",
+        "which_solver_do_you_believe",
+        "when_methods_fail",
+        "paper_under_the_microscope",
+    ],
 }
 
 #: what a page offers to download

@@ -41,6 +41,25 @@ SAYS = {
     "learn_friction.py": ("friction coefficient 0.2994 ± 0.0005, true 0.3", "slips in 0 steps", "certain: True"),
     "design_contact.py": ("uniform load           1204      66            1470    6138", "               0    7608"),
     "recover_obstacle.py": ("misfit / noise²: 0.99", "touches    35", "0.0012      0.0013", "hangs free, not seen"),
+    "modulus_in_one_unknown.py": (
+        "6.0         0.5000               0.5000             0.5000",
+        "predicted: 40, counted: 40",
+        "Omega = 0.01667 leaves 0.7143",
+        "certified to be the only solution: False",
+    ),
+    "why_relaxation_helps.py": (
+        "the best one, 1.6895, is 8.4 times as fast",
+        "0.9517      inf",
+        "full steps: 0.8165, 0.3854, 0.2616, 0.2602, 0.2602, 0.2602",
+        "319 points: best 1.9558,  306 sweeps instead of  27043",
+        "proved up to 1.00",
+    ),
+    "what_a_bound_is_worth.py": (
+        "residuals of 0, 1/2 and 1: [0.0, 5e-07, 0.0]",
+        "A is not positive definite: A[0, 0] = -1e-06 is not positive",
+        "100   6.3e-05   3.3e-03   3.3e-03     5.7e-02    198 by the sharp one",
+        "that are proved 0\n",
+    ),
     "when_methods_fail.py": "Lemke() infeasible: no z has Az + q >= 0 and z >= psi(z)",
 }
 
