@@ -68,27 +68,24 @@ print(icp.certify(two, [0.5]))
 
 method, wanted = icp.PSOR(omega=1.9), (0, 25, 50, 100, 200, 300, 400, 500, 600, 700, 800)
 rows = []
-print(f"{'sweeps':>6} {'residual':>9} {'error':>9} {'sharp':>9} {'bound of z':>11}   rows proved")
+print(f"{'sweeps':>6} {'residual':>9} {'error':>9} {'sharp':>9} {'bound of z':>11} {'rows proved':>12}")
 for k, (z, _) in enumerate(islice(method.iterates(string, np.maximum(bump, 0.0)), wanted[-1] + 1)):
     if k in wanted:
         plain, sharp = (icp.error_bound(string, z, sharp=flag) for flag in (False, True))
         sets = [icp.theory.active_set(string, z, bound) for bound in (plain, sharp)]
-        error = np.abs(z - exact.z).max()
-        rows.append(
-            (k, string.residual(z), error, sharp.value, plain.value, *(N - one.undecided.sum() for one in sets))
-        )
-        print(
-            f"{k:6d} {rows[-1][1]:9.1e} {error:9.1e} {sharp.value:9.1e} {plain.value:11.1e} {rows[-1][6]:6d} by the sharp one"
-        )
+        residual, error = string.residual(z), np.abs(z - exact.z).max()
+        by_plain, by_sharp = (N - one.undecided.sum() for one in sets)
+        rows.append((k, residual, error, sharp.value, plain.value, by_plain, by_sharp))
+        print(f"{k:6d} {residual:9.1e} {error:9.1e} {sharp.value:9.1e} {plain.value:11.1e} {by_sharp:12d}")
         assert error <= sharp.value * (1 + 1e-9)
         assert not (sets[1].active & (exact.p <= exact.r)).any()
 
 # %%
 # ## What "solved" means in the third digit
 #
-# This is a quadratic programme, too: $z$ minimises $z^\top A z / 2 + q^\top z$ over $z \ge \psi$. Solvers with their default
-# settings stop at a thousandth or a hundred-thousandth of *something*, in units of their own, and say "solved". The
-# heights are numbers like 0.25.
+# This is a quadratic programme, too: $z$ minimises $z^\top A z / 2 + q^\top z$ over $z \ge \psi$. Solvers with their
+# default settings stop at a thousandth or a hundred-thousandth of *something*, in units of their own, and say "solved".
+# The heights are numbers like 0.25.
 
 q, height = string.q, cp.Variable(N)
 model = cp.Problem(cp.Minimize(cp.quad_form(height, cp.psd_wrap(A)) / 2 + q @ height), [height >= bump])
@@ -104,11 +101,9 @@ answers["OSQP itself"] = (found.info.status, found.x)
 print(f"{'':>17} {'says':>8} {'residual':>9} {'error':>9} {'bound':>9}   rows proved")
 for name, (says, z) in answers.items():
     bound = icp.error_bound(string, z, sharp=True)
-    touching = icp.theory.active_set(string, z, bound)
-    error = np.abs(z - exact.z).max()
-    print(
-        f"{name:>17} {says:>8} {string.residual(z):9.1e} {error:9.1e} {bound.value:9.1e} {N - touching.undecided.sum():6d} of {N}"
-    )
+    proved = N - icp.theory.active_set(string, z, bound).undecided.sum()
+    residual, error = string.residual(z), np.abs(z - exact.z).max()
+    print(f"{name:>17} {says:>8} {residual:9.1e} {error:9.1e} {bound.value:9.1e} {proved:6d} of {N}")
 
 # %%
 # An answer can be wrong in its second digit and "solved" all the same; only a bound tells. And a poor answer with a
