@@ -1,7 +1,8 @@
-r"""Why does an absolute value solve a problem with inequalities? All of it, in one unknown, where it can be drawn.
+r"""Why does an absolute value solve a problem with inequalities?
 
 A ball hangs on a spring above a table, or lies on it. Either nothing presses, or there is no gap, and one does not know
-beforehand which. Modulus methods make of that one equation with an absolute value, and iterate.
+beforehand which. Modulus methods make of that one equation with an absolute value, and iterate. In one unknown all of
+it can be drawn.
 
 Run: python examples/modulus_in_one_unknown.py      writes modulus_in_one_unknown.png and .svg into the current folder
 """
@@ -28,15 +29,15 @@ solution = ball.solve()
 print(f"z = {solution.z[0]:g}, force p = {solution.p[0]:g}, gap r = {solution.r[0]:g}")
 
 # %%
-# ## From two inequalities to one modulus
+# ### From two inequalities to one modulus
 #
 # For any two numbers
 #
 # $$|x - y| = x + y - 2 \min(x, y),$$
 #
 # so that $\min(x, y) = 0$ says the same as $x + y = |x - y|$. Force and gap have different units. A number
-# $\Omega > 0$, a force per length, brings them together; $\min(p, \Omega r) = 0$ has the same solutions. Put in $x = p$
-# and $y = \Omega r$:
+# $\Omega > 0$, a force per length (`OMEGA`), brings them together; $\min(p, \Omega r) = 0$ has the same solutions. Put
+# in $x = p$ and $y = \Omega r$:
 #
 # $$(a + \Omega)\, z = |(a - \Omega) z + q| - q \qquad (\psi = 0).$$
 #
@@ -47,16 +48,18 @@ print(f"z = {solution.z[0]:g}, force p = {solution.p[0]:g}, gap r = {solution.r[
 #
 # $\gamma$ only measures $x$: with any other the same $z$ and $p$ come out, step by step.
 
-Omega = 6.0
+OMEGA = 6.0
 for gamma in (1.0, 2.0, 50.0):
     x = 0.0
     for _ in range(30):
-        x = ((Omega - a) * abs(x) - gamma * q) / (Omega + a)
-    z, p = (abs(x) + x) / gamma, Omega * (abs(x) - x) / gamma
+        x = ((OMEGA - a) * abs(x) - gamma * q) / (OMEGA + a)
+    z, p = (abs(x) + x) / gamma, OMEGA * (abs(x) - x) / gamma
     print(f"gamma = {gamma:4.1f}: x = {x:9.6f} after 30 steps, hence z = {z:.9f} and p = {p:g}")
 
 # %%
-# ## A walk on a V
+# ## What is seen
+#
+# ### A walk on a V
 #
 # Divide the equation by $a + \Omega$, and the right side is a map whose fixed point is the solution. By the identity
 # above it is a step against $\min(p, \Omega r)$:
@@ -79,7 +82,7 @@ def walk(problem, method, start, steps=30):
 
 
 print(f"{'Omega':>6} {'slope sigma_p':>14} {'error multiplied by':>20} {'proved beforehand':>18}")
-for Omega in (0.4, 2.0, 6.0):
+for Omega in (0.4, 2.0, OMEGA):
     method = icp.MNMMOD(theta1=Omega)
     error = walk(ball, method, start) - 1.0
     measured = abs(error[4] / error[3]) if error[3] else 0.0
@@ -88,17 +91,20 @@ for Omega in (0.4, 2.0, 6.0):
     assert measured <= proved * (1 + 1e-9)
 
 # %%
-# ## What is seen
+# ### In a picture
 #
 # Go from the start up to the V, across to the diagonal, up or down to the V again: a cobweb. With a small $\Omega$ the
 # piece falls, and the walk turns round the solution; with a large one it rises, and the walk comes from one side; with
 # $\Omega = a$ it is level, and one step hits. To the right the same walks as errors: how steep the lines are is the
 # slope of the pieces.
 
-SHOWN = {0.4: ("#D55E00", "s"), 2.0: ("#0072B2", "o"), 6.0: ("#009E73", "D")}
+SHOWN = {0.4: ("#D55E00", "s"), 2.0: ("#0072B2", "o"), OMEGA: ("#009E73", "D")}
 figure, (small, large, fall) = plt.subplots(1, 3, figsize=(10, 3.7), layout="constrained")
 grid = np.linspace(-0.6, 3.0, 400)
-for axes, Omega, title in ((small, 0.4, "turns round"), (large, 6.0, "from one side")):
+for axes, Omega, title in (
+    (small, 0.4, "turns round"),
+    (large, OMEGA, "turns round" if OMEGA < a else "from one side"),
+):
     axes.plot(grid, grid, color="0.6", linewidth=1)
     axes.plot(grid, (abs((a - Omega) * grid + q) - q) / (a + Omega), color=SHOWN[Omega][0], linewidth=2)
     z = np.repeat(walk(ball, icp.MNMMOD(theta1=Omega), start, 12), 2)
@@ -123,18 +129,25 @@ for suffix in ("png", "svg"):
 # %%
 # ## Vary one thing
 #
-# `start`. From 0.1 the walk with $\Omega = 0.4$ first meets the other piece of the V, and gains by it: its errors come
-# to lie below their line, never above. Then $\Omega$: 0.01 and 1000 converge as well, but a force per length that is
-# far from $a$ compares what cannot be compared.
+# `OMEGA`. Any positive one converges, but a force per length that is far from the stiffness $a$ compares what cannot be
+# compared, and takes hundreds of steps.
 
-for Omega in (0.01, 0.1, 1.0, 2.0, 10.0, 1000.0):
-    steps = ball.solve("mnmmod", theta1=Omega, z0=[0.1]).iterations
+for Omega in sorted({0.01, 0.1, 1.0, 2.0, OMEGA, 1000.0}):
+    steps = ball.solve("mnmmod", theta1=Omega, z0=[start]).iterations
     print(f"Omega = {Omega:7.2f}: {steps:5d} steps")
+
+# %%
+# Vary `start` as well: from 0.1 the walk with $\Omega = 0.4$ first meets the other piece of the V, and gains by it.
+
+for start_at in (0.7, 0.1):
+    error = np.abs(walk(ball, icp.MNMMOD(theta1=0.4), start_at) - 1.0)
+    print(f"from {start_at}: error {error[-1]:.1e} after 30 steps, proved {error[0] * (1.6 / 2.4) ** 30:.1e}")
+    assert error[-1] <= error[0] * (1.6 / 2.4) ** 30 * (1 + 1e-9)
 
 # %%
 # ## Exercises
 #
-# **1.** With $\Omega = 6$, how many steps is it from $z = 10^6$ until the error is below $10^{-6}$? Predict it.
+# **1.** With $\Omega = 6$ how many steps is it from $z = 10^6$ until the error is below $10^{-6}$? Predict it.
 #
 # Answer: The slope is 1/2, on both pieces up to the sign. The error has to shrink by $10^{12}$, hence $2^k > 10^{12}$.
 

@@ -1,7 +1,7 @@
-r"""What is an error bound worth? What "solved" means in the third digit, and how to prove which rows touch.
+r"""What is an error bound worth, and what does "solved" mean in the third digit?
 
 A residual says how well the equations hold, an error how far the answer is from the true one. Nobody knows the error;
-a bound on it can be known nevertheless, and who has one can prove more than it says.
+a bound on it can be known nevertheless, and who has one can prove which rows touch.
 
 Run: python examples/what_a_bound_is_worth.py      writes what_a_bound_is_worth.png and .svg into the current folder
 """
@@ -9,7 +9,7 @@ Run: python examples/what_a_bound_is_worth.py      writes what_a_bound_is_worth.
 # %%
 # ## The model
 #
-# A heavy string hangs over a bump $\psi$. On a grid of $N$ points, with the width $h = 1/(N + 1)$ and
+# A heavy string hangs over a bump $\psi$. On a grid of `N` points, with the width $h = 1/(N + 1)$ and
 # $A = \mathrm{tridiag}(-1, 2, -1)$,
 #
 # $$p = Az + 10\,h^2 \ge 0, \qquad r = z - \psi \ge 0, \qquad p^\top r = 0.$$
@@ -39,7 +39,9 @@ exact = string.solve("tridiagonal")  # elimination, right to rounding: it plays 
 print(f"heights from {exact.z.min():.3f} to {exact.z.max():.3f}; {exact.active_set}")
 
 # %%
-# ## A residual is not an error
+# ## What is seen
+#
+# ### A residual is not an error
 #
 # *Ill-conditioned.* For $A = 10^{-6}$, $q = -10^{-6}$, $\psi = 0$ the answer is 1, and 2 has a residual of a millionth.
 # The bound says what it is worth, and here it is attained: no better one can be given for that residual.
@@ -57,7 +59,7 @@ print(f"residuals of 0, 1/2 and 1: {[two.residual([z]) for z in (0.0, 0.5, 1.0)]
 print(icp.certify(two, [0.5]))
 
 # %%
-# ## What a bound says while a method works
+# ### What a bound says while a method works
 #
 # Projected SOR on the string. The bound of $z$ itself costs one product with $A$, once $v$ is known, and is ten to some
 # hundred times the error. Who pays for a few linear solves more, looks for a better point near $z$, bounds *its* error
@@ -81,7 +83,7 @@ for k, (z, _) in enumerate(islice(method.iterates(string, np.maximum(bump, 0.0))
         assert not (sets[1].active & (exact.p <= exact.r)).any()
 
 # %%
-# ## What "solved" means in the third digit
+# ### What "solved" means in the third digit
 #
 # This is a quadratic programme, too: $z$ minimises $z^\top A z / 2 + q^\top z$ over $z \ge \psi$. Solvers with their
 # default settings stop at a thousandth or a hundred-thousandth of *something*, in units of their own, and say "solved".
@@ -109,7 +111,7 @@ for name, (says, z) in answers.items():
 # An answer can be wrong in its second digit and "solved" all the same; only a bound tells. And a poor answer with a
 # bound is worth a good deal: most of the contact set is *proved* from it.
 #
-# ## What is seen
+# ### In a picture
 #
 # To the left residual, error and bounds while projected SOR works; the residual is below the error all the time. In the
 # middle how many rows are proved. To the right three answers that were called solved.

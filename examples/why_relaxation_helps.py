@@ -1,7 +1,7 @@
-r"""Why do longer steps help, and when do they kill? One number, eight times fewer sweeps, and three ways to fail by it.
+r"""Why do longer steps help, and when do they kill?
 
 A sweep over a string on a bump puts each point where its neighbours want it. *Relaxation* goes further than they want.
-How far may one go?
+One number takes eight times fewer sweeps, and there are three ways to fail by it.
 
 Run: python examples/why_relaxation_helps.py      writes why_relaxation_helps.png and .svg into the current folder
 """
@@ -9,8 +9,8 @@ Run: python examples/why_relaxation_helps.py      writes why_relaxation_helps.pn
 # %%
 # ## The model
 #
-# A string is stretched over a bump $\psi$: nothing but the bump bends it, and only upwards. On a grid, with
-# $A = \mathrm{tridiag}(-1, 2, -1)$ and $q = 0$,
+# A string is stretched over a bump $\psi$: nothing but the bump bends it, and only upwards. On a grid of `N` points,
+# with $A = \mathrm{tridiag}(-1, 2, -1)$ and $q = 0$,
 #
 # $$p = Az \ge 0, \qquad r = z - \psi \ge 0, \qquad p^\top r = 0.$$
 #
@@ -30,7 +30,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 
-N = 39  # points
+N = 39
 
 
 def stretched(n):
@@ -47,7 +47,7 @@ side = int(np.argmin(free))  # so many points hang free on each side
 print(f"{N} points: {N - free.sum()} lie on the bump, {side} hang free on each side of it")
 
 # %%
-# ## What theory says
+# ### What theory says
 #
 # Once it is known which points lie on the bump, only the two free pieces move, and there a sweep is linear. Of the
 # slowest error in a piece of $m$ points a step of Jacobi's method leaves $\mu = \cos(\pi/(m + 1))$. What that makes of
@@ -93,7 +93,9 @@ for omega in (0.5, 1.0, 1.5, best, 1.9):
 print(f"the best one, {best:.4f}, is {sweeps[1.0] / sweeps[best]:.1f} times as fast as no relaxation")
 
 # %%
-# ## Another way to fail: on the way there
+# ## What is seen
+#
+# ### Another way to fail: on the way there
 #
 # The paper's sweep with $\theta_2 = \theta_1$ (`MNMSOR`) looks at the *old* values inside its modulus. There is no
 # formula for it, but near the solution it is linear, too: $e^+ = (I - 2X^{-1}S)\,e$ with $X = M_1 + D$, where a row of
@@ -126,7 +128,7 @@ for theta in THETAS:
 # (With $\theta_2 = 2\theta_1$ a free row does what projected SOR does with $\omega = 2\theta_1/(1 + \theta_1)$: half of
 # the newest values got lost in the modulus, and twice as many make good for it.)
 #
-# ## A third way: neither alive nor dead
+# ### A third way: neither alive nor dead
 #
 # $$A = \begin{pmatrix} 1 & 0 & 2 \\ 2 & 1 & 0 \\ 0 & 2 & 1 \end{pmatrix}, \qquad q = -(1, 1, 1)^\top, \qquad \psi = 0$$
 #
@@ -155,7 +157,7 @@ for name, method in (("full", full), ("half", half)):
     print(f"{name} steps: {', '.join(f'{one:.4f}' for one in distance)}")
 
 # %%
-# ## What is seen
+# ### All three in a picture
 #
 # Lines are theory, markers are measured. Projected SOR has its sharp best at $\omega^*$ and ends at 2. The paper's
 # sweep is slow, and falls off a cliff that its line does not show. To the right the wheel, seen along
