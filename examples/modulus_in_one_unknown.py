@@ -103,7 +103,7 @@ figure, (small, large, fall) = plt.subplots(1, 3, figsize=(10, 3.7), layout="con
 grid = np.linspace(-0.6, 3.0, 400)
 for axes, Omega, title in (
     (small, 0.4, "turns round"),
-    (large, OMEGA, "turns round" if OMEGA < a else "from one side"),
+    (large, OMEGA, "from one side" if a < OMEGA else "turns round"),
 ):
     axes.plot(grid, grid, color="0.6", linewidth=1)
     axes.plot(grid, (abs((a - Omega) * grid + q) - q) / (a + Omega), color=SHOWN[Omega][0], linewidth=2)
@@ -164,9 +164,9 @@ assert steps == counted
 # Answer: $\sigma_p$ is as before, and $\sigma_r = 1 - 2\Omega(1 - g)/(a + \Omega)$, which is above −1 if and only if
 # $-g\,\Omega < a$. Beyond that the solution, where $r = 0$, repels.
 
-a, g = 0.1, -5.0
-sinking = icp.ICP([[a]], [1.0], icp.Affine([[g]], 6.0))
-limit = -a / g
+weak, g = 0.1, -5.0
+sinking = icp.ICP([[weak]], [1.0], icp.Affine([[g]], 6.0))
+limit = -weak / g
 for Omega in (0.9 * limit, 1.1 * limit):
     error = np.abs(walk(sinking, icp.MNMMOD(theta1=Omega), 2.0, 2000) - 1.0)
     side = "below" if Omega < limit else "above"
@@ -182,10 +182,10 @@ for Omega in (0.9 * limit, 1.1 * limit):
 
 def factor(Omega, phi=0.0):
     """The larger one of |σ_p| and |σ_r|."""
-    return max(abs(1 - 2 * a / (a + phi + Omega)), abs(1 - 2 * Omega * (1 - g) / (a + phi + Omega)))
+    return max(abs(1 - 2 * weak / (weak + phi + Omega)), abs(1 - 2 * Omega * (1 - g) / (weak + phi + Omega)))
 
 
-best = a / (1 - g)
+best = weak / (1 - g)
 tried = min(np.linspace(0.001, 0.02, 20_000), key=factor)
 print(f"Omega = {best:.5f} leaves {factor(best):.4f}; the best of 20 000 that were tried is {tried:.5f}")
 assert abs(tried - best) < 1e-6
@@ -197,7 +197,7 @@ assert abs(tried - best) < 1e-6
 # Answer: $\Omega$ as before makes both pieces equally steep, and $\varphi = a - \Omega$ makes the denominator twice
 # that slope, $2a$: the V becomes a level line. With several unknowns that would need $A = \Omega(I - G)$.
 
-phi = a - best
+phi = weak - best
 for z in (-1e3, 50.0):
     print(f"from {z:g} one step leads to {walk(sinking, icp.MNMMOD(theta1=best, phi=phi), z, 1)[-1]:.9f}")
     assert abs(walk(sinking, icp.MNMMOD(theta1=best, phi=phi), z, 1)[-1] - 1) < 1e-9
