@@ -45,10 +45,11 @@ FOUND = {}  # statement: (verdict, what is right)
 
 
 def judge(name, verdict, right, *seen):
-    """Print what was seen, (a line, whether it shows the verdict), and keep the verdict if all of it does."""
+    """Keep the verdict if all that was seen shows it, and print that: `seen` are (a line, whether it shows it)."""
+    FOUND[name] = (verdict if all(shows for _, shows in seen) else NOT_SHOWN, right)
+    print(f"{name}: {FOUND[name][0]}")
     for line, shows in seen:
         print(f"{'  ' if shows else 'NO'} {line}")
-    FOUND[name] = (verdict if all(shows for _, shows in seen) else NOT_SHOWN, right)
 
 
 def after(k, problem, method, z):
@@ -602,6 +603,8 @@ for suffix in ("png", "svg"):
 #   many steps it takes.
 # - **Start anywhere**, at the answer of yesterday for instance.
 # - **Do not stop at a residual** if it is the error that you care for: `solve(..., accuracy=1e-6)`.
+# - **Of speed it says nothing**: the paper has no experiments. [Those of this package](../research.md#the-experiments)
+#   are in the form of its literature.
 # - **Where no theorem applies**, try and see: what comes out is judged by a certificate that does not depend on how it
 #   was found.
 

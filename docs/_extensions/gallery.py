@@ -77,6 +77,10 @@ def fold(words, lines):
     return [f"<details><summary>{words}</summary>", "", *lines, "</details>", ""]
 
 
+#: a link to another page, or to a place of the same one, which a notebook finds neither of
+LINK = re.compile(r"\[([^\]]+)\]\((?!http)[^)\s]*\)")
+
+
 def notebook(told, code):
     pieces = [("markdown", told, {})]
     for said, piece in cells(with_cells(code)):
@@ -87,7 +91,7 @@ def notebook(told, code):
     empty = {"code": {"execution_count": None, "outputs": []}, "markdown": {}}
     made = []
     for k, (kind, text, about) in enumerate(pieces):
-        lines = text.splitlines(keepends=True)
+        lines = (LINK.sub(r"\1", text) if kind == "markdown" else text).splitlines(keepends=True)
         made.append({"cell_type": kind, "id": f"cell-{k}", "metadata": about, **empty[kind], "source": lines})
     python = {"name": "python3", "display_name": "Python 3", "language": "python"}
     return json.dumps(

@@ -135,6 +135,8 @@ def test_a_script_of_the_gallery_was_recorded_and_its_notebook_is_its_code(scrip
         compile(source, script.name, "exec")
     assert statements("\n".join(sources)) == [line for line in statements(code) if line != 'matplotlib.use("Agg")']
     assert cells[0]["source"][0] in script.read_text(encoding="utf-8")
+    told = "".join(line for cell in cells if cell["cell_type"] == "markdown" for line in cell["source"])
+    assert ".md" not in told, "a notebook that was downloaded has no pages beside it"
 
 
 def test_a_docstring_of_the_house_means_itself_as_rst():
