@@ -17,7 +17,7 @@ Run: python examples/why_relaxation_helps.py      writes why_relaxation_helps.pn
 # Projected SOR (`PSOR`) goes along the string with $\omega$ times the step to where a point would be in balance, but
 # not below the bump:
 #
-# $$z_i^+ = \max\left(\psi_i,\ z_i - \frac{\omega}{a_{ii}} (Az + q)_i\right) \qquad \text{with the newest } z.$$
+# $$z_i^+ = \max\bigl(\psi_i,\ z_i - \omega (Az + q)_i / a_{ii}\bigr) \quad \text{with the newest } z.$$
 #
 # The modulus methods of the paper have such a number as well, $\theta_1$ in $M_1 = (D - \theta_2 L)/\theta_1$.
 
@@ -53,7 +53,7 @@ print(f"{N} points: {N - free.sum()} lie on the bump, {side} hang free on each s
 # slowest error in a piece of $m$ points a step of Jacobi's method leaves $\mu = \cos(\pi/(m + 1))$. What that makes of
 # a sweep with $\omega$ Young found in 1950:
 #
-# $$\sigma(\omega) = \left(\frac{\omega\mu}{2} + \sqrt{\frac{\omega^2\mu^2}{4} - \omega + 1}\right)^2 \quad
+# $$\sigma(\omega) = \bigl(\omega\mu/2 + \sqrt{(\omega\mu/2)^2 - \omega + 1}\,\bigr)^2 \quad
 # \text{up to } \omega^* = \frac{2}{1 + \sqrt{1 - \mu^2}}, \qquad \sigma(\omega) = \omega - 1 \quad
 # \text{beyond.}$$
 #
@@ -136,7 +136,7 @@ for theta in THETAS:
 # (`MNMMOD`) an error along an eigenvector of $A$ is there multiplied by $(\omega - \lambda)/(\omega + \lambda)$. The
 # eigenvalues are 3 and $\pm i\sqrt3$, and an imaginary one is as far from $\omega$ as from $-\omega$:
 #
-# $$\left|\frac{\omega - i\sqrt3}{\omega + i\sqrt3}\right| = 1 \qquad \text{for every } \omega.$$
+# $$|\omega - i\sqrt3| \,/\, |\omega + i\sqrt3| = 1 \qquad \text{for every } \omega.$$
 #
 # In that plane the error is turned and never shrinks. What helps is to take *less*: half a step multiplies by
 # $(1 + \sigma)/2$ instead of $\sigma$, and for $|\sigma| = 1$, $\sigma \ne 1$, that is below 1.
