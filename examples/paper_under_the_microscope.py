@@ -92,9 +92,9 @@ D4, L4, U4 = np.diag(np.diag(A4)), -np.tril(A4, -1), -np.triu(A4, 1)
 #
 # ### M-matrices: holds
 #
-# An *M-matrix* is a Z-matrix with $A^{-1} \ge 0$, and then some positive diagonal $U$ makes $AU$ strictly dominant.
-# (Both true. It is never singular, though other books call singular matrices so, and "P-matrix" and "H-splitting" are
-# used without a definition.)
+# An *M-matrix* is a Z-matrix with $A^{-1} \ge 0$, and then some positive diagonal $U$ makes $AU$ strictly dominant
+# (lemma 2.3). Both are true. An M-matrix is here never singular, though other books call singular matrices so, and
+# "P-matrix" and "H-splitting" are used without a definition.
 
 matrices = [np.array([[a, b], [c, 2.0]]) for a, b, c in product((-1, 1, 3), (-3, -1, 0), (-2, -1, 0))]
 agree = [classify(A).m.holds is bool((np.linalg.inv(A) >= 0).all()) for A in matrices if np.linalg.det(A)]
