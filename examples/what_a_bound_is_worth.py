@@ -15,8 +15,8 @@ Run: python examples/what_a_bound_is_worth.py      writes what_a_bound_is_worth.
 # $$p = Az + 10\,h^2 \ge 0, \qquad r = z - \psi \ge 0, \qquad p^\top r = 0.$$
 #
 # How wrong may $z$ be? The residual is $\|F(z)\|_2$ with $F(z) = \min(p, r)$, row by row. Let the diagonal of $A$ be
-# positive, the obstacle fixed, and $\langle A \rangle$ the matrix $A$ with all entries off the diagonal made negative. If
-# $\langle A \rangle v > 0$ for some $v > 0$, then for *every* $z$, whoever found it,
+# positive, the obstacle fixed, and $\langle A \rangle$ the matrix $A$ with all entries off the diagonal made negative.
+# If $\langle A \rangle v > 0$ for some $v > 0$, then for *every* $z$, whoever found it,
 #
 # $$\max_i \frac{|z_i - z_i^*|}{v_i} \le \max_i \frac{|F_i(z)|}{\min((\langle A \rangle v)_i,\ v_i)}.$$
 
