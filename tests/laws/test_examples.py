@@ -7,9 +7,9 @@ import sys
 import pytest
 from installed import HOUSE, run
 
-sys.path.insert(0, str(HOUSE / "docs"))
+sys.path.insert(0, str(HOUSE / "docs" / "_extensions"))
 
-import lesson
+import gallery
 
 EXAMPLES = HOUSE / "examples"
 
@@ -19,6 +19,25 @@ SAYS = {
     "paper_under_the_microscope.py": (
         "4.4 case 2       fails      the same",
         "Of 20 statements 8 hold, 5 were mended and 7 fail. 0 are not shown by their numbers.",
+    ),
+    "modulus_in_one_unknown.py": (
+        "6.0         0.5000               0.5000             0.5000",
+        "predicted: 40, counted: 40",
+        "Omega = 0.01667 leaves 0.7143",
+        "certified to be the only solution: False",
+    ),
+    "why_relaxation_helps.py": (
+        "the best one, 1.6895, is 8.4 times as fast",
+        "0.9517      inf",
+        "full steps: 0.8165, 0.3854, 0.2616, 0.2602, 0.2602, 0.2602",
+        "319 points: best 1.9558,  306 sweeps instead of  27043",
+        "proved up to 1.00",
+    ),
+    "what_a_bound_is_worth.py": (
+        "residuals of 0, 1/2 and 1: [0.0, 5e-07, 0.0]",
+        "A is not positive definite: A[0, 0] = -1e-06 is not positive",
+        "100   6.3e-05   3.3e-03   3.3e-03     5.7e-02          198",
+        "that are proved 0\n",
     ),
     "membrane.py": "median force per area there: 16\n",
     "dividends.py": "2.14369",
@@ -48,25 +67,6 @@ SAYS = {
     "learn_friction.py": ("friction coefficient 0.2994 ± 0.0005, true 0.3", "slips in 0 steps", "certain: True"),
     "design_contact.py": ("uniform load           1204      66            1470    6138", "               0    7608"),
     "recover_obstacle.py": ("misfit / noise²: 0.99", "touches    35", "0.0012      0.0013", "hangs free, not seen"),
-    "modulus_in_one_unknown.py": (
-        "6.0         0.5000               0.5000             0.5000",
-        "predicted: 40, counted: 40",
-        "Omega = 0.01667 leaves 0.7143",
-        "certified to be the only solution: False",
-    ),
-    "why_relaxation_helps.py": (
-        "the best one, 1.6895, is 8.4 times as fast",
-        "0.9517      inf",
-        "full steps: 0.8165, 0.3854, 0.2616, 0.2602, 0.2602, 0.2602",
-        "319 points: best 1.9558,  306 sweeps instead of  27043",
-        "proved up to 1.00",
-    ),
-    "what_a_bound_is_worth.py": (
-        "residuals of 0, 1/2 and 1: [0.0, 5e-07, 0.0]",
-        "A is not positive definite: A[0, 0] = -1e-06 is not positive",
-        "100   6.3e-05   3.3e-03   3.3e-03     5.7e-02          198",
-        "that are proved 0\n",
-    ),
     "when_methods_fail.py": "Lemke() infeasible: no z has Az + q >= 0 and z >= psi(z)",
 }
 
@@ -140,7 +140,7 @@ def test_the_paper_is_judged_by_numbers_that_are_computed(runs):
 def statements(source):
     """{name of a statement: (the heading of its cell, the code that it needs)} of the lesson on the paper."""
     found, before = {}, []
-    for said, code in lesson.cells(source):
+    for said, code in gallery.cells(source):
         judged = re.search(r'^judge\(\s*"(.+?)"', code, re.MULTILINE)
         if judged:
             found[judged[1]] = re.findall(r"^### (.+)", said, re.MULTILINE)[-1], "\n".join([*before, code])
@@ -153,7 +153,7 @@ def statements(source):
 
 def test_a_heading_says_the_verdict_that_is_computed(runs):
     text = runs(PAPER.name)[0].stdout
-    found = statements(lesson.parts(PAPER)[1])
+    found = statements(gallery.parts(PAPER)[1])
     assert len(found) == 20
     for name, (heading, _) in found.items():
         assert re.search(rf"^{re.escape(name)} +{heading.rpartition(': ')[2]} ", text, re.MULTILINE), name
@@ -183,7 +183,7 @@ def test_a_heading_says_the_verdict_that_is_computed(runs):
 )
 def test_a_wrong_number_or_sign_is_marked(right, wrong, name, capsys):
     """The lesson with one thing changed says which statement is no longer shown, and keeps no verdict on it."""
-    heading, code = statements(lesson.parts(PAPER)[1])[name]
+    heading, code = statements(gallery.parts(PAPER)[1])[name]
     assert code.count(right) >= 1
     namespace = {}
     exec(compile(code.replace(right, wrong), heading, "exec"), namespace)
