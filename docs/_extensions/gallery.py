@@ -25,6 +25,7 @@ PAGES = ROOT / "docs" / "gallery"
 #: the order of the gallery; a script that is in no group comes last
 GROUPS = {
     "First steps": ["first_problem", "membrane", "three_front_ends"],
+    "Ideas": ["modulus_in_one_unknown", "why_relaxation_helps"],
     "Machines and materials": ["friction_block", "journal_bearing"],
     "Markets, games and money": [
         "nash_cournot",
@@ -39,7 +40,12 @@ GROUPS = {
         "calibrate_dividends",
         "design_contact",
     ],
-    "Trust": ["which_solver_do_you_believe", "when_methods_fail", "paper_under_the_microscope"],
+    "Trust": [
+        "what_a_bound_is_worth",
+        "which_solver_do_you_believe",
+        "when_methods_fail",
+        "paper_under_the_microscope",
+    ],
 }
 
 #: what a page offers to download
@@ -71,6 +77,10 @@ def fold(words, lines):
     return [f"<details><summary>{words}</summary>", "", *lines, "</details>", ""]
 
 
+#: a link to another page, or to a place of the same one, which a notebook finds neither of
+LINK = re.compile(r"\[([^\]]+)\]\((?!http)[^)\s]*\)")
+
+
 def notebook(told, code):
     pieces = [("markdown", told, {})]
     for said, piece in cells(with_cells(code)):
@@ -81,7 +91,7 @@ def notebook(told, code):
     empty = {"code": {"execution_count": None, "outputs": []}, "markdown": {}}
     made = []
     for k, (kind, text, about) in enumerate(pieces):
-        lines = text.splitlines(keepends=True)
+        lines = (LINK.sub(r"\1", text) if kind == "markdown" else text).splitlines(keepends=True)
         made.append({"cell_type": kind, "id": f"cell-{k}", "metadata": about, **empty[kind], "source": lines})
     python = {"name": "python3", "display_name": "Python 3", "language": "python"}
     return json.dumps(

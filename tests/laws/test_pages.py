@@ -135,6 +135,22 @@ def test_a_script_of_the_gallery_was_recorded_and_its_notebook_is_its_code(scrip
         compile(source, script.name, "exec")
     assert statements("\n".join(sources)) == statements(code)
     assert cells[0]["source"][0] in script.read_text(encoding="utf-8")
+    told = "".join(line for cell in cells if cell["cell_type"] == "markdown" for line in cell["source"])
+    assert ".md" not in told, "a notebook that was downloaded has no pages beside it"
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_every_formula_of_a_lesson_is_read_as_one(script):
+    """A line that begins with a plus or a minus sign would begin a list, and cut the formula it is in."""
+    markdown = pytest.importorskip(
+        "markdown_it", reason="myst-parser, of the extra docs, is not installed"
+    ).MarkdownIt()
+    markdown.use(pytest.importorskip("mdit_py_plugins.dollarmath").dollarmath_plugin)
+    told, code = gallery.parts(script)
+    for said in (told, *(said for said, _ in gallery.cells(code))):
+        for block in markdown.parse(said):
+            texts = [part.content for part in block.children or [] if part.type == "text"]
+            assert not any("$" in text for text in texts), texts
 
 
 def test_a_docstring_of_the_house_means_itself_as_rst():
