@@ -7,7 +7,11 @@ import re
 import zlib
 from collections.abc import Callable
 from html import escape
+from importlib.util import find_spec
+from itertools import zip_longest
 from typing import Any
+
+import numpy as np
 
 from ..crosscheck.check import crosscheck
 from ..errors import IcpError, InputError
@@ -23,6 +27,8 @@ from ..solve.driver import solve
 from ..solve.solution import Solution
 from .cases import scene_of
 from .charts.figures import Figure, drawing
+from .charts.interactive_answer import answer_charts
+from .charts.interactive_studies import map_charts, race_charts
 from .planes import relaxation
 from .race import race
 from .sensitivity import sensitivity
@@ -38,8 +44,12 @@ _TRIED, _SHARE = 4, 0.25
 #: the tolerances of the race, and the seconds that each of its runs may take
 _TOLERANCES, _RACE_LIMIT = tuple(10.0**-k for k in range(2, 13, 2)), 3.0
 
+#: θ of a slider, from a 25th of the largest on
+_THETAS = 25
+
 #: what a section shows, each entry left out where there is none: "short", the answer to its question; "lead", a
-#: sentence or two; "pictures", (SVG, caption) each; "folded", (what it is, HTML) each
+#: sentence or two; "pictures", each with "still", an SVG, its "caption" and "alt", and its "chart", of Bokeh or None;
+#: the "slider" of these or None; "folded", (what it is, HTML) each
 _Section = dict[str, Any]
 
 
@@ -59,11 +69,13 @@ def report(
 
     What cannot be done, such as a cross-check of a problem that is too large, is said in its place. The page is dark
     where the reader's screen is, and can be read on a phone.
+    With Bokeh (`pip install "icpmodel[report]"`) the figures can be pointed at, zoomed and filtered by solver, and
+    sliders go through iterates on the way to the answer, and over θ; without scripts and in print they stand still.
     Parameters: `problem`, which is solved first, or a `Solution`, solved or not; `title` and `about`, text; `points` as
     in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene or
     names one, these are by default what it says of itself; `command` what makes the page again; `time_limit` in
-    seconds for each independent solver; `say` is told what is going on. Returns the HTML text, about a megabyte at the
-    most, with the figures in it as SVG. Raises InputError.
+    seconds for each independent solver; `say` is told what is going on. Returns the HTML text, less
+    than 5 MB, of which Bokeh is 1.3, that loads nothing. Raises InputError.
 
     >>> page = icp.report(ICP([[2, -1], [-1, 2]], [-1, 3]), title="A pair", time_limit=5)
     >>> page.startswith("<!DOCTYPE html>"), "Who agrees?" in page
@@ -74,15 +86,15 @@ def report(
         known = said_of(scene)
         title, about = title or known["title"], about or known["about"]
         z_exact = known["z_exact"] if z_exact is None else z_exact
+    start = None if scene is None else scene.z0
     if isinstance(problem, Solution):
         solution = problem
     else:
         say("solving")
-        start = None if scene is None else scene.z0
         solution = solve(scene.problem if scene else problem, z0=start, history=True, raise_on_failure=False)
     problem = solution.problem
     sections: list[_Section] = []
-    for heading, question, make in _contents(solution, points, z_exact, time_limit):
+    for heading, question, make in _contents(solution, start, points, z_exact, time_limit):
         say(heading)
         section: _Section = {"heading": heading, "question": question, "id": re.sub(r"\W+", "-", heading.lower())}
         try:
@@ -99,6 +111,7 @@ def report(
         machine=machine(),
         command=command,
         sections=sections,
+        **_bokeh(sections),
     )
 
 
@@ -108,12 +121,12 @@ def said_of(scene: Scene) -> dict[str, Any]:
 
 
 def _contents(
-    solution: Solution, points: Vector | None, z_exact: Vector | None, time_limit: float
+    solution: Solution, start: Vector | None, points: Vector | None, z_exact: Vector | None, time_limit: float
 ) -> list[tuple[str, str, Callable[[], _Section]]]:
     """Heading, the question that it answers in short, and what makes the section."""
     problem = solution.problem
     return [
-        ("The answer", "Is it solved?", lambda: _answer(solution, points)),
+        ("The answer", "Is it solved?", lambda: _answer(solution, start, points, time_limit)),
         ("How sure that is", "How sure is that?", lambda: _certain(solution)),
         ("Second opinions", "Who agrees?", lambda: _checked(solution, time_limit)),
         ("Time against accuracy", "Who is quickest?", lambda: _race(problem, z_exact, time_limit)),
@@ -132,7 +145,7 @@ def _data(problem: ProblemData) -> str:
     return f"A is {problem.n} × {problem.n}, with {problem.A.nnz} entries that are not 0; ψ {kind}."
 
 
-def _answer(solution: Solution, points: Vector | None) -> _Section:
+def _answer(solution: Solution, start: Vector | None, points: Vector | None, time_limit: float) -> _Section:
     took = f"{solution.iterations} step{'' if solution.iterations == 1 else 's'}, {solution.seconds:.2g}\u00a0s"
     short = (
         f"Yes, by {solution.method.name}: {took}. The residual, which is 0 at a solution, is {solution.residual:.2g}."
@@ -142,9 +155,12 @@ def _answer(solution: Solution, points: Vector | None) -> _Section:
     pictures = _pictures(solution, points)
     if solution.history is not None and solution.history.residual.size > 1:
         pictures += _pictures(solution.history)
+    charts = answer_charts(solution, points, start, min(_RACE_LIMIT, time_limit)) if _has_bokeh() else None
+    lead = "" if charts is None else "The slider goes from the start to the answer, while the rows in contact close in."
     return {
         "short": short,
-        "pictures": pictures,
+        "lead": lead,
+        **_turned(pictures, charts),
         "folded": [("The solve in detail", Card(solution.summary()).to_html())],
     }
 
@@ -202,7 +218,7 @@ def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> _S
     return {
         "short": found.in_words("To {goal:g} of the residual at z = 0"),
         "lead": lead,
-        "pictures": _pictures(found),
+        **_turned(_pictures(found), (race_charts(found), None) if _has_bokeh() else None),
         "folded": folded,
     }
 
@@ -214,7 +230,10 @@ def _map(problem: ProblemData) -> _Section:
     found = stability(relaxation(points, problem, largest), starts=starts, max_iter=max_iter)
     worst = f" from {starts} starts, of which the worst counts" if starts > 1 else ""
     lead = f"What relaxation does to the paper's method: at each point {found.plane.title} is solved{worst}."
-    return {"lead": lead, "pictures": _pictures(found), "folded": [("Counted", found._repr_html_())]}
+    thetas = np.linspace(largest / _THETAS, largest, _THETAS)
+    charts = map_charts(found, thetas, problem) if _has_bokeh() else None
+    pictures = _pictures(found) + [_FALLS] * (charts is not None)
+    return {"lead": lead, **_turned(pictures, charts), "folded": [("Counted", found._repr_html_())]}
 
 
 def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
@@ -234,10 +253,46 @@ def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
     return best
 
 
-def _pictures(what: Any, points: Vector | None = None) -> list[tuple[str, str]]:
-    """Each panel as (SVG, caption)."""
+def _pictures(what: Any, points: Vector | None = None) -> list[dict[str, Any]]:
+    """The panels as figures that stand still."""
     made = drawing(what, points)
-    return [(_svg(one, panel.alt), panel.caption) for one, panel in zip(made.apart(), made.panels, strict=True)]
+    told = ({"alt": panel.alt, "caption": panel.caption} for panel in made.panels)
+    return [{"still": _svg(one, of["alt"])} | of for one, of in zip(made.apart(), told, strict=True)]
+
+
+#: the figure of the slider over θ, which alone says nothing
+_FALLS = {
+    "still": "",
+    "alt": "Residual against steps, one curve for each θ₁ = θ₂.",
+    "caption": "How the residual falls with θ₁ = θ₂ as the slider has it, among the others in grey: a curve that ends "
+    "near the lower edge is solved, one that rises or runs to the right is not.",
+}
+
+
+def _turned(pictures: list[dict[str, Any]], charts: tuple[list[Any], Any] | None) -> _Section:
+    """The pictures with their Bokeh figures, as far as there are any, and the slider of these."""
+    made, slider = charts or ([], None)
+    given = [one | {"chart": chart} for one, chart in zip_longest(pictures, made[: len(pictures)])]
+    return {"pictures": given, "slider": slider}
+
+
+def _has_bokeh() -> bool:
+    return find_spec("bokeh") is not None
+
+
+def _bokeh(sections: list[_Section]) -> dict[str, str]:
+    """The library itself, what draws the figures, and the element for each of them, which takes the place of the
+    figure."""
+    pictures = [one for section in sections for one in section.get("pictures", ()) if one["chart"] is not None]
+    if not pictures:
+        return {"library": "", "script": ""}
+    from bokeh.embed import components
+    from bokeh.resources import Resources
+
+    script, elements = components([one["chart"] for one in pictures])
+    for one, element in zip(pictures, elements, strict=True):
+        one["chart"] = element
+    return {"library": Resources(mode="inline", components=["bokeh"]).render_js(), "script": script}
 
 
 def _svg(figure: Figure, alt: str) -> str:

@@ -49,6 +49,7 @@ HEAVY = {
     "click",
     "cvxpy",
     "cvxpylayers",
+    "bokeh",
     "gamspy_base",
     "highspy",
     "IPython",

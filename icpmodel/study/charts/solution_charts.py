@@ -12,6 +12,7 @@ from ...errors import InputError
 from ...numerics.arrays import Vector
 from ...scenes import Scene
 from ...scenes import scene as scene_called
+from ...scenes.grid import edges
 from ...scenes.registry import points_of, title
 from ...solve.solution import History, Solution
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, Panel, drawing
@@ -21,7 +22,7 @@ _DRAWN = 200_000
 #: dots on points of no grid cover half of a panel, which is about 3 inches square, in squared points
 _PANEL = (3 * 72) ** 2
 #: so many points or rows are shown one by one
-_FEW = 60
+FEW = 60
 #: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
 _ZERO = 0.1
 #: contact with the obstacle below and with the one above, where there are two; how they are shaded and outlined
@@ -38,13 +39,19 @@ def _(solution: Solution, points: Any = None) -> Drawing:
     The contact set, the rows where z is at its obstacle rather than in balance, is shaded on a line and outlined in the
     plane; where there is an obstacle above, ψ̄(z) is drawn as well, and contact with it in another colour.
     """
-    n = solution.problem.n
-    points = points_of(solution.problem) if points is None else np.asarray(points)
-    if points is not None and points.shape not in ((n,), (n, 2)):
-        raise InputError(f"points has shape {points.shape}; ({n},) or ({n}, 2) was expected")
+    points = located(solution, points)
     _, active, above = pattern_at(solution.problem, solution.z)
     contacts = {"contact set": active} if above is None else {_BELOW: active & ~above, _ABOVE: above}
     return (_line if points is None or points.ndim == 1 else _plane)(solution, points, contacts)
+
+
+def located(solution: Solution, points: Any) -> Vector | None:
+    """The `points` of the unknowns, or those that are known of the problem. Raises InputError."""
+    n = solution.problem.n
+    found = points_of(solution.problem) if points is None else np.asarray(points)
+    if found is not None and found.shape not in ((n,), (n, 2)):
+        raise InputError(f"points has shape {found.shape}; ({n},) or ({n}, 2) was expected")
+    return found
 
 
 @drawing.register
@@ -65,7 +72,7 @@ def _(history: History, points: Any = None) -> Drawing:
     shown = np.maximum(history.residual, _ZERO * above_0.min() if above_0.size else 1.0)
 
     def residuals(axes: Any) -> list[Any]:
-        style = {"marker": "o", "markersize": 4} if shown.size <= _FEW else {}
+        style = {"marker": "o", "markersize": 4} if shown.size <= FEW else {}
         axes.plot(history.iteration, shown, color=BLUE, linewidth=1.5, **style)
         axes.plot(history.iteration[-1:], shown[-1:], "o", color=BLUE, markersize=5)
         lowest = ", 0 at the lower end" if above_0.size < shown.size else ""
@@ -91,16 +98,14 @@ def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -
     problem, n = solution.problem, solution.problem.n
     x = np.arange(n, dtype=np.float64) if points is None else points
     keep = np.unique(np.linspace(0, n - 1, min(n, _DRAWN)).astype(int))
-    middles = (x[:-1] + x[1:]) / 2
-    apart = x[1] - x[0] if n > 1 else 1.0
-    ends = np.concatenate([[x[0] - apart / 2], middles, [x[-1] + apart / 2]])
-    single = points is None and n <= _FEW  # rows have nothing between them
+    ends = edges(x)
+    single = points is None and n <= FEW  # rows have nothing between them
 
     def style(width: float, sign: str = "o") -> dict[str, Any]:
         if single:
             return {"linestyle": "", "marker": sign, "markersize": 6 if sign == "o" else max(400 / max(n, 8), 8)}
         drawn = {"drawstyle": "steps-mid"} if points is None else {}
-        return {"linewidth": width, "marker": "o" if n <= _FEW else "", "markersize": 3} | drawn
+        return {"linewidth": width, "marker": "o" if n <= FEW else "", "markersize": 3} | drawn
 
     def heights(axes: Any) -> list[Any]:
         for psi, colour, label in ((problem.psi, ORANGE, "obstacle ψ(z)"), (problem.upper, PURPLE, "obstacle above")):
