@@ -56,10 +56,3 @@ def level_crossing(x: Vector, y: Vector, level: float) -> float:
     t = level - y
     weights = [t[1] * t[2] / (steps[0] * (y[2] - y[0])), -t[0] * t[2] / (steps[0] * steps[1])]
     return float(x[0] * weights[0] + x[1] * weights[1] + x[2] * t[0] * t[1] / ((y[2] - y[0]) * steps[1]))
-
-
-def edges(values: Vector) -> Vector:
-    """The borders of the cells around increasing `values`, one more than these; a single cell is 1 wide."""
-    middles = (values[:-1] + values[1:]) / 2
-    first, last = (middles[0], middles[-1]) if middles.size else (values[0] + 0.5, values[0] - 0.5)
-    return np.concatenate([[2 * values[0] - first], middles, [2 * values[-1] - last]])

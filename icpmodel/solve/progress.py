@@ -37,26 +37,6 @@ class Progress(Shown):
     seconds: float
 
 
-class Sparsely:
-    """A callback that hands on the iterates in geometric progression, after the k-th the one at `ratio`·k; `end` also
-    the last one."""
-
-    def __init__(self, look: Callable[[Progress], Any], ratio: float) -> None:
-        self.look, self.ratio = look, ratio
-        self._following, self._unseen = 0, None
-
-    def __call__(self, state: Any) -> None:
-        self._unseen = state if state.iteration < self._following else None
-        if self._unseen is None:
-            self._following = max(state.iteration + 1, int(self.ratio * state.iteration))
-            self.look(state)
-
-    def end(self) -> None:
-        """The run is over."""
-        if self._unseen is not None:
-            self.look(self._unseen)
-
-
 class Bar:
     """A bar that shows nothing; `update` is cheap enough to be called at every iteration."""
 

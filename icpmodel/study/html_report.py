@@ -7,11 +7,7 @@ import re
 import zlib
 from collections.abc import Callable
 from html import escape
-from importlib.util import find_spec
-from itertools import zip_longest
 from typing import Any
-
-import numpy as np
 
 from ..crosscheck.check import crosscheck
 from ..errors import IcpError, InputError
@@ -27,8 +23,7 @@ from ..solve.driver import solve
 from ..solve.solution import Solution
 from .cases import scene_of
 from .charts.figures import Figure, drawing
-from .charts.interactive_answer import answer_charts
-from .charts.interactive_studies import map_charts, race_charts
+from .charts.interactive_charts import answer_charts, map_charts, race_charts
 from .planes import relaxation
 from .race import race
 from .sensitivity import sensitivity
@@ -44,12 +39,9 @@ _TRIED, _SHARE = 4, 0.25
 #: the tolerances of the race, and the seconds that each of its runs may take
 _TOLERANCES, _RACE_LIMIT = tuple(10.0**-k for k in range(2, 13, 2)), 3.0
 
-#: θ of a slider, from a 25th of the largest on
-_THETAS = 25
-
 #: what a section shows, each entry left out where there is none: "short", the answer to its question; "lead", a
-#: sentence or two; "pictures", each with "still", an SVG, its "caption" and "alt", and its "chart", of Bokeh or None;
-#: the "slider" of these or None; "folded", (what it is, HTML) each
+#: sentence or two; "pictures", each with "still", an SVG, its "caption" and "alt"; as many "charts" by Bokeh that take
+#: the places of the first ones; the "slider" of these; "folded", (what it is, HTML) each
 _Section = dict[str, Any]
 
 
@@ -69,8 +61,8 @@ def report(
 
     What cannot be done, such as a cross-check of a problem that is too large, is said in its place. The page is dark
     where the reader's screen is, and can be read on a phone.
-    With Bokeh (`pip install "icpmodel[report]"`) the figures can be pointed at, zoomed and filtered by solver, and
-    sliders go through iterates on the way to the answer, and over θ; without scripts and in print they stand still.
+    The figures can be pointed at, zoomed and filtered by solver, and sliders go through iterates on the way to the
+    answer and over θ; without scripts, and in print, they stand still.
     Parameters: `problem`, which is solved first, or a `Solution`, solved or not; `title` and `about`, text; `points` as
     in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene or
     names one, these are by default what it says of itself; `command` what makes the page again; `time_limit` in
@@ -155,12 +147,13 @@ def _answer(solution: Solution, start: Vector | None, points: Vector | None, tim
     pictures = _pictures(solution, points)
     if solution.history is not None and solution.history.residual.size > 1:
         pictures += _pictures(solution.history)
-    charts = answer_charts(solution, points, start, min(_RACE_LIMIT, time_limit)) if _has_bokeh() else None
-    lead = "" if charts is None else "The slider goes from the start to the answer, while the rows in contact close in."
+    charts, slider = answer_charts(solution, points, start, min(_RACE_LIMIT, time_limit))
     return {
         "short": short,
-        "lead": lead,
-        **_turned(pictures, charts),
+        "lead": "The slider goes through a run, from the start to the answer; in sweeps one sees the contact close in.",
+        "pictures": pictures,
+        "charts": charts[: len(pictures)],
+        "slider": slider,
         "folded": [("The solve in detail", Card(solution.summary()).to_html())],
     }
 
@@ -218,7 +211,8 @@ def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> _S
     return {
         "short": found.in_words("To {goal:g} of the residual at z = 0"),
         "lead": lead,
-        **_turned(_pictures(found), (race_charts(found), None) if _has_bokeh() else None),
+        "pictures": _pictures(found),
+        "charts": race_charts(found),
         "folded": folded,
     }
 
@@ -230,10 +224,13 @@ def _map(problem: ProblemData) -> _Section:
     found = stability(relaxation(points, problem, largest), starts=starts, max_iter=max_iter)
     worst = f" from {starts} starts, of which the worst counts" if starts > 1 else ""
     lead = f"What relaxation does to the paper's method: at each point {found.plane.title} is solved{worst}."
-    thetas = np.linspace(largest / _THETAS, largest, _THETAS)
-    charts = map_charts(found, thetas, problem) if _has_bokeh() else None
-    pictures = _pictures(found) + [_FALLS] * (charts is not None)
-    return {"lead": lead, **_turned(pictures, charts), "folded": [("Counted", found._repr_html_())]}
+    charts, slider = map_charts(found, problem)
+    falls = {
+        "alt": "Residual against steps.",
+        "caption": "The residual at θ₁ = θ₂ as the slider has it, others grey.",
+    }
+    pictures, folded = [*_pictures(found), falls], [("Counted", found._repr_html_())]
+    return {"lead": lead, "pictures": pictures, "charts": charts, "slider": slider, "folded": folded}
 
 
 def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
@@ -253,45 +250,21 @@ def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
     return best
 
 
-def _pictures(what: Any, points: Vector | None = None) -> list[dict[str, Any]]:
-    """The panels as figures that stand still."""
+def _pictures(what: Any, points: Vector | None = None) -> list[dict[str, str]]:
     made = drawing(what, points)
-    told = ({"alt": panel.alt, "caption": panel.caption} for panel in made.panels)
-    return [{"still": _svg(one, of["alt"])} | of for one, of in zip(made.apart(), told, strict=True)]
-
-
-#: the figure of the slider over θ, which alone says nothing
-_FALLS = {
-    "still": "",
-    "alt": "Residual against steps, one curve for each θ₁ = θ₂.",
-    "caption": "How the residual falls with θ₁ = θ₂ as the slider has it, among the others in grey: a curve that ends "
-    "near the lower edge is solved, one that rises or runs to the right is not.",
-}
-
-
-def _turned(pictures: list[dict[str, Any]], charts: tuple[list[Any], Any] | None) -> _Section:
-    """The pictures with their Bokeh figures, as far as there are any, and the slider of these."""
-    made, slider = charts or ([], None)
-    given = [one | {"chart": chart} for one, chart in zip_longest(pictures, made[: len(pictures)])]
-    return {"pictures": given, "slider": slider}
-
-
-def _has_bokeh() -> bool:
-    return find_spec("bokeh") is not None
+    pairs = zip(made.apart(), made.panels, strict=True)
+    return [{"still": _svg(one, panel.alt), "alt": panel.alt, "caption": panel.caption} for one, panel in pairs]
 
 
 def _bokeh(sections: list[_Section]) -> dict[str, str]:
-    """The library itself, what draws the figures, and the element for each of them, which takes the place of the
-    figure."""
-    pictures = [one for section in sections for one in section.get("pictures", ()) if one["chart"] is not None]
-    if not pictures:
-        return {"library": "", "script": ""}
+    """The library itself, and the script that puts the charts into the elements which take their places here."""
     from bokeh.embed import components
     from bokeh.resources import Resources
 
-    script, elements = components([one["chart"] for one in pictures])
-    for one, element in zip(pictures, elements, strict=True):
-        one["chart"] = element
+    script, elements = components([chart for section in sections for chart in section.get("charts", ())])
+    placed = iter(elements)
+    for section in sections:
+        section["charts"] = [next(placed) for _ in section.get("charts", ())]
     return {"library": Resources(mode="inline", components=["bokeh"]).render_js(), "script": script}
 
 

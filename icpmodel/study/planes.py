@@ -19,7 +19,7 @@ from ..present.shown import Shown
 from ..problem.affine import Affine
 from ..problem.data import ProblemData
 from ..scenes import scene
-from ..scenes.grid import adjacency, edges, five_point, side
+from ..scenes.grid import adjacency, five_point, side
 from ..scenes.manufactured import complementary
 from ..scenes.registry import title
 
@@ -36,11 +36,6 @@ class Axis(Shown):
     label: str
     values: Vector
     log: bool = False
-
-    @property
-    def edges(self) -> Vector:
-        """The borders of the cells around the values."""
-        return np.exp(edges(np.log(self.values))) if self.log else edges(self.values)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

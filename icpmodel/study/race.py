@@ -22,7 +22,7 @@ from ..problem.data import ProblemLike, as_problem
 from ..scenes.registry import title as called
 from ..solve.driver import solve
 from ..solve.goal import RTOL
-from ..solve.progress import Sparsely, status_line
+from ..solve.progress import status_line
 from ..solvers.foreign import ForeignSolver, chosen_solvers
 from .cases import Case, fresh, scene_of, unbroken
 from .competitors import Competitor, Entry, Foreign, Own, limits, own_methods
@@ -258,17 +258,21 @@ def _run(
 def _path(case: Case, one: Own, tolerance: float, limit: float, error: _Error) -> tuple[Vector, Vector]:
     """(seconds, errors) along one run, at iterates in geometric progression; what the errors take is not counted."""
     seen: list[tuple[float, float | None]] = []
-    lost = 0.0
+    following, lost, unseen = 0, 0.0, None
 
     def look(state: Any) -> None:
-        nonlocal lost
-        begin = time.perf_counter()
-        seen.append((state.seconds - lost, error(state.z)))
-        lost += time.perf_counter() - begin
+        nonlocal following, lost, unseen
+        unseen = state if state.iteration < following else None
+        if unseen is None:
+            begin = time.perf_counter()
+            seen.append((state.seconds - lost, error(state.z)))
+            following = max(state.iteration + 1, int(_TRACED * state.iteration))
+            lost += time.perf_counter() - begin
 
-    problem, some = fresh(case.problem), Sparsely(look, _TRACED)
+    problem = fresh(case.problem)
     options: dict[str, Any] = {"rtol": tolerance, "time_limit": limit, "raise_on_failure": False}
-    unbroken(problem.solve(one.method(problem), callback=some, **options))
-    some.end()
+    unbroken(problem.solve(one.method(problem), callback=look, **options))
+    if unseen is not None:  # the last iterate
+        seen.append((unseen.seconds - lost, error(unseen.z)))
     seconds, errors = np.array([(t, e) for t, e in seen if e is not None]).reshape(-1, 2).T
     return seconds, errors

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...errors import FileError, InputError
-from ...numerics.arrays import Vector, described
+from ...numerics.arrays import described
 from ...numerics.plugins import in_notebook
 from ...present.table import Table, must_be_ours
 
@@ -86,15 +86,6 @@ def name_lines(axes: Any, ends: Sequence[tuple[str, Any, str, str]]) -> None:
         axes.plot([1.04], [height], linestyle="", label="_", **sign)
         where = {"transform": axes.transAxes, "va": "center", "fontsize": _LETTERS}
         axes.text(1.06, height, name, fontweight="bold" if name.startswith("solve()") else "normal", **where)
-
-
-def outline(x_edges: Vector, y_edges: Vector, mask: Any) -> Vector:
-    """The borders of the cells where `mask` holds, in pieces (x0, y0, x1, y1), shape (pieces, 4)."""
-    ex, ey, wide = x_edges, y_edges, np.pad(mask, 1)
-    j, i = np.argwhere(wide[1:-1, 1:] != wide[1:-1, :-1]).T
-    upright = np.transpose([ex[i], ey[j], ex[i], ey[j + 1]])
-    j, i = np.argwhere(wide[1:, 1:-1] != wide[:-1, 1:-1]).T
-    return np.concatenate([upright, np.transpose([ex[i], ey[j], ex[i + 1], ey[j]])])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

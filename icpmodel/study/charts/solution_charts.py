@@ -12,7 +12,6 @@ from ...errors import InputError
 from ...numerics.arrays import Vector
 from ...scenes import Scene
 from ...scenes import scene as scene_called
-from ...scenes.grid import edges
 from ...scenes.registry import points_of, title
 from ...solve.solution import History, Solution
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, Panel, drawing
@@ -39,19 +38,13 @@ def _(solution: Solution, points: Any = None) -> Drawing:
     The contact set, the rows where z is at its obstacle rather than in balance, is shaded on a line and outlined in the
     plane; where there is an obstacle above, ψ̄(z) is drawn as well, and contact with it in another colour.
     """
-    points = located(solution, points)
+    n = solution.problem.n
+    points = points_of(solution.problem) if points is None else np.asarray(points)
+    if points is not None and points.shape not in ((n,), (n, 2)):
+        raise InputError(f"points has shape {points.shape}; ({n},) or ({n}, 2) was expected")
     _, active, above = pattern_at(solution.problem, solution.z)
     contacts = {"contact set": active} if above is None else {_BELOW: active & ~above, _ABOVE: above}
     return (_line if points is None or points.ndim == 1 else _plane)(solution, points, contacts)
-
-
-def located(solution: Solution, points: Any) -> Vector | None:
-    """The `points` of the unknowns, or those that are known of the problem. Raises InputError."""
-    n = solution.problem.n
-    found = points_of(solution.problem) if points is None else np.asarray(points)
-    if found is not None and found.shape not in ((n,), (n, 2)):
-        raise InputError(f"points has shape {found.shape}; ({n},) or ({n}, 2) was expected")
-    return found
 
 
 @drawing.register
@@ -98,7 +91,9 @@ def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -
     problem, n = solution.problem, solution.problem.n
     x = np.arange(n, dtype=np.float64) if points is None else points
     keep = np.unique(np.linspace(0, n - 1, min(n, _DRAWN)).astype(int))
-    ends = edges(x)
+    middles = (x[:-1] + x[1:]) / 2
+    apart = x[1] - x[0] if n > 1 else 1.0
+    ends = np.concatenate([[x[0] - apart / 2], middles, [x[-1] + apart / 2]])
     single = points is None and n <= FEW  # rows have nothing between them
 
     def style(width: float, sign: str = "o") -> dict[str, Any]:
@@ -130,7 +125,7 @@ def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -
         _dressed(axes, "force p", ends, contacts, points is None)
         return []
 
-    caption = "The answer z and its obstacle. Where it is shaded they touch."
+    caption = "The answer z and its obstacle. They touch where it is shaded, or has a ring."
     return Drawing(
         panels=(
             Panel(draw=heights, caption=caption, alt=_told("z", solution.z, contacts)),
@@ -190,9 +185,7 @@ def _plane(solution: Solution, points: Any, contacts: dict[str, Any]) -> Drawing
 
     heading = f"z, {_outlined(contacts)}" if regular else "z"
     heights = partial(half, solution.z, heading, "viridis", contacts)
-    caption = "The answer z" + (
-        ", with an outline around the points where it touches its obstacle." if regular else "."
-    )
+    caption = "The answer z; where it touches its obstacle it has an outline, or dots." if regular else "The answer z."
     return Drawing(
         panels=(
             Panel(draw=heights, caption=caption, alt=_told("z", solution.z, contacts)),

@@ -11,9 +11,10 @@ import numpy as np
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...solve.goal import RTOL
 from ..competitors import Entry
+from ..planes import Axis
 from ..race import Race
 from ..stability_map import StabilityMap
-from .figures import ACCURATE, BLUE, GREY, ORANGE, SKY, YELLOW, Drawing, Panel, drawing, looks, name_lines, outline
+from .figures import ACCURATE, BLUE, GREY, ORANGE, SKY, YELLOW, Drawing, Panel, drawing, looks, name_lines
 
 #: what an answer that is exact to the last digit is drawn at, as a share of the smallest error above 0
 _EXACT = 0.1
@@ -230,16 +231,17 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
 
     A red line encloses what the paper, as printed, says to converge, where that is more than is proved.
     """
+    from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm
     from matplotlib.lines import Line2D
 
-    x, y, ends, printed = found.plane.x, found.plane.y, found.ends, found.any_printed
+    x, y, ends = found.plane.x, found.plane.y, found.ends
     solved = ends == "solved"
     counts = np.ma.masked_where(~solved, np.maximum(found.steps, 1))
     least = int(counts.min()) if solved.any() else found.max_iter
     norm = LogNorm(least, max(int(counts.max()) if solved.any() else 1, 10 * least))  # at least a factor of ten apart
     axes.set_facecolor(_PLATE)
-    mesh = axes.pcolormesh(x.edges, y.edges, counts, cmap="viridis_r", norm=norm)
+    mesh = axes.pcolormesh(_edges(x), _edges(y), counts, cmap="viridis_r", norm=norm)
     axes.figure.colorbar(mesh, ax=axes, label=f"steps to Res(z) ≤ {found.rtol:g} Res(0)", pad=0.01)
     handles = []
     X, Y = np.meshgrid(x.values, y.values)
@@ -252,18 +254,16 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
                 Line2D([], [], markersize=7, color=GREY, label=words.format(max_iter=found.max_iter), **style)
             )
     for words, mask, colour, dashes in proofs(found):
-        _outline(axes, found, mask, colors=[colour], linestyles=[dashes], linewidths=2.0)
-        shown = "black" if dashes == "solid" else colour
-        handles.append(Line2D([], [], color=shown, linestyle=dashes, linewidth=2.0, label=words))
-    if (printed & ~found.any_proved).any():
-        _outline(axes, found, printed, colors=[FALSE], linewidths=3.0, zorder=1.5)
-        handles.append(Line2D([], [], color=FALSE, linewidth=3.0, label="said to converge, as printed (false)"))
+        width, shown = (3.0, colour) if colour == FALSE else (2.0, "black" if dashes == "solid" else colour)
+        style = {"colors": [colour], "linestyles": [dashes], "linewidths": width, "zorder": 4.5 - width}
+        axes.add_collection(LineCollection(outline(found, mask), **style))
+        handles.append(Line2D([], [], color=shown, linestyle=dashes, linewidth=width, label=words))
     axes.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear", xlabel=x.label, ylabel=y.label)
     return handles + _marked(found, axes)
 
 
 def proofs(found: StabilityMap) -> list[tuple[str, Any, str, Any]]:
-    """(words, points, colour, dashes) of what proves convergence somewhere; what proves the same points is one."""
+    """(words, points, colour, dashes) of what proves convergence, the same points once, and of more that was printed."""
     alike: dict[bytes, list[str]] = {}
     masks = {words: np.any([found.proved[name] for name in names], axis=0) for words, (names, *_) in _PROVED.items()}
     for words, mask in masks.items():
@@ -273,12 +273,13 @@ def proofs(found: StabilityMap) -> list[tuple[str, Any, str, Any]]:
     for same in alike.values():
         how = "" if len(alike) == 1 else f" ({', '.join(same)})"
         told.append((f"proved to converge{how}", masks[same[-1]], *_PROVED[same[-1]][1:]))
+    if (found.any_printed & ~found.any_proved).any():
+        told.append(("said to converge, as printed (false)", found.any_printed, FALSE, "solid"))
     return told
 
 
 def marked_places(found: StabilityMap) -> dict[str, tuple[tuple[float, float], str]]:
-    """Words → (point, marker): where the method is by default, and where it needs the fewest steps, as far as the plane
-    is one of a method."""
+    """Words → (point, marker): on the plane of a method where it is by default, and where it needs the fewest steps."""
     places = {}
     if found.plane.default is not None:
         places["default"] = found.plane.default, "o"
@@ -299,9 +300,17 @@ def _marked(found: StabilityMap, axes: Any) -> list[Any]:
     return marked
 
 
-def _outline(axes: Any, found: StabilityMap, mask: Any, **style: Any) -> None:
-    """A line along the borders of the cells where `mask` holds."""
-    from matplotlib.collections import LineCollection
+def _edges(axis: Axis) -> Any:
+    """The borders of the cells around the values."""
+    t = np.log(axis.values) if axis.log else axis.values
+    middle = 0.5 * (t[1:] + t[:-1])
+    found = np.concatenate([[2.0 * t[0] - middle[0]], middle, [2.0 * t[-1] - middle[-1]]])
+    return np.exp(found) if axis.log else found
 
-    pieces = outline(found.plane.x.edges, found.plane.y.edges, mask)
-    axes.add_collection(LineCollection([[(x0, y0), (x1, y1)] for x0, y0, x1, y1 in pieces], **style))
+
+def outline(found: StabilityMap, mask: Any) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    """The borders of the cells where `mask` holds, in pieces from a point to a point."""
+    ex, ey, wide = _edges(found.plane.x), _edges(found.plane.y), np.pad(mask, 1)
+    upright, level = wide[1:-1, 1:] != wide[1:-1, :-1], wide[1:, 1:-1] != wide[:-1, 1:-1]
+    pieces = [((ex[i], ey[j]), (ex[i], ey[j + 1])) for j, i in np.argwhere(upright)]
+    return pieces + [((ex[i], ey[j]), (ex[i + 1], ey[j])) for j, i in np.argwhere(level)]
