@@ -188,8 +188,7 @@ def _on_line(spots: Any, by_row: bool) -> list[Any]:
         if name in spots.data:
             style = {"fill_alpha": 0.0, "line_alpha": name, "line_color": colour, "line_width": 2, "size": 12}
             heights.scatter("x", "z", source=spots, **style)
-    tips = {x: "@x{%.4g}"} | _TIPS
-    return [_finished(heights, [drawn["z"]], tips), _finished(forces, [drawn["p"]], tips)]
+    return [_finished(one, [drawn[name]], {x: "@x{%.4g}"} | _TIPS) for one, name in ((heights, "z"), (forces, "p"))]
 
 
 def _in_plane(spots: Any, cell: tuple[float, float]) -> list[Any]:

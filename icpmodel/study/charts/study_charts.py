@@ -263,7 +263,7 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
 
 
 def proofs(found: StabilityMap) -> list[tuple[str, Any, str, Any]]:
-    """(words, points, colour, dashes) of what proves convergence, the same points once, and of more that was printed."""
+    """(words, points, colour, dashes) of what proves convergence, each region once, and of what was printed."""
     alike: dict[bytes, list[str]] = {}
     masks = {words: np.any([found.proved[name] for name in names], axis=0) for words, (names, *_) in _PROVED.items()}
     for words, mask in masks.items():
