@@ -8,13 +8,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...algebra.equations import pattern_at
 from ...errors import IcpError
 from ...methods.aor import MNMGS, MNMSOR
-from ...methods.contract import Method
-from ...numerics.arrays import Vector
 from ...problem.data import ProblemData
 from ...scenes.registry import points_of
 from ...solve.driver import solve
@@ -26,16 +22,12 @@ from ..race import Race
 from ..stability_map import StabilityMap
 from . import study_charts as still
 from .figures import ACCURATE, BLUE, GREEN, ORANGE, PURPLE
-from .solution_charts import FEW
+from .solution_charts import FEW, ON_CURVE, frame, numbers, turned_rows, turned_run
 
 #: what is neither a series nor text, on a light page and on a dark one
 _BETWEEN = "#8a9099"
 #: what has this tag gets the colour of the page's text
 _INK = "ink"
-#: so many points of a curve are drawn, so many unknowns on a line and in the plane, and a slider has so many θ
-_ON_CURVE, _ON_LINE, _IN_PLANE, _THETAS = 200, 400, 1600, 25
-#: the iterates that are shown, in geometric progression, of 100 000 (the limit of solve) less than forty
-_SHOWN = {0, *(int(1.4**k) for k in range(35))}
 #: what matplotlib calls "s", Bokeh calls "square"; and signs of failures, some of which are letters in matplotlib
 _MARKERS = {"s": "square", "^": "triangle", "D": "diamond", "v": "inverted_triangle", "P": "plus", "X": "x"}
 _FAILURES = ("dot", "cross", "square_x", "triangle", "inverted_triangle", "dash", "circle", "x", "asterisk", "diamond")
@@ -91,23 +83,18 @@ def _coloured(chart: Any, name: str, palette: str, low: float, high: float, log:
     return {"field": name, "transform": colours}
 
 
-def _numbers(values: Any) -> list[float | None]:
-    """To five digits, for JSON: None where there is none."""
-    return [float(f"{one:.5g}") if np.isfinite(one) else None for one in np.asarray(values, dtype=np.float64).tolist()]
-
-
 def answer_charts(solution: Solution, points: Any, z0: Any, time_limit: float) -> tuple[list[Any], dict[str, Any]]:
     """z, p, the residual where the run can be made again, and a slider through runs from `z0`: of the method that found
     the answer, which ends there, and of the paper's sweeps."""
     problem = solution.problem
     places = points_of(problem) if points is None else np.asarray(points)
-    rows, where, cell = _drawn(problem.n, places)
-    answer = _frame(problem, rows, solution.z, None, solution.residual)
+    rows, where, cell = turned_rows(problem.n, places)
+    answer = frame(problem, rows, solution.z, None, solution.residual)
     runs: list[dict[str, Any]] = [{"name": "the answer", "data": {}, "frames": []}]
     words = ("which found the answer", "sweeps as in the paper")
     for k, method in enumerate({repr(one): one for one in (solution.method, MNMGS())}.values()):
         with contextlib.suppress(IcpError):
-            runs[k:] = [_run(problem, rows, method, z0, time_limit) | {"name": f"{method!r}, {words[k]}"}]
+            runs[k:] = [turned_run(problem, rows, method, z0, time_limit) | {"name": f"{method!r}, {words[k]}"}]
     first, way = runs[0]["frames"], runs[0]["data"].get("way")
     first[-1:] = [answer]
     spots = _source("points", answer["data"]["points"] | where)
@@ -119,54 +106,6 @@ def answer_charts(solution: Solution, points: Any, z0: Any, time_limit: float) -
         dot = chart.scatter("step", "residual", source=_source("at", now), color=ORANGE, size=11)
         charts.append(_finished(chart, [line, dot], {"step": "@step", "residual": "@told"}))
     return charts, {"label": "Step", "start": len(first) - 1, "runs": runs}
-
-
-def _drawn(n: int, places: Vector | None) -> tuple[NDArray[np.int64], dict[str, Any], tuple[float, float] | None]:
-    """The rows that are drawn, evenly, the columns that say where, and in the plane the width and height of a cell."""
-    if places is None or places.ndim == 1:
-        rows = np.unique(np.linspace(0, n - 1, min(n, _ON_LINE)).astype(int))
-        return rows, {"x": rows if places is None else places[rows]}, None
-    ranks = [np.unique(of, return_inverse=True)[1] for of in places.T]
-    step, many = int(np.ceil((n / _IN_PLANE) ** 0.5)), [int(rank.max()) + 1 for rank in ranks]
-    rows = np.flatnonzero((ranks[0] % step == 0) & (ranks[1] % step == 0))
-    if many[0] * many[1] != n:  # no grid
-        many = [int(n**0.5) + 1] * 2
-    width, height = step * np.ptp(places, axis=0) / np.maximum(np.array(many) - 1, 1)
-    return rows, dict(zip("xy", places[rows].T, strict=True)), (float(width) or 1.0, float(height) or 1.0)
-
-
-def _run(problem: ProblemData, rows: NDArray[np.int64], method: Method, z0: Any, time_limit: float) -> dict[str, Any]:
-    """The "data" and "frames" of a run of the `method`. Raises IcpError."""
-    frames = {}
-
-    def look(now: Any) -> None:
-        if now.iteration in _SHOWN:
-            frames[now.iteration] = _frame(problem, rows, now.z, now.iteration, now.residual)
-
-    options: dict[str, Any] = {"z0": z0, "time_limit": time_limit, "history": True, "raise_on_failure": False}
-    found = unbroken(solve(problem, method, callback=look, **options))
-    frames[found.iterations] = last = _frame(problem, rows, found.z, found.iterations, found.residual)
-    last["says"] += f"; {found.status.value}"
-    assert found.history is not None
-    some = np.unique(np.linspace(0, found.history.residual.size - 1, _ON_CURVE).astype(int))
-    steps, residual = found.history.iteration[some].tolist(), found.history.residual[some]
-    shown = np.maximum(residual, 0.1 * residual[residual > 0.0].min(initial=1.0))  # 0 has no logarithm
-    way = {"step": steps, "residual": _numbers(shown), "told": [f"{one:.2g}" for one in residual]}
-    return {"data": {"way": way}, "frames": [*frames.values()]}
-
-
-def _frame(problem: ProblemData, rows: Any, z: Vector, step: int | None, residual: float) -> dict[str, Any]:
-    """What a slider says and shows of an iterate, or of the answer, which has no `step`."""
-    _, active, above = pattern_at(problem, z)
-    fields = {"z": z, "p": problem.p(z), "psi": problem.psi.value(z)}
-    masks = {"below": active} if above is None else {"below": active & ~above, "above": above}
-    fields |= {} if problem.upper is None else {"upper": problem.upper.value(z)}
-    columns = {name: _numbers(values[rows]) for name, values in fields.items()}
-    columns |= {name: mask[rows].astype(int).tolist() for name, mask in masks.items()}
-    at = {"step": [step or 0], "residual": _numbers([residual or np.nan]), "told": [f"{residual:.2g}"]}
-    begin = "the answer" if step is None else f"step {step}"
-    says = f"{begin}: residual {residual:.2g}, {int(active.sum())} of {z.size} rows in contact"
-    return {"says": says, "data": {"points": columns, "at": at}}
 
 
 def _on_line(spots: Any, by_row: bool) -> list[Any]:
@@ -242,7 +181,7 @@ def _runs(chart: Any, found: Race, name: str, look: tuple[str, str], floor: floa
     dash, style = "solid" if name in found.traces else "dotted", {"color": colour, "legend_label": name}
     sign = {"marker": _MARKERS.get(look[1], "circle"), "size": 11 if tags else 9, "fill_alpha": "fill"}
     drawn = [
-        chart.line(_numbers(np.maximum(path, floor)), _numbers(seconds), line_dash=dash, line_alpha=0.6, **style),
+        chart.line(numbers(np.maximum(path, floor)), numbers(seconds), line_dash=dash, line_alpha=0.6, **style),
         chart.scatter("error", "time", source=_source(None, data), name="runs", **sign, **style),
     ]
     for one in drawn:
@@ -283,13 +222,13 @@ def _bars(first: dict[str, Entry], named: dict[str, list[Any]]) -> Any:
 def map_charts(found: StabilityMap, problem: ProblemData) -> tuple[list[Any], dict[str, Any]]:
     """The steps and ends of a map over θ₁ and θ₂, the residuals where they are equal, and a slider over these."""
     frames, ways = [], []
-    thetas = np.linspace(found.plane.x.values[0], found.plane.x.values[-1], _THETAS)
+    thetas = np.linspace(found.plane.x.values[0], found.plane.x.values[-1], 25)
     options: dict[str, Any] = {"max_iter": found.max_iter, "rtol": found.rtol, "raise_on_failure": False}
     for theta in thetas.tolist():
         run = unbroken(solve(problem, MNMSOR(theta1=theta), history=True, **options))
         assert run.history is not None
-        some = np.unique(np.geomspace(1, run.history.iteration.size, _ON_CURVE).astype(int)) - 1
-        ways.append({"step": run.history.iteration[some].tolist(), "residual": _numbers(run.history.residual[some])})
+        some = np.unique(np.geomspace(1, run.history.iteration.size, ON_CURVE).astype(int)) - 1
+        ways.append({"step": run.history.iteration[some].tolist(), "residual": numbers(run.history.residual[some])})
         end = f"{'solved in' if run.solved else f'{run.status.value} after'} {run.iterations} steps"
         data = {"theta-way": ways[-1], "theta": {"x": [theta], "y": [theta]}}
         frames.append({"says": f"θ₁ = θ₂ = {theta:.3g}: {end}", "data": data})

@@ -9,11 +9,15 @@ import numpy as np
 
 from ...algebra.equations import pattern_at
 from ...errors import InputError
+from ...methods.contract import Method
 from ...numerics.arrays import Vector
+from ...problem.data import ProblemData
 from ...scenes import Scene
 from ...scenes import scene as scene_called
 from ...scenes.registry import points_of, title
+from ...solve.driver import solve
 from ...solve.solution import History, Solution
+from ..cases import unbroken
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, Panel, drawing
 
 #: more points than this are thinned out before they are drawn: a figure has fewer pixels
@@ -22,6 +26,10 @@ _DRAWN = 200_000
 _PANEL = (3 * 72) ** 2
 #: so many points or rows are shown one by one
 FEW = 60
+#: in figures that can be turned so many points of a curve, and so many unknowns on a line and in the plane
+ON_CURVE, _ON_LINE, _IN_PLANE = 200, 400, 1600
+#: the iterates that are shown, in geometric progression, of 100 000 (the limit of solve) less than forty
+_SHOWN = {0, *(int(1.4**k) for k in range(35))}
 #: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
 _ZERO = 0.1
 #: contact with the obstacle below and with the one above, where there are two; how they are shaded and outlined
@@ -208,3 +216,56 @@ def _outlined(contacts: dict[str, Any]) -> str:
         return "contact set outlined"
     colours = {_BELOW: "below (white)", _ABOVE: "above (orange)"}
     return "contact " + " and ".join(colours[name] for name, rows in contacts.items() if rows.any())
+
+
+def numbers(values: Any) -> list[float | None]:
+    """To five digits, for JSON: None where there is none."""
+    return [float(f"{one:.5g}") if np.isfinite(one) else None for one in np.asarray(values, dtype=np.float64).tolist()]
+
+
+def turned_rows(n: int, places: Vector | None) -> tuple[Any, dict[str, Any], tuple[float, float] | None]:
+    """The rows that are drawn, evenly, the columns that say where, and in the plane the width and height of a cell."""
+    if places is None or places.ndim == 1:
+        rows = np.unique(np.linspace(0, n - 1, min(n, _ON_LINE)).astype(int))
+        return rows, {"x": rows if places is None else places[rows]}, None
+    ranks = [np.unique(of, return_inverse=True)[1] for of in places.T]
+    step, many = int(np.ceil((n / _IN_PLANE) ** 0.5)), [int(rank.max()) + 1 for rank in ranks]
+    rows = np.flatnonzero((ranks[0] % step == 0) & (ranks[1] % step == 0))
+    if many[0] * many[1] != n:  # no grid
+        many = [int(n**0.5) + 1] * 2
+    width, height = step * np.ptp(places, axis=0) / np.maximum(np.array(many) - 1, 1)
+    return rows, dict(zip("xy", places[rows].T, strict=True)), (float(width) or 1.0, float(height) or 1.0)
+
+
+def turned_run(problem: ProblemData, rows: Any, method: Method, z0: Any, time_limit: float) -> dict[str, Any]:
+    """The "data" and "frames" of a run of the `method`. Raises IcpError."""
+    frames = {}
+
+    def look(now: Any) -> None:
+        if now.iteration in _SHOWN:
+            frames[now.iteration] = frame(problem, rows, now.z, now.iteration, now.residual)
+
+    options: dict[str, Any] = {"z0": z0, "time_limit": time_limit, "history": True, "raise_on_failure": False}
+    found = unbroken(solve(problem, method, callback=look, **options))
+    frames[found.iterations] = last = frame(problem, rows, found.z, found.iterations, found.residual)
+    last["says"] += f"; {found.status.value}"
+    assert found.history is not None
+    some = np.unique(np.linspace(0, found.history.residual.size - 1, ON_CURVE).astype(int))
+    steps, residual = found.history.iteration[some].tolist(), found.history.residual[some]
+    shown = np.maximum(residual, _ZERO * residual[residual > 0.0].min(initial=1.0))
+    way = {"step": steps, "residual": numbers(shown), "told": [f"{one:.2g}" for one in residual]}
+    return {"data": {"way": way}, "frames": [*frames.values()]}
+
+
+def frame(problem: ProblemData, rows: Any, z: Vector, step: int | None, residual: float) -> dict[str, Any]:
+    """What a slider says and shows of an iterate, or of the answer, which has no `step`."""
+    _, active, above = pattern_at(problem, z)
+    fields = {"z": z, "p": problem.p(z), "psi": problem.psi.value(z)}
+    masks = {"below": active} if above is None else {"below": active & ~above, "above": above}
+    fields |= {} if problem.upper is None else {"upper": problem.upper.value(z)}
+    columns = {name: numbers(values[rows]) for name, values in fields.items()}
+    columns |= {name: mask[rows].astype(int).tolist() for name, mask in masks.items()}
+    at = {"step": [step or 0], "residual": numbers([residual or np.nan]), "told": [f"{residual:.2g}"]}
+    begin = "the answer" if step is None else f"step {step}"
+    says = f"{begin}: residual {residual:.2g}, {int(active.sum())} of {z.size} rows in contact"
+    return {"says": says, "data": {"points": columns, "at": at}}
