@@ -27,7 +27,7 @@ _PANEL = (3 * 72) ** 2
 #: so many points or rows are shown one by one
 FEW = 60
 #: in figures that can be turned so many points of a curve, and so many unknowns on a line and in the plane
-ON_CURVE, _ON_LINE, _IN_PLANE = 200, 400, 1600
+ON_CURVE, _ON_LINE, _IN_PLANE = 200, 400, 900
 #: the iterates that are shown, in geometric progression, of 100 000 (the limit of solve) less than forty
 _SHOWN = {0, *(int(1.4**k) for k in range(35))}
 #: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
