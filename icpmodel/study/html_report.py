@@ -23,6 +23,7 @@ from ..solve.driver import solve
 from ..solve.solution import Solution
 from .cases import scene_of
 from .charts.figures import Figure, drawing
+from .charts.interactive_charts import answer_charts, map_charts, race_charts
 from .planes import relaxation
 from .race import race
 from .sensitivity import sensitivity
@@ -39,7 +40,8 @@ _TRIED, _SHARE = 4, 0.25
 _TOLERANCES, _RACE_LIMIT = tuple(10.0**-k for k in range(2, 13, 2)), 3.0
 
 #: what a section shows, each entry left out where there is none: "short", the answer to its question; "lead", a
-#: sentence or two; "pictures", (SVG, caption) each; "folded", (what it is, HTML) each
+#: sentence or two; "pictures", each with "still", an SVG, its "caption" and "alt"; as many "charts" by Bokeh that take
+#: the places of the first ones; the "slider" of these; "folded", (what it is, HTML) each
 _Section = dict[str, Any]
 
 
@@ -59,11 +61,13 @@ def report(
 
     What cannot be done, such as a cross-check of a problem that is too large, is said in its place. The page is dark
     where the reader's screen is, and can be read on a phone.
+    The figures can be pointed at, zoomed and filtered by solver, and sliders go through iterates on the way to the
+    answer and over θ; without scripts, and in print, they stand still.
     Parameters: `problem`, which is solved first, or a `Solution`, solved or not; `title` and `about`, text; `points` as
     in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene or
     names one, these are by default what it says of itself; `command` what makes the page again; `time_limit` in
-    seconds for each independent solver; `say` is told what is going on. Returns the HTML text, about a megabyte at the
-    most, with the figures in it as SVG. Raises InputError.
+    seconds for each independent solver; `say` is told what is going on. Returns the HTML text, less
+    than 5 MB, of which Bokeh is 1.3, that loads nothing. Raises InputError.
 
     >>> page = icp.report(ICP([[2, -1], [-1, 2]], [-1, 3]), title="A pair", time_limit=5)
     >>> page.startswith("<!DOCTYPE html>"), "Who agrees?" in page
@@ -74,15 +78,15 @@ def report(
         known = said_of(scene)
         title, about = title or known["title"], about or known["about"]
         z_exact = known["z_exact"] if z_exact is None else z_exact
+    start = None if scene is None else scene.z0
     if isinstance(problem, Solution):
         solution = problem
     else:
         say("solving")
-        start = None if scene is None else scene.z0
         solution = solve(scene.problem if scene else problem, z0=start, history=True, raise_on_failure=False)
     problem = solution.problem
     sections: list[_Section] = []
-    for heading, question, make in _contents(solution, points, z_exact, time_limit):
+    for heading, question, make in _contents(solution, start, points, z_exact, time_limit):
         say(heading)
         section: _Section = {"heading": heading, "question": question, "id": re.sub(r"\W+", "-", heading.lower())}
         try:
@@ -99,6 +103,7 @@ def report(
         machine=machine(),
         command=command,
         sections=sections,
+        **_bokeh(sections),
     )
 
 
@@ -108,12 +113,12 @@ def said_of(scene: Scene) -> dict[str, Any]:
 
 
 def _contents(
-    solution: Solution, points: Vector | None, z_exact: Vector | None, time_limit: float
+    solution: Solution, start: Vector | None, points: Vector | None, z_exact: Vector | None, time_limit: float
 ) -> list[tuple[str, str, Callable[[], _Section]]]:
     """Heading, the question that it answers in short, and what makes the section."""
     problem = solution.problem
     return [
-        ("The answer", "Is it solved?", lambda: _answer(solution, points)),
+        ("The answer", "Is it solved?", lambda: _answer(solution, start, points, time_limit)),
         ("How sure that is", "How sure is that?", lambda: _certain(solution)),
         ("Second opinions", "Who agrees?", lambda: _checked(solution, time_limit)),
         ("Time against accuracy", "Who is quickest?", lambda: _race(problem, z_exact, time_limit)),
@@ -132,7 +137,7 @@ def _data(problem: ProblemData) -> str:
     return f"A is {problem.n} × {problem.n}, with {problem.A.nnz} entries that are not 0; ψ {kind}."
 
 
-def _answer(solution: Solution, points: Vector | None) -> _Section:
+def _answer(solution: Solution, start: Vector | None, points: Vector | None, time_limit: float) -> _Section:
     took = f"{solution.iterations} step{'' if solution.iterations == 1 else 's'}, {solution.seconds:.2g}\u00a0s"
     short = (
         f"Yes, by {solution.method.name}: {took}. The residual, which is 0 at a solution, is {solution.residual:.2g}."
@@ -142,9 +147,13 @@ def _answer(solution: Solution, points: Vector | None) -> _Section:
     pictures = _pictures(solution, points)
     if solution.history is not None and solution.history.residual.size > 1:
         pictures += _pictures(solution.history)
+    charts, slider = answer_charts(solution, points, start, min(_RACE_LIMIT, time_limit))
     return {
         "short": short,
+        "lead": "The slider goes through a run, from the start to the answer; in sweeps one sees the contact close in.",
         "pictures": pictures,
+        "charts": charts[: len(pictures)],
+        "slider": slider,
         "folded": [("The solve in detail", Card(solution.summary()).to_html())],
     }
 
@@ -203,6 +212,7 @@ def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> _S
         "short": found.in_words("To {goal:g} of the residual at z = 0"),
         "lead": lead,
         "pictures": _pictures(found),
+        "charts": race_charts(found),
         "folded": folded,
     }
 
@@ -214,7 +224,13 @@ def _map(problem: ProblemData) -> _Section:
     found = stability(relaxation(points, problem, largest), starts=starts, max_iter=max_iter)
     worst = f" from {starts} starts, of which the worst counts" if starts > 1 else ""
     lead = f"What relaxation does to the paper's method: at each point {found.plane.title} is solved{worst}."
-    return {"lead": lead, "pictures": _pictures(found), "folded": [("Counted", found._repr_html_())]}
+    charts, slider = map_charts(found, problem)
+    falls = {
+        "alt": "Residual against steps.",
+        "caption": "The residual at θ₁ = θ₂ as the slider has it, others grey.",
+    }
+    pictures, folded = [*_pictures(found), falls], [("Counted", found._repr_html_())]
+    return {"lead": lead, "pictures": pictures, "charts": charts, "slider": slider, "folded": folded}
 
 
 def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
@@ -234,10 +250,22 @@ def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
     return best
 
 
-def _pictures(what: Any, points: Vector | None = None) -> list[tuple[str, str]]:
-    """Each panel as (SVG, caption)."""
+def _pictures(what: Any, points: Vector | None = None) -> list[dict[str, str]]:
     made = drawing(what, points)
-    return [(_svg(one, panel.alt), panel.caption) for one, panel in zip(made.apart(), made.panels, strict=True)]
+    pairs = zip(made.apart(), made.panels, strict=True)
+    return [{"still": _svg(one, panel.alt), "alt": panel.alt, "caption": panel.caption} for one, panel in pairs]
+
+
+def _bokeh(sections: list[_Section]) -> dict[str, str]:
+    """The library itself, and the script that puts the charts into the elements which take their places here."""
+    from bokeh.embed import components
+    from bokeh.resources import Resources
+
+    script, elements = components([chart for section in sections for chart in section.get("charts", ())])
+    placed = iter(elements)
+    for section in sections:
+        section["charts"] = [next(placed) for _ in section.get("charts", ())]
+    return {"library": Resources(mode="inline", components=["bokeh"]).render_js(), "script": script}
 
 
 def _svg(figure: Figure, alt: str) -> str:

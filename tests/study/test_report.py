@@ -1,13 +1,17 @@
 """The HTML page: in short first, self-contained, with every section, honest where something cannot be shown."""
 
+import importlib.util
+import json
 import re
 import shutil
 import subprocess
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 import icpmodel as icp
+from icpmodel.study.charts.interactive_charts import answer_charts, race_charts
 
 SECTIONS = [
     "The answer",
@@ -19,8 +23,10 @@ SECTIONS = [
     "Where relaxation works",
 ]
 QUESTIONS = ["Is it solved?", "How sure is that?", "Who agrees?", "Who is quickest?", "Has it a derivative?"]
+#: a figure that stands still; Bokeh itself has such elements in its text
+STILL = '<svg role="img"'
 #: elements that have no end tag
-VOID = {"meta", "br", "path", "use", "image", "link", "rect"}
+VOID = {"meta", "br", "path", "use", "image", "link", "rect", "input"}
 
 
 class Page(HTMLParser):
@@ -30,11 +36,15 @@ class Page(HTMLParser):
         super().__init__()
         self.open, self.headings, self.loaded, self.ids, self.used = [], [], [], [], []
         self.short, self.links, self.told, self.captions = {}, [], [], []
+        self.charts, self.sliders, self.is_data = [], [], False
         self.feed(text)
 
     def handle_starttag(self, tag, attributes):
         if tag not in VOID:
             self.open.append(tag)
+        self.is_data = tag == "script" and dict(attributes).get("type") == "application/json"
+        if tag == "div" and dict(attributes).get("class") == "chart":
+            self.charts.append(dict(attributes)["aria-label"])
         if tag == "svg" and dict(attributes).get("role") == "img":
             self.told.append(dict(attributes)["aria-label"])
         for name, value in attributes:
@@ -52,10 +62,13 @@ class Page(HTMLParser):
             self.open.pop()
 
     def handle_endtag(self, tag):
+        self.is_data = False
         if tag not in VOID:
             assert self.open.pop() == tag
 
     def handle_data(self, data):
+        if self.is_data:
+            self.sliders.append(json.loads(data))
         if self.open and self.open[-1] == "h2":
             self.headings.append(data)
         if self.open and self.open[-1] == "dt":
@@ -79,10 +92,10 @@ def test_the_page_has_every_section_and_loads_nothing(membrane):
     assert page.loaded == []
     assert page.open == []
     assert "A &lt;membrane&gt;" in membrane
-    assert membrane.count("<svg") >= 5  # z, p, the way there, the race in two panels or more, the map
+    assert membrane.count(STILL) >= 5  # z, p, the way there, the race in two panels or more, the map
     assert "Not shown" not in membrane
     assert "Where relaxation works" in membrane
-    assert len(membrane) < 2_000_000
+    assert len(membrane) < 5_000_000
 
 
 def test_first_of_all_it_is_said_in_short_what_there_is_to_know(membrane):
@@ -94,7 +107,7 @@ def test_first_of_all_it_is_said_in_short_what_there_is_to_know(membrane):
     assert "independent checks agree" in agrees
     assert quickest.startswith("To 1e-08 of the residual at z = 0: ")
     assert derivative == "Yes, and this is proved: every row is proved to be at an obstacle or off it."
-    assert membrane.index("<dl>") < membrane.index("<svg")
+    assert membrane.index("<dl>") < membrane.index(STILL)
 
 
 def test_contents_captions_and_what_pictures_show_are_there(membrane):
@@ -103,11 +116,13 @@ def test_contents_captions_and_what_pictures_show_are_there(membrane):
     assert set(page.links) >= set(page.ids) & {re.sub(r"\W+", "-", one.lower()) for one in SECTIONS}
     assert len(page.links) == len(SECTIONS)
     assert set(page.links) <= set(page.ids)
-    assert len(page.told) == len(page.captions) == membrane.count("<svg")
-    assert all(len(one) > 20 for one in page.told + page.captions)
+    assert len(page.told) == membrane.count(STILL)
+    assert len(page.charts) == len(page.captions) == len(page.told) + 1  # the residuals over θ never stand still
+    assert all(len(one) > 20 for one in page.told + page.captions + page.charts)
     assert "prefers-color-scheme: dark" in membrane
     assert 'name="viewport"' in membrane
-    assert "#000000" not in membrane  # what is black has the colour of the text
+    still = re.findall(f"{STILL}.*?</svg>", membrane, re.DOTALL)
+    assert not any("#000000" in one for one in still)  # what is black has the colour of the text
     assert membrane.count("<details") >= len(SECTIONS)
 
 
@@ -137,12 +152,117 @@ def test_wrong_wishes_are_named(wrong):
         icp.report(**arguments)
 
 
+def test_the_slider_goes_through_few_iterates_up_to_the_solution(membrane):
+    """From the start, where all is contact or nothing, to the answer itself, to the digits that a page needs."""
+    scene = icp.scenes.membrane(n=100)
+    solution = scene.problem.solve()
+    iterates, thetas = Page(membrane).sliders
+    found, sweeps = iterates["runs"]
+    assert "which found the answer" in found["name"]
+    assert sweeps["name"] == "MNMGS(), sweeps as in the paper"
+    assert iterates["start"] == len(found["frames"]) - 1
+    for run in (found, sweeps):
+        first, last = run["frames"][0]["data"]["points"], run["frames"][-1]["data"]["points"]
+        assert first["z"] == [0.0] * 100
+        assert np.allclose(last["z"], solution.z, atol=1e-4)
+        assert sum(last["below"]) == np.count_nonzero(scene.problem.r(solution.z) < 1e-8)
+    assert 5 < len(sweeps["frames"]) < 40
+    contact = [sum(frame["data"]["points"]["below"]) for frame in sweeps["frames"]]
+    assert len({*contact}) > 2  # one sees it close in
+    steps = [int(re.search(r"(\d+) steps", frame["says"]).group(1)) for frame in thetas["runs"][0]["frames"]]
+    middle = thetas["runs"][0]["frames"][thetas["start"]]
+    assert middle["data"]["theta"] == {"x": [pytest.approx(1.0)], "y": [pytest.approx(1.0)]}
+    assert steps[thetas["start"]] == scene.problem.solve("mnmsor").iterations
+    assert len({*steps}) > 5
+
+
+def test_of_large_problems_so_many_unknowns_are_drawn_as_a_page_has_room_for():
+    """On a line, in the plane, and of both kinds of obstacles; what is not finite has no number."""
+    for scene in (icp.scenes.membrane(n=10_000), icp.scenes.bearing(n=5000)):
+        charts, slider = answer_charts(scene.problem.solve(), scene.points, None, 0.2)
+        assert len(charts) == 3
+        drawn = {len(frame["data"]["points"]["z"]) for run in slider["runs"] for frame in run["frames"]}
+        assert drawn <= set(range(300, 901))
+        assert len(drawn) == 1
+        # two runs of 35 frames, beside 1.3 MB of Bokeh and half a MB of figures that stand still
+        assert 2 * 35 * max(len(json.dumps(one)) for run in slider["runs"] for one in run["frames"]) < 3_000_000
+    charts, slider = answer_charts(icp.scenes.hand_box().problem.solve(), None, None, 5.0)
+    assert slider["runs"][0]["frames"][-1]["data"]["points"] == {
+        "z": [0.0, 0.5, 1.0],
+        "p": [1.0, 0.0, -1.0],
+        "psi": [0.0, 0.0, 0.0],
+        "upper": [1.0, 1.0, 1.0],
+        "below": [1, 0, 0],
+        "above": [0, 0, 1],
+    }
+    free = answer_charts(icp.ICP([[2.0]], [-1.0], psi=-np.inf).solve(), None, None, 5.0)[1]
+    assert free["runs"][0]["frames"][-1]["data"]["points"]["psi"] == [None]
+
+
+def test_a_name_that_is_clicked_is_hidden_in_every_panel():
+    """Of seven solvers at the most in a panel, each with its own colour and marker, beside one linear solve."""
+    *panels, bars = race_charts(icp.race(icp.scenes.membrane(n=100), repeats=1, tolerances=[1e-4, 1e-8]))
+    names = [[item.label.value for item in panel.legend[0].items] for panel in panels]
+    assert all(len([name for name in one if name != "one linear solve"]) <= 7 for one in names)
+    for panel in [*panels, bars]:
+        assert panel.legend[0].click_policy == "hide"
+    assert all(panel.x_range is panels[0].x_range for panel in panels)
+    for panel in panels:
+        runs = [one.glyph for one in panel.renderers if one.name == "runs"]
+        assert len({(one.marker, one.line_color) for one in runs}) == len(runs)
+    solve = [one for panel in panels for one in panel.renderers if one.name == "runs" and "ink" in one.glyph.tags]
+    assert len(solve) == len(panels)
+    followers = solve[0].js_property_callbacks["change:visible"][0].args["alike"]
+    assert {*solve} <= {*followers}
+    assert any(one in followers for one in bars.renderers)
+
+
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium on the PATH")
 def test_a_browser_opens_it_offline(membrane, tmp_path):
-    """The page as the browser sees it has all headings, both figures and no script."""
+    """The page as the browser sees it has all headings, the figures, and what the script has made of them."""
     (tmp_path / "page.html").write_text(membrane, encoding="utf-8")
     command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", f"file://{tmp_path}/page.html"]
     seen = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
     assert Page(seen).headings == SECTIONS
-    assert seen.count("<svg") == membrane.count("<svg")
-    assert "<script" not in seen
+    assert seen.count(STILL) == membrane.count(STILL)
+    assert '<html lang="en" class="script">' in seen
+    assert seen.count('class="bk-Figure"') == len(Page(membrane).charts)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("playwright") is None, reason="playwright is not installed")
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium on the PATH")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_sliders_move_the_figures_without_a_request_or_an_error(membrane, tmp_path, scheme):
+    """On a phone, where nothing is wider than the page, in the light and in the dark."""
+    from playwright.sync_api import sync_playwright
+
+    path = tmp_path / "page.html"
+    path.write_text(membrane, encoding="utf-8")
+    errors, asked = [], []
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 390, "height": 844}, color_scheme=scheme)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(path.as_uri())
+        page.wait_for_function("window.Bokeh && Bokeh.documents.length")
+        page.wait_for_timeout(500)
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+        ink = page.evaluate("getComputedStyle(document.body).color")
+        models = "[...Bokeh.documents[0].all_models].map((one) => one.axis_label_text_color)"
+        assert {one for one in page.evaluate(models) if one} == {ink}
+        for form, chart in ((0, 0), (1, -1)):
+            slider = page.locator("form.slider").nth(form)
+            if form == 0:
+                slider.locator("select").select_option(index=1)
+            figure = page.locator(".chart").nth(chart)
+            before, said = figure.screenshot(), slider.locator("output").inner_text()
+            slider.locator("input").focus()
+            page.keyboard.press("Home")
+            page.wait_for_timeout(300)
+            assert slider.locator("output").inner_text() != said
+            assert figure.screenshot() != before
+        browser.close()
+    assert errors == []
+    assert asked == [path.as_uri()]

@@ -9,11 +9,15 @@ import numpy as np
 
 from ...algebra.equations import pattern_at
 from ...errors import InputError
+from ...methods.contract import Method
 from ...numerics.arrays import Vector
+from ...problem.data import ProblemData
 from ...scenes import Scene
 from ...scenes import scene as scene_called
 from ...scenes.registry import points_of, title
+from ...solve.driver import solve
 from ...solve.solution import History, Solution
+from ..cases import unbroken
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, Panel, drawing
 
 #: more points than this are thinned out before they are drawn: a figure has fewer pixels
@@ -21,7 +25,11 @@ _DRAWN = 200_000
 #: dots on points of no grid cover half of a panel, which is about 3 inches square, in squared points
 _PANEL = (3 * 72) ** 2
 #: so many points or rows are shown one by one
-_FEW = 60
+FEW = 60
+#: in figures that can be turned so many points of a curve, and so many unknowns on a line and in the plane
+ON_CURVE, _ON_LINE, _IN_PLANE = 200, 400, 900
+#: the iterates that are shown, in geometric progression, of 100 000 (the limit of solve) less than forty
+_SHOWN = {0, *(int(1.4**k) for k in range(35))}
 #: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
 _ZERO = 0.1
 #: contact with the obstacle below and with the one above, where there are two; how they are shaded and outlined
@@ -65,7 +73,7 @@ def _(history: History, points: Any = None) -> Drawing:
     shown = np.maximum(history.residual, _ZERO * above_0.min() if above_0.size else 1.0)
 
     def residuals(axes: Any) -> list[Any]:
-        style = {"marker": "o", "markersize": 4} if shown.size <= _FEW else {}
+        style = {"marker": "o", "markersize": 4} if shown.size <= FEW else {}
         axes.plot(history.iteration, shown, color=BLUE, linewidth=1.5, **style)
         axes.plot(history.iteration[-1:], shown[-1:], "o", color=BLUE, markersize=5)
         lowest = ", 0 at the lower end" if above_0.size < shown.size else ""
@@ -94,13 +102,13 @@ def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -
     middles = (x[:-1] + x[1:]) / 2
     apart = x[1] - x[0] if n > 1 else 1.0
     ends = np.concatenate([[x[0] - apart / 2], middles, [x[-1] + apart / 2]])
-    single = points is None and n <= _FEW  # rows have nothing between them
+    single = points is None and n <= FEW  # rows have nothing between them
 
     def style(width: float, sign: str = "o") -> dict[str, Any]:
         if single:
             return {"linestyle": "", "marker": sign, "markersize": 6 if sign == "o" else max(400 / max(n, 8), 8)}
         drawn = {"drawstyle": "steps-mid"} if points is None else {}
-        return {"linewidth": width, "marker": "o" if n <= _FEW else "", "markersize": 3} | drawn
+        return {"linewidth": width, "marker": "o" if n <= FEW else "", "markersize": 3} | drawn
 
     def heights(axes: Any) -> list[Any]:
         for psi, colour, label in ((problem.psi, ORANGE, "obstacle ψ(z)"), (problem.upper, PURPLE, "obstacle above")):
@@ -125,7 +133,7 @@ def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -
         _dressed(axes, "force p", ends, contacts, points is None)
         return []
 
-    caption = "The answer z and its obstacle. Where it is shaded they touch."
+    caption = "The answer z and its obstacle. They touch where it is shaded, or has a ring."
     return Drawing(
         panels=(
             Panel(draw=heights, caption=caption, alt=_told("z", solution.z, contacts)),
@@ -185,9 +193,7 @@ def _plane(solution: Solution, points: Any, contacts: dict[str, Any]) -> Drawing
 
     heading = f"z, {_outlined(contacts)}" if regular else "z"
     heights = partial(half, solution.z, heading, "viridis", contacts)
-    caption = "The answer z" + (
-        ", with an outline around the points where it touches its obstacle." if regular else "."
-    )
+    caption = "The answer z; where it touches its obstacle it has an outline, or dots." if regular else "The answer z."
     return Drawing(
         panels=(
             Panel(draw=heights, caption=caption, alt=_told("z", solution.z, contacts)),
@@ -210,3 +216,56 @@ def _outlined(contacts: dict[str, Any]) -> str:
         return "contact set outlined"
     colours = {_BELOW: "below (white)", _ABOVE: "above (orange)"}
     return "contact " + " and ".join(colours[name] for name, rows in contacts.items() if rows.any())
+
+
+def numbers(values: Any) -> list[float | None]:
+    """To five digits, for JSON: None where there is none."""
+    return [float(f"{one:.5g}") if np.isfinite(one) else None for one in np.asarray(values, dtype=np.float64).tolist()]
+
+
+def turned_rows(n: int, places: Vector | None) -> tuple[Any, dict[str, Any], tuple[float, float] | None]:
+    """The rows that are drawn, evenly, the columns that say where, and in the plane the width and height of a cell."""
+    if places is None or places.ndim == 1:
+        rows = np.unique(np.linspace(0, n - 1, min(n, _ON_LINE)).astype(int))
+        return rows, {"x": rows if places is None else places[rows]}, None
+    ranks = [np.unique(of, return_inverse=True)[1] for of in places.T]
+    step, many = int(np.ceil((n / _IN_PLANE) ** 0.5)), [int(rank.max()) + 1 for rank in ranks]
+    rows = np.flatnonzero((ranks[0] % step == 0) & (ranks[1] % step == 0))
+    if many[0] * many[1] != n:  # no grid
+        many = [int(n**0.5) + 1] * 2
+    width, height = step * np.ptp(places, axis=0) / np.maximum(np.array(many) - 1, 1)
+    return rows, dict(zip("xy", places[rows].T, strict=True)), (float(width) or 1.0, float(height) or 1.0)
+
+
+def turned_run(problem: ProblemData, rows: Any, method: Method, z0: Any, time_limit: float) -> dict[str, Any]:
+    """The "data" and "frames" of a run of the `method`. Raises IcpError."""
+    frames = {}
+
+    def look(now: Any) -> None:
+        if now.iteration in _SHOWN:
+            frames[now.iteration] = frame(problem, rows, now.z, now.iteration, now.residual)
+
+    options: dict[str, Any] = {"z0": z0, "time_limit": time_limit, "history": True, "raise_on_failure": False}
+    found = unbroken(solve(problem, method, callback=look, **options))
+    frames[found.iterations] = last = frame(problem, rows, found.z, found.iterations, found.residual)
+    last["says"] += f"; {found.status.value}"
+    assert found.history is not None
+    some = np.unique(np.linspace(0, found.history.residual.size - 1, ON_CURVE).astype(int))
+    steps, residual = found.history.iteration[some].tolist(), found.history.residual[some]
+    shown = np.maximum(residual, _ZERO * residual[residual > 0.0].min(initial=1.0))
+    way = {"step": steps, "residual": numbers(shown), "told": [f"{one:.2g}" for one in residual]}
+    return {"data": {"way": way}, "frames": [*frames.values()]}
+
+
+def frame(problem: ProblemData, rows: Any, z: Vector, step: int | None, residual: float) -> dict[str, Any]:
+    """What a slider says and shows of an iterate, or of the answer, which has no `step`."""
+    _, active, above = pattern_at(problem, z)
+    fields = {"z": z, "p": problem.p(z), "psi": problem.psi.value(z)}
+    masks = {"below": active} if above is None else {"below": active & ~above, "above": above}
+    fields |= {} if problem.upper is None else {"upper": problem.upper.value(z)}
+    columns = {name: numbers(values[rows]) for name, values in fields.items()}
+    columns |= {name: mask[rows].astype(int).tolist() for name, mask in masks.items()}
+    at = {"step": [step or 0], "residual": numbers([residual or np.nan]), "told": [f"{residual:.2g}"]}
+    begin = "the answer" if step is None else f"step {step}"
+    says = f"{begin}: residual {residual:.2g}, {int(active.sum())} of {z.size} rows in contact"
+    return {"says": says, "data": {"points": columns, "at": at}}

@@ -19,7 +19,7 @@ from .figures import ACCURATE, BLUE, GREY, ORANGE, SKY, YELLOW, Drawing, Panel, 
 #: what an answer that is exact to the last digit is drawn at, as a share of the smallest error above 0
 _EXACT = 0.1
 #: kind of a competitor → colour of its bar and what that means
-_KINDS = {
+KINDS = {
     "solve": ("black", "what solve() does by itself"),
     "own": (BLUE, "a method of this package"),
     "peer": (ORANGE, "an independent solver"),
@@ -29,7 +29,7 @@ _BAR, _AROUND = 0.24, 1.0
 #: room for the numbers at the bars, as a factor
 _NUMBERS = 30.0
 #: how a run ended → the sign for it and its words; solved points have colours
-_SIGNS = {
+SIGNS = {
     "slow": (".", "not there after {max_iter} steps"),
     "precision limit": ("$+$", "as far as rounding allows"),
     "psi failed": ("$?$", "ψ failed"),
@@ -49,18 +49,14 @@ _PROVED: dict[str, tuple[tuple[str, ...], str, Any]] = {
     "row by row": (("rowwise", "h-plus"), BLUE, (0, (6, 2))),
     "positive definite": (("definite",), YELLOW, (0, (5, 1, 1, 1))),
 }
-_FALSE = "#C00000"
+FALSE = "#C00000"
 
 
 @drawing.register
 def _(found: Race, points: Any = None) -> Drawing:
     """Time against error, more accurate to the right, for seven competitors at most in a panel; then the times to
     Res ≤ 1e-8·Res(0) as bars."""
-    kinds = {run.name: run.kind for run in found.entries}
-    parts = looks(kinds)
-    if len(parts) > 1:
-        parts = [one for kind in ("own", "peer") for one in looks(_with_solve(kinds, kind)) if {*one} - {"solve()"}]
-    limits = _limits(found)
+    parts, limits = parts_of(found), limits_of(found)
     panels = [
         Panel(
             draw=partial(_times, found, shown, limits, len(parts) > 1),
@@ -69,8 +65,8 @@ def _(found: Race, points: Any = None) -> Drawing:
         )
         for k, shown in enumerate(parts)
     ]
-    first = _first_to_goal(found.entries)
-    took = [f"{name} {_seconds(run.median)}" for name, run in first.items()]
+    first = first_to_goal(found.entries)
+    took = [f"{name} {in_seconds(run.median)}" for name, run in first.items()]
     bars = Panel(
         draw=partial(_bars, first),
         caption="The time to the accuracy that solve() aims at by default, the shortest at the top, on a logarithmic "
@@ -95,8 +91,14 @@ _HOW_TIMES = (
 )
 
 
-def _with_solve(kinds: dict[str, str], kind: str) -> list[str]:
-    return [name for name, one in kinds.items() if one in ("solve", kind)]
+def parts_of(found: Race) -> list[dict[str, tuple[str, str]]]:
+    """Panel by panel competitor → (colour, marker), solve() in each."""
+    kinds = {run.name: run.kind for run in found.entries}
+    parts = looks(kinds)
+    if len(parts) > 1:
+        groups = [[name for name, one in kinds.items() if one in ("solve", kind)] for kind in ("own", "peer")]
+        parts = [one for group in groups for one in looks(group) if {*one} - {"solve()"}]
+    return parts
 
 
 def _times_told(found: Race, shown: Iterable[str]) -> str:
@@ -105,7 +107,7 @@ def _times_told(found: Race, shown: Iterable[str]) -> str:
     for name in shown:
         if runs := [run for run in found.entries if run.name == name and run.error is not None]:
             best = _most_accurate(runs)
-            told.append(f"{name} gets to {best.error or 0.0:.1e} in {_seconds(best.median)}")
+            told.append(f"{name} gets to {best.error or 0.0:.1e} in {in_seconds(best.median)}")
     return f"Time against {found.measure}. {'; '.join(told) or 'No run has an error'}."
 
 
@@ -113,7 +115,7 @@ def _most_accurate(runs: Sequence[Entry]) -> Entry:
     return min(runs, key=lambda run: np.inf if run.error is None else run.error)
 
 
-def _limits(found: Race) -> dict[str, Any]:
+def limits_of(found: Race) -> dict[str, Any]:
     """The limits of all panels, errors the other way round, and what is drawn where the error is 0, or nothing beside
     the largest: a way may begin, or a run that diverges may go, far beyond."""
     errors = [run.error for run in found.entries if run.error]
@@ -170,7 +172,7 @@ def _points(axes: Any, mine: list[Entry], colour: str, marker: str, floor: float
         axes.plot(*zip(*sorted(places), strict=True), color=colour, linewidth=0.7, linestyle=":", zorder=1)
 
 
-def _first_to_goal(runs: Sequence[Entry]) -> dict[str, Entry]:
+def first_to_goal(runs: Sequence[Entry]) -> dict[str, Entry]:
     """For each competitor the first run that reached the residual, the quickest first."""
     best: dict[str, Entry] = {}
     for run in runs:
@@ -184,16 +186,16 @@ def _bars(first: dict[str, Entry], axes: Any) -> list[Any]:
     times = [run.median for run in first.values()]
     left = min(times, default=1.0) / 3
     for k, run in enumerate(first.values()):
-        axes.barh(k, run.median - left, left=left, color=_KINDS[run.kind][0], alpha=0.85, height=0.6)
+        axes.barh(k, run.median - left, left=left, color=KINDS[run.kind][0], alpha=0.85, height=0.6)
         before = (run.build + (run.setup or 0.0)) / run.median
-        axes.text(1.1 * run.median, k, f"{_seconds(run.median)} ({before:.0%})", va="center", fontsize=8)
+        axes.text(1.1 * run.median, k, f"{in_seconds(run.median)} ({before:.0%})", va="center", fontsize=8)
     axes.set(xscale="log", xlim=(left, _NUMBERS * max(times, default=1.0)))
     axes.set_yticks(range(len(first)), list(first), fontsize=8)
     axes.invert_yaxis()
     axes.set_xlabel(f"time to Res(z) ≤ {RTOL:g} Res(0), s\n(in brackets the share before the first step)")
     axes.grid(axis="x", alpha=0.3)
     kinds = {run.kind for run in first.values()}
-    for kind, (colour, words) in _KINDS.items():
+    for kind, (colour, words) in KINDS.items():
         if kind in kinds:
             axes.barh([0], [0], color=colour, alpha=0.85, label=words)
     if not first:
@@ -203,7 +205,7 @@ def _bars(first: dict[str, Entry], axes: Any) -> list[Any]:
     return []
 
 
-def _seconds(t: float) -> str:
+def in_seconds(t: float) -> str:
     """`t` seconds to two digits, in the unit that people would use."""
     for unit, words in ((1.0, "s"), (1e-3, "ms")):
         if t >= unit:
@@ -229,10 +231,11 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
 
     A red line encloses what the paper, as printed, says to converge, where that is more than is proved.
     """
+    from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm
     from matplotlib.lines import Line2D
 
-    x, y, ends, printed = found.plane.x, found.plane.y, found.ends, found.any_printed
+    x, y, ends = found.plane.x, found.plane.y, found.ends
     solved = ends == "solved"
     counts = np.ma.masked_where(~solved, np.maximum(found.steps, 1))
     least = int(counts.min()) if solved.any() else found.max_iter
@@ -242,7 +245,7 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
     axes.figure.colorbar(mesh, ax=axes, label=f"steps to Res(z) ≤ {found.rtol:g} Res(0)", pad=0.01)
     handles = []
     X, Y = np.meshgrid(x.values, y.values)
-    for end, (sign, words) in _SIGNS.items():
+    for end, (sign, words) in SIGNS.items():
         here = ends == end
         if here.any():
             style: dict[str, Any] = {"linestyle": "", "marker": sign}
@@ -250,19 +253,17 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
             handles.append(
                 Line2D([], [], markersize=7, color=GREY, label=words.format(max_iter=found.max_iter), **style)
             )
-    for words, mask, colour, dashes in _proofs(found):
-        _outline(axes, x, y, mask, colors=[colour], linestyles=[dashes], linewidths=2.0)
-        shown = "black" if dashes == "solid" else colour
-        handles.append(Line2D([], [], color=shown, linestyle=dashes, linewidth=2.0, label=words))
-    if (printed & ~found.any_proved).any():
-        _outline(axes, x, y, printed, colors=[_FALSE], linewidths=3.0, zorder=1.5)
-        handles.append(Line2D([], [], color=_FALSE, linewidth=3.0, label="said to converge, as printed (false)"))
+    for words, mask, colour, dashes in proofs(found):
+        width, shown = (3.0, colour) if colour == FALSE else (2.0, "black" if dashes == "solid" else colour)
+        style = {"colors": [colour], "linestyles": [dashes], "linewidths": width, "zorder": 4.5 - width}
+        axes.add_collection(LineCollection(outline(found, mask), **style))
+        handles.append(Line2D([], [], color=shown, linestyle=dashes, linewidth=width, label=words))
     axes.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear", xlabel=x.label, ylabel=y.label)
     return handles + _marked(found, axes)
 
 
-def _proofs(found: StabilityMap) -> list[tuple[str, Any, str, Any]]:
-    """(words, points, colour, dashes) of what proves convergence somewhere; what proves the same points is one."""
+def proofs(found: StabilityMap) -> list[tuple[str, Any, str, Any]]:
+    """(words, points, colour, dashes) of what proves convergence, each region once, and of what was printed."""
     alike: dict[bytes, list[str]] = {}
     masks = {words: np.any([found.proved[name] for name in names], axis=0) for words, (names, *_) in _PROVED.items()}
     for words, mask in masks.items():
@@ -272,19 +273,26 @@ def _proofs(found: StabilityMap) -> list[tuple[str, Any, str, Any]]:
     for same in alike.values():
         how = "" if len(alike) == 1 else f" ({', '.join(same)})"
         told.append((f"proved to converge{how}", masks[same[-1]], *_PROVED[same[-1]][1:]))
+    if (found.any_printed & ~found.any_proved).any():
+        told.append(("said to converge, as printed (false)", found.any_printed, FALSE, "solid"))
     return told
 
 
-def _marked(found: StabilityMap, axes: Any) -> list[Any]:
-    """Where the method is by default, and where it needs the fewest steps, as far as the plane is one of a method."""
-    places, marked = {}, []
+def marked_places(found: StabilityMap) -> dict[str, tuple[tuple[float, float], str]]:
+    """Words → (point, marker): on the plane of a method where it is by default, and where it needs the fewest steps."""
+    places = {}
     if found.plane.default is not None:
         places["default"] = found.plane.default, "o"
         if (found.ends == "solved").any():
             j, i = np.unravel_index(np.where(found.ends == "solved", found.steps, np.inf).argmin(), found.ends.shape)
             best = float(found.plane.x.values[i]), float(found.plane.y.values[j])
             places[f"fewest steps: {found.steps[j, i]}"] = best, "*"
-    for words, (place, marker) in places.items():
+    return places
+
+
+def _marked(found: StabilityMap, axes: Any) -> list[Any]:
+    marked: list[Any] = []
+    for words, (place, marker) in marked_places(found).items():
         style = {"marker": marker, "color": "white", "markeredgecolor": "#1a1a1a", "linestyle": ""}
         marked += axes.plot(
             *[[at] for at in place], label=words, markersize=12 if marker == "*" else 8, zorder=4, **style
@@ -296,17 +304,13 @@ def _edges(axis: Axis) -> Any:
     """The borders of the cells around the values."""
     t = np.log(axis.values) if axis.log else axis.values
     middle = 0.5 * (t[1:] + t[:-1])
-    edges = np.concatenate([[2.0 * t[0] - middle[0]], middle, [2.0 * t[-1] - middle[-1]]])
-    return np.exp(edges) if axis.log else edges
+    found = np.concatenate([[2.0 * t[0] - middle[0]], middle, [2.0 * t[-1] - middle[-1]]])
+    return np.exp(found) if axis.log else found
 
 
-def _outline(axes: Any, x: Axis, y: Axis, mask: Any, **style: Any) -> None:
-    """A line along the borders of the cells where `mask` holds."""
-    from matplotlib.collections import LineCollection
-
-    ex, ey = _edges(x), _edges(y)
-    wide = np.pad(mask, 1)
-    pieces = [[(ex[i], ey[j]), (ex[i], ey[j + 1])] for j, i in np.argwhere(wide[1:-1, 1:] != wide[1:-1, :-1])] + [
-        [(ex[i], ey[j]), (ex[i + 1], ey[j])] for j, i in np.argwhere(wide[1:, 1:-1] != wide[:-1, 1:-1])
-    ]
-    axes.add_collection(LineCollection(pieces, **style))
+def outline(found: StabilityMap, mask: Any) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    """The borders of the cells where `mask` holds, in pieces from a point to a point."""
+    ex, ey, wide = _edges(found.plane.x), _edges(found.plane.y), np.pad(mask, 1)
+    upright, level = wide[1:-1, 1:] != wide[1:-1, :-1], wide[1:, 1:-1] != wide[:-1, 1:-1]
+    pieces = [((ex[i], ey[j]), (ex[i], ey[j + 1])) for j, i in np.argwhere(upright)]
+    return pieces + [((ex[i], ey[j]), (ex[i + 1], ey[j])) for j, i in np.argwhere(level)]
