@@ -73,7 +73,8 @@ _ADVICE = {
     "PRECISION_LIMIT": "rounding forbids a smaller residual: accept this z, or scale the problem; see its error bound",
     "STAGNATED": "try {}another method or another start z0; unless certified, there may be no solution",
     "CYCLED": "try {}another method or another start z0",
-    "DIVERGED": "try {}another method or another start z0; A may be far from an H+-matrix",
+    "DIVERGED": "try {}another method or another start z0; A may be far from an H+-matrix, or psi move too much: see "
+    "problem.explain()",
     "INFEASIBLE": "this is proved: mend A, q or psi; `infeasible.witness` says which rows contradict each other",
     "ITERATION_LIMIT": "raise max_iter, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "TIME_LIMIT": "raise time_limit, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
