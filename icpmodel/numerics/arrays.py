@@ -137,6 +137,11 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     if not sp.issparse(value):
         return freeze(_compressed(as_square(value, name, n), keep_diagonal))
     _check_square(value.shape, name, n)
+    if hasattr(value, "check_format"):  # what is wrong with indices would be written to memory of others
+        try:
+            value.check_format(full_check=True)
+        except ValueError as error:
+            raise InputError(f"{name} is no sparse matrix that SciPy could use: {error}") from None
     matrix = sp.csr_array(as_real(value, name), dtype=np.float64, copy=True)
     matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():

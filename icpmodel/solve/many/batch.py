@@ -41,7 +41,7 @@ _COPIES = 6
 #: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
 ROWS_A_THREAD, UNKNOWNS_A_THREAD = 200, 20_000
 #: so many rows that are solved one by one start each from the answer of the one before; the next one begins anew, so
-#: that a share of the rows in another process has the same answers: measured, a row costs 1.0 to 1.2 times as much then
+#: that a share of the rows in another process has the same answers: measured, a cold row costs .7 to 2 times as much
 CHAIN = 16
 #: a share of rows in compiled code is worth so many nanoseconds, some hundred times what it takes to send it
 SHARE = 1e8
