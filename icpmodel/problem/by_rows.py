@@ -12,9 +12,17 @@ import scipy.sparse as sp
 
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_number, as_vector, described
+from ..present.shown import Shown
 
 
-class LocalRows(NamedTuple):
+class _Four(NamedTuple):
+    A: sp.csr_array
+    q: Vector
+    psi: Vector
+    upper: Vector | None = None
+
+
+class LocalRows(Shown, _Four):
     """The rows lo ≤ i < hi of a problem with n unknowns, in the order of the arguments of `ICP`.
 
     `A` CSR, shape (hi − lo, n): rows counted from lo, columns from 0, as in the whole; `q` shape (hi − lo,); `psi` the
@@ -25,14 +33,14 @@ class LocalRows(NamedTuple):
     ((2, 1000014129), 10, (2,))
     """
 
-    A: sp.csr_array
-    q: Vector
-    psi: Vector
-    upper: Vector | None = None
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"LocalRows(A with shape {self.A.shape}, {self.A.nnz} entries)"
 
 
-@dataclass(frozen=True)
-class ByRows:
+@dataclass(frozen=True, repr=False)
+class ByRows(Shown):
     """A problem that is assembled a range of rows at a time: processes that share it make each its own rows.
 
     `rows(lo, hi)`, a function of yours, returns `LocalRows`, or a tuple of three or four in their order: A, dense or

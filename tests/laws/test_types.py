@@ -14,7 +14,7 @@ from icpmodel import scenes
 HERE, HOUSE = Path(__file__).parent, Path(icp.__file__).parent
 #: whose further keywords are the options of a method or the parameters of a scene, which have signatures of their own,
 #: or belong to another package
-OPEN = {"solve", "explain", "named", "scene", "render", "pyomo_solver"}
+OPEN = {"solve", "explain", "named", "scene", "render", "pyomo_solver", "by_rows"}
 
 
 def test_a_users_script_that_names_every_public_name_passes_mypy_strict():

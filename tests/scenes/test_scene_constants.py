@@ -21,7 +21,6 @@ def test_the_ball_touches_where_the_radial_equation_says():
 def test_the_obstacle_in_space_is_left_smoothly():
     a, level = contact.RADIUS_3D, contact.LEVEL_3D
     np.testing.assert_allclose([a / a + level, -a / a**2], [1 - 2 * a**2, -4 * a], rtol=1e-15)
-    assert contact.LOAD == 2 * 2 * 3
 
 
 def test_the_bearing_constants_solve_the_integrated_equation():
