@@ -11,6 +11,7 @@ from ..distributed.ranks import world
 from ..errors import IcpError
 from ..present.card import Card
 from ..scenes import by_rows as scene_by_rows
+from ..solve.solution import Status
 from .arguments import SCENE, from_signature, options, pairs
 from .output import AS_JSON, complain, show_json
 
@@ -65,4 +66,4 @@ def _solved(
         show_json(solution.about()) if as_json else click.echo(str(Card(solution.summary())))
         if not solution.solved:
             complain(f"not solved: {solution.status.value}")
-    return 130 if solution.status.value == "interrupted" else 0 if solution.solved else 1
+    return 130 if solution.status is Status.INTERRUPTED else 0 if solution.solved else 1

@@ -35,7 +35,7 @@ from ..problem.data import ProblemData
 from ..solve.driver import solve
 from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
-from ..theory.certificates.bounds import bound_of_change, limited
+from ..theory.certificates.bounds import USERS_WORD, bound_of_change, limited
 from .direction import Direction
 from .gradient import Gradient
 from .tangent import Mask, Ties, tangent_problem
@@ -331,7 +331,7 @@ class Derivative(ReadOnly, Shown):
             return f"p = r = 0 cannot be excluded in {_named(self._open)}: {element}"
         if self._tied_jumps.any():
             return f"two equally good jumps cannot be excluded in {_named(self._tied_jumps)}: {element}"
-        word = ", given that psi is what the user says" if self.problem.psi.at_users_word else ""
+        word = USERS_WORD if self.problem.psi.at_users_word else ""
         return f"every row is proved to be at an obstacle or off it{word}"
 
     def __str__(self) -> str:

@@ -19,15 +19,13 @@ from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, gamma
 from ..present.card import Card
 from ..present.shown import Shown
 from ..problem.between import mid
-from ..theory.certificates.bounds import ErrorBound
+from ..theory.certificates.bounds import USERS_WORD, ErrorBound
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevels
 from .distributed_matrix import DistributedMatrix
 from .newton_on_ranks import looks, simplified
-from .ranks import largest, totals
+from .ranks import largest, norm, totals
 
-#: what is added to the proof that rests on what a user says of ψ
-_WORD = ", given that psi is what the user says"
 #: what Newton's steps towards a better z are to leave of the residual, and how many there are at the most
 _SHARPER, _STEPS = 1e-3, 3
 #: (how it was found, v, α, β)
@@ -85,7 +83,7 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
     if levels is not None:
         delta = _sharpened(problem, z, levels, proof, delta)
     value, change = largest(problem.comm, float(delta.max(initial=0.0)))[0], moved(problem, delta)
-    sentence = f"A is an H+-matrix ({proof[0]})" + (_WORD if problem.calls_users else "")
+    sentence = f"A is an H+-matrix ({proof[0]})" + (USERS_WORD if problem.calls_users else "")
     if _may_cross(problem, here, change):
         told = "psi <= upper is not proved near z, where z* would be"
         return _certificate(problem, here, ErrorBound.none(told), nothing, nothing, nothing)
@@ -107,8 +105,7 @@ class _Point:
 
     @property
     def residual(self) -> float:
-        own = float(np.sum(mid(self.p, self.below, self.above) ** 2))
-        return float(np.sqrt(totals(self.problem.comm, own)[0]))
+        return norm(self.problem.comm, mid(self.p, self.below, self.above))
 
     def bound(self, proof: HPlusVectors) -> Vector:
         """δ with |z − z*| ≤ δ."""

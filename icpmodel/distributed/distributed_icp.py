@@ -16,7 +16,7 @@ from ..problem.data import ProblemData, as_problem
 from ..problem.elementwise import Elementwise
 from .distributed_map import DistributedMap
 from .distributed_matrix import DistributedMatrix, from_rows
-from .ranks import petsc, together, totals, world
+from .ranks import norm, petsc, together, totals, world
 
 
 class DistributedICP(Shown):
@@ -108,7 +108,7 @@ class DistributedICP(Shown):
 
     def residual(self, z: Any) -> float:
         """Res(z) = ‖min(p, r)‖₂, with an obstacle above that of mid(z − ψ̄, p, z − ψ), at the `Vec` `z`."""
-        return float(np.sqrt(totals(self.comm, float(np.sum(mid(*self.sides(z)) ** 2)))[0]))
+        return norm(self.comm, mid(*self.sides(z)))
 
     def __repr__(self) -> str:
         return f"DistributedICP(n={self.n}, ranks={self.comm.size})"

@@ -100,13 +100,12 @@ def _stepped(levels: DistributedLevels, look: LookOnRanks, top: int, wanted: flo
 def _coupled(problem: DistributedICP, pattern: Pattern) -> Any:
     """The Newton matrix where an obstacle moves with other unknowns, else None: rows of A, and of D(I − G) where
     active."""
-    maps = [problem.psi] if problem.upper is None else [problem.psi, problem.upper]
-    if all(one.G is None for one in maps):
+    if all(one.G is None for one in problem.maps):
         return None
     Mat, matrix = petsc().Mat, problem.matrix
     J = matrix.mat.duplicate(copy=True)
     J.diagonalScale(matrix.vector(np.where(pattern.active, 0.0, 1.0)))
-    for one, rows in zip(maps, pattern.sides(), strict=True):
+    for one, rows in zip(problem.maps, pattern.sides(), strict=True):
         if one.G is not None:
             G = one.G.duplicate(copy=True)
             G.diagonalScale(matrix.vector(np.where(rows, -matrix.diagonal, 0.0)))

@@ -9,11 +9,16 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable
+from ..numerics.arrays import Vector
 
 _MISSING = (
     "icpmodel.distributed needs petsc4py and mpi4py, which do not come with pip install icpmodel: "
     "docs/distributed.md and CONTRIBUTING.md say how to get them"
 )
+
+#: errors that are the same on all ranks, first those of the package
+_OURS = (InputError, MapError, NotApplicable)
+_PASSED = (*_OURS, OSError, MemoryError)
 
 
 def petsc() -> Any:
@@ -54,21 +59,15 @@ def together(comm: Any) -> Iterator[None]:
     first = comm.allreduce(comm.rank if fault is not None else comm.size, op=MPI.MIN)
     if first == comm.size:
         return
-    told = None if comm.rank != first else (type(fault) if isinstance(fault, _PASSED) else None, described(fault))
+    told = None if comm.rank != first else (type(fault) if isinstance(fault, _PASSED) else None, _in_words(fault))
     kind, text = comm.bcast(told, root=first)
     text = f"{text} (rank {first} of {comm.size})" if comm.size > 1 else text
     raise (kind or RuntimeError)(text) from fault
 
 
-#: errors that are the same on all ranks
-_PASSED = (InputError, MapError, NotApplicable, OSError, MemoryError)
-
-
-def described(fault: BaseException | None) -> str:
+def _in_words(fault: BaseException | None) -> str:
     """The error in words; with its name where it is none of the package's."""
-    return (
-        str(fault) if isinstance(fault, InputError | MapError | NotApplicable) else f"{type(fault).__name__}: {fault}"
-    )
+    return str(fault) if isinstance(fault, _OURS) else f"{type(fault).__name__}: {fault}"
 
 
 def totals(comm: Any, *numbers: float) -> list[float]:
@@ -76,6 +75,11 @@ def totals(comm: Any, *numbers: float) -> list[float]:
     mine, every = np.array(numbers, dtype=np.float64), np.empty(len(numbers))
     comm.Allreduce(mine, every)
     return [float(x) for x in every]
+
+
+def norm(comm: Any, own: Vector) -> float:
+    """‖x‖₂ of the x of which every rank has its `own` entries, in one reduction."""
+    return float(np.sqrt(totals(comm, float(np.sum(own**2)))[0]))
 
 
 def largest(comm: Any, *numbers: float) -> list[float]:

@@ -25,7 +25,7 @@ from .distributed_bound import DistributedCertificate, certify, rounding
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevels
 from .newton_on_ranks import LookOnRanks, looks, simplified, start
-from .ranks import largest, together, totals
+from .ranks import largest, norm, together, totals
 
 #: a start with this share of Res(0) is kept
 _NEAR = 1e-2
@@ -286,7 +286,7 @@ class _Run:
         problem, residual = self.problem, self.least
         if status is Status.SOLVED:
             for_p, for_r = rounding(problem, self.best)
-            luck = float(np.sqrt(totals(problem.comm, float(np.sum(np.maximum(for_p, for_r) ** 2)))[0]))
+            luck = norm(problem.comm, np.maximum(for_p, for_r))
             if not residual + luck <= self.tolerance and self.tolerance > 0:
                 status, note = Status.PRECISION_LIMIT, f"rounding may be worth {luck:.3g} of it"
         message = "solved"

@@ -137,11 +137,7 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     if not sp.issparse(value):
         return freeze(_compressed(as_square(value, name, n), keep_diagonal))
     _check_square(value.shape, name, n)
-    if hasattr(value, "check_format"):  # what is wrong with indices would be written to memory of others
-        try:
-            value.check_format(full_check=True)
-        except ValueError as error:
-            raise InputError(f"{name} is no sparse matrix that SciPy could use: {error}") from None
+    check_indices(value, name)
     matrix = sp.csr_array(as_real(value, name), dtype=np.float64, copy=True)
     matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():
@@ -154,6 +150,15 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
         matrix.indices = matrix.indices.astype(np.int32, copy=False)
         matrix.indptr = matrix.indptr.astype(np.int32, copy=False)
     return freeze(matrix)
+
+
+def check_indices(value: Any, name: str) -> None:
+    """Raise InputError where SciPy's conversions of the sparse `value` would write to memory of others."""
+    if hasattr(value, "check_format"):
+        try:
+            value.check_format(full_check=True)
+        except ValueError as error:
+            raise InputError(f"{name} is no sparse matrix that SciPy could use: {error}") from None
 
 
 def as_square(value: Any, name: str, n: int | None = None) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_number, as_vector, described
+from ..numerics.arrays import Vector, as_number, as_vector, check_indices, described
 from ..present.shown import Shown
 
 
@@ -95,6 +95,8 @@ class ByRows(Shown):
 
 def _rows_of(A: Any, name: str, shape: tuple[int, int]) -> sp.csr_array:
     """`A` as CSR with sorted columns and no duplicates. Raises InputError."""
+    if sp.issparse(A) and A.format != "csr":  # to convert it is where wrong indices do harm
+        check_indices(A, name)
     matrix = sp.csr_array(A, dtype=np.float64)
     least, most = int(matrix.indices.min(initial=0)), int(matrix.indices.max(initial=0))
     if matrix.shape != shape or least < 0 or most >= shape[1] or not np.isfinite(matrix.data).all():

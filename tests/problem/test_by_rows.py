@@ -43,6 +43,12 @@ def with_entry(value, column=0):
     return sp.csr_array((np.array([value]), np.array([column]), np.array([0, 1, 1])), shape=(2, 3))
 
 
+def by_columns(row):
+    A = sp.csc_array((2, 3))
+    A.data, A.indices, A.indptr = np.ones(1), np.array([row], dtype=np.int32), np.array([0, 1, 1, 1], dtype=np.int32)
+    return A
+
+
 @pytest.mark.parametrize(
     ("found", "message"),
     [
@@ -55,6 +61,7 @@ def with_entry(value, column=0):
         ),
         ((with_entry(1.0, -1), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) and entries in columns -1 to 0"),
         ((with_entry(1.0, 3), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) and entries in columns 0 to 3"),
+        ((by_columns(5), 1.0, 0.0), r"A of rows\(1, 3\) is no sparse matrix that SciPy could use: indices must be < 2"),
         ((np.eye(2, 3), [1.0], 0.0), r"q of rows\(1, 3\) has shape \(1,\); shape \(2,\)"),
         ((np.eye(2, 3), [1.0, np.inf], 0.0), r"q of rows\(1, 3\)\[1\] is inf; a finite number"),
         ((np.eye(2, 3), 1.0, np.inf), r"psi of rows\(1, 3\)\[0\] is inf; a finite number or -inf"),

@@ -102,12 +102,9 @@ def _by_workers(batch: Batch, make: Any) -> None:
     k, price, limit = len(batch.Z), batch.price(), batch.limits.time_limit
     size = CHAIN if price is None else CHAIN * int(np.ceil(SHARE / price / CHAIN))
     groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [_NOTHING]]
-    pool, ends, tried, begun = (
-        None,
-        dict[tuple[int, int], Future[Any]](),
-        set[tuple[int, int]](),
-        time.time() - batch.elapsed(),
-    )
+    pool, begun = None, time.time() - batch.elapsed()
+    ends: dict[tuple[int, int], Future[Any]] = {}
+    tried: set[tuple[int, int]] = set()
     try:
         while groups:
             group, pool = groups.pop(), pool or make()

@@ -37,7 +37,7 @@ _NEGLIGIBLE = 0.01  #: a share of the bound that is not worth another step
 #: the work that a bound may cost, in counted nanoseconds, where nobody limits it
 BUDGET = 60e9
 #: added to the sentence of a proof that rests on what a user says of ψ
-_WORD = ", given that psi is what the user says"
+USERS_WORD = ", given that psi is what the user says"
 _STEPS = 8  #: steps of the active-set Newton iteration that looks for a better z
 
 
@@ -72,7 +72,7 @@ class ErrorBound(ReadOnly, Shown):
 
     def in_words(self, accuracy: float | None = None) -> str:
         """What is known of the error, `accuracy` being what was asked for, or None; several reasons on a line each."""
-        given = _WORD if self.proof.endswith(_WORD) else ""
+        given = USERS_WORD if self.proof.endswith(USERS_WORD) else ""
         if self.value is not None:
             wanted = "" if accuracy is None else f" ({accuracy:g} was asked for)"
             size = at_most(self.value, below=math.inf if accuracy is None else accuracy)
@@ -172,7 +172,7 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
             points = points_near(problem, z, proof, float(delta.max()), *rounding)
         if points is not None:
             delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
-        sentence = proof.sentence + (_WORD if problem.psi.at_users_word else "")
+        sentence = proof.sentence + (USERS_WORD if problem.psi.at_users_word else "")
         if (row := may_cross(problem, z, delta)) is not None:
             told = f"psi <= upper is not proved within {at_most(float(delta.max()))} of z, where z* would be: row {row}"
             return ErrorBound.none(told)
