@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..errors import OutOfTime
 from ..numerics import work
 from ..numerics.arrays import Vector, row_of
-from ..numerics.fill import Look
+from ..numerics.fill import Look, of_band
 from ..numerics.linear import Solver, dense_solver, multigrid_pays, solver_of
 from ..problem.data import ProblemData
 from .cycled_equations import CycledEquations, NotConverged, cycles_cost
@@ -66,10 +66,11 @@ class ActiveEquations:
         """Whether a factorisation costs more than cycles may."""
         problem, active, jacobian = self._of
         if not jacobian.nnz:  # M is a part of A, and need not be made where its size says enough
-            free = ~active
+            free, rows = ~active, problem.matrix.rows
+            count = int(np.count_nonzero(free))
             entries = int(np.count_nonzero(free[row_of(problem.A)] & free[problem.A.indices]))
-            least = work.least_factor_cost(int(np.count_nonzero(free)), entries)
-            if least > self._most and problem.matrix.is_for_multigrid:
+            band = work.factor_cost(of_band(count, rows.below, rows.above, rows.below == rows.above))
+            if min(work.least_factor_cost(count, entries), band) > self._most and problem.matrix.is_for_multigrid:
                 return True
         if not self._eliminated.costs_more(self._most):
             return False
@@ -112,19 +113,23 @@ class _Elimination:
     """
 
     def __init__(self, problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array) -> None:
+        from ..numerics.kernels.graph import cut  # loads numba
+
         rows, free = np.flatnonzero(active), np.flatnonzero(~active)
-        self._rows, self._free = rows, free
+        self._matrix, self._rows, self._free = problem.matrix, rows, free
         self._by_multigrid: bool | None = None
         try:
             self._slope, self._links, self._T = _chains(jacobian, rows, free)
-            self._A_F = A_F = problem.A[free]
-            self._M = sp.csr_array(A_F[:, free])
+            A = problem.A
+            starts, columns, values, _ = cut(A.indptr, A.indices, A.data, problem.q, free, problem.q)
+            self._M = sp.csr_array((values, columns, starts), shape=(free.size, free.size))
             if self._T.nnz:
-                self._M = sp.csr_array(self._M + _product(sp.csr_array(A_F[:, rows]), self._T))
+                self._M = sp.csr_array(self._M + _product(sp.csr_array(A[free][:, rows]), self._T))
             self._whole = False
         except _NotWorth:
             self._M, self._whole = equations_on(problem, active, jacobian), True
-        self._look = Look(self._M)
+        is_part = not self._whole and not self._T.nnz
+        self._look = Look(self._M, (lambda: problem.matrix.is_symmetric) if is_part else None)
 
     def costs_more(self, most: float) -> bool:
         """Whether M is for multigrid, and a factorisation is foreseen to cost more than so many nanoseconds."""
@@ -152,7 +157,7 @@ class _Elimination:
             s = s + link @ s
         x = np.zeros(f.size)
         x[rows] = s
-        part = self._solver(f[free] - self._A_F @ x, tolerance)
+        part = self._solver((f - self._matrix.product(x))[free], tolerance)
         if part is None or not np.isfinite(s).all():
             return None
         x[free] = part
@@ -165,11 +170,12 @@ class _Elimination:
         part = self._solver(f[free] + self._T.T @ f[rows], tolerance, True)
         if part is None:
             return None
-        s = f[rows] - (self._A_F.T @ part)[rows]
+        x = np.zeros(f.size)
+        x[free] = part
+        s = (f - (self._matrix.product(x) if self._matrix.is_symmetric else self._matrix.sparse.T @ x))[rows]
         for link in reversed(self._links):
             s = s + link.T @ s
-        x = np.empty(f.size)
-        x[rows], x[free] = s / self._slope, part
+        x[rows] = s / self._slope
         return x if np.isfinite(x).all() else None
 
 

@@ -143,7 +143,7 @@ class FactorisedOperator(Operator):
         scaled = sp.csr_array(scaled @ sp.diags_array(self._column_scale))
         self._lu = factorise(scaled)
         if self._lu is not None:
-            pivots = np.abs(self._lu.U.diagonal())
+            pivots = np.abs(self._lu.pivots)
             if pivots.min() > 16 * UNIT_ROUNDOFF * pivots.max():
                 return
         row = _dependent_row(scaled)

@@ -16,8 +16,7 @@ from ..methods.psor import PSOR
 from ..numerics import work
 from ..numerics.arrays import as_number
 from ..numerics.factorisation import factorise
-from ..numerics.fill import foreseen
-from ..numerics.linear import solver_of
+from ..numerics.fill import Look, foreseen
 from ..numerics.multigrid import KrylovMultigrid
 from ..numerics.threads import one_blas_thread
 from ..present.table import Table
@@ -108,11 +107,23 @@ def _sparse(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]
         looks = (work.done() - before - work.COSTS.call) / work.COSTS.look
         yield {"look": looks}, partial(foreseen, A)
         if fill.seen and fill.flops <= _LARGEST:
-            lu = factorise(A)
-            yield {"factor_row": n, "factor_entry": fill.entries, "factor_flop": fill.flops}, partial(factorise, A)
+            made = partial(factorise, A, triangles=True)
+            lu = made()
+            yield {"factor_row": n, "factor_entry": fill.entries, "factor_flop": fill.flops}, made
             yield {"solve_entry": fill.entries}, partial(lu.solve, f)
-        band = sp.csr_array(sp.diags_array([-1.0, -1.0, 5.0, -1.0], offsets=[-2, -1, 0, 1], shape=(n, n)))
-        yield {"band_entry": 4.0 * n}, partial(solver_of(band), f, 0.0)
+        yield from _bands(n)
+
+
+def _bands(n: int) -> Iterator[tuple[_Units, Callable[[], object]]]:
+    for b in (width for width in (1, 8, 64, 512) if width < n):
+        for above in (b, b // 2):  # symmetric, and not
+            offsets = range(-b, above + 1)
+            diagonals = [2.0 * b + 1.0 if k == 0 else -1.0 for k in offsets]
+            band = sp.csr_array(sp.diags_array(diagonals, offsets=offsets, shape=(n, n)))
+            look = Look(band)
+            if look.is_band and look.band.flops <= _LARGEST:
+                units = {"band": 1, "band_entry": look.band.entries, "band_flop": look.band.flops}
+                yield units, partial(factorise, band, look=look)
 
 
 def _dense(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]]:

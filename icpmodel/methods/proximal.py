@@ -265,7 +265,7 @@ class ProximalPath:
             if x is not None:
                 return x
             self.iterative = False  # with a smaller μ they will not do better
-        lu = factorise(M, diagonal_pivots=True)  # the ordering of a definite matrix needs no exchange of rows
+        lu = factorise(M, definite=True)  # the ordering of a definite matrix needs no exchange of rows
         if lu is not None:
             x = np.asarray(lu.solve(f))
             if norm(M @ x - f) <= _BACKWARD * norm(f):
@@ -340,7 +340,7 @@ class Interior:
         data[self.diagonal] += slopes + _STEADY * self.path.weights
         unit = 1.0 / np.sqrt(data[self.diagonal])
         M = sp.csr_array((data * unit[self.row] * unit[A.indices], A.indices, A.indptr), shape=A.shape)
-        lu = factorise(M, diagonal_pivots=True)
+        lu = factorise(M, definite=True)
 
         def solve(f: Vector) -> Vector:
             if lu is None:

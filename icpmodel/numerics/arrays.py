@@ -285,10 +285,15 @@ def times_rows(d: Vector, matrix: sp.csr_array) -> sp.csr_array:
 
 def is_symmetric(matrix: sp.csr_array) -> bool:
     """Whether a sparse matrix equals its transpose, entry by entry."""
-    matrix, turned = sp.csr_array(matrix), sp.csr_array(matrix.T)
+    from .kernels.graph import mirrored  # loads numba
+
+    matrix = sp.csr_array(matrix)
+    if matrix.has_canonical_format and mirrored(matrix.indptr, matrix.indices, matrix.data):
+        return True
+    turned = sp.csr_array(matrix.T)
     if np.array_equal(turned.indptr, matrix.indptr) and np.array_equal(turned.indices, matrix.indices):
         return np.array_equal(turned.data, matrix.data)
-    return (matrix != turned).nnz == 0
+    return (matrix != turned).nnz == 0  # zeros may be stored on one side only
 
 
 def bandwidths(matrix: sp.csr_array) -> tuple[int, int]:

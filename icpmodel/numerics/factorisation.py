@@ -1,4 +1,4 @@
-"""Sparse factorisations, by SuperLU, of matrices whose fill is known before."""
+"""Factorisations of sparse matrices whose cost is known before: of a band by LAPACK, of others by SuperLU."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ..errors import OutOfMemory, OutOfTime
 from . import work
 from .arrays import Vector, row_of
 from .fill import Look, ordered
+from .threads import one_blas_thread
 
 #: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column.
 #: With .1 grids with convection and indefinite ones fill up 2 to 8 times as much as foreseen, with .01 1.5 to 2 times;
@@ -43,6 +44,12 @@ class Factors:
         return self._lu.U
 
     @property
+    def pivots(self) -> Vector:
+        """The diagonal of U."""
+        pivots: Vector = self._lu.U.diagonal()
+        return pivots
+
+    @property
     def perm_c(self) -> NDArray[np.intp]:
         """Where the columns of A are in U."""
         place = np.empty(self._columns.size, np.intp)
@@ -59,25 +66,77 @@ class Factors:
         return x
 
 
-def factorise(
-    matrix: sp.csr_array, *, diagonal_pivots: bool = False, most: float | None = None, look: Look | None = None
-) -> Any:
-    """The `Factors` of a sparse matrix (n × n), ordered for its pattern; None where it is singular, or not finite.
+class Band:
+    """L and U of a matrix with few diagonals as LAPACK has them, or, without `rows`, Cholesky's factor of a symmetric
+    one, and solves with them."""
 
-    With `diagonal_pivots`, for a symmetric matrix, it is None as well where SuperLU exchanged rows. Raises MemoryError
-    before the factorisation where it will have more than `most` entries, by default those that fit into the memory
-    that is free, and OutOfTime where it will take more time than is left. What a `look` at the matrix has seen is not
-    looked for again.
+    def __init__(self, reach: tuple[int, int], factors: Any, rows: NDArray[np.int32] | None) -> None:
+        self._reach, self._factors, self._rows = reach, factors, rows
+
+    @property
+    def pivots(self) -> Vector:
+        """The diagonal of U."""
+        below, above = self._reach
+        pivots: Vector = self._factors[0] ** 2 if self._rows is None else self._factors[below + above]
+        return pivots
+
+    def solve(self, f: Vector, trans: str = "N") -> Vector:
+        """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
+        from scipy.linalg.lapack import dgbtrs, dpbtrs
+
+        work.add(f.size / f.shape[0] * (work.COSTS.call + work.COSTS.solve_entry * self._factors.size))
+        if self._rows is None:
+            return np.asarray(dpbtrs(self._factors, f, lower=1)[0])
+        return np.asarray(dgbtrs(self._factors, *self._reach, f, self._rows, trans=int(trans == "T"))[0])
+
+
+def factorise(
+    matrix: sp.csr_array, *, definite: bool = False, triangles: bool = False, look: Look | None = None
+) -> Any:
+    """The `Factors` of a sparse matrix (n × n), ordered for its pattern, or of its `Band`, whichever cost less; None
+    where it is singular, or not finite.
+
+    `definite` says that it is expected to be, symmetric or not: it is None as well where a symmetric band is seen not
+    to be, and where SuperLU exchanged rows. With `triangles`, L and U in `Factors` are wanted. Raises OutOfMemory
+    before a factorisation that will not fit into the memory that is free, and OutOfTime where it will take more time
+    than is left. What a `look` at the matrix has seen is not looked for again.
     Reference: Li, ACM TOMS 31 (2005), for SuperLU and its mode for pivots near the diagonal.
     """
+    if not np.isfinite(matrix.data).all():
+        return None
+    look = look or Look(matrix)
+    if not triangles and look.is_band:
+        return _of_band(matrix, look, definite)
+    return _of_pattern(matrix, look, definite)
+
+
+def _of_band(matrix: sp.csr_array, look: Look, definite: bool) -> Band | None:
+    from scipy.linalg.lapack import dgbtrf, dpbtrf
+
+    from .kernels.graph import diagonals
+
+    n, (below, above), of = matrix.shape[0], look.reach, (matrix.indptr, matrix.indices, matrix.data)
+    work.spend(work.factor_cost(look.band), 8.0 * look.band.entries)
+    with one_blas_thread():
+        if below == above and look.is_symmetric:
+            half = np.zeros((n, below + 1))
+            diagonals(*of, 0, half)
+            factor, failed = dpbtrf(half.T, lower=1, overwrite_ab=1)
+            if definite or not failed:
+                return None if failed or not np.isfinite(factor[0]).all() else Band(look.reach, factor, None)
+        band = np.zeros((n, 2 * below + above + 1))
+        diagonals(*of, below + above, band)
+        factors, pivots, failed = dgbtrf(band.T, below, above, overwrite_ab=1)
+    return None if failed or not np.isfinite(factors[below + above]).all() else Band(look.reach, factors, pivots)
+
+
+def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Factors | None:
     from scipy.sparse.linalg import splu
 
     from .kernels.graph import permuted
 
     n = matrix.shape[0]
     work.afford(work.least_factor_cost(n, matrix.nnz))
-    if not np.isfinite(matrix.data).all():
-        return None
     rows = np.arange(n, dtype=np.int32)
     if np.count_nonzero(matrix.diagonal()) < n:
         found = None if diagonal_pivots else _onto_diagonal(matrix)
@@ -87,10 +146,10 @@ def factorise(
         shifted = sp.csr_array(matrix[rows])
     else:
         shifted = matrix
-    if most is None:  # to ask what is free takes as long as to factorise a small matrix
-        full = n * (n + 1.0)
-        most = full if work.fits(_BYTES * full) else work.free_memory() / _BYTES
-    seen = None if look is None or shifted is not matrix else look.seen
+    full = n * (n + 1.0)
+    # to ask what is free takes as long as to factorise a small matrix
+    most = full if work.fits(_BYTES * full) else work.free_memory() / _BYTES
+    seen = look.seen if shifted is matrix else None
     fill, order = ordered(shifted, most, work.nanoseconds_left()) if seen is None else seen
     if fill.entries > most:
         raise OutOfMemory(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,16 +12,19 @@ from numpy.typing import NDArray
 
 from ..errors import OutOfTime
 from . import work
-from .work import Fill, least_factor_cost
+from .arrays import bandwidths, is_symmetric
+from .work import Fill, factor_cost, least_factor_cost
 
 #: a row with more than this times √n neighbours goes last, and counts as one that fills up: Amestoy, Davis and Duff,
 #: ACM TOMS 30 (2004)
 _DENSE = 10.0
 
 
-def of_band(n: int, below: int, above: int) -> Fill:
-    """The fill of a band of so many diagonals below the main one and above it, without exchanges of rows."""
-    return Fill(n, float(n) * (below + above + 2), float(n) * below * (above + 1), True)
+def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
+    """The fill of a band of so many diagonals below the main one and above it, with room for exchanges of rows; of a
+    `symmetric` one that of Cholesky's factor, which needs none."""
+    entries, flops = (below + 1, 0.5 * below) if symmetric else (2 * below + above + 1, float(below + above))
+    return Fill(n, float(n) * entries, 2.0 * n * below * flops, True, True)
 
 
 def foreseen(A: sp.csr_array, most: float = np.inf) -> Fill:
@@ -45,29 +50,74 @@ def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf) -> tuple[Fi
 
 
 class Look:
-    """The fill of `A` (CSR, n × n), as `foreseen`, looked at once, however often it is asked what A costs.
+    """What it takes to factorise `A` (CSR, n × n), looked at once, however often it is asked: as a band, or in an order
+    for its pattern, as `foreseen`.
 
-    `seen` are the fill and the order of the rows and columns, shape (n,), once they are seen to the end.
+    `seen` are the fill and the order of the rows and columns, shape (n,), once they are seen to the end. `is_symmetric`
+    tells whether A is, where that is known elsewhere.
     """
 
-    def __init__(self, A: sp.csr_array) -> None:
-        self._A, self._cost = A, 0.0
+    def __init__(self, A: sp.csr_array, is_symmetric: Callable[[], bool] | None = None) -> None:
+        self._A, self._told = A, is_symmetric
+        self._least, self._cost = least_factor_cost(A.shape[0], A.nnz), 0.0
         self.seen: tuple[Fill, NDArray[np.int32]] | None = None
+
+    @cached_property
+    def reach(self) -> tuple[int, int]:
+        """How far the entries reach below the diagonal, and above it."""
+        return bandwidths(self._A)
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether A = Aᵀ."""
+        return self._told() if self._told else is_symmetric(self._A)
+
+    @cached_property
+    def band(self) -> Fill:
+        """The fill as a band."""
+        below, above = self.reach
+        return of_band(self._A.shape[0], below, above, below == above and self.is_symmetric)
+
+    @cached_property
+    def is_narrow(self) -> bool:
+        """Whether factors of the band cost less than any others, however little these fill up."""
+        return not self.band_costs_more(self._least)
+
+    @cached_property
+    def is_band(self) -> bool:
+        """Whether factors of the band cost no more than those in an order for the pattern."""
+        return self.is_narrow or self._fills_more(factor_cost(self.band))
+
+    @property
+    def fill(self) -> Fill:
+        """What costs less; rough where it is not worth a closer look."""
+        return self.band if self.is_band or self.seen is None else self.seen[0]
+
+    def band_costs_more(self, most: float) -> bool:
+        """Whether it takes more than so many nanoseconds to factorise the band."""
+        below, above = self.reach
+        if factor_cost(of_band(self._A.shape[0], below, above, below == above)) > most:
+            return True  # to ask whether A is symmetric takes as long as some products
+        return factor_cost(self.band) > most
 
     def costs_more(self, most: float) -> bool:
         """Whether it is foreseen to take more than so many nanoseconds to factorise A."""
+        return self.band_costs_more(most) and self._fills_more(most)
+
+    def _fills_more(self, most: float) -> bool:
+        """The same in an order for the pattern."""
         from .kernels.graph import order
 
         n, costs = self._A.shape[0], work.COSTS
-        if least_factor_cost(n, self._A.nnz) > most:
+        if self._least > most:
             return True
         if self.seen is None:
-            entries, squares, within, path = _looked(self._A, costs.look, np.inf, most - least_factor_cost(n, 0))
+            least = least_factor_cost(n, 0)
+            entries, squares, within, path = _looked(self._A, costs.look, np.inf, most - least)
             if not within:
                 return True
             self.seen = Fill(n, 2.0 * (entries + n), entries + squares, True), order(*path)
-            self._cost = least_factor_cost(n, 0) + 2.0 * costs.factor_entry * entries + costs.factor_flop * squares
-            return False
+            self._cost = least + 2.0 * costs.factor_entry * entries + costs.factor_flop * squares
         return self._cost > most
 
 

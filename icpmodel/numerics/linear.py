@@ -51,27 +51,36 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
         return lambda f, tolerance, transposed=False: f
     if not np.isfinite(M.data).all():
         return lambda f, tolerance, transposed=False: None
-    exponents = row_exponents(M)
-    scaled, look = in_units(M, exponents), look or Look(M)
+    look = look or Look(M)
+    exponents = cache(lambda: row_exponents(M))
+    scaled = cache(lambda: in_units(M, exponents()))
     if by_multigrid is None:
         by_multigrid = multigrid_pays(M, look, krylov_cost(M.nnz, STEPS))
     else:
         by_multigrid = by_multigrid and is_for_multigrid(M)
-    cycles = _multigrid(M, scaled, exponents) if by_multigrid else None
+    cycles = _multigrid(M, scaled(), exponents()) if by_multigrid else None
 
     @cache
-    def direct() -> Solver:
-        if sum(bandwidths(M)) < _WIDEST_BAND:
-            return _banded(scaled)
-        return _bordered(scaled, look) or (_dense(scaled) if _is_as_good_as_dense(n, look) else _sparse(scaled, look))
+    def direct() -> tuple[Solver, Exponents | int]:
+        """By factors, and in which units of the rows."""
+        if not look.is_narrow:
+            if (border := _bordered(scaled())) is not None:
+                return border, exponents()
+            if _is_as_good_as_dense(n, look):
+                return _dense(scaled()), exponents()
+        # Cholesky's factor is as good in all units, and others would take the symmetry
+        if look.is_band and look.is_symmetric and (factors := factorise(M, definite=True, look=look)):
+            return _by(factors), 0
+        return _by(factorise(scaled(), look=None if look.is_band else look)), exponents()
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         afford()
         x = None if cycles is None else cycles(f, tolerance, transposed)
         if x is None:
-            x = direct()(f if transposed else np.ldexp(f, exponents), tolerance, transposed)
+            by_factors, units = direct()
+            x = by_factors(f if transposed else np.ldexp(f, units), tolerance, transposed)
             if transposed and x is not None:
-                x = np.ldexp(x, exponents)
+                x = np.ldexp(x, units)
         return x if x is not None and np.isfinite(x).all() else None
 
     return solve
@@ -79,7 +88,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
 
 def multigrid_pays(M: sp.csr_array, look: Look, cost: float) -> bool:
     """Whether multigrid is for M, CSR, n × n, and its `cost`, in nanoseconds, less than that of a factorisation."""
-    return is_for_multigrid(M) and look.costs_more(cost)
+    return look.band_costs_more(cost) and is_for_multigrid(M) and look.costs_more(cost)
 
 
 def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> Solver:
@@ -110,51 +119,20 @@ def _turned(M: sp.csr_array) -> tuple[sp.csr_array, Exponents]:
     return in_units(turned, exponents), exponents
 
 
-def _banded(M: sp.csr_array) -> Solver:
-    from scipy.linalg import LinAlgError, solve_banded
-
-    shape, band = _band_of(M)
-
-    @cache
-    def backward() -> tuple[tuple[int, int], Any, Exponents]:
-        turned, units = _turned(M)
-        return *_band_of(turned), units
-
-    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
-        add(COSTS.call + COSTS.band_entry * band.size)
-        try:
-            if not transposed:
-                return np.asarray(solve_banded(shape, band, f, check_finite=False))
-            *turned, units = backward()
-            return np.asarray(solve_banded(*turned, np.ldexp(f.T, units).T, check_finite=False))
-        except LinAlgError:
-            return None
-
-    return solve
-
-
-def _band_of(M: sp.csr_array) -> tuple[tuple[int, int], NDArray[np.float64]]:
-    """How far the band of M reaches below the diagonal and above it, and its diagonals as LAPACK has them."""
-    rows, (lower, upper) = row_of(M), bandwidths(M)
-    band = np.zeros((lower + upper + 1, M.shape[0]))
-    np.add.at(band, (upper + rows - M.indices, M.indices), M.data)
-    return (lower, upper), band
-
-
-def _bordered(M: sp.csr_array, look: Look) -> Solver | None:
+def _bordered(M: sp.csr_array) -> Solver | None:
     """The solver of a band but for a few rows that reach far beyond it, by Woodbury's formula; None for others."""
     rows = row_of(M)
     far = 2 * np.abs(rows - M.indices) >= _WIDEST_BAND
-    border = np.unique(rows[far])
-    if border.size > _WIDEST_BORDER:
+    border = np.flatnonzero(np.bincount(rows[far], minlength=M.shape[0]))
+    if not 0 < border.size <= _WIDEST_BORDER:
         return None
     n, k = M.shape[0], border.size
     band = sp.csr_array(sp.coo_array((M.data[~far], (rows[~far], M.indices[~far])), shape=M.shape))
     W = sp.csr_array((M.data[far], (np.searchsorted(border, rows[far]), M.indices[far])), shape=(k, n))
     units = np.zeros((n, k))
     units[border, np.arange(k)] = 1.0
-    solve_band = _banded(band)
-    sparse, size_of = cache(lambda: _sparse(M, look)), cache(lambda: abs(M))
+    solve_band = _by(factorise(band))
+    sparse, size_of = cache(lambda: _by(factorise(M))), cache(lambda: abs(M))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         # M = band + UV, and Mᵀ = bandᵀ + VᵀUᵀ
@@ -208,11 +186,11 @@ def _by_lu(M: NDArray[np.float64]) -> Solver:
     return solve
 
 
-def _sparse(M: sp.csr_array, look: Look) -> Solver:
-    lu = factorise(M, look=look)
+def _by(factors: Any) -> Solver:
+    """The solver that has the `factors`, None where M is singular."""
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
-        return None if lu is None else lu.solve(f, "T" if transposed else "N")
+        return None if factors is None else factors.solve(f, "T" if transposed else "N")
 
     return solve
 

@@ -55,8 +55,10 @@ class Costs(NamedTuple):
     solve_entry: float = 1.3
     #: an entry that minimum degree looks at, and the graph that it begins with, per entry
     look: float = 13.5
-    #: a band factorised and a system solved with it, per entry of the band
-    band_entry: float = 20.0
+    #: a band factorised, whatever its size, per entry of its factors and per multiplication
+    band: float = 30_000.0
+    band_entry: float = 5.0
+    band_flop: float = 0.02
     #: a dense factorisation, per entry and per multiplication, and a pivot, per entry of the dictionary
     dense_entry: float = 6.0
     dense_flop: float = 0.045
@@ -74,13 +76,14 @@ class Costs(NamedTuple):
 class Fill(NamedTuple):
     """The `entries` of L + U of so many `rows`, and the `flops` (multiplications) that make them.
 
-    Both are rough unless they were `seen` to the end.
+    Both are rough unless they were `seen` to the end. Those of a `band` are stored and made as full ones.
     """
 
     rows: int
     entries: float
     flops: float
     seen: bool
+    band: bool = False
 
 
 class _Counted(threading.local):
@@ -122,7 +125,9 @@ def sweep(n: int, nnz: int) -> float:
 
 
 def factor_cost(fill: Fill) -> float:
-    """What a sparse factorisation with this fill costs, its ordering included."""
+    """What a factorisation with this fill costs, the ordering of a sparse one included."""
+    if fill.band:
+        return COSTS.band + COSTS.band_entry * fill.entries + COSTS.band_flop * fill.flops
     return (
         COSTS.call + COSTS.factor_row * fill.rows + COSTS.factor_entry * fill.entries + COSTS.factor_flop * fill.flops
     )

@@ -10,15 +10,13 @@ import scipy.sparse as sp
 
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze, is_symmetric
-from ..numerics.fill import foreseen, of_band
+from ..numerics.fill import Look
 from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
 from ..numerics.linear import is_for_multigrid
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 
 #: an A of so many rows is dense until its sparse form is asked for
 _SMALL = 64
-#: more diagonals than this are no band
-_WIDEST_BAND = 16
 #: a sum of a dominant row, rounding included
 _DOMINANT = 1.0 + 1e-12
 
@@ -121,11 +119,6 @@ class Matrix(ReadOnly):
         return bool((self.rows.diagonal > 0).all())
 
     @cached_property
-    def is_band(self) -> bool:
-        """Whether few diagonals next to the main one hold all entries."""
-        return self.rows.below + self.rows.above < _WIDEST_BAND
-
-    @cached_property
     def is_symmetric(self) -> bool:
         """Whether A = Aᵀ, up to rounding."""
         return is_symmetric(self.sparse)
@@ -137,9 +130,8 @@ class Matrix(ReadOnly):
 
     @cached_property
     def fill(self) -> work.Fill:
-        """What a sparse factorisation of A will cost; rough where it is not worth a closer look (`numerics.fill`)."""
-        rows = self.rows
-        return of_band(self.n, rows.below, rows.above) if self.is_band else foreseen(self.sparse)
+        """What a factorisation of A will cost; rough where it is not worth a closer look (`numerics.fill`)."""
+        return Look(self.sparse, lambda: self.is_symmetric).fill
 
     @cached_property
     def couplings(self) -> sp.csr_array:

@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
+import icpmodel as icp
+from icpmodel.numerics import work
 from icpmodel.numerics.arrays import times_rows
 from icpmodel.numerics.factorisation import factorise
+from icpmodel.numerics.fill import Look, foreseen
 
 
-@pytest.mark.parametrize("diagonal_pivots", [False, True])
+@pytest.mark.parametrize("triangles", [False, True])
+@pytest.mark.parametrize("definite", [False, True])
 @pytest.mark.parametrize(
     "A",
     [
@@ -21,8 +27,8 @@ from icpmodel.numerics.factorisation import factorise
         [[np.inf, 0.0], [0.0, 1.0]],
     ],
 )
-def test_what_is_singular_or_not_finite_has_no_factors(A, diagonal_pivots):
-    assert factorise(sp.csr_array(np.asarray(A, dtype=float)), diagonal_pivots=diagonal_pivots) is None
+def test_what_is_singular_or_not_finite_has_no_factors(A, definite, triangles):
+    assert factorise(sp.csr_array(np.asarray(A, dtype=float)), definite=definite, triangles=triangles) is None
 
 
 def test_columns_that_share_too_few_rows_are_seen_without_a_factorisation():
@@ -47,11 +53,11 @@ def test_it_solves_with_and_without_a_symmetric_pattern(seed):
 
 def test_pivots_on_the_diagonal_are_those_of_the_matrix_itself():
     """[0, 1; 1, 0] has none; a positive definite matrix has positive ones."""
-    assert factorise(sp.csr_array([[0.0, 1.0], [1.0, 0.0]]), diagonal_pivots=True) is None
+    assert factorise(sp.csr_array([[0.0, 1.0], [1.0, 0.0]]), definite=True, triangles=True) is None
     S = sp.csr_array([[1.0, 0.5, 0.0], [0.5, 1.0, 0.5], [0.0, 0.5, 1.0]])
-    assert (factorise(S, diagonal_pivots=True).U.diagonal() > 0).all()
+    assert (factorise(S, definite=True, triangles=True).U.diagonal() > 0).all()
     S[0, 0] = 0.1
-    assert (factorise(S, diagonal_pivots=True).U.diagonal() < 0).sum() == 1
+    assert (factorise(S, definite=True, triangles=True).U.diagonal() < 0).sum() == 1
 
 
 @pytest.mark.parametrize("n", [1, 2, 40])
@@ -66,3 +72,55 @@ def test_rows_are_multiplied_as_by_a_diagonal_matrix():
     rng = np.random.default_rng(0)
     A, d = sp.random_array((7, 7), density=0.3, rng=rng, format="csr"), rng.normal(size=7)
     np.testing.assert_array_equal(times_rows(d, A).toarray(), d[:, None] * A.toarray())
+
+
+def a_band(kind, n, below, above, rng):
+    """Random entries on some diagonals: definite, symmetric and indefinite, or neither."""
+    A = np.triu(np.tril(rng.normal(size=(n, n)), above), -below)
+    if kind == "neither":
+        return A
+    A = A + A.T
+    return A + np.diag(np.abs(A).sum(axis=1) + 1.0) if kind == "definite" else A
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    kind=st.sampled_from(["definite", "indefinite", "neither"]),
+    reach=st.tuples(st.integers(0, 6), st.integers(0, 6)),
+    units=st.integers(-140, 140),
+    seed=st.integers(0, 2**31),
+)
+def test_a_band_is_solved_both_ways_as_the_dense_matrix_is(kind, reach, units, seed):
+    """By Cholesky's factor where it is definite, also where its diagonal is of many sizes; else with exchanges."""
+    rng, n = np.random.default_rng(seed), 120
+    A = a_band(kind, n, *reach, rng)
+    assume(np.linalg.cond(A) < 1e8)
+    of_rows = np.ldexp(1.0, rng.integers(-abs(units), abs(units) + 1, n)) if kind == "definite" else np.ones(n)
+    M, f = sp.csr_array(of_rows[:, None] * A * of_rows), rng.normal(size=(n, 2))
+    assert Look(M).is_band
+    for definite in {False, kind == "definite"}:
+        factors = factorise(M, definite=definite)
+        for trans, B in (("N", A), ("T", A.T)):
+            x = factors.solve(of_rows[:, None] * f, trans)
+            assert B @ (of_rows[:, None] * x) == pytest.approx(f, abs=1e-6)
+            assert factors.solve(of_rows * f[:, 0], trans) == pytest.approx(x[:, 0], rel=1e-9, abs=0)
+    if kind == "indefinite" and np.linalg.eigvalsh(A).min() < -1e-8:
+        assert factorise(M, definite=True) is None
+
+
+def test_whether_it_is_a_band_hangs_on_what_both_would_cost():
+    """A small grid is one, the same in another order is none, and a tree is none."""
+    rng = np.random.default_rng(0)
+    grid = icp.scenes.membrane(n=900).problem.A
+    order = rng.permutation(900)
+    child = np.arange(1, 900)
+    half = sp.csr_array((-np.ones(899), (child, (rng.random(899) * child).astype(int))), shape=(900, 900))
+    tree = sp.csr_array(half + half.T + 30.0 * sp.eye_array(900))
+    for A, is_band in ((grid, True), (sp.csr_array(grid[order][:, order]), False), (tree, False)):
+        look, f = Look(A), rng.normal(size=900)
+        cost = work.factor_cost(look.fill)
+        assert look.is_band is is_band
+        assert cost <= min(work.factor_cost(look.band), work.factor_cost(foreseen(A)))
+        assert look.costs_more(0.5 * cost)
+        assert not look.costs_more(1.01 * cost)
+        assert A @ factorise(A).solve(f) == pytest.approx(f, abs=1e-9)

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
+from icpmodel.errors import OutOfMemory
 from icpmodel.numerics import work
 from icpmodel.numerics.factorisation import factorise
 from icpmodel.numerics.fill import foreseen, of_band, ordered
@@ -55,8 +56,9 @@ def test_a_band_a_clique_and_blocks_fill_up_themselves():
     n = 60
     tridiagonal = sp.csr_array(sp.diags_array([-1.0, 3.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)))
     assert foreseen(tridiagonal).entries == 4 * n - 2
-    assert of_band(n, 1, 1)[1:3] == (4 * n, 2 * n)
-    assert Matrix(tridiagonal).fill == of_band(n, 1, 1)
+    assert of_band(n, 1, 1)[1:3] == (4 * n, 4 * n)
+    assert of_band(n, 1, 1, symmetric=True)[1:3] == (2 * n, n)
+    assert Matrix(tridiagonal).fill == of_band(n, 1, 1, symmetric=True)
     clique = np.eye(n) * n - 1.0
     assert foreseen(sp.csr_array(clique))[1:3] == (n**2 + n, sum(c**2 + c for c in range(n)))
     blocks = sp.csr_array(sp.block_diag([clique[:6, :6]] * 10))
@@ -74,7 +76,7 @@ def test_the_fill_is_that_of_elimination_in_the_order_that_comes_with_it(n, shar
     assert sorted(order) == list(range(n))
     exact = exact_entries(A, order)
     assert exact <= fill.entries <= 1.5 * exact + 4
-    lu = factorise(A)
+    lu = factorise(A, triangles=True)
     assert lu.L.nnz + lu.U.nnz <= fill.entries
 
 
@@ -85,7 +87,7 @@ def test_grids_are_seen_to_the_end_at_a_share_of_what_their_factorisation_costs(
     A = sp.csr_array(A @ A) if power == 2 else A
     before = work.done()
     fill = foreseen(A)
-    looked, lu = work.done() - before, factorise(A)
+    looked, lu = work.done() - before, factorise(A, triangles=True)
     assert fill.seen
     assert 0.7 <= fill.entries / (lu.L.nnz + lu.U.nnz) <= 1.5
     assert looked <= 0.5 * work.factor_cost(fill)
@@ -102,9 +104,11 @@ def test_an_expander_is_given_up_within_some_tens_of_products():
 
 def test_factors_that_would_not_fit_are_not_begun():
     A = expander(2000, np.random.default_rng(4))
-    with pytest.raises(MemoryError, match="n = 2000"):
-        factorise(A, most=3 * A.nnz)
-    assert factorise(random_tree(2000, np.random.default_rng(5)), most=20_000) is not None
+    for triangles in (False, True):
+        with work.within(memory=50 * A.nnz), pytest.raises(OutOfMemory):
+            factorise(A, triangles=triangles)
+    with work.within(memory=1e6):
+        assert factorise(random_tree(2000, np.random.default_rng(5))) is not None
 
 
 def test_a_limit_on_the_cost_ends_the_look():

@@ -87,6 +87,34 @@ def cut(indptr, indices, data, q, rows, z):
 
 
 @compiled
+def mirrored(indptr, indices, data):
+    # whether the entries below the diagonal are, in order, those above it; rows are sorted
+    n = indptr.size - 1
+    ahead = np.empty(n, indptr.dtype)
+    for i in range(n):
+        k, stop = uint(indptr[i]), uint(indptr[i + 1])
+        while k < stop and indices[k] < i:
+            j = uint(indices[k])
+            e = uint(ahead[j])
+            if e >= uint(indptr[j + uint(1)]) or indices[e] != i or data[e] != data[k]:
+                return False
+            ahead[j] += 1
+            k += one()
+        ahead[i] = k + one() if k < stop and indices[k] == i else k
+    return (ahead >= indptr[1:]).all()
+
+
+@compiled
+def diagonals(indptr, indices, data, top, band):
+    # band[j, top + i - j] = a_ij, where that is in it: the columns of LAPACK's bands are the rows of `band`
+    for i in range(indptr.size - 1):
+        for k in range(uint(indptr[i]), uint(indptr[i + 1])):
+            place = top + i - indices[k]
+            if place >= 0:
+                band[uint(indices[k]), uint(place)] = data[k]
+
+
+@compiled
 def layers(indptr, indices, data, first):
     # breadth-first layers along the stored nonzeros j -> indices of row j; layer -1: not reached
     layer, order, start = np.where(first, 0, -1), np.empty(first.size, np.int64), np.flatnonzero(first)

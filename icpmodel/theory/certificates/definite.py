@@ -163,7 +163,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     slack += 4 * UNIT_ROUNDOFF * float(abs(H).sum(axis=1).max()) + underflow
     if not within_reach(H):
         return f"{name} is not tested for definiteness: with n = {n} it is too large to be factorised"
-    lu = factorise(H, diagonal_pivots=True)
+    lu = factorise(H, definite=True)
     smallest = smallest_below(H, slack, lu)
     if lu is None or not smallest > 0:
         return f"{name} is not proved positive definite: its symmetric part has no eigenvalue bound above 0"

@@ -88,8 +88,8 @@ def falling(S: sp.csr_array) -> Vector | None:
         return x[:, 0] if value[0] < 0 else None
     from scipy.sparse.linalg import spsolve_triangular
 
-    lu = factorise(S, diagonal_pivots=True)
-    if lu is None or (pivots := lu.U.diagonal()).min() > 0:
+    lu = factorise(S, definite=True, triangles=True)
+    if lu is None or (pivots := lu.pivots).min() > 0:
         return None
     k = int(np.argmin(pivots))
     # L^T y = e_k gives y^T (P S P^T) y = pivot_k
@@ -121,8 +121,8 @@ def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = 
             return -np.inf
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-    lu = lu or factorise(S, diagonal_pivots=True)
-    if lu is None or not lu.U.diagonal().min() > 0:
+    lu = lu or factorise(S, definite=True)
+    if lu is None or not lu.pivots.min() > 0:
         return -np.inf
 
     def operator(times: Callable[[Vector], Vector]) -> LinearOperator:
@@ -157,8 +157,8 @@ def _error_of_cholesky(S: sp.csr_array) -> float:
 
 def _distance_from_definite(S: sp.csr_array) -> float:
     """A bound on the norm of S − LDLᵀ with D > 0, inf where a pivot is not positive."""
-    lu = factorise(S, diagonal_pivots=True)
-    if lu is None or not ((D := lu.U.diagonal()) > 0).all():
+    lu = factorise(S, definite=True, triangles=True)
+    if lu is None or not ((D := lu.pivots) > 0).all():
         return np.inf
     work.build(lu.L.nnz, 6)
     L, U, ones = sp.csr_array(lu.L), sp.csr_array(lu.U), np.ones(S.shape[0])
