@@ -18,7 +18,7 @@ from .formulations import Target
 
 
 class ColdActiveSet(ForeignSolver):
-    """z = 0 at the start, and SuperLU for every system; its tolerance is Res(z)/Res(0).
+    """z = 0 at the start, and a factorisation for every system; its tolerance is Res(z)/Res(0).
 
     The rows with p_i ≤ a_ii r_i are taken for p_i = 0, the others for r_i = 0; those with p_i < a_ii(z_i − ψ̄_i), where
     there is an obstacle above, for z_i = ψ̄_i.

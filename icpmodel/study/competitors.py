@@ -172,7 +172,7 @@ def limits() -> list[Limit]:
 
 
 def _superlu(A: Any, b: Vector) -> Vector:
-    lu = factorise(A)
+    lu = factorise(A, triangles=True)
     if lu is None:
         raise RuntimeError("A is singular")
     return np.asarray(lu.solve(b))
