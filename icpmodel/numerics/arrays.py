@@ -277,23 +277,14 @@ def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
 
 
-def times_rows(d: Vector, matrix: sp.csr_array) -> sp.csr_array:
-    """diag(d)·`matrix`, CSR; a product of two sparse matrices takes twenty times as long where they are small."""
-    data = np.repeat(d, np.diff(matrix.indptr)) * matrix.data
-    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
-
-
 def is_symmetric(matrix: sp.csr_array) -> bool:
     """Whether a sparse matrix equals its transpose, entry by entry."""
     from .kernels.graph import mirrored  # loads numba
 
     matrix = sp.csr_array(matrix)
-    if matrix.has_canonical_format and mirrored(matrix.indptr, matrix.indices, matrix.data):
-        return True
-    turned = sp.csr_array(matrix.T)
-    if np.array_equal(turned.indptr, matrix.indptr) and np.array_equal(turned.indices, matrix.indices):
-        return np.array_equal(turned.data, matrix.data)
-    return (matrix != turned).nnz == 0  # zeros may be stored on one side only
+    if matrix.has_canonical_format and matrix.data.all():
+        return mirrored(matrix.indptr, matrix.indices, matrix.data)
+    return (matrix != sp.csr_array(matrix.T)).nnz == 0  # zeros may be stored on one side only
 
 
 def bandwidths(matrix: sp.csr_array) -> tuple[int, int]:

@@ -123,3 +123,9 @@ def balanced(A: sp.csr_array) -> Vector:
     # singular where the unknowns are of two kinds, as in a linear program: the units of one kind are then left alone
     logarithms, _ = cg(sp.diags_array(degree) + links + links.T, right, rtol=_BALANCED, maxiter=_PASSES, M=inverse)
     return np.exp(2.0 * logarithms)
+
+
+def times_rows(d: Vector, matrix: sp.csr_array) -> sp.csr_array:
+    """diag(d)·`matrix`, CSR; a product of two sparse matrices takes twenty times as long where they are small."""
+    data = np.repeat(d, np.diff(matrix.indptr)) * matrix.data
+    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)

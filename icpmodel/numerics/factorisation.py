@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ from .threads import one_blas_thread
 _THRESHOLD = 0.01
 #: entries of this share of the largest one of their column will do for pivots
 _LARGE = 0.1
+#: up to so many diagonals on one side LAPACK's factorisations of bands make no blocks
+_BY_COLUMNS = 32
 #: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen
 _BYTES = 2 * 12
 
@@ -117,7 +120,8 @@ def _of_band(matrix: sp.csr_array, look: Look, definite: bool) -> Band | None:
 
     n, (below, above), of = matrix.shape[0], look.reach, (matrix.indptr, matrix.indices, matrix.data)
     work.spend(work.factor_cost(look.band), 8.0 * look.band.entries)
-    with one_blas_thread():
+    # LAPACK goes through narrow bands without calls of BLAS that would take threads
+    with one_blas_thread() if max(below, above) > _BY_COLUMNS else nullcontext():
         if below == above and look.is_symmetric:
             half = np.zeros((n, below + 1))
             diagonals(*of, 0, half)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.numerics import work
-from icpmodel.numerics.arrays import times_rows
+from icpmodel.numerics.equilibration import times_rows
 from icpmodel.numerics.factorisation import factorise
 from icpmodel.numerics.fill import Look, foreseen
 

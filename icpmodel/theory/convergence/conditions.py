@@ -53,7 +53,8 @@ import scipy.sparse as sp
 from ...algebra.splittings import AOR, Member
 from ...errors import InputError
 from ...numerics import work
-from ...numerics.arrays import Vector, as_csr, as_vector, described, diagonal_positions, row_of, times_rows
+from ...numerics.arrays import Vector, as_csr, as_vector, described, diagonal_positions, row_of
+from ...numerics.equilibration import times_rows
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData, as_problem
 from ..matrices.comparison_matrix import positive_diagonal

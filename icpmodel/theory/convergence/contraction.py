@@ -16,8 +16,8 @@ import scipy.sparse as sp
 from ...algebra.splittings import Given
 from ...errors import OutOfTime, SingularOperator
 from ...numerics import work
-from ...numerics.arrays import Vector, times_rows
-from ...numerics.equilibration import equilibrated, in_units
+from ...numerics.arrays import Vector
+from ...numerics.equilibration import equilibrated, in_units, times_rows
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..matrices.comparison_matrix import comparison_matrix
