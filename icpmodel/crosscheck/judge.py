@@ -103,11 +103,11 @@ class Checked:
     def judge(self, solver: str, form: str, target: Target, claim: Claim) -> Row:
         """The row of a foreign `claim`, which is about `target` in `form`."""
         verdict, x, residual, difference = Verdict.FAILED, None, np.nan, np.nan
-        note = f"claims {claim.words!r}, but returned no z" if claim.solved else claim.words
+        note = f"claims {claim.words!r}, but returned no z" if claim.solved else self._ended(claim)
         try:
             x = None if claim.z is None else self.problem.vector(claim.z, "its z", finite=True)
         except InputError as error:
-            note = f"claims {claim.words!r}, but {error}"
+            note = f"claims {claim.words!r}, but {error}" if claim.solved else note
         if x is not None:
             z = x * self.unit
             difference = float(np.abs(z - self.z).max())
@@ -120,8 +120,8 @@ class Checked:
         """The verdict on a finite x, in the units of `target`. Every comparison is false for NaN."""
         theirs = solves(target.problem, x, THEIRS)
         if not claim.solved:
-            right = "; its z solves the problem all the same" if theirs else ""
-            return Verdict.FAILED, f"it ended with: {claim.words}{right}"
+            right = f"it ended with: {claim.words}; its z solves the problem all the same"
+            return Verdict.FAILED, right if theirs else self._ended(claim)
         if not theirs:
             return Verdict.LOOSE, f"claims {claim.words!r}, but its residual is above {THEIRS:g} Res(0)"
         if np.isfinite(self.z).all() and difference <= self.tolerance:
@@ -129,6 +129,12 @@ class Checked:
         if not self.holds:
             return Verdict.DISAGREES, "the residual of the answer under test is above tolerance"
         return self.by_bound(difference, sum_of_bounds(target, self.y, x) * self.unit, target.unique)
+
+    def _ended(self, claim: Claim) -> str:
+        """How it ended without success. "infeasible" and "unbounded" are rays that nobody has checked, and false where
+        the answer under test is a solution."""
+        known = ", and the answer under test is a solution" if self.holds else ", which is not checked"
+        return f"it ended with: {claim.words}{known}"
 
     def by_bound(self, difference: float, bound: float, unique: bool) -> tuple[Verdict, str]:
         """The verdict on a solution `difference` away, which is certified to be at most `bound`, NaN for unknown."""

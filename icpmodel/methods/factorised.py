@@ -27,7 +27,9 @@ from .modulus import ModulusMember
 class MNMOD(ModulusMember):
     """Modified new modulus method: M₁ = A, Ω = I. `phi` is a number or a vector of shape (n,).
 
-    Converges for every positive definite A with ψ = 0 and φ = 0. Reference: Kumar, Deepmala and Das, section 3.
+    Converges for every positive definite A with ψ = 0 and φ = 0. In rows that leave the obstacle a step multiplies what
+    an eigenvalue λ of A leaves by (φ + 1 − λ)/(φ + 1 + λ): by nothing for λ = φ + 1, by 1 in absolute value for an
+    imaginary λ, whatever φ. Reference: Kumar, Deepmala and Das, section 3.
 
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMOD()).z.round(6)
     array([1., 1.])
@@ -35,7 +37,7 @@ class MNMOD(ModulusMember):
 
     name: ClassVar[str] = "mnmod"
     family: ClassVar[str] = "paper"
-    to_try: ClassVar[str] = "a larger phi (it damps the step)"
+    to_try: ClassVar[str] = "another phi (phi + 1 amid the eigenvalues of A; none helps where A only rotates)"
     phi: Any = 0.0
 
     def __post_init__(self) -> None:
@@ -62,7 +64,7 @@ class MNMMOD(MNMOD):
 
     name: ClassVar[str] = "mnmmod"
     family: ClassVar[str] = "paper"
-    to_try: ClassVar[str] = "a larger phi (it damps the step), another theta1"
+    to_try: ClassVar[str] = "another theta1 (amid the eigenvalues of A; none helps where A only rotates), another phi"
     theta1: Any = 1.0
 
     def __post_init__(self) -> None:

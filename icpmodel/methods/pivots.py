@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, some_pivots, too_large
+from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, remade, some_pivots, too_large
 from ..algebra.equations import derivative, solve_on
 from ..errors import SingularOperator
 from ..numerics import work
@@ -34,8 +34,9 @@ class Lemke(Method):
 
     ψ = c: M = A, and y = z − c. ψ = Gz + c: M = A(I − G)⁻¹, and y = (I − G)z − c. A ψ_i that moves with z_i alone, and
     by less than it, is a constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated
-    first. Ties in the ratio test are broken lexicographically, so that, but for rounding, no basis comes back; the last
-    one is refined. The start has no influence. It finds a solution where A is a P-matrix, and one, if there is any,
+    first. Ties in the ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding
+    has taken a tie for none: then the pivots begin again, each with a dictionary made from the data. The last one is
+    refined. The start has no influence. It finds a solution where A is a P-matrix, and one, if there is any,
     where A is positive semidefinite (copositive-plus). Else it may end in a ray, which is tried as a proof that p ≥ 0
     and r ≥ 0 contradict each other, as is the y of a linear program: then it raises `Infeasible`, and if neither is
     one, it stands still.
@@ -62,29 +63,34 @@ class Lemke(Method):
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # raises SingularOperator where I − G is singular, or A in the rows without obstacle
-        from ..numerics.kernels.pivoting import RAY, SINGULAR, UNFINISHED  # loads numba
+        from ..numerics.kernels.pivoting import SINGULAR, SOLVED, UNFINISHED  # loads numba
 
         yield z, None
         lcp = dense_lcp(problem)
-        state = lcp.start()
-        ended, entering = UNFINISHED, -1
-        while ended == UNFINISHED:
-            ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
-            if ended == SINGULAR:
-                row = int(np.argmax(lcp.free))
-                raise SingularOperator("A is singular in the rows and columns without obstacle below", row)
-            z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
-            yield z, None
-        if ended == RAY:
-            answer = infeasible(problem, ray[: problem.n])
-            if not answer.holds and (y := multipliers(problem)) is not None:
-                answer = infeasible(problem, y)
-            if answer.holds:
-                raise Infeasible(answer)
-        else:
+        for careful in (False, True):
+            state, seen = lcp.start(), set[bytes]()
+            ended, entering = UNFINISHED, -1
+            while ended == UNFINISHED:
+                if careful and entering >= 0 and not remade(state):
+                    break
+                ended, entering, y, ray = some_pivots(state, entering, 1 if careful else len(lcp.q))
+                if ended == SINGULAR:
+                    row = int(np.argmax(lcp.free))
+                    raise SingularOperator("A is singular in the rows and columns without obstacle below", row)
+                z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
+                yield z, None
+                basis = np.sort(state[5][: len(lcp.q)]).tobytes()
+                if basis in seen:
+                    break
+                seen.add(basis)
+            if ended != UNFINISHED:
+                break
+        if ended == SOLVED:
             with suppress(SingularOperator):  # then what the pivots found has to do
                 z = solve_on(problem, z, *lcp.held(y))
                 yield z, None
+            return
+        _prove(problem, ray[: problem.n])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -133,6 +139,15 @@ class Josephy(Method):
                     break
                 z, best = following
                 yield z, best
+
+
+def _prove(problem: ProblemData, ray: Vector) -> None:
+    """Raises Infeasible where `ray` proves that p ≥ 0 and r ≥ 0 contradict each other, or the y of a linear program."""
+    answer = infeasible(problem, ray)
+    if not answer.holds and (y := multipliers(problem)) is not None:
+        answer = infeasible(problem, y)
+    if answer.holds:
+        raise Infeasible(answer)
 
 
 def _estimate(facts: Facts, calls: float, steps: float) -> Estimate:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, norm
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.work import add
 from .affine import zero
@@ -24,13 +24,32 @@ def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float) 
     if not residual <= tolerance:
         return residual
     add(problem.matrix.unit)
-    psi = problem.psi
-    c = psi.linear[1] if psi.linear is not None else psi.value(z)
-    residuals, above = np.array([residual]), None
-    if psi.upper is not None:
-        above = (psi.upper.linear[1] if psi.upper.linear is not None else psi.upper.value(z))[None]
-    certain_rows(problem.matrix, psi, problem.q[None], c[None], z[None], residuals, np.array([tolerance]), above)
+    residuals = np.array([residual])
+    rows = problem.q[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])
+    certain_rows(problem.matrix, problem.psi, *rows, _above(problem.psi, z))
     return float(residuals[0])
+
+
+def at_least(problem: ProblemData, z: Vector) -> float:
+    """What the exact Res(z) is at least, in doubled precision: 0 where it is all rounding even there."""
+    from ..numerics.kernels.products import least  # loads numba
+
+    add(problem.matrix.unit)
+    psi, rows = problem.psi, np.empty(problem.n)
+    upper = None if psi.upper is None else _side(psi.upper, _above(psi, z))
+    q, (*of_psi, C, known) = _locked(problem.q[None])[0], _side(psi, _offset(psi, z))
+    least(*_entries(problem.matrix), q, *of_psi, C[0], known, _locked(z[None])[0], upper, rows)
+    return norm(rows)
+
+
+def _offset(psi: Map, z: Vector) -> Rows:
+    """c of ψ(z) = Gz + c where it is linear, else ψ(z), as the only row."""
+    return (psi.value(z) if psi.linear is None else psi.linear[1])[None]
+
+
+def _above(psi: Map, z: Vector) -> Any:
+    """The same of what is above, None where nothing is."""
+    return None if psi.upper is None else _offset(psi.upper, z)
 
 
 def certain_rows(
@@ -50,12 +69,15 @@ def certain_rows(
     """
     from ..numerics.kernels.products import raised  # loads numba
 
-    if matrix.dense is None:
-        of_A = matrix.sparse.indptr, matrix.sparse.indices, matrix.sparse.data
-    else:
-        of_A = *_full(matrix.n), matrix.dense.reshape(-1)
     upper = None if psi.upper is None or above is None else _side(psi.upper, above)
-    raised(*of_A, _locked(Q), *_side(psi, C), _locked(Z), tolerances, residuals, upper)
+    raised(*_entries(matrix), _locked(Q), *_side(psi, C), _locked(Z), tolerances, residuals, upper)
+
+
+def _entries(matrix: Matrix) -> tuple[Any, Any, Any]:
+    """A as the compiled loop takes it."""
+    if matrix.dense is None:
+        return matrix.sparse.indptr, matrix.sparse.indices, matrix.sparse.data
+    return *_full(matrix.n), matrix.dense.reshape(-1)
 
 
 def _side(psi: Map, C: Rows) -> tuple[Any, ...]:

@@ -18,6 +18,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, described
 from ..numerics.rounding import is_ctrl_c, sheltered
 from ..problem.data import ProblemData, ProblemLike, as_problem
+from ..problem.verdict import at_least
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
 from .goal import RTOL, AccuracyGoal, Goal, Limits
@@ -172,7 +173,10 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
             at_0 = problem.residual_at_0()
         if math.isfinite(at_0):
             restart = np.zeros(problem.n)
-            scale = at_0 or scale  # if 0 solves the problem, it says nothing of its scale
+        if math.isfinite(at_0) and at_0:
+            scale = at_0
+        elif math.isfinite(scale):  # 0 says nothing of the scale; nor does what is rounding at the start
+            scale = at_least(problem, start)
     known = math.isfinite(scale)
     tolerance = max(limits.atol, limits.rtol * scale) if known else limits.atol
     # a certified error falls about as a residual does

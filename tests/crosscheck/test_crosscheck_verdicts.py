@@ -79,7 +79,15 @@ def test_an_unusable_z_is_failed(z: Any) -> None:
 def test_an_exception_is_failed_with_its_text() -> None:
     row = ask(KeyError("no such key"))
     assert row.verdict is Verdict.FAILED
-    assert row.note == "KeyError: 'no such key'"
+    assert row.note == "it ended with: KeyError: 'no such key', and the answer under test is a solution"
+
+
+def test_a_ray_that_nobody_has_checked_is_no_finding() -> None:
+    """OSQP calls definite problems unbounded where its tolerances are tight."""
+    for z in (None, [np.nan, np.nan]):
+        row = ask(z, words="dual infeasible", solved=False)
+        assert row.verdict is Verdict.FAILED
+        assert row.note == "it ended with: dual infeasible, and the answer under test is a solution"
 
 
 def test_an_interruption_passes_through() -> None:

@@ -286,3 +286,21 @@ def test_a_derivative_that_fails_does_not_end_the_automatic_choice():
     run = Run(problem, np.zeros(2), at_0, Goal(RTOL * at_0), aim=RTOL, scale=at_0)
     carry_out(run, in_turn(Candidate(icp.Newton(), ""), Candidate(icp.MNMMOD(theta1="auto"), "")))
     assert [one.outcome for one in run.tried] == ["psi failed", "solved"]
+
+
+@pytest.mark.parametrize("phi", [0.0, 1.0, 10.0])
+def test_no_phi_damps_what_a_rotation_leaves(phi):
+    """(φ + 1 − λ)/(φ + 1 + λ) has absolute value 1 for every imaginary λ: the advice must not be a larger φ."""
+    A, start = np.array([[0.0, -1.0], [1.0, 0.0]]), np.array([3.0, 4.0])
+    path = icp.MNMOD(phi=phi).iterates(icp.ICP(A, np.zeros(2), -np.inf), start)
+    assert [np.linalg.norm(next(path)[0]) for _ in range(5)] == pytest.approx([5.0] * 5)
+    # and of several φ the one amid the eigenvalues of a definite A leaves least
+    B = np.diag([1.0, 16.0])
+    left = {}
+    for one in (0.0, 3.0, 15.0):
+        path = icp.MNMOD(phi=one).iterates(icp.ICP(B, np.zeros(2), -1e9), start)
+        left[one] = np.abs([next(path)[0] for _ in range(20)][-1]).max()
+    assert left[3.0] < min(left[0.0], left[15.0])
+    for member in (icp.MNMOD, icp.MNMMOD):
+        assert "none helps where A only rotates" in member.to_try
+        assert "larger" not in member.to_try

@@ -179,3 +179,41 @@ def test_bounds_that_cross_by_their_rounding_touch(row):
         icp.solve_qp([[2.0]], [0.0], G=[row], h=[0.2999], lb=low, ub=high, raise_on_failure=False).status
         == "infeasible"
     )
+
+
+#: large entries of P in which q disappears: the objective moves along the null space of P alone
+FLAT = [
+    ([[8e6, -8e6, 0.0], [-8e6, 9e6, -1e6], [0.0, -1e6, 1e6]], [0.0, 1e-4, 0.0], [[-1.0, 0.0, 0.0]], [1.0], -1e-4),
+    ([[1e7, 1e7], [1e7, 1e7]], [-1e-4, 0.0], [[1.0, 0.0]], [-1.0], 1e-4),
+    ([[4e6, -2e6], [-2e6, 1e6]], [-2e-4, -3e-4], [[0.0, 2.0], [-2.0, 0.0]], [1.0, 2.0], -2.00000000005e-4),
+]
+
+
+@pytest.mark.parametrize(("P", "q", "G", "h", "least"), FLAT)
+@pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
+def test_what_is_optimal_has_the_least_objective_however_large_p_is_beside_q(P, q, G, h, least, unit):
+    """Px = 0 holds to rounding at any x in the null space: it says nothing of q, and q is all that matters there."""
+    found = icp.solve_qp(np.array(P) * unit, np.array(q) * unit, G, h, raise_on_failure=False)
+    assert found.objective == pytest.approx(least * unit, rel=1e-5)
+    program = Program.of(np.array(P), np.array(q), np.zeros((0, len(q))), np.zeros(0), np.array(G), np.array(h))
+    assert program.violation(found.x / 2, np.zeros(0), np.zeros(len(h))) > 0.1  # half of the way is not near enough
+
+
+def test_sparse_matrices_with_unsorted_rows_are_taken_as_they_are_and_stay_so():
+    """SciPy sorts in place when it puts blocks together, and what shares the indices is another matrix then."""
+    n, random = 300, np.random.default_rng(0)
+    A = sp.random_array((n // 3, n), density=3 / n, rng=random, data_sampler=random.normal).tocsr()
+    back = np.concatenate([np.arange(A.indptr[i], A.indptr[i + 1])[::-1] for i in range(n // 3)])
+    turned = sp.csr_array((A.data[back], A.indices[back], A.indptr), shape=A.shape)
+    P, q, b = sp.eye_array(n), random.normal(size=n), A @ random.normal(size=n)
+    before = turned.indices.copy(), turned.data.copy()
+    found = icp.solve_qp(P, q, A=turned, b=b, lb=-3.0)
+    assert found.x == pytest.approx(icp.solve_qp(P, q, A=A, b=b, lb=-3.0).x, abs=1e-9)
+    assert all(map(np.array_equal, before, (turned.indices, turned.data)))
+
+
+def test_column_numbers_outside_of_a_sparse_matrix_are_refused():
+    G = sp.csr_array(np.ones((1, 2)))
+    G.indices[1] = 7
+    with pytest.raises(icp.InputError, match="G is no sparse matrix that SciPy could use"):
+        icp.solve_qp(np.eye(2), np.ones(2), G, [1.0])

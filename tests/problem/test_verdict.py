@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.problem.verdict import certain
+from icpmodel.problem.verdict import at_least, certain
 
 LUCKY = (
     [[-3.000000000021828, 2.000000000014552, -4.000000000029104, -1.000000000007276]],
@@ -72,6 +72,15 @@ def test_what_rounding_forbids_has_a_residual_above_the_tolerance():
     assert not solution.solved
 
 
+def test_a_scale_that_is_all_rounding_is_none():
+    """Where 0 solves the problem, what is small is told by Res(z0): here 1e10, of which float64 makes 4e113."""
+    A, jump = np.array([[1.0, 0.0], [-1e120, 1e120]]), lambda z: np.where(z > 0, 1.0, 0.0)
+    for kind in (np.array, sp.csr_array):
+        for upper in (None, np.inf):
+            solution = icp.ICP(kind(A), np.zeros(2), jump, upper).solve(z0=np.full(2, 1e10), raise_on_failure=False)
+            assert solution.tolerance == pytest.approx(100.0)
+
+
 near_one = st.sampled_from([0.0, 1.0, -1.0, 3.0, 0.1, -0.3, 1.0 + 2.0**-40, 2.0**60, -(2.0**60), 1e-8, 2.0**-537])
 
 
@@ -93,6 +102,7 @@ def test_a_certain_residual_is_never_below_the_exact_one_and_tight(data):
         root = float(Fraction(math.isqrt(int(exact * 4**1200)), 2**1200))
         assert certain(problem, z, 0.0, root * (1 + 1e-12) + 1e-300) == 0.0
         assert root == 0.0 or Fraction(certain(problem, z, 0.0, root / 2)) ** 2 >= exact
+        assert root * (1 - 1e-12) - 1e-300 <= at_least(problem, z) <= root * (1 + 1e-15)
 
 
 @settings(max_examples=15, deadline=None)

@@ -59,6 +59,15 @@ def test_an_estimate_agrees_with_the_exact_number():
     assert large.local == pytest.approx(small.local, rel=0.5)
 
 
+def test_an_estimate_is_the_same_each_time_and_leaves_the_users_random_numbers_alone():
+    """SciPy's estimator draws columns from NumPy's global state."""
+    solution = icp.scenes.bai_symmetric(n=529).problem.solve()
+    before = str(np.random.get_state())  # noqa: NPY002  the state of the user
+    first = sensitivity(solution, trials=1).local
+    assert str(np.random.get_state()) == before  # noqa: NPY002
+    assert sensitivity(solution, trials=1).local == first
+
+
 def test_what_cannot_be_told_is_said():
     with pytest.raises(icp.InputError, match="not solved"):
         sensitivity(icp.scenes.hard_jump().problem.solve(raise_on_failure=False))

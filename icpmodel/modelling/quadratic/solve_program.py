@@ -23,9 +23,9 @@ from .program import Program
 from .proofs import EXACTLY, NUMERICALLY, contradiction
 from .reduction import Frame, ProgramLcp
 
-#: what may be wrong in the units of the program, as a multiple of the tolerance in those of the ICP, and up to what an
-#: answer is called inaccurate and not an error
-_USERS, _INACCURATE = 1e2, 1e-4
+#: what may be wrong in the units of the program, as a multiple of the tolerance in those of the ICP: 1e-8 by default,
+#: as for an ICP; and up to what an answer is called inaccurate and not an error
+_USERS, _INACCURATE = 10.0, 1e-4
 #: what may be noise beside 1
 _NOISE = (0.0, 1e-13)
 #: steps at the most, and without less error
@@ -111,7 +111,7 @@ def solve_program(
     `start` an x near the solution.
 
     Parameters: `tolerance` of the residual of the ICP in units in which its data are about 1; `time_limit` in seconds.
-    "optimal": the residual is below the tolerance, and nothing is wrong by more than a hundred times the tolerance in
+    "optimal": the residual is below the tolerance, and nothing is wrong by more than ten times the tolerance in
     the units of the program; "optimal_inaccurate": both are below 1e-4. "infeasible" and "unbounded" are proved (for
     the latter a feasible x was found, too), with "_inaccurate" they are proved up to rounding. "user_limit": the time
     is over; "solver_error": none of these. Raises OutOfMemory before the work begins."""

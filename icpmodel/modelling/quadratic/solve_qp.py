@@ -10,7 +10,18 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import InputError, NotSolved
-from ...numerics.arrays import Vector, as_array, as_csr, as_number, as_real, as_truth, as_vector, axes, row_of
+from ...numerics.arrays import (
+    Vector,
+    as_array,
+    as_csr,
+    as_number,
+    as_real,
+    as_truth,
+    as_vector,
+    axes,
+    check_indices,
+    row_of,
+)
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered
 from ...numerics.threads import one_blas_thread
 from ...present.shown import Shown
@@ -32,7 +43,7 @@ class QpSolution(Shown):
     rounding, x and the multipliers being NaN; "infeasible_or_unbounded"; "user_limit" or "solver_error", x being the
     best iterate. `message` says what that rests on. `violation` is how far x and the multipliers are from optimal: the
     largest of what is wrong in a row, of Ax = b, Gx ≤ h, stationarity or complementarity, as a share of the sum of its
-    |terms|. `iterations` are Newton steps.
+    |terms|, and of what the objective may be above the least one, as a share of its own. `iterations` are Newton steps.
 
     >>> icp.solve_qp([[2.0]], [-2.0])
     QpSolution(optimal: x = [1.], objective = -1)
@@ -151,6 +162,7 @@ def _rows(M: Any, right: Any, n: int, names: tuple[str, str]) -> tuple[sp.csr_ar
         M = as_array(M, name)[None]
     if axes(M, name) != 2 or np.shape(M)[1] != n:
         raise InputError(f"{name} has shape {np.shape(M)}; shape (m, {n}) was expected")
+    check_indices(M, name)
     M = sp.csr_array(as_real(M if sp.issparse(M) else as_array(M, name), name), dtype=np.float64)
     if not np.isfinite(M.data).all():
         k = int(np.argmin(np.isfinite(M.data)))

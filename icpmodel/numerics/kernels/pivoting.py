@@ -89,18 +89,17 @@ def _of_inverse(D, i, k, place):
 
 
 @compiled
-def eliminate_free(D, free, basic, nonbasic, place):
-    # rows without obstacle: w_i = 0 leaves for good and y_i, of either sign, enters; the largest pivot each time
-    n, first = D.shape[0], 0.0
+def reach(D, wanted, basic, nonbasic, place):
+    # the dictionary of the wanted basis, the largest pivot each time; False where that is singular
+    first = 0.0
     while True:
         row, column, largest, left = -1, -1, 0.0, False
-        for i in range(n):
-            if free[i] and place[i] >= 0:
+        for i in range(D.shape[0]):
+            if not wanted[basic[i]]:
                 left = True
-                for j in range(n):
-                    if free[j] and place[n + j] < 0 and abs(D[place[i], -1 - place[n + j]]) > largest:
-                        row, column = place[i], -1 - place[n + j]
-                        largest = abs(D[row, column])
+                for j in range(nonbasic.size):
+                    if wanted[nonbasic[j]] and abs(D[i, j]) > largest:
+                        row, column, largest = i, j, abs(D[i, j])
         first = max(first, largest)
         if not left:
             return True
@@ -110,8 +109,8 @@ def eliminate_free(D, free, basic, nonbasic, place):
 
 
 @compiled
-def start(S, q, free, D, basic, nonbasic, place):
-    # the first dictionary; returns how the run ended, and the label of the variable that is to enter
+def set_up(S, q, free, D, basic, nonbasic, place):
+    # the dictionary of w in y and t
     n = S.shape[0]
     for i in range(n):
         for j in range(n):
@@ -119,7 +118,26 @@ def start(S, q, free, D, basic, nonbasic, place):
         D[i, n], D[i, n + 1] = 0.0 if free[i] else 1.0, q[i]
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
     nonbasic[n], place[2 * n] = 2 * n, -1 - n
-    if not eliminate_free(D, free, basic, nonbasic, place):
+
+
+@compiled
+def anew(S, f, free, D, labels):
+    # the same dictionary from the data, without what earlier pivots have rounded; False where its basis is singular
+    n = S.shape[0]
+    basic, nonbasic, wanted = labels[:n], labels[n : 2 * n + 1], np.zeros(2 * n + 1, np.bool_)
+    wanted[basic] = True
+    place = labels[2 * n + 1 : 4 * n + 2]
+    set_up(S, f, free, D, basic, nonbasic, place)
+    return reach(D, wanted, basic, nonbasic, place)
+
+
+@compiled
+def start(S, q, free, D, basic, nonbasic, place):
+    # the first dictionary; returns how the run ended, and the label of the variable that is to enter. In rows without
+    # obstacle w_i = 0 has left for good, and y_i, of either sign, has entered
+    n = S.shape[0]
+    set_up(S, q, free, D, basic, nonbasic, place)
+    if np.any(free) and not reach(D, np.append(np.append(~free, free), False), basic, nonbasic, place):
         return SINGULAR, -1
     row = -1
     for i in range(n):  # the last of equal ones is the lexicographically least

@@ -221,3 +221,16 @@ def raised(indptr, indices, data, Q, G_indptr, G_indices, G_data, C, known, Z, t
             )
         if bound > tolerances[row]:
             residuals[row] = bound
+
+
+@partial(compiled, exact=True)
+def least(indptr, indices, data, q, G_indptr, G_indices, G_data, c, known, z, upper, out):
+    # row by row what the exact |min(p, r)|, or |the median|, is at least; as for `raised`, of which this is one row
+    for i in range(uint(z.size)):
+        p, for_p = twice(q[i], 0.0, uint(indptr[i]), uint(indptr[i + uint(1)]), 1.0, indices, data, z)
+        r, for_r = gap(i, G_indptr, G_indices, G_data, c, known, z, True)
+        s, for_s = -np.inf, 0.0
+        if upper is not None:
+            s, for_s = gap(i, upper[0], upper[1], upper[2], upper[3][0], upper[4], z, True)
+        low, high = max(s - for_s, min(p - for_p, r - for_r)), max(s + for_s, min(p + for_p, r + for_r))
+        out[i] = low if low > 0.0 else -high if high < 0.0 else 0.0

@@ -106,7 +106,8 @@ def _tried(problem: ProblemData, y: Vector, support: np.ndarray, rows: _Rows) ->
     yield {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
     yield {int(i): Fraction(float(y[i])) for i in support}
     if support.size <= _RATIONAL:
-        yield _exact(problem, support, y, rows)
+        yield _exact(problem, support, y, rows, np.flatnonzero(rows.falls & rows.rises))
+        yield _exact(problem, support, y, rows, support)  # of a ray, yᵀAy = 0
 
 
 def multipliers(problem: ProblemData) -> Vector | None:
@@ -177,11 +178,12 @@ def _is_hopeless(problem: ProblemData, rows: _Rows, y: Combination) -> bool:
     return bool(((columns > off) & np.isposinf(rows.high) | (columns < -off) & np.isneginf(rows.low)).any())
 
 
-def _exact(problem: ProblemData, support: np.ndarray, y: Vector, bounds: _Rows) -> Combination:
-    """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or must be; x_i left open is y_i."""
+def _exact(problem: ProblemData, support: np.ndarray, y: Vector, bounds: _Rows, zero: np.ndarray) -> Combination:
+    """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or i is in `zero`; x_i left open is
+    y_i."""
     with np.errstate(over="ignore", invalid="ignore"):
         tight = np.abs(problem.A.T @ y) <= _ZERO * (problem.matrix.absolute.T @ np.abs(y))
-    tight[support] = True
+    tight[zero] = True
     tight &= ~(np.isfinite(bounds.low) & np.isfinite(bounds.high))
     rows = [row for row in rationals(problem.A[support][:, tight].T) if any(row)]
     x = [Fraction(float(y[i])) for i in support]
