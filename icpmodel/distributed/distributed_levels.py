@@ -152,7 +152,11 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     """(A of a coarser level, the interpolation to the finer one) level by level, as PETSc makes them; none where it
     fails, or where a coarse diagonal is not positive."""
     PETSc = petsc()
-    pc = PETSc.PC().create(matrix.mat.comm)
+    pc, options = PETSc.PC().create(matrix.mat.comm), PETSc.Options(_PREFIX)
+    # the smoothers that come with it are replaced: Chebyshev's would look for eigenvalues, which is half of the set-up
+    for name, value in (("ksp_type", "richardson"), ("pc_type", "none")):
+        if not options.hasName(f"mg_levels_{name}"):
+            options[f"mg_levels_{name}"] = value
     pc.setOptionsPrefix(_PREFIX)
     pc.setType("hmg" if PETSc.Sys.hasExternalPackage("hypre") else "gamg")
     pc.setOperators(matrix.mat, matrix.mat)
