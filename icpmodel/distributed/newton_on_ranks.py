@@ -23,8 +23,8 @@ from .distributed_levels import DistributedLevel, DistributedLevels
 from .distributed_map import DistributedMap
 from .ranks import petsc, together, totals
 
-#: what Krylov's steps leave of Az + q in the free rows while the active set moves, until a step leaves no more than the
-#: second number of the residual: the border is then where it will be but for a few rows, and the next step may be the last
+#: what Krylov's steps leave of Az + q in the free rows while the active set moves, until a step leaves no more of the
+#: residual than the second number: the border is then where it will be but for a few rows, and the next one may end it
 _SHARE, _SETTLED = 0.1, 0.5
 #: a coarser level is left at this share of its own Res(0), or after so many looks
 _COARSE, _LOOKS = 1e-4, 8
@@ -75,8 +75,10 @@ def looks(
     before = np.inf
     while True:
         look = LookOnRanks(problem, z, taken)
+        levels.done["looks", top] += 1
         if look.moved:
             look = LookOnRanks(problem, look.swept(SWEEPS), taken)
+            levels.done["sweeps", top] += 1
         wanted = yield look
         if look.moved:
             taken = look.pattern
