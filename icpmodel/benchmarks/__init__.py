@@ -2,6 +2,8 @@
 
 from .adjoints import derivative_cost
 from .benchmark import benchmark, faster_peers
+from .beyond.rank_runs import distributed_cost
+from .beyond.rank_tables import distributed_counts, distributed_model
 from .certainty import bound_ratios, certificate_cost
 from .constants import constants
 from .costs import dominant_cost, impulse_cost, reading_cost, small_cost, solve_cost
@@ -20,6 +22,9 @@ __all__ = [
     "choice",
     "constants",
     "derivative_cost",
+    "distributed_cost",
+    "distributed_counts",
+    "distributed_model",
     "dominant_cost",
     "drawn",
     "family_names",

@@ -132,7 +132,7 @@ def _sharpened(
     problem: DistributedICP, z: Any, levels: DistributedLevels, proof: HPlusVectors, delta: Vector
 ) -> Vector:
     """The better one of δ(z) and |z − ẑ| + δ(ẑ), ẑ from a few of Newton's steps. Collective."""
-    before = levels.steps
+    before = levels.done.copy()
     try:
         path = looks(levels, simplified(problem), z, 0)
         look = next(path)
@@ -145,7 +145,7 @@ def _sharpened(
     except MapError:  # ψ need not have a value anywhere but at z
         return delta
     finally:
-        levels.steps = before
+        levels.done = before
     with np.errstate(over="ignore", invalid="ignore"):
         candidate = (np.abs(z.array_r - look.z.array_r) + beyond) * (1 + 4 * UNIT_ROUNDOFF)
     ours, theirs = largest(problem.comm, float(delta.max(initial=0.0)), float(candidate.max(initial=0.0)))

@@ -11,6 +11,7 @@ BoomerAMG.
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -71,13 +72,19 @@ class DistributedLevels:
         transfers = [*(P for _, P in found), None]
         self.levels = [DistributedLevel(*one) for one in zip(matrices, [*matrices[1:], None], transfers, strict=True)]
         self.krylov = "cg" if matrix.is_symmetric else "gmres"
-        #: Krylov's steps so far, on all levels
-        self.steps = 0
+        #: how often so far, by level: Krylov's "steps", "looks", "sweeps" and "masks"
+        self.done: Counter[tuple[str, int]] = Counter()
         self._top = -1
         self._solver: Any = None
 
+    @property
+    def steps(self) -> int:
+        """Krylov's steps so far, on all levels."""
+        return sum(count for (what, _), count in self.done.items() if what == "steps")
+
     def restrict(self, free: Vector, top: int) -> None:
         """Let only the rows where `free` is 1, of level `top`, take part in what is solved from now on. Collective."""
+        self.done["masks", top] += 1
         for level in self.levels[top:]:
             mask = level.matrix.vector(free)
             level.matrix.mat.copy(level.J, petsc().Mat.Structure.SAME_NONZERO_PATTERN)
@@ -92,20 +99,20 @@ class DistributedLevels:
     def solved(self, f: Any, top: int, J: Any, share: float | None, wanted: float | None) -> Any:
         """x with A_FF x = f_F on level `top`, 0 elsewhere, or Jx = f where a `J` is given: until ‖f − Jx‖ is a `share`
         of ‖f‖, within a few steps, or `_PART` of `wanted`, or as near as the steps get."""
-        ksp, x = self._krylov_solver(top, J), f.duplicate()
+        ksp, x = self.krylov_solver(top, J), f.duplicate()
         if wanted is None:
             ksp.setTolerances(rtol=share, atol=0.0, max_it=_FEW)
         else:
             ksp.setTolerances(rtol=0.0, atol=_PART * wanted, max_it=_MANY)
         x.zeroEntries()
         ksp.solve(f, x)
-        self.steps += ksp.getIterationNumber()
+        self.done["steps", top] += ksp.getIterationNumber()
         if ksp.getConvergedReason() in _INDEFINITE and self.krylov == "cg":
             self.krylov = "gmres"
             return self.solved(f, top, J, share, wanted)
         return x
 
-    def _krylov_solver(self, top: int, J: Any) -> Any:
+    def krylov_solver(self, top: int, J: Any) -> Any:
         """CG or GMRES with a cycle of level `top`; it is kept until another level's is asked for."""
         PETSc, levels = petsc(), self.levels[top:]
         if self._top != top:
@@ -152,7 +159,11 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     """(A of a coarser level, the interpolation to the finer one) level by level, as PETSc makes them; none where it
     fails, or where a coarse diagonal is not positive."""
     PETSc = petsc()
-    pc = PETSc.PC().create(matrix.mat.comm)
+    pc, options = PETSc.PC().create(matrix.mat.comm), PETSc.Options(_PREFIX)
+    # the smoothers that come with it are replaced: Chebyshev's would look for eigenvalues, which is half of the set-up
+    for name, value in (("ksp_type", "richardson"), ("pc_type", "none")):
+        if not options.hasName(f"mg_levels_{name}"):
+            options[f"mg_levels_{name}"] = value
     pc.setOptionsPrefix(_PREFIX)
     pc.setType("hmg" if PETSc.Sys.hasExternalPackage("hypre") else "gamg")
     pc.setOperators(matrix.mat, matrix.mat)

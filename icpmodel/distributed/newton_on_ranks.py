@@ -23,8 +23,9 @@ from .distributed_levels import DistributedLevel, DistributedLevels
 from .distributed_map import DistributedMap
 from .ranks import petsc, together, totals
 
-#: what Krylov's steps leave of Az + q in the free rows while the active set moves
-_SHARE = 0.1
+#: what Krylov's steps leave of Az + q in the free rows while the active set moves, until a step leaves no more of the
+#: residual than the second number: the border is then where it will be but for a few rows, and the next one may end it
+_SHARE, _SETTLED = 0.1, 0.5
 #: a coarser level is left at this share of its own Res(0), or after so many looks
 _COARSE, _LOOKS = 1e-4, 8
 
@@ -71,15 +72,19 @@ def looks(
     What is sent is the residual that is wanted, or None.
     """
     taken: Pattern | None = None
+    before = np.inf
     while True:
         look = LookOnRanks(problem, z, taken)
+        levels.done["looks", top] += 1
         if look.moved:
             look = LookOnRanks(problem, look.swept(SWEEPS), taken)
+            levels.done["sweeps", top] += 1
         wanted = yield look
         if look.moved:
             taken = look.pattern
             levels.restrict(np.where(taken.active, 0.0, 1.0), top)
-        z = _stepped(levels, look, top, None if look.moved else wanted)
+        settled = not look.moved or look.residual <= _SETTLED * before < np.inf
+        z, before = _stepped(levels, look, top, wanted if settled else None), look.residual
 
 
 def _stepped(levels: DistributedLevels, look: LookOnRanks, top: int, wanted: float | None) -> Any:

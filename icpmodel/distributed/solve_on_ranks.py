@@ -31,6 +31,8 @@ from .ranks import largest, norm, together, totals
 _NEAR = 1e-2
 #: what counts as reduced, and how many Newton steps may fail to
 _REDUCED, _PATIENCE = 0.9, 5
+#: rounding explains nothing where it leaves more than this share of the first residual, as in `solve.run`
+_LOW = 0.1
 #: where they do, so many rounds of sweeps must, and that may happen so often
 _ROUNDS, _SWEEPS, _RESCUES = 100, 8, 10
 
@@ -206,7 +208,7 @@ class _Run:
         self, problem: DistributedICP, limits: Limits, watch: Callable[[], Status | None], say: Callable[[str], None]
     ) -> None:
         self.problem, self.limits, self.watch, self.say = problem, limits, watch, say
-        self.begin, self.iterations, self.tolerance = time.perf_counter(), 0, limits.atol
+        self.begin, self.iterations, self.scale, self.tolerance = time.perf_counter(), 0, np.inf, limits.atol
         self.levels: DistributedLevels | None = None
         self.best, self.least = problem.vector(), np.inf
 
@@ -218,7 +220,7 @@ class _Run:
         scale = at_0 if np.isfinite(at_0) and at_0 else first
         if not np.isfinite(scale):
             raise MapError(_where_not_finite(problem, z))
-        self.tolerance = max(self.limits.atol, self.limits.rtol * scale)
+        self.scale, self.tolerance = scale, max(self.limits.atol, self.limits.rtol * scale)
         self._seen(z, first)
         if first <= self.tolerance:
             return Status.SOLVED, ""
@@ -254,6 +256,8 @@ class _Run:
             if residual <= _REDUCED * mark:
                 mark, since = residual, 0
             if since > _PATIENCE or not np.isfinite(residual):
+                if self.least <= 2.0 * (noise := self._noise()) < _LOW * self.scale:
+                    return Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {noise:.2g} at this z"
                 rescues += 1
                 rescued = self._swept(simple) if rescues <= _RESCUES else None
                 if rescued is None:
@@ -277,6 +281,10 @@ class _Run:
             self.iterations += 1
         return None
 
+    def _noise(self) -> float:
+        """What rounding may make of the residual of the best iterate."""
+        return norm(self.problem.comm, np.maximum(*rounding(self.problem, self.best)))
+
     def _seen(self, z: Any, residual: float) -> None:
         if residual < self.least or not np.isfinite(self.least):
             self.best, self.least = z.copy(), residual
@@ -285,8 +293,7 @@ class _Run:
         """The best iterate, judged once more, rounding included."""
         problem, residual = self.problem, self.least
         if status is Status.SOLVED:
-            for_p, for_r = rounding(problem, self.best)
-            luck = norm(problem.comm, np.maximum(for_p, for_r))
+            luck = self._noise()
             if not residual + luck <= self.tolerance and self.tolerance > 0:
                 status, note = Status.PRECISION_LIMIT, f"rounding may be worth {luck:.3g} of it"
         message = "solved"
