@@ -7,7 +7,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 from click.shell_completion import CompletionItem
@@ -174,8 +174,17 @@ def summary(function: Callable[..., Any]) -> str:
     return (inspect.getdoc(function) or "").split("\n\n")[0]
 
 
-def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
-    """The problem that the arguments name, and its scene if it is one. Raises InputError, FileError."""
+class Named(NamedTuple):
+    """What the arguments name: a scene with its `n` and `parameters`, or the arguments of `load_problem`."""
+
+    scene: str | None
+    n: int | None
+    parameters: dict[str, Any]
+    files: tuple[Any, ...]
+
+
+def named_source(arguments: dict[str, Any]) -> Named:
+    """The scene or the files that the arguments name. Raises InputError, FileError."""
     source, file, n = arguments["source"], arguments["a_file"], arguments["n"]
     parameters = pairs(arguments["parameters"])
     files = {f"--{name}": arguments[key] for name, key in _PARTS.items() if arguments[key] is not None}
@@ -187,10 +196,7 @@ def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
             raise InputError(f"{next(iter(files))} belongs to a file of A; {source} is a scene, which has its own")
         if "n" in parameters:
             raise InputError("the size of a scene is set by --n, not by --set n=...")
-        found = scene(source, n, **parameters)
-        if n is not None and found.problem.n != n:
-            click.echo(f"note: {source} has no size {n}; the nearest is {found.problem.n}", err=True)
-        return found.problem, found
+        return Named(source, n, parameters, ())
     if file is None and not os.path.exists(source):
         if os.path.splitext(source)[1] or os.sep in source:
             raise FileError(f"{source}: no such file or folder")
@@ -198,9 +204,24 @@ def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
         raise InputError(f"SOURCE is {source!r}; there is neither a scene nor a file or folder of this name{hint}")
     if n is not None or parameters:
         raise InputError(f"--n and --set belong to scenes, and {source or file} is none; see `icpmodel scenes`")
-    return load_problem(
-        source or file, arguments["q_file"], *(_side(arguments[name]) for name in ("psi", "upper"))
-    ), None
+    sides = (_side(arguments[name]) for name in ("psi", "upper"))
+    return Named(None, None, {}, (source or file, arguments["q_file"], *sides))
+
+
+def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
+    """The problem that the arguments name, and its scene if it is one. Raises InputError, FileError."""
+    named = named_source(arguments)
+    if named.scene is None:
+        return load_problem(*named.files), None
+    found = scene(named.scene, named.n, **named.parameters)
+    note_size(named, found.problem.n)
+    return found.problem, found
+
+
+def note_size(named: Named, n: int) -> None:
+    """Say that the scene has not the size that was wanted, but `n` unknowns, where that is so."""
+    if named.n not in (None, n):
+        click.echo(f"note: {named.scene} has no size {named.n}; the nearest is {n}", err=True)
 
 
 def _side(text: str | None) -> float | str | None:

@@ -1,4 +1,4 @@
-"""`mpiexec -n RANKS icpmodel distributed`: a scene of which every rank assembles its own rows, solved on all."""
+"""`mpiexec -n RANKS icpmodel distributed`: a problem of which every rank makes or reads its own rows, solved on all."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ from typing import Any
 
 import click
 
-from ..distributed import by_rows, solve
-from ..distributed.ranks import world
+from ..distributed import DistributedSolution, by_rows, load_problem, save_solution, solve
+from ..distributed.files_on_ranks import WRITTEN_IN_PARTS, check_place_on_ranks, start_in
+from ..distributed.ranks import together, world
+from ..distributed.rows_of_files import PARTED
 from ..errors import IcpError
+from ..modelling.archive import as_path
 from ..present.card import Card
 from ..scenes import by_rows as scene_by_rows
 from ..solve.solution import Status
-from .arguments import SCENE, from_signature, options, pairs
-from .output import AS_JSON, complain, show_json
+from .arguments import SOURCE_OPTIONS, from_signature, named_source, note_size, options
+from .output import AS_JSON, complain, must_be_writable, show_json, wrote
 
 _LIMITS = {
     "rtol": "Stop at the residual rtol * Res(0) ...",
@@ -23,24 +26,49 @@ _LIMITS = {
 }
 
 
-@click.command()
-@click.argument("scene", type=SCENE)
-@click.option("--n", type=float, help="Wanted number of unknowns; the scene takes the nearest it can have.")
-@click.option("--set", "parameters", multiple=True, metavar="NAME=VALUE", help="A parameter of the scene; repeatable.")
+class _OnRanks(click.Command):
+    """A command whose errors only rank 0 tells."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError:
+            if world().rank:
+                raise click.exceptions.Exit(2) from None
+            raise
+
+
+@click.command(
+    cls=_OnRanks,
+    epilog=f"""SOURCE is the name of a scene that is assembled by rows, or a folder of Matrix Market files with a
+psi.json; or else give --A and --q, and --psi and --upper where there are obstacles other than 0. Files end in
+{" or ".join(PARTED)} (PETSc's), and all ranks see them.""",
+)
+@options(*SOURCE_OPTIONS)
+@click.option("--z0", "z0_file", type=click.Path(), help=f"Start from the vector in this file, {', '.join(PARTED)}.")
 @options(*from_signature(solve, _LIMITS))
 @click.option("--bound/--no-bound", default=True, help="Compute the error bound, which costs about a linear solve.")
+@click.option(
+    "-o", "--output", type=click.Path(), help=f"Write the answer to this file, {' or '.join(WRITTEN_IN_PARTS)}."
+)
 @AS_JSON
-def distributed(
-    scene: str, n: float | None, parameters: tuple[str, ...], bound: bool, as_json: bool, **limits: Any
-) -> int:
-    """Solve SCENE on the ranks of MPI: mpiexec -n 4 icpmodel distributed membrane --n 1e7. Needs petsc4py, mpi4py."""
+def distributed(as_json: bool, **arguments: Any) -> int:
+    """Solve the problem SOURCE on the ranks of MPI: mpiexec -n 4 icpmodel distributed membrane --n 1e7. Needs petsc4py,
+    mpi4py."""
     comm = world()
     try:
-        return _solved(comm, scene, n, parameters, bound, as_json, limits)
+        solution = _solved(comm, arguments)
+        if comm.rank == 0:
+            show_json(solution.about()) if as_json else click.echo(str(Card(solution.summary())))
+        if arguments["output"] is not None:
+            save_solution(solution, arguments["output"])
+            if comm.rank == 0:
+                wrote(arguments["output"])
+        if comm.rank == 0 and not solution.solved:
+            complain(f"not solved: {solution.status.value}")
+        return 130 if solution.status is Status.INTERRUPTED else 0 if solution.solved else 1
     except IcpError as error:  # the same one on all ranks
         return complain(str(error)) if comm.rank == 0 else 2
-    except click.ClickException:
-        raise
     except BaseException as error:
         # nobody knows where the other ranks are
         complain(f"rank {comm.rank} of {comm.size}: {type(error).__name__}: {error}")
@@ -48,22 +76,25 @@ def distributed(
         raise
 
 
-def _solved(
-    comm: Any,
-    scene: str,
-    n: float | None,
-    parameters: tuple[str, ...],
-    bound: bool,
-    as_json: bool,
-    limits: dict[str, Any],
-) -> int:
-    size = None if n is None else int(n)
-    problem = by_rows(scene_by_rows(scene, size, **pairs(parameters)), comm)
-    solution = solve(problem, **limits, progress=True, raise_on_failure=False)
-    if bound and solution.solved:
+def _solved(comm: Any, arguments: dict[str, Any]) -> DistributedSolution:
+    """The solution with its certificate. Collective."""
+    output, z0_file = arguments["output"], arguments["z0_file"]
+    with together(comm):
+        must_be_writable(output)
+        named = named_source(arguments)
+    if output is not None:
+        check_place_on_ranks(output, comm)
+    if named.scene is None:
+        problem = load_problem(*named.files)
+    else:
+        with together(comm):
+            made = scene_by_rows(named.scene, named.n, **named.parameters)
+        if comm.rank == 0:
+            note_size(named, made.n)
+        problem = by_rows(made, comm)
+    z0 = None if z0_file is None else start_in(as_path(z0_file), problem)
+    limits = {name: arguments[name] for name in _LIMITS}
+    solution = solve(problem, z0=z0, **limits, progress=True, raise_on_failure=False)
+    if arguments["bound"] and solution.solved:
         solution.certify()
-    if comm.rank == 0:
-        show_json(solution.about()) if as_json else click.echo(str(Card(solution.summary())))
-        if not solution.solved:
-            complain(f"not solved: {solution.status.value}")
-    return 130 if solution.status is Status.INTERRUPTED else 0 if solution.solved else 1
+    return solution

@@ -6,6 +6,7 @@ It needs petsc4py and mpi4py, which are loaded when they are first asked for.
 
 from .distributed_bound import DistributedCertificate, certify
 from .distributed_icp import DistributedICP, by_rows, distribute
+from .files_on_ranks import load_problem, save_solution
 from .solve_on_ranks import DistributedSolution, solve
 
 __all__ = [
@@ -15,5 +16,7 @@ __all__ = [
     "by_rows",
     "certify",
     "distribute",
+    "load_problem",
+    "save_solution",
     "solve",
 ]

@@ -143,6 +143,14 @@ def with_entries(mat: Any, made: Callable[[Vector], Vector]) -> Any:
     return new
 
 
+def check_counts(n: int, entries: int) -> None:
+    """Raise InputError where PETSc's integers cannot count the unknowns, or the entries of one rank."""
+    most = np.iinfo(petsc().IntType).max
+    if max(n, entries) > most:
+        found = f"{n} unknowns" if n > most else f"{entries} entries on one rank"
+        raise InputError(f"{found} are too many for this PETSc, whose indices have {most.bit_length() + 1} bits")
+
+
 def from_rows(rows: sp.csr_array, comm: Any) -> Any:
     """PETSc's square matrix of the `rows` that each rank gives, CSR with all columns. Collective. Raises InputError."""
     PETSc, own = petsc(), rows.shape[0]
@@ -150,8 +158,7 @@ def from_rows(rows: sp.csr_array, comm: Any) -> Any:
     with together(comm):
         if rows.shape[1] != n:
             raise InputError(f"A has {rows.shape[1]} columns in the rows of this rank; {n} were expected")
-        if max(n, rows.nnz) > np.iinfo(PETSc.IntType).max:
-            raise InputError(f"{n} unknowns are too many for this PETSc, whose indices have 32 bits")
+        check_counts(n, rows.nnz)
         csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
     mat = PETSc.Mat().createAIJ(((own, n), (own, n)), csr=csr, comm=comm)
     mat.assemble()

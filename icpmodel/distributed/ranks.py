@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, MapError, NotApplicable
+from ..errors import FileError, InputError, MapError, NotApplicable
 from ..numerics.arrays import Vector
 
 _MISSING = (
@@ -17,7 +17,7 @@ _MISSING = (
 )
 
 #: errors that are the same on all ranks, first those of the package
-_OURS = (InputError, MapError, NotApplicable)
+_OURS = (InputError, FileError, MapError, NotApplicable)
 _PASSED = (*_OURS, OSError, MemoryError)
 
 
@@ -61,7 +61,7 @@ def together(comm: Any) -> Iterator[None]:
         return
     told = None if comm.rank != first else (type(fault) if isinstance(fault, _PASSED) else None, _in_words(fault))
     kind, text = comm.bcast(told, root=first)
-    text = f"{text} (rank {first} of {comm.size})" if comm.size > 1 else text
+    text = f"{text} (rank {first} of {comm.size})" if first else text
     raise (kind or RuntimeError)(text) from fault
 
 

@@ -52,14 +52,15 @@ def told(path: Path, done: str) -> Iterator[None]:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[tuple[BinaryIO, int]]:
-    """The file `path` for reading, and how many bytes it has. Raises FileError, for pipes and folders, too."""
+def opened(path: Path, shares: int = 1) -> Iterator[tuple[BinaryIO, int]]:
+    """The file `path` for reading, and how many bytes it has, of which one of so many `shares` is read. Raises
+    FileError, for pipes and folders, too."""
     with told(path, "read"):
         if path.exists() and not path.is_file():
             raise FileError(f"{path}: is {'a folder' if path.is_dir() else 'no file'}; a file was expected")
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
-            check_room(str(path), size)
+            check_room(str(path), size / shares)
             yield file, size
 
 
@@ -109,24 +110,36 @@ def write_whole(path: Path, write: Callable[[BinaryIO], None], check: Callable[[
     leaves the old file or the new. Raises FileError where it cannot be written."""
     with told(path, "written"):
         check()
-        beside = path.with_name(f".{secrets.token_hex(8)}.part")
-        with beside.open("xb") as file:
-            try:
-                if path.exists():
-                    shutil.copymode(path, beside)
+        beside = begun(path)
+        try:
+            with beside.open("r+b") as file:
                 write(file)
-                file.flush()
-                os.fsync(file.fileno())
-                beside.replace(path)
-            finally:
-                beside.unlink(missing_ok=True)
-        # the new name reaches the disk with its folder, where the file system can be asked for that
-        with suppress(OSError):
-            folder = os.open(path.parent, os.O_RDONLY)
-            try:
-                os.fsync(folder)
-            finally:
-                os.close(folder)
+            finished(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
+
+
+def begun(path: Path) -> Path:
+    """A new file in the folder of `path`, empty, with the rights of what is there."""
+    beside = path.with_name(f".{secrets.token_hex(8)}.part")
+    with beside.open("xb"):
+        if path.exists():
+            shutil.copymode(path, beside)
+    return beside
+
+
+def finished(beside: Path, path: Path) -> None:
+    """Put the file `beside` in the place of `path`, once all of it is on the disk."""
+    with beside.open("r+b") as file:
+        os.fsync(file.fileno())
+    beside.replace(path)
+    # the new name reaches the disk with its folder, where the file system can be asked for that
+    with suppress(OSError):
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
 
 
 def check_free(path: Path, *kinds: str) -> None:

@@ -42,9 +42,9 @@ Source = str | PathLike[str]
 
 _PROBLEM, _BETWEEN = "icpmodel problem 1", "icpmodel problem 2"
 #: what the names of what is stored of an obstacle begin with
-_PREFIX = {"psi": "", "upper": "upper_"}
+SIDES = {"psi": "", "upper": "upper_"}
 #: the variables that a file of another program may hold
-_PARTS = {"A", "q", *_PREFIX}
+_PARTS = {"A", "q", *SIDES}
 #: kind of an obstacle → what is stored of it
 _KINDS: dict[str, tuple[str, ...]] = {"zero": (), "constant": ("c",), "affine": ("c", "G")}
 
@@ -74,10 +74,10 @@ def load_problem(
 
     Parameters: `path` an `.npz` file by `save_problem`, a folder of Matrix Market files, or a `.mat` file (-v6, -v7)
     or one by `numpy.savez` with the variables A, q, psi and upper, of which the last two may be missing; or a
-    file of A alone: `.npy`, `.npz` by `scipy.sparse.save_npz`, `.mat`, `.mtx`, `.csv` or `.txt` (numbers with commas,
-    or spaces, between, no heads). `q`, `psi`, `upper` files of what `path` does not hold, of n numbers each, of the
-    obstacles also a number; without `psi` it is 0, without `upper` there is none. In a file of several variables each
-    is found by its name.
+    file of A alone: `.npy`, `.npz` by `scipy.sparse.save_npz`, `.mat`, `.mtx`, `.bin` by PETSc, `.csv` or `.txt`
+    (numbers with commas, or spaces, between, no heads). `q`, `psi`, `upper` files of what `path` does not hold, of n
+    numbers each, of the obstacles also a number; without `psi` it is 0, without `upper` there is none. In a file of
+    several variables each is found by its name.
     A `.mat` file that is cut where a variable ends is whole to every reader: look at what is printed of the problem.
     Raises FileError, which names the file, the field and what was expected.
 
@@ -101,7 +101,7 @@ def load_problem(
     for name, given in {"q": q, "psi": psi, "upper": upper}.items():
         if given is not None and name in parts:
             raise FileError(f"{path}: holds its own {name}; drop {name}")
-        if isinstance(given, Real) and not isinstance(given, bool) and name in _PREFIX:
+        if isinstance(given, Real) and not isinstance(given, bool) and name in SIDES:
             parts[name] = float(given)
         elif given is not None:
             sources[name] = as_path(given, name)
@@ -123,11 +123,11 @@ def stored_problem(archive: Archive) -> ICP:
 def _stored_parts(archive: Archive, sides: Iterable[str]) -> dict[str, Any]:
     q = archive.vector("q")
     parts: dict[str, Any] = {"q": q, "A": archive.matrix("A", q.size)}
-    for side in (side for side in _PREFIX if side in sides):
+    for side in (side for side in SIDES if side in sides):
         parts[side] = archive.text(side)
         for name in _stored(archive.path, side, parts[side]):
             read = archive.matrix if name == "G" else archive.vector
-            parts[_PREFIX[side] + name] = read(_PREFIX[side] + name, q.size)
+            parts[SIDES[side] + name] = read(SIDES[side] + name, q.size)
     return parts
 
 
@@ -144,7 +144,7 @@ def problem_fields(problem: ProblemLike) -> dict[str, Any]:
         kind = "affine" if not one.is_constant else "constant" if c.any() else "zero"
         arrays[side] = np.array(kind)
         for name in _KINDS[kind]:
-            arrays |= _fields(_PREFIX[side] + name, G if name == "G" else c)
+            arrays |= _fields(SIDES[side] + name, G if name == "G" else c)
     return arrays
 
 
@@ -158,12 +158,12 @@ def _of_A(path: Path, A: Any) -> ICP:
 
 def _complete(problem: ICP, parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
     """The `problem`, of which A is known, with the other parts; an error names the source of the part that is wrong."""
-    for name in ("q", *(side for side in _PREFIX if side in parts)):
+    for name in ("q", *(side for side in SIDES if side in parts)):
         try:
             if name == "q":
                 problem = problem.with_q(np.atleast_1d(parts["q"]))
                 continue
-            prefix = _PREFIX[name]
+            prefix = SIDES[name]
             c = parts.get(f"{prefix}c", 0.0) if isinstance(parts[name], str) else parts[name]
             side = Affine(parts[f"{prefix}G"], c) if f"{prefix}G" in parts else c
             problem = problem.with_psi(side) if name == "psi" else problem.with_upper(side)
@@ -180,7 +180,7 @@ def _from_file(path: Path) -> dict[str, Any]:
         with read_archive(path) as archive:
             if archive.is_ours:
                 archive.check(_PROBLEM, _BETWEEN)
-                return _stored_parts(archive, _PREFIX if archive.text("format") == _BETWEEN else ("psi",))
+                return _stored_parts(archive, SIDES if archive.text("format") == _BETWEEN else ("psi",))
             parts = read_fields(archive)
     else:
         parts = read_named(path)
@@ -193,6 +193,17 @@ def _from_file(path: Path) -> dict[str, Any]:
 
 
 def _from_folder(path: Path) -> dict[str, Any]:
+    content, files = folder_files(path)
+    A = read_matrix(files.pop("A"))
+    read = {
+        name: read_matrix(file) if name.endswith("G") else read_vector(file, A.shape[0]) for name, file in files.items()
+    }
+    return {"A": A} | read | content
+
+
+def folder_files(path: Path) -> tuple[dict[str, str], dict[str, Path]]:
+    """What a folder of Matrix Market files declares of the obstacles, and name → the file of what it holds. Raises
+    FileError."""
     declared = path / "psi.json"
     if not declared.is_file():
         if not (path / "A.mtx").is_file():
@@ -204,14 +215,8 @@ def _from_folder(path: Path) -> dict[str, Any]:
         found = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
         wanted = "the field psi alone was expected, or psi and upper"
         raise FileError(f'{declared}: {found}; {wanted}, for an LCP {{"psi": "zero"}}')
-    stored = {side: _stored(declared, side, kind) for side, kind in content.items()}
-    A = read_matrix(path / "A.mtx")
-    parts = {"A": A, "q": read_vector(path / "q.mtx", A.shape[0])} | content
-    for side, names in stored.items():
-        for name in (_PREFIX[side] + name for name in names):
-            file = path / f"{name}.mtx"
-            parts[name] = read_matrix(file) if name.endswith("G") else read_vector(file, A.shape[0])
-    return parts
+    stored = [SIDES[side] + name for side, kind in content.items() for name in _stored(declared, side, kind)]
+    return content, {name: path / f"{name}.mtx" for name in ("A", "q", *stored)}
 
 
 def _fields(name: str, part: Any) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 .npy    an array                    .npz    a matrix by scipy.sparse.save_npz, or arrays by numpy.savez
 .mtx    a Matrix Market file        .mat    variables by MATLAB (-v6, -v7) or scipy.io.savemat
 .csv    numbers, commas between     .txt    numbers, spaces between, as numpy.savetxt writes them
+.bin    a matrix or vector by PETSc
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from ..errors import FileError
 from .archive import NUMBERS, REAL, Archive, check_room, is_compressed, opened, read_archive, read_array, told
 from .matlab import read_variables
 from .matrix_market import read_matrix, read_vector
+from .petsc_binary import read_petsc
 
 #: the end of the name → what is between two numbers in a line, None for any spaces
 _TEXTS = {".csv": ",", ".txt": None}
-SUFFIXES = (".npy", ".npz", ".mat", ".mtx", *_TEXTS)
+SUFFIXES = (".npy", ".npz", ".mat", ".mtx", ".bin", *_TEXTS)
 #: a matrix as save_npz writes it → the fields beside data that hold its positions
 _SPARSE = {
     "csr": ("indices", "indptr"),
@@ -51,6 +53,8 @@ def read_named(path: Path) -> dict[str, Any]:
             return {"": read_array(file, size, f"{path}: it", NUMBERS, _is_numbers)}
     if suffix == ".mtx":
         return {"": read_matrix(path)}
+    if suffix == ".bin":
+        return {"": read_petsc(path)}
     if suffix in _TEXTS:
         return {"": read_text(path)}
     raise FileError(f"{path}: a file whose name ends in one of {', '.join(SUFFIXES)} was expected")

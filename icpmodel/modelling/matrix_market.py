@@ -8,22 +8,26 @@ from __future__ import annotations
 import io
 import os
 import warnings
+from collections.abc import Callable, Iterable
+from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..errors import FileError
 from ..numerics.arrays import Vector
 from .archive import opened
 
-_INDEX = [("i", np.int64), ("j", np.int64)]
+_INDEX: list[tuple[str, Any]] = [("i", np.int64), ("j", np.int64)]
+Places = NDArray[np.int64]
 #: a_ji of the a_ij that a file holds, i > j, as a multiple of it
 _MIRRORED = {"general": 0, "symmetric": 1, "skew-symmetric": -1}
 
 
-class _Header(NamedTuple):
+class MarketHead(NamedTuple):
     """What a file says it holds: `lines` of numbers, in coordinates or not, with values or all 1."""
 
     coordinate: bool
@@ -48,25 +52,28 @@ def read_vector(path: Path, n: int) -> Vector:
 def _read(path: Path, n: int | None) -> Any:
     """What `path` holds; a vector of `n` entries unless that is None."""
     with opened(path) as (raw, size):
-        # a number that is cut short is a number, too
-        if size and (raw.seek(-1, os.SEEK_END), raw.read(1))[1] not in b"\r\n":
-            raise FileError(f"{path}: its last line does not end; is the file truncated?")
-        raw.seek(0)
+        check_end(path, raw, size)
         file = io.TextIOWrapper(raw, encoding="utf-8", errors="replace")
-        header = _header(path, file)
-        shape = (header.rows, header.columns)
-        if n is not None and sorted(shape) != sorted((n, 1)):
-            raise FileError(f"{path}: is {shape[0]} x {shape[1]}; a vector of {n} numbers ({n} x 1) was expected")
-        # a line has two bytes or more, and a matrix with fewer bytes than rows is a huge one with next to no entries
-        if 2 * header.lines > size or (n is None and max(shape) > size):
-            found = f"its header promises {shape[0]} x {shape[1]} with {header.lines} entries"
-            raise FileError(f"{path}: {found}, which do not fit into {size} bytes; is the file truncated?")
-        return (_in_coordinates if header.coordinate else _in_columns)(path, header, file)
+        head = market_head(path, file.readline, size, n)
+        found = numbers_of(path, head, file)
+        check_count(path, head, found.size)
+        if not head.coordinate:
+            return _in_columns(head, found)
+        i, j, values = entries_of(path, head, found)
+        return sp.coo_array((values, (i, j)), shape=(head.rows, head.columns))
 
 
-def _header(path: Path, file: TextIO) -> _Header:
-    """The banner and the line with the size, between which there may be comments."""
-    banner = file.readline(1000).lower().split()
+def check_end(path: Path, raw: BinaryIO, size: int) -> None:
+    """Raise FileError unless the last line ends: a number that is cut short is a number, too."""
+    if size and (raw.seek(-1, os.SEEK_END), raw.read(1))[1] not in b"\r\n":
+        raise FileError(f"{path}: its last line does not end; is the file truncated?")
+    raw.seek(0)
+
+
+def market_head(path: Path, readline: Callable[..., str], size: int, n: int | None) -> MarketHead:
+    """The banner and the line with the size, between which there may be comments, of a file of `size` bytes that is to
+    hold a vector of `n` entries unless that is None. Raises FileError."""
+    banner = readline(1000).lower().split()
     if len(banner) != 5 or banner[:2] != ["%%matrixmarket", "matrix"]:
         raise FileError(f"{path}: not a readable Matrix Market file: it does not begin with %%MatrixMarket matrix ...")
     layout, field, symmetry = banner[2:]
@@ -74,9 +81,9 @@ def _header(path: Path, file: TextIO) -> _Header:
         raise FileError(f"{path}: is {field} {symmetry}; real numbers, {', '.join(_MIRRORED)}, were expected")
     if layout not in ("array", "coordinate") or (layout, field) == ("array", "pattern"):
         raise FileError(f"{path}: is {layout} {field}; an array of numbers, or coordinates, were expected")
-    line = file.readline()
+    line = readline()
     while line and (line.startswith("%") or not line.strip()):
-        line = file.readline()
+        line = readline()
     words, mirrored = line.split(), _MIRRORED[symmetry]
     if len(words) != (3 if layout == "coordinate" else 2) or not all(
         word.isascii() and word.isdecimal() for word in words
@@ -85,53 +92,77 @@ def _header(path: Path, file: TextIO) -> _Header:
     rows, columns, *entries = map(int, words)
     if mirrored and rows != columns:
         raise FileError(f"{path}: is {rows} x {columns}, and cannot be {symmetry}")
-    lines = rows * (columns + mirrored) // 2 if mirrored else rows * columns
-    return _Header(layout == "coordinate", field == "pattern", mirrored, rows, columns, *(entries or [lines]))
+    if n is not None and sorted((rows, columns)) != sorted((n, 1)):
+        raise FileError(f"{path}: is {rows} x {columns}; a vector of {n} numbers ({n} x 1) was expected")
+    lines = entries[0] if entries else rows * (columns + mirrored) // 2 if mirrored else rows * columns
+    # a line has two bytes or more, and a matrix with fewer bytes than rows is a huge one with next to no entries
+    if 2 * lines > size or (n is None and max(rows, columns) > size):
+        found = f"its header promises {rows} x {columns} with {lines} entries"
+        raise FileError(f"{path}: {found}, which do not fit into {size} bytes; is the file truncated?")
+    return MarketHead(layout == "coordinate", field == "pattern", mirrored, rows, columns, lines)
 
 
-def _numbers(path: Path, header: _Header, file: TextIO, columns: list[tuple[str, Any]]) -> np.ndarray:
-    """As many lines as were promised, each with one number for each of the `columns`."""
-    found = np.empty(0, columns)
+def numbers_of(path: Path, head: MarketHead, lines: Iterable[Any]) -> np.ndarray:
+    """Of each of the `lines` that is not empty its numbers, called i, j and a, as far as it has them. Raises
+    FileError."""
+    columns = [] if not head.coordinate else _INDEX
+    columns = columns if head.pattern else [*columns, ("a", np.float64)]
+    lines = iter(lines)
+    first = next((line for line in lines if line.strip()), None)
+    if first is None:
+        return np.empty(0, columns)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # NumPy warns where there is nothing at all
-            if header.lines:
-                found = np.loadtxt(file, dtype=columns, comments=None, ndmin=1)
+            warnings.simplefilter("error")
+            found: np.ndarray = np.loadtxt(chain([first], lines), dtype=columns, comments=None, ndmin=1)
     except (ValueError, Warning) as error:
         raise FileError(f"{path}: not a readable Matrix Market file ({error})") from error
-    if not header.lines and file.read().strip():
-        raise FileError(f"{path}: holds more than the 0 entries that its header promises")
-    if found.size != header.lines:
-        raise FileError(f"{path}: holds {found.size} entries; its header promises {header.lines}; is it truncated?")
     return found
 
 
-def _in_columns(path: Path, header: _Header, file: TextIO) -> np.ndarray:
+def check_count(path: Path, head: MarketHead, count: int) -> None:
+    """Raise FileError unless the file has as many entries as it says."""
+    if count != head.lines:
+        raise FileError(f"{path}: holds {count} entries; its header promises {head.lines}; is it truncated?")
+
+
+def _in_columns(head: MarketHead, found: np.ndarray) -> np.ndarray:
     """An array, column by column; of one that is mirrored the part below the diagonal."""
-    values = _numbers(path, header, file, [("a", np.float64)])["a"]
-    if not header.mirrored:
-        return values.reshape(header.columns, header.rows).T
-    j, i = np.triu_indices(header.rows, k=header.mirrored < 0)
-    array = np.zeros((header.rows, header.columns))
+    values = found["a"]
+    if not head.mirrored:
+        return values.reshape(head.columns, head.rows).T
+    j, i = np.triu_indices(head.rows, k=head.mirrored < 0)
+    array = np.zeros((head.rows, head.columns))
     array[i, j] = values
-    array[j, i] = header.mirrored * values
+    array[j, i] = head.mirrored * values
     return array
 
 
-def _in_coordinates(path: Path, header: _Header, file: TextIO) -> sp.coo_array:
-    """Lines of i, j and a_ij, counted from 1; entries that are there twice are added."""
-    found = _numbers(path, header, file, _INDEX if header.pattern else [*_INDEX, ("a", np.float64)])
-    values = np.ones(found.size) if header.pattern else found["a"]
-    i, j = found["i"] - 1, found["j"] - 1
-    wrong = (i < 0) | (i >= header.rows) | (j < 0) | (j >= header.columns)
-    if header.mirrored:
-        wrong |= i < j + (header.mirrored < 0)
+def entries_of(path: Path, head: MarketHead, found: np.ndarray, before: int = 0) -> tuple[Places, Places, Vector]:
+    """i, j and a_ij, counted from 0, of the lines `found`, with so many lines `before` them: what is mirrored as well.
+    Entries that are there twice are to be added. Raises FileError."""
+    values = np.ones(found.size) if head.pattern else found["a"]
+    i, j = (found["i"] - 1, found["j"] - 1) if head.coordinate else _positions(head, found.size, before)
+    wrong = (i < 0) | (i >= head.rows) | (j < 0) | (j >= head.columns)
+    if head.mirrored:
+        wrong |= i < j + (head.mirrored < 0)
     if wrong.any():
-        k, part = int(np.argmax(wrong)), ("", " on or below the diagonal", " below the diagonal")[header.mirrored]
-        within = f"{header.rows} x {header.columns}{part}"
+        k, part = int(np.argmax(wrong)), ("", " on or below the diagonal", " below the diagonal")[head.mirrored]
+        within = f"{head.rows} x {head.columns}{part}"
         raise FileError(f"{path}: has an entry at {i[k] + 1}, {j[k] + 1}; places within {within} were expected")
-    if header.mirrored:
+    if head.mirrored:
         again = i != j
         i, j = np.append(i, j[again]), np.append(j, i[again])
-        values = np.append(values, header.mirrored * values[again])
-    return sp.coo_array((values, (i, j)), shape=(header.rows, header.columns))
+        values = np.append(values, head.mirrored * values[again])
+    return i, j, values
+
+
+def _positions(head: MarketHead, count: int, before: int) -> tuple[Places, Places]:
+    """Where `count` numbers of an array stand, column by column, after so many `before`."""
+    k = np.arange(before, before + count)
+    if not head.mirrored:
+        return k % head.rows, k // head.rows
+    first = np.arange(head.rows) + (head.mirrored < 0)  # the row at which a column begins
+    begin = np.r_[0, np.cumsum(head.rows - first)]
+    j = np.searchsorted(begin, k, side="right") - 1
+    return k - begin[j] + first[j], j

@@ -8,14 +8,29 @@ import numpy as np
 
 from ..icp import ICP
 from ..numerics.arrays import Vector
-from .grid import five_point, side, square_points
-from .registry import Quantity, Scene, register, size
+from ..problem.by_rows import ByRows, LocalRows
+from .grid import difference_rows, index, points, side, square_points
+from .registry import Quantity, Scene, assembles, register, size
 
 #: 2·shear modulus·twist per length over the yield stress, times the side
 TWIST = 5.0
 #: torque over yield stress times side³ (1/3 where all has yielded), extrapolated by another code on 22 grids of 200 to
 #: 640 cells a side, on which error/h² lies between .52 and .54
 TORQUE = 0.2920921
+
+
+@assembles("torsion")
+def _torsion(n: int) -> ByRows:
+    m = side(size(n, 25))
+    return ByRows((m, m), partial(_twisted_rows, m))
+
+
+def _twisted_rows(m: int, lo: int, hi: int) -> LocalRows:
+    at = index((m, m), lo, hi)
+    x = points(0.0, 1.0, (m, m), at)
+    distance = np.minimum(x, 1.0 - x).min(axis=1)
+    q = np.full(hi - lo, -TWIST * (1.0 / (m + 1)) ** 2)
+    return LocalRows(difference_rows((m, m), at, lo, 4.0), q, -distance, distance)
 
 
 @register
@@ -30,13 +45,13 @@ def torsion(n: int = 900) -> Scene:
     Raises InputError for n < 25.
     Reference: Glowinski, Numerical Methods for Nonlinear Variational Problems (1984).
     """
-    m = side(size(n, 25))
-    h, points = 1.0 / (m + 1), square_points(0.0, 1.0, m)
-    distance = np.minimum(points, 1.0 - points).min(axis=1)
-    problem = ICP(five_point(m), np.full(m * m, -TWIST * h**2), -distance, distance)
+    rows = _torsion(n)
+    m = rows.shape[0]
+    h = 1.0 / (m + 1)
+    problem = ICP(*rows.local_rows(0, rows.n))
     known = {"torque": Quantity(TORQUE, partial(_torque, h), order=2.0)}
     models = "A square bar twisted until parts of it yield: where they are, and the torque that it takes."
-    return Scene(problem=problem, models=models, quantities=known, h=h, points=points)
+    return Scene(problem=problem, models=models, quantities=known, h=h, points=square_points(0.0, 1.0, m))
 
 
 def _torque(h: float, z: Vector) -> float:

@@ -382,7 +382,7 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["solve", "membrane", "--n", "1000000000000"], "n is 1000000000000; a whole number >= 1 and <= 1e+08"),
         (["solve", ""], "SOURCE is ''; there is neither"),
         (["solve", "membrane", "--z0", "nowhere.npz"], "nowhere.npz: no such file"),
-        (["solve", __file__], "a file whose name ends in one of .npy, .npz, .mat, .mtx, .csv, .txt was expected"),
+        (["solve", __file__], "a file whose name ends in one of .npy, .npz, .mat, .mtx, .bin, .csv, .txt was expected"),
         (["solve", __file__, "--n", "3"], "--n and --set belong to scenes"),
         (["crosscheck", "hand-lcp", "--solver", "gurobi"], "'gurobi'"),
         (["crosscheck", "hand-lcp", "--solver", "osqb"], "did you mean osqp?"),

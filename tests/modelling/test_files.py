@@ -351,7 +351,7 @@ def test_a_matrix_market_file_cut_after_any_byte_is_refused_and_never_read_wrong
         ("coordinate real general", "1 1 1\n1 1 1e999\n", r"A\[0, 0\] is inf"),
         ("coordinate real general", "1 1 1\n0 1 1\n", "an entry at 0, 1; places within 1 x 1"),
         ("coordinate real general", "1 1 1\n1 1 1\n1 1 1\n", "holds 2 entries; its header promises 1"),
-        ("coordinate real general", "1 1 0\n1 1 1\n", "holds more than the 0 entries"),
+        ("coordinate real general", "1 1 0\n1 1 1\n", "holds 1 entries; its header promises 0"),
         ("coordinate real general", "900000000 900000000 1\n1 1 1\n", "promises 900000000 x 900000000 with 1 entries"),
         ("coordinate real general", "1 1\n1 1 1\n", "'1 1.n' where its size was expected"),
         ("coordinate real general", f"1 1 {'9' * 5000}\n1 1 1\n", "cannot be read"),

@@ -18,7 +18,7 @@ NAMES = sorted(ASSEMBLIES)
 
 
 def test_the_scenes_that_many_machines_want_are_among_them():
-    assert {"membrane", "ball", "bearing", "obstacle-3d"} <= set(NAMES)
+    assert {"membrane", "ball", "bearing", "obstacle-3d", "torsion"} <= set(NAMES)
 
 
 def stacked(made, cuts):
@@ -41,8 +41,9 @@ def test_the_rows_of_any_cut_are_those_of_the_whole_bit_by_bit(name, data, n, of
     assert np.array_equal(A.indices, problem.A.indices)
     assert np.array_equal(A.data, problem.A.data)
     assert np.array_equal(q, problem.q)
-    assert np.array_equal(psi, problem.psi.value(q))
-    assert upper is None is problem.upper
+    sides = problem.psi
+    assert np.array_equal(psi, sides.value(q))
+    assert upper is problem.upper if upper is None else np.array_equal(upper, sides.upper.value(q))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,0 +1,211 @@
+"""Problems and answers on disk, without a rank that holds all of them: each reads and writes its part."""
+
+from __future__ import annotations
+
+import os
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import FileError, InputError, NotApplicable
+from ..modelling.archive import as_path, begun, check_replaceable, check_suffix, finished, opened, told
+from ..modelling.files import SIDES, folder_files
+from ..modelling.petsc_binary import PetscFile
+from ..numerics.arrays import described
+from .distributed_icp import DistributedICP
+from .ranks import petsc, together, world
+from .rows_of_files import PARTED, matrix_in, vector_in
+from .solve_on_ranks import DistributedSolution
+
+Source = str | PathLike[str]
+#: in what an answer can be written: PETSc's own form, and HDF5
+WRITTEN_IN_PARTS = (".bin", ".h5")
+#: beyond the numbers themselves, what a file may have
+_HEADS = 1 << 16
+
+
+def load_problem(
+    path: Source,
+    q: Source | None = None,
+    psi: Source | float | None = None,
+    upper: Source | float | None = None,
+    comm: Any = None,
+) -> DistributedICP:
+    """Read a problem from files that all ranks see; each rank reads its part, and nobody holds all.
+
+    Parameters: `path` a folder of Matrix Market files, as `icpmodel.load_problem` reads it; or a file of A alone:
+    `.mtx`, or `.bin`, what PETSc's `MatView` writes to a binary viewer (one matrix, real, of double precision, with
+    integers of 32 or 64 bits). `q`, `psi`, `upper` files of n numbers each, `.mtx` or `.bin` (a `Vec`), of the
+    obstacles also a number; without `psi` it is 0, without `upper` there is none. `comm` a communicator of mpi4py or
+    petsc4py, by default that of all ranks. A `.mtx` file is cut into as many ranges of bytes as there are ranks.
+    Returns a `DistributedICP`. Raises FileError, on all ranks, which names the file and what was expected.
+
+    >>> import scipy.io, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     scipy.io.mmwrite(f"{folder}/A.mtx", sp.eye_array(3))
+    ...     scipy.io.mmwrite(f"{folder}/q.mtx", np.ones((3, 1)))
+    ...     icp.distributed.load_problem(f"{folder}/A.mtx", q=f"{folder}/q.mtx", upper=2.0)
+    DistributedICP(n=3, ranks=1)
+    """
+    comm = world(comm)
+    with together(comm):
+        files = _files(as_path(path), q, psi, upper)
+    A = matrix_in(files["A"], comm)
+    sides: list[Any] = []
+    for name, prefix in SIDES.items():
+        own = files.get(f"{prefix}c", 0.0 if name == "psi" else None)
+        own = vector_in(own, A) if isinstance(own, Path) else own
+        sides.append((matrix_in(files[f"{prefix}G"], comm), own) if f"{prefix}G" in files else own)
+    try:
+        return DistributedICP(A, vector_in(files["q"], A), *sides)
+    except InputError as error:  # the same one on all ranks
+        raise FileError(f"{path}: {error}") from error
+
+
+def _files(path: Path, q: Any, psi: Any, upper: Any) -> dict[str, Any]:
+    """A, q, c, G, upper_c, upper_G → the file that it is in, of what there is; an obstacle may be a number."""
+    with told(path, "read"):
+        path.stat()
+    files: dict[str, Any] = {"A": path}
+    declared: dict[str, str] = {}
+    if path.is_dir():
+        declared, found = folder_files(path)
+        files |= found | {"q": found["q"]}
+    for name, given in {"q": q, "psi": psi, "upper": upper}.items():
+        if given is None:
+            continue
+        if name in declared or (declared and name == "q"):
+            raise FileError(f"{path}: holds its own {name}; drop {name}")
+        number = name in SIDES and isinstance(given, int | float) and not isinstance(given, bool)
+        files[name if name == "q" else f"{SIDES[name]}c"] = float(given) if number else as_path(given, name)
+    if "q" not in files:
+        raise FileError(f"{path}: holds A alone; a problem needs its q as well, in a file of its own")
+    for file in files.values():
+        if isinstance(file, Path):
+            _check_parted(file)
+    return files
+
+
+def _check_parted(file: Path) -> None:
+    if file.suffix.lower() not in PARTED:
+        raise FileError(
+            f"{file}: is not read in parts; {' or '.join(PARTED)} was expected, or let rank 0 read it by "
+            "icpmodel.load_problem, and icpmodel.distributed.distribute send the others their rows"
+        )
+
+
+def start_in(path: Path, problem: DistributedICP) -> Any:
+    """The `Vec` in the file `path`, to start from. Collective. Raises FileError on all ranks."""
+    with together(problem.comm):
+        _check_parted(path)
+    own = vector_in(path, problem.A)
+    with together(problem.comm):
+        if not np.isfinite(own).all():
+            raise FileError(f"{path}: entry {problem.low + int(np.argmin(np.isfinite(own)))} is not finite")
+    return problem.vector(own)
+
+
+def save_solution(solution: DistributedSolution, path: Source) -> None:
+    """Write the answer to the file `path`, which all ranks see, each its rows; what its name ends in says how.
+
+    `.bin`: z, as PETSc's `VecView` writes it to a binary viewer, which `Vec.load` reads, `icpmodel` wherever it takes a
+    vector, such as `--z0`, and NumPy: `numpy.fromfile(path, ">f8", offset=8)`, where the head of a PETSc whose integers
+    have 64 bits takes 16 bytes. `.h5`: z, p and r as vectors of these names in HDF5, where PETSc has it:
+    `h5py.File(path)["z"][:]`. Numbers have double precision.
+    It is written beside, read again, compared, and then renamed: whatever happens the old file or the new one is there,
+    whole. Only a vector of PETSc is replaced, no file of HDF5, and links are not followed. Every rank calls it at the
+    same time. Raises InputError for what is no solution, FileError, on all ranks, where the path cannot be written.
+
+    >>> import tempfile
+    >>> solution = icp.distributed.solve(icp.distributed.distribute(ICP([[2.0]], [-1.0])))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     icp.distributed.save_solution(solution, f"{folder}/z.bin")
+    ...     np.fromfile(f"{folder}/z.bin", ">f8", offset=8)
+    array([0.5], dtype='>f8')
+    """
+    if not isinstance(solution, DistributedSolution):
+        raise InputError(f"solution is {described(solution)}; what icpmodel.distributed.solve returns was expected")
+    problem = solution.problem
+    check_place_on_ranks(path, problem.comm)
+    path, vectors = as_path(path), {"z": solution.z}
+    if path.suffix.lower() == ".h5":
+        p, below, _ = problem.sides(solution.z)
+        vectors |= {"p": problem.vector(p), "r": problem.vector(below)}
+    _written(path, vectors, problem.comm)
+
+
+def check_place_on_ranks(path: Source, comm: Any) -> None:
+    """Raise FileError now, on all ranks, where `save_solution` would later: a name that ends otherwise, or another file
+    there. Collective."""
+    with together(comm):
+        place = as_path(path)
+        check_suffix(place, WRITTEN_IN_PARTS)
+        if place.suffix.lower() == ".h5" and not petsc().Sys.hasExternalPackage("hdf5"):
+            raise NotApplicable(f"{place}: this PETSc was built without HDF5; a name that ends in .bin is written")
+        if comm.rank == 0:
+            with told(place, "written"):
+                check_replaceable(place, lambda: _check_vector(place))
+
+
+def _check_vector(path: Path) -> None:
+    if path.suffix.lower() == ".h5":
+        raise FileError(f"{path}: files of HDF5 are not replaced")
+    with opened(path) as (raw, size):
+        if PetscFile(path, raw, size).is_matrix:
+            raise FileError(f"{path}: holds a matrix")
+
+
+def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
+    """Write them to a file that then takes its place. Collective. Raises FileError on all ranks."""
+    made: Path | None = None
+    try:
+        with together(comm):
+            if comm.rank == 0:
+                with told(path, "written"):
+                    made = begun(path)
+                    _check_free_space(made, sum(8 * vector.getSize() for vector in vectors.values()) + _HEADS)
+        beside, hdf5 = comm.bcast(made), path.suffix.lower() == ".h5"
+        fault = _viewed(beside, hdf5, "w", vectors, comm)
+        again = {name: vector.duplicate() for name, vector in vectors.items()}
+        fault = fault or _viewed(beside, hdf5, "r", again, comm)
+        # what MPI has written is not what it says it has: on a full disk it says nothing
+        same = all(np.array_equal(again[name].array_r, one.array_r, equal_nan=True) for name, one in vectors.items())
+        with together(comm):
+            if fault or not same:
+                raise FileError(f"{path}: cannot be written ({fault or 'what was written is not what is read'})")
+        with together(comm), told(path, "written"):
+            if made is not None:
+                finished(made, path)
+    finally:
+        for one in [] if made is None else [made, made.with_name(f"{made.name}.info")]:  # which PETSc writes beside
+            one.unlink(missing_ok=True)
+
+
+def _check_free_space(path: Path, size: int) -> None:
+    """Have the system say now that there is no room for so many bytes: while ranks write, one may wait for ever for
+    another one that could not."""
+    if hasattr(os, "posix_fallocate"):  # which macOS has not
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, size)
+            file.truncate(0)
+
+
+def _viewed(path: Path, hdf5: bool, mode: str, vectors: dict[str, Any], comm: Any) -> str:
+    """Write, or read, the vectors by PETSc and MPI, and say what went wrong. Collective."""
+    PETSc = petsc()
+    viewer, faults = PETSc.Viewer(), list[str]()
+    create = viewer.createHDF5 if hdf5 else viewer.createMPIIO
+    try:
+        create(str(path), mode, comm=comm)
+        for name, vector in vectors.items():
+            vector.setName(name)
+            vector.view(viewer) if mode == "w" else vector.load(viewer)
+    except PETSc.Error as error:
+        faults.append(str(error).splitlines()[-1])
+    try:
+        viewer.destroy()
+    except PETSc.Error as error:
+        faults.append(str(error).splitlines()[-1])
+    return "; ".join(faults)
