@@ -23,7 +23,7 @@ extensions = [
 exclude_patterns = ["_extensions"]
 nitpicky = False  # annotations name what is no page; links in the text are all checked
 
-myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist", "attrs_inline"]
 myst_heading_anchors = 3
 
 autodoc_default_options = {"members": True, "member-order": "bysource"}

@@ -11,6 +11,7 @@ import hashlib
 import json
 import re
 import shutil
+import struct
 import sys
 from pathlib import Path
 
@@ -120,6 +121,8 @@ def recorded(script):
 
 
 def heading(script):
+    if script.stem == "nash_cournot":  # two names
+        return "Nash–Cournot"
     return script.stem.replace("_", " ").capitalize()
 
 
@@ -133,12 +136,18 @@ def opening(script):
     return "\n\n".join([f"# {heading(script)}", f"**{question(script)}**", *rest])
 
 
+def placed(name, alt):
+    """A picture in its place; one of a single panel, which has the shape of a panel, fits on a phone as a whole."""
+    width, height = struct.unpack(">II", (EXAMPLES / "figures" / name).read_bytes()[16:24])  # of a PNG file
+    return [f"![{alt}]({name})" + "{.panel}" * (width < 2 * height), ""]
+
+
 def shown(said, code, output, drawn, alt):
     """A cell on its page."""
     asked, _, answer = said.partition("\n\nAnswer: ")
     block = [f"```python\n{code}\n```", ""] if code else []
     result = [f"```text\n{output.strip(chr(10))}\n```", ""] if output.strip() else []
-    result += [line for name in drawn for line in (f"![{alt}]({name})", "")]
+    result += [line for name in drawn for line in placed(name, alt)]
     if answer:
         return [asked, "", *fold("Answer", [answer, "", *block, *result])]
     if drawn:
@@ -151,7 +160,7 @@ def page(script, outputs):
     lines = [opening(script), "", " · ".join(links), ""]
     alt = f"what {script.name} draws: {question(script)}"
     outputs, drawn = iter(outputs), [name for _, names in outputs for name in names]
-    lines += [line for one in pictures(script) if one.name not in drawn for line in (f"![{alt}]({one.name})", "")]
+    lines += [line for one in pictures(script) if one.name not in drawn for line in placed(one.name, alt)]
     for said, piece in cells(parts(script)[1]):
         lines += shown(said, piece, *(next(outputs, ("", [])) if piece else ("", [])), alt)
     return "\n".join(lines)

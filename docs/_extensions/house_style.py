@@ -217,8 +217,8 @@ def prose(text):
 
 
 def short_types(app, what, name, obj, options, signature, returns):
-    """The house's own name for arrays of float64."""
-    return tuple(text and VECTOR.sub("Vector", text) for text in (signature, returns))
+    """The house's own name for arrays of float64, and a default that is made anew as one that Sphinx can read."""
+    return tuple(text and VECTOR.sub("Vector", text).replace("<factory>", "...") for text in (signature, returns))
 
 
 def process(app, what, name, obj, options, lines):

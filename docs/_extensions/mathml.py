@@ -6,21 +6,23 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.util import logging
 
 
-def of(node, block):
+def of(node, tex, block):
     try:
-        return tex2mathml(node.astext(), as_block=block)
+        return tex2mathml(tex, as_block=block)
     except MathError as error:
-        logging.getLogger(__name__).warning("%s: %s", node.astext(), error, location=node)
+        logging.getLogger(__name__).warning("%s: %s", tex, error, location=node)
         return ""
 
 
 def inline(translator, node):
-    translator.body.append(of(node, False))
+    translator.body.append(of(node, node.astext(), False))
     raise nodes.SkipNode
 
 
 def displayed(translator, node):
-    translator.body.append(f'<div class="math">{of(node, True)}</div>\n')
+    # browsers break no formula, so that each part between wide gaps is one of its own, and wraps on a phone
+    parts = "".join(of(node, part.strip(), True) for part in node.astext().split(r"\qquad") if part.strip())
+    translator.body.append(f'<div class="math">{parts}</div>\n')
     raise nodes.SkipNode
 
 
