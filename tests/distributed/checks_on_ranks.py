@@ -1,5 +1,5 @@
-"""What holds on any number of ranks: `mpiexec -n RANKS python checks_on_ranks.py`, which parts of names may follow, tells
-in JSON which checks failed, and how."""
+"""What holds on any number of ranks: `mpiexec -n RANKS python checks_on_ranks.py` tells in JSON which checks failed,
+and how; parts of names may follow."""
 
 import json
 import sys
