@@ -1,6 +1,6 @@
 """`python -m icpmodel` is the command line."""
 
-from .cli import main
+from .cli.console import main
 
 if __name__ == "__main__":
     main()

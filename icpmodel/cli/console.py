@@ -6,10 +6,14 @@ import os
 import signal
 from types import FrameType
 
+#: where what starts several processes at once tells each of them its number
+_RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
+
 
 def _leave(signum: int, frame: FrameType | None) -> None:
     """Nothing was begun that would have to be ended: what is half imported may turn an exception into another one."""
-    os.write(2, b"icpmodel: interrupted\n")
+    if all(os.environ.get(name, "0") == "0" for name in _RANKS):
+        os.write(2, b"icpmodel: interrupted\n")
     os._exit(130)
 
 
@@ -18,6 +22,8 @@ def main() -> None:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
+    if any(name in os.environ for name in _RANKS):  # this is what mpiexec makes of Ctrl-C
+        signal.signal(signal.SIGTERM, _leave)
     run = importlib.import_module("icpmodel.cli").main
     signal.signal(signal.SIGINT, before)
     run()

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import click
 
 from ..distributed import DistributedSolution, by_rows, load_problem, save_solution, solve
 from ..distributed.files_on_ranks import WRITTEN_IN_PARTS, check_place_on_ranks, start_in
-from ..distributed.ranks import together, world
+from ..distributed.ranks import FailedOnRank, together, world
 from ..distributed.rows_of_files import PARTED
 from ..errors import IcpError
 from ..modelling.archive import as_path
@@ -24,6 +29,9 @@ _LIMITS = {
     "max_iter": "Iterations on the finest level.",
     "time_limit": "Seconds, looked at between two iterations.",
 }
+
+#: seconds in which rank 0 has told what ended all ranks
+_MOMENT = 0.5
 
 
 class _OnRanks(click.Command):
@@ -56,28 +64,62 @@ def distributed(as_json: bool, **arguments: Any) -> int:
     """Solve the problem SOURCE on the ranks of MPI: mpiexec -n 4 icpmodel distributed membrane --n 1e7. Needs petsc4py,
     mpi4py."""
     comm = world()
+    with _ended_together(comm):
+        try:
+            return _carried_out(comm, as_json, arguments)
+        except (IcpError, FailedOnRank) as error:  # the same one on all ranks
+            code = 1 if isinstance(error, FailedOnRank) else 2
+            return complain(str(error), code) if comm.rank == 0 else code
+
+
+@contextmanager
+def _ended_together(comm: Any) -> Iterator[None]:
+    """What ends one rank ends all of them, as nobody knows where the others are; rank 0 says why, or another one where
+    rank 0 has not done so a moment later. mpiexec makes SIGTERM, for all ranks, of Ctrl-C, and of the end of one."""
+    sent = list[int]()
+
+    def stop(signum: int, frame: Any) -> None:
+        sent.append(signum)
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
     try:
-        solution = _solved(comm, arguments)
-        if comm.rank == 0:
-            show_json(solution.about()) if as_json else click.echo(str(Card(solution.summary())))
-        if arguments["output"] is not None:
-            save_solution(solution, arguments["output"])
-            if comm.rank == 0:
-                wrote(arguments["output"])
-        if comm.rank == 0 and not solution.solved:
-            complain(f"not solved: {solution.status.value}")
-        return 130 if solution.status is Status.INTERRUPTED else 0 if solution.solved else 1
-    except IcpError as error:  # the same one on all ranks
-        return complain(str(error)) if comm.rank == 0 else 2
+        yield
     except BaseException as error:
-        # nobody knows where the other ranks are
-        complain(f"rank {comm.rank} of {comm.size}: {type(error).__name__}: {error}")
-        comm.Abort(130 if isinstance(error, KeyboardInterrupt) else 1)
-        raise
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        interrupted = isinstance(error, KeyboardInterrupt)
+        if comm.rank and not sent:
+            time.sleep(_MOMENT)
+        if not (comm.rank and sent):
+            where = (
+                "interrupted" if interrupted else f"rank {comm.rank} of {comm.size}: {type(error).__name__}: {error}"
+            )
+            complain(where)
+        if sent:  # mpiexec ends the others, and has more to say where it is asked to
+            os._exit(130)
+        comm.Abort(130 if interrupted else 1)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _carried_out(comm: Any, as_json: bool, arguments: dict[str, Any]) -> int:
+    """Solve, write, prove and show; the exit code of this rank. Collective."""
+    solution, first = _solved(comm, arguments), comm.rank == 0
+    if arguments["output"] is not None:  # before the bound, which Ctrl-C may end
+        save_solution(solution, arguments["output"])
+        if first:
+            wrote(arguments["output"])
+    if arguments["bound"] and solution.solved:
+        solution.certify()
+    if first:
+        show_json(solution.about()) if as_json else click.echo(str(Card(solution.summary())))
+        if not solution.solved:
+            complain(f"not solved: {solution.status.value}")
+    return 130 if solution.status is Status.INTERRUPTED else 0 if solution.solved else 1
 
 
 def _solved(comm: Any, arguments: dict[str, Any]) -> DistributedSolution:
-    """The solution with its certificate. Collective."""
+    """The solution. Collective."""
     output, z0_file = arguments["output"], arguments["z0_file"]
     with together(comm):
         must_be_writable(output)
@@ -94,7 +136,4 @@ def _solved(comm: Any, arguments: dict[str, Any]) -> DistributedSolution:
         problem = by_rows(made, comm)
     z0 = None if z0_file is None else start_in(as_path(z0_file), problem)
     limits = {name: arguments[name] for name in _LIMITS}
-    solution = solve(problem, z0=z0, **limits, progress=True, raise_on_failure=False)
-    if arguments["bound"] and solution.solved:
-        solution.certify()
-    return solution
+    return solve(problem, z0=z0, **limits, progress=True, raise_on_failure=False)

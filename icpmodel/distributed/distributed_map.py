@@ -20,6 +20,8 @@ from ..problem.matrix import Matrix
 from .distributed_matrix import Bounding, DistributedMatrix, with_entries
 from .ranks import petsc, together, totals
 
+#: of a difference quotient, relative: √u balances what it cuts off and rounding
+_STEP = 2.0**-26
 _WANTED = (
     "a number, a Vec, a pair (Mat, Vec) for Gz + c, the entries of the own rows "
     "or an Elementwise map of them was expected"
@@ -86,6 +88,21 @@ class DistributedMap:
 
     def _own(self, z: Any) -> Vector:
         return np.zeros(0) if self.own is None else self.own.value(z.array_r)
+
+    def slopes(self, z: Any) -> Vector:
+        """f′ in the own rows, at the `Vec` `z`, a difference quotient where nobody gave it. Collective. Raises MapError
+        on all ranks."""
+        if not self.is_users:
+            return np.zeros(self.matrix.high - self.matrix.low)
+        with together(self.matrix.comm):
+            if self.own is None or self.own.is_constant:
+                return np.zeros(self.matrix.high - self.matrix.low)
+            at = z.array_r
+            found = self.own.slopes(at)
+            if found is None:
+                step = _STEP * (1.0 + np.abs(at))
+                found = (self.own.value(at + step) - self.own.value(at)) / ((at + step) - at)
+            return found
 
     def fixed(self) -> Vector:
         """c with c_i = f_i(c_i) in the own rows, which serves in place of f, see `Facts.obstacle`. Local. Raises

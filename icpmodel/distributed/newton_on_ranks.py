@@ -15,7 +15,6 @@ import numpy as np
 
 from ..algebra.equations import Pattern
 from ..algebra.looks import SWEEPS
-from ..errors import NotApplicable
 from ..numerics.arrays import Vector
 from ..problem.between import Sides, mid
 from .distributed_icp import DistributedICP
@@ -67,7 +66,7 @@ class LookOnRanks:
 def looks(
     levels: DistributedLevels, problem: DistributedICP, z: Any, top: int
 ) -> Generator[LookOnRanks, float | None, None]:
-    """Newton's steps on level `top`, whose problem is `problem` and calls no user's function: a look after each.
+    """Newton's steps on level `top`, whose problem is `problem`, as `simplified` makes it: a look after each.
 
     What is sent is the residual that is wanted, or None.
     """
@@ -90,7 +89,7 @@ def looks(
 def _stepped(levels: DistributedLevels, look: LookOnRanks, top: int, wanted: float | None) -> Any:
     """z after one Newton step from `look`, until ‖Az + q‖ in the free rows is a fraction of `wanted`, or a tenth."""
     problem, active = look.problem, look.pattern.active
-    J, at_rest = _coupled(problem, look.pattern), np.where(active, look.pattern.r, 0.0)
+    J, at_rest = _coupled(look), np.where(active, look.pattern.r, 0.0)
     if J is None:  # z = ψ(z) in the active rows needs no equations
         z = problem.vector(look.z.array_r - at_rest)
         f = np.where(active, 0.0, -(problem.matrix.product(z).array_r + problem.q))
@@ -102,20 +101,22 @@ def _stepped(levels: DistributedLevels, look: LookOnRanks, top: int, wanted: flo
     return z
 
 
-def _coupled(problem: DistributedICP, pattern: Pattern) -> Any:
-    """The Newton matrix where an obstacle moves with other unknowns, else None: rows of A, and of D(I − G) where
+def _coupled(look: LookOnRanks) -> Any:
+    """The Newton matrix where an obstacle moves with other unknowns, else None: rows of A, and of D(I − F′ − G) where
     active."""
+    problem, pattern = look.problem, look.pattern
     if all(one.G is None for one in problem.maps):
         return None
     Mat, matrix = petsc().Mat, problem.matrix
-    J = matrix.mat.duplicate(copy=True)
+    J, own = matrix.mat.duplicate(copy=True), np.where(pattern.active, matrix.diagonal, 0.0)
     J.diagonalScale(matrix.vector(np.where(pattern.active, 0.0, 1.0)))
     for one, rows in zip(problem.maps, pattern.sides(), strict=True):
+        own -= np.where(rows, matrix.diagonal * one.slopes(look.z), 0.0)
         if one.G is not None:
             G = one.G.duplicate(copy=True)
             G.diagonalScale(matrix.vector(np.where(rows, -matrix.diagonal, 0.0)))
             J.axpy(1.0, G, Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    J.setDiagonal(matrix.vector(np.where(pattern.active, matrix.diagonal, 0.0)), addv=True)
+    J.setDiagonal(matrix.vector(own), addv=True)
     return J
 
 
@@ -167,15 +168,14 @@ def _coarse(
     return DistributedICP.of_checked(coarser.matrix, level.restricted(p), *maps), shift
 
 
-def simplified(problem: DistributedICP) -> DistributedICP:
-    """The problem with the same solutions in which nothing calls a user's function. Raises MapError, NotApplicable."""
+def simplified(problem: DistributedICP, start: bool = False) -> DistributedICP:
+    """The problem with the same solutions in which a user's function f is called only where the obstacle is Gz + f(z);
+    for a `start` not there either: f is then its value at its own fixed point. Raises MapError, NotApplicable."""
     maps: list[Any] = []
     for one in (problem.psi, problem.upper):
-        if one is not None and one.is_users:
-            if one.G is not None:
-                raise NotApplicable("psi is Gz and an elementwise map in one, which is not solved")
+        if one is not None and one.is_users and (one.G is None or start):
             with together(problem.comm):
                 c = one.fixed()
-            one = DistributedMap.constant(problem.matrix, c)
+            one = DistributedMap.constant(problem.matrix, c, one.G)
         maps.append(one)
     return DistributedICP.of_checked(problem.matrix, problem.q, *maps)

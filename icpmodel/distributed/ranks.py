@@ -21,6 +21,10 @@ _OURS = (InputError, FileError, MapError, NotApplicable)
 _PASSED = (*_OURS, OSError, MemoryError)
 
 
+class FailedOnRank(RuntimeError):
+    """What is none of the package's errors, raised by a user's code on the rank that it names."""
+
+
 def petsc() -> Any:
     """The module `petsc4py.PETSc`, ready for use. Raises NotApplicable where it is missing."""
     try:
@@ -62,7 +66,7 @@ def together(comm: Any) -> Iterator[None]:
     told = None if comm.rank != first else (type(fault) if isinstance(fault, _PASSED) else None, _in_words(fault))
     kind, text = comm.bcast(told, root=first)
     text = f"{text} (rank {first} of {comm.size})" if first else text
-    raise (kind or RuntimeError)(text) from fault
+    raise (kind or FailedOnRank)(text) from fault
 
 
 def _in_words(fault: BaseException | None) -> str:

@@ -178,13 +178,14 @@ def solve(
 @contextmanager
 def _watch(comm: Any, limits: Limits) -> Iterator[Callable[[], Status | None]]:
     """What tells, on all ranks the same, whether Ctrl-C was pressed or the time is over. Ctrl-C, and what mpiexec sends
-    then, is a flag as long as the block lasts, and at the second time what it was before."""
+    then, perhaps twice, is a flag as long as the block lasts; a second Ctrl-C is what it was before."""
     begin, pressed = time.perf_counter(), list[int]()
     old: dict[int, Any] = {}
 
     def note(signum: int, frame: Any) -> None:
         pressed.append(signum)
-        signal.signal(signum, old[signum])
+        if signum == signal.SIGINT:
+            signal.signal(signum, old[signum])
 
     if threading.current_thread() is threading.main_thread():
         old = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -219,7 +220,8 @@ class _Run:
         z, first = (problem.vector(), at_0) if z0 is None else (z0.copy(), problem.residual(z0))
         scale = at_0 if np.isfinite(at_0) and at_0 else first
         if not np.isfinite(scale):
-            raise MapError(_where_not_finite(problem, z))
+            _check_maps(problem, z, "at the start")
+            raise MapError("the residual at the start is not finite")
         self.scale, self.tolerance = scale, max(self.limits.atol, self.limits.rtol * scale)
         self._seen(z, first)
         if first <= self.tolerance:
@@ -229,10 +231,10 @@ class _Run:
         self.levels = DistributedLevels(problem.matrix)
         if (stop := self.watch()) is not None:
             return stop, "while the levels were made"
-        if not first <= _NEAR * at_0:
-            self.say(f"starting from {len(self.levels.levels)} levels")
-            z = start(self.levels, simple)
         try:
+            if not first <= _NEAR * at_0:
+                self.say(f"starting from {len(self.levels.levels)} levels")
+                z = start(self.levels, simplified(simple, start=True) if simple.calls_users else simple)
             return self._steps(simple, z)
         except MapError as error:
             return Status.MAP_FAILED, str(error)
@@ -252,6 +254,8 @@ class _Run:
                 return Status.ITERATION_LIMIT, f"{self.iterations} iterations"
             if (stop := self.watch()) is not None:
                 return stop, f"in iteration {self.iterations}"
+            if np.isnan(residual):
+                _check_maps(self.problem, look.z, f"in iteration {self.iterations}")
             since += 1
             if residual <= _REDUCED * mark:
                 mark, since = residual, 0
@@ -318,11 +322,10 @@ class _Run:
         )
 
 
-def _where_not_finite(problem: DistributedICP, z: Any) -> str:
-    """Which row has no value at `z`. Collective; raised on all ranks."""
+def _check_maps(problem: DistributedICP, z: Any, when: str) -> None:
+    """Raise MapError, on all ranks, where an obstacle has no value at a `z` that has one. Collective."""
     _, below, above = problem.sides(z)
     with together(problem.comm):
         for name, side in (("psi", below), ("upper", above)):
-            if side is not None and np.isnan(side).any():
-                raise MapError(f"{name} is nan in row {problem.low + int(np.argmax(np.isnan(side)))} at the start")
-    return "the residual at the start is not finite"
+            if side is not None and (wrong := np.isnan(side) & np.isfinite(z.array_r)).any():
+                raise MapError(f"{name} is nan in row {problem.low + int(np.argmax(wrong))} {when}")

@@ -47,6 +47,7 @@ PROBLEMS = {
     "coupled": coupled,
     "moving": moving,
     "between": between,
+    "torsion": lambda: icp.scenes.torsion(n=900).problem,
     "one unknown": lambda: icp.ICP([[2.0]], [-2.0]),
     "two unknowns": lambda: icp.scenes.hand_lcp().problem,
     "no obstacle": lambda: icp.ICP(icp.scenes.membrane(n=100).problem.A, -np.ones(100), -np.inf),

@@ -8,7 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.io import mmwrite
+from shell import call
 
 import icpmodel
 
@@ -41,12 +44,87 @@ def on_ranks(ranks, *arguments):
 
 
 @with_petsc
-@pytest.mark.parametrize("ranks", [1, 2, 3])
-def test_on_any_number_of_ranks_the_answers_proofs_limits_and_errors_are_those_of_one_process(ranks):
-    """What each of the checks says is in its name and in `checks_on_ranks.py`."""
-    run = on_ranks(ranks, str(HERE / "checks_on_ranks.py"))
+@pytest.mark.parametrize(
+    ("ranks", "checks"), [(1, []), (2, []), (3, []), (4, ["the_answer_is", "in_parts"])], ids=["1", "2", "3", "4"]
+)
+def test_on_any_number_of_ranks_the_answers_proofs_files_limits_and_errors_are_those_of_one_process(ranks, checks):
+    """What each of the checks says is in its name, in `checks_on_ranks.py` and `checks_of_files.py`."""
+    run = on_ranks(ranks, str(HERE / "checks_on_ranks.py"), *checks)
     assert run.returncode == 0, run.stderr
     assert json.loads(run.stdout.splitlines()[-1]) == {}
+
+
+@with_petsc
+@pytest.mark.parametrize(
+    ("way", "codes", "said"),
+    [
+        # Open MPI's mpiexec says 1 of a Ctrl-C, whatever the ranks say
+        ("ctrl-c", {1, 130}, "interrupted"),
+        ("ctrl-c of all", {130}, "interrupted"),
+        ("raises", {1}, "ZeroDivisionError: broken (rank 1 of 2)"),
+        ("nan", {2}, "psi of rows(50, 100)"),
+    ],
+)
+def test_what_ends_one_rank_ends_all_with_one_line_and_one_exit_code(way, codes, said):
+    run = on_ranks(2, str(HERE / "ended_on_ranks.py"), way)
+    assert run.returncode in codes, run.stderr
+    told = [line for line in run.stderr.splitlines() if line.startswith("icpmodel: ")]
+    assert len(told) == 1, run.stderr
+    assert said in told[0]
+    assert "Traceback" not in run.stderr
+
+
+@with_petsc
+def test_nobody_waits_for_a_rank_that_died():
+    assert on_ranks(2, str(HERE / "ended_on_ranks.py"), "dies").returncode not in (0, None)
+
+
+@with_petsc
+def test_the_command_solves_what_is_in_files_and_writes_what_the_command_of_one_process_reads(tmp_path):
+    problem = icpmodel.scenes.torsion(n=400).problem
+    for name, part in {
+        "A": problem.A,
+        "q": problem.q,
+        "c": problem.psi.lower.c,
+        "upper_c": problem.psi.upper.c,
+    }.items():
+        mmwrite(tmp_path / f"{name}.mtx", part if name == "A" else part[:, None], precision=17)
+    (tmp_path / "psi.json").write_text('{"psi": "constant", "upper": "constant"}')
+    run = on_ranks(2, "-m", "icpmodel", "distributed", str(tmp_path), "-o", str(tmp_path / "z.bin"))
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.count("400 unknowns on 2 ranks") == 1
+    assert run.stderr.count(f"wrote {tmp_path / 'z.bin'}") == 1
+    z = np.fromfile(tmp_path / "z.bin", ">f8", offset=8)
+    assert np.allclose(z, problem.solve().z, atol=1e-6)
+    assert icpmodel.certify(problem, z).bound.value < 1e-6
+
+
+@with_petsc
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["membrane", "--n", "10.5"], "'10.5' is not a valid integer"),
+        (["coulomb"], "not assembled by rows; the scenes that are: ball"),
+        (["membrane", "--n", "100", "-o", "z.npz"], "a file whose name ends in .bin or .h5 was expected"),
+        (["A.npy", "--q", "q.npy"], "A.npy: no such file"),
+        (["membrane", "--z0", "z.npz"], "z.npz: is not read in parts"),
+        ([], "SOURCE or --A names the problem"),
+    ],
+)
+def test_wrong_arguments_are_one_line_and_exit_code_2(capsys, arguments, said):
+    code, out, err = call(capsys, "distributed", *arguments)
+    assert (code, out) == (2, "")
+    assert said in err
+    assert err.count("\n") == 1
+
+
+@with_petsc
+def test_of_wrong_arguments_only_one_rank_tells():
+    run = on_ranks(2, "-m", "icpmodel", "distributed", "membrane", "--size", "9")
+    assert run.returncode == 2
+    told = [line for line in run.stderr.splitlines() if line.startswith("icpmodel: ")]
+    assert len(told) == 1
+    assert "--size" in told[0]
 
 
 @pytest.mark.skipif("petsc4py" not in MISSING, reason="petsc4py is installed")
