@@ -132,8 +132,10 @@ def start(levels: DistributedLevels, problem: DistributedICP) -> Any:
         enough = _COARSE * problems[top].residual(problems[top].vector())
         path = looks(levels, problems[top], z, top)
         look = next(path)
-        for _ in range(_LOOKS - 1):
-            if look.residual <= enough:
+        # one step on every level, as full multigrid has it: what is small against Res(0) of a level may still be large
+        # against what the next one is to be left at, and a step here costs less than one there
+        for step in range(_LOOKS - 1):
+            if step and look.residual <= enough:
                 break
             look = path.send(enough)
         z = levels.levels[top - 1].interpolated(look.z)

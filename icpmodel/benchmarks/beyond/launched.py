@@ -46,7 +46,7 @@ def launched(by: str, scene: str, n: int, ranks: int, limit: float) -> dict[str,
     process without mpiexec, which may use all cores; `limit` seconds for all of it."""
     job = json.dumps({"by": by, "scene": scene, "n": n, "limit": limit})
     start = ["mpiexec", "-n", str(ranks)] if ranks else []
-    command = [*start, sys.executable, "-m", "icpmodel.benchmarks.beyond.run_on_ranks", job]
+    command = [*start, sys.executable, "-c", f"from {__package__}.run_on_ranks import main; main()", job]
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, check=False, env=_environment(ranks), timeout=limit + _GRACE

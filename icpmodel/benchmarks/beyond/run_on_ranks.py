@@ -1,5 +1,5 @@
-"""One run of a comparison, in processes of its own: `python -m icpmodel.benchmarks.beyond.run_on_ranks JOB`, alone or
-under mpiexec, where JOB is JSON; rank 0 prints what was measured as JSON."""
+"""One run of a comparison, in processes of its own, see `launched`: `main` alone or under mpiexec, with a job in JSON as
+its argument; rank 0 prints what was measured as JSON."""
 
 from __future__ import annotations
 
@@ -148,7 +148,3 @@ def main() -> None:
     told = counted(scene_of_ranks(text, n)) if by == "counts" else on_ranks(text, n, by)
     if world().rank == 0:
         print(json.dumps(told))
-
-
-if __name__ == "__main__":
-    main()
