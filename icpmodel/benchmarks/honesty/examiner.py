@@ -40,18 +40,20 @@ class Lie(NamedTuple):
 def examined(trial: Trial) -> tuple[bool, list[Lie]]:
     """Whether the answer to `trial` is that it is solved, and what is false."""
     found: dict[str, Any] = {}
-    code = compile(trial.question(), "question", "exec")
+    code, seconds = compile(trial.question(), "question", "exec"), 0.0
+    limit = trial.number("time_limit", math.inf) if not trial.asked else math.inf
     try:
         exec(compile(trial.setup(), "setup", "exec"), found)
-        begin = _now()
+        begin = (
+            _now() if limit < math.inf else None
+        )  # to ask for the time of the process takes a third of a millisecond
         exec(code, found)
-        seconds = _since(begin)
+        seconds = 0.0 if begin is None else _since(begin)
     except IcpError:
         return False, []
     except Exception as error:
         return False, [_foreign(error)]
     lies = list(_false(trial, found))
-    limit = trial.number("time_limit", math.inf) if not trial.asked else math.inf
     if seconds > 1.1 * limit + 0.2 and _late(trial, code, limit):
         lies.append(Lie("late", f"{seconds:.2g} s, time_limit = {limit:g}"))
     return _is_solved(trial, found["answer"]), lies
