@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import InputError, NotSolved
+from ...errors import InputError, NotSolved, by_name
 from ...numerics.arrays import Vector, as_array, as_csr, as_number, as_real, as_truth, as_vector, axes, row_of
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered
 from ...numerics.threads import one_blas_thread
@@ -66,6 +66,7 @@ class QpSolution(Shown):
 
 
 @sheltered
+@by_name("solve_qp")
 def solve_qp(
     P: Any,
     q: Any,
