@@ -15,15 +15,43 @@ Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check or measurement;
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
-from typing import Any
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+#: what a message says to who has another name for an obstacle
+OBSTACLES = "the obstacle below, z >= psi(z), is called psi, and the one above upper"
 
 
 def meant(found: Any, known: Iterable[str]) -> str:
     """What the end of a message asks about `found`, which is none of the names that are `known`, but near to one."""
     near = get_close_matches(found.lower(), list(known), n=1) if isinstance(found, str) else []
     return f"; did you mean {near[0]}?" if near else ""
+
+
+def by_name(call: str, told: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """A function that says of an argument that it has not which it has, under the name `call`, and what is `told`."""
+
+    def checking(function: Callable[P, R]) -> Callable[P, R]:
+        code = function.__code__
+        names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+
+        @wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            for name in kwargs:
+                if name not in names:
+                    takes = ", ".join(one for one in names if one != "self")
+                    hint = meant(name, names) or (told and f"; {told}")
+                    raise InputError(f"{call} has no argument {name}; it takes {takes}{hint}")
+            return function(*args, **kwargs)
+
+        return checked
+
+    return checking
 
 
 class IcpError(Exception):

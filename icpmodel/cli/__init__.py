@@ -16,7 +16,7 @@ import click
 
 from ..errors import IcpError, meant
 from ..numerics.plugins import load_plugins
-from .output import complain
+from .output import compiling_told, complain
 
 __all__ = ["main"]
 
@@ -87,7 +87,8 @@ def main(arguments: list[str] | None = None) -> None:
         if _ASL in (sys.argv[1:] if arguments is None else arguments):
             raise click.UsageError(_NO_ASL)
         load_plugins()
-        code: Any = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
+        with compiling_told():
+            code: Any = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
         if sys.stdout is not None:  # it was closed by the shell
             sys.stdout.flush()
     except click.exceptions.Exit as stop:

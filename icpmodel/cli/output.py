@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,21 @@ def print_table(found: Any, table: Table, form: str | None) -> None:
     """Print what was found, or all of its table as CSV or LaTeX."""
     made = {"csv": table.to_csv, "latex": table.to_latex}
     click.echo(made[form]() if form else str(found), nl=not form)
+
+
+@contextmanager
+def compiling_told() -> Iterator[None]:
+    """A block in which a person who has typed a command hears of compilation, though standard error goes elsewhere."""
+    compiler, handler = logging.getLogger("icpmodel.compiler"), logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("icpmodel ... %(message)s"))
+    level = compiler.level
+    compiler.setLevel(logging.INFO)
+    compiler.addHandler(handler)
+    try:
+        yield
+    finally:
+        compiler.removeHandler(handler)
+        compiler.setLevel(level)
 
 
 def complain(message: str, code: int = 2) -> int:

@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import FileError, InputError
+from ..errors import OBSTACLES, FileError, InputError, by_name
 from ..icp import ICP
 from ..problem.affine import Affine
 from ..problem.between import Between
@@ -67,6 +67,7 @@ def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
     write_archive(as_path(path), kind, arrays, other)
 
 
+@by_name("load_problem", OBSTACLES)
 def load_problem(
     path: Source, q: Source | None = None, psi: Source | float | None = None, upper: Source | float | None = None
 ) -> ICP:

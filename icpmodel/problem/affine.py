@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, by_name
 from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, row_of
 from .map import Map
 
@@ -96,6 +96,7 @@ class Affine(Map):
     array([5., 2.])
     """
 
+    @by_name("Affine")
     def __init__(self, G: Any, c: Any = 0.0) -> None:
         self.G = as_csr(G, "psi.G")
         n = self.G.shape[0]

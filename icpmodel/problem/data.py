@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import OBSTACLES, InputError, by_name
 from ..numerics.arrays import Vector, as_array, as_vector, check_labels, described, norm, not_finite
 from ..numerics.plugins import public
 from ..numerics.rounding import SMALLEST, gamma
@@ -46,6 +46,7 @@ class ProblemData(Shown):
     n: int
     facts: Facts
 
+    @by_name("ICP", OBSTACLES)
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None) -> None:
         if hasattr(A, "columns"):
             check_labels({"A": A, "q": q, "psi": psi, "upper": upper})

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, by_name
 from ..numerics.arrays import Vector, as_vector
 from .map import Map
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, is_compiled
@@ -34,6 +34,7 @@ class Elementwise(Parametrised):
 
     at_users_word = True
 
+    @by_name("Elementwise")
     def __init__(
         self,
         f: Callable[[Any], Any],

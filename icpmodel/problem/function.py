@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import InputError, MapError
+from ..errors import InputError, MapError, by_name
 from ..numerics.arrays import Vector, as_csr
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, raising_map_error
 
@@ -29,6 +29,7 @@ class Function(Parametrised):
 
     at_users_word = True
 
+    @by_name("Function")
     def __init__(
         self,
         fun: Callable[[Vector], Any],

@@ -13,6 +13,9 @@ from ..numerics.arrays import Vector, as_array, as_vector, freeze
 from ..numerics.rounding import is_ctrl_c
 from .map import Map
 
+#: what is mostly wrong with a function that does not take z
+_WHOLE = "z is an array of all unknowns: use np.sin, not math.sin, and np.where, not if"
+
 
 def is_compiled(f: object) -> bool:
     """Whether `f` was compiled with `numba.njit`. Does not import numba."""
@@ -41,7 +44,8 @@ def raising_map_error(call: Callable[[], Any], name: str) -> Any:
     except Exception as error:
         if is_ctrl_c(error):
             raise KeyboardInterrupt from error
-        raise MapError(f"{name}(z) raised {type(error).__name__}: {error}") from error
+        hint = f"; {_WHOLE}" if isinstance(error, TypeError | ValueError) else ""
+        raise MapError(f"{name}(z) raised {type(error).__name__}: {error}{hint}") from error
 
 
 def call_user(call: Callable[[], Any], shape: tuple[int, ...], name: str) -> Vector:

@@ -192,12 +192,13 @@ def _report(problem: ProblemData, parts: list[Part], z: Vector) -> None:
     """Raises Infeasible where the proof that one of the `parts` has no solution is one of the whole problem."""
     for part in parts:
         if part.run.infeasible is not None:
-            y = np.zeros(problem.n)
-            y[part.rows] = [float(x) for x in part.run.infeasible.witness]
+            witness = np.array([float(x) for x in part.run.infeasible.witness]).reshape(-1, part.rows.size)
+            y = np.zeros((len(witness), problem.n))
+            y[:, part.rows] = witness
             part.run.infeasible = None
-            answer = infeasible(problem, y)
+            answer = infeasible(problem, y.ravel())
             if answer.holds is None and (known := proved_of_earlier(problem, part.rows, z)):
-                answer = infeasible(problem, y, known)
+                answer = infeasible(problem, y.ravel(), known)
             if answer.holds:
                 raise Infeasible(answer)
 

@@ -623,3 +623,24 @@ def test_problem_and_answer_in_one_file_are_refused_before_the_work(capsys, tmp_
     code, out, err = call(capsys, "solve", "hand-lcp", "--save-problem", path, "-o", path)
     assert (code, out) == (2, "")
     assert "two files were expected" in err
+
+
+COMPILES = """
+import sys
+from types import SimpleNamespace
+import numba.core.event as event
+import icpmodel.cli, icpmodel.cli.output, icpmodel.numerics.kernels as kernels
+told = {"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=kernels.__name__))}
+if sys.argv[1] == "command":
+    with icpmodel.cli.output.compiling_told():
+        event.start_event("numba:compile", told)
+else:
+    event.start_event("numba:compile", told)
+"""
+
+
+@pytest.mark.parametrize(("who", "said"), [("command", "icpmodel ... compiles its loops, once"), ("library", "")])
+def test_a_command_says_that_it_compiles_wherever_standard_error_goes_and_the_library_does_not(tmp_path, who, said):
+    heard = run("-c", COMPILES, who, folder=tmp_path).stderr
+    assert heard.startswith(said)
+    assert bool(heard) is bool(said)

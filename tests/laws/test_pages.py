@@ -11,6 +11,8 @@ import pytest
 from installed import HOUSE, run
 from shell import call
 
+from icpmodel.cli import commands
+
 DOCS = HOUSE / "docs"
 sys.path.insert(0, str(DOCS))
 sys.path.insert(0, str(DOCS / "_extensions"))
@@ -137,6 +139,11 @@ def test_a_script_of_the_gallery_was_recorded_and_its_notebook_is_its_code(scrip
     assert cells[0]["source"][0] in script.read_text(encoding="utf-8")
     told = "".join(line for cell in cells if cell["cell_type"] == "markdown" for line in cell["source"])
     assert ".md" not in told, "a notebook that was downloaded has no pages beside it"
+
+
+def test_every_command_is_on_the_page_of_the_command_line():
+    told = (DOCS / "cli.md").read_text(encoding="utf-8")
+    assert [name for name in commands.list_commands(None) if f"icpmodel {name}" not in told] == []
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)

@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 import icpmodel as icp
 from icpmodel.methods.pivots import Lemke
@@ -402,3 +403,34 @@ def test_infeasible_problems_are_proved_to_be_so_and_feasible_ones_never(seed, n
     assert feasible.solve("lemke", raise_on_failure=False).status is not icp.Status.INFEASIBLE
     y = multipliers(feasible)
     assert y is None or not infeasible(feasible, y).holds
+
+
+def test_an_affine_obstacle_that_no_z_reaches_is_proved_to_be_infeasible_without_rounding():
+    """A z + q ≥ 0 and (I − G)z ≥ c contradict each other: y, x ≥ 0, Aᵀy + (I − G)ᵀx = 0 and qᵀy < cᵀx."""
+    rng, exact, proved = np.random.default_rng(3), np.vectorize(Fraction, otypes=[object]), 0
+    for _ in range(40):
+        n = int(rng.integers(1, 7))
+        A, G, q, c = (
+            rng.normal(size=(n, n)),
+            rng.normal(size=(n, n)),
+            rng.normal(size=n) - 0.5,
+            rng.normal(size=n) + 0.5,
+        )
+        none = linprog(np.zeros(n), -np.vstack([A, np.eye(n) - G]), np.append(q, -c), bounds=(None, None)).status == 2
+        solution = run(icp.ICP(A, q, icp.Affine(G, c)))
+        assert (solution.status is icp.Status.INFEASIBLE) is none
+        if none:
+            y, x = np.split(exact(solution.infeasible.witness), 2)
+            assert (y >= 0).all()
+            assert (x >= 0).all()
+            assert exact(q) @ y < exact(c) @ x
+            assert not (exact(A).T @ y + x - exact(G).T @ x).any()
+            proved += 1
+    assert proved >= 10
+
+
+def test_a_proof_of_infeasibility_is_told_in_words_with_its_rows_and_weights():
+    words = "wherever z >= psi(z), 1 times row 0 of Az + q comes to -1 at most, and wherever Az + q >= 0 to 0 or more"
+    assert words in run(icp.ICP([[-1.0]], [-1.0])).message
+    words = "1 times row 0 of Az + q and 1 times row 0 of z - psi(z) comes to -2 for every z, and where all"
+    assert words in run(icp.ICP([[1.0]], [-1.0], icp.Affine([[2.0]], 1.0))).message

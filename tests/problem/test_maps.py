@@ -1,5 +1,7 @@
 """ψ: value, Jacobian and Lipschitz matrix of every map, and what happens when a user's function misbehaves."""
 
+import math
+
 import numba
 import numpy as np
 import pytest
@@ -197,3 +199,11 @@ def test_a_psi_that_reuses_its_buffer_does_no_harm():
     first = bound.value(np.ones(2))
     bound.value(np.zeros(2))
     assert first.tolist() == [0.5, 0.5]
+
+
+@pytest.mark.parametrize("psi", [math.sin, icp.Elementwise(math.sin), lambda z: 0.1 if z > 0 else 0.0])
+def test_a_function_of_one_number_is_told_that_z_is_an_array(psi):
+    with pytest.raises(
+        icp.MapError, match=r"(Type|Value)Error: .*; z is an array of all unknowns: use np\.sin, not math"
+    ):
+        icp.ICP(np.eye(2), [1.0, -2.0], psi).solve()

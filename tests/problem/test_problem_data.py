@@ -275,3 +275,25 @@ def test_indices_outside_the_matrix_are_refused(made, indices, told):
     A.indices = np.array(indices, dtype=np.int32)
     with pytest.raises(icp.InputError, match=f"^A is no sparse matrix that SciPy could use: {told}"):
         icp.ICP(A, [0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: icp.ICP([[1.0]], [1.0], lower=0),
+        lambda: icp.ICP([[1.0]], [1.0], lb=0),
+        lambda: icp.ICP([[1.0]], [1.0], obstacle=0),
+        lambda: icp.solve_many([[1.0]], [[1.0]], ub=0),
+        lambda: icp.load_problem("A.npy", lower=0),
+    ],
+)
+def test_who_has_another_name_for_an_obstacle_is_told_what_it_is_called(call):
+    with pytest.raises(icp.InputError, match=r"has no argument (lower|lb|ub|obstacle); .* is called psi, .* upper$"):
+        call()
+
+
+def test_a_misspelt_argument_is_told_what_was_meant():
+    with pytest.raises(icp.InputError, match=r"ICP has no argument uper; it takes A, q, psi, upper; .* mean upper\?$"):
+        icp.ICP([[1.0]], [1.0], uper=0)
+    with pytest.raises(icp.InputError, match=r"Elementwise has no argument lipshitz; .* did you mean lipschitz\?$"):
+        icp.Elementwise(np.sin, lipshitz=1.0)

@@ -628,6 +628,21 @@ class TestInfeasible:
         assert min(y) >= 0
         assert exact_value(problem, y, np.zeros(n), np.full(n, np.inf)) < 0
 
+    def test_so_is_one_of_a_block_whose_obstacle_moves(self):
+        """Of (y, x), the weights of the rows of p and of r, both belong to the rows of the block."""
+        n = 100
+        A, G, c = np.eye(n) + np.diag(np.full(n - 1, -0.1), -1), np.zeros((n, n)), np.zeros(n)
+        A[:2, :2], A[5, 0] = [[1.0, -0.5], [-0.5, 1.0]], 2.0
+        G[:2, :2], c[:2] = [[2.0, 0.5], [0.0, 2.0]], 1.0
+        order = np.random.default_rng(0).permutation(n)
+        where = np.ix_(order, order)
+        solution = icp.ICP(A[where], -np.ones(n), icp.Affine(G[where], c[order])).solve(
+            "reduced", raise_on_failure=False
+        )
+        assert solution.status is icp.Status.INFEASIBLE
+        y, x = np.split(solution.infeasible.witness, 2)
+        assert set(order[np.flatnonzero(y)]) == set(order[np.flatnonzero(x)]) == {0, 1}
+
     @pytest.mark.parametrize("n", [3, 60, 80])
     @pytest.mark.parametrize(("b", "solvable"), [(-1.25, False), (-0.75, True), (-1.0, True)])
     def test_what_follows_from_a_block_with_one_answer_may_contradict_itself(self, n, b, solvable):

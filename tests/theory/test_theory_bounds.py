@@ -353,3 +353,28 @@ def test_the_active_set_wants_the_bound_of_this_problem():
     other = icp.error_bound(icp.ICP(np.eye(2), [1.0, 1.0]), [0.0, 0.0])
     with pytest.raises(icp.InputError, match="bound is that of 2 unknowns; 1 were expected"):
         icp.theory.active_set(problem, [0.0], other)
+
+
+@pytest.mark.parametrize(
+    ("psi", "upper", "name"),
+    [
+        (icp.Elementwise(lambda z: 0.9 * z + 3.0, lipschitz=0.1), None, "psi"),
+        (icp.Function(lambda z: 0.9 * z[::-1] - 3.0, lipschitz=[[0.0, 0.2], [0.2, 0.0]]), None, "psi"),
+        (-3.0, icp.Elementwise(lambda z: 0.4 + 0.3 * np.sin(z), lipschitz=0.1), "upper"),
+    ],
+)
+def test_a_lipschitz_constant_that_is_seen_to_be_too_small_proves_nothing(psi, upper, name):
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -2.0], psi, upper=upper)
+    bound = icp.error_bound(problem, problem.solve().z)
+    assert not bound.unique
+    assert bound.value is None
+    assert bound.reason.startswith(f"{name}.lipschitz is too small: {name}_0 differs by ")
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_lipschitz_constant_that_holds_is_believed_however_tight(seed):
+    rng = np.random.default_rng(seed)
+    slope, at, z = rng.uniform(0.0, 0.99), rng.normal(size=2) * 10.0 ** rng.uniform(-9, 9), rng.normal(size=2)
+    psi = icp.Elementwise(lambda z: slope * z + at, lipschitz=slope)
+    assert icp.error_bound(icp.ICP(np.eye(2), [-1.0, 1.0], psi), z * 10.0 ** rng.uniform(-9, 9)).unique

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import InputError, NotSolved
+from ...errors import InputError, NotSolved, by_name
 from ...numerics.arrays import (
     Vector,
     as_array,
@@ -77,6 +77,7 @@ class QpSolution(Shown):
 
 
 @sheltered
+@by_name("solve_qp")
 def solve_qp(
     P: Any,
     q: Any,

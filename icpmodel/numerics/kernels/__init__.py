@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import logging
 import sys
 import warnings
 from typing import Any
@@ -29,6 +30,7 @@ from ..work import COMPILER
 
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise IcpError("NUMBA_DISABLE_JIT is set, and the loops of icpmodel exist in compiled code alone; unset it")
+_LOG = logging.getLogger("icpmodel.compiler")
 #: a position in an array
 uint = np.uint64
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "nogil": True}
@@ -76,7 +78,9 @@ class Cache(FunctionCache):
 
 def _tell(what: str) -> None:
     if sys.stderr is not None and (in_notebook() or sys.stderr.isatty()):
-        print(what, file=sys.stderr)
+        print(f"icpmodel {what}", file=sys.stderr)
+    else:  # a file may be meant for something else: its owner, or a command, asks for it
+        _LOG.info(what)
 
 
 class _Watch(Listener):
@@ -89,7 +93,7 @@ class _Watch(Listener):
             COMPILER.begins()
         elif not _Watch.told and event.data["dispatcher"].py_func.__module__.startswith(__name__):
             _Watch.told = True
-            _tell("icpmodel compiles its loops, once per installation; `icpmodel warmup` compiles all")
+            _tell("compiles its loops, once per installation; `icpmodel warmup` compiles all")
 
     def on_end(self, event: Any) -> None:
         if event.kind == _LOCK:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, NotSolved
+from ...errors import OBSTACLES, InputError, NotSolved, by_name
 from ...numerics import work
 from ...numerics.arrays import described
 from ...numerics.rounding import sheltered
@@ -29,6 +29,7 @@ _INTERRUPTED: set[float] = set()
 
 
 @sheltered
+@by_name("solve_many", OBSTACLES)
 def solve_many(
     A: Any,
     Q: Any,

@@ -38,6 +38,7 @@ _NEGLIGIBLE = 0.01  #: a share of the bound that is not worth another step
 BUDGET = 60e9
 #: added to the sentence of a proof that rests on what a user says of ψ
 USERS_WORD = ", given that psi is what the user says"
+_FEW = 8.0  #: units in the last place to which a user's function is taken as exact
 _STEPS = 8  #: steps of the active-set Newton iteration that looks for a better z
 
 
@@ -159,6 +160,8 @@ def error_bound(
 
 def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
     """The bound of the first proof that there is, or all reasons why there is none. Raises OutOfTime, OutOfMemory."""
+    if fault := broken_promise(problem, z):
+        return ErrorBound.none(fault)
     reasons = []
     for proof in proofs_of(problem).tried(problem):
         if isinstance(proof, str):
@@ -181,6 +184,26 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         fault = not_finite(z, "z") or "the proof bounds nothing at this z: it is too far from z*"
         return ErrorBound.none(fault, sentence)
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
+
+
+def broken_promise(problem: ProblemData, z: Vector) -> str:
+    """Between `z` and 0, where ψ costs next to nothing beside a proof: that it moves by more than the Lipschitz matrix
+    of its user allows, beyond rounding. Empty where that is not seen."""
+    psi = problem.psi
+    sides = {"psi": psi} if problem.upper is None else {"psi": psi.lower, "upper": psi.upper}  # type: ignore[attr-defined]
+    for name, one in sides.items():
+        allowed = one.change(np.abs(z)) if one.at_users_word else None
+        if allowed is None:
+            continue
+        with suppress(MapError), np.errstate(all="ignore"):  # 0 may be outside of where ψ has a value
+            here, there = one.value(z), one.value(np.zeros(z.size))
+            moved = np.abs(here - there)
+            excess = moved - allowed - _FEW * UNIT_ROUNDOFF * (np.abs(here) + np.abs(there))
+            if (excess > 0.0).any():
+                i = int(np.nanargmax(excess))
+                seen = f"{name}_{i} differs by {moved[i]:.6g} between z and 0, and it allows {allowed[i]:.6g}"
+                return f"{name}.lipschitz is too small: {seen} (give a larger one, or none)"
+    return ""
 
 
 def never_cross(psi: Map) -> bool:

@@ -1,4 +1,4 @@
-"""A proof that no z has p(z) ≥ 0 and r(z) ≥ 0, for constant obstacles: a combination of the rows that says 0 < 0.
+"""A proof that no z has p(z) ≥ 0 and r(z) ≥ 0, for constant and affine ψ: a combination of the rows that says 0 < 0.
 
 With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
 obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Where it is known of
@@ -6,6 +6,9 @@ some unknowns in which interval every solution has them, (Aᵀy)_j z_j is at mos
 sign of (Aᵀy)_j. That no z solves the problem is then proved, though one may have p ≥ 0 and r ≥ 0.
 An obstacle above, ψ̄ = c̄, is such an interval: z ≤ c̄. In rows that have it nothing is known of p ≥ 0, so y_i ≤ 0 there,
 y_i = 0 where there is one below as well, and then (Az + q)ᵀy ≥ 0 at every solution as before.
+For ψ(z) = Gz + c the rows of r get weights as well: x, y ≥ 0, Aᵀy + (I − G)ᵀx = 0 and qᵀy − cᵀx < 0. That is the same
+for the constant obstacle s ≥ 0 in the unknowns (z, u, s), with the equations u = Gz + c and s = z − u, and no entry of
+I − G is rounded.
 
 Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
 """
@@ -13,9 +16,9 @@ Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), se
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -49,10 +52,15 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> A
     Often Aᵀy is 0 in many rows, which floats seldom hold: tried are the simple fractions next to `y`, `y` itself, and
     where up to 30 of its entries are not 0 the exact solution of these equations. All is checked in rational
     arithmetic. Returns True with the witness y, floats or fractions, and `number`, which (Az + q)ᵀy is at most, without
-    an obstacle above (q + Ac)ᵀy; else None.
+    an obstacle above (q + Ac)ᵀy; else None. For an affine ψ `y` and the witness are (y, x), shape (2n,).
     """
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
-    if not problem.psi.is_constant or not np.isfinite(y).all() or not y.any():
+    if not problem.psi.is_constant:
+        lifted = _lifted(problem)
+        if lifted is None or y.size != 2 * problem.n:
+            return unknown
+        return _lowered(infeasible(lifted, np.concatenate([y[problem.n :], y[problem.n :], y[: problem.n]])))
+    if not np.isfinite(y).all() or not y.any():
         return unknown
     rows = _Rows.of(problem, known)
     free = rows.falls & rows.rises
@@ -65,21 +73,51 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> A
     else:
         return unknown
     witness, number = [found.get(i, Fraction(0)) for i in range(problem.n)], nearest(exact)
-    used = [i for i in range(problem.n) if witness[i]]
-    named = ", ".join(map(str, used[:5])) + (f" and {len(used) - 5} more" if len(used) > 5 else "")
     sign = "y >= 0 where there is an obstacle" if free.any() else "y >= 0"
-    where = f"for a y that is not 0 in row{'s' if len(used) > 1 else ''} {named}"
+    sums = f"{_weighted(witness)} of Az + q comes to {number:.3g} at most"
     if known is None and problem.upper is not None:
         signs = "p >= 0 where nothing is above and p <= 0 where nothing is below"
-        reason = f"no z with psi <= z <= upper has {signs}: (Az + q)'y <= {number:.3g} {where}"
+        reason = f"no z with psi <= z <= upper has {signs}: there {sums}, and with these signs to 0 or more"
     elif known is None:
-        reason = f"no z has Az + q >= 0 and z >= psi(z): {sign}, A'y <= 0 and (q + Ac)'y = {number:.3g} {where}"
+        said = f"{sign}, A'y <= 0 and (q + Ac)'y = {number:.3g}"
+        sums += ", and wherever Az + q >= 0 to 0 or more"
+        reason = f"no z has Az + q >= 0 and z >= psi(z): wherever z >= psi(z), {sums} ({said})"
     else:
         proved = f"{np.count_nonzero(np.isfinite(known.high))} unknowns are proved to be what they are ({known.proof})"
-        then = f"{proved}, and then (Az + q)'y <= {number:.3g}, {sign}, {where}"
-        reason = f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {then}"
+        sums += ", and wherever Az + q >= 0 to 0 or more"
+        reason = f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {proved}, and then {sums} ({sign})"
     y = as_witness(witness, lambda x: _contradiction(problem, rows, dict(enumerate(x))) is not None)
     return Answer(True, reason, y, number)
+
+
+def _weighted(y: Any, several: int = 4) -> str:
+    """Which rows a combination takes, and how often: as many as fit in a sentence."""
+    used = [i for i, weight in enumerate(y) if weight]
+    first = " and ".join(f"{nearest(y[i]):.4g} times row {i}" for i in used[:several])
+    return first + (f" and {len(used) - several} rows more" if len(used) > several else "")
+
+
+def _lifted(problem: ProblemData) -> ProblemData | None:
+    """The problem of an affine ψ in (z, u, s), where the obstacle is constant; None for another ψ, and with two."""
+    if problem.psi.linear is None or problem.upper is not None:
+        return None
+    (G, c), unit = problem.psi.linear, sp.eye_array(problem.n)
+    nothing, there = np.full(problem.n, -np.inf), np.isfinite(c)
+    A = sp.block_array([[-G, unit, None], [unit, -unit, -unit], [problem.A, None, None]])
+    q = np.concatenate([np.where(there, -c, 0.0), np.zeros(problem.n), problem.q])
+    return ProblemData(A, q, np.concatenate([nothing, nothing, np.where(there, 0.0, -np.inf)]))
+
+
+def _lowered(answer: Answer) -> Answer:
+    """What is proved of the lifted problem, said of the rows of p and r."""
+    if not answer.holds:
+        return answer
+    x, _, y = np.split(answer.witness, 3)
+    sums = f"{_weighted(y)} of Az + q and {_weighted(x)} of z - psi(z)"
+    said = f"y >= 0 where there is an obstacle, x >= 0, A'y + (I - G)'x = 0 and q'y - c'x = {answer.number:.3g}"
+    sums += f" comes to {answer.number:.3g} for every z, and where all rows are >= 0 to 0 or more"
+    reason = f"no z has Az + q >= 0 and z >= psi(z): {sums}"
+    return replace(answer, reason=f"{reason} ({said})", witness=np.concatenate([y, x]))
 
 
 class _Rows(NamedTuple):
@@ -106,8 +144,8 @@ def _tried(problem: ProblemData, y: Vector, support: np.ndarray, rows: _Rows) ->
     yield {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
     yield {int(i): Fraction(float(y[i])) for i in support}
     if support.size <= _RATIONAL:
-        yield _exact(problem, support, y, rows, np.flatnonzero(rows.falls & rows.rises))
-        yield _exact(problem, support, y, rows, support)  # of a ray, yᵀAy = 0
+        yield _exact(problem, support, y, rows, support)  # a ray has zeros there, a linear program need not
+        yield _exact(problem, support, y, rows, np.flatnonzero(np.isneginf(rows.low) & np.isposinf(rows.high)))
 
 
 def multipliers(problem: ProblemData) -> Vector | None:
@@ -116,10 +154,12 @@ def multipliers(problem: ProblemData) -> Vector | None:
     In rows without an obstacle −1 ≤ y ≤ 1 and (Aᵀy)_i = 0, in those with one above alone −1 ≤ y ≤ 0 and (Aᵀy)_i ≥ 0,
     with both y_i = 0 and t_i ≥ 0, (Aᵀy)_i(c̄_i − c_i) is added to the sum. Of several the one with the most room for
     rounding, by linear programming (HiGHS); None where there is none, as where some z has p, r ≥ 0, or none is found in
-    a second.
+    a second. For an affine ψ (y, x), shape (2n,).
     """
     if not problem.psi.is_constant:
-        return None
+        lifted = _lifted(problem)
+        found = None if lifted is None else multipliers(lifted)
+        return None if found is None else np.concatenate([found[2 * problem.n :], found[: problem.n]])
     from scipy.optimize import linprog
 
     A, n, (low, high, falls, rises) = problem.A.tocsc(), problem.n, _Rows.of(problem)
@@ -179,8 +219,7 @@ def _is_hopeless(problem: ProblemData, rows: _Rows, y: Combination) -> bool:
 
 
 def _exact(problem: ProblemData, support: np.ndarray, y: Vector, bounds: _Rows, zero: np.ndarray) -> Combination:
-    """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or i is in `zero`; x_i left open is
-    y_i."""
+    """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or is to be; x_i left open is y_i."""
     with np.errstate(over="ignore", invalid="ignore"):
         tight = np.abs(problem.A.T @ y) <= _ZERO * (problem.matrix.absolute.T @ np.abs(y))
     tight[zero] = True
