@@ -24,8 +24,8 @@ class DistributedICP(Shown):
 
     Every rank makes it at the same time, with its share of each argument; so are all functions of this room called.
     Parameters: `A` an assembled PETSc `Mat` (aij), n × n, whose columns are distributed as its rows; `q` a `Vec` of the
-    same layout, a number, or the entries of the own rows; `psi` a number, a `Vec`, the entries of the own rows, a pair
-    (`Mat`, any of these) for ψ(z) = Gz + c, or an `icpmodel.Elementwise` map of the own rows with its `lipschitz` < 1;
+    same layout, a number, or the entries of the own rows; `psi` a number, a `Vec`, the entries of the own rows, an
+    `icpmodel.Elementwise` map of them with its `lipschitz` < 1, or a pair (`Mat`, any of these) for ψ(z) = Gz + f(z);
     −inf for no obstacle; `upper` the same above z, or None. A is not copied: leave it as it is.
     Raises InputError on all ranks where one finds its share wrong.
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -32,7 +35,21 @@ def petsc() -> Any:
         from petsc4py import PETSc
     except ImportError as error:
         raise NotApplicable(f"{_MISSING} ({error})") from error
+    _watch_the_end()
     return PETSc
+
+
+@cache
+def _watch_the_end() -> None:
+    """End all ranks where a script ends by an error on this one: at its exit PETSc would wait for the others."""
+    from mpi4py import MPI
+
+    def leave() -> None:
+        if getattr(sys, "last_type", None) is not None and not MPI.Is_finalized() and MPI.COMM_WORLD.size > 1:
+            sys.stderr.flush()
+            MPI.COMM_WORLD.Abort(1)
+
+    atexit.register(leave)
 
 
 def world(comm: Any = None) -> Any:
