@@ -15,8 +15,8 @@ from ..errors import FileError, InputError, MapError, NotApplicable
 from ..numerics.arrays import Vector
 
 _MISSING = (
-    "icpmodel.distributed needs petsc4py and mpi4py, which do not come with pip install icpmodel: "
-    "docs/distributed.md and CONTRIBUTING.md say how to get them"
+    "icpmodel.distributed needs petsc4py and mpi4py, which pip install 'icpmodel[petsc]' builds from sources; "
+    "docs/distributed.md says how to get them sooner"
 )
 
 #: errors that are the same on all ranks, first those of the package

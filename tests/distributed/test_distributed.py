@@ -1,4 +1,4 @@
-"""Problems on ranks: what holds on one, two and three of them, each in one run of `checks_on_ranks.py`."""
+"""Problems on ranks: what holds on one to four of them, each in one run of `checks_on_ranks.py`."""
 
 import importlib.util
 import json
