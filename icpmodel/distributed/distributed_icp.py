@@ -24,8 +24,8 @@ class DistributedICP(Shown):
 
     Every rank makes it at the same time, with its share of each argument; so are all functions of this room called.
     Parameters: `A` an assembled PETSc `Mat` (aij), n × n, whose columns are distributed as its rows; `q` a `Vec` of the
-    same layout, a number, or the entries of the own rows; `psi` a number, a `Vec`, the entries of the own rows, a pair
-    (`Mat`, any of these) for ψ(z) = Gz + c, or an `icpmodel.Elementwise` map of the own rows with its `lipschitz` < 1;
+    same layout, a number, or the entries of the own rows; `psi` a number, a `Vec`, the entries of the own rows, an
+    `icpmodel.Elementwise` map of them with its `lipschitz` < 1, or a pair (`Mat`, any of these) for ψ(z) = Gz + f(z);
     −inf for no obstacle; `upper` the same above z, or None. A is not copied: leave it as it is.
     Raises InputError on all ranks where one finds its share wrong.
 
@@ -49,7 +49,7 @@ class DistributedICP(Shown):
                 raise InputError(f"A is of PETSc's type {A.getType()}; aij was expected: A.convert('aij')")
         matrix = DistributedMatrix(A)
         with together(comm):
-            q = _own_entries(q, matrix.high - matrix.low)
+            q = _own_entries(q, matrix.low, matrix.high)
         below = DistributedMap.of(psi, matrix, "psi")
         self._set(matrix, q, below, None if upper is None else DistributedMap.of(upper, matrix, "upper"))
         data = A.getValuesCSR()[2]
@@ -115,17 +115,16 @@ class DistributedICP(Shown):
         return f"DistributedICP(n={self.n}, ranks={self.comm.size})"
 
 
-def _own_entries(value: Any, size: int) -> Vector:
-    """q in the own rows."""
-    array = np.asarray(getattr(value, "array_r", value), dtype=np.float64)
+def _own_entries(value: Any, low: int, high: int) -> Vector:
+    """q in the own rows, low ≤ i < high."""
+    array, size = np.asarray(getattr(value, "array_r", value), dtype=np.float64), high - low
     if not array.ndim:
         array = np.full(size, array)
     if array.shape != (size,):
         raise InputError(f"q has shape {array.shape} on this rank; ({size},) was expected")
     if not np.isfinite(array).all():
-        raise InputError(
-            f"q[{int(np.argmin(np.isfinite(array)))}] of this rank is not finite; finite numbers were expected"
-        )
+        i = int(np.argmin(np.isfinite(array)))
+        raise InputError(f"q[{low + i}] is {array[i]}; finite numbers were expected")
     return array.copy()
 
 

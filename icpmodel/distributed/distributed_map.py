@@ -23,8 +23,8 @@ from .ranks import petsc, together, totals
 #: of a difference quotient, relative: √u balances what it cuts off and rounding
 _STEP = 2.0**-26
 _WANTED = (
-    "a number, a Vec, a pair (Mat, Vec) for Gz + c, the entries of the own rows "
-    "or an Elementwise map of them was expected"
+    "a number, a Vec, the entries of the own rows, an Elementwise map of them, "
+    "or a pair (Mat, one of these) for Gz + f(z) was expected"
 )
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,8 +15,8 @@ from ..errors import FileError, InputError, MapError, NotApplicable
 from ..numerics.arrays import Vector
 
 _MISSING = (
-    "icpmodel.distributed needs petsc4py and mpi4py, which do not come with pip install icpmodel: "
-    "docs/distributed.md and CONTRIBUTING.md say how to get them"
+    "icpmodel.distributed needs petsc4py and mpi4py, which pip install 'icpmodel[petsc]' builds from sources; "
+    "docs/distributed.md says how to get them sooner"
 )
 
 #: errors that are the same on all ranks, first those of the package
@@ -32,7 +35,21 @@ def petsc() -> Any:
         from petsc4py import PETSc
     except ImportError as error:
         raise NotApplicable(f"{_MISSING} ({error})") from error
+    _watch_the_end()
     return PETSc
+
+
+@cache
+def _watch_the_end() -> None:
+    """End all ranks where a script ends by an error on this one: at its exit PETSc would wait for the others."""
+    from mpi4py import MPI
+
+    def leave() -> None:
+        if getattr(sys, "last_type", None) is not None and not MPI.Is_finalized() and MPI.COMM_WORLD.size > 1:
+            sys.stderr.flush()
+            MPI.COMM_WORLD.Abort(1)
+
+    atexit.register(leave)
 
 
 def world(comm: Any = None) -> Any:

@@ -98,7 +98,7 @@ def _market(path: Path, comm: Any, n: int | None) -> tuple[MarketHead, Places, P
         head = market_head(path, lambda *most: raw.readline(*most).decode("utf-8", "replace"), size, n)
         begin = raw.tell()
         ends = [begin + (size - begin) * k // comm.size for k in (comm.rank, comm.rank + 1)]
-        found = numbers_of(path, head, _lines(raw, begin, *ends))
+        found = numbers_of(path, head, lines_within(raw, begin, *ends))
     _check_same(path, comm, (head, size))
     before, total = comm.exscan(found.size) or 0, comm.allreduce(found.size)
     with together(comm):
@@ -107,7 +107,7 @@ def _market(path: Path, comm: Any, n: int | None) -> tuple[MarketHead, Places, P
     return head, i, j, values
 
 
-def _lines(raw: BinaryIO, begin: int, low: int, high: int) -> Iterator[bytes]:
+def lines_within(raw: BinaryIO, begin: int, low: int, high: int) -> Iterator[bytes]:
     """The lines that begin at the bytes `low` ≤ b < `high` of a file whose first line begins at the byte `begin`."""
     raw.seek(low)
     if low > begin:  # where a line begins is seen at the byte before

@@ -162,7 +162,7 @@ def check_what_is_wrong_with_files_is_one_error_of_all_ranks():
         assert "no such file" in raised(load_problem, A, there / "p.mtx")
         assert "q.mtx: the matrix has shape (3, 1)" in raised(load_problem, q, q)
         assert "is 3 x 3; a vector of 3" in raised(load_problem, A, A)
-        assert "is not finite" in raised(load_problem, A, there / "inf.mtx")
+        assert "A.mtx: q[1] is inf" in raised(load_problem, A, there / "inf.mtx")
         assert "distribute" in raised(load_problem, there / "A.mtx", "q.npy")
         assert "obstacles cross" in raised(load_problem, A, q, 1.0, 0.0)
         solution = solve(load_problem(A, q))

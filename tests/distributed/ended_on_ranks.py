@@ -1,4 +1,5 @@
-"""A scene that ends badly: `mpiexec -n RANKS python ended_on_ranks.py WAY` runs the command on it."""
+"""A scene that ends badly: `mpiexec -n RANKS python ended_on_ranks.py WAY` runs the command on it; or
+a script that does."""
 
 import os
 import signal
@@ -56,4 +57,9 @@ def _bad(n):
     return icp.ByRows(whole.shape, rows)
 
 
-main(["distributed", "bad"])
+if sys.argv[1] != "script":
+    main(["distributed", "bad"])
+problem = icp.distributed.by_rows(icp.scenes.by_rows("membrane", n=100))
+if RANK == LAST:
+    raise KeyError("of the script")
+icp.distributed.solve(problem)

@@ -1,4 +1,4 @@
-"""Problems on ranks: what holds on one, two and three of them, each in one run of `checks_on_ranks.py`."""
+"""Problems on ranks: what holds on one to four of them, each in one run of `checks_on_ranks.py`."""
 
 import importlib.util
 import json
@@ -75,8 +75,11 @@ def test_what_ends_one_rank_ends_all_with_one_line_and_one_exit_code(way, codes,
 
 
 @with_petsc
-def test_nobody_waits_for_a_rank_that_died():
-    assert on_ranks(2, str(HERE / "ended_on_ranks.py"), "dies").returncode not in (0, None)
+@pytest.mark.parametrize("way", ["dies", "script"])
+def test_nobody_waits_for_a_rank_that_died_or_ended_by_an_error_of_the_script(way):
+    run = on_ranks(2, str(HERE / "ended_on_ranks.py"), way)
+    assert run.returncode != 0
+    assert run.stderr.count("KeyError: 'of the script'") == (way == "script")
 
 
 @with_petsc

@@ -22,12 +22,24 @@ from icpmodel.numerics import work
 A = np.array([[4.0, -1.0, 0.0, 0.0], [1.0, 3.0, 0.5, 0.0], [0.0, 0.0, 2.0, -0.25], [0.0, 0.1, 0.0, 1.0]])
 Q, UPPER = np.array([1.0, -2.0, 3.0, -4.0]), np.array([1.0, np.inf, 2.0, 0.5])
 
+
+def petsc_bytes(value, integer=">i4"):
+    """What PETSc's MatView or VecView write to a binary viewer, by the manual page of MatLoad."""
+    if value.ndim == 1:
+        return np.array([1211214, value.size], integer).tobytes() + value.astype(">f8").tobytes()
+    rows = sp.csr_array(value)
+    integers = [1211216, *rows.shape, rows.nnz, *np.diff(rows.indptr), *rows.indices]
+    return np.array(integers, integer).tobytes() + rows.data.astype(">f8").tobytes()
+
+
 MATRICES = {
     "npy": lambda path, A: np.save(path, A),
     "in columns npy": lambda path, A: np.save(path, np.asfortranarray(A)),
     "csv": lambda path, A: np.savetxt(path, A, delimiter=",", fmt="%.17g"),
     "txt": lambda path, A: np.savetxt(path, A, fmt="%.17g"),
     "mtx": lambda path, A: mmwrite(path, A, precision=17, symmetry="general"),
+    "bin": lambda path, A: path.write_bytes(petsc_bytes(A)),
+    "64 bits bin": lambda path, A: path.write_bytes(petsc_bytes(A, ">i8")),
     "mat": lambda path, A: savemat(path, {"any_name": A}),
     "sparse mat": lambda path, A: savemat(path, {"A": sp.csc_array(A)}),
     "compressed mat": lambda path, A: savemat(path, {"A": sp.csc_array(A)}, do_compression=True),
@@ -44,6 +56,8 @@ VECTORS = {
     "row csv": lambda path, v: np.savetxt(path, v[None], delimiter=",", fmt="%.17g"),
     "txt": lambda path, v: np.savetxt(path, v, fmt="%.17g"),
     "mtx": lambda path, v: mmwrite(path, v[:, None], precision=17),
+    "bin": lambda path, v: path.write_bytes(petsc_bytes(v)),
+    "64 bits bin": lambda path, v: path.write_bytes(petsc_bytes(v, ">i8")),
     "mat": lambda path, v: savemat(path, {"rhs": v}),
     "sparse mat": lambda path, v: savemat(path, {"rhs": sp.csc_array(v[:, None])}),
     "savez npz": lambda path, v: np.savez(path, rhs=v, q=v, psi=v, upper=v),
@@ -143,6 +157,31 @@ BY_MATLAB = sorted(
     for kind in ("double", "matrix", "minus", "multi", "sparse", "sparsefloat", "bool", "vec")
     for path in Path(scipy.io.matlab.__file__).parent.glob(f"tests/data/test{kind}_[67]*.mat")
 )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (petsc_bytes(A)[:12], "ends within its head"),
+        (petsc_bytes(Q) * 2, "more than one object"),
+        (petsc_bytes(A) + petsc_bytes(Q), "more than one object"),
+        (petsc_bytes(Q)[:8] + Q.astype(">f4").tobytes(), "of another precision"),
+        (np.array([1211216, 4, 4, -1], ">i4").tobytes() + A.astype(">f8").tobytes(), "holds a dense matrix"),
+        (np.array([1211216, 2, 2, 1, 3, -2], ">i4").tobytes() + bytes(12), "row 0 has 3 entries"),
+        (np.array([1211216, 2, 2, 9, 1, 0, 0], ">i4").tobytes() + bytes(8), "and says that there are 9"),
+        (np.array([1211216, 2, 2, 2, 1, 1, 0, 2], ">i4").tobytes() + bytes(16), "row 1 has an entry in column 2 of 2"),
+        (np.array([1211216, 2**30, 2**30, 1], ">i4").tobytes() + bytes(16), "promises 1073741824 rows"),
+        (np.array([1211214, -4], ">i4").tobytes(), "-4 rows"),
+        (b"hello, hello", "no binary file of PETSc"),
+        (b"", "no binary file of PETSc"),
+    ],
+)
+def test_what_petsc_does_not_write_is_not_guessed_at(tmp_path, wrong, words):
+    np.save(tmp_path / "q.npy", Q)
+    (tmp_path / "A.bin").write_bytes(wrong)
+    with pytest.raises(icp.FileError, match=words) as error:
+        icp.load_problem(tmp_path / "A.bin", q=tmp_path / "q.npy")
+    assert "A.bin" in str(error.value)
 
 
 @pytest.mark.skipif(not BY_MATLAB, reason="SciPy was installed without its test data")
