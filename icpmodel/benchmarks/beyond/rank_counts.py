@@ -22,9 +22,9 @@ from ...distributed.ranks import largest, petsc, totals, world
 #: PETSc's events that send, and those that reduce
 _SENDS, _REDUCES = ("VecScatterBegin",), ("VecDot", "VecTDot", "VecMDot", "VecNorm", "PCSetUp", "MatAssemblyEnd")
 #: a part is timed so often, and the least counts: other work on the machine only adds
-_TIMES = 5
+_TIMES = 3
 #: ping-pong: so many times with so many bytes, of which the first is a latency and the second a bandwidth
-_PINGS, _SHORT, _LONG = 200, 8, 1 << 20
+_PINGS, _SHORT, _LONG = 100, 8, 1 << 20
 
 
 def counted(scene: Any) -> dict[str, Any]:
