@@ -177,7 +177,7 @@ def check_iterations_grow_neither_with_ranks_nor_with_n():
         return  # with GAMG they grow: 4, 9, 12
     for name, sizes in (("membrane", (900, 10_000, 40_000)), ("ball", (10_000, 40_000)), ("obstacle-3d", (10_000,))):
         counts = [solve(by_rows(icp.scenes.by_rows(name, n))).iterations for n in sizes]
-        assert set(counts) == {2}, (name, counts)
+        assert max(counts) <= 2, (name, counts)
 
 
 def check_where_rounding_allows_no_more_that_is_said():

@@ -147,7 +147,9 @@ class TestSharpness:
         assert sharp.value <= 1.01e-3
 
     def test_a_users_function_has_no_rigorous_bound(self):
-        problem = icp.ICP([[2.0]], [-1.0], icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), lipschitz=0.5))
+        problem = icp.ICP(
+            [[2.0]], [-1.0], icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), lipschitz=0.5)
+        )
         assert icp.error_bound(problem, [0.0]).unique
         bound = icp.error_bound(problem, [0.0], rigorous=True)
         assert bound.value is None

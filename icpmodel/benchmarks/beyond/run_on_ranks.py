@@ -1,4 +1,4 @@
-"""One run of a comparison, in processes of its own, see `launched`: `main`, alone or under mpiexec, with a job in JSON
+"""One run of a comparison, in processes of its own, see `launched`: `main`, alone or under mpiexec, takes a job in JSON
 as its argument; rank 0 prints what was measured as JSON."""
 
 from __future__ import annotations
