@@ -154,7 +154,7 @@ class TestSharpness:
         assert "user's function" in bound.reason
 
     def test_what_rests_on_a_users_word_says_so(self):
-        psi = icp.Elementwise(np.sin, np.cos, lipschitz=0.5)
+        psi = icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), lipschitz=0.5)
         mine, ours = (icp.ICP([[2.0]], [-1.0], f).solve() for f in (psi, 0.0))
         assert mine.certificate.bound.proof.endswith("given that psi is what the user says")
         assert "z* is the only solution, given that psi is what the user says" in " ".join(str(mine).split())
