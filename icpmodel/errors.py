@@ -34,7 +34,8 @@ def meant(found: Any, known: Iterable[str]) -> str:
 
 
 def by_name(call: str, told: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """A function that says of an argument that it has not which it has, under the name `call`, and what is `told`."""
+    """A function that tells who gives it arguments that it has not, or not all that it needs, which it takes; under the
+    name `call`, with what is `told` of them."""
 
     def checking(function: Callable[P, R]) -> Callable[P, R]:
         code = function.__code__
@@ -42,12 +43,19 @@ def by_name(call: str, told: str = "") -> Callable[[Callable[P, R]], Callable[P,
 
         @wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-            for name in kwargs:
-                if name not in names:
-                    takes = ", ".join(one for one in names if one != "self")
-                    hint = meant(name, names) or (told and f"; {told}")
-                    raise InputError(f"{call} has no argument {name}; it takes {takes}{hint}")
-            return function(*args, **kwargs)
+            try:
+                return function(*args, **kwargs)
+            except TypeError as error:
+                if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+                    raise  # it comes from inside
+            takes = f"it takes {', '.join(one for one in names if one != 'self')}"
+            if unknown := [name for name in kwargs if name not in names]:
+                hint = meant(unknown[0], names) or (told and f"; {told}")
+                raise InputError(f"{call} has no argument {unknown[0]}; {takes}{hint}")
+            needed = names[len(args) : code.co_argcount - len(function.__defaults__ or ())]
+            if lacks := [name for name in needed if name not in kwargs]:
+                raise InputError(f"{call} was not given {' and '.join(lacks)}; {takes}")
+            raise InputError(f"{call} was given an argument twice, or too many without a name; {takes}")
 
         return checked
 

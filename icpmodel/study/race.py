@@ -104,13 +104,18 @@ class Race(Plotted, Tabular):
         """
         return self.in_words("First to Res(z) <= {goal:g} Res(0)")
 
+    def quickest(self, goal: float) -> dict[str, Entry]:
+        """For each competitor the quickest of its runs that reached Res(z) ≤ goal·Res(0), the quickest one first."""
+        best: dict[str, Entry] = {}
+        for one in sorted(self.entries, key=lambda one: one.median):
+            if one.residual is not None and one.residual <= goal:
+                best.setdefault(one.name, one)
+        return best
+
     def in_words(self, opening: str) -> str:
         """The winner, after the `opening` with the {goal} in it."""
         for goal in (RTOL, *sorted({one.tolerance for one in self.entries})):
-            best: dict[str, Entry] = {}
-            for one in sorted(self.entries, key=lambda one: one.median):
-                if one.residual is not None and one.residual <= goal:
-                    best.setdefault(one.name, one)
+            best = self.quickest(goal)
             if best:
                 break
         else:

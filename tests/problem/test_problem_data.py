@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.sparse.linalg import aslinearoperator
 
 import icpmodel as icp
+from icpmodel.errors import by_name
 from icpmodel.numerics.arrays import norm
 from icpmodel.numerics.threads import cores, threads_for
 
@@ -290,6 +291,20 @@ def test_indices_outside_the_matrix_are_refused(made, indices, told):
 def test_who_has_another_name_for_an_obstacle_is_told_what_it_is_called(call):
     with pytest.raises(icp.InputError, match=r"has no argument (lower|lb|ub|obstacle); .* is called psi, .* upper$"):
         call()
+
+
+def test_arguments_that_are_missing_or_too_many_are_told_which_there_are():
+    with pytest.raises(icp.InputError, match=r"^ICP was not given q; it takes A, q, psi, upper$"):
+        icp.ICP([[1.0]])
+    with pytest.raises(icp.InputError, match=r"^ICP was given an argument twice, or too many without a name; it takes"):
+        icp.ICP([[1.0]], [1.0], 0.0, None, 1.0)
+
+    @by_name("odd")
+    def odd(x):
+        raise TypeError("from inside")
+
+    with pytest.raises(TypeError, match="from inside"):
+        odd(1)
 
 
 def test_a_misspelt_argument_is_told_what_was_meant():

@@ -1,6 +1,7 @@
 """Races: one measure of error for all, claims that are wrong are marked, what was measured is never lost."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -312,6 +313,13 @@ def test_the_race_says_who_came_first(entries, said):
     found = Race(title="", measure="error", entries=tuple(entries))
     assert found.winner == f"First to Res(z) <= 1e-08 Res(0): {said}"
     assert str(found).endswith(found.winner)
+
+
+def test_the_bars_show_the_very_times_of_which_the_race_speaks():
+    runs = (entry("a", (9.0,)), entry("a", (2.0,), tolerance=1e-10), entry("b", (3.0,)))
+    found = Race(title="", measure="error", entries=tuple(replace(run, error=0.1) for run in runs))
+    assert found.winner.endswith("a, in 2 s, timed once; next b, 1.5 times as long.")
+    assert [text.get_text() for text in found.figure().axes[-1].texts] == ["2 s (0%)", "3 s (0%)"]
 
 
 def test_a_race_that_stops_short_has_a_winner_where_somebody_came_somewhere():

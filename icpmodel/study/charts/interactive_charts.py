@@ -164,7 +164,7 @@ def race_charts(found: Race) -> list[Any]:
             style = {"line_dash": "dashed", "color": _BETWEEN, "line_width": 2, "legend_label": "one linear solve"}
             chart.line(limits["xlim"], [found.limit] * 2, **style)
         charts.append(_finished(chart, [one for one in chart.renderers if one.name == "runs"], tips))
-    if first := still.first_to_goal(found.entries):
+    if first := found.quickest(RTOL):
         charts.append(_bars(first, named))
     for alike in named.values():
         follow = CustomJS(args={"alike": alike}, code="for (const one of alike) one.visible = cb_obj.visible")

@@ -65,7 +65,7 @@ def _(found: Race, points: Any = None) -> Drawing:
         )
         for k, shown in enumerate(parts)
     ]
-    first = first_to_goal(found.entries)
+    first = found.quickest(RTOL)
     took = [f"{name} {in_seconds(run.median)}" for name, run in first.items()]
     bars = Panel(
         draw=partial(_bars, first),
@@ -170,15 +170,6 @@ def _points(axes: Any, mine: list[Entry], colour: str, marker: str, floor: float
         axes.errorbar([error], [median], yerr=spread, label=run.name if k == 0 else None, **style)
     if mine and mine[0].kind == "peer":  # they have no path of their own
         axes.plot(*zip(*sorted(places), strict=True), color=colour, linewidth=0.7, linestyle=":", zorder=1)
-
-
-def first_to_goal(runs: Sequence[Entry]) -> dict[str, Entry]:
-    """For each competitor the first run that reached the residual, the quickest first."""
-    best: dict[str, Entry] = {}
-    for run in runs:
-        if run.residual is not None and run.residual <= RTOL:
-            best.setdefault(run.name, run)
-    return dict(sorted(best.items(), key=lambda pair: pair[1].median))
 
 
 def _bars(first: dict[str, Entry], axes: Any) -> list[Any]:

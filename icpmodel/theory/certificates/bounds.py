@@ -118,7 +118,7 @@ def error_bound(
 
     Bounds on the rounding errors are included, so that the bound is a proof for constant and affine ψ and for
     interventions given by a matrix. A user's function ψ is taken as exact to a few units in the last place, and its
-    Lipschitz matrix at the user's word.
+    Lipschitz matrix at the user's word, unless ψ(z) and ψ(0) contradict it: then there is no bound.
 
     Parameters: `z` shape (n,), or a `Solution`. `sharp`: look for a better point ẑ by a few active-set Newton steps (a
     factorisation each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error, where the
