@@ -133,14 +133,14 @@ class GCR:
 
     def further(self, x: Vector, wanted: float, most: int) -> tuple[Vector, bool]:
         """`x` after at most so many steps, until the rest is as small as `wanted`, and whether any was made."""
+        from ..numerics.kernels.vcycle import without  # loads numba
+
         moved = False
         for _ in range(most):
             y = self._preconditioned(self.rest)
             w = self._product(y)
             for direction, image in self._directions:
-                share = inner(w, image)
-                w -= share * image
-                y -= share * direction
+                without(w, image, y, direction, inner(w, image))
             size = norm(w)
             if not 0 < size < np.inf:
                 break

@@ -9,7 +9,7 @@ import pytest
 import icpmodel as icp
 from icpmodel.benchmarks.honesty.audit import Counts
 from icpmodel.benchmarks.honesty.exactly import ExactProblem, optimum
-from icpmodel.benchmarks.honesty.examiner import KINDS, examined
+from icpmodel.benchmarks.honesty.examiner import KINDS, Lie, examined
 from icpmodel.benchmarks.honesty.lottery import drawn_trial
 from icpmodel.benchmarks.honesty.shrinking import shrunk
 from icpmodel.benchmarks.honesty.trial import Trial
@@ -78,6 +78,23 @@ def test_a_death_and_a_hang_are_answers():
         counts.add(lambda _, source=source: Trial(source=source), 1, np.inf, [worker])
         record = counts.audit(0).records()[-1]
         assert {name: record[name] for name in KINDS if record[name]} == {kind: 1}
+
+
+def test_what_hangs_once_and_not_again_was_held_up_by_others():
+    """To compile the loops may take a process longer than any trial, where others are at work."""
+
+    class HeldUp(Worker):
+        def begin(self, trial):
+            self.asked = getattr(self, "asked", 0) + 1
+
+        def end(self):
+            return (False, [Lie("hang", "no end")]) if self.asked == 1 else (True, [])
+
+    worker = HeldUp()
+    counts = Counts(worker)
+    counts.add(lambda _: Trial(), 3, np.inf, [worker])
+    record = counts.audit(0).records()[-1]
+    assert (record["problems"], record["solved"], record["hang"]) == (3, 3, 0)
 
 
 def test_the_smallest_problem_is_shown():

@@ -1,5 +1,7 @@
 """`solve_qp`: the program's own units, signs and multipliers, proofs, arguments; and the ways to its linear systems."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -7,10 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
+from icpmodel.benchmarks.honesty.exactly import optimum
 from icpmodel.modelling.quadratic import kkt
 from icpmodel.modelling.quadratic.program import Program
 from icpmodel.modelling.quadratic.proofs import VERIFIED, contradiction
+from icpmodel.modelling.quadratic.rational_pivots import lemke
 from icpmodel.modelling.quadratic.reduction import ProgramLcp
+from icpmodel.numerics.rational import rationals
 
 
 def a_program(seed, n=6):
@@ -193,8 +198,8 @@ FLAT = [
 @pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
 def test_what_is_optimal_has_the_least_objective_however_large_p_is_beside_q(P, q, G, h, least, unit):
     """Px = 0 holds to rounding at any x in the null space: it says nothing of q, and q is all that matters there."""
-    found = icp.solve_qp(np.array(P) * unit, np.array(q) * unit, G, h, raise_on_failure=False)
-    assert found.objective == pytest.approx(least * unit, rel=1e-5)
+    found = icp.solve_qp(np.array(P) * unit, np.array(q) * unit, G, h)
+    assert found.objective == pytest.approx(least * unit, rel=1e-5)  # what float64 makes of xᵀPx is off by as much
     program = Program.of(np.array(P), np.array(q), np.zeros((0, len(q))), np.zeros(0), np.array(G), np.array(h))
     assert program.violation(found.x / 2, np.zeros(0), np.zeros(len(h))) > 0.1  # half of the way is not near enough
 
@@ -217,3 +222,50 @@ def test_column_numbers_outside_of_a_sparse_matrix_are_refused():
     G.indices[1] = 7
     with pytest.raises(icp.InputError, match="G is no sparse matrix that SciPy could use"):
         icp.solve_qp(np.eye(2), np.ones(2), G, [1.0])
+
+
+#: P, q, the rows, which of them are equations, their right-hand sides
+HARD = [
+    (np.zeros((3, 3)), [-2e-4, 2e-4, 0], [[2e8, 0, 1e8], [1e8, -1e8, 2e8], [-2e-8, 1e-8, 1e-8]], 0, [-2.0, 3.0, 3.0]),
+    (np.zeros((2, 2)), [0, 0], [[-1e-8, -2e-8], [2, -1], [-2e7, 1e7]], 0, [1.0, 0.0, -3.0]),
+    (1e6 * np.eye(2), [-3e-4, -1e-4], [[0, 0], [2e-8, 1e-8], [-2e-8, -1e-8]], 1, [-3.0, 4.0, -1.0]),
+    (1e-10 * np.eye(2), [1, -1], [[0.02, 0.01], [-0.01, 0.01], [-0.01, 0.01]], 0, [-3.0, -1.0, 4.0]),
+    (
+        1e-10 * np.eye(3),
+        [-3, 3, 1],
+        [[0, -2e6, 0], [0, 2e6, -1e6], [-2e6, 0, -1e6], [-1e6, 2e6, 1e6]],
+        1,
+        [0, -1, 4, -1],
+    ),
+    ([[4, 2], [2, 2]], [-1e4, 3e4], [[0, 2e8], [0, 2e8]], 1, [2.0, 3.0]),
+]
+
+
+@pytest.mark.parametrize(("P", "q", "rows", "equal", "right"), HARD)
+def test_what_floats_leave_open_is_decided_in_fractions(P, q, rows, equal, right):
+    """Rows whose sizes are 16 powers of ten apart: the optimum to the last digits, or a proof that there is none."""
+    rows, right = np.array(rows, float), np.array(right, float)
+    parts = rows[equal:], right[equal:], rows[:equal], right[:equal]
+    found = icp.solve_qp(P, q, *parts, raise_on_failure=False)
+    least = optimum(np.asarray(P, float), np.asarray(q, float), rows, right, equal)
+    if least is None:
+        assert found.status in ("infeasible", "unbounded")
+        assert "in exact arithmetic" in found.message
+    else:
+        assert found.status == "optimal"
+        assert found.objective == pytest.approx(float(least), rel=1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_pivots_in_fractions_end_in_a_solution_or_a_ray(seed):
+    """For a positive semidefinite M, degenerate or not; a ray y has y ≥ 0, My ≥ 0, yᵀMy = 0 and qᵀy < 0."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(1, 7))
+    B, K = random.integers(-1, 2, (n, max(1, n // 2))), random.integers(-1, 2, (n, n))
+    M, q = rationals(B @ B.T + K - K.T), [Fraction(int(one)) for one in random.integers(-1, 2, n)]
+    solved, y = lemke(M, q)
+    p = [sum(a * b for a, b in zip(row, y, strict=True)) + solved * one for row, one in zip(M, q, strict=True)]
+    assert min(*y, *p) >= 0
+    assert sum(a * b for a, b in zip(y, p, strict=True)) == 0
+    assert solved or sum(a * b for a, b in zip(y, q, strict=True)) < 0

@@ -21,6 +21,7 @@ from .central_path import CentralPath, Mask
 from .kkt import dense_cost, is_dense
 from .program import Program
 from .proofs import EXACTLY, NUMERICALLY, contradiction
+from .rational_pivots import exact_outcome
 from .reduction import Frame, ProgramLcp
 
 #: what may be wrong in the units of the program, as a multiple of the tolerance in those of the ICP: 1e-8 by default,
@@ -114,7 +115,8 @@ def solve_program(
     "optimal": the residual is below the tolerance, and nothing is wrong by more than ten times the tolerance in
     the units of the program; "optimal_inaccurate": both are below 1e-4. "infeasible" and "unbounded" are proved (for
     the latter a feasible x was found, too), with "_inaccurate" they are proved up to rounding. "user_limit": the time
-    is over; "solver_error": none of these. Raises OutOfMemory before the work begins."""
+    is over; "solver_error": none of these, which small programs do not end with, as they are solved in rational
+    arithmetic then. Raises OutOfMemory before the work begins."""
     begin = time.perf_counter()
     if not np.isfinite(program.b).all() or np.isneginf(program.g).any():
         return ProgramOutcome("infeasible", "a right-hand side is infinite")
@@ -142,6 +144,12 @@ def _outcome(
         best = min(best, judge.best, key=lambda one: one[:2])
         if judge.enough or ended is not None:
             break
+    if not judge.enough and ended is None:
+        found = exact_outcome(program)
+        if isinstance(found, str):
+            ended = found, EXACTLY
+        elif found is not None:
+            judge.best = best = Judged(program.violation(*found), 0.0, found)
     if isinstance(ended, tuple):
         outcome = without_solution(program, *ended, tolerance, 1e-9 * work.nanoseconds_left())
         return replace(outcome, steps=steps + outcome.steps)

@@ -2,7 +2,7 @@
 
 Gauss–Seidel goes forward before the coarser level and backward after it, so that the cycle of a symmetric matrix is
 symmetric. `diag[i]` is where the diagonal entry of row i stands; P's rows are those of the finer level. Every loop
-takes its rows from `low` to `high`, counted from the side where it begins.
+takes its rows from `low` to `high`, counted from the side where it begins. And the steps of a Krylov method about it.
 """
 
 from __future__ import annotations
@@ -46,3 +46,11 @@ def sweep_up(indptr, indices, data, inverse, free, f, x, low, high):
         i = uint(n - 1 - step)
         if free[i]:
             x[i] -= row_sum(-f[i], indptr[i], indptr[i + uint(1)], indices, data, x) * inverse[i]
+
+
+@compiled
+def without(w, image, y, direction, share):
+    # w and y less share times an earlier direction and its image, in place: a step of Gram and Schmidt in one pass
+    for i in range(uint(w.size)):
+        w[i] -= share * image[i]
+        y[i] -= share * direction[i]
