@@ -175,8 +175,8 @@ def test_the_house_stays_small():
     # what exists, rounded up to 500: who adds more than that has to say here what for, and whether it may replace
     # something. From 20 500 it grew by random families, Proximal, foreseen fill and careful readers of files,
     # limits, the fuzz, whose judge must share nothing with the package's own, the second obstacle, derivatives, JAX,
-    # tables for papers, problems by rows and studies on many machines, problems on ranks with their files and what they cost, and
-    # reports whose figures can be turned.
+    # tables for papers, problems by rows and studies on many machines, problems on ranks with their files and what they
+    # cost, and reports whose figures can be turned.
     assert sum(len(path.read_text().splitlines()) for path in HOUSE.rglob("*.py")) <= 39_500
     doors = {path.name for path in HOUSE.iterdir() if path.suffix not in (".pyi", ".typed")}
     assert len(doors - {"__pycache__", "__init__.py", "__main__.py"}) <= 19
