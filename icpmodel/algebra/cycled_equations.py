@@ -14,6 +14,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm
 from ..numerics.linear import STEPS, cg_steps, cg_vector_cost
 from ..numerics.multigrid import KRYLOV_STEPS
+from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData
 from .hierarchy import Hierarchy, Level
 
@@ -130,6 +131,8 @@ class GCR:
     ) -> None:
         self._product, self._preconditioned, self.rest = product, preconditioned, rest
         self._directions: list[tuple[Vector, Vector]] = []
+        #: the least |y|/|My| so far
+        self._shortest = np.inf
 
     def further(self, x: Vector, wanted: float, most: int) -> tuple[Vector, bool]:
         """`x` after at most so many steps, until the rest is as small as `wanted`, and whether any was made."""
@@ -139,10 +142,17 @@ class GCR:
         for _ in range(most):
             y = self._preconditioned(self.rest)
             w = self._product(y)
+            taken = 0.0
             for direction, image in self._directions:
-                without(w, image, y, direction, inner(w, image))
-            size = norm(w)
+                share = inner(w, image)
+                without(w, image, y, direction, share)
+                taken = max(taken, abs(share))
+            size, length = norm(w), norm(y)
             if not 0 < size < np.inf:
+                break
+            self._shortest = min(self._shortest, length / size)
+            # where M is singular, w is what rounding left of My, or of what was taken from it
+            if not _KEPT * UNIT_ROUNDOFF * max(taken, length / self._shortest) <= size:
                 break
             y /= size
             w /= size

@@ -37,7 +37,7 @@ class MNMOD(ModulusMember):
 
     name: ClassVar[str] = "mnmod"
     family: ClassVar[str] = "paper"
-    to_try: ClassVar[str] = "another phi (phi + 1 amid the eigenvalues of A; none helps where A only rotates)"
+    to_try: ClassVar[str] = "another phi (phi + 1 amid A's eigenvalues; none helps where A only rotates)"
     phi: Any = 0.0
 
     def __post_init__(self) -> None:
@@ -64,7 +64,7 @@ class MNMMOD(MNMOD):
 
     name: ClassVar[str] = "mnmmod"
     family: ClassVar[str] = "paper"
-    to_try: ClassVar[str] = "another theta1 (amid the eigenvalues of A; none helps where A only rotates), another phi"
+    to_try: ClassVar[str] = "another theta1 (amid A's eigenvalues; none helps where A only rotates), another phi"
     theta1: Any = 1.0
 
     def __post_init__(self) -> None:

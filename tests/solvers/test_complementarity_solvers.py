@@ -115,7 +115,8 @@ def test_a_success_of_path_at_a_wrong_answer_is_recorded_and_not_believed(tmp_pa
 def test_what_stops_gams_is_told(tmp_path, monkeypatch) -> None:
     fake_gams(tmp_path, monkeypatch, "echo '*** The licence has expired'; exit 7")
     row = icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["path"]).rows[0]
-    assert (row.verdict.value, row.note) == ("failed", "The licence has expired")
+    told = "it ended with: The licence has expired, and the answer under test is a solution"
+    assert (row.verdict.value, row.note) == ("failed", told)
 
 
 @posix
