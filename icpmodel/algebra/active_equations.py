@@ -68,10 +68,10 @@ class ActiveEquations:
         if not jacobian.nnz:  # M is a part of A, and need not be made where its size says enough
             free, rows = ~active, problem.matrix.rows
             count = int(np.count_nonzero(free))
-            entries = int(np.count_nonzero(free[row_of(problem.A)] & free[problem.A.indices]))
-            band = work.factor_cost(of_band(count, rows.below, rows.above, rows.below == rows.above))
-            if min(work.least_factor_cost(count, entries), band) > self._most and problem.matrix.is_for_multigrid:
-                return True
+            if work.factor_cost(of_band(count, rows.below, rows.above, rows.below == rows.above)) > self._most:
+                entries = int(np.count_nonzero(free[row_of(problem.A)] & free[problem.A.indices]))
+                if work.least_factor_cost(count, entries) > self._most and problem.matrix.is_for_multigrid:
+                    return True
         if not self._eliminated.costs_more(self._most):
             return False
         vars(self).pop("_eliminated", None)  # as large as A
@@ -123,12 +123,12 @@ class _Elimination:
             A = problem.A
             starts, columns, values, _ = cut(A.indptr, A.indices, A.data, problem.q, free, problem.q)
             self._M = sp.csr_array((values, columns, starts), shape=(free.size, free.size))
-            if self._T.nnz:
+            if self._T is not None:
                 self._M = sp.csr_array(self._M + _product(sp.csr_array(A[free][:, rows]), self._T))
             self._whole = False
         except _NotWorth:
             self._M, self._whole = equations_on(problem, active, jacobian), True
-        is_part = not self._whole and not self._T.nnz
+        is_part = not self._whole and self._T is None
         self._look = Look(self._M, (lambda: problem.matrix.is_symmetric) if is_part else None)
 
     def costs_more(self, most: float) -> bool:
@@ -161,13 +161,14 @@ class _Elimination:
         if part is None or not np.isfinite(s).all():
             return None
         x[free] = part
-        x[rows] += self._T @ part
+        if self._T is not None:
+            x[rows] += self._T @ part
         return x
 
     def _backward(self, f: Vector, tolerance: float) -> Vector | None:
         # Mᵀx_F = f_F + Tᵀf_I, then S(I − N)ᵀx_I = f_I − A_FIᵀx_F
         rows, free = self._rows, self._free
-        part = self._solver(f[free] + self._T.T @ f[rows], tolerance, True)
+        part = self._solver(f[free] if self._T is None else f[free] + self._T.T @ f[rows], tolerance, True)
         if part is None:
             return None
         x = np.zeros(f.size)
@@ -185,12 +186,13 @@ class _NotWorth(Exception):
 
 def _chains(
     J: sp.csr_array, rows: NDArray[np.intp], free: NDArray[np.intp]
-) -> tuple[Vector, list[sp.csr_array], sp.csr_array]:
-    """(1 − own slope, N, N², N⁴, …, and T) with (I − N)⁻¹ = … (I + N²)(I + N), where N has a power that is 0."""
+) -> tuple[Vector, list[sp.csr_array], sp.csr_array | None]:
+    """(1 − own slope, N, N², N⁴, …, and T, None where it is 0) with (I − N)⁻¹ = … (I + N²)(I + N), where N has a power
+    that is 0."""
     from scipy.sparse.csgraph import connected_components
 
     if not J.nnz:
-        return np.ones(rows.size), [], sp.csr_array((rows.size, free.size))
+        return np.ones(rows.size), [], None
     own = J.diagonal()[rows]
     slope, J_I = 1.0 - own, J[rows]
     if not slope.all():
@@ -207,7 +209,7 @@ def _chains(
     while N.nnz:
         links.append(N)
         T, N = sp.csr_array(T + _product(N, T)), _product(N, N)
-    return slope, links, T
+    return slope, links, T if T.nnz else None
 
 
 def _product(A: sp.csr_array, B: sp.csr_array) -> sp.csr_array:
