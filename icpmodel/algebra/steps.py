@@ -79,13 +79,13 @@ def compiled_step(
     nnz = problem.nnz
     if reach is None or inside is None:
         return step
-    if nnz <= few:
-        some = partial(SWEEPS.some_in_order, *before, inside, *after)
-        return Sweep(step, _counted(partial(_in_one_call, some), price))
     for one in (psi, psi.upper):  # the second sweep asks for what psi takes from the first too
         if one is not None and one.linear is not None and one.linear[0].nnz:
             G = one.linear[0]
             reach, nnz = max(reach, bandwidths(G)[1]), nnz + G.nnz
+    if problem.nnz <= few:
+        some = partial(SWEEPS.some_in_order, *before, inside, *after, reach)
+        return Sweep(step, _counted(partial(_in_one_call, some), price))
     if reach * (nnz / problem.n + 4) > _NEAR:
         return step
     two = partial(SWEEPS.two_in_order, *before, inside, after[0])

@@ -141,12 +141,6 @@ def in_order(indptr, indices, data, diag, q, psi, par, forward, z, out):
 _sweep = numba.njit(in_order, fastmath={"contract"}, error_model="numpy", nogil=True)
 
 
-def some_in_order(indptr, indices, data, diag, q, psi, par, forward, Z, squares):
-    # sweeps one after the other, Z[0] -> Z[1] -> ..., for problems so small that to call one costs more than to make it
-    for k in range(squares.size):
-        squares[k] = _sweep(indptr, indices, data, diag, q, psi, par, forward, Z[k], Z[k + 1])
-
-
 def two_in_order(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low, high):
     # rows low <= i < high of the sweep z -> one, and rows low - lag <= i < high - lag of the next one, one -> two: no
     # row of A reaches further above its diagonal than `lag`, and a row's entries come from memory once for both. The
@@ -159,6 +153,22 @@ def two_in_order(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low
         if i >= lag:
             more += _row(i - lag, True, indptr, indices, data, diag, q, psi, par, one, two)
     return squares, more
+
+
+_pair = numba.njit(two_in_order, fastmath={"contract"}, error_model="numpy", nogil=True)
+
+
+def some_in_order(indptr, indices, data, diag, q, psi, par, forward, lag, Z, squares):
+    # sweeps one after the other, Z[0] -> Z[1] -> ..., for problems so small that to call one costs more than to make
+    # it; two at a time, as each waits for its own rows alone
+    k, n = 0, Z.shape[1]
+    while forward and k + 1 < squares.size:
+        args = (indptr, indices, data, diag, q, psi, par, lag)
+        squares[k], squares[k + 1] = _pair(*args, Z[k], Z[k + 1], Z[k + 2], 0, n + lag)
+        k += 2
+    while k < squares.size:
+        squares[k] = _sweep(indptr, indices, data, diag, q, psi, par, forward, Z[k], Z[k + 1])
+        k += 1
 
 
 def diagonal(indptr, indices, data, q, psi, omega, inverse, z, out):
