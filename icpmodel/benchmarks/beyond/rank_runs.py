@@ -189,8 +189,7 @@ def _of(run: _Run, name: str) -> float:
 
 def _ratio(one: Any, other: Any) -> float | None:
     """The median of one/other, round by round where both were run in rounds; None where there is none."""
-    if one is None or other is None:
+    if one is None or other is None or not (np.isfinite(one).any() and np.isfinite(other).any()):
         return None
     quotient = one / other if one.size == other.size else np.nanmedian(one) / np.nanmedian(other)
-    ratio = float(np.nanmedian(quotient)) if np.isfinite(quotient).any() else None
-    return ratio
+    return float(np.nanmedian(quotient)) if np.isfinite(quotient).any() else None
