@@ -52,9 +52,9 @@ class DistributedICP(Shown):
             q = _own_entries(q, matrix.low, matrix.high)
         below = DistributedMap.of(psi, matrix, "psi")
         self._set(matrix, q, below, None if upper is None else DistributedMap.of(upper, matrix, "upper"))
-        data = A.getValuesCSR()[2]
+        finite = matrix.own_entries[2]
         with together(comm):
-            if not np.isfinite(data).all():
+            if not finite:
                 raise InputError("A has an entry that is not finite; finite numbers were expected")
             self._check_sides()
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..numerics.arrays import Vector
 from .distributed_matrix import DistributedMatrix
-from .ranks import petsc, totals
+from .ranks import petsc, release, totals
 
 #: up to so many rows every rank factorises all of them where nothing is coarser
 _DIRECT = 2000
@@ -76,6 +76,7 @@ class DistributedLevels:
         self.done: Counter[tuple[str, int]] = Counter()
         self._top = -1
         self._solver: Any = None
+        release(matrix.comm, self.levels[-1].matrix.comm)  # hypre's levels have a communicator of their own
 
     @property
     def steps(self) -> int:

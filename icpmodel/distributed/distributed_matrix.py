@@ -55,13 +55,21 @@ class DistributedMatrix:
         return Block(own.indptr, own.indices, own.data, diagonal_positions(own))
 
     @cached_property
+    def own_entries(self) -> tuple[int, bool, bool]:
+        """(the entries of the longest own row, whether D > 0 and nothing is positive off it, whether all are finite).
+
+        Local. PETSc hands out copies, with ranks two of them: best asked for before there are levels.
+        """
+        indptr, _, data = self.mat.getValuesCSR()
+        signs = (self.diagonal > 0).all() and np.count_nonzero(data > 0) == self.diagonal.size
+        return int(np.diff(indptr).max(initial=0)), bool(signs), bool(np.isfinite(data).all())
+
+    @cached_property
     def _signs(self) -> tuple[int, bool]:
-        """The entries of the longest row, and whether D > 0 and nothing is positive off it."""
-        indptr, indices, data = self.mat.getValuesCSR()
-        rows = np.repeat(np.arange(self.low, self.high), np.diff(indptr))
-        wrong = (data > 0) != (rows == indices)
-        longest, other = largest(self.comm, float(np.diff(indptr).max(initial=0)), float((wrong & (data != 0)).any()))
-        return int(longest), not other
+        """The first two of all ranks."""
+        longest, signs, _ = self.own_entries
+        most, other = largest(self.comm, float(longest), float(not signs))
+        return int(most), not other
 
     @property
     def terms(self) -> int:

@@ -20,13 +20,14 @@ from ..problem.between import Sides, mid
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevel, DistributedLevels
 from .distributed_map import DistributedMap
-from .ranks import petsc, together, totals
+from .ranks import petsc, release, together, totals
 
 #: what Krylov's steps leave of Az + q in the free rows while the active set moves, until a step leaves no more of the
 #: residual than the second number: the border is then where it will be but for a few rows, and the next one may end it
 _SHARE, _SETTLED = 0.1, 0.5
-#: a coarser level is left at this share of its own Res(0), or after so many looks
-_COARSE, _LOOKS = 1e-4, 8
+#: a coarser level is left at this share of the residual that it begins with, which is well below what interpolation to
+#: the next one brings in, as full multigrid has it; or after so many looks
+_COARSE, _LOOKS = 0.02, 8
 
 
 class LookOnRanks:
@@ -46,21 +47,28 @@ class LookOnRanks:
         self.residual, self.moved = float(np.sqrt(total)), changes > 0
 
     def swept(self, count: int) -> Any:
-        """z after `count` sweeps of projected Gauss–Seidel in the rows of each rank, what the other ranks have and the
-        obstacles being as they were. Local."""
+        """z after `count` sweeps of projected Gauss–Seidel in the rows of each rank, which is told between them of what
+        the others have; the obstacles are as they were. Collective."""
         from ..numerics.kernels.sweeps import SWEEPS as LOOPS  # loads numba
 
-        block, z = self.problem.matrix.block, self.z.array_r
-        # with what the unknowns of other ranks add to it
-        q = self.problem.q if self.problem.comm.size == 1 else self.p - block.product(z)
+        problem, block, z = self.problem, self.problem.matrix.block, self.z.array_r
         psi: Any = z - self.below
         if self.above is not None:
             psi = Sides(psi, z - self.above)
-        for k in range(count if z.size else 0):
-            z, out = z.copy() if not k else z, np.empty(z.size)
-            LOOPS.in_order(*block, q, psi, (1.0,), k % 2 == 0, z, out)
-            z = out
-        return self.problem.vector(z)
+        alone, at, image = problem.comm.size == 1, self.z.copy(), self.z.duplicate()
+        # with what the unknowns of other ranks add to it
+        q = problem.q if alone else self.p - block.product(z)
+        for k in range(count):
+            if k and not alone:
+                at.setArray(z)
+                problem.A.mult(at, image)
+                q = image.array_r + problem.q - block.product(z)
+            if z.size:
+                z, out = z.copy() if not k else z, np.empty(z.size)
+                LOOPS.in_order(*block, q, psi, (1.0,), k % 2 == 0, z, out)
+                z = out
+        at.setArray(z)
+        return at
 
 
 def looks(
@@ -84,6 +92,7 @@ def looks(
             levels.restrict(np.where(taken.active, 0.0, 1.0), top)
         settled = not look.moved or look.residual <= _SETTLED * before < np.inf
         z, before = _stepped(levels, look, top, wanted if settled else None), look.residual
+        release(problem.comm)
 
 
 def _stepped(levels: DistributedLevels, look: LookOnRanks, top: int, wanted: float | None) -> Any:
@@ -129,13 +138,11 @@ def start(levels: DistributedLevels, problem: DistributedICP) -> Any:
         shifts.append(shift)
     z = problems[-1].vector()
     for top in range(len(problems) - 1, 0, -1):
-        enough = _COARSE * problems[top].residual(problems[top].vector())
         path = looks(levels, problems[top], z, top)
         look = next(path)
-        # one step on every level, as full multigrid has it: what is small against Res(0) of a level may still be large
-        # against what the next one is to be left at, and a step here costs less than one there
-        for step in range(_LOOKS - 1):
-            if step and look.residual <= enough:
+        enough = _COARSE * look.residual
+        for _ in range(_LOOKS - 1):
+            if look.residual <= enough:
                 break
             look = path.send(enough)
         z = levels.levels[top - 1].interpolated(look.z)

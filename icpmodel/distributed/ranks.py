@@ -64,6 +64,15 @@ def world(comm: Any = None) -> Any:
     return comm
 
 
+def release(*comms: Any) -> None:
+    """Give back the memory of PETSc's objects that no rank holds any more. Collective.
+
+    petsc4py destroys none by itself, as ranks must do it in the same order: without this every vector stays.
+    """
+    for comm in comms:
+        petsc().garbage_cleanup(comm)
+
+
 @contextmanager
 def together(comm: Any) -> Iterator[None]:
     """A block of local work that ranks leave together: what the first of them raises, all of them raise.

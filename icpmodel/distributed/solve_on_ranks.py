@@ -25,7 +25,7 @@ from .distributed_bound import DistributedCertificate, certify, rounding
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevels
 from .newton_on_ranks import LookOnRanks, looks, simplified, start
-from .ranks import largest, norm, together, totals
+from .ranks import largest, norm, release, together, totals
 
 #: a start with this share of Res(0) is kept
 _NEAR = 1e-2
@@ -282,6 +282,7 @@ class _Run:
             if self.iterations >= self.limits.max_iter or not np.isfinite(look.residual):
                 return None
             z = look.swept(_SWEEPS)
+            release(self.problem.comm)
             self.iterations += 1
         return None
 
