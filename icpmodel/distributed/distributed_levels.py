@@ -187,11 +187,12 @@ def _representatives(P: Any) -> tuple[Any, Vector]:
     size = coarse[0]
     columns, weight = np.zeros(size, PETSc.IntType), np.ones(size)
     if data.size:
-        rows, size_of = np.repeat(np.arange(size), np.diff(indptr)), np.abs(data)
-        most = np.zeros(size)
-        np.maximum.at(most, rows, size_of)
-        places = np.flatnonzero(size_of == most[rows])[::-1]  # of several the first one is written last
-        columns[rows[places]], weight[rows[places]] = indices[places], data[places]
+        lengths, size_of = np.diff(indptr), np.abs(data)
+        rows = np.flatnonzero(lengths)
+        most = np.maximum.reduceat(size_of, indptr[rows])
+        places = np.flatnonzero(size_of == np.repeat(most, lengths[rows]))
+        places = places[np.searchsorted(places, indptr[rows])]  # the first one of each row
+        columns[rows], weight[rows] = indices[places], data[places]
     chosen = PETSc.Mat().createAIJ(
         (coarse, fine), csr=(np.arange(size + 1, dtype=PETSc.IntType), columns, np.ones(size)), comm=P.comm
     )

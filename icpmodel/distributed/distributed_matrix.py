@@ -27,9 +27,6 @@ class Block(NamedTuple):
     data: Vector
     diag: NDArray[np.integer]
 
-    def product(self, z: Vector) -> Vector:
-        return sp.csr_array((self.data, self.indices, self.indptr), shape=(z.size, z.size)) @ z
-
 
 class DistributedMatrix:
     """A square `mat` of PETSc (aij) on the ranks of `comm`; this one holds the rows `low` ≤ i < `high` of `n`."""
@@ -53,6 +50,29 @@ class DistributedMatrix:
         indptr, indices, data = self.mat.getDiagonalBlock().getValuesCSR() if size else (np.zeros(1, np.int32),) * 3
         own = freeze(sp.csr_array((np.asarray(data, np.float64), indices, indptr), shape=(size, size)))
         return Block(own.indptr, own.indices, own.data, diagonal_positions(own))
+
+    def of_others(self, z: Any) -> Vector | float:
+        """What the unknowns of other ranks add to Az in the own rows, at the `Vec` `z`: less than a product, as only
+        ranks with neighbours multiply, and only what they have from them. Collective."""
+        if self.comm.size == 1:
+            return 0.0
+        beyond, scatter, ghosts = self._beyond
+        scatter.scatter(z, ghosts)
+        found: Vector = beyond @ ghosts.array_r
+        return found
+
+    @cached_property
+    def _beyond(self) -> tuple[sp.csr_array, Any, Any]:
+        """The own rows in the columns of other ranks, what gets those unknowns, and where they are put."""
+        PETSc, size = petsc(), self.high - self.low
+        indptr, indices, data = self.mat.getValuesCSR()
+        places = np.flatnonzero((indices < self.low) | (indices >= self.high))
+        asked, columns = np.unique(indices[places], return_inverse=True)
+        rows = np.searchsorted(indptr, places, side="right") - 1
+        beyond = sp.csr_array((data[places], (rows, columns)), shape=(size, asked.size))
+        ghosts = PETSc.Vec().createSeq(asked.size, comm=PETSc.COMM_SELF)
+        which = PETSc.IS().createGeneral(asked.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
+        return beyond, PETSc.Scatter().create(self._template, which, ghosts, None), ghosts
 
     @cached_property
     def own_entries(self) -> tuple[int, bool, bool]:

@@ -51,23 +51,17 @@ class LookOnRanks:
         the others have; the obstacles are as they were. Collective."""
         from ..numerics.kernels.sweeps import SWEEPS as LOOPS  # loads numba
 
-        problem, block, z = self.problem, self.problem.matrix.block, self.z.array_r
+        problem, matrix, z, at = self.problem, self.problem.matrix, self.z.array_r, self.z.copy()
         psi: Any = z - self.below
         if self.above is not None:
             psi = Sides(psi, z - self.above)
-        alone, at, image = problem.comm.size == 1, self.z.copy(), self.z.duplicate()
-        # with what the unknowns of other ranks add to it
-        q = problem.q if alone else self.p - block.product(z)
+        z, out = z.copy(), np.empty(z.size)
         for k in range(count):
-            if k and not alone:
-                at.setArray(z)
-                problem.A.mult(at, image)
-                q = image.array_r + problem.q - block.product(z)
+            q = problem.q + matrix.of_others(at)
             if z.size:
-                z, out = z.copy() if not k else z, np.empty(z.size)
-                LOOPS.in_order(*block, q, psi, (1.0,), k % 2 == 0, z, out)
-                z = out
-        at.setArray(z)
+                LOOPS.in_order(*matrix.block, q, psi, (1.0,), k % 2 == 0, z, out)
+                z, out = out, z
+            at.setArray(z)
         return at
 
 

@@ -97,7 +97,7 @@ def told(n, seconds, ghosts=0.0, ranks=1):
 def test_counts_and_times_of_runs_give_their_prices_back():
     small, large = told(1600, 1.0), told(160_000, 1.0)
     pair = told(160_000, 1.0, ghosts=400.0, ranks=2) | {"small": told(1600, 1.0, ghosts=40.0, ranks=2)}
-    pair |= {"latency": 1e-6, "byte": 1e-9}
+    pair |= {"latency": 1e-6, "byte": 1e-9, "seconds": 0.7 * large["seconds"]}
     own = {"cpu": large["seconds"], "n": 160_000, "beyond": 160e6, "memory": 300e6}
     found = fitted(small, large, pair, own)
     assert found.prices["steps"].entry == pytest.approx(1e-6)
@@ -106,6 +106,7 @@ def test_counts_and_times_of_runs_give_their_prices_back():
     assert found.memory == 1000.0
     assert found.bandwidth == pytest.approx((12 * 5 + 24) * 160_000 / 1e-3)
     assert found.seconds(160_000, 1) == pytest.approx(large["seconds"])
+    assert found.seconds(160_000, 2) == pytest.approx(pair["seconds"])
     assert found.seconds(640_000, 1) == pytest.approx(4 * large["seconds"], rel=0.02)
 
 

@@ -2,8 +2,10 @@
 and how; parts of names may follow."""
 
 import json
+import resource
 import sys
 import traceback
+from pathlib import Path
 
 import checks_of_files
 import numpy as np
@@ -178,6 +180,23 @@ def check_iterations_grow_neither_with_ranks_nor_with_n():
     for name, sizes in (("membrane", (900, 10_000, 40_000)), ("ball", (10_000, 40_000)), ("obstacle-3d", (10_000,))):
         counts = [solve(by_rows(icp.scenes.by_rows(name, n))).iterations for n in sizes]
         assert max(counts) <= 2, (name, counts)
+
+
+def check_what_a_solve_took_is_given_back():
+    """Once a few have grown the heap, five more take the memory of a few vectors at most; each makes about a hundred."""
+    if not Path("/proc/self/statm").exists():
+        return  # who asks for resident memory elsewhere gets its largest value so far
+    problem = by_rows(icp.scenes.by_rows("ball", 40_000))
+
+    def resident():
+        for _ in range(5):
+            solve(problem).certify()
+        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+    resident()
+    before = resident()
+    grown, vector = resident() - before, 8 * 40_000 / COMM.size
+    assert grown < 20 * vector, (grown / vector, "vectors")
 
 
 def check_where_rounding_allows_no_more_that_is_said():

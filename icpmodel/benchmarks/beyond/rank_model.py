@@ -3,7 +3,8 @@
 A solve is so many Krylov steps, looks, rounds of sweeps and masks on each level, and the making of the levels. A part
 costs f for each level that it goes through, e for each stored entry of A and P of the own rows there, and on ranks a
 latency for each message, the time of its bytes, and one latency for each of the ⌈log₂ ranks⌉ rounds of a reduction. f
-and e are those of one rank at two sizes; messages, bytes and reductions are counted on two. Rows are dealt out in their
+and e are those of one rank at two sizes; messages, bytes and reductions are counted on two, whose times say how much
+longer work takes where cores share a memory, and messages while the levels are made. Rows are dealt out in their
 order, so that on a grid a rank asks as many ranks as the points that it needs of one side are spread over.
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 #: parts that go through all coarser levels as well
@@ -110,6 +111,9 @@ class Calibration:
     memory: float = 0.0
     programs: float = 0.0
     bandwidth: float = 0.0
+    #: how many times as long work takes while all cores are at it, and messages while the levels are made
+    crowd: float = 1.0
+    startup: float = 1.0
 
     def levels(self, n: float) -> list[LevelShape]:
         """Those of n unknowns: the finest ones as they were, and as many more, in the ratio of the last ones, as lead
@@ -166,8 +170,8 @@ class Calibration:
         return Spent(
             making=price.entry * entries * machine.slower,
             levels=price.level * count,
-            messages=sent * machine.message,
-            reductions=rounds * machine.reduction(ranks),
+            messages=sent * machine.message * self.startup,
+            reductions=rounds * machine.reduction(ranks) * self.startup,
             sent=sent,
             rounds=rounds,
         )
@@ -182,7 +186,8 @@ class Calibration:
 
     def seconds(self, n: float, ranks: int) -> float:
         """Of a whole solve with n unknowns, where it was timed."""
-        return self.expected(n, ranks).seconds
+        here = self.machine._replace(slower=self.crowd) if ranks > 1 else self.machine
+        return self.expected(n, ranks, here).seconds
 
     def _all(self, levels: int) -> Iterator[tuple[str, int]]:
         return ((what, level) for level in range(levels) for what in _PARTS)
@@ -225,7 +230,7 @@ def fitted(small: dict[str, Any], large: dict[str, Any], pair: dict[str, Any], o
     prices["making"] = making._replace(messages=_MAKING_SENDS, reductions=_MAKING_ROUNDS)
     done = {(what, level): count for what, level, count in large["done"]}
     product = 12.0 * shapes[0].entries + 24.0 * shapes[0].rows  # bytes: the matrix, its rows, and both vectors
-    return Calibration(
+    made = Calibration(
         shapes,
         prices,
         done,
@@ -236,6 +241,18 @@ def fitted(small: dict[str, Any], large: dict[str, Any], pair: dict[str, Any], o
         programs=own["memory"] - own["beyond"],
         bandwidth=product / large["product"],
     )
+    return _shared(made, pair)
+
+
+def _shared(made: Calibration, pair: dict[str, Any]) -> Calibration:
+    """The model with what two ranks took longer than it says: with few unknowns in messages, with many in work."""
+    few = made.making(made.levels(pair["small"]["n"]), 2, made.machine)
+    told = few.messages + few.reductions
+    startup = (_rest(pair["small"]) - few.making - few.levels) / told if told else 1.0
+    made = replace(made, startup=max(startup, 1.0))
+    whole = replace(made, done={(what, level): count for what, level, count in pair["done"]}).expected(pair["n"], 2)
+    work = whole.making + whole.solving
+    return replace(made, crowd=max((pair["seconds"] - whole.seconds + work) / work, 1.0))
 
 
 def _message(told: dict[str, Any], steps: Price) -> float:
