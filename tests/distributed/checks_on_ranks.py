@@ -183,7 +183,7 @@ def check_iterations_grow_neither_with_ranks_nor_with_n():
 
 
 def check_what_a_solve_took_is_given_back():
-    """Once a few have grown the heap, five more take the memory of a few vectors at most; each makes about a hundred."""
+    """Once some have grown the heap, five more take the memory of a few vectors; each makes about a hundred."""
     if not Path("/proc/self/statm").exists():
         return  # who asks for resident memory elsewhere gets its largest value so far
     problem = by_rows(icp.scenes.by_rows("ball", 40_000))
