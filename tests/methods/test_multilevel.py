@@ -378,3 +378,12 @@ class TestMatricesThatMultigridIsNotMadeFor:
 
 def test_a_radius_whose_square_overflows_is_no_foreign_exception():
     assert icp.Multilevel().estimate(icp.ICP([[1e-200, 1.0], [1.0, 1e-200]], [1.0, 1.0]).facts, 1e-8).steps == np.inf
+
+
+def test_units_in_which_a_length_underflows_are_no_foreign_exception():
+    """Found by the fuzz: a cycle's direction whose norm is 0 while that of its image is not."""
+    rows = icp.solve_many([[1e291, -1e-175], [-1e265, 1e-201]], [[0.0, 1.0]], [0.0, 0.0], raise_on_failure=False)
+    assert len(rows.statuses) == 1
+    upper = icp.Affine([[0.0, 0.0], [1.0, -0.1]], [1.0, -1.0])
+    problem = icp.ICP([[1e-298, 1e-298], [0.0, 1.0]], [0.0, 0.0], 0.0, upper=upper)
+    assert problem.solve(raise_on_failure=False).status is icp.Status.CROSSED
