@@ -148,7 +148,7 @@ class GCR:
                 without(w, image, y, direction, share)
                 taken = max(taken, abs(share))
             size, length = norm(w), norm(y)
-            if not (0 < size < np.inf and 0 < length):  # which may underflow
+            if not (0 < size < np.inf and length > 0):  # which may underflow
                 break
             self._shortest = min(self._shortest, length / size)
             # where M is singular, w is what rounding left of My, or of what was taken from it

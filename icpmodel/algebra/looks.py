@@ -52,7 +52,7 @@ def newton_looks(
         pattern = Pattern.at(problem, z, p, omega)
         work.add(0.5 * work.COSTS.newton)
         if taken is None or not pattern.is_that_of(taken):
-            z = swept(sweep, z, SWEEPS)
+            z, newton = swept(sweep, z, SWEEPS), None  # whose rest is that of the z before, if the pattern comes back
             p = problem.p(z)
             pattern = Pattern.at(problem, z, p, omega)
         share = (yield z, norm(mid(p, problem.r(z), problem.r_upper(z)))) or _SHARE

@@ -33,10 +33,11 @@ from ..problem.facts import Facts
 from .contract import Estimate, Iterate, Method, positive_diagonal
 from .newton import Newton
 
-#: a coarser level is left at this share of its own Res(0), or after so many looks
-_COARSE, _LOOKS = 1e-4, 8
-#: the same where ψ is an intervention: a step there costs little against one on the finest level
-_COARSE_JUMPS, _POLICIES = 1e-8, 30
+#: a coarser level is left at this share of the residual that it begins with, which is below what interpolation to the
+#: next one brings in, as full multigrid has it; at this one of its Res(0) at the latest; or after so many looks
+_COARSE, _LEAST, _LOOKS = 0.05, 1e-8, 8
+#: where ψ is an intervention, at the second one or after so many: a step there costs little against the finest level's
+_POLICIES = 30
 #: a start with this share of Res(0) is kept
 _NEAR = 1e-2
 #: where so many looks do not halve the residual, or the second number do not reduce it at all, others do better
@@ -95,14 +96,17 @@ class Multilevel(Method):
             problems.append(coarse)
             shifts.append(shift)
         jumps = problem.psi.takes_best
-        share, looks = (_COARSE_JUMPS, _POLICIES) if jumps else (_COARSE, _LOOKS)
         z = np.zeros(problems[-1].n)
         for top in range(len(problems) - 1, 0, -1):
-            enough = share * problems[top].residual_at_0()
             path = Newton().iterates(problems[top], z) if jumps else newton_looks(hierarchy, problems[top], z, top)
-            for near, residual in islice(path, looks):
+            enough = _LEAST * problems[top].residual_at_0()
+            for look, (near, residual) in enumerate(islice(path, _POLICIES if jumps else _LOOKS)):
                 answer = near
-                if residual is not None and residual <= enough:
+                if residual is None:
+                    continue
+                if not (look or jumps):
+                    enough = max(enough, _COARSE * residual)
+                if residual <= enough:
                     break
             z = hierarchy.levels[top - 1].P @ answer + shifts[top - 1]
         return z

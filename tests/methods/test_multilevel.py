@@ -387,3 +387,9 @@ def test_units_in_which_a_length_underflows_are_no_foreign_exception():
     upper = icp.Affine([[0.0, 0.0], [1.0, -0.1]], [1.0, -1.0])
     problem = icp.ICP([[1e-298, 1e-298], [0.0, 1.0]], [0.0, 0.0], 0.0, upper=upper)
     assert problem.solve(raise_on_failure=False).status is icp.Status.CROSSED
+
+
+def test_krylov_steps_go_on_from_where_sweeps_left_z_though_the_active_set_is_the_one_before():
+    """They went on with the residual from before the sweeps, and ended at five times the tolerance."""
+    problem = icp.benchmarks.drawn("option-cross", 1200, np.random.default_rng(4))
+    assert problem.solve("multilevel", rtol=1e-10).solved
