@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from contextlib import suppress
 
 import numpy as np
 
@@ -84,7 +85,18 @@ def points_near(
         work.afford(rest)
         yield swept(sweep, better, int(rest / price))
         return
-    yield from _by_cycles(newton_looks(hierarchy, simple, better, 0), beyond, 2 * floor)
+    near = _by_cycles(newton_looks(hierarchy, simple, better, 0), beyond, 2 * floor)
+    shown = True
+    with suppress(StopIteration):
+        better = next(near)
+        while True:
+            # as above: another bound costs more than to see that it will not do
+            told, shown = (float(np.abs(better - z).max()), bound * _natural(problem, better) / first), False
+            if told[1] <= max(_ENOUGH * told[0], 2 * floor):
+                told, shown = (yield better), True
+            better = near.send(told)
+    if not shown:
+        yield better
 
 
 def _by_cycles(path: Generator[tuple[Vector, float], float | None, None], beyond: float, enough: float) -> Points:
