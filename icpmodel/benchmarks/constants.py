@@ -11,6 +11,8 @@ import scipy.sparse as sp
 
 from ..algebra.hierarchy import Hierarchy
 from ..icp import ICP
+from ..methods.contract import Method
+from ..methods.newton import Newton
 from ..methods.pivots import Lemke
 from ..methods.psor import PSOR
 from ..numerics import work
@@ -31,7 +33,7 @@ _LARGEST, _ROWS = 1e9, 100_000
 def constants(sizes: Sequence[int] = (100, 1_000, 10_000, 100_000, 1_000_000), repeats: int = 9) -> Table:
     """The constants that estimates of cost use, in the table and as measured now, in nanoseconds per unit.
 
-    Each is fitted to the times of tasks on grids in two and three dimensions, on a random tree and on random dense
+    Each is fitted to the times of tasks on grids in one to three dimensions, on a random tree and on random dense
     matrices, relative errors by least squares; a time is the least of all `repeats`, which a busy machine disturbs
     least. Beyond 100 000 unknowns only sweeps, products and operations on vectors are timed; dense matrices have up to
     1 000 rows, and 300 where they are pivoted.
@@ -44,7 +46,7 @@ def constants(sizes: Sequence[int] = (100, 1_000, 10_000, 100_000, 1_000_000), r
     sizes = [int(as_number(n, "sizes", least=8, whole=True)) for n in sizes]
     known = work.COSTS._asdict()
     found: dict[str, float] = {}
-    for tasks in (_passes, _sparse, _dense, _multigrid):
+    for tasks in (_passes, _sparse, _dense, _multigrid, _runs):
         found |= _fitted([(units, _nanoseconds(task, repeats)) for units, task in tasks(sizes)])
     rows = tuple((name, known[name], value, value / known[name]) for name, value in sorted(found.items()))
     heads = ("constant", "in the table, ns", "measured now, ns", "ratio")
@@ -97,6 +99,7 @@ def _passes(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]
         yield {"call": 1, "sweep_row": n, "sweep_entry": A.nnz}, partial(step, z)
         if A.shape[0] <= _ROWS:
             yield {"sparse_flop": float(np.diff(A.indptr)[A.indices].sum())}, partial(A.__matmul__, A)
+            yield {"built": 1, "built_entry": A.nnz}, partial(A.__add__, A)
         yield {"vector": n}, partial(np.minimum, z, z, out=np.empty(n))
 
 
@@ -148,7 +151,7 @@ def _factorised(A: sp.csr_array) -> None:
         lu_factor(A.toarray(), check_finite=False)
 
 
-def _ends(method: Lemke, problem: ICP) -> None:
+def _ends(method: Method, problem: ICP) -> None:
     for _ in method.iterates(problem, np.zeros(problem.n)):
         pass
 
@@ -170,3 +173,20 @@ def _multigrid(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], obje
         krylov.solve(f, 1e-8)
         steps = (work.done() - before) / work.krylov_cost(A.nnz, 1, hierarchy=False)
         yield {"krylov": steps, "krylov_entry": steps * A.nnz}, partial(krylov.solve, f, 1e-8)
+
+
+def _runs(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]]:
+    """Iterates whose sweeps cost next to nothing, and Newton's steps whose linear systems, tridiagonal ones, come to a
+    tenth of them."""
+    few = ICP(_line(16, 2.0), -np.ones(16))
+    run = partial(few.solve, PSOR(omega=1.0), rtol=0.0, max_iter=300, raise_on_failure=False)
+    yield {"iterate": run().iterations}, run
+    random = np.random.default_rng(0)
+    for n in (size for size in sizes if size <= _ROWS):
+        problem = ICP(_line(n, 2.5), random.normal(size=n))
+        steps = sum(1 for _ in Newton().iterates(problem, np.zeros(n))) - 1
+        yield {"newton": steps, "newton_entry": steps * problem.nnz}, partial(_ends, Newton(), problem)
+
+
+def _line(n: int, diagonal: float) -> sp.csr_array:
+    return sp.csr_array(sp.diags_array([-1.0, diagonal, -1.0], offsets=[-1, 0, 1], shape=(n, n)))

@@ -23,6 +23,7 @@ from icpmodel.benchmarks import (
     tuned_and_automatic,
 )
 from icpmodel.numerics.multigrid import linear_solve
+from icpmodel.numerics.work import COSTS
 
 
 def test_sweep_cost_compares_in_pairs():
@@ -250,3 +251,9 @@ def test_programs_inside_cvxpy_are_compared_with_its_own_solvers():
         assert off < 1e-2  # OSQP at its defaults
     with pytest.raises(icp.InputError, match="size is 3"):
         program_cost(size=3)
+
+
+def test_one_command_measures_every_constant_of_the_table():
+    measured = {row[0]: row[2] for row in icp.benchmarks.constants([100, 300], repeats=3).rows}
+    assert set(measured) == set(COSTS._asdict())
+    assert all(value >= 0 for value in measured.values())
