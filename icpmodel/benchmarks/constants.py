@@ -79,7 +79,7 @@ def _matrices(sizes: Sequence[int]) -> Iterator[sp.csr_array]:
     for n in sizes:
         for power in (2, 3):
             m = max(round(n ** (1 / power)), 2)
-            line, grid = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(m, m)), sp.csr_array((1, 1))
+            line, grid = _line(m, 2.0), sp.csr_array((1, 1))
             for _ in range(power):
                 grid = sp.kron(grid, sp.eye_array(m)) + sp.kron(sp.eye_array(grid.shape[0]), line)
             yield sp.csr_array(grid + 0.01 * sp.eye_array(grid.shape[0]))

@@ -228,12 +228,11 @@ def fitted(small: dict[str, Any], large: dict[str, Any], pair: dict[str, Any], o
     making = priced(rest[0], levels[0], entries[0], rest[1], levels[1], entries[1])
     message = max(pair["latency"], _message(pair["small"], prices["steps"]))
     prices["making"] = making._replace(messages=_MAKING_SENDS, reductions=_MAKING_ROUNDS)
-    done = {(what, level): count for what, level, count in large["done"]}
     product = 12.0 * shapes[0].entries + 24.0 * shapes[0].rows  # bytes: the matrix, its rows, and both vectors
     made = Calibration(
         shapes,
         prices,
-        done,
+        _done(large),
         Machine(message, pair["byte"]),
         len(large["shape"]),
         overhead=message - pair["latency"],
@@ -250,9 +249,14 @@ def _shared(made: Calibration, pair: dict[str, Any]) -> Calibration:
     told = few.messages + few.reductions
     startup = (_rest(pair["small"]) - few.making - few.levels) / told if told else 1.0
     made = replace(made, startup=max(startup, 1.0))
-    whole = replace(made, done={(what, level): count for what, level, count in pair["done"]}).expected(pair["n"], 2)
+    whole = replace(made, done=_done(pair)).expected(pair["n"], 2)
     work = whole.making + whole.solving
     return replace(made, crowd=max((pair["seconds"] - whole.seconds + work) / work, 1.0))
+
+
+def _done(told: dict[str, Any]) -> dict[tuple[str, int], int]:
+    """How often each part was done on each level."""
+    return {(what, level): count for what, level, count in told["done"]}
 
 
 def _message(told: dict[str, Any], steps: Price) -> float:
