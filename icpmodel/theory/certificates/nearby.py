@@ -15,8 +15,7 @@ that, and it needs no factorisation; whatever the steps are worth, δ(ẑ) is pr
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
-from contextlib import suppress
+from collections.abc import Callable, Generator
 
 import numpy as np
 
@@ -85,35 +84,40 @@ def points_near(
         work.afford(rest)
         yield swept(sweep, better, int(rest / price))
         return
-    near = _by_cycles(newton_looks(hierarchy, simple, better, 0), beyond, 2 * floor)
-    shown = True
-    with suppress(StopIteration):
-        better = next(near)
-        while True:
-            # as above: another bound costs more than to see that it will not do
-            told, shown = (float(np.abs(better - z).max()), bound * _natural(problem, better) / first), False
-            if told[1] <= max(_ENOUGH * told[0], 2 * floor):
-                told, shown = (yield better), True
-            better = near.send(told)
-    if not shown:
-        yield better
+
+    def seen(better: Vector) -> tuple[float, float]:
+        return float(np.abs(better - z).max()), bound * _natural(problem, better) / first
+
+    yield from _by_cycles(newton_looks(hierarchy, simple, better, 0), seen, beyond, 2 * floor)
 
 
-def _by_cycles(path: Generator[tuple[Vector, float], float | None, None], beyond: float, enough: float) -> Points:
-    """The points of Newton's `path`, whose first is where δ is about `beyond`, until it is `enough` or stays."""
+def _by_cycles(
+    path: Generator[tuple[Vector, float], float | None, None],
+    seen: Callable[[Vector], tuple[float, float]],
+    beyond: float,
+    enough: float,
+) -> Points:
+    """The points of Newton's `path`, whose first is where δ is about `beyond`, until it is `enough` or stays.
+
+    `seen` tells about what would be sent. A bound costs more, and is asked for where it may do, and at the end.
+    """
     next(path)
-    share, before = _MOST, math.inf
+    share, before, asked = _MOST, math.inf, True
     for _ in range(_LOOKS):
         # a look that finds another active set may leave as much as there was
         earlier, before = before, beyond
         try:
             better, _ = path.send(share)
         except StopIteration:  # its steps lead no further
-            return
-        step, beyond = yield better
+            break
+        (step, beyond), asked = seen(better), False
+        if beyond <= max(_ENOUGH * step, enough):
+            (step, beyond), asked = (yield better), True
         if beyond <= max(_ENOUGH * step, enough) or not 2 * beyond <= earlier:
-            return
+            break
         share = min(max(_AIM * step / beyond, _LEAST), _MOST)
+    if not asked:
+        yield better
 
 
 def _more(count: float, left: float, wanted: float) -> float:
