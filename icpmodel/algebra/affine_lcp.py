@@ -13,6 +13,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
+from ..problem.facts import Facts
 
 Matrix = NDArray[np.float64]
 
@@ -29,8 +30,14 @@ _BEGIN = 45.0
 _INVERSE = 6.0
 
 
-def too_large(n: int) -> str | None:
-    """Why n rows are not pivoted: the dense arrays do not fit into memory; None where they do."""
+def lcp_rows(facts: Facts) -> int:
+    """The rows of the LCP: two for each unknown where there are obstacles above."""
+    return facts.matrix.n * (1 if facts.psi.upper is None else 2)
+
+
+def too_large(facts: Facts) -> str | None:
+    """Why its rows are not pivoted: the dense arrays do not fit into memory; None where they do."""
+    n = lcp_rows(facts)
     if work.fits(_ARRAYS * 8.0 * n**2):
         return None
     return f"pivoting works on all n x n entries: with n = {n} they need {_ARRAYS * 8e-6 * n**2:.3g} MB"
@@ -112,7 +119,8 @@ class AffineLcp:
 
 def dense_matrix(problem: ProblemData) -> Matrix:
     """A as pivots take it. Raises OutOfTime and OutOfMemory where they cannot begin with it."""
-    work.afford(_BEGIN * problem.n**2, _ARRAYS * 8.0 * problem.n**2)
+    entries = float(lcp_rows(problem.facts)) ** 2
+    work.afford(_BEGIN * entries, _ARRAYS * 8.0 * entries)
     return problem.dense()
 
 

@@ -63,7 +63,8 @@ class CycledEquations:
             image = self._level(True).problem.product(y - held) + held
             return image if self._J is None else image - self._J.T @ held
         image = self._level(False).problem.product(y)
-        return np.where(self._active, y if self._J is None else y - self._J @ y, image)
+        np.copyto(image, y if self._J is None else y - self._J @ y, where=self._active)
+        return image
 
     def preconditioned(self, f: Vector) -> Vector:
         """About J⁻¹f; where nothing is coupled, f_I must be 0."""
@@ -123,7 +124,7 @@ class CycledEquations:
 class GCR:
     """Generalised conjugate residuals: steps that each reduce the 2-norm of the rest as the last directions allow.
 
-    Parameters: the `product` with M and a preconditioner for it; `rest` = f − Mx where they begin.
+    Parameters: the `product` with M and a preconditioner for it; `rest` = f − Mx where they begin, which is written on.
     """
 
     def __init__(
@@ -136,16 +137,17 @@ class GCR:
 
     def further(self, x: Vector, wanted: float, most: int) -> tuple[Vector, bool]:
         """`x` after at most so many steps, until the rest is as small as `wanted`, and whether any was made."""
-        from ..numerics.kernels.vcycle import without  # loads numba
+        from ..numerics.kernels.vcycle import add_both  # loads numba
 
-        moved = False
+        # in place: memory that is new is touched at a third of the cost of a product
+        x, moved = x.copy(), False
         for _ in range(most):
             y = self._preconditioned(self.rest)
             w = self._product(y)
             taken = 0.0
             for direction, image in self._directions:
                 share = inner(w, image)
-                without(w, image, y, direction, share)
+                add_both(w, image, -share, y, direction, -share)
                 taken = max(taken, abs(share))
             size, length = norm(w), norm(y)
             if not (0 < size < np.inf and length > 0):  # which may underflow
@@ -158,8 +160,8 @@ class GCR:
             w /= size
             self._directions = [*self._directions[1 - _KEPT :], (y, w)]
             share = inner(self.rest, w)
-            x, moved = x + share * y, True
-            self.rest = self.rest - share * w
+            add_both(x, y, share, self.rest, w, -share)
+            moved = True
             if norm(self.rest) <= wanted:
                 break
         return x, moved

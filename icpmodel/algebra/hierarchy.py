@@ -140,8 +140,9 @@ class Hierarchy:
     def _cycle(self, f: Vector, top: int) -> Vector:
         from ..numerics.kernels.vcycle import interpolate, restrict, sweep_down, sweep_up
 
-        level, x = self.levels[top], np.zeros(f.size)
+        level, x = self.levels[top], np.empty(f.size)
         if level.P is None:
+            x[:] = 0.0
             x[self._rows] = self._inverse @ f[self._rows]
             return x
         A, P, n, free, inverse = level.A, level.P, f.size, self._free[top], level.inverse

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, remade, some_pivots, too_large
+from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, lcp_rows, remade, some_pivots, too_large
 from ..algebra.equations import derivative, solve_on
 from ..errors import SingularOperator
 from ..numerics import work
@@ -59,7 +59,7 @@ class Lemke(Method):
         if problem.psi.linear is None and not problem.facts.has_fixed_obstacle:
             wanted = "constant or affine, or moves with z_i alone and by less"
             return f"pivoting needs a psi that is {wanted}, not {problem.psi!r}"
-        return too_large(_rows(problem.facts))
+        return too_large(problem.facts)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # raises SingularOperator where I − G is singular, or A in the rows without obstacle
@@ -116,7 +116,7 @@ class Josephy(Method):
         return _estimate(facts, 20.0, 5.0)
 
     def why_not(self, problem: ProblemData) -> str | None:
-        return too_large(_rows(problem.facts)) or problem.psi.no_derivative()
+        return too_large(problem.facts) or problem.psi.no_derivative()
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         from ..numerics.kernels.pivoting import SOLVED  # loads numba
@@ -152,7 +152,7 @@ def _prove(problem: ProblemData, ray: Vector) -> None:
 
 def _estimate(facts: Facts, calls: float, steps: float) -> Estimate:
     """So many LCPs, each of n/2 pivots, as half of the rows leave the obstacle, and so many calls."""
-    n = _rows(facts)
+    n = lcp_rows(facts)
     step = calls * work.COSTS.call + n**3 / 2.0 * work.COSTS.pivot_entry
     return Estimate(0.0, step / facts.matrix.unit, steps, 24.0 * n**2)
 
@@ -165,11 +165,6 @@ def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -
         if reduced <= (1.0 - _SLOPE * 0.5**k) * residual:
             return following, reduced
     return None
-
-
-def _rows(facts: Facts) -> int:
-    """Of the LCP: two for each unknown where there are obstacles above."""
-    return facts.matrix.n * (1 if facts.psi.upper is None else 2)
 
 
 def _linearised(psi: Map, z: Vector) -> tuple[Vector, Any]:

@@ -269,7 +269,8 @@ def freeze(matrix: sp.csr_array) -> sp.csr_array:
 
 def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.int64]:
     """Where in `matrix.data` each row's diagonal entry stands, shape (n,); every one must be stored."""
-    return np.flatnonzero(matrix.indices == row_of(matrix)).astype(matrix.indptr.dtype)
+    rows = np.repeat(np.arange(matrix.shape[0], dtype=matrix.indices.dtype), np.diff(matrix.indptr))
+    return np.flatnonzero(matrix.indices == rows).astype(matrix.indptr.dtype)
 
 
 def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:

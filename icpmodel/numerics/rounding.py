@@ -66,8 +66,9 @@ def lower(matrix: sp.csr_array, v: Vector) -> Vector:
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
     """
     k = np.diff(matrix.indptr) + 2
+    sizes = sp.csr_array((np.abs(matrix.data), matrix.indices, matrix.indptr), shape=matrix.shape)  # abs() copies all
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(matrix @ v - 2 * k * UNIT_ROUNDOFF * (abs(matrix) @ np.abs(v)) - k * SMALLEST)
+        return np.asarray(matrix @ v - 2 * k * UNIT_ROUNDOFF * (sizes @ np.abs(v)) - k * SMALLEST)
 
 
 def upper(matrix: sp.csr_array, v: Vector) -> Vector:

@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import icpmodel as icp
+from icpmodel.algebra.affine_lcp import dense_lcp
+from icpmodel.errors import OutOfTime
 from icpmodel.methods.pivots import Lemke
+from icpmodel.numerics import work
 from icpmodel.solve.choice import choose
 from icpmodel.theory.certificates.infeasible import infeasible, multipliers
 
@@ -434,3 +437,12 @@ def test_a_proof_of_infeasibility_is_told_in_words_with_its_rows_and_weights():
     assert words in run(icp.ICP([[-1.0]], [-1.0])).message
     words = "1 times row 0 of Az + q and 1 times row 0 of z - psi(z) comes to -2 for every z, and where all"
     assert words in run(icp.ICP([[1.0]], [-1.0], icp.Affine([[2.0]], 1.0))).message
+
+
+def test_an_obstacle_above_counts_in_what_the_first_dictionary_is_foreseen_to_cost():
+    n = 400  # the LCP has two rows for each of them, and four times the entries
+    problem = icp.ICP(4 * np.eye(n) + np.eye(n, k=1), np.tile([-1.0, 1.0], n // 2))
+    with work.of_count(2 * 45.0 * n**2):
+        assert len(dense_lcp(problem).M) == n
+        with pytest.raises(OutOfTime):
+            dense_lcp(problem.with_upper(0.1))

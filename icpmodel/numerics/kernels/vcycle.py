@@ -49,8 +49,8 @@ def sweep_up(indptr, indices, data, inverse, free, f, x, low, high):
 
 
 @compiled
-def without(w, image, y, direction, share):
-    # w and y less share times an earlier direction and its image, in place: a step of Gram and Schmidt in one pass
-    for i in range(uint(w.size)):
-        w[i] -= share * image[i]
-        y[i] -= share * direction[i]
+def add_both(x, y, share, v, w, part):
+    # x + share y and v + part w, in place in one pass: what a step of a Krylov method does with a pair of vectors
+    for i in range(uint(x.size)):
+        x[i] += share * y[i]
+        v[i] += part * w[i]

@@ -290,9 +290,11 @@ def sharpened(
         while True:
             better = points.send(told)
             beyond, beyond_euclidean = proof.bound(problem, better, *problem.rounding(better))
-            step = np.abs(z - better)
+            step = z - better
+            np.abs(step, out=step)
             with np.errstate(over="ignore", invalid="ignore"):
-                candidate = (step + beyond) * (1 + 4 * UNIT_ROUNDOFF)
+                candidate = step + beyond
+                candidate *= 1 + 4 * UNIT_ROUNDOFF
                 if candidate.max() < delta.max() or not np.isfinite(delta).all():
                     delta, euclidean = candidate, (norm_up(step) + beyond_euclidean) * (1 + 4 * UNIT_ROUNDOFF)
             told = float(step.max()), float(beyond.max())

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...algebra.equations import pattern_at, solve_on
 from ...errors import IcpError
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Vector, norm
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ...problem.between import Between
 from ...problem.data import ProblemData
@@ -49,8 +49,7 @@ def no_lipschitz(psi: Map) -> str:
 
 def norm_up(x: Vector) -> float:
     """An upper bound of ‖x‖₂, safe against over- and underflow."""
-    largest = float(np.abs(x).max())
-    if largest == 0.0 or not np.isfinite(largest):
-        return largest
-    size = largest * float(np.linalg.norm(x / largest)) * (1 + (x.size + 8) * UNIT_ROUNDOFF)
-    return size + x.size * SMALLEST
+    size = norm(x)
+    if size == 0.0 or not np.isfinite(size):
+        return size
+    return size * (1 + (x.size + 8) * UNIT_ROUNDOFF) + x.size * SMALLEST
