@@ -145,8 +145,10 @@ def _make_cycle(pc: Any, levels: list[DistributedLevel]) -> None:
     coarse.setOperators(levels[-1].J, levels[-1].J)
     for k, level in enumerate(reversed(levels[:-1]), 1):
         pc.setMGInterpolation(k, level.masked)
-        for smoother, way in ((pc.getMGSmootherDown(k), "forward"), (pc.getMGSmootherUp(k), "backward")):
-            smoother.setType("richardson")
+        # the first sweep begins with 0, where a single one needs no work space
+        ways = (pc.getMGSmootherDown(k), "forward", "preonly"), (pc.getMGSmootherUp(k), "backward", "richardson")
+        for smoother, way, kind in ways:
+            smoother.setType(kind)
             smoother.setTolerances(max_it=1)
             smoother.setOperators(level.J, level.J)
             sor = smoother.getPC()

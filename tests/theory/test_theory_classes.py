@@ -6,12 +6,15 @@ from itertools import combinations
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.errors import InputError
 from icpmodel.theory import p_matrix
 from icpmodel.theory.matrices import p_matrix as pmatrix
 from icpmodel.theory.matrices.classes import MatrixClasses, classify
+from icpmodel.theory.matrices.h_matrix import row_sum_signs
 
 CYCLE = [[1, 0, 2], [2, 1, 0], [0, 2, 1]]
 
@@ -385,6 +388,19 @@ class TestSoundness:
         assert bad.semidefinite.holds is False
         x = [Fraction(e) for e in bad.semidefinite.witness]
         assert sum(a * b for a, b in zip(x, times(rational(bad.A), x), strict=True)) < 0
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.lists(st.floats(-1.7e308, 1.7e308), min_size=1, max_size=5), min_size=1), st.data())
+def test_the_signs_of_row_sums_are_those_of_fractions(rows, data):
+    """Whatever nearly cancels, over- or underflows on the way: each row with its negative, but for one unit."""
+    others = [[-np.nextafter(x, data.draw(st.sampled_from([-np.inf, x, np.inf]))) for x in row] for row in rows]
+    mixed = [data.draw(st.permutations(row + other)) for row, other in zip(rows, others, strict=True)]
+    indptr = np.append(0, np.cumsum([len(row) for row in mixed]))
+    columns = np.concatenate([np.arange(len(row)) for row in mixed])
+    found = row_sum_signs(sp.csr_array((np.concatenate(mixed), columns, indptr), shape=(len(mixed), 10)))
+    exact = [sum(map(Fraction, row)) for row in mixed]
+    assert found.tolist() == [(x > 0) - (x < 0) for x in exact]
 
 
 def test_nothing_is_computed_that_is_not_asked_for():

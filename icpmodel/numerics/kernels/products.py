@@ -234,3 +234,27 @@ def least(indptr, indices, data, q, G_indptr, G_indices, G_data, c, known, z, up
             s, for_s = gap(i, upper[0], upper[1], upper[2], upper[3][0], upper[4], z, True)
         low, high = max(s - for_s, min(p - for_p, r - for_r)), max(s + for_s, min(p + for_p, r + for_r))
         out[i] = low if low > 0.0 else -high if high < 0.0 else 0.0
+
+
+@partial(compiled, exact=True)
+def sum_signs(starts, ends, data, parts, signs):
+    # the signs of the sums of data[start:end], 2 where a sum is no float. The `parts` of a sum do not overlap, the
+    # largest last, so that it has the sign of all: Shewchuk, Discrete Comput. Geom. 18 (1997)
+    for at in range(starts.size):
+        count = 0
+        for k in range(starts[at], ends[at]):
+            x, kept = data[k], 0
+            for j in range(count):
+                y = parts[j]
+                if abs(x) < abs(y):
+                    x, y = y, x
+                high = x + y
+                low = y - (high - x)
+                if low != 0.0:
+                    parts[kept] = low
+                    kept += 1
+                x = high
+            parts[kept] = x
+            count = kept + (x != 0.0)
+        top = parts[count - 1] if count else 0.0
+        signs[at] = 2 if not abs(top) < np.inf else (top > 0.0) - (top < 0.0)

@@ -57,6 +57,8 @@ def without_zeros(A: sp.csr_array) -> sp.csr_array:
 
 def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
     """The sign of each row sum of `C` (CSR, shape (n, n), no row empty), without rounding: −1, 0 or 1, shape (n,)."""
+    from ...numerics.kernels.products import sum_signs  # loads numba
+
     work.build(C.nnz, 4)
     data, rows, n = C.data, row_of(C), C.shape[0]
     # in units of each row's largest entry, whole multiples of 2^-40 add up without rounding
@@ -67,7 +69,11 @@ def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
     sums, size = np.bincount(rows, scaled, n), np.bincount(rows, np.abs(scaled), n)
     rounded = (np.bincount(rows, broken, n) > 0) | (k >= 2**12)
     signs = np.sign(sums).astype(np.int8)
-    for i in np.flatnonzero(rounded & (np.abs(sums) <= 2 * k * UNIT_ROUNDOFF * size + k * SMALLEST)):
+    open_rows = np.flatnonzero(rounded & (np.abs(sums) <= 2 * k * UNIT_ROUNDOFF * size + k * SMALLEST))
+    exact = np.empty(open_rows.size, dtype=np.int8)
+    sum_signs(C.indptr[open_rows], C.indptr[open_rows + 1], data, np.empty(k.max(initial=1)), exact)
+    signs[open_rows] = exact
+    for i in open_rows[exact == 2]:
         total = exact_sum(data[C.indptr[i] : C.indptr[i + 1]])
         signs[i] = (total > 0) - (total < 0)
     return signs
