@@ -139,7 +139,7 @@ class GCR:
         """`x` after at most so many steps, until the rest is as small as `wanted`, and whether any was made."""
         from ..numerics.kernels.vcycle import add_both  # loads numba
 
-        # in place: memory that is new is touched at a third of the cost of a product
+        # in place: to touch memory that is new costs more than these sums
         x, moved = x.copy(), False
         for _ in range(most):
             y = self._preconditioned(self.rest)

@@ -140,11 +140,12 @@ class Hierarchy:
     def _cycle(self, f: Vector, top: int) -> Vector:
         from ..numerics.kernels.vcycle import interpolate, restrict, sweep_down, sweep_up
 
-        level, x = self.levels[top], np.empty(f.size)
+        level = self.levels[top]
         if level.P is None:
-            x[:] = 0.0
+            x = np.zeros(f.size)
             x[self._rows] = self._inverse @ f[self._rows]
             return x
+        x = np.empty(f.size)  # the first sweep writes all of it
         A, P, n, free, inverse = level.A, level.P, f.size, self._free[top], level.inverse
         matrix, transfer, coarse = (A.indptr, A.indices, A.data), (P.indptr, P.indices, P.data), np.zeros(P.shape[1])
         threads = threads_for(A.nnz)

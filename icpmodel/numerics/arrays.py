@@ -269,8 +269,12 @@ def freeze(matrix: sp.csr_array) -> sp.csr_array:
 
 def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.int64]:
     """Where in `matrix.data` each row's diagonal entry stands, shape (n,); every one must be stored."""
-    rows = np.repeat(np.arange(matrix.shape[0], dtype=matrix.indices.dtype), np.diff(matrix.indptr))
-    return np.flatnonzero(matrix.indices == rows).astype(matrix.indptr.dtype)
+    return np.flatnonzero(matrix.indices == row_of(matrix)).astype(matrix.indptr.dtype)
+
+
+def absolute(matrix: sp.csr_array) -> sp.csr_array:
+    """|A|, entry by entry, CSR; it shares the index arrays of A, which `abs` copies."""
+    return sp.csr_array((np.abs(matrix.data), matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
 def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import scipy.sparse as sp
 
-from .arrays import Vector
+from .arrays import Vector, absolute
 
 Verb = TypeVar("Verb", bound=Callable[..., Any])
 
@@ -66,9 +66,8 @@ def lower(matrix: sp.csr_array, v: Vector) -> Vector:
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
     """
     k = np.diff(matrix.indptr) + 2
-    sizes = sp.csr_array((np.abs(matrix.data), matrix.indices, matrix.indptr), shape=matrix.shape)  # abs() copies all
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(matrix @ v - 2 * k * UNIT_ROUNDOFF * (sizes @ np.abs(v)) - k * SMALLEST)
+        return np.asarray(matrix @ v - 2 * k * UNIT_ROUNDOFF * (absolute(matrix) @ np.abs(v)) - k * SMALLEST)
 
 
 def upper(matrix: sp.csr_array, v: Vector) -> Vector:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..numerics import work
-from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze, is_symmetric
+from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric
 from ..numerics.fill import Look
 from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
 from ..numerics.linear import is_for_multigrid
@@ -95,8 +95,7 @@ class Matrix(ReadOnly):
     @cached_property
     def absolute(self) -> sp.csr_array:
         """|A|, entry by entry; it shares the index arrays of A."""
-        A = self.sparse
-        return sp.csr_array((np.abs(A.data), A.indices, A.indptr), shape=A.shape)
+        return absolute(self.sparse)
 
     @cached_property
     def rows(self) -> Rows:

@@ -237,12 +237,12 @@ def least(indptr, indices, data, q, G_indptr, G_indices, G_data, c, known, z, up
 
 
 @partial(compiled, exact=True)
-def sum_signs(starts, ends, data, parts, signs):
-    # the signs of the sums of data[start:end], 2 where a sum is no float. The `parts` of a sum do not overlap, the
+def sum_signs(indptr, data, parts, signs):
+    # the signs of the row sums, 2 where one is no float on the way. The `parts` of a sum do not overlap, the
     # largest last, so that it has the sign of all: Shewchuk, Discrete Comput. Geom. 18 (1997)
-    for at in range(starts.size):
+    for i in range(signs.size):
         count = 0
-        for k in range(starts[at], ends[at]):
+        for k in range(indptr[i], indptr[i + 1]):
             x, kept = data[k], 0
             for j in range(count):
                 y = parts[j]
@@ -257,4 +257,4 @@ def sum_signs(starts, ends, data, parts, signs):
             parts[kept] = x
             count = kept + (x != 0.0)
         top = parts[count - 1] if count else 0.0
-        signs[at] = 2 if not abs(top) < np.inf else (top > 0.0) - (top < 0.0)
+        signs[i] = 2 if not abs(top) < np.inf else (top > 0.0) - (top < 0.0)

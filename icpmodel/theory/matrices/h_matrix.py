@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 
 from ...numerics import work
 from ...numerics.arrays import Vector, row_of
-from ...numerics.equilibration import in_units, natural_exponents, row_exponents
+from ...numerics.equilibration import in_units, natural_exponents
 from ...numerics.rational import Rationals, as_witness, exact_sum, m_matrix, rationals
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
+from ...numerics.rounding import SMALLEST, lower, upper
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix, solve_for_diagonal
 
@@ -56,25 +56,14 @@ def without_zeros(A: sp.csr_array) -> sp.csr_array:
 
 
 def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
-    """The sign of each row sum of `C` (CSR, shape (n, n), no row empty), without rounding: −1, 0 or 1, shape (n,)."""
+    """The sign of each row sum of `C` (CSR, shape (n, n)), without rounding: −1, 0 or 1, shape (n,)."""
     from ...numerics.kernels.products import sum_signs  # loads numba
 
     work.build(C.nnz, 4)
-    data, rows, n = C.data, row_of(C), C.shape[0]
-    # in units of each row's largest entry, whole multiples of 2^-40 add up without rounding
-    scaled = in_units(C, row_exponents(C)).data
-    multiple = np.ldexp(scaled, 40)
-    broken = (multiple != np.rint(multiple)) | ((scaled == 0) != (data == 0))
-    k = np.diff(C.indptr) + 2
-    sums, size = np.bincount(rows, scaled, n), np.bincount(rows, np.abs(scaled), n)
-    rounded = (np.bincount(rows, broken, n) > 0) | (k >= 2**12)
-    signs = np.sign(sums).astype(np.int8)
-    open_rows = np.flatnonzero(rounded & (np.abs(sums) <= 2 * k * UNIT_ROUNDOFF * size + k * SMALLEST))
-    exact = np.empty(open_rows.size, dtype=np.int8)
-    sum_signs(C.indptr[open_rows], C.indptr[open_rows + 1], data, np.empty(k.max(initial=1)), exact)
-    signs[open_rows] = exact
-    for i in open_rows[exact == 2]:
-        total = exact_sum(data[C.indptr[i] : C.indptr[i + 1]])
+    signs = np.empty(C.shape[0], dtype=np.int8)
+    sum_signs(C.indptr, C.data, np.empty(np.diff(C.indptr).max(initial=0) + 1), signs)
+    for i in np.flatnonzero(signs == 2):
+        total = exact_sum(C.data[C.indptr[i] : C.indptr[i + 1]])
         signs[i] = (total > 0) - (total < 0)
     return signs
 
