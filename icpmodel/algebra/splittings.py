@@ -73,8 +73,10 @@ class AOR(Splitting):
         as_number(self.theta2, "theta2")
 
     def matrix(self, A: sp.csr_array) -> sp.csr_array:
-        lower = sp.tril(A, -1, format="csr") * (self.theta2 / self.theta1)
-        return sp.csr_array(sp.diags_array(A.diagonal() / self.theta1) + lower)
+        diagonal = sp.csr_array(sp.diags_array(A.diagonal() / self.theta1))
+        if self.theta2 == 0:
+            return diagonal
+        return sp.csr_array(diagonal + sp.tril(A, -1, format="csr") * (self.theta2 / self.theta1))
 
     def operator(self, A: sp.csr_array, shift: Vector) -> Operator:
         diagonal = A.diagonal() / self.theta1

@@ -32,6 +32,8 @@ from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
 #: machine of `work.Costs`; and the share of it that one question may cost
 _PRODUCTS, _NANOSECONDS, _SHARE = 600.0, 0.8e9, 0.2
+#: and at most so many nanoseconds a row, where rows are long, and no less than 10⁶ rows would get
+_A_ROW, _ROWS = 3_000.0, 1e6
 _CENTURY = 3e9  #: in seconds
 
 
@@ -233,7 +235,8 @@ def explain(
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
     unit = problem.matrix.unit
-    products = math.inf if as_truth(thorough, "thorough") else _PRODUCTS + _NANOSECONDS / unit
+    page = min(_PRODUCTS * unit + _NANOSECONDS, _A_ROW * max(problem.n, _ROWS))
+    products = math.inf if as_truth(thorough, "thorough") else page / unit
     with Allowance(products, unit).kept(), one_blas_thread():
         return _explained(problem, method, accuracy, Allowance(_SHARE * products, unit), options)
 

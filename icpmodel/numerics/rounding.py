@@ -59,15 +59,17 @@ def gamma(k: Any) -> Any:
     return k * UNIT_ROUNDOFF / (1 - k * UNIT_ROUNDOFF)
 
 
-def lower(matrix: sp.csr_array, v: Vector) -> Vector:
+def lower(matrix: sp.csr_array, v: Vector, size: Vector | None = None) -> Vector:
     """A lower bound of `matrix` @ `v`, entry by entry, whatever the order of summation; NaN or −inf where it overflows.
 
-    The computed product minus γ_k|matrix||v| and k times the smallest float, k two more than the entries of the row.
+    The computed product minus γ_k|matrix||v| and k times the smallest float, k two more than the entries of the row;
+    `size` is |matrix||v|, where it is known.
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
     """
     k = np.diff(matrix.indptr) + 2
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(matrix @ v - 2 * k * UNIT_ROUNDOFF * (absolute(matrix) @ np.abs(v)) - k * SMALLEST)
+        size = absolute(matrix) @ np.abs(v) if size is None else size
+        return np.asarray(matrix @ v - 2 * k * UNIT_ROUNDOFF * size - k * SMALLEST)
 
 
 def upper(matrix: sp.csr_array, v: Vector) -> Vector:

@@ -341,13 +341,20 @@ class ProblemData(Shown):
             psi = np.where(np.isinf(psi), above, np.where(np.isinf(above), psi, np.maximum(psi, above)))
         free = np.isposinf(psi)
         terms = np.diff(self.A.indptr) + 2
-        for_p = gamma(terms) * (self.matrix.absolute @ np.abs(z) + np.abs(self.q)) + terms * SMALLEST
-        size = np.abs(z) + np.where(free, 0.0, psi)
+        psi[free] = 0.0
+        for_p, z = self.matrix.magnitude(z), np.abs(z)  # and on in place: in large vectors new memory takes the time
+        for_p += np.abs(self.q)
+        for_p *= gamma(terms)
+        for_p += terms * SMALLEST
+        size = z + psi
         entries: Any = 3
         if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
-            size = size + self.psi.lipschitz @ np.abs(z)
+            size += self.psi.lipschitz @ z
             entries = np.diff(self.psi.lipschitz.indptr) + 3
-        return for_p, np.where(free, 0.0, gamma(entries) * size + entries * SMALLEST)
+        size *= gamma(entries)
+        size += entries * SMALLEST
+        size[free] = 0.0
+        return for_p, size
 
     @property
     def is_lcp(self) -> bool:

@@ -83,13 +83,24 @@ class Matrix(ReadOnly):
         if self.dense is not None:
             image: Vector = self.dense @ z
             return image
-        A, threads = self.sparse, threads_for(self.nnz)
         if self.nnz < THREADS_FROM:  # not where there is one core: the sums would be others
-            return np.asarray(A @ z)
-        from ..numerics.kernels import products  # loads numba
+            return np.asarray(self.sparse @ z)
+        from ..numerics.kernels.products import product  # loads numba
 
-        image, z = np.empty(self.n), np.ascontiguousarray(z)
-        in_parts(self.n, threads, lambda low, high: products.product(A.indptr, A.indices, A.data, z, low, high, image))
+        return self._row_by_row(product, z)
+
+    def magnitude(self, z: Vector) -> Vector:
+        """|A||z|, on all cores where A is large, and then without a copy of it."""
+        if self.dense is not None or self.nnz < THREADS_FROM:
+            return np.asarray(self.absolute @ np.abs(z))
+        from ..numerics.kernels.products import magnitude  # loads numba
+
+        return self._row_by_row(magnitude, z)
+
+    def _row_by_row(self, rows: Any, z: Vector) -> Vector:
+        A, image, z = self.sparse, np.empty(self.n), np.ascontiguousarray(z)
+        given = A.indptr, A.indices, A.data, z
+        in_parts(self.n, threads_for(self.nnz), lambda low, high: rows(*given, low, high, image))
         return image
 
     @cached_property

@@ -52,9 +52,11 @@ def test_one_core_gives_the_bits_of_all(large, method):
 def test_products_and_norms_are_the_same_on_one_core(large):
     z = 1e200 * np.cos(np.arange(large.n))
     with one_core():
-        alone = large.product(z), large.residual(z), large.residual(1e-200 * z)
+        alone = large.product(z), large.matrix.magnitude(z), large.residual(z), large.residual(1e-200 * z)
     assert np.array_equal(alone[0], large.product(z))
-    assert alone[1:] == (large.residual(z), large.residual(1e-200 * z))
+    assert np.array_equal(alone[1], large.matrix.magnitude(z))
+    assert np.allclose(alone[1], abs(large.A) @ np.abs(z), rtol=1e-15)
+    assert alone[2:] == (large.residual(z), large.residual(1e-200 * z))
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -70,6 +70,16 @@ def product(indptr, indices, data, z, low, high, out):
 
 
 @compiled
+def magnitude(indptr, indices, data, z, low, high, out):
+    # rows low <= i < high of |A||z|
+    for i in range(uint(low), uint(high)):
+        total = 0.0
+        for k in range(uint(indptr[i]), uint(indptr[i + uint(1)])):
+            total += abs(data[k] * z[indices[k]])
+        out[i] = total
+
+
+@compiled
 def natural(indptr, indices, data, q, psi, upper, z, low, high):
     # the sum of min(p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is. With
     # `upper`, else None, of the median's square: see `between.mid`

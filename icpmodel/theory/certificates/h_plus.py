@@ -73,7 +73,7 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     dominated = False
     for name, v in _candidates(comparison, G):
         # a lower bound costs three times as much
-        if not (comparison @ v > 0).all() or not ((alpha := lower(comparison, v)) > 0).all():
+        if not (comparison @ v > 0).all() or not ((alpha := lower(comparison, v, matrix.magnitude(v))) > 0).all():
             continue
         dominated = True
         # a row of psi without obstacle would need no beta, but which rows those are may change with z

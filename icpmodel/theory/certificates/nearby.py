@@ -88,18 +88,23 @@ def points_near(
     def seen(better: Vector) -> tuple[float, float]:
         return float(np.abs(better - z).max()), bound * _natural(problem, better) / first
 
-    yield from _by_cycles(newton_looks(hierarchy, simple, better, 0), seen, beyond, 2 * floor)
+    def smooth(better: Vector) -> Vector:
+        return swept(sweep, better, SWEEPS)
+
+    yield from _by_cycles(newton_looks(hierarchy, simple, better, 0), smooth, seen, beyond, 2 * floor)
 
 
 def _by_cycles(
     path: Generator[tuple[Vector, float], float | None, None],
+    smooth: Callable[[Vector], Vector],
     seen: Callable[[Vector], tuple[float, float]],
     beyond: float,
     enough: float,
 ) -> Points:
     """The points of Newton's `path`, whose first is where δ is about `beyond`, until it is `enough` or stays.
 
-    `seen` tells about what would be sent. A bound costs more, and is asked for where it may do, and at the end.
+    `smooth` makes the largest residual, which decides, several times smaller for a fraction of a cycle, which leaves it
+    rough. `seen` tells about what would be sent; a bound costs more, and is asked for where it may do, and at the end.
     """
     next(path)
     share, before, asked = _MOST, math.inf, True
@@ -110,6 +115,7 @@ def _by_cycles(
             better, _ = path.send(share)
         except StopIteration:  # its steps lead no further
             break
+        better = smooth(better)
         (step, beyond), asked = seen(better), False
         if beyond <= max(_ENOUGH * step, enough):
             (step, beyond), asked = (yield better), True

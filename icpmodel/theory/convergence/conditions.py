@@ -43,8 +43,9 @@ Reference: Kumar, Deepmala and Das, theorems 4.1 to 4.4, corrected; Berman and P
 
 from __future__ import annotations
 
+import operator
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ import scipy.sparse as sp
 from ...algebra.splittings import AOR, Member
 from ...errors import InputError
 from ...numerics import work
-from ...numerics.arrays import Vector, as_csr, as_vector, described, diagonal_positions, row_of
+from ...numerics.arrays import Vector, absolute, as_csr, as_vector, described, diagonal_positions, row_of
 from ...numerics.equilibration import times_rows
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData, as_problem
@@ -89,11 +90,12 @@ class StepMatrices:
         work.build(self.A.nnz, 6)
         with np.errstate(all="ignore"):  # what overflows proves nothing
             self.M1 = as_csr(self.splitting.matrix(self.A), "M1", keep_diagonal=True)
-            self.M = _shifted(self.M1, self.phi)
+            diagonal = diagonal_positions(self.M1)
+            self.M = _shifted(self.M1, diagonal, self.phi)
             self.N = sp.csr_array(self.M - self.A)
-            self.X = _shifted(self.M, self.omega)
-            #: (D − Ω)⁺, the zero matrix where Ω ≥ D
-            self.short = sp.diags_array(np.maximum(self.D - self.omega, 0.0))
+            self.X = _shifted(self.M, diagonal, self.omega)
+            #: (D − Ω)⁺, without entries where Ω ≥ D
+            self.short = sp.csr_array(sp.diags_array(np.maximum(self.D - self.omega, 0.0)))
         #: below which number a theorem's is small enough: 1 where only whether it holds is asked for
         self.enough = 0.0
         #: vectors v > 0 that served one theorem and may serve the next
@@ -116,7 +118,7 @@ class StepMatrices:
         """|M₁| + |φ| + Ω + |A| + ΩG."""
         work.build(self.A.nnz, 5)
         diagonal = np.abs(self.phi) + self.omega + np.abs(self.D)
-        return sp.csr_array(abs(self.M1) + abs(self.A) + self.omega_G + sp.diags_array(diagonal))
+        return total(absolute(self.M1), absolute(self.A), self.omega_G, sp.diags_array(diagonal))
 
 
 def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
@@ -127,9 +129,14 @@ def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
-def _shifted(matrix: sp.csr_array, diagonal: Vector) -> sp.csr_array:
+def total(*terms: Any) -> sp.csr_array:
+    """The sum of sparse matrices, of which those without entries cost nothing."""
+    return sp.csr_array(reduce(operator.add, [one for one in terms if one.nnz] or terms[:1]))
+
+
+def _shifted(matrix: sp.csr_array, positions: Any, by: Vector) -> sp.csr_array:
     data = matrix.data.copy()
-    data[diagonal_positions(matrix)] += diagonal
+    data[positions] += by
     return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
@@ -138,22 +145,22 @@ def sharper(step: StepMatrices) -> MonotoneMap:
     work.build(step.size.nnz, 6)
     X, omega = step.X, sp.diags_array(step.omega)
     first = sp.csr_array(abs(X - 2.0 * step.A))
-    second = sp.csr_array(abs(X - 2.0 * omega) + 2.0 * step.omega_G)
+    second = total(abs(X - 2.0 * omega), 2.0 * step.omega_G)
     return MonotoneMap(absolute_inverse(X, step.size), (first, second), step.size)
 
 
 def theorem_41(step: StepMatrices) -> MonotoneMap:
     """v ↦ Lv, L = |X⁻¹|(|N̂| + |A − Ω| + 2ΩG)."""
     work.build(step.size.nnz, 6)
-    F = abs(step.N) + abs(step.A - sp.diags_array(step.omega)) + 2.0 * step.omega_G
-    return MonotoneMap(absolute_inverse(step.X, step.size), (sp.csr_array(F),), step.size)
+    F = total(absolute(step.N), abs(step.A - sp.diags_array(step.omega)), 2.0 * step.omega_G)
+    return MonotoneMap(absolute_inverse(step.X, step.size), (F,), step.size)
 
 
 def theorem_42(step: StepMatrices) -> MonotoneMap | str:
     """v ↦ min(m̂, D)⁻¹(½off(|M̂| + |N̂| + |A|) + ΩG + (D − Ω)⁺)v, or why min(m̂, D) is not positive."""
     half = 0.5 * (off_diagonal(step.M) + off_diagonal(step.N) + off_diagonal(step.A))
     diagonal = np.minimum(step.M.diagonal(), step.D)
-    return _jacobi(step, "min(m, a)", diagonal, half + step.omega_G + step.short)
+    return _jacobi(step, "min(m, a)", diagonal, total(half, step.omega_G, step.short))
 
 
 def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap | str:
@@ -171,14 +178,14 @@ def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap |
         return f"phi has the negative entry {step.phi.min():g}"
     if theta.theta2 < 0:
         return f"theta2 = {theta.theta2:g} is negative"
-    return _jacobi(step, "D", step.D, factor * (B + step.omega_G + step.short), 1.0 / factor)
+    return _jacobi(step, "D", step.D, factor * total(B, step.omega_G, step.short), 1.0 / factor)
 
 
 def theorem_44(step: StepMatrices) -> MonotoneMap | str:
     """v ↦ m̂⁻¹(off(|M̂|) + |N̂| + (D − Ω)⁺ + ΩG)v, or which diagonal is not positive."""
     if not (positive := positive_diagonal(step.A)).holds:
         return positive.reason
-    F = off_diagonal(step.M) + abs(step.N) + step.short + step.omega_G
+    F = total(off_diagonal(step.M), absolute(step.N), step.short, step.omega_G)
     return _jacobi(step, "the diagonal of M1 + phi", step.M.diagonal(), F)
 
 
@@ -261,7 +268,7 @@ def _jacobi(step: StepMatrices, name: str, diagonal: Vector, F: sp.csr_array, li
         i = int(np.argmin(diagonal > 0))
         return f"{name} is {diagonal[i]:g} in row {i}, not positive"
     work.build(step.size.nnz, 4)
-    F, S = sp.csr_array(F), sp.csr_array(sp.diags_array(diagonal))
+    S = sp.csr_array(sp.diags_array(diagonal))
     # F is at most a few times the size, which the factor of theorem 4.3 may exceed
     size = sp.csr_array(step.size + F)
     return MonotoneMap(Comparison(S, size), (F,), size, limit)

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...numerics import work
-from ...numerics.arrays import Vector, as_csr, diagonal_positions, row_of
+from ...numerics.arrays import Vector, as_csr, diagonal_positions, is_symmetric, row_of
 from ...numerics.factorisation import factorise
 from ...numerics.multigrid import KrylovMultigrid
 from ..answers import Answer
@@ -21,7 +21,7 @@ def comparison_matrix(A: Any) -> sp.csr_array:
     """⟨A⟩: |a_ii| on the diagonal and −|a_ij| off it.
 
     Parameters: `A` dense or sparse, shape (n, n). Returns CSR, of the same pattern where `A` is CSR with every diagonal
-    entry stored. Raises InputError where it is no square matrix of numbers.
+    entry stored, and then `A` itself where it is that. Raises InputError where it is no square matrix of numbers.
 
     >>> comparison_matrix([[-2.0, 1.0], [-1.0, 3.0]]).toarray()
     array([[ 2., -1.],
@@ -30,8 +30,10 @@ def comparison_matrix(A: Any) -> sp.csr_array:
     if not isinstance(A, sp.csr_array):
         A = as_csr(A, "A", keep_diagonal=True)
     work.build(A.nnz)
-    data = -np.abs(A.data)
     diagonal = diagonal_positions(A)
+    if (A.data[diagonal] > 0).all() and np.count_nonzero(A.data > 0) == A.shape[0]:
+        return A  # a copy of a large matrix is memory that nobody has touched before
+    data = -np.abs(A.data)
     data[diagonal] = -data[diagonal]
     return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
 
@@ -107,7 +109,7 @@ def layered(comparison: sp.csr_array) -> Vector | None:
     surplus[np.abs(surplus) < 1e-14] = 0.0
     if not (surplus >= 0).all() or not (surplus > 0).any():
         return None
-    T = comparison.T.tocsr()
+    T = comparison if is_symmetric(comparison) else comparison.T.tocsr()
     layer, order = layers(T.indptr, T.indices, T.data, surplus > 0)
     if order.size < surplus.size:
         return None
