@@ -325,9 +325,8 @@ class ProblemData(Shown):
         """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).
 
         γ_k(|A||z| + |q|) for p and γ_k(|z| + G|z| + |ψ(z)|) for r, 0 where r is infinite, the larger one where there is
-        an obstacle above as well, with
-        γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the entries of the row, and k·2⁻¹⁰⁷⁴ for underflow. ψ itself is
-        taken as exact to a few u, which holds for constant and affine maps.
+        an obstacle above as well, with γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the entries of the row, and
+        k·2⁻¹⁰⁷⁴ for underflow. ψ itself is taken as exact to a few u, which holds for constant and affine maps.
         Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
 
         >>> for_p, for_r = ICP([[3.0]], [-6.0]).rounding([2.0])
@@ -351,8 +350,7 @@ class ProblemData(Shown):
         if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
             size += self.psi.lipschitz @ z
             entries = np.diff(self.psi.lipschitz.indptr) + 3
-        size *= gamma(entries)
-        size += entries * SMALLEST
+        size = gamma(entries) * size + entries * SMALLEST
         size[free] = 0.0
         return for_p, size
 

@@ -230,6 +230,15 @@ class TestScalingVectors:
             assert (v > 0).all()
             assert (C @ v >= C.diagonal() * (1 - 1e-9)).all()
 
+    @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
+    def test_a_comparison_matrix_is_what_its_formula_says(self, seed, n):
+        """Where it is A itself, where diagonal entries are 0 or negative, and where they are not stored."""
+        A = np.random.default_rng(seed).integers(-2, 2, (n, n)).astype(float)
+        A[np.diag_indices(n)] *= -1
+        expected = -np.abs(A) + 2 * np.diag(np.abs(A.diagonal()))
+        for given_ in (A, sp.csr_array(A)):
+            assert np.array_equal(comparison_matrix(given_).toarray(), expected)
+
     def test_layers_are_found_on_a_grid_and_refused_against_the_wind(self):
         still, wind = (comparison_matrix(icp.scenes.membrane(n=900, skew=s).problem.A) for s in (0.0, 0.5))
         v = layered(still)

@@ -31,7 +31,7 @@ def comparison_matrix(A: Any) -> sp.csr_array:
         A = as_csr(A, "A", keep_diagonal=True)
     work.build(A.nnz)
     diagonal = diagonal_positions(A)
-    if (A.data[diagonal] > 0).all() and np.count_nonzero(A.data > 0) == A.shape[0]:
+    if np.array_equal(np.flatnonzero(A.data > 0), diagonal):
         return A  # a copy of a large matrix is memory that nobody has touched before
     data = -np.abs(A.data)
     data[diagonal] = -data[diagonal]
