@@ -81,6 +81,22 @@ def test_a_scale_that_is_all_rounding_is_none():
             assert solution.tolerance == pytest.approx(100.0)
 
 
+@pytest.mark.parametrize("kind", [np.array, sp.csr_array])
+@pytest.mark.parametrize("upper", [None, np.inf, 1e300])
+def test_a_row_that_overflows_is_not_certain(kind, upper):
+    """Az + q is infinite in float64, z less its obstacle 0 and exactly 6e279: nothing is known of the minimum."""
+    A, z = kind([[0.0, 1e132], [0.0, 1e-297]]), np.array([0.1 * 1e297, 1e297])
+    problem = icp.ICP(A, [0.0, -1.0], icp.Affine([[0.0, 0.1], [0.0, 0.0]]), upper)
+    with np.errstate(over="ignore"):
+        assert problem.residual(z) == 0.0
+    assert certain(problem, z, 0.0, 1e-8) == np.inf
+    assert at_least(problem, z) < 1e-15  # the other row
+    assert not problem.solve(raise_on_failure=False, max_iter=100).solved
+    if upper is None:
+        many = icp.solve_many(A, [[0.0, -1.0]], problem.psi, raise_on_failure=False)
+        assert many.statuses[0] is not icp.Status.SOLVED
+
+
 near_one = st.sampled_from([0.0, 1.0, -1.0, 3.0, 0.1, -0.3, 1.0 + 2.0**-40, 2.0**60, -(2.0**60), 1e-8, 2.0**-537])
 
 

@@ -175,10 +175,16 @@ def gap(i, indptr, indices, data, c, known, z, pairs):
 
 
 @inlined
+def unknown(value, error):
+    # what overflowed on the way is infinite, and so is the bound on its error: their difference is no number
+    return math.isnan(value - error) or math.isnan(value + error)
+
+
+@inlined
 def worst_median(of_p, of_r, of_s):
     # the same of the median of p, r and s <= r, and of r and s themselves where these may cross
     (p, for_p), (r, for_r), (s, for_s) = of_p, of_r, of_s
-    if math.isnan(p + for_p) or math.isnan(r + for_r) or math.isnan(s + for_s):
+    if unknown(p, for_p) or unknown(r, for_r) or unknown(s, for_s):
         return np.inf
     low, high = max(s - for_s, min(p - for_p, r - for_r)), max(s + for_s, min(p + for_p, r + for_r))
     size = max(abs(low), abs(high))
@@ -191,7 +197,7 @@ def worst_median(of_p, of_r, of_s):
 def worst(of_p, of_r):
     # the largest |min(p, r)| that (value, bound on its error) of both leave possible
     (p, for_p), (r, for_r) = of_p, of_r
-    if math.isnan(p + for_p) or math.isnan(r + for_r):
+    if unknown(p, for_p) or unknown(r, for_r):
         return np.inf
     return max(abs(min(p - for_p, r - for_r)), abs(min(p + for_p, r + for_r)))
 
@@ -242,6 +248,9 @@ def least(indptr, indices, data, q, G_indptr, G_indices, G_data, c, known, z, up
         s, for_s = -np.inf, 0.0
         if upper is not None:
             s, for_s = gap(i, upper[0], upper[1], upper[2], upper[3][0], upper[4], z, True)
+        if unknown(p, for_p) or unknown(r, for_r) or unknown(s, for_s):
+            out[i] = 0.0
+            continue
         low, high = max(s - for_s, min(p - for_p, r - for_r)), max(s + for_s, min(p + for_p, r + for_r))
         out[i] = low if low > 0.0 else -high if high < 0.0 else 0.0
 
