@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, InputError, NotApplicable
+from ..errors import FileError, IcpError, InputError, NotApplicable
 from ..modelling.archive import as_path, begun, check_replaceable, check_suffix, finished, opened, told
 from ..modelling.files import SIDES, folder_files
 from ..modelling.petsc_binary import PetscFile
@@ -133,7 +133,12 @@ def save_solution(solution: DistributedSolution, path: Source) -> None:
     if path.suffix.lower() == ".h5":
         p, below, _ = problem.sides(solution.z)
         vectors |= {"p": problem.vector(p), "r": problem.vector(below)}
-    _written(path, vectors, problem.comm)
+    try:
+        _written(path, vectors, problem.comm)
+    except IcpError:  # which all ranks raise
+        problem.comm.barrier()
+        raise
+    problem.comm.barrier()  # who goes on finds nothing of what rank 0 removes at the end
 
 
 def check_place_on_ranks(path: Source, comm: Any) -> None:
