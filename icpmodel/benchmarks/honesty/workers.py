@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import faulthandler
 import multiprocessing
 import signal
 import warnings
@@ -24,13 +26,11 @@ _ENDS = 1.0
 def _serve(connection: Connection, examine: Callable[[Trial], Outcome]) -> None:
     """Answers one trial after the other until the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent
+    faulthandler.enable()  # a crash may come once in a million trials, and says then where it was
     warnings.simplefilter("ignore")
-    while True:
-        try:
-            trial = connection.recv()
-        except EOFError:
-            return
-        connection.send(examine(trial))
+    with contextlib.suppress(EOFError, ConnectionError):
+        while True:
+            connection.send(examine(connection.recv()))
 
 
 @dataclass(eq=False)
