@@ -103,19 +103,17 @@ class Proximal(Method):
         # never raises SingularOperator
         yield z, None
         simple = with_fixed_obstacle(problem)
-        with np.errstate(all="ignore"):
-            path = ProximalPath(simple, z)
-            while path.advance():
-                yield path.z, path.residual if simple is problem else None
-        if path.runs_away:
-            answer = infeasible(simple, path.z - z)
-            if answer.holds:
-                raise Infeasible(answer)
+        path = ProximalPath(simple, z)
+        while path.advance():
+            yield path.z, path.residual if simple is problem else None
+        if path.runs_away and (answer := infeasible(simple, path.z - z)).holds:
+            raise Infeasible(answer)
 
 
 class ProximalPath:
     """The run: z with p, the `centre` of the subproblem with its p, and what its steps have come to."""
 
+    @np.errstate(all="ignore")
     def __init__(self, problem: ProblemData, z: Vector) -> None:
         self.problem, self.c, self.top = problem, problem.facts.obstacle, problem.facts.upper_obstacle
         self.z, self.p, self.start = z, problem.p(z), z
@@ -125,6 +123,7 @@ class ProximalPath:
         self.inside: Interior | None = None
 
     @property
+    @np.errstate(all="ignore")
     def residual(self) -> float:
         """Res(z)."""
         return norm(mid(self.p, self.z - self.c, None if self.top is None else self.z - self.top))
@@ -172,6 +171,7 @@ class ProximalPath:
         """p of the subproblem: p + μW(z − centre)."""
         return self.p + self.shift * self.weights * (self.z - self.centre[0])
 
+    @np.errstate(all="ignore")
     def advance(self) -> bool:
         """One Newton step, or False where nothing leads on."""
         whole = self.size(self.p)

@@ -215,6 +215,28 @@ def test_a_name_means_one_thing():
     assert [name for name, count in classes.items() if count > 1] == []
 
 
+def of_itself(function):
+    """The nodes of a function without those of functions within it."""
+    for node in ast.iter_child_nodes(function):
+        if not isinstance(node, ast.FunctionDef | ast.Lambda):
+            yield node
+            yield from of_itself(node)
+
+
+@each_file
+def test_no_generator_holds_errstate_over_a_yield(path):
+    """Who waits would lend his state to whoever has the turn; and where the garbage collector closes a generator that
+    was left there, it sets a context variable, at which Python 3.11 crashes if another one is just being set."""
+    for function in ast.walk(ast.parse(path.read_text())):
+        if isinstance(function, ast.FunctionDef) and not re.search(
+            "contextmanager", " ".join(map(ast.unparse, function.decorator_list))
+        ):
+            for block in of_itself(function):
+                if isinstance(block, ast.With) and "errstate" in " ".join(map(ast.unparse, block.items)):
+                    kinds = {type(node) for node in of_itself(block)}
+                    assert not kinds & {ast.Yield, ast.YieldFrom}, f"{function.name}, line {block.lineno}"
+
+
 def test_tests_patch_nothing_private():
     """What a test must vary is a parameter."""
     patched = []

@@ -57,6 +57,7 @@ class HPlusProof(Proof):
         return delta, norm_up(delta)
 
 
+@np.errstate(over="ignore", under="ignore")  # a v that is not positive and finite is refused
 def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     """Look for v: `scaling_vectors` in turn, then, where ψ needs another one, policy iteration; again in natural units.
 
@@ -96,10 +97,9 @@ def _candidates(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str
     c = natural_exponents(sp.csr_array(abs(rows) + G))[1]
     if not c.any():
         return
-    with np.errstate(over="ignore", under="ignore"):  # a v that is not positive and finite is refused
-        rows, G = in_units(rows, -c, c), in_units(G, -c, c)
-        for name, v in chain(scaling_vectors(rows), _policy_iteration(rows, G)):
-            yield f"{name} in natural units", np.ldexp(v, c)
+    rows, G = in_units(rows, -c, c), in_units(G, -c, c)
+    for name, v in chain(scaling_vectors(rows), _policy_iteration(rows, G)):
+        yield f"{name} in natural units", np.ldexp(v, c)
 
 
 def _policy_iteration(rows: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
