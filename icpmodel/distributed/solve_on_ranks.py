@@ -222,7 +222,7 @@ class _Run:
         if not np.isfinite(scale):
             _check_maps(problem, z, "at the start")
             raise MapError("the residual at the start is not finite")
-        self.scale, self.tolerance = scale, max(self.limits.atol, self.limits.rtol * scale)
+        self.scale, self.tolerance = scale, float(self.limits.tolerance(scale))
         self._seen(z, first)
         if first <= self.tolerance:
             return Status.SOLVED, ""

@@ -178,7 +178,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
         elif math.isfinite(scale):  # 0 says nothing of the scale; nor does what is rounding at the start
             scale = at_least(problem, start)
     known = math.isfinite(scale)
-    tolerance = max(limits.atol, limits.rtol * scale) if known else limits.atol
+    tolerance = float(limits.tolerance(scale)) if known else limits.atol
     # a certified error falls about as a residual does
     share = tolerance / scale if known and scale > 0.0 and limits.accuracy is None else RTOL
     return Run(

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from fractions import Fraction
 from itertools import chain
 from typing import ClassVar
 
@@ -235,6 +236,18 @@ def test_the_tolerance_is_relative_to_the_residual_at_zero_whatever_the_start():
     for z0 in (None, np.full(100, 1e6)):
         assert problem.solve("mnmgs", z0=z0, rtol=1e-6).tolerance == 1e-6 * at_zero
     assert problem.solve("mnmgs", rtol=1e-6, atol=0.1).tolerance == 0.1
+
+
+@pytest.mark.parametrize("d", [-3e-316, -1e-315, -7e-322])
+def test_a_tolerance_that_underflows_is_not_rounded_up(d):
+    """1e-8·Res(0) is less than the smallest float here, which a residual may then not be."""
+    problem = icp.ICP([[0.0]], [-1.0], psi=2 * d, upper=d)
+    most = Fraction(1e-8) * abs(Fraction(d))
+    for solution in (problem.solve(raise_on_failure=False), problem.solve("newton", raise_on_failure=False)):
+        assert Fraction(solution.tolerance) <= most
+        assert not solution.solved or abs(Fraction(solution.z[0]) - Fraction(d)) <= most
+    many = icp.solve_many([[0.0]], [[-1.0]], 2 * d, upper=d, raise_on_failure=False)
+    assert Fraction(many.tolerances[0]) <= most
 
 
 def test_tiny_and_huge_problems_are_not_solved_at_once():

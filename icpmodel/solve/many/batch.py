@@ -195,7 +195,7 @@ class Batch:
             above, above_0 = self._values(upper, Z, D), -self._values(upper, zero, D)
         residuals = row_norms(mid(p, Z - here, None if above is None else Z - above))
         at_0 = row_norms(mid(Q, -self._values(psi, zero, C), above_0))
-        tolerances = np.maximum(self.limits.atol, self.limits.rtol * at_0)
+        tolerances = self.limits.tolerance(at_0)
         of_rows = [Q, C if psi.linear is not None else here, Z, residuals, tolerances]
         if upper is not None and D is not None and above is not None:
             of_rows.append(D if upper.linear is not None else above)
