@@ -185,7 +185,7 @@ def _reduced(problem: ProblemData, aim: float, family: str | None, cheapest: flo
     share = sum(rows.size for stage in found.stages for rows in stage) / problem.n
     setup = _setup(problem) + work.COSTS.pivot_entry * found.pivoted / problem.matrix.unit
     method = ReducedTo(blocks=found, aim=aim, family_of_parts=family)
-    return [(Candidate(method, f"a reduction, {found!r}"), Expected(setup + share * cheapest, setup, 1.0, finite=True))]
+    return [(Candidate(method, f"a reduction, {found!r}"), Expected(setup + share * cheapest, setup, 0.0, finite=True))]
 
 
 def _report(problem: ProblemData, parts: list[Part], z: Vector) -> None:

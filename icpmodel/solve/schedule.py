@@ -2,7 +2,8 @@
 
 All costs are in products with A, counted and not clocked. Every candidate i says what it expects to cost, E_i, and what
 its next look costs, a few steps, with its set-up if that is still to be made. What it has left, l_i, is E_i less what
-was spent on it, s_i, until there is a rate; from then on what `forecast` makes of the rate. A candidate that has spent
+was spent on it, s_i, until there is a rate; from then on what `forecast` makes of the rate, and where it ends after
+some steps, those that it expected and has not made, each at the cost of those that it has. A candidate that has spent
 twice what it said counts as one with at least s_i left, and says so anew when it is its turn again. Nobody is thrown
 away; who waits goes on where it was. At every look the turn is with the least of
 
@@ -40,7 +41,7 @@ T = TypeVar("T")
 
 
 class Expected(NamedTuple):
-    """What a candidate says: its whole `cost`, and that of its set-up and of a step.
+    """What a candidate says: its whole `cost`, and that of its set-up and of a step, 0 where its steps are not alike.
 
     `finite`: it ends after some steps, of which the rate of the residual says nothing; else the rate is looked at after
     `look` steps. `weight`: what its cost is multiplied by.
@@ -63,23 +64,30 @@ class Turn(Generic[T]):
     def __init__(self, who: T, expected: Expected) -> None:
         self.who, self.expected, self.need = who, expected, math.inf
         self.steps, self.spent, self.fallen = 0, 0.0, [0.0]
-        #: what a step costs, by those that were made
-        self.step_cost = expected.step
+        #: what a step costs, by those that were made; but for the first one, where it had the set-up with it
+        self.step_cost, self._first = expected.step, 0.0
         self.due, self._whole = 2.0 * expected.cost, expected.cost
         self._look = 1 if expected.finite else expected.look
-        # the steps to come, and how many were made when that was found
+        # the steps to come, and how many were made when that was said
         self._forecast: tuple[float, int] | None = None
 
     def stepped(self, cost: float, fallen: float) -> bool:
         """Count a step after which the residual has `fallen` by so much, a logarithm; whether it is time for a look."""
+        said = self.expected
+        if not self.steps:
+            self._first = cost if said.setup > 0.0 else 0.0
+            if said.finite and said.step > 0.0:
+                self._forecast = (said.cost - said.setup) / said.step, 0
         self.steps += 1
         self.spent += cost
-        self.step_cost = self.spent / self.steps
+        if alike := self.steps - (said.setup > 0.0):
+            self.step_cost = (self.spent - self._first) / alike
         self.fallen.append(fallen)
         if self.steps < self._look and self.spent < self.due:
             return False
-        if not self.expected.finite and self.steps > 1:
+        if not said.finite and self.steps > 1:
             self._forecast = forecast(self.fallen, self.need), self.steps
+        if self._forecast is not None:
             self.due = min(self.due, 2.0 * (self.spent + self.left))
         self._look = self.steps + 1 if self.expected.finite else math.ceil(_AGAIN * self.steps)
         return True
@@ -104,6 +112,8 @@ class Turn(Generic[T]):
         """Its turn begins: where it is overdue it says anew when it will be done."""
         if self.spent >= self.due:
             self._whole = self.spent + self.left
+            if self.expected.finite and self._forecast is not None:
+                self._forecast = self.left / self.step_cost, self.steps
             self.due = 2.0 * self._whole
 
 

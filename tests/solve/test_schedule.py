@@ -125,6 +125,23 @@ def test_who_overruns_twofold_waits_and_goes_on_where_it_was_when_the_others_do_
     assert sum(turn.steps for turn in schedule.waiting) == 200  # nothing of what was made is lost
 
 
+def test_what_a_step_costs_is_learnt_and_no_set_up_is_taken_for_it():
+    """Ten steps of 10 after a set-up of 40 were expected: after two of 1 there are eight of 1 left."""
+    schedule = Schedule(iter([Stage(0.0, lambda: [("one", Expected(140.0, 40.0, 10.0, True))])]))
+    turn = schedule.turn()
+    assert turn.left == 140.0
+    turn.stepped(41.0, 0.0)
+    turn.stepped(1.0, 0.0)
+    assert turn.left == pytest.approx(8.0)
+
+
+def test_steps_that_are_not_alike_say_nothing_of_those_to_come():
+    turn = Schedule(iter([Stage(0.0, lambda: [("parts", Expected(100.0, 40.0, 0.0, True))])])).turn()
+    turn.stepped(41.0, 0.0)
+    turn.stepped(1.0, 0.0)
+    assert turn.left == pytest.approx(58.0)
+
+
 def test_a_fact_is_asked_for_when_twelve_times_its_cost_is_least():
     asked = []
 
