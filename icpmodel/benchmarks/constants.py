@@ -135,8 +135,10 @@ def _dense(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]
         B = random.normal(size=(n, n))
         A = sp.csr_array(B @ B.T + np.eye(n))
         yield {"dense_entry": n**2, "dense_flop": n**3 / 3.0}, partial(_factorised, A)
+        problem = ICP(A, random.normal(size=n))
+        for task in (problem.matrix.product, PSOR().step_of(problem)):
+            yield {"full_entry": n**2, "call": 1}, partial(task, problem.q)
         if n <= 300:
-            problem = ICP(A, random.normal(size=n))
             before = work.done()
             pivoted = partial(_ends, Lemke(), problem)
             pivoted()

@@ -43,6 +43,8 @@ class Costs(NamedTuple):
     #: a compiled sweep with the residual, per entry and per row
     sweep_entry: float = 0.6
     sweep_row: float = 3.3
+    #: both of a full matrix, per entry, at n = 1500; a third of it where all fits into a cache, twice where none does
+    full_entry: float = 0.2
     #: an operation on vectors, per unknown
     vector: float = 0.3
     #: a product of sparse matrices, per multiplication
@@ -106,7 +108,12 @@ def done() -> float:
 
 def product(n: int, nnz: int) -> float:
     """What A @ z costs: the unit of all estimates."""
-    return COSTS.call + COSTS.row * n + COSTS.entry * nnz
+    return COSTS.call + COSTS.row * n + _entry(n, nnz, COSTS.entry) * nnz
+
+
+def _entry(n: int, nnz: int, sparse: float) -> float:
+    """What an entry costs, a `sparse` one unless all are stored."""
+    return sparse if nnz < n * n else COSTS.full_entry
 
 
 def build_cost(nnz: int) -> float:
@@ -121,7 +128,7 @@ def build(nnz: int, matrices: int = 1) -> None:
 
 def sweep(n: int, nnz: int) -> float:
     """What one compiled sweep costs."""
-    return COSTS.call + COSTS.sweep_row * n + COSTS.sweep_entry * nnz
+    return COSTS.call + COSTS.sweep_row * n + _entry(n, nnz, COSTS.sweep_entry) * nnz
 
 
 def factor_cost(fill: Fill) -> float:

@@ -83,7 +83,7 @@ class Matrix(ReadOnly):
         if self.dense is not None:
             image: Vector = self.dense @ z
             return image
-        if self.nnz < THREADS_FROM:  # not where there is one core: the sums would be others
+        if self.nnz < min(THREADS_FROM, self.n**2):  # not where there is one core: the sums would be others
             return np.asarray(self.sparse @ z)
         from ..numerics.kernels.products import product  # loads numba
 

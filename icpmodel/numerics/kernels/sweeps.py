@@ -15,7 +15,7 @@ import numba
 from numba import types
 from numba.extending import overload
 
-from . import compiled, inlined, one, row_sum, uint
+from . import compiled, inlined, one, row_sum, run_end, two_run_sums, uint
 from .products import larger, median
 
 
@@ -116,6 +116,10 @@ def _row(i, forward, indptr, indices, data, diag, q, psi, par, z, out):
     if not forward:
         k, last, first_left, end_left = d + uint(1), end, start, d
     old, new = 0.0, 0.0
+    run = run_end(k, last, indices)
+    if run > k:
+        old, new = two_run_sums(k, run, uint(indices[k]), data, z, out)
+        k = run
     while k < last:
         a, j = data[k], uint(indices[k])
         old += a * z[j]
