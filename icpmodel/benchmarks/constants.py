@@ -28,6 +28,8 @@ from ..study.timing import as_repeats, machine
 _Units = dict[str, float]
 #: factorisations with more multiplications take seconds, and so does much with more rows but a sweep or a product
 _LARGEST, _ROWS = 1e9, 100_000
+#: full matrices have so many rows at the most
+_FULL = 1_000
 
 
 def constants(sizes: Sequence[int] = (100, 1_000, 10_000, 100_000, 1_000_000), repeats: int = 9) -> Table:
@@ -131,7 +133,7 @@ def _bands(n: int) -> Iterator[tuple[_Units, Callable[[], object]]]:
 
 def _dense(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]]:
     random = np.random.default_rng(0)
-    for n in sorted({min(n, most) for n in sizes for most in (30, 100, 300, 1000)}):
+    for n in sorted({min(n, most) for n in sizes for most in (30, 100, 300, _FULL)}):
         B = random.normal(size=(n, n))
         A = sp.csr_array(B @ B.T + np.eye(n))
         yield {"dense_entry": n**2, "dense_flop": n**3 / 3.0}, partial(_factorised, A)
@@ -178,16 +180,20 @@ def _multigrid(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], obje
 
 
 def _runs(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]]:
-    """Iterates whose sweeps cost next to nothing, and Newton's steps whose linear systems, tridiagonal ones, come to a
-    tenth of them."""
+    """Iterates whose sweeps cost next to nothing, and Newton's steps whose linear systems do: tridiagonal ones, and
+    those of full matrices of which few rows leave the obstacle."""
     few = ICP(_line(16, 2.0), -np.ones(16))
     run = partial(few.solve, PSOR(omega=1.0), rtol=0.0, max_iter=300, raise_on_failure=False)
     yield {"iterate": run().iterations}, run
     random = np.random.default_rng(0)
-    for n in (size for size in sizes if size <= _ROWS):
-        problem = ICP(_line(n, 2.5), random.normal(size=n))
-        steps = sum(1 for _ in Newton().iterates(problem, np.zeros(n))) - 1
-        yield {"newton": steps, "newton_entry": steps * problem.nnz}, partial(_ends, Newton(), problem)
+    problems = [ICP(_line(n, 2.5), random.normal(size=n)) for n in sizes if n <= _ROWS]
+    for n in sorted({min(n, _FULL) for n in sizes}):
+        few = np.where(np.arange(n) % (n // 4) == 0, -1.0, 1.0)
+        problems.append(ICP(random.random((n, n)) + n * np.eye(n), few))
+    for problem in problems:
+        steps = sum(1 for _ in Newton().iterates(problem, np.zeros(problem.n))) - 1
+        units = {"newton": steps, "newton_row": steps * problem.n, "newton_entry": steps * problem.nnz}
+        yield units, partial(_ends, Newton(), problem)
 
 
 def _line(n: int, diagonal: float) -> sp.csr_array:

@@ -80,7 +80,7 @@ class Newton(Method):
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         # sets that only shrink do so by layers whose number doubles
         matrix = facts.matrix
-        step = (work.COSTS.newton + work.COSTS.newton_entry * matrix.nnz + work.factor_cost(matrix.fill)) / matrix.unit
+        step = (work.newton(matrix.n, matrix.nnz) + work.factor_cost(matrix.fill)) / matrix.unit
         # where rows are not dominant signs wander: about twice as many steps were measured
         wander = 2.0 if matrix.coupled_radius > 1.0 else 1.0
         return Estimate(0.0, step, wander * (3.0 + math.log2(matrix.n)), 16.0 * matrix.fill.entries)
@@ -182,7 +182,7 @@ class Path:
         """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
         if self.here.theta == 0:
             return False
-        work.add(work.COSTS.newton + work.COSTS.newton_entry * self.problem.nnz)
+        work.add(work.newton(self.problem.n, self.problem.nnz))
         self.fault = None
         with np.errstate(all="ignore"):
             new = self._tried(self.plain) or self._tried(self.descent)

@@ -31,9 +31,10 @@ class Costs(NamedTuple):
     call: float = 3_000.0
     #: an iterate in Python: its residual, tests, and who has the next turn
     iterate: float = 5_000.0
-    #: a Newton step in Python: the active set, slices of sparse matrices, a solver; per step and per entry of A
+    #: a Newton step in Python: the active set, slices of sparse matrices, a solver; per step, row and entry of A
     newton: float = 400_000.0
-    newton_entry: float = 60.0
+    newton_row: float = 340.0
+    newton_entry: float = 2.0
     #: a sparse matrix made of others, entry by entry; per entry: eight times what a product costs
     built: float = 60_000.0
     built_entry: float = 8.0
@@ -129,6 +130,11 @@ def build(nnz: int, matrices: int = 1) -> None:
 def sweep(n: int, nnz: int) -> float:
     """What one compiled sweep costs."""
     return COSTS.call + COSTS.sweep_row * n + _entry(n, nnz, COSTS.sweep_entry) * nnz
+
+
+def newton(n: int, nnz: int) -> float:
+    """What a Newton step costs besides the solution of its equations."""
+    return COSTS.newton + COSTS.newton_row * n + COSTS.newton_entry * nnz
 
 
 def factor_cost(fill: Fill) -> float:
