@@ -188,12 +188,12 @@ def _runs(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]]
     random = np.random.default_rng(0)
     problems = [ICP(_line(n, 2.5), random.normal(size=n)) for n in sizes if n <= _ROWS]
     for n in sorted({min(n, _FULL) for n in sizes}):
-        few = np.where(np.arange(n) % (n // 4) == 0, -1.0, 1.0)
-        problems.append(ICP(random.random((n, n)) + n * np.eye(n), few))
+        q = np.where(np.arange(n) % (n // 4) == 0, -1.0, 1.0)
+        problems.append(ICP(random.random((n, n)) + n * np.eye(n), q))
     for problem in problems:
         steps = sum(1 for _ in Newton().iterates(problem, np.zeros(problem.n))) - 1
-        units = {"newton": steps, "newton_row": steps * problem.n, "newton_entry": steps * problem.nnz}
-        yield units, partial(_ends, Newton(), problem)
+        units = {"newton": 1.0, "newton_row": problem.n, "newton_entry": problem.nnz}
+        yield {name: steps * count for name, count in units.items()}, partial(_ends, Newton(), problem)
 
 
 def _line(n: int, diagonal: float) -> sp.csr_array:
