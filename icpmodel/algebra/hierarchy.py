@@ -188,4 +188,5 @@ def _coarsened(last: Level) -> Level | None:
     if not np.isfinite(made[1].A.data).all():
         raise NoHierarchy
     last.P, last.kept = sp.csr_array(made[0].P), np.flatnonzero(made[0].splitting)
+    last.P.sort_indices()  # as `row_sum` wants them; PyAMG makes them so, and promises nothing
     return Level(ProblemData(sp.csr_array(made[1].A), np.zeros(made[1].A.shape[0])))

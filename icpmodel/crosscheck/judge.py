@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector
+from ..numerics.rounding import share_of
 from ..problem.data import ProblemData
 from ..problem.verdict import certain
 from ..solve.solution import Solution
@@ -159,7 +160,8 @@ def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
         start = 1.0  # which suits a problem in handy units
     residual = problem.residual(y)
     floor = 4 * float(np.linalg.norm(np.maximum(*problem.rounding(y))))
-    if certain(problem, y, residual, rtol * start) <= rtol * start:
+    tolerance = float(share_of(start, rtol))
+    if certain(problem, y, residual, tolerance) <= tolerance:
         return True
     return residual <= floor <= LOOSEST * start
 

@@ -77,6 +77,11 @@ def upper(matrix: sp.csr_array, v: Vector) -> Vector:
     return -lower(matrix, -v)
 
 
+def share_of(x: Any, share: float) -> Any:
+    """`share`·x ≥ 0 of a number or an array, where that underflows rounded down: it is what exact residuals may be."""
+    return np.maximum(share * x - SMALLEST, 0.0)
+
+
 def at_most(x: float, digits: int = 3, below: float = math.inf) -> str:
     """`x` as text, rounded upwards to `digits` digits, or more where those would reach `below`, which `x` does not."""
     if not math.isfinite(x):

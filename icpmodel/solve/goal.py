@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import MapError, NotApplicable, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import Vector, as_number
-from ..numerics.rounding import SMALLEST, at_most
+from ..numerics.rounding import at_most, share_of
 from ..problem.data import ProblemData
 from ..problem.verdict import certain
 from ..theory.certificates.bounds import error_bound
@@ -50,9 +50,8 @@ class Limits:
             as_number(self.accuracy, "accuracy", above=0)
 
     def tolerance(self, scale: Any) -> Any:
-        """max(`atol`, `rtol`·`scale`), where that underflows rounded down: a residual may be as large as it, a number
-        or an array of them, and is judged in exact arithmetic."""
-        return np.maximum(self.atol, self.rtol * scale - SMALLEST)
+        """max(`atol`, `rtol`·`scale`), a number or an array of them."""
+        return np.maximum(self.atol, share_of(scale, self.rtol))
 
     def kept(self, begun: float | None = None) -> AbstractContextManager[None]:
         """A block that keeps to the limits of time, which `begun` then or now, and memory: see `numerics.work`."""

@@ -89,7 +89,7 @@ class Turn(Generic[T]):
             self._forecast = forecast(self.fallen, self.need), self.steps
         if self._forecast is not None:
             self.due = min(self.due, 2.0 * (self.spent + self.left))
-        self._look = self.steps + 1 if self.expected.finite else math.ceil(_AGAIN * self.steps)
+        self._look = self.steps + 1 if said.finite else math.ceil(_AGAIN * self.steps)
         return True
 
     @property
