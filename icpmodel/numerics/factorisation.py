@@ -21,9 +21,9 @@ from .threads import one_blas_thread
 _THRESHOLD = 0.01
 #: entries of this share of the largest one of their column will do for pivots
 _LARGE = 0.1
-#: SuperLU goes on behind a pivot of 0, with rows in another order, and says only at the end that A is singular: 1 to 80
-#: times as long as was foreseen were measured on equilibria of traffic with n = 8000
-_SINGULAR = 20.0
+#: SuperLU goes on behind a pivot of 0, with rows in another order, and says only at the end that A is singular: 1 to 2
+#: times as long as was foreseen where few pivots are (see `linear`), up to 80 times where many are
+_SINGULAR = 2.0
 #: up to so many diagonals on one side LAPACK's factorisations of bands make no blocks
 _BY_COLUMNS = 32
 #: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.numerics import work
@@ -93,6 +95,37 @@ def test_a_singular_matrix_has_no_solution(M):
     with np.errstate(all="ignore"):
         assert solver_of(M)(np.ones(M.shape[0]), 1e-8) is None
         assert solver_of(M)(np.ones(M.shape[0]), 1e-8, transposed=True) is None
+
+
+def network(seed, n=3000):
+    """BᵀB for the n arcs of a random network and some more, each row of B 1 and −1: only constants have BᵀBx = 0."""
+    rng = np.random.default_rng(seed)
+    arcs = np.arange(n + n // 5)
+    ends = np.column_stack([arcs % n, rng.integers(0, n, arcs.size)])
+    signs, rows = np.tile([1.0, -1.0], arcs.size), np.repeat(arcs, 2)
+    B = sp.csr_array((signs, (rows, ends.ravel())), shape=(arcs.size, n))
+    L = sp.csr_array(B.T @ B)
+    L.eliminate_zeros()
+    return L
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_singular_sparse_matrix_is_seen_to_be(seed):
+    """Pivots that are exactly 0 and such as rounding has left of them."""
+    L, rng = network(seed), np.random.default_rng(seed)
+    f = rng.normal(size=L.shape[0])
+    assert solver_of(L)(f, 1e-8) is None
+    assert solver_of(L)(f, 1e-8, transposed=True) is None
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 100), st.floats(-9.0, 0.0))
+def test_a_sparse_matrix_that_is_nearly_singular_is_solved_as_well_as_any(seed, size):
+    """As exactly as rounding allows: what is added to the diagonal for the pivots is taken back."""
+    L, rng = network(seed), np.random.default_rng(seed)
+    M = sp.csr_array(L + 10.0**size * sp.eye_array(L.shape[0]))
+    x = rng.normal(size=L.shape[0])
+    assert np.abs(solver_of(M)(M @ x, 1e-8) - x).max() <= 1e-15 * (5.0 + 0.1 / 10.0**size)
 
 
 def test_no_equations_have_the_empty_solution():
