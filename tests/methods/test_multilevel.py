@@ -282,6 +282,16 @@ class TestAnswers:
         near = problem.with_q(problem.q + 1e-6)
         assert near.solve(icp.Multilevel(), z0=before).iterations <= 3
 
+    @pytest.mark.parametrize("n", [801, 4001])
+    def test_a_start_that_is_smooth_and_far_away_does_not_lead_it_astray(self, n):
+        """What sweeps leave has a small residual, and its active set is wrong in many rows."""
+        problem = scenes.game_put(n=n).problem
+        smooth = problem.solve("accelerated", max_iter=60, raise_on_failure=False).z
+        assert problem.residual(smooth) <= 1e-2 * problem.residual(np.zeros(n))
+        afresh, after = (problem.solve(icp.Multilevel(), z0=z) for z in (np.zeros(n), smooth))
+        assert after.solved
+        assert after.iterations <= afresh.iterations + 3
+
     @pytest.mark.parametrize("scale", [1e-100, 1e100])
     def test_units_of_z(self, scale):
         """The same steps whatever z is measured in."""
