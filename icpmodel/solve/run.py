@@ -193,20 +193,17 @@ class Run:
             told = candidate.method, why, self.iteration, np.nan if self.best is None else self.best.residual
             _LOG.info("n = %d: %r ends, %s, at iteration %d; best residual %.3g", self.problem.n, *told)
 
-    def _begin(self, finite: bool) -> Vector:
-        """Where a new candidate begins: with the best iterate, unless that is of one that failed; afresh if `finite`.
-
-        What sweeps leave is small in the residual, but not near: it would lead the steps of Newton's methods astray.
-        """
-        failed = [one for one in self.tried if one.outcome != _WAITS]
-        if self.best is None or (finite and not failed):
+    def _begin(self) -> Vector:
+        """Where a new candidate begins: with the best iterate, unless that is of one that failed."""
+        if self.best is None:
             return self.start
-        if finite or any(one.candidate is self.best.candidate and one.outcome not in _GOOD for one in failed):
-            return self.best.z if self.restart is None else self.restart
+        failed = [one for one in self.tried if one.outcome not in _GOOD]
+        if self.restart is not None and any(one.candidate is self.best.candidate for one in failed):
+            return self.restart
         return self.best.z
 
     def _loop(self, turn: Turn[Candidate]) -> Generator[bool, None, Ended]:
-        candidate, begin = turn.who, self._begin(turn.who.method.finite)
+        candidate, begin = turn.who, self._begin()
         path = candidate.method.iterates(self.problem, begin)
         recent = Recent(self.target)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
