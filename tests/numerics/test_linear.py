@@ -188,10 +188,10 @@ def test_what_was_seen_of_the_fill_is_not_looked_for_again():
     cost = work.factor_cost(foreseen(M))
     assert look.costs_more(0.9 * cost)
     assert not look.costs_more(1.1 * cost)
-    for given in (None, look):
+    for known in (None, look):
         before = work.done()
-        assert given is None or look.costs_more(0.9 * cost)
-        factors.append(factorise(M, look=given))
+        assert known is None or look.costs_more(0.9 * cost)
+        factors.append(factorise(M, look=known))
         counts.append(work.done() - before)
     assert (factors[0].L != factors[1].L).nnz == 0
     assert counts[0] - counts[1] > work.COSTS.look * M.nnz
