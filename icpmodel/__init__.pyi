@@ -32,11 +32,11 @@ from .methods.modulus import Modulus as Modulus
 from .methods.modulus import ProjectionFixedPoint as ProjectionFixedPoint
 from .methods.multilevel import Multilevel as Multilevel
 from .methods.newton import Newton as Newton
-from .methods.pivots import Josephy as Josephy
-from .methods.pivots import Lemke as Lemke
 from .methods.proximal import Proximal as Proximal
 from .methods.psor import PSOR as PSOR
-from .methods.tridiagonal import Tridiagonal as Tridiagonal
+from .methods.shortcuts import Josephy as Josephy
+from .methods.shortcuts import Lemke as Lemke
+from .methods.shortcuts import Tridiagonal as Tridiagonal
 from .modelling.cvxpy.complementarity import Complementarity as Complementarity
 from .modelling.cvxpy.complementarity import complements as complements
 from .modelling.cvxpy.cvxpy_problem import Problem as Problem

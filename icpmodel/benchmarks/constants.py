@@ -13,8 +13,8 @@ from ..algebra.hierarchy import Hierarchy
 from ..icp import ICP
 from ..methods.contract import Method
 from ..methods.newton import Newton
-from ..methods.pivots import Lemke
 from ..methods.psor import PSOR
+from ..methods.shortcuts import Lemke
 from ..numerics import work
 from ..numerics.arrays import as_number
 from ..numerics.factorisation import factorise

@@ -20,10 +20,9 @@ from ..methods.contract import Method
 from ..methods.factorised import MNMMOD
 from ..methods.multilevel import Multilevel
 from ..methods.newton import Newton
-from ..methods.pivots import Josephy, Lemke
 from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
-from ..methods.tridiagonal import Tridiagonal
+from ..methods.shortcuts import Josephy, Lemke, Tridiagonal
 from ..numerics import work
 from ..problem.data import ProblemData
 from .candidate import Candidate

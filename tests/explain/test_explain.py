@@ -118,7 +118,7 @@ def test_the_method_that_solve_begins_with_is_named_with_its_reason(name, n):
 def test_the_page_begins_with_what_to_do_and_what_is_best_proved_comes_after():
     """On a tridiagonal matrix a direct pass does what the best proved sweeps may need thousands of steps for."""
     page = scenes.bearing().problem.explain()
-    assert isinstance(page.picked, icp.methods.tridiagonal.Tridiagonal)
+    assert isinstance(page.picked, icp.Tridiagonal)
     assert page.recommended.steps > 1000
     text, html = str(page), page._repr_html_()
     assert text.startswith(

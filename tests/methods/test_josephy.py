@@ -6,7 +6,7 @@ import pytest
 
 import icpmodel as icp
 from icpmodel.algebra.affine_lcp import AffineLcp
-from icpmodel.methods.pivots import Josephy, Lemke
+from icpmodel.methods.shortcuts import Josephy, Lemke
 
 
 def spd(rng, n, shift=1.0):

@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 import icpmodel as icp
 from icpmodel.algebra.affine_lcp import dense_lcp
 from icpmodel.errors import OutOfTime
-from icpmodel.methods.pivots import Lemke
+from icpmodel.methods.shortcuts import Lemke
 from icpmodel.numerics import work
 from icpmodel.solve.choice import choose
 from icpmodel.theory.certificates.infeasible import infeasible, multipliers

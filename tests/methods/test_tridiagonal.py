@@ -6,8 +6,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import scenes
-from icpmodel.methods.pivots import Lemke
-from icpmodel.methods.tridiagonal import Tridiagonal
+from icpmodel.methods.shortcuts import Lemke, Tridiagonal
 from icpmodel.solve.choice import choose
 
 

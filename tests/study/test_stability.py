@@ -8,7 +8,7 @@ import pytest
 
 import icpmodel as icp
 from icpmodel import study as measure
-from icpmodel.methods.pivots import Lemke
+from icpmodel.methods.shortcuts import Lemke
 from icpmodel.study import Axis, Plane, StabilityMap, planes
 from icpmodel.study.charts.figures import save
 from icpmodel.study.stability_map import GLOBAL

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from ...errors import OutOfTime, SingularOperator
 from ...methods.contract import Method
-from ...methods.pivots import Lemke
+from ...methods.shortcuts import Lemke
 from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.threads import one_blas_thread

@@ -1,4 +1,4 @@
-"""Lemke's complementary pivots on a dense dictionary: `methods.pivots` says what for.
+"""Lemke's complementary pivots on a dense dictionary: `methods.shortcuts` says what for.
 
 The dictionary of w = q + My + d·t, d = 1, has one row per basic variable: x_B = D[:, :n + 1] x_N + D[:, n + 1]. Labels
 of the variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1

@@ -1,4 +1,4 @@
-"""Tridiagonal linear complementarity problems in O(n): `methods.tridiagonal` says what for.
+"""Tridiagonal linear complementarity problems in O(n): `methods.shortcuts` says what for.
 
 Row i of A is (lower_i, diagonal_i, upper_i), entries outside the matrix being 0.
 """

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from ...algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
 from ...errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator
 from ...methods.contract import Method
-from ...methods.pivots import Lemke
-from ...methods.tridiagonal import Tridiagonal
+from ...methods.shortcuts import Lemke, Tridiagonal
 from ...numerics import work
 from ...numerics.arrays import Vector, as_array, as_real, axes, row_norms
 from ...numerics.plugins import public
