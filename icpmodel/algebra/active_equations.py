@@ -59,8 +59,8 @@ class ActiveEquations:
                 self._cycled = CycledEquations(Hierarchy(problem), 0, active, jacobian if jacobian.nnz else None)
 
     @cached_property
-    def _eliminated(self) -> _Elimination:
-        return _Elimination(*self._of)
+    def _eliminated(self) -> Elimination:
+        return Elimination(*self._of)
 
     def _factors_cost_more(self) -> bool:
         """Whether a factorisation costs more than cycles may."""
@@ -105,14 +105,18 @@ class ActiveEquations:
             return self._eliminated.solve(f, tolerance, transposed)
 
 
-class _Elimination:
+class Elimination:
     """J without its active unknowns: x_I = Tx_F + s leaves M = A_FF + A_FI T, and in Jᵀ the transpose of M.
 
     Where the chains of ψ′ through the active rows end, as those of jumps do, (I − N)⁻¹ is a product of few sparse
     factors, and with few rows at the border of I, M is little more than A_FF. Else M is J.
+
+    Parameters: as of `ActiveEquations`; a `shift` of the diagonal of A, shape (n,), or None.
     """
 
-    def __init__(self, problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array) -> None:
+    def __init__(
+        self, problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array, shift: Vector | None = None
+    ) -> None:
         from ..numerics.kernels.graph import cut  # loads numba
 
         rows, free = np.flatnonzero(active), np.flatnonzero(~active)
@@ -128,6 +132,10 @@ class _Elimination:
             self._whole = False
         except _NotWorth:
             self._M, self._whole = equations_on(problem, active, jacobian), True
+        if shift is not None:
+            self._M = sp.csr_array(
+                self._M + sp.diags_array(np.where(active, 0.0, shift) if self._whole else shift[free])
+            )
         is_part = not self._whole and self._T is None
         self._look = Look(self._M, (lambda: problem.matrix.is_symmetric) if is_part else None)
 

@@ -2,33 +2,39 @@
 
     zᵏ⁺¹ solves the LCP(A + μ_k W, q − μ_k W zᵏ),    W a positive diagonal in the units of p/z,
 
-or with an obstacle above the problem with both.
+or with an obstacle above, or obstacles that move, the problem with these.
 
-Each of these problems has one solution, which Newton's method on the modulus equation finds in a few steps from zᵏ if
-μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more the quicker
-that went, and grows where Newton's steps wander, which then count as not made. A problem is left as soon as its
-residual is a share of that of the LCP itself. Where the steps wander and most rows are free, `Interior` is tried once.
+Newton's method on the modulus equation with Ω = (1 + μ_k)W finds the solution of each of these problems in a few steps
+from zᵏ if μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more
+the quicker that went, and grows where Newton's steps wander, which then count as not made. A problem is left as soon as
+its residual is a share of that of the LCP itself. Where the steps wander, most rows are free and the obstacle is fixed,
+`Interior` is tried once.
 
 Where A is monotone (xᵀAx ≥ 0 for all x) and there is a solution, zᵏ converges to one, for all 0 < μ_k ≤ μ and errors of
 the steps that have a finite sum: see `theory.convergence.proximal_point`. A + μW with a large μ is dominated by its
-diagonal, and then Newton's steps do not wander: there is always a μ that leads on.
+diagonal, and then Newton's steps do not wander: there is always a μ that leads on. Where the obstacle moves, for large
+μ the problem is nearly z = max(ψ(z), zᵏ), which has one solution if ψ contracts, and where zᵏ⁺¹ = zᵏ that is one of the
+ICP; that zᵏ converges is not proved.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from ..algebra.active_equations import Elimination
+from ..algebra.equations import Pattern, derivative
 from ..algebra.subproblems import with_fixed_obstacle
+from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Vector, diagonal_positions, inner, norm, row_of
+from ..numerics.arrays import Vector, diagonal_positions, inner, norm
 from ..numerics.equilibration import balanced
 from ..numerics.factorisation import factorise
 from ..numerics.linear import cg_step_cost, conjugate_gradients, solver_of
@@ -37,6 +43,7 @@ from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from ..theory.certificates.infeasible import infeasible
 from .contract import Estimate, Infeasible, Iterate, Method
+from .interior import Interior
 
 #: the first μ, in units of W, and what is left of it after a problem that took at most `_QUICK` steps, or more
 _FIRST, _FALLS, _FALLS_SLOWLY, _QUICK = 0.1, 0.2, 0.5, 3
@@ -49,8 +56,6 @@ _LEAST = 1e-12
 #: what the steps through the interior cost, in factorisations of all rows: once the others have cost as much, each the
 #: square of its share of the rows, and wander, these take their place
 _INTERIOR = 20
-#: their μ, and the share of the way to the boundary that they go
-_STEADY, _NEARLY_ALL = 1e-9, 0.995
 #: so many steps without a better iterate are the last ones, but for those through the interior
 _LAST = 100
 #: the relative residual up to which a solve counts as one
@@ -68,11 +73,12 @@ class Proximal(Method):
     """z⁺ solves the LCP(A + μW, q − μWz) by modulus Newton, an iterate per step; W = D, μ falls from 0.1.
 
     For monotone A (xᵀAx ≥ 0), definite or not, symmetric or not, with a zero diagonal or without: contact with
-    redundant constraints, equilibria, linear and quadratic programs with their duals. The obstacle must be fixed (see
-    `with_fixed_obstacle`). Where there is a solution it converges to one of them, and nothing like nondegeneracy is
+    redundant constraints, equilibria, linear and quadratic programs with their duals. Where the obstacle is fixed (see
+    `with_fixed_obstacle`) and there is a solution it converges to one of them, and nothing like nondegeneracy is
     asked for; where there is none the iterates are not bounded, their direction is tried as a proof, and the method
-    raises `Infeasible` or ends. It ends as well where a hundred steps do not reduce the residual by a tenth. Units of z
-    and p have no influence on the path where A is symmetric, and little where it is not.
+    raises `Infeasible` or ends. An obstacle that moves with other unknowns is followed by its derivative; then nothing
+    is proved. It ends as well where a hundred steps do not reduce the residual by a tenth. Units of z and p have no
+    influence on the path where A is symmetric, and little where it is not.
     References: Rockafellar, SIAM J. Control Optim. 14 (1976); Luque, SIAM J. Control Optim. 22 (1984), for the rate;
     Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the inner steps.
 
@@ -86,24 +92,22 @@ class Proximal(Method):
     finite: ClassVar[bool] = True
 
     def why_not(self, problem: ProblemData) -> str | None:
-        if problem.facts.has_fixed_obstacle:
-            return None
-        return (
-            f"the proximal loop needs a psi that is constant, or moves with z_i alone and by less, not {problem.psi!r}"
-        )
+        return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         # 12 to 17 steps were measured at n = 100, 20 to 60 at 1000 and 30 to 100 at 10 000, contact to linear programs,
         # and two fifths of them from where 25 or 80 sweeps had led
         matrix = facts.matrix
-        solve = min(work.factor_cost(matrix.fill), _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz))
-        step = (work.COSTS.newton + solve) / matrix.unit
+        solve, around = work.factor_cost(matrix.fill), work.newton(matrix.n, matrix.nnz)
+        if facts.has_fixed_obstacle:
+            solve, around = min(solve, _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz)), work.COSTS.newton
+        step = (around + solve) / matrix.unit
         return Estimate(0.0, step, 3.0 + math.log2(matrix.n), 12.0 * matrix.fill.entries)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
         yield z, None
-        simple = with_fixed_obstacle(problem)
+        simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
         path = ProximalPath(simple, z)
         while path.advance():
             yield path.z, path.residual if simple is problem else None
@@ -116,18 +120,22 @@ class ProximalPath:
 
     @np.errstate(all="ignore")
     def __init__(self, problem: ProblemData, z: Vector) -> None:
-        self.problem, self.c, self.top = problem, problem.facts.obstacle, problem.facts.upper_obstacle
-        self.z, self.p, self.start = z, problem.p(z), z
+        self.problem, self.start, self.moves = problem, z, not problem.facts.has_fixed_obstacle
+        if not self.moves:
+            self.c, self.top = problem.facts.obstacle, problem.facts.upper_obstacle
+        self._move(z, problem.p(z))
         self.centre = self.z, self.p
         self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
-        self.best, self.idle, self.spent, self.iterative = np.inf, 0, 0.0, self.is_symmetric
+        self.best, self.idle, self.iterative = np.inf, 0, self.is_symmetric
         self.inside: Interior | None = None
+        # no way through the interior where the obstacle moves
+        self.spent = -np.inf if self.moves else 0.0
 
     @property
     @np.errstate(all="ignore")
     def residual(self) -> float:
         """Res(z)."""
-        return norm(mid(self.p, self.z - self.c, None if self.top is None else self.z - self.top))
+        return norm(mid(self.p, self.r, self.above))
 
     @cached_property
     def is_symmetric(self) -> bool:
@@ -156,7 +164,7 @@ class ProximalPath:
     def runs_away(self) -> bool:
         """Whether the largest entries of y, the way from the start, have Aᵀy ≤ 0, as far as floats tell, and lead down,
         where nothing is above."""
-        if self.top is not None:
+        if self.moves or self.top is not None:
             return False
         y = self.z - self.start
         y = np.where(np.abs(y) > _LARGE * np.abs(y).max(), y, 0.0)
@@ -165,8 +173,8 @@ class ProximalPath:
 
     def size(self, p: Vector) -> float:
         """‖min(p, Wr)‖ in the units of W."""
-        top = None if self.top is None else self.root * (self.z - self.top)
-        return norm(mid(p / self.root, self.root * (self.z - self.c), top))
+        above = None if self.above is None else self.root * self.above
+        return norm(mid(p / self.root, self.root * self.r, above))
 
     def pull(self) -> Vector:
         """p of the subproblem: p + μW(z − centre)."""
@@ -177,7 +185,7 @@ class ProximalPath:
         """One Newton step, or False where nothing leads on."""
         whole = self.size(self.p)
         self.idle += 1
-        work.add(work.COSTS.newton)
+        work.add(work.newton(self.problem.n, self.problem.nnz) if self.moves else work.COSTS.newton)
         if whole < _REDUCED * self.best:
             self.best, self.idle = whole, 0
         if whole == 0.0:
@@ -186,7 +194,7 @@ class ProximalPath:
             return self.spent > -np.inf and not self.runs_away and self._goes_inside()
         if self.inside is not None:
             if self.inside.leads_on(whole) and self.inside.advance():
-                self.z, self.p = self.inside.z, self.inside.p
+                self._move(self.inside.z, self.inside.p)
                 return True
             self.inside, here = None, (self.z, self.p)
             self._begin(*self.centre, self.shift)
@@ -209,12 +217,15 @@ class ProximalPath:
 
     def _goes_inside(self) -> bool:
         """The first of the steps through the interior, which are tried once."""
-        self.spent, self.idle, self.inside = -np.inf, 0, Interior(self)
+        self.spent, self.idle, self.inside = -np.inf, 0, Interior(self.problem, self.weights, self.resting)
         return self.advance()
 
+    def _move(self, z: Vector, p: Vector) -> None:
+        self.z, self.p, self.r, self.above = z, p, self.problem.r(z), self.problem.r_upper(z)
+
     def _begin(self, z: Vector, p: Vector, shift: float) -> None:
-        self.z, self.p, self.shift = z, p, shift
-        self.centre = z, p
+        self._move(z, p)
+        self.centre, self.shift = (z, p), shift
         self.made, self.waited, self.least = 0, 0, self.size(p)
 
     def _falls(self, own: float) -> bool:
@@ -227,15 +238,30 @@ class ProximalPath:
 
     def _step(self) -> bool:
         """The active rows rest on the obstacle, in the others the p of the subproblem is 0; False where that fails."""
+        pull = self.pull()
+        pattern = Pattern.of(self.r, self.above, pull / ((1.0 + self.shift) * self.weights))
+        moved = None
+        with suppress(MapError):
+            moved = self._newton_step(pattern, pull) if self.moves else self._resting_step(pattern)
+            if moved is not None:
+                self._move(*moved)
+        return moved is not None and bool(np.isfinite(self.p).all())
+
+    def _newton_step(self, pattern: Pattern, pull: Vector) -> tuple[Vector, Vector] | None:
+        """z and p after one that follows the obstacle, None where it fails."""
+        J, shift = derivative(self.problem.psi, self.z, pattern.above), self.shift * self.weights
+        equations = Elimination(self.problem, pattern.active, J, shift)
+        step = equations.solve(-np.where(pattern.active, pattern.r, pull), _BACKWARD, transposed=False)
+        return None if step is None else (self.z + step, self.problem.p(self.z + step))
+
+    def _resting_step(self, pattern: Pattern) -> tuple[Vector, Vector] | None:
+        """The same where the obstacle is fixed."""
         from ..numerics.kernels.graph import cut  # loads numba
 
-        problem, A = self.problem, self.problem.A
-        pull = self.pull()
-        active = self.weights * (self.z - self.c) < pull
+        problem, A, active = self.problem, self.problem.A, pattern.active
         z = np.where(active, self.c, self.z)
-        if self.top is not None:
-            above = self.weights * (self.z - self.top) > pull
-            active, z = active | above, np.where(above, self.top, z)
+        if pattern.above is not None and self.top is not None:
+            z = np.where(pattern.above, self.top, z)
         free = np.flatnonzero(~active)
         self.spent += (free.size / active.size) ** 2
         if free.size:
@@ -245,18 +271,9 @@ class ProximalPath:
             M.data[diagonal_positions(M)] += shift
             x = self._solution(M, shift * self.centre[0][free] - p - M @ z[free])
             if x is None:
-                return False
+                return None
             z[free] += x
-        self.z, self.p = z, self._product(free if self.top is None else np.flatnonzero(z != self.resting[0]), z)
-        return bool(np.isfinite(self.p).all())
-
-    def _product(self, free: NDArray[np.intp], z: Vector) -> Vector:
-        """p(z): by the columns of the few rows, `free`, that are not at the lower obstacle, where A is symmetric."""
-        A, terms = self.problem.A, int(np.diff(self.problem.A.indptr)[free].sum())
-        if not self.is_symmetric or 3 * terms > A.nnz:  # to take rows out costs as much as to multiply twice
-            return self.problem.p(z)
-        c, p = self.resting
-        return p + A[free].T @ (z[free] - c[free])
+        return z, problem.p(z)
 
     def _solution(self, M: sp.csr_array, f: Vector) -> Vector | None:
         """x with Mx = f, M definite: by conjugate gradients as long as these promise to cost less."""
@@ -272,82 +289,3 @@ class ProximalPath:
             if norm(M @ x - f) <= _BACKWARD * norm(f):
                 return x
         return solver_of(M)(f, _BACKWARD)
-
-
-class Interior:
-    """Newton's steps with the modulus rounded off, √(x² + 4ε²) for |x|: then r, s > 0 and rs = ε², and ε falls.
-
-    s comes to p as z does to the solution; with an obstacle above, r and s have a second column for it, r₂ = ψ̄ − z, and
-    s₁ − s₂ comes to p. Every row counts, but there is no sign pattern to be found; each step is a proximal one with its
-    own z for centre. That they lead on is not proved: where they do not, the others go on.
-    Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε.
-    """
-
-    def __init__(self, path: ProximalPath) -> None:
-        self.path, A = path, path.problem.A
-        self.diagonal, self.row = path.problem.matrix.rows.diag, row_of(A)
-        c, p = path.resting
-        size = float(np.abs((np.minimum(p, 0.0) if path.top is None else p) / path.root).max())
-        bounded, r, s = ~np.isneginf(path.c), size / path.root, size * path.root
-        self.z = c + np.where(bounded, r, 0.0)
-        sides = [(bounded, r)]
-        if path.top is not None:
-            # in the middle where there is less room; rows that cannot move keep a trace of it
-            has = np.isfinite(path.top)
-            r = np.where(bounded & has, np.clip(0.5 * (path.top - path.c), _LEAST * r, r), r)
-            self.z = np.where(bounded, path.c + r, np.where(has, np.minimum(c, path.top - r), c))
-            sides = [(bounded, r), (has, np.maximum(path.top - self.z, r))]
-        self.bounded = np.column_stack([has for has, _ in sides])
-        self.r = np.where(self.bounded, np.column_stack([r for _, r in sides]), 1.0)
-        self.s = np.where(self.bounded, s[:, None], 0.0)
-        self.sign = np.array([1.0, -1.0])[: len(sides)]
-        self.p, self.best, self.waited = path.p, np.inf, 0
-
-    def leads_on(self, whole: float) -> bool:
-        """Whether the residual, now `whole`, has not been without reduction for too long."""
-        if whole < _REDUCED * self.best:
-            self.best, self.waited = whole, 0
-        self.waited += 1
-        return self.waited <= _INTERIOR
-
-    def advance(self) -> bool:
-        """One step, False where it fails."""
-        r, s, problem = self.r, self.s, self.path.problem
-        rest = s @ self.sign - problem.p(self.z)
-        solve = self._solver(np.where(self.bounded, s / r, 0.0).sum(axis=1))
-        both = max(int(np.count_nonzero(self.bounded)), 1)
-        size = inner(r.ravel(), s.ravel()) / both
-
-        def direction(target: Vector) -> tuple[Vector, Vector, Vector, float]:
-            dz = solve(rest - np.where(self.bounded, target / r, 0.0) @ self.sign)
-            dr = dz[:, None] * self.sign
-            ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
-            steps = -dr / r, -ds / np.where(self.bounded, s, 1.0)
-            longest = max(float(np.max(x[self.bounded], initial=0.0)) for x in steps)
-            return dz, dr, ds, longest
-
-        _, dr, ds, longest = direction(r * s)
-        t = 1.0 / max(longest, 1.0)
-        after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
-        dz, dr, ds, longest = direction(r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0))
-        t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
-        self.r, self.s, self.z = np.where(self.bounded, r + t * dr, 1.0), s + t * ds, self.z + t * dz
-        self.p = problem.p(self.z)
-        return bool(np.isfinite(self.p).all())
-
-    def _solver(self, slopes: Vector) -> Callable[[Vector], Vector]:
-        A = self.path.problem.A
-        data = A.data.copy()
-        data[self.diagonal] += slopes + _STEADY * self.path.weights
-        unit = 1.0 / np.sqrt(data[self.diagonal])
-        M = sp.csr_array((data * unit[self.row] * unit[A.indices], A.indices, A.indptr), shape=A.shape)
-        lu = factorise(M, definite=True)
-
-        def solve(f: Vector) -> Vector:
-            if lu is None:
-                return np.full(f.size, np.nan)
-            x = lu.solve(unit * f)
-            x += lu.solve(unit * f - M @ x)  # without exchanges of rows digits may be lost
-            return np.asarray(unit * x)
-
-        return solve

@@ -21,9 +21,6 @@ from .threads import one_blas_thread
 _THRESHOLD = 0.01
 #: entries of this share of the largest one of their column will do for pivots
 _LARGE = 0.1
-#: SuperLU goes on behind a pivot of 0, with rows in another order, and says only at the end that A is singular: 1 to 2
-#: times as long as was foreseen where few pivots are (see `linear`), up to 80 times where many are
-_SINGULAR = 2.0
 #: up to so many diagonals on one side LAPACK's factorisations of bands make no blocks
 _BY_COLUMNS = 32
 #: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen
@@ -172,7 +169,7 @@ def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Fact
         threshold = 0.0 if diagonal_pivots else _THRESHOLD
         lu = splu(inner, permc_spec="NATURAL", diag_pivot_thresh=threshold, options={"SymmetricMode": True})
     except RuntimeError:
-        work.add(_SINGULAR * work.factor_cost(fill))
+        work.add(2.0 * work.factor_cost(fill))  # as it was foreseen, or twice that where few pivots are 0, see `linear`
         return None
     # exchanges of rows make more than was foreseen
     flops = fill.flops * max(lu.nnz / fill.entries, 1.0) ** 1.5

@@ -197,10 +197,8 @@ class Run:
         """Where a new candidate begins: with the best iterate, unless that is of one that failed."""
         if self.best is None:
             return self.start
-        failed = [one for one in self.tried if one.outcome not in _GOOD]
-        if self.restart is not None and any(one.candidate is self.best.candidate for one in failed):
-            return self.restart
-        return self.best.z
+        failed = any(one.candidate is self.best.candidate and one.outcome not in _GOOD for one in self.tried)
+        return self.best.z if self.restart is None or not failed else self.restart
 
     def _loop(self, turn: Turn[Candidate]) -> Generator[bool, None, Ended]:
         candidate, begin = turn.who, self._begin()

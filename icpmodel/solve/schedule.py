@@ -12,13 +12,13 @@ away; who waits goes on where it was. At every look the turn is with the least o
 w_i ≤ 2 being what the choice makes of the kind of the method. The second term lets each candidate show what it can do
 for 1/κ of what the best one has left, whatever was expected of it.
 
-**Bound.** Let T be what the best candidate, *, costs in hindsight, up to the look that would follow (twice as much
-more, or a first look), and let nobody's look cost more than it said. While * is not done, π_* ≤ κT. So a candidate i
-has its turn only with π_i ≤ κT. Where that is the second term, s_i ≤ T after the look. Where it is the first,
-l_i ≤ κT/w_i, and it is overdue when it has spent 2(s + l_i), s what it had spent when it said so: at most T if it had
-its turns by the second term before, at most l_i if it was overdue. So it spends no more than 4κT/w_i, as then s_i ≤ l_i
-ends its turns. With w_i ≥ 1/1.2 that is 4.8κT, and m candidates cost at most (4.8κ(m − 1) + 1)T and a look each,
-whatever was expected.
+**Bound.** Let T be what the best candidate, *, costs in hindsight from where it begins, up to the look that would
+follow (twice as much more, or a first look), and let nobody's look cost more than it said. While * is not done, π_* ≤
+κT. So a candidate i has its turn only with π_i ≤ κT. Where that is the second term, s_i ≤ T after the look. Where it is
+the first, l_i ≤ κT/w_i, and it is overdue when it has spent 2(s + l_i), s what it had spent when it said so: at most T
+if it had its turns by the second term before, at most l_i if it was overdue. So it spends no more than 4κT/w_i, as then
+s_i ≤ l_i ends its turns. With w_i ≥ 1/1.2 that is 4.8κT, and m candidates cost at most (4.8κ(m − 1) + 1)T and a look
+each, whatever was expected.
 Where they cost what they expect to, the least expected cost is paid, and at most (m − 1)/κ of it for shows.
 Facts that further candidates need have a turn as well, when twelve times their cost is least, and what these candidates
 cost at the least is not more either: while * is not done each look at facts costs no more than κT/12.

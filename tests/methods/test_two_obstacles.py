@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import ICP, Affine, Elementwise, Function, scenes
-from icpmodel.methods import named, names
+from icpmodel.methods import names
 from icpmodel.solve.solution import Status
 
 #: they say in a sentence that they are made for one obstacle
@@ -49,8 +49,6 @@ def test_every_method_finds_the_one_solution_that_enumeration_finds(name, moves)
         problem = drawn(seed, 1 + seed, moves)
         (z, *others) = enumerated(problem)
         assert all(np.allclose(other, z) for other in others)
-        if name == "proximal" and named(name).why_not(problem):  # ψ moves with other unknowns
-            continue
         solution = problem.solve(name)
         np.testing.assert_allclose(solution.z, z, atol=1e-6)
         assert np.abs(solution.z - z).max() <= solution.error_bound + 1e-12

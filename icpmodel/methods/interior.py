@@ -1,0 +1,100 @@
+"""Newton's steps through the interior, for proximal problems on which the signs of the modulus wander."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..numerics.arrays import Vector, inner, row_of
+from ..numerics.factorisation import factorise
+from ..problem.data import ProblemData
+
+#: so many steps may pass without a reduction of the residual by a tenth
+_PATIENCE, _REDUCED = 20, 0.9
+#: what of W is added to A, and the share of the way to the boundary that is gone
+_STEADY, _NEARLY_ALL = 1e-9, 0.995
+#: the least room between two obstacles, as a share of what rows with one have
+_LEAST = 1e-12
+
+
+class Interior:
+    """Newton's steps with the modulus rounded off, √(x² + 4ε²) for |x|: then r, s > 0 and rs = ε², and ε falls.
+
+    s comes to p as z does to the solution; with an obstacle above, r and s have a second column for it, r₂ = ψ̄ − z, and
+    s₁ − s₂ comes to p. Every row counts, but there is no sign pattern to be found; each step is a proximal one with its
+    own z for centre. That they lead on is not proved: where they do not, the others go on.
+    Parameters: `problem` with fixed obstacles; W, the `weights` of p/z, shape (n,); `resting` = (c, Ac + q), with what
+    is nearest to 0 for c in the rows that have no obstacle below.
+    Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε.
+    """
+
+    def __init__(self, problem: ProblemData, weights: Vector, resting: tuple[Vector, Vector]) -> None:
+        self.problem, self.weights = problem, weights
+        self.diagonal, self.row = problem.matrix.rows.diag, row_of(problem.A)
+        (c, p), root, top = resting, np.sqrt(weights), problem.facts.upper_obstacle
+        size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / root).max())
+        bounded, r, s = ~np.isneginf(problem.facts.obstacle), size / root, size * root
+        self.z = c + np.where(bounded, r, 0.0)
+        sides = [(bounded, r)]
+        if top is not None:
+            # in the middle where there is less room; rows that cannot move keep a trace of it
+            has = np.isfinite(top)
+            r = np.where(bounded & has, np.clip(0.5 * (top - c), _LEAST * r, r), r)
+            self.z = np.where(bounded, c + r, np.where(has, np.minimum(c, top - r), c))
+            sides = [(bounded, r), (has, np.maximum(top - self.z, r))]
+        self.bounded = np.column_stack([has for has, _ in sides])
+        self.r = np.where(self.bounded, np.column_stack([r for _, r in sides]), 1.0)
+        self.s = np.where(self.bounded, s[:, None], 0.0)
+        self.sign = np.array([1.0, -1.0])[: len(sides)]
+        self.best, self.waited = np.inf, 0
+
+    def leads_on(self, whole: float) -> bool:
+        """Whether the residual, now `whole`, has not been without reduction for too long."""
+        if whole < _REDUCED * self.best:
+            self.best, self.waited = whole, 0
+        self.waited += 1
+        return self.waited <= _PATIENCE
+
+    def advance(self) -> bool:
+        """One step, False where it fails."""
+        r, s, problem = self.r, self.s, self.problem
+        rest = s @ self.sign - problem.p(self.z)
+        solve = self._solver(np.where(self.bounded, s / r, 0.0).sum(axis=1))
+        both = max(int(np.count_nonzero(self.bounded)), 1)
+        size = inner(r.ravel(), s.ravel()) / both
+
+        def direction(target: Vector) -> tuple[Vector, Vector, Vector, float]:
+            dz = solve(rest - np.where(self.bounded, target / r, 0.0) @ self.sign)
+            dr = dz[:, None] * self.sign
+            ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
+            steps = -dr / r, -ds / np.where(self.bounded, s, 1.0)
+            longest = max(float(np.max(x[self.bounded], initial=0.0)) for x in steps)
+            return dz, dr, ds, longest
+
+        _, dr, ds, longest = direction(r * s)
+        t = 1.0 / max(longest, 1.0)
+        after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
+        dz, dr, ds, longest = direction(r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0))
+        t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
+        self.r, self.s, self.z = np.where(self.bounded, r + t * dr, 1.0), s + t * ds, self.z + t * dz
+        self.p = problem.p(self.z)
+        return bool(np.isfinite(self.p).all())
+
+    def _solver(self, slopes: Vector) -> Callable[[Vector], Vector]:
+        A = self.problem.A
+        data = A.data.copy()
+        data[self.diagonal] += slopes + _STEADY * self.weights
+        unit = 1.0 / np.sqrt(data[self.diagonal])
+        M = sp.csr_array((data * unit[self.row] * unit[A.indices], A.indices, A.indptr), shape=A.shape)
+        lu = factorise(M, definite=True)
+
+        def solve(f: Vector) -> Vector:
+            if lu is None:
+                return np.full(f.size, np.nan)
+            x = lu.solve(unit * f)
+            x += lu.solve(unit * f - M @ x)  # without exchanges of rows digits may be lost
+            return np.asarray(unit * x)
+
+        return solve
