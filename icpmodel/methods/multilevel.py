@@ -38,8 +38,8 @@ from .newton import Newton
 _COARSE, _LEAST, _LOOKS = 0.05, 1e-8, 8
 #: where ψ is an intervention, at the second one or after so many: a step there costs little against the finest level's
 _POLICIES = 30
-#: a start with this share of Res(0) is tried, as long as each look halves the residual
-_NEAR = 1e-2
+#: a start with this share of Res(0) is kept; a larger one may well be smooth and far away, as what sweeps leave
+_NEAR = 1e-5
 #: where so many looks do not halve the residual, or the second number do not reduce it at all, others do better
 _PATIENCE, _SHORT_PATIENCE = 12, 5
 
@@ -116,35 +116,21 @@ class Multilevel(Method):
         hierarchy = Hierarchy(problem)
         simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
         at_0 = problem.residual_at_0()
-        is_near = first <= _NEAR * at_0
+        start = z if first <= _NEAR * at_0 else self.start(hierarchy, simple)
         if problem.psi.takes_best:
-            start = z if is_near else self.start(hierarchy, simple)
             return start if problem.residual(start) <= min(first, at_0) else z
-        # a residual is small as well where what sweeps have left is smooth, and far away: then looks do not halve it
-        if is_near:
-            z, first = yield from self._from(hierarchy, simple, z, 1, simple is problem)
-        best, least = yield from self._from(
-            hierarchy, simple, self.start(hierarchy, simple), _PATIENCE, simple is problem
-        )
-        return best if least <= first else z
-
-    def _from(
-        self, hierarchy: Hierarchy, simple: ProblemData, start: Vector, patience: int, told: bool
-    ) -> Generator[Iterate, None, tuple[Vector, float]]:
-        """The looks from `start` until `patience` of them have not halved the residual, which is `told` of the
-        iterates; returns the best one with its residual."""
-        mark, least, halved_at, better_at, best = np.inf, np.inf, 0, 0, start
+        mark, least, halved_at, better_at, best = np.inf, np.inf, 0, 0, z
         for look, (iterate, residual) in enumerate(newton_looks(hierarchy, simple, start, 0)):
             if not residual < np.inf:
                 break
-            yield iterate, residual if told else None
+            yield iterate, residual if simple is problem else None
             if residual < least:
                 least, better_at, best = residual, look, iterate
             if residual <= 0.5 * mark:
                 mark, halved_at = residual, look
-            if look - halved_at >= patience or look - better_at >= _SHORT_PATIENCE:
+            if look - halved_at >= _PATIENCE or look - better_at >= _SHORT_PATIENCE:
                 break
-        return best, least
+        return best
 
 
 def coarse_problem(problem: ProblemData, level: Level, coarser: Level) -> tuple[ProblemData, Vector]:

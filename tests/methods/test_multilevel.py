@@ -284,7 +284,7 @@ class TestAnswers:
 
     @pytest.mark.parametrize("n", [801, 4001])
     def test_a_start_that_is_smooth_and_far_away_does_not_lead_it_astray(self, n):
-        """What sweeps leave has a small residual, and its active set is wrong in many rows."""
+        """What sweeps leave has a small residual, and an active set that is wrong in many rows: the levels help."""
         problem = scenes.game_put(n=n).problem
         smooth = problem.solve("accelerated", max_iter=60, raise_on_failure=False).z
         assert problem.residual(smooth) <= 1e-2 * problem.residual(np.zeros(n))
