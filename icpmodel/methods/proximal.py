@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -107,12 +106,16 @@ class Proximal(Method):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
         yield z, None
-        simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
+        simple = with_fixed_obstacle(problem)
         path = ProximalPath(simple, z)
         while path.advance():
             yield path.z, path.residual if simple is problem else None
         if path.runs_away and (answer := infeasible(simple, path.z - z)).holds:
             raise Infeasible(answer)
+
+
+#: z, p, and z less the obstacle below and the one above, None where there is none
+Point = tuple[Vector, Vector, Vector, Vector | None]
 
 
 class ProximalPath:
@@ -123,8 +126,8 @@ class ProximalPath:
         self.problem, self.start, self.moves = problem, z, not problem.facts.has_fixed_obstacle
         if not self.moves:
             self.c, self.top = problem.facts.obstacle, problem.facts.upper_obstacle
-        self._move(z, problem.p(z))
-        self.centre = self.z, self.p
+        self._move(self._at(z, problem.p(z)))
+        self.centre = self.point
         self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
         self.best, self.idle, self.iterative = np.inf, 0, self.is_symmetric
         self.inside: Interior | None = None
@@ -194,24 +197,24 @@ class ProximalPath:
             return self.spent > -np.inf and not self.runs_away and self._goes_inside()
         if self.inside is not None:
             if self.inside.leads_on(whole) and self.inside.advance():
-                self._move(self.inside.z, self.inside.p)
+                self._move(self._at(self.inside.z, self.inside.p))
                 return True
-            self.inside, here = None, (self.z, self.p)
-            self._begin(*self.centre, self.shift)
+            self.inside, here = None, self.point
+            self._begin(self.centre, self.shift)
             if whole < self.least:
-                self._begin(*here, self.shift)
+                self._begin(here, self.shift)
         own = self.size(self.pull())
         if self.made and own <= _SHARE * whole:
             falls = _FALLS if self.made <= _QUICK else _FALLS_SLOWLY
-            self._begin(self.z, self.p, max(falls * self.shift, _LEAST))
+            self._begin(self.point, max(falls * self.shift, _LEAST))
         elif not self._falls(own):
-            self._begin(*self.centre, _GROWS * self.shift)
+            self._begin(self.centre, _GROWS * self.shift)
             if self.spent >= _INTERIOR:
                 return self._goes_inside()
         while not self._step():
             if not self.shift < 1.0 / _LEAST:
                 return False
-            self._begin(*self.centre, _GROWS * self.shift)
+            self._begin(self.centre, _GROWS * self.shift)
         self.made += 1
         return True
 
@@ -220,13 +223,16 @@ class ProximalPath:
         self.spent, self.idle, self.inside = -np.inf, 0, Interior(self.problem, self.weights, self.resting)
         return self.advance()
 
-    def _move(self, z: Vector, p: Vector) -> None:
-        self.z, self.p, self.r, self.above = z, p, self.problem.r(z), self.problem.r_upper(z)
+    def _at(self, z: Vector, p: Vector) -> Point:
+        return z, p, self.problem.r(z), self.problem.r_upper(z)
 
-    def _begin(self, z: Vector, p: Vector, shift: float) -> None:
-        self._move(z, p)
-        self.centre, self.shift = (z, p), shift
-        self.made, self.waited, self.least = 0, 0, self.size(p)
+    def _move(self, point: Point) -> None:
+        self.point = self.z, self.p, self.r, self.above = point
+
+    def _begin(self, centre: Point, shift: float) -> None:
+        self._move(centre)
+        self.centre, self.shift = centre, shift
+        self.made, self.waited, self.least = 0, 0, self.size(self.p)
 
     def _falls(self, own: float) -> bool:
         """Whether the residual of the subproblem, now `own`, has not been without reduction for too long."""
@@ -240,12 +246,14 @@ class ProximalPath:
         """The active rows rest on the obstacle, in the others the p of the subproblem is 0; False where that fails."""
         pull = self.pull()
         pattern = Pattern.of(self.r, self.above, pull / ((1.0 + self.shift) * self.weights))
-        moved = None
-        with suppress(MapError):
+        try:
             moved = self._newton_step(pattern, pull) if self.moves else self._resting_step(pattern)
-            if moved is not None:
-                self._move(*moved)
-        return moved is not None and bool(np.isfinite(self.p).all())
+            if moved is None:
+                return False
+            self._move(self._at(*moved))
+        except MapError:
+            return False
+        return bool(np.isfinite(self.size(self.p)))
 
     def _newton_step(self, pattern: Pattern, pull: Vector) -> tuple[Vector, Vector] | None:
         """z and p after one that follows the obstacle, None where it fails."""

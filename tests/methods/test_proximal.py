@@ -176,19 +176,32 @@ def test_a_moving_obstacle_without_derivative_is_refused_with_the_reason():
         problem.solve("proximal")
 
 
-def test_a_psi_that_fails_on_the_way_is_no_foreign_exception():
-    """Its steps are taken back, and shorter ones tried."""
+@pytest.mark.parametrize("value", [np.nan, None])
+def test_a_step_at_which_psi_fails_is_taken_back_and_a_shorter_one_tried(value):
+    """ψ, which moves with the other unknown, has no value or raises, once, where the second step leads."""
+    fails = False
 
     def psi(z):
-        if (z > 1e3).any():
-            raise ValueError("too large")
-        return 0.5 * np.sqrt(z[::-1])
+        nonlocal fails
+        if fails:
+            fails = False
+            if value is None:
+                raise ValueError("out of the domain")
+            return np.full(2, value)
+        return 0.3 * np.cos(z[::-1])
 
-    rises = icp.Function(psi, lambda z: sp.csr_array(np.fliplr(np.diag(0.25 / np.sqrt(z[::-1])))))
-    problem = icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, -1.0], rises)
-    solution = run(problem, z0=[0.1, 0.2])
-    assert solution.solved or solution.status is not Status.SOLVED
-    assert np.isfinite(solution.z).all()
+    moving = icp.Function(psi, lambda z: sp.csr_array(np.fliplr(np.diag(-0.3 * np.sin(z[::-1])))))
+    problem = icp.ICP([[1.0, 0.5], [0.5, 1.0]], [-1.0, 0.2], moving)
+    path, other = (ProximalPath(problem, np.array([2.0, -1.0])) for _ in range(2))
+    assert all(one.advance() and one.made == 1 for one in (path, other))
+    assert other.advance()
+    fails = True
+    assert path.advance()
+    assert not fails
+    assert path.shift > other.shift
+    assert np.array_equal(path.centre[0], other.centre[0])
+    while path.residual > 1e-8 * problem.residual_at_0():
+        assert path.advance()
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -213,6 +226,20 @@ def test_what_is_not_monotone_may_fail_but_ends():
         problem = icp.ICP(A + A.T, rng.normal(size=20))
         path = icp.Proximal().iterates(problem, np.zeros(20))
         assert sum(1 for _ in itertools.islice(path, 5000)) < 5000
+
+
+def test_a_path_has_the_residual_of_its_iterates():
+    """Where few rows leave the obstacle as well."""
+    rng = np.random.default_rng(5)
+    i, j = np.divmod(np.arange(400), 20)
+    E = sp.coo_array((np.ones(800), (np.tile(np.arange(400), 2), np.append(i, 20 + j))), shape=(400, 40)).tocsr()
+    problem = icp.ICP(E @ sp.diags_array(rng.uniform(0.5, 2, 40)) @ E.T, rng.uniform(-5, 10, 400), rng.normal(size=400))
+    few = 0
+    for z, residual in itertools.islice(icp.Proximal().iterates(problem, np.zeros(400)), 1, 12):
+        assert residual == pytest.approx(problem.residual(z), rel=1e-9, abs=1e-12)
+        few += np.count_nonzero(z != problem.psi.c) < 100
+    assert few
+    assert run(problem).solved
 
 
 def test_the_interior_steps_of_a_problem_without_any_obstacle_are_newton_steps():
