@@ -27,9 +27,9 @@ Mask = NDArray[np.bool_]
 def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
     """The problem with fixed obstacles that has the same solutions, where `has_fixed_obstacle`: an LCP, or a box.
 
-    The problem itself where ψ is constant. Raises MapError where ψ fails.
+    The problem itself where ψ is constant, or moves otherwise. Raises MapError where ψ fails.
     """
-    if problem.psi.is_constant:
+    if problem.psi.is_constant or not problem.facts.has_fixed_obstacle:
         return problem
     n, above = problem.n, problem.facts.upper_obstacle
     psi = Constant(problem.facts.obstacle).bind(n)
@@ -156,7 +156,7 @@ def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int =
     if count == 1 and problem.n > PIVOT_UP_TO:
         return None
     # SciPy numbers the components so that each hangs on those before it only
-    simple = with_fixed_obstacle(problem) if fixed else problem
+    simple = with_fixed_obstacle(problem)
     sizes = np.bincount(part, minlength=count)
     heavy = sizes > PIVOT_UP_TO
     heavy[part[_unsuitable(simple, part, sizes)]] = True

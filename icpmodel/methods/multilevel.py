@@ -114,7 +114,7 @@ class Multilevel(Method):
     def _look_by_look(self, problem: ProblemData, z: Vector, first: float) -> Generator[Iterate, None, Vector]:
         """The finest level, as long as it leads on, from `z` with the residual `first`; returns the best z."""
         hierarchy = Hierarchy(problem)
-        simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
+        simple = with_fixed_obstacle(problem)
         at_0 = problem.residual_at_0()
         start = z if first <= _NEAR * at_0 else self.start(hierarchy, simple)
         if problem.psi.takes_best:

@@ -36,8 +36,16 @@ _WITH_TWO = 4.0
 _REFINEMENTS = 2
 
 
+class Shortcut(Method):
+    """What these methods have in common."""
+
+    family: ClassVar[str] = "shortcut"
+    memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Lemke(Method):
+class Lemke(Shortcut):
     """Pivots from basis to basis of w = q + My + d·t, wᵀy = 0, t falling to 0; one iterate is up to n pivots.
 
     ψ = c: M = A, and y = z − c. ψ = Gz + c: M = A(I − G)⁻¹, and y = (I − G)z − c. A ψ_i that moves with z_i alone, and
@@ -56,9 +64,6 @@ class Lemke(Method):
     """
 
     name: ClassVar[str] = "lemke"
-    family: ClassVar[str] = "shortcut"
-    memoryless: ClassVar[bool] = False
-    finite: ClassVar[bool] = True
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         return _estimate(facts, 8.0, 1.0)
@@ -102,7 +107,7 @@ class Lemke(Method):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Josephy(Method):
+class Josephy(Shortcut):
     """zᵏ⁺¹ solves the ICP with ψ(zᵏ) + ψ′(zᵏ)(z − zᵏ) in place of ψ, by the pivots of `Lemke`.
 
     Near a solution where these affine problems have one answer each the steps converge quadratically. A step that does
@@ -116,9 +121,6 @@ class Josephy(Method):
     """
 
     name: ClassVar[str] = "josephy"
-    family: ClassVar[str] = "shortcut"
-    memoryless: ClassVar[bool] = False
-    finite: ClassVar[bool] = True
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         return _estimate(facts, 20.0, 5.0)
@@ -150,7 +152,7 @@ class Josephy(Method):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Tridiagonal(Method):
+class Tridiagonal(Shortcut):
     """One pass over the rows says which of them leave the obstacle, and one tridiagonal system gives z.
 
     The rows are added one by one, from the top, to a problem that is solved; where a row leaves the obstacle, rows
@@ -167,9 +169,6 @@ class Tridiagonal(Method):
     """
 
     name: ClassVar[str] = "tridiagonal"
-    family: ClassVar[str] = "shortcut"
-    memoryless: ClassVar[bool] = False
-    finite: ClassVar[bool] = True
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         n = facts.matrix.n  # 60 ns a row were measured for n = 300 … 16 000, see work.Costs for the machine

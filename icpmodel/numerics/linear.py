@@ -33,8 +33,8 @@ _WIDEST_BAND, _WIDEST_BORDER = 16, 16
 _BACKWARD = 1e-12
 #: the relative residual of an inexact solve
 _INEXACT = 1e-4
-#: the share of the diagonal that is added to it where that is to be seen in time: the least that did it, in every case
-#: and the share of the solution up to which its effect is taken back
+#: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
+#: case; and the share of the solution up to which its effect is taken back
 _NUDGE, _SMALL = 2.0**-44, 0.1
 #: so many Krylov steps multigrid needs as a rule
 STEPS = 10
@@ -213,10 +213,10 @@ def _nudged(M: sp.csr_array, look: Look) -> Solver:
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         x = by_factors(f, tolerance, transposed)
-        term = None if x is None else by_factors(shift * x, tolerance, transposed)
-        if x is None or term is None or not norm(term) <= _SMALL * norm(x):
+        if x is None:
             return None
-        return x + term
+        term = by_factors(shift * x, tolerance, transposed)
+        return None if term is None or not norm(term) <= _SMALL * norm(x) else x + term
 
     return solve
 

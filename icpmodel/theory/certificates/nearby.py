@@ -57,7 +57,7 @@ def points_near(
     # what underflows to 0 leaves nothing to go by
     if not (first > 0 and np.isfinite(z).all() and bound > _GOOD * max(first, floor)):
         return
-    simple = with_fixed_obstacle(problem) if problem.facts.has_fixed_obstacle else problem
+    simple = with_fixed_obstacle(problem)
     sweep, better, last, count, beyond = projected_sweep(simple, Level(simple)), z, first, float(SWEEPS), bound
     price, left = work.sweep(problem.n, problem.nnz), _SWEEPING * work.COSTS.hierarchy_entry * problem.nnz
     made = SWEEPS
