@@ -60,6 +60,7 @@ class Look:
     def __init__(self, A: sp.csr_array, is_symmetric: Callable[[], bool] | None = None) -> None:
         self._A, self._told = A, is_symmetric
         self._least, self._cost = least_factor_cost(A.shape[0], A.nnz), 0.0
+        self._fill: Fill | None = None  # in an order for the pattern
         self.seen: tuple[Fill, NDArray[np.int32]] | None = None
 
     @cached_property
@@ -91,7 +92,7 @@ class Look:
     @property
     def fill(self) -> Fill:
         """What costs less; rough where it is not worth a closer look."""
-        return self.band if self.is_band or self.seen is None else self.seen[0]
+        return self.band if self.is_band or self._fill is None else self._fill
 
     def band_costs_more(self, most: float) -> bool:
         """Whether it takes more than so many nanoseconds to factorise the band."""
@@ -111,13 +112,15 @@ class Look:
         n, costs = self._A.shape[0], work.COSTS
         if self._least > most:
             return True
-        if self.seen is None:
+        if self._fill is None:
             least = least_factor_cost(n, 0)
             entries, squares, within, path = _looked(self._A, costs.look, np.inf, most - least)
-            if not within:
-                return True
-            self.seen = Fill(n, 2.0 * (entries + n), entries + squares, True), order(*path)
             self._cost = least + 2.0 * costs.factor_entry * entries + costs.factor_flop * squares
+            if not within and self._cost > most:
+                return True  # and for a larger limit it is looked at again
+            self._fill = Fill(n, 2.0 * (entries + n), entries + squares, within)
+            if within:
+                self.seen = self._fill, order(*path)
         return self._cost > most
 
 

@@ -10,7 +10,7 @@ import icpmodel as icp
 from icpmodel.errors import OutOfMemory
 from icpmodel.numerics import work
 from icpmodel.numerics.factorisation import factorise
-from icpmodel.numerics.fill import foreseen, of_band, ordered
+from icpmodel.numerics.fill import Look, foreseen, of_band, ordered
 from icpmodel.problem.matrix import Matrix
 
 
@@ -100,6 +100,18 @@ def test_an_expander_is_given_up_within_some_tens_of_products():
     assert not fill.seen
     assert work.factor_cost(fill) > 1e4 * work.product(*A.shape[:1], A.nnz)
     assert work.done() - before <= 100 * work.product(A.shape[0], A.nnz)
+
+
+def test_where_a_look_is_given_up_what_it_has_seen_counts_and_not_the_band():
+    """A grid and a permutation of its nodes: looking is given up, and the factorisation costs a hundredth of a band."""
+    n, rng = 3600, np.random.default_rng(6)
+    A = sp.csr_array(icp.scenes.membrane(n=n).problem.A + with_pattern(np.arange(n), rng.permutation(n), n))
+    look = Look(A)
+    fill, within = look.fill, ordered(A, np.inf)[0]
+    assert look.seen is None
+    assert not fill.seen
+    assert not fill.band
+    assert 0.2 <= work.factor_cost(fill) / work.factor_cost(within) <= 5.0
 
 
 def test_factors_that_would_not_fit_are_not_begun():
