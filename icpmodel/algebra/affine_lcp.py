@@ -138,17 +138,6 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
     return AffineLcp(A, problem.q, c, G.toarray() if moves else None, of_upper)
 
 
-def remade(state: Any) -> bool:
-    """Makes the dictionary of the same basis anew, from the data; False where rounding forbids it. Raises OutOfTime."""
-    from ..numerics.kernels.pivoting import anew  # loads numba
-
-    S, f, free, _, D, labels, _ = state
-    price = work.COSTS.pivot_entry * len(S) ** 3
-    work.afford(price)
-    work.add(price)
-    return bool(anew(S, f, free, D, labels))
-
-
 def some_pivots(state: Any, entering: int, most: int) -> Any:
     """Up to `most` pivots as `kernels.pivoting.go_on` makes and returns them, in the pieces that a limit of time asks
     for. Raises OutOfTime."""

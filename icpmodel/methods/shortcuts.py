@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, lcp_rows, remade, some_pivots, too_large
+from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, lcp_rows, some_pivots, too_large
 from ..algebra.equations import derivative, solve_on
 from ..errors import SingularOperator
 from ..numerics import work
@@ -49,13 +49,13 @@ class Lemke(Shortcut):
     """Pivots from basis to basis of w = q + My + d·t, wᵀy = 0, t falling to 0; one iterate is up to n pivots.
 
     ψ = c: M = A, and y = z − c. ψ = Gz + c: M = A(I − G)⁻¹, and y = (I − G)z − c. A ψ_i that moves with z_i alone, and
-    by less than it, is a constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated
-    first. Ties in the ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding
-    has taken a tie for none: then the pivots begin again, each with a dictionary made from the data. The last one is
-    refined. The start has no influence. It finds a solution where A is a P-matrix, and one, if there is any,
-    where A is positive semidefinite (copositive-plus). Else it may end in a ray, which is tried as a proof that p ≥ 0
-    and r ≥ 0 contradict each other, as is the y of a linear program: then it raises `Infeasible`, and if neither is
-    one, it stands still.
+    by less than it, is a constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated first. Ties in the
+    ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding has taken a tie for
+    none: then the pivots begin again with a q that is moved by 1e-8 of its size, in each row its own way, so that there
+    are no ties. The last basis is refined, for q itself. The start has no influence. It finds a solution where A is a
+    P-matrix, and one, if there is any, where A is positive semidefinite (copositive-plus). Else it may end in a ray,
+    which is tried as a proof that p ≥ 0 and r ≥ 0 contradict each other, as is the y of a linear program: then it
+    raises `Infeasible`, and if neither is one, it stands still.
     References: Lemke, Management Science 11 (1965); Cottle, Pang and Stone, The Linear Complementarity Problem (1992),
     sections 4.4 and 4.9.
 
@@ -76,17 +76,15 @@ class Lemke(Shortcut):
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # raises SingularOperator where I − G is singular, or A in the rows without obstacle
-        from ..numerics.kernels.pivoting import SINGULAR, SOLVED, UNFINISHED  # loads numba
+        from ..numerics.kernels.pivoting import NUDGED, SINGULAR, SOLVED, START, UNFINISHED  # loads numba
 
         yield z, None
         lcp = dense_lcp(problem)
-        for careful in (False, True):
-            state, seen = lcp.start(), set[bytes]()
-            ended, entering = UNFINISHED, -1
+        state = lcp.start()
+        for entering in (START, NUDGED):
+            seen, ended = set[bytes](), UNFINISHED
             while ended == UNFINISHED:
-                if careful and entering >= 0 and not remade(state):
-                    break
-                ended, entering, y, ray = some_pivots(state, entering, 1 if careful else len(lcp.q))
+                ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
                 if ended == SINGULAR:
                     row = int(np.argmax(lcp.free))
                     raise SingularOperator("A is singular in the rows and columns without obstacle below", row)
@@ -129,7 +127,7 @@ class Josephy(Shortcut):
         return too_large(problem.facts) or problem.psi.no_derivative()
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        from ..numerics.kernels.pivoting import SOLVED  # loads numba
+        from ..numerics.kernels.pivoting import SOLVED, START  # loads numba
 
         best = problem.residual(z)
         yield z, best
@@ -139,7 +137,7 @@ class Josephy(Shortcut):
                 c, G = _linearised(problem.psi, z)
                 above = None if problem.upper is None else _linearised(problem.upper, z)
                 lcp = AffineLcp(A, problem.q, c, G, above)
-                ended, _, y, _ = some_pivots(lcp.start(), -1, PIVOTS * (len(lcp.q) + 1))
+                ended, _, y, _ = some_pivots(lcp.start(), START, PIVOTS * (len(lcp.q) + 1))
                 if ended != SOLVED:
                     break
                 step = lcp.z(y) - z

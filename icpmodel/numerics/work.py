@@ -287,8 +287,9 @@ def nanoseconds_left() -> float:
 
 
 def pieces(nanoseconds: float) -> int:
-    """How many steps of this cost, one at least, are a piece of a loop that asks `afford` between its pieces."""
-    return max(int(_PIECE / nanoseconds), 1) if nanoseconds_left() < math.inf else 2**31
+    """How many steps of this cost, one at least, are a piece of a loop that asks `afford`, and may be interrupted,
+    between its pieces."""
+    return max(int(_PIECE / nanoseconds), 1)
 
 
 def free_memory() -> float:

@@ -151,6 +151,29 @@ def linear_programme(cost, K, k):
     return icp.ICP(np.block([[np.zeros((n, n)), -K.T], [K, np.zeros((m, m))]]), np.concatenate([cost, -k]))
 
 
+def test_rows_without_obstacle_enter_in_pieces_between_which_limits_are_kept():
+    rng = np.random.default_rng(12)
+    A, q, c = p_matrix(rng, 500), rng.normal(size=500), np.zeros(500)
+    c[rng.permutation(500)[:400]] = -np.inf
+    problem = icp.ICP(A, q, c)
+    assert work.pieces(work.COSTS.pivot_entry * 500**2) < 400
+    assert run(problem).z == pytest.approx(problem.solve(icp.Proximal(), rtol=1e-12).z, abs=1e-8)
+    before, allowed = work.done(), 1e8
+    with work.of_count(allowed), pytest.raises(OutOfTime):
+        for _ in Lemke().iterates(problem, c):
+            pass
+    assert work.done() - before <= 1.1 * allowed
+
+
+def test_where_rounding_takes_ties_for_none_the_pivots_begin_again_and_end():
+    """A ≥ 0 with a positive diagonal is strictly copositive: the path cannot end in a ray."""
+    rng = np.random.default_rng(8)
+    for _ in range(40):
+        A = rng.integers(0, 2, (80, 80)) * (rng.random((80, 80)) < 0.7) + np.eye(80)
+        problem = icp.ICP(A, -rng.integers(1, 3, 80))
+        assert run(problem).solved, problem.q
+
+
 def test_the_linear_programme_on_which_the_simplex_method_cycles():
     """Beale's: at the start every row of K is tight."""
     K = -np.array([[0.25, -60, -1 / 25, 9], [0.5, -90, -1 / 50, 3], [0.0, 0.0, 1.0, 0.0]])

@@ -16,8 +16,12 @@ from . import compiled
 
 #: how a run of pivots ended
 SOLVED, RAY, UNFINISHED, SINGULAR = 0, 1, 2, 3
+#: in place of a label that is to enter: begin, or with a q that is moved a little, or go on with rows without obstacle
+START, NUDGED, REACHING = -1, -2, -3
 #: in a column of the dictionary, a smaller share of its largest entry counts as zero; ratios so near are ties
 _ZERO, _TIE = 1e-11, 1e-13
+#: by how much q, whose largest entry is about 1, is moved so that no ties are left
+_NUDGE = 1e-8
 #: blocks: entries within 2^±so many of each other need no units of their own; pivots per row
 _TAME, _PIVOTS = 40, 50
 
@@ -89,65 +93,59 @@ def _of_inverse(D, i, k, place):
 
 
 @compiled
-def reach(D, wanted, basic, nonbasic, place):
-    # the dictionary of the wanted basis, the largest pivot each time; False where that is singular
-    first = 0.0
-    while True:
+def reach(D, free, basic, nonbasic, place, first, limit):
+    # up to `limit` pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time: how
+    # they ended, the largest of all, and how many are left of the limit
+    n = D.shape[0]
+    for made in range(limit + 1):
         row, column, largest, left = -1, -1, 0.0, False
-        for i in range(D.shape[0]):
-            if not wanted[basic[i]]:
+        for i in range(n):
+            if basic[i] < n and free[basic[i]]:
                 left = True
-                for j in range(nonbasic.size):
-                    if wanted[nonbasic[j]] and abs(D[i, j]) > largest:
+                for j in range(n):
+                    if n <= nonbasic[j] and free[nonbasic[j] - n] and abs(D[i, j]) > largest:
                         row, column, largest = i, j, abs(D[i, j])
         first = max(first, largest)
         if not left:
-            return True
+            return UNFINISHED, first, limit - made
         if not largest > _ZERO * first:
-            return False
-        exchange(D, row, column, basic, nonbasic, place)
+            return SINGULAR, first, 0
+        if made < limit:
+            exchange(D, row, column, basic, nonbasic, place)
+    return REACHING, first, 0
 
 
 @compiled
-def set_up(S, q, free, D, basic, nonbasic, place):
-    # the dictionary of w in y and t
+def set_up(S, q, free, D, basic, nonbasic, place, nudge):
+    # the dictionary of w in y and t, q moved by up to `nudge` in every row its own way
     n = S.shape[0]
     for i in range(n):
         for j in range(n):
             D[i, j] = S[i, j]
-        D[i, n], D[i, n + 1] = 0.0 if free[i] else 1.0, q[i]
+        D[i, n] = 0.0 if free[i] else 1.0
+        D[i, n + 1] = q[i] + nudge * D[i, n] * (1.0 + math.sin((i + 1.0) ** 2))
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
     nonbasic[n], place[2 * n] = 2 * n, -1 - n
 
 
 @compiled
-def anew(S, f, free, D, labels):
-    # the same dictionary from the data, without what earlier pivots have rounded; False where its basis is singular
-    n = S.shape[0]
-    basic, nonbasic, wanted = labels[:n], labels[n : 2 * n + 1], np.zeros(2 * n + 1, np.bool_)
-    wanted[basic] = True
-    place = labels[2 * n + 1 : 4 * n + 2]
-    set_up(S, f, free, D, basic, nonbasic, place)
-    return reach(D, wanted, basic, nonbasic, place)
-
-
-@compiled
-def start(S, q, free, D, basic, nonbasic, place):
-    # the first dictionary; returns how the run ended, and the label of the variable that is to enter. In rows without
-    # obstacle w_i = 0 has left for good, and y_i, of either sign, has entered
-    n = S.shape[0]
-    set_up(S, q, free, D, basic, nonbasic, place)
-    if np.any(free) and not reach(D, np.append(np.append(~free, free), False), basic, nonbasic, place):
-        return SINGULAR, -1
+def start(D, free, basic, nonbasic, place, work, limit):
+    # from the first dictionary, of which work[0] is the largest pivot so far: how the run ended, the label that is to
+    # enter, and how many pivots are left of the limit. In rows without obstacle w_i = 0 has left for good, and y_i, of
+    # either sign, has entered
+    n = D.shape[0]
+    code, work[0], left = reach(D, free, basic, nonbasic, place, work[0], limit)
+    if code != UNFINISHED:
+        return (UNFINISHED if code == REACHING else code), REACHING, 0
     row = -1
     for i in range(n):  # the last of equal ones is the lexicographically least
         if basic[i] < n and D[i, n + 1] < 0.0 and (row < 0 or D[i, n + 1] <= D[row, n + 1]):
             row = i
     if row < 0:
-        return SOLVED, -1
+        return SOLVED, -1, 0
     entering = n + basic[row]
     exchange(D, row, n, basic, nonbasic, place)
-    return UNFINISHED, entering
+    return UNFINISHED, entering, left
 
 
 @compiled
@@ -195,14 +193,17 @@ def _refine(S, f, D, basic, nonbasic, y, work):
 
 @compiled
 def go_on(S, f, free, units, D, labels, work, entering, limit):
-    # a start (entering = -1), up to `limit` pivots: how they ended, what is to enter, y, and of a ray its direction
+    # a start (entering < 0), up to `limit` pivots: how they ended, what is to enter, y, and of a ray its direction
     n = S.shape[0]
     basic, nonbasic = labels[:n], labels[n : 2 * n + 1]
     place, ties = labels[2 * n + 1 : 4 * n + 2], labels[4 * n + 2 :]
     code = UNFINISHED
+    if entering in (START, NUDGED):
+        set_up(S, f, free, D, basic, nonbasic, place, _NUDGE if entering == NUDGED else 0.0)
+        work[0] = 0.0
     if entering < 0:
-        code, entering = start(S, f, free, D, basic, nonbasic, place)
-    if code == UNFINISHED:
+        code, entering, limit = start(D, free, basic, nonbasic, place, work, limit)
+    if code == UNFINISHED and entering >= 0:
         code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
     y, ray = np.zeros(n), np.zeros(n)
     if code != SINGULAR:
@@ -251,7 +252,7 @@ def many(S, r, c, M, Q, C, limit, Z):
             free[i] = C[k, i] == -np.inf
             base[i] = 0.0 if free[i] else C[k, i]
         right(Q[k] + M @ base if base.any() else Q[k], r, c, f, units)
-        Z[k] = base + go_on(S, f, free, units, D, labels, work, -1, limit)[2]
+        Z[k] = base + go_on(S, f, free, units, D, labels, work, START, limit)[2]
 
 
 @compiled
@@ -300,7 +301,7 @@ def apart(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
         if high - low > _TAME or not np.all(np.isfinite(f)):
             continue
         state = begin(np.ldexp(S, -high), np.full(b, -high), np.zeros(b, np.int64), f, free)
-        code, _, y, _ = go_on(*state, -1, _PIVOTS * (b + 1))
+        code, _, y, _ = go_on(*state, START, _PIVOTS * (b + 1))
         solved[k] = code == SOLVED
         z[block] += y
     return solved
