@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from ..numerics.arrays import Vector, inner, row_of
 from ..numerics.factorisation import factorise
+from ..numerics.fill import Look
 from ..problem.data import ProblemData
 
 #: so many steps may pass without a reduction of the residual by a tenth
@@ -49,6 +50,8 @@ class Interior:
         self.s = np.where(self.bounded, s[:, None], 0.0)
         self.sign = np.array([1.0, -1.0])[: len(sides)]
         self.best, self.waited = np.inf, 0
+        # all matrices have one pattern, and look alike
+        self.look = Look(problem.A, lambda: problem.matrix.is_symmetric)
 
     def leads_on(self, whole: float) -> bool:
         """Whether the residual, now `whole`, has not been without reduction for too long."""
@@ -88,7 +91,7 @@ class Interior:
         data[self.diagonal] += slopes + _STEADY * self.weights
         unit = 1.0 / np.sqrt(data[self.diagonal])
         M = sp.csr_array((data * unit[self.row] * unit[A.indices], A.indices, A.indptr), shape=A.shape)
-        lu = factorise(M, definite=True)
+        lu = factorise(M, definite=True, look=self.look)
 
         def solve(f: Vector) -> Vector:
             if lu is None:

@@ -7,8 +7,9 @@ or with an obstacle above, or obstacles that move, the problem with these.
 Newton's method on the modulus equation with Ω = (1 + μ_k)W finds the solution of each of these problems in a few steps
 from zᵏ if μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more
 the quicker that went, and grows where Newton's steps wander, which then count as not made. A problem is left as soon as
-its residual is a share of that of the LCP itself. Where the steps wander, most rows are free and the obstacle is fixed,
-`Interior` is tried once.
+its residual is a share of that of the LCP itself. Where the obstacle is fixed, and they have cost as much as the steps
+of `Interior` would without an end in sight, these are tried, once: so both together cost about twice what the better
+one does.
 
 Where A is monotone (xᵀAx ≥ 0 for all x) and there is a solution, zᵏ converges to one, for all 0 < μ_k ≤ μ and errors of
 the steps that have a finite sum: see `theory.convergence.proximal_point`. A + μW with a large μ is dominated by its
@@ -52,9 +53,9 @@ _PATIENCE, _REDUCED, _GROWS = 5, 0.9, 5.0
 _SHARE = 0.1
 #: smaller shifts do nothing to the pivots
 _LEAST = 1e-12
-#: what the steps through the interior cost, in factorisations of all rows: once the others have cost as much, each the
-#: square of its share of the rows, and wander, these take their place
-_INTERIOR = 20
+#: what the steps through the interior cost, 12 to 26 of them, in factorisations of all rows with their order: once the
+#: others have cost as much, each the square of its share of the rows, and do not end quickly, these take their place
+_INTERIOR = 12
 #: so many steps without a better iterate are the last ones, but for those through the interior
 _LAST = 100
 #: the relative residual up to which a solve counts as one
@@ -204,13 +205,13 @@ class ProximalPath:
             if whole < self.least:
                 self._begin(here, self.shift)
         own = self.size(self.pull())
-        if self.made and own <= _SHARE * whole:
-            falls = _FALLS if self.made <= _QUICK else _FALLS_SLOWLY
-            self._begin(self.point, max(falls * self.shift, _LEAST))
-        elif not self._falls(own):
+        done, quick = bool(self.made) and own <= _SHARE * whole, self.made <= _QUICK
+        if done:
+            self._begin(self.point, max((_FALLS if quick else _FALLS_SLOWLY) * self.shift, _LEAST))
+        elif wanders := not self._falls(own):
             self._begin(self.centre, _GROWS * self.shift)
-            if self.spent >= _INTERIOR:
-                return self._goes_inside()
+        if self.spent >= _INTERIOR and (wanders if not done else not quick):
+            return self._goes_inside()
         while not self._step():
             if not self.shift < 1.0 / _LEAST:
                 return False
@@ -285,7 +286,8 @@ class ProximalPath:
 
     def _solution(self, M: sp.csr_array, f: Vector) -> Vector | None:
         """x with Mx = f, M definite: by conjugate gradients as long as these promise to cost less."""
-        direct = min(work.factor_cost(self.problem.matrix.fill), work.dense_cost(f.size))
+        whole = work.factor_cost(self.problem.matrix.fill)
+        direct = min((f.size / self.root.size) ** 2 * whole, work.dense_cost(f.size))
         if self.iterative and (most := int(min(f.size, direct / cg_step_cost(M.shape[0], M.nnz)))):
             x = conjugate_gradients(M, f, most)
             if x is not None:

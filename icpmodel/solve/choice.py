@@ -39,7 +39,7 @@ Asked = tuple[Candidate, Expected]
 _WHY = {
     "paper": "a method of the paper",
     "modulus": "a modulus method",
-    "shortcut": "a shortcut, exact and at most half as dear as a modulus method",
+    "shortcut": "a shortcut, exact, whose cost counts double",
 }
 
 

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 
 import icpmodel as icp
 from icpmodel import Status
+from icpmodel.benchmarks.families.gallery import problem_of
 from icpmodel.methods.interior import Interior
 from icpmodel.methods.proximal import ProximalPath
 
@@ -94,6 +95,14 @@ def test_redundant_contacts_in_two_dimensions_are_solved_by_signs_and_through_th
         while len(residuals) < 25 and interior.advance():
             residuals.append(problem.residual(interior.z))
         assert min(residuals) < 1e-8 * problem.residual_at_0()
+
+
+@pytest.mark.parametrize("seed", [2, 4, 7])
+def test_a_path_that_creeps_goes_through_the_interior_before_it_has_cost_much_more(seed):
+    """Plates, on which signs alone take 65 to 75 steps."""
+    solution = run(problem_of("plate", seed, 3000))
+    assert solution.solved
+    assert solution.iterations <= 50
 
 
 def test_where_the_interior_leads_nowhere_the_path_goes_on_from_its_centre():
