@@ -213,9 +213,9 @@ def _prove(problem: ProblemData, ray: Vector) -> None:
 
 
 def _estimate(facts: Facts, calls: float, steps: float) -> Estimate:
-    """So many LCPs, each of n/2 pivots, as half of the rows leave the obstacle, and so many calls."""
+    """So many LCPs, each of n/2 pivots, as half of the unknowns leave an obstacle, be there one or two; and calls."""
     n = lcp_rows(facts)
-    step = calls * work.COSTS.call + n**3 / 2.0 * work.COSTS.pivot_entry
+    step = calls * work.COSTS.call + 0.5 * facts.matrix.n * n**2 * work.COSTS.pivot_entry
     return Estimate(0.0, step / facts.matrix.unit, steps, 24.0 * n**2)
 
 
