@@ -222,6 +222,8 @@ class ProximalPath:
     def _goes_inside(self) -> bool:
         """The first of the steps through the interior, which are tried once."""
         self.spent, self.idle, self.inside = -np.inf, 0, Interior(self.problem, self.weights, self.resting)
+        # what they have to reduce is their own residual, which begins high, not the one that the others came to
+        self._move(self._at(self.inside.z, self.problem.p(self.inside.z)))
         return self.advance()
 
     def _at(self, z: Vector, p: Vector) -> Point:

@@ -41,10 +41,10 @@ def chain(rng, bodies, n):
     return icp.ICP(J @ sp.diags_array(rng.uniform(0.1, 10.0, bodies)) @ J.T, J @ np.round(rng.normal(size=bodies)))
 
 
-def pile(rng, m):
+def pile(rng, m, decades=1.0):
     """m × m bodies that move in two directions, each in contact with three neighbours in any direction: p = J·velocity.
 
-    At rest nothing penetrates, so that there is a solution; the rows of J are dependent.
+    At rest nothing penetrates, so that there is a solution; the rows of J are dependent. Masses differ by `decades`.
     """
     index = np.arange(m * m).reshape(m, m)
     pairs = [(index[:, :-1], index[:, 1:]), (index[:-1], index[1:]), (index[:-1, :-1], index[1:, 1:])]
@@ -53,7 +53,7 @@ def pile(rng, m):
     x, y = np.cos(angle), np.sin(angle)
     places = np.tile(rows, 4), np.concatenate([2 * i, 2 * i + 1, 2 * j, 2 * j + 1])
     J = sp.csr_array(sp.coo_array((np.concatenate([-x, -y, x, y]), places)))
-    mass = np.repeat(rng.uniform(0.3, 3.0, m * m), 2)
+    mass = np.repeat(10.0 ** (decades * rng.uniform(-0.5, 0.5, m * m)), 2)
     return icp.ICP(J @ sp.diags_array(1.0 / mass) @ J.T, J @ rng.normal(size=2 * m * m))
 
 
@@ -103,6 +103,14 @@ def test_a_path_that_creeps_goes_through_the_interior_before_it_has_cost_much_mo
     solution = run(problem_of("plate", seed, 3000))
     assert solution.solved
     assert solution.iterations <= 50
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 5])
+def test_what_the_interior_has_to_reduce_is_its_own_residual(seed):
+    """Masses over eight decades: it begins above what the signs have come to, and is below it after 20 steps."""
+    solution = run(pile(np.random.default_rng(seed), 14, decades=8.0))
+    assert solution.solved
+    assert solution.iterations <= 120
 
 
 def test_where_the_interior_leads_nowhere_the_path_goes_on_from_its_centre():
