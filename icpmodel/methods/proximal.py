@@ -205,12 +205,12 @@ class ProximalPath:
             if whole < self.least:
                 self._begin(here, self.shift)
         own = self.size(self.pull())
-        done, quick = bool(self.made) and own <= _SHARE * whole, self.made <= _QUICK
-        if done:
-            self._begin(self.point, max((_FALLS if quick else _FALLS_SLOWLY) * self.shift, _LEAST))
-        elif wanders := not self._falls(own):
+        if self.made and own <= _SHARE * whole:
+            creeps = self.made > _QUICK
+            self._begin(self.point, max((_FALLS_SLOWLY if creeps else _FALLS) * self.shift, _LEAST))
+        elif creeps := not self._falls(own):
             self._begin(self.centre, _GROWS * self.shift)
-        if self.spent >= _INTERIOR and (wanders if not done else not quick):
+        if creeps and self.spent >= _INTERIOR:
             return self._goes_inside()
         while not self._step():
             if not self.shift < 1.0 / _LEAST:
