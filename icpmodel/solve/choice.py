@@ -76,7 +76,9 @@ def choose(
         yield stage(30.0, 3.0, lambda: [MNMJ()], lambda: [Multilevel()])
     else:
         yield stage(8.0, 3.0, lambda: [PSOR(), MNMGS()])
-        yield stage(15.0, 12.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: [Josephy()])
+        # for an affine obstacle its first step is all that Lemke's pivots do
+        josephy = [Josephy()] if Lemke().why_not(problem) else []
+        yield stage(15.0, 12.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: josephy)
         yield stage(15.0, 0.0, lambda: [Multilevel()], least=costs.hierarchy)
     if reduced is not None:
         yield Stage(stage(100.0, 60.0).cost, lambda: reduced(cheapest), least_reduced)

@@ -104,6 +104,11 @@ class TestFamilies:
         assert ["reduced" in found for found in names] == [True, False]
 
     @every_problem
+    def test_the_same_pivots_are_not_made_twice(self, name):
+        """Josephy's first step is Lemke's problem where the obstacle is affine."""
+        assert len({one.method.name for one, _ in made(PROBLEMS[name])} & {"lemke", "josephy"}) <= 1
+
+    @every_problem
     def test_a_shortcut_begins_only_where_it_is_said_to_cost_half_at_most(self, name):
         """Half of the best modulus method, where all of them are asked."""
         asked = made(PROBLEMS[name])
