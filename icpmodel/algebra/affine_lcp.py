@@ -139,8 +139,7 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
 
 
 def some_pivots(state: Any, entering: int, most: int) -> Any:
-    """Up to `most` pivots as `kernels.pivoting.go_on` makes and returns them, in the pieces that a limit of time asks
-    for. Raises OutOfTime."""
+    """Up to `most` pivots as `kernels.pivoting.go_on` makes and returns them, in pieces. Raises OutOfTime."""
     from ..numerics.kernels.pivoting import UNFINISHED, go_on  # loads numba
 
     n = len(state[0])

@@ -1,4 +1,4 @@
-"""Newton's steps through the interior, for proximal problems on which the signs of the modulus wander."""
+"""Newton's steps through the interior, for proximal problems on which the signs of the modulus wander or creep."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import scipy.sparse as sp
 
 from ..numerics.arrays import Vector, inner, row_of
 from ..numerics.factorisation import factorise
-from ..numerics.fill import Look
 from ..problem.data import ProblemData
 
 #: so many steps may pass without a reduction of the residual by a tenth
@@ -50,8 +49,7 @@ class Interior:
         self.s = np.where(self.bounded, s[:, None], 0.0)
         self.sign = np.array([1.0, -1.0])[: len(sides)]
         self.best, self.waited = np.inf, 0
-        # all matrices have one pattern, and look alike
-        self.look = Look(problem.A, lambda: problem.matrix.is_symmetric)
+        self.p = problem.p(self.z)
 
     def leads_on(self, whole: float) -> bool:
         """Whether the residual, now `whole`, has not been without reduction for too long."""
@@ -63,7 +61,7 @@ class Interior:
     def advance(self) -> bool:
         """One step, False where it fails."""
         r, s, problem = self.r, self.s, self.problem
-        rest = s @ self.sign - problem.p(self.z)
+        rest = s @ self.sign - self.p
         solve = self._solver(np.where(self.bounded, s / r, 0.0).sum(axis=1))
         both = max(int(np.count_nonzero(self.bounded)), 1)
         size = inner(r.ravel(), s.ravel()) / both
@@ -91,7 +89,7 @@ class Interior:
         data[self.diagonal] += slopes + _STEADY * self.weights
         unit = 1.0 / np.sqrt(data[self.diagonal])
         M = sp.csr_array((data * unit[self.row] * unit[A.indices], A.indices, A.indptr), shape=A.shape)
-        lu = factorise(M, definite=True, look=self.look)
+        lu = factorise(M, definite=True, look=self.problem.matrix.look)  # it has the pattern of A
 
         def solve(f: Vector) -> Vector:
             if lu is None:

@@ -37,6 +37,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, diagonal_positions, inner, norm
 from ..numerics.equilibration import balanced
 from ..numerics.factorisation import factorise
+from ..numerics.fill import Look
 from ..numerics.linear import cg_step_cost, conjugate_gradients, solver_of
 from ..problem.between import mid
 from ..problem.data import ProblemData
@@ -223,7 +224,7 @@ class ProximalPath:
         """The first of the steps through the interior, which are tried once."""
         self.spent, self.idle, self.inside = -np.inf, 0, Interior(self.problem, self.weights, self.resting)
         # what they have to reduce is their own residual, which begins high, not the one that the others came to
-        self._move(self._at(self.inside.z, self.problem.p(self.inside.z)))
+        self._move(self._at(self.inside.z, self.inside.p))
         return self.advance()
 
     def _at(self, z: Vector, p: Vector) -> Point:
@@ -288,16 +289,18 @@ class ProximalPath:
 
     def _solution(self, M: sp.csr_array, f: Vector) -> Vector | None:
         """x with Mx = f, M definite: by conjugate gradients as long as these promise to cost less."""
-        whole = work.factor_cost(self.problem.matrix.fill)
-        direct = min((f.size / self.root.size) ** 2 * whole, work.dense_cost(f.size))
-        if self.iterative and (most := int(min(f.size, direct / cg_step_cost(M.shape[0], M.nnz)))):
-            x = conjugate_gradients(M, f, most)
-            if x is not None:
-                return x
-            self.iterative = False  # with a smaller μ they will not do better
-        lu = factorise(M, definite=True)  # the ordering of a definite matrix needs no exchange of rows
+        if self.iterative:
+            whole = work.factor_cost(self.problem.matrix.fill)
+            direct = min((f.size / self.root.size) ** 2 * whole, work.dense_cost(f.size))
+            if most := int(min(f.size, direct / cg_step_cost(M.shape[0], M.nnz))):
+                x = conjugate_gradients(M, f, most)
+                if x is not None:
+                    return x
+                self.iterative = False  # with a smaller μ they will not do better
+        look = Look(M)
+        lu = factorise(M, definite=True, look=look)  # the ordering of a definite matrix needs no exchange of rows
         if lu is not None:
             x = np.asarray(lu.solve(f))
             if norm(M @ x - f) <= _BACKWARD * norm(f):
                 return x
-        return solver_of(M)(f, _BACKWARD)
+        return solver_of(M, look=look)(f, _BACKWARD)

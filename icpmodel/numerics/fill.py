@@ -35,8 +35,7 @@ def foreseen(A: sp.csr_array, most: float = np.inf) -> Fill:
     is left then: matrices that are hopeless cost some tens of products with A, others some hundreds at the most.
     Reference: Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
     """
-    entries, squares, within, _ = _looked(A, work.COSTS.look, np.inf, most - least_factor_cost(A.shape[0], 0))
-    return Fill(A.shape[0], 2.0 * (entries + A.shape[0]), entries + squares, within)
+    return _looked(A, work.COSTS.look, np.inf, most)[0]
 
 
 def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf) -> tuple[Fill, NDArray[np.int32]]:
@@ -44,9 +43,8 @@ def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf) -> tuple[Fi
     it costs more than `most_cost` nanoseconds."""
     from .kernels.graph import order
 
-    n = A.shape[0]
-    entries, squares, within, path = _looked(A, np.inf, 0.5 * most - n, most_cost - least_factor_cost(n, 0))
-    return Fill(n, 2.0 * (entries + n), entries + squares, within), order(*path)
+    fill, _, path = _looked(A, np.inf, 0.5 * most - A.shape[0], most_cost)
+    return fill, order(*path)
 
 
 class Look:
@@ -109,34 +107,33 @@ class Look:
         """The same in an order for the pattern."""
         from .kernels.graph import order
 
-        n, costs = self._A.shape[0], work.COSTS
         if self._least > most:
             return True
         if self._fill is None:
-            least = least_factor_cost(n, 0)
-            entries, squares, within, path = _looked(self._A, costs.look, np.inf, most - least)
-            self._cost = least + 2.0 * costs.factor_entry * entries + costs.factor_flop * squares
-            if not within and self._cost > most:
+            fill, self._cost, path = _looked(self._A, work.COSTS.look, np.inf, most)
+            if not fill.seen and self._cost > most:
                 return True  # and for a larger limit it is looked at again
-            self._fill = Fill(n, 2.0 * (entries + n), entries + squares, within)
-            if within:
-                self.seen = self._fill, order(*path)
+            self._fill = fill
+            if fill.seen:
+                self.seen = fill, order(*path)
         return self._cost > most
 
 
 def _looked(
     A: sp.csr_array, a_look: float, most_entries: float, most_cost: float
-) -> tuple[float, float, bool, tuple[Any, Any]]:
-    """Entries of L off its diagonal, their squares summed by columns, whether within the limits, and the path."""
+) -> tuple[Fill, float, tuple[Any, Any]]:
+    """The fill, `seen` where it is within the limits, the cost that was held against them, and the path to an order."""
     from .kernels.elimination import minimum_degree
     from .kernels.graph import both_ways
 
     work.afford(work.COSTS.look * A.nnz)  # to make the graph costs a look per entry
     graph = both_ways(A.indptr, A.indices, int(_DENSE * A.shape[0] ** 0.5) + 16)
+    n, least = A.shape[0], least_factor_cost(A.shape[0], 0)
     prices = (2.0 * work.COSTS.factor_entry, work.COSTS.factor_flop, a_look)
-    limits = most_entries, most_cost, work.nanoseconds_left() / work.COSTS.look
+    limits = most_entries, most_cost - least, work.nanoseconds_left() / work.COSTS.look
     entries, squares, looks, within, *path = minimum_degree(*graph, A.nnz, prices, *limits)
     work.add(work.COSTS.call + work.COSTS.look * (looks + A.nnz))
     if looks > limits[2]:
         raise OutOfTime("to foresee what a factorisation costs takes longer than what is left of the time")
-    return entries, squares, within, (path[0], path[1])
+    cost = least + prices[0] * entries + prices[1] * squares
+    return Fill(n, 2.0 * (entries + n), entries + squares, within), cost, (path[0], path[1])

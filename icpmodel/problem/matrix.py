@@ -141,7 +141,12 @@ class Matrix(ReadOnly):
     @cached_property
     def fill(self) -> work.Fill:
         """What a factorisation of A will cost; rough where it is not worth a closer look (`numerics.fill`)."""
-        return Look(self.sparse, lambda: self.is_symmetric).fill
+        return self.look.fill
+
+    @cached_property
+    def look(self) -> Look:
+        """What it takes to factorise A, or a matrix with its pattern."""
+        return Look(self.sparse, lambda: self.is_symmetric)
 
     @cached_property
     def couplings(self) -> sp.csr_array:

@@ -103,7 +103,7 @@ def test_an_expander_is_given_up_within_some_tens_of_products():
 
 
 def test_where_a_look_is_given_up_what_it_has_seen_counts_and_not_the_band():
-    """A grid and a permutation of its nodes: looking is given up, and the factorisation costs a hundredth of a band."""
+    """A grid and a permutation of its nodes."""
     n, rng = 3600, np.random.default_rng(6)
     A = sp.csr_array(icp.scenes.membrane(n=n).problem.A + with_pattern(np.arange(n), rng.permutation(n), n))
     look = Look(A)

@@ -125,7 +125,9 @@ def test_a_sparse_matrix_that_is_nearly_singular_is_solved_as_well_as_any(seed, 
     L, rng = network(seed), np.random.default_rng(seed)
     M = sp.csr_array(L + 10.0**size * sp.eye_array(L.shape[0]))
     x = rng.normal(size=L.shape[0])
-    assert np.abs(solver_of(M)(M @ x, 1e-8) - x).max() <= 1e-15 * (5.0 + 0.5 / 10.0**size)
+    found = solver_of(M)(M @ x, 1e-8)
+    assert np.abs(found - x).max() <= 1e-15 * (5.0 + 0.5 / 10.0**size)
+    assert np.abs(M @ found - M @ x).max() <= 1e-15 * (abs(M) @ np.abs(found) + np.abs(M @ x)).max()
 
 
 def test_no_equations_have_the_empty_solution():
