@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..numerics.arrays import Vector, inner, row_of
-from ..numerics.factorisation import factorise
+from ..numerics.factorisation import Repeated, factorise
 from ..problem.data import ProblemData
 
 #: so many steps may pass without a reduction of the residual by a tenth
 _PATIENCE, _REDUCED = 20, 0.9
 #: what of W is added to A, and the share of the way to the boundary that is gone
-_STEADY, _NEARLY_ALL = 1e-9, 0.995
+STEADY, _NEARLY_ALL = 1e-9, 0.995
 #: the least room between two obstacles, as a share of what rows with one have
 _LEAST = 1e-12
 
@@ -30,8 +31,10 @@ class Interior:
     Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε.
     """
 
-    def __init__(self, problem: ProblemData, weights: Vector, resting: tuple[Vector, Vector]) -> None:
-        self.problem, self.weights = problem, weights
+    def __init__(
+        self, problem: ProblemData, weights: Vector, resting: tuple[Vector, Vector], repeated: Repeated | None
+    ) -> None:
+        self.problem, self.weights, self.repeated = problem, weights, repeated
         self.diagonal, self.row = problem.matrix.rows.diag, row_of(problem.A)
         (c, p), root, top = resting, np.sqrt(weights), problem.facts.upper_obstacle
         size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / root).max())
@@ -48,7 +51,8 @@ class Interior:
         self.r = np.where(self.bounded, np.column_stack([r for _, r in sides]), 1.0)
         self.s = np.where(self.bounded, s[:, None], 0.0)
         self.sign = np.array([1.0, -1.0])[: len(sides)]
-        self.best, self.waited = np.inf, 0
+        self.best, self.waited, self.definite = np.inf, 0, True
+        self.signs, self.same = np.zeros(0, bool), 0
         self.p = problem.p(self.z)
 
     def leads_on(self, whole: float) -> bool:
@@ -57,6 +61,13 @@ class Interior:
             self.best, self.waited = whole, 0
         self.waited += 1
         return self.waited <= _PATIENCE
+
+    def settled(self) -> bool:
+        """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
+        signs = self.s > self.weights[:, None] * self.r
+        self.same = self.same + 1 if np.array_equal(signs, self.signs) else 0
+        self.signs = signs
+        return self.same > 0 and not self.same & (self.same + 1)
 
     def advance(self) -> bool:
         """One step, False where it fails."""
@@ -86,16 +97,25 @@ class Interior:
     def _solver(self, slopes: Vector) -> Callable[[Vector], Vector]:
         A = self.problem.A
         data = A.data.copy()
-        data[self.diagonal] += slopes + _STEADY * self.weights
+        data[self.diagonal] += slopes + STEADY * self.weights
         unit = 1.0 / np.sqrt(data[self.diagonal])
         M = sp.csr_array((data * unit[self.row] * unit[A.indices], A.indices, A.indptr), shape=A.shape)
-        lu = factorise(M, definite=True, look=self.problem.matrix.look)  # it has the pattern of A
+        factors = self._factors(M)
 
         def solve(f: Vector) -> Vector:
-            if lu is None:
+            if factors is None:
                 return np.full(f.size, np.nan)
-            x = lu.solve(unit * f)
-            x += lu.solve(unit * f - M @ x)  # without exchanges of rows digits may be lost
+            x = factors.solve(unit * f)
+            x += factors.solve(unit * f - M @ x)  # without exchanges of rows digits may be lost
             return np.asarray(unit * x)
 
         return solve
+
+    def _factors(self, M: sp.csr_array) -> Any:
+        if self.repeated is not None:
+            return self.repeated if self.repeated.factorise(M.data) else None
+        look = self.problem.matrix.look  # M has the pattern of A
+        if self.definite and (lu := factorise(M, definite=True, look=look)) is not None:
+            return lu
+        self.definite = False  # as the steps go on, pivots of rows without diagonal come to nothing
+        return factorise(M, look=look)

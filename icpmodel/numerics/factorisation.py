@@ -1,4 +1,5 @@
-"""Factorisations of sparse matrices whose cost is known before: of a band by LAPACK, of others by SuperLU."""
+"""Factorisations of sparse matrices whose cost is known before: of a band by LAPACK, of others by SuperLU, or by QDLDL
+where they are symmetric and many have one pattern."""
 
 from __future__ import annotations
 
@@ -91,6 +92,51 @@ class Band:
         if self._rows is None:
             return np.asarray(dpbtrs(self._factors, f, lower=1)[0])
         return np.asarray(dgbtrs(self._factors, *self._reach, f, self._rows, trans=int(trans == "T"))[0])
+
+
+class Repeated:
+    """L and D with PMPᵀ = LDLᵀ of one symmetric matrix after another that have the pattern of `A`, CSR, n × n, which is
+    ordered once, and solves with them.
+
+    There are no exchanges: nothing tells of pivots that come to nothing but what the solves leave.
+    Reference: Stellato et al., Math. Program. Comput. 12 (2020), for QDLDL.
+    """
+
+    def __init__(self, A: sp.csr_array, fill: work.Fill) -> None:
+        row = row_of(A)
+        self._fill, self._places = fill, np.flatnonzero(A.indices <= row)
+        self._row, self._column = row[self._places], A.indices[self._places]
+        starts = np.append(0, np.cumsum(np.bincount(self._row, minlength=A.shape[0])))
+        # the rows of the lower triangle are the columns of the upper one
+        self._half = sp.csc_array((np.ones(self._row.size), self._column, starts), shape=A.shape)
+        self._factors: Any = None
+
+    def factorise(self, data: Vector, free: NDArray[np.bool_] | None = None) -> bool:
+        """Of the matrix with these entries, or with its rows and columns that are not `free` but for the diagonal 0;
+        False where that fails."""
+        import qdldl
+
+        values = data[self._places]
+        if free is not None:
+            values[~(free[self._row] & free[self._column]) & (self._row != self._column)] = 0.0
+        if not np.isfinite(values).all():
+            return False
+        self._half.data[:] = values
+        again = self._factors is not None
+        work.spend((work.refactor_cost if again else work.factor_cost)(self._fill), _BYTES * self._fill.entries)
+        try:
+            if again:
+                self._factors.update(self._half, upper=True)
+            else:
+                self._factors = qdldl.Solver(self._half, upper=True)
+        except RuntimeError:
+            return False
+        return True
+
+    def solve(self, f: Vector) -> Vector:
+        """M⁻¹f, both of shape (n,)."""
+        work.add(work.solve_cost(self._fill))
+        return np.asarray(self._factors.solve(f))
 
 
 def factorise(

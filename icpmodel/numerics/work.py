@@ -56,6 +56,9 @@ class Costs(NamedTuple):
     factor_entry: float = 26.0
     factor_flop: float = 0.25
     solve_entry: float = 1.3
+    #: a symmetric one in an order that is known, per entry of L + U and per multiplication that would make these
+    refactor_entry: float = 5.0
+    refactor_flop: float = 0.35
     #: an entry that minimum degree looks at, and the graph that it begins with, per entry
     look: float = 13.5
     #: a band factorised, whatever its size, per entry of its factors and per multiplication
@@ -141,9 +144,13 @@ def factor_cost(fill: Fill) -> float:
     """What a factorisation with this fill costs, the ordering of a sparse one included."""
     if fill.band:
         return COSTS.band + COSTS.band_entry * fill.entries + COSTS.band_flop * fill.flops
-    return (
-        COSTS.call + COSTS.factor_row * fill.rows + COSTS.factor_entry * fill.entries + COSTS.factor_flop * fill.flops
-    )
+    without_fill = COSTS.call + COSTS.factor_row * fill.rows
+    return without_fill + COSTS.factor_entry * fill.entries + COSTS.factor_flop * fill.flops
+
+
+def refactor_cost(fill: Fill) -> float:
+    """What a factorisation of a symmetric matrix with this fill costs, once another one had its pattern."""
+    return COSTS.call + COSTS.refactor_entry * fill.entries + COSTS.refactor_flop * fill.flops
 
 
 def least_factor_cost(n: int, nnz: int) -> float:
@@ -171,10 +178,8 @@ def krylov_cost(nnz: int, steps: int, hierarchy: bool = True) -> float:
 _BELIEF = 0.1
 #: a piece of a long loop between two looks at the clock, in nanoseconds
 _PIECE = 2e7
-#: for fewer bytes the system is not asked how many are free
-_TRIFLE = 2.0**24
-#: and for at most this share of what it had free not so many seconds ago
-_MODEST, _LATELY = 0.05, 0.5
+#: for fewer bytes the system is not asked how many are free, nor for this share of what it had so many seconds ago
+_TRIFLE, _MODEST, _LATELY = 2.0**24, 0.05, 0.5
 
 
 class _Budget(NamedTuple):

@@ -17,6 +17,8 @@ from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 
 #: an A of so many rows is dense until its sparse form is asked for
 _SMALL = 64
+#: Au and Aᵀu that differ by no more are the same
+_SAME = 1e-13
 #: a sum of a dominant row, rounding included
 _DOMINANT = 1.0 + 1e-12
 
@@ -130,8 +132,16 @@ class Matrix(ReadOnly):
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether A = Aᵀ, up to rounding."""
+        """Whether A = Aᵀ, to the last digit."""
         return is_symmetric(self.sparse)
+
+    @cached_property
+    def is_nearly_symmetric(self) -> bool:
+        """Whether Au = Aᵀu, up to rounding and in the units of the diagonal, for a u without pattern."""
+        root = np.sqrt(self.weights)
+        u = np.cos(np.arange(self.n) ** 2.0) / root
+        image = self.product(u)
+        return bool(np.abs((image - self.sparse.T @ u) / root).max() <= _SAME * np.abs(image / root).max())
 
     @cached_property
     def is_for_multigrid(self) -> bool:
@@ -142,6 +152,18 @@ class Matrix(ReadOnly):
     def fill(self) -> work.Fill:
         """What a factorisation of A will cost; rough where it is not worth a closer look (`numerics.fill`)."""
         return self.look.fill
+
+    @cached_property
+    def repeats(self) -> bool:
+        """Whether `Repeated` is for matrices with the pattern of A, and costs less than new factors of each."""
+        fill = self.fill
+        pays = fill.seen and not fill.band and work.refactor_cost(fill) < work.factor_cost(fill)
+        return pays and self.is_nearly_symmetric
+
+    @property
+    def again_cost(self) -> float:
+        """What it costs to factorise a matrix with the pattern of A when another one was factorised before."""
+        return (work.refactor_cost if self.repeats else work.factor_cost)(self.fill)
 
     @cached_property
     def look(self) -> Look:

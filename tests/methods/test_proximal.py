@@ -20,7 +20,7 @@ def run(problem, **options):
 
 
 def inside(path):
-    return Interior(path.problem, path.weights, path.resting)
+    return Interior(path.problem, path.weights, path.resting, path.repeated)
 
 
 def complementary(rng, n, degenerate=0.3):
@@ -111,6 +111,32 @@ def test_what_the_interior_has_to_reduce_is_its_own_residual(seed):
     solution = run(pile(np.random.default_rng(seed), 14, decades=8.0))
     assert solution.solved
     assert solution.iterations <= 120
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3, 4])
+def test_one_step_with_signs_that_have_settled_ends_the_way_through_the_interior(seed):
+    """Rows where both are 0 at the solution: the interior alone comes nearer by a factor, and takes twice as long."""
+    problem = problem_of("contact-pile", seed, 1500)
+    path, wanted = ProximalPath(problem, np.zeros(problem.n)), 1e-12 * problem.residual_at_0()
+    interior, alone, steps = inside(path), 1, 1
+    while interior.advance() and problem.residual(interior.z) > wanted:
+        alone += 1
+    path.inside = inside(path)
+    while path.advance() and path.residual > wanted:
+        steps += 1
+    assert path.residual <= wanted
+    assert steps <= 0.7 * alone
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_interior_leads_on_where_rows_have_no_diagonal(seed):
+    """Traffic: A is not symmetric, and towards the end its pivots on the diagonal come to nothing."""
+    problem = problem_of("market-traffic", seed, 1500)
+    path = ProximalPath(problem, np.zeros(problem.n))
+    interior, residuals = inside(path), []
+    while len(residuals) < 60 and interior.advance():
+        residuals.append(problem.residual(interior.z))
+    assert min(residuals) < 1e-9 * problem.residual_at_0()
 
 
 def test_where_the_interior_leads_nowhere_the_path_goes_on_from_its_centre():

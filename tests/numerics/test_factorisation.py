@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import icpmodel as icp
 from icpmodel.numerics import work
 from icpmodel.numerics.equilibration import times_rows
-from icpmodel.numerics.factorisation import factorise
+from icpmodel.numerics.factorisation import Repeated, factorise
 from icpmodel.numerics.fill import Look, foreseen
 
 
@@ -66,6 +66,33 @@ def test_a_full_matrix_small_enough_to_fit_in_any_case_has_its_factors(n):
     A = np.random.default_rng(n).normal(size=(n, n)) + n * np.eye(n)
     x = factorise(sp.csr_array(A)).solve(np.ones(n))
     np.testing.assert_allclose(A @ x, np.ones(n), rtol=1e-12)
+
+
+@given(st.integers(0, 10**6), st.integers(1, 30), st.floats(0.0, 0.5))
+@settings(max_examples=60, deadline=None)
+def test_matrices_of_one_pattern_are_solved_one_after_another_with_some_rows_alone(seed, n, density):
+    rng = np.random.default_rng(seed)
+    off = sp.random_array((n, n), density=density, rng=rng)
+    A = sp.csr_array(off + off.T + sp.diags_array(rng.uniform(1.0, 2.0, n)))
+    factors = Repeated(A, foreseen(A))
+    for free in (None, rng.random(n) < 0.5, np.zeros(n, bool), np.ones(n, bool), None):
+        B = A.copy()
+        B.data[:] *= rng.choice([-1.0, 1.0])  # definite or not, as long as its pivots are not 0
+        B.setdiag(rng.uniform(1.0, 2.0, n) + 2.0 * abs(A).sum(axis=1))
+        assert factors.factorise(B.data, free)
+        M, f = B.toarray(), rng.normal(size=n)
+        if free is not None:
+            M[~(free[:, None] & free) & ~np.eye(n, dtype=bool)] = 0.0
+        assert factors.solve(f) == pytest.approx(np.linalg.solve(M, f), rel=1e-10, abs=1e-12)
+
+
+def test_a_matrix_that_cannot_be_factorised_says_so_and_the_next_one_can():
+    A = sp.csr_array([[2.0, 1.0], [1.0, 2.0]])
+    factors = Repeated(A, foreseen(A))
+    assert not factors.factorise(np.array([0.0, 1.0, 1.0, 0.0]))
+    assert not factors.factorise(np.array([2.0, np.nan, np.nan, 2.0]))
+    assert factors.factorise(A.data)
+    assert factors.solve(np.array([3.0, 3.0])) == pytest.approx([1.0, 1.0])
 
 
 def test_rows_are_multiplied_as_by_a_diagonal_matrix():
