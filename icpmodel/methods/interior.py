@@ -14,8 +14,11 @@ from ..problem.data import ProblemData
 
 #: so many steps may pass without a reduction of the residual by a tenth
 _PATIENCE, _REDUCED = 20, 0.9
-#: what of W is added to A, and the share of the way to the boundary that is gone
-STEADY, _NEARLY_ALL = 1e-9, 0.995
+#: what of W is added to A, and where A is not symmetric: entries are then not bounded by those of the diagonal, and the
+#: square of what is added has to be above rounding, or SuperLU comes upon pivots of 0, which it takes long to go past
+_STEADY, _STEADY_SKEW = 1e-9, 1e-7
+#: the share of the way to the boundary that is gone
+_NEARLY_ALL = 0.995
 #: the least room between two obstacles, as a share of what rows with one have
 _LEAST = 1e-12
 
@@ -36,6 +39,7 @@ class Interior:
     ) -> None:
         self.problem, self.weights, self.repeated = problem, weights, repeated
         self.diagonal, self.row = problem.matrix.rows.diag, row_of(problem.A)
+        self.steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
         (c, p), root, top = resting, np.sqrt(weights), problem.facts.upper_obstacle
         size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / root).max())
         bounded, r, s = ~np.isneginf(problem.facts.obstacle), size / root, size * root
@@ -51,7 +55,7 @@ class Interior:
         self.r = np.where(self.bounded, np.column_stack([r for _, r in sides]), 1.0)
         self.s = np.where(self.bounded, s[:, None], 0.0)
         self.sign = np.array([1.0, -1.0])[: len(sides)]
-        self.best, self.waited, self.definite = np.inf, 0, True
+        self.best, self.waited = np.inf, 0
         self.signs, self.same = np.zeros(0, bool), 0
         self.p = problem.p(self.z)
 
@@ -97,7 +101,7 @@ class Interior:
     def _solver(self, slopes: Vector) -> Callable[[Vector], Vector]:
         A = self.problem.A
         data = A.data.copy()
-        data[self.diagonal] += slopes + STEADY * self.weights
+        data[self.diagonal] += slopes + self.steady * self.weights
         unit = 1.0 / np.sqrt(data[self.diagonal])
         M = sp.csr_array((data * unit[self.row] * unit[A.indices], A.indices, A.indptr), shape=A.shape)
         factors = self._factors(M)
@@ -114,8 +118,4 @@ class Interior:
     def _factors(self, M: sp.csr_array) -> Any:
         if self.repeated is not None:
             return self.repeated if self.repeated.factorise(M.data) else None
-        look = self.problem.matrix.look  # M has the pattern of A
-        if self.definite and (lu := factorise(M, definite=True, look=look)) is not None:
-            return lu
-        self.definite = False  # as the steps go on, pivots of rows without diagonal come to nothing
-        return factorise(M, look=look)
+        return factorise(M, definite=True, look=self.problem.matrix.look)  # it has the pattern of A

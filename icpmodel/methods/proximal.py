@@ -45,7 +45,7 @@ from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from ..theory.certificates.infeasible import infeasible
 from .contract import Estimate, Infeasible, Iterate, Method
-from .interior import STEADY, Interior
+from .interior import Interior
 
 #: the first μ, in units of W, and what is left of it after a problem that took at most `_QUICK` steps, or more
 _FIRST, _FALLS, _FALLS_SLOWLY, _QUICK = 0.1, 0.2, 0.5, 3
@@ -204,7 +204,7 @@ class ProximalPath:
             return self.spent > -np.inf and not self.runs_away and self._goes_inside()
         if self.inside is not None:
             if self.inside.settled():  # then they may be those of the solution, which one step tells
-                self._begin(self.point, STEADY)
+                self._begin(self.point, self.inside.steady)
                 if self._step():
                     return True
             if self.inside.leads_on(whole) and self.inside.advance():
