@@ -30,7 +30,8 @@ class Interior:
     s₁ − s₂ comes to p. Every row counts, but there is no sign pattern to be found; each step is a proximal one with its
     own z for centre. That they lead on is not proved: where they do not, the others go on.
     Parameters: `problem` with fixed obstacles; W, the `weights` of p/z, shape (n,); `resting` = (c, Ac + q), with what
-    is nearest to 0 for c in the rows that have no obstacle below.
+    is nearest to 0 for c in the rows that have no obstacle below; what factorises matrices with the pattern of A
+    `repeated`ly, None where each is factorised as a new one.
     Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε.
     """
 

@@ -98,12 +98,11 @@ class Proximal(Method):
         # 12 to 17 steps were measured at n = 100, 20 to 60 at 1000 and 30 to 100 at 10 000, contact to linear programs,
         # and two fifths of them from where 25 or 80 sweeps had led
         matrix = facts.matrix
-        solve, around = work.factor_cost(matrix.fill), work.newton(matrix.n, matrix.nnz)
         if facts.has_fixed_obstacle:
-            cg = _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz)
-            solve, around = min(matrix.again_cost, cg), work.COSTS.newton
-        step = (around + solve) / matrix.unit
-        return Estimate(0.0, step, 3.0 + math.log2(matrix.n), 12.0 * matrix.fill.entries)
+            step = work.COSTS.newton + min(matrix.again_cost, _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz))
+        else:
+            step = work.newton(matrix.n, matrix.nnz) + work.factor_cost(matrix.fill)
+        return Estimate(0.0, step / matrix.unit, 3.0 + math.log2(matrix.n), 12.0 * matrix.fill.entries)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
@@ -203,10 +202,8 @@ class ProximalPath:
         if self.idle > _LAST:
             return self.spent > -np.inf and not self.runs_away and self._goes_inside()
         if self.inside is not None:
-            if self.inside.settled():  # then they may be those of the solution, which one step tells
-                self._begin(self.point, self.inside.steady)
-                if self._step():
-                    return True
+            if self.inside.settled() and self._ends_by_signs(self.inside.steady):
+                return True
             if self.inside.leads_on(whole) and self.inside.advance():
                 self._move(self._at(self.inside.z, self.inside.p))
                 return True
@@ -231,14 +228,22 @@ class ProximalPath:
 
     def _goes_inside(self) -> bool:
         """The first of the steps through the interior, which are tried once."""
-        self.spent, self.idle, self.inside = (
-            -np.inf,
-            0,
-            Interior(self.problem, self.weights, self.resting, self.repeated),
-        )
+        self.spent, self.idle = -np.inf, 0
+        self.inside = Interior(self.problem, self.weights, self.resting, self.repeated)
         # what they have to reduce is their own residual, which begins high, not the one that the others came to
         self._move(self._at(self.inside.z, self.inside.p))
         return self.advance()
+
+    def _ends_by_signs(self, shift: float) -> bool:
+        """A step with the signs that the interior has settled on, which may be those of the solution; False where it
+        fails. Centre and μ, to which the path comes back where the interior leads nowhere, stay as they are."""
+        here, path = self.point, (self.centre, self.shift)
+        self._begin(here, shift)
+        moved = self._step()
+        self.centre, self.shift = path
+        if not moved:
+            self._move(here)
+        return moved
 
     def _at(self, z: Vector, p: Vector) -> Point:
         return z, p, self.problem.r(z), self.problem.r_upper(z)

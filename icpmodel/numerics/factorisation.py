@@ -122,13 +122,13 @@ class Repeated:
         if not np.isfinite(values).all():
             return False
         self._half.data[:] = values
-        again = self._factors is not None
-        work.spend((work.refactor_cost if again else work.factor_cost)(self._fill), _BYTES * self._fill.entries)
         try:
-            if again:
-                self._factors.update(self._half, upper=True)
-            else:
+            if self._factors is None:
+                work.spend(work.factor_cost(self._fill), _BYTES * self._fill.entries)
                 self._factors = qdldl.Solver(self._half, upper=True)
+            else:  # in the memory that it has
+                work.spend(work.refactor_cost(self._fill))
+                self._factors.update(self._half, upper=True)
         except RuntimeError:
             return False
         return True

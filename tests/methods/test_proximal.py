@@ -128,6 +128,18 @@ def test_one_step_with_signs_that_have_settled_ends_the_way_through_the_interior
     assert steps <= 0.7 * alone
 
 
+def test_a_step_with_settled_signs_leaves_the_path_where_it_went_inside():
+    """The path comes back there where the interior leads nowhere."""
+    problem = problem_of("contact-pile", 1, 1500)
+    path = ProximalPath(problem, np.zeros(problem.n))
+    assert path.advance()
+    centre, shift, path.inside = path.centre, path.shift, inside(path)
+    while path.inside.same < 1:
+        assert path.advance()
+    assert path.centre is centre
+    assert path.shift == shift
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_interior_leads_on_where_rows_have_no_diagonal(seed):
     """Traffic: A is not symmetric, and towards the end its pivots on the diagonal come to nothing."""
