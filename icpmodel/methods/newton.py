@@ -173,8 +173,10 @@ class Path:
         self.patience = _PATIENCE
         # since the last mark: the plain steps that count, the descents
         self.waited = self.descents = 0
-        # of the step before: its active set, how many in a row did nothing but shrink, and its factorisation
-        self.taken, self.shrunk = self.here.active, 0
+        # of the step before: its active set, how many rows it set free, and its factorisation
+        self.taken, self.dropped = self.here.active, 0
+        # how many steps in a row did nothing but shrink, and after how many more layers are set free
+        self.shrunk, self.alike = 0, 2
         self.kept: tuple[Mask, sp.csr_array, ActiveEquations] | None = None
         self.fault: MapError | None = None
 
@@ -220,34 +222,43 @@ class Path:
 
     def plain(self) -> Point | None:
         """A step of the active set method, None where θ would be above its mark for too long."""
-        active, shrinks = self._choose()
-        step = self._plain_direction(active)
-        new = None if step is None else self._point(self.here.z + step)
+        own, active = self.here.active, self._foreseen()
+        new = self._reached(active)
+        if active is not own:
+            further = own & ~active
+            if new is None or 2 * np.count_nonzero(new.active & further) > np.count_nonzero(further):
+                self.alike *= 2
+                active, new = own, self._reached(own)
         if new is None:
             return None
         self.taken = active
-        self.waited += not shrinks
+        self.waited += not self.shrunk
         return new if self._marks(new) or self.waited <= self.patience else None
 
-    def _choose(self) -> tuple[Mask, bool]:
-        """The active set of the next step, and whether it does nothing but shrink.
+    def _foreseen(self) -> Mask:
+        """The active set at z, or a part of it.
 
         Where A is an M-matrix sets that only shrink are the rule, often by one layer of the grid in every step; from
-        the third such step on 1, 2, 4, … layers more are set free. Where those are too many the next step takes them
-        back, and the counting begins anew.
+        the third such step on 1, 2, 4, … layers more are set free, unless what is set free becomes less by half and
+        more as it is. Where most of them would come back the step is made without, and twice as many steps are waited.
         """
         active, taken = self.here.active, self.taken
-        dropped = taken & ~active
-        shrinks = bool(dropped.any()) and not (active & ~taken).any()
-        self.shrunk = self.shrunk + 1 if shrinks else 0
-        if self.shrunk > 2:
-            A, layers = self.problem.matrix.absolute, dropped.astype(np.float64)
-            for _ in range(2 ** (self.shrunk - 3)):
-                before, layers = layers, (A @ layers + layers > 0).astype(np.float64)
-                if layers[active].all() or np.array_equal(layers, before):
-                    break
-            active = active & (layers == 0)
-        return active, shrinks
+        free = taken & ~active
+        before, self.dropped = self.dropped, int(np.count_nonzero(free))
+        self.shrunk = self.shrunk + 1 if self.dropped and not (active & ~taken).any() else 0
+        if not (self.shrunk > self.alike and 2 * self.dropped > before):
+            return active
+        A, layers = self.problem.matrix.absolute, free.astype(np.float64)
+        for _ in range(2 ** (self.shrunk - self.alike - 1)):
+            inner, layers = layers, (A @ layers + layers > 0).astype(np.float64)
+            if layers[active].all() or np.array_equal(layers, inner):
+                break
+        return active & (layers == 0)
+
+    def _reached(self, active: Mask) -> Point | None:
+        """Where the step with this active set leads."""
+        step = self._plain_direction(active)
+        return None if step is None else self._point(self.here.z + step)
 
     def _plain_direction(self, active: Mask) -> Vector | None:
         here, J = self.here, self.here.jacobian

@@ -5,6 +5,7 @@ import signal
 
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.sparse as sp
 
 import icpmodel as icp
@@ -150,6 +151,15 @@ def test_it_agrees_with_the_sweeps_on_the_scenes(name):
 def test_few_steps_are_needed_at_fine_grids(name, n, steps):
     """Layer by layer the bearing would need a thousand."""
     assert scenes.scene(name, n).problem.solve("newton").iterations <= steps
+
+
+@pytest.mark.parametrize("n", [300, 500])
+def test_layers_that_come_back_are_not_set_free_again(n):
+    """Where every row is a neighbour of every other one, all would be free, and all come back: 70 steps were made."""
+    size = 1.0 / np.arange(1, n) ** 2.5
+    A = scipy.linalg.toeplitz(np.append(2.0 * size.sum() + 1.0 / n**1.5, -size))  # a fractional Laplacian
+    problem = icp.ICP(A, np.zeros(n), 0.5 - 2.0 * np.linspace(-1.0, 1.0, n) ** 2)
+    assert problem.solve("newton").iterations <= 15
 
 
 @pytest.mark.parametrize("name", ["bai-symmetric", "bai-nonsymmetric"])
