@@ -86,7 +86,8 @@ class Multilevel(Method):
         with suppress(NoHierarchy):
             best = yield from self._look_by_look(problem, z, first)
         if problem.psi.takes_best:
-            yield from Newton().iterates(problem, best)
+            for step in Newton().iterates(problem, best):  # noqa: UP028  to which nothing can be sent
+                yield step
 
     def start(self, hierarchy: Hierarchy, problem: ProblemData) -> Vector:
         """z from the coarser levels, each of which begins with the answer of the one below it."""

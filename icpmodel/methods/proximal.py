@@ -101,8 +101,9 @@ class Proximal(Method):
         if facts.has_fixed_obstacle:
             step = work.COSTS.newton + min(matrix.again_cost, _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz))
         else:
-            step = work.newton(matrix.n, matrix.nnz) + work.factor_cost(matrix.fill)
-        return Estimate(0.0, step / matrix.unit, 3.0 + math.log2(matrix.n), 12.0 * matrix.fill.entries)
+            step = work.newton(matrix.n, matrix.nnz) + matrix.factor_cost
+        steps = 3.0 + math.log2(max(facts.bounded, 1))
+        return Estimate(0.0, step / matrix.unit, steps, 12.0 * matrix.fill.entries)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator

@@ -1,5 +1,5 @@
-"""Factorisations of sparse matrices whose cost is known before: of a band by LAPACK, of others by SuperLU, or by QDLDL
-where they are symmetric and many have one pattern."""
+"""Factorisations of sparse matrices whose cost is known before: of a band, and of what fills up, by LAPACK, of others
+by SuperLU, or by QDLDL where they are symmetric and many have one pattern."""
 
 from __future__ import annotations
 
@@ -94,6 +94,29 @@ class Band:
         return np.asarray(dgbtrs(self._factors, *self._reach, f, self._rows, trans=int(trans == "T"))[0])
 
 
+class Full:
+    """L and U of a matrix as LAPACK has them, or, without `rows`, Cholesky's factor of a symmetric one, and solves with
+    them."""
+
+    def __init__(self, factors: NDArray[np.float64], rows: NDArray[np.int32] | None) -> None:
+        self._factors, self._rows = factors, rows
+
+    @property
+    def pivots(self) -> Vector:
+        """The diagonal of U."""
+        pivots: Vector = self._factors.diagonal()
+        return pivots**2 if self._rows is None else pivots
+
+    def solve(self, f: Vector, trans: str = "N") -> Vector:
+        """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
+        from scipy.linalg.lapack import dgetrs, dpotrs
+
+        work.add(f.size / f.shape[0] * (work.COSTS.call + work.COSTS.entry * self._factors.size))
+        if self._rows is None:
+            return np.asarray(dpotrs(self._factors, f, lower=1)[0])
+        return np.asarray(dgetrs(self._factors, self._rows, f, trans=int(trans == "T"))[0])
+
+
 class Repeated:
     """L and D with PMPᵀ = LDLᵀ of one symmetric matrix after another that have the pattern of `A`, CSR, n × n, which is
     ordered once, and solves with them.
@@ -142,10 +165,10 @@ class Repeated:
 def factorise(
     matrix: sp.csr_array, *, definite: bool = False, triangles: bool = False, look: Look | None = None
 ) -> Any:
-    """The `Factors` of a sparse matrix (n × n), ordered for its pattern, or of its `Band`, whichever cost less; None
-    where it is singular, or not finite.
+    """The `Factors` of a sparse matrix (n × n), ordered for its pattern, or those of its `Band` or of the `Full` one,
+    whichever cost least; None where it is singular, or not finite.
 
-    `definite` says that it is expected to be, symmetric or not: it is None as well where a symmetric band is seen not
+    `definite` says that it is expected to be, symmetric or not: it is None as well where a symmetric one is seen not
     to be, and where SuperLU exchanged rows. With `triangles`, L and U in `Factors` are wanted. Raises OutOfMemory
     before a factorisation that will not fit into the memory that is free, and OutOfTime where it will take more time
     than is left. What a `look` at the matrix has seen is not looked for again.
@@ -154,9 +177,24 @@ def factorise(
     if not np.isfinite(matrix.data).all():
         return None
     look = look or Look(matrix)
+    if not triangles and look.is_dense:
+        return _of_dense(matrix, look, definite)
     if not triangles and look.is_band:
         return _of_band(matrix, look, definite)
     return _of_pattern(matrix, look, definite)
+
+
+def _of_dense(matrix: sp.csr_array, look: Look, definite: bool) -> Full | None:
+    from scipy.linalg.lapack import dgetrf, dpotrf
+
+    n = matrix.shape[0]
+    work.spend(work.dense_cost(n), 16.0 * n**2)
+    with one_blas_thread():
+        if definite and look.is_symmetric:
+            factor, failed = dpotrf(matrix.toarray(order="F"), lower=1, overwrite_a=1)
+            return None if failed or not np.isfinite(factor.diagonal()).all() else Full(factor, None)
+        factors, pivots, failed = dgetrf(matrix.toarray(order="F"), overwrite_a=1)
+    return None if failed or not np.isfinite(factors.diagonal()).all() else Full(factors, pivots)
 
 
 def _of_band(matrix: sp.csr_array, look: Look, definite: bool) -> Band | None:

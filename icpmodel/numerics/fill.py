@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import OutOfTime
 from . import work
 from .arrays import bandwidths, is_symmetric
-from .work import Fill, factor_cost, least_factor_cost
+from .work import Fill, dense_cost, factor_cost, least_factor_cost
 
 #: a row with more than this times √n neighbours goes last, and counts as one that fills up: Amestoy, Davis and Duff,
 #: ACM TOMS 30 (2004)
@@ -48,8 +48,8 @@ def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf) -> tuple[Fi
 
 
 class Look:
-    """What it takes to factorise `A` (CSR, n × n), looked at once, however often it is asked: as a band, or in an order
-    for its pattern, as `foreseen`.
+    """What it takes to factorise `A` (CSR, n × n), looked at once, however often it is asked: as a dense matrix, as a
+    band, or in an order for its pattern, as `foreseen`.
 
     `seen` are the fill and the order of the rows and columns, shape (n,), once they are seen to the end. `is_symmetric`
     tells whether A is, where that is known elsewhere.
@@ -58,6 +58,7 @@ class Look:
     def __init__(self, A: sp.csr_array, is_symmetric: Callable[[], bool] | None = None) -> None:
         self._A, self._told = A, is_symmetric
         self._least, self._cost = least_factor_cost(A.shape[0], A.nnz), 0.0
+        self._is_full = A.nnz == A.shape[0] ** 2
         self._fill: Fill | None = None  # in an order for the pattern
         self.seen: tuple[Fill, NDArray[np.int32]] | None = None
 
@@ -83,13 +84,22 @@ class Look:
         return not self.band_costs_more(self._least)
 
     @cached_property
+    def is_dense(self) -> bool:
+        """Whether a dense factorisation costs less than any other, and fits into memory."""
+        n = self._A.shape[0]
+        return self.costs_more(dense_cost(n)) and work.fits(16.0 * n**2)
+
+    @cached_property
     def is_band(self) -> bool:
         """Whether factors of the band cost no more than those in an order for the pattern."""
-        return self.is_narrow or self._fills_more(factor_cost(self.band))
+        return self.is_narrow or (not self._is_full and self._fills_more(factor_cost(self.band)))
 
     @property
     def fill(self) -> Fill:
         """What costs less; rough where it is not worth a closer look."""
+        if self._is_full:
+            n = self._A.shape[0]
+            return Fill(n, float(n) ** 2, float(n) ** 3 / 3.0, True)
         return self.band if self.is_band or self._fill is None else self._fill
 
     def band_costs_more(self, most: float) -> bool:
@@ -107,7 +117,7 @@ class Look:
         """The same in an order for the pattern."""
         from .kernels.graph import order
 
-        if self._least > most:
+        if self._least > most or (self._is_full and factor_cost(self.fill) > most):
             return True
         if self._fill is None:
             fill, self._cost, path = _looked(self._A, work.COSTS.look, np.inf, most)

@@ -18,7 +18,7 @@ from .factorisation import factorise
 from .fill import Look
 from .multigrid import KrylovMultigrid
 from .threads import one_blas_thread
-from .work import COSTS, add, afford, dense_cost, free_memory, krylov_cost, product
+from .work import COSTS, add, afford, dense_cost, krylov_cost, product
 
 
 class Solver(Protocol):
@@ -66,12 +66,9 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
     @cache
     def direct() -> tuple[Solver, Exponents | int]:
         """By factors, and in which units of the rows."""
-        if not look.is_narrow:
-            if (border := _bordered(scaled())) is not None:
-                return border, exponents()
-            if _is_as_good_as_dense(n, look):
-                return _dense(scaled()), exponents()
-        if look.is_band:
+        if not look.is_narrow and (border := _bordered(scaled())) is not None:
+            return border, exponents()
+        if look.is_dense or look.is_band:
             # Cholesky's factor is as good in all units, and others would take the symmetry
             if look.is_symmetric and (factors := factorise(M, definite=True, look=look)):
                 return _by(factors), 0
@@ -172,11 +169,6 @@ def dense_solver(M: NDArray[np.float64]) -> Solver:
     return solve
 
 
-def _dense(M: sp.csr_array) -> Solver:
-    afford(dense_cost(M.shape[0]), 16.0 * M.shape[0] ** 2)
-    return _by_lu(M.toarray())
-
-
 def _by_lu(M: NDArray[np.float64]) -> Solver:
     from scipy.linalg.lapack import dgetrf, dgetrs  # lu_factor warns of a zero pivot, and is slower than a small matrix
 
@@ -228,11 +220,6 @@ def is_for_multigrid(M: sp.csr_array) -> bool:
         and (M.diagonal() > 0).all()
         and not (M.data[row_of(M) != M.indices] > 0).any()
     )
-
-
-def _is_as_good_as_dense(n: int, look: Look) -> bool:
-    """Whether a dense factorisation with n rows costs less than a sparse one, and fits into memory."""
-    return 16.0 * n**2 <= free_memory() and look.costs_more(dense_cost(n))
 
 
 def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:

@@ -34,6 +34,14 @@ class Facts:
         return bool(np.count_nonzero(G.data) == np.count_nonzero(slope) and (slope < 1).all())
 
     @cached_property
+    def bounded(self) -> int:
+        """How many rows have an obstacle, all of them where it moves."""
+        if not self.psi.is_constant:
+            return self.matrix.n
+        has = np.isfinite(self.obstacle)
+        return int(np.count_nonzero(has if self.upper_obstacle is None else has | np.isfinite(self.upper_obstacle)))
+
+    @cached_property
     def coupling(self) -> float:
         """How far ψ couples its rows, as ρ of the Jacobi matrix says it of A: the largest row sum of G, where known."""
         G = self.psi.lipschitz

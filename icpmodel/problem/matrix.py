@@ -161,9 +161,14 @@ class Matrix(ReadOnly):
         return pays and self.is_nearly_symmetric
 
     @property
+    def factor_cost(self) -> float:
+        """What it costs to factorise A, or a matrix with its pattern: as a sparse one, or as a dense one."""
+        return min(work.factor_cost(self.fill), work.dense_cost(self.n))
+
+    @property
     def again_cost(self) -> float:
-        """What it costs to factorise a matrix with the pattern of A when another one was factorised before."""
-        return (work.refactor_cost if self.repeats else work.factor_cost)(self.fill)
+        """The same when another one was factorised before."""
+        return work.refactor_cost(self.fill) if self.repeats else self.factor_cost
 
     @cached_property
     def look(self) -> Look:

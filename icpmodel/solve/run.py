@@ -223,7 +223,6 @@ class Run:
             residual, seconds = self._residual(z, hint), work.clock() - self.clock
             if not count:
                 first = residual
-                turn.need = _fall(residual, self.target) if self.target < residual < np.inf else np.inf
             self.bar.update(self.iteration, residual, self.goal.tolerance)
             if self.records is not None:
                 self.records.append((self.iteration, residual, seconds))
@@ -233,11 +232,19 @@ class Run:
             if ended is not None:
                 return ended
             expected = recent.expected(residual)
-            fallen = _fall(first, residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0
             look, count = False, count + 1
             if count > 1:  # the set-up counts for the first step
-                look, spent = turn.stepped((spent + work.COSTS.iterate) / unit, fallen), 0.0
+                look, spent = turn.stepped((spent + work.COSTS.iterate) / unit, self._fallen(first, residual)), 0.0
             yield look
+
+    def _fallen(self, first: float, residual: float) -> tuple[float, float] | None:
+        """By how much a logarithm has fallen, and by how much it has to: that of the residual, which was `first`, or,
+        for a finite method, of the rows that it takes for wrong; None where it does not say so."""
+        if self.candidate.method.finite:
+            wrong, every = getattr(self.path, "wrong", None), math.log1p(self.problem.n)
+            return None if wrong is None else (every - math.log1p(wrong), every)
+        need = _fall(first, self.target) if self.target < first < np.inf else np.inf
+        return (_fall(first, residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0), need
 
     def found(self, z: Vector, residual: float) -> Best:
         """`z` as an iterate of the candidate that is tried."""

@@ -43,8 +43,8 @@ T = TypeVar("T")
 class Expected(NamedTuple):
     """What a candidate says: its whole `cost`, and that of its set-up and of a step, 0 where its steps are not alike.
 
-    `finite`: it ends after some steps, of which the rate of the residual says nothing; else the rate is looked at after
-    `look` steps. `weight`: what its cost is multiplied by.
+    `finite`: it ends after some steps, each of which is looked at, and of which the rate of the residual says nothing;
+    else the rate is looked at after `look` steps. `weight`: what its cost is multiplied by.
     """
 
     cost: float
@@ -56,23 +56,22 @@ class Expected(NamedTuple):
 
 
 class Turn(Generic[T]):
-    """A candidate in the schedule: `who`, what it expected, and what it did.
-
-    `need`: the logarithm by which its residual has to fall, which whoever runs it says when it begins.
-    """
+    """A candidate in the schedule: `who`, what it expected, and what it did."""
 
     def __init__(self, who: T, expected: Expected) -> None:
-        self.who, self.expected, self.need = who, expected, math.inf
+        self.who, self.expected = who, expected
         self.steps, self.spent, self.fallen = 0, 0.0, [0.0]
         #: what a step costs, by those that were made; but for the first one, where it had the set-up with it
         self.step_cost, self._first = expected.step, 0.0
         self.due, self._whole = 2.0 * expected.cost, expected.cost
-        self._look = 1 if expected.finite else expected.look
+        # a first step of a finite one tells something, of sweeps two do
+        self._look, self._least = (1, 1) if expected.finite else (expected.look, 2)
         # the steps to come, and how many were made when that was said
         self._forecast: tuple[float, int] | None = None
 
-    def stepped(self, cost: float, fallen: float) -> bool:
-        """Count a step after which the residual has `fallen` by so much, a logarithm; whether it is time for a look."""
+    def stepped(self, cost: float, fallen: tuple[float, float] | None) -> bool:
+        """Count a step; whether it is time for a look. `fallen`: by how much a logarithm has fallen, as a rule that of
+        the residual, and by how much it has to; None where nothing tells how many steps are left."""
         said = self.expected
         if not self.steps:
             self._first = cost if said.setup > 0.0 else 0.0
@@ -82,11 +81,12 @@ class Turn(Generic[T]):
         self.spent += cost
         if alike := self.steps - (said.setup > 0.0):
             self.step_cost = (self.spent - self._first) / alike
-        self.fallen.append(fallen)
+        if fallen is not None:
+            self.fallen.append(fallen[0])
         if self.steps < self._look and self.spent < self.due:
             return False
-        if not said.finite and self.steps > 1:
-            self._forecast = forecast(self.fallen, self.need), self.steps
+        if fallen is not None and self.steps >= self._least:
+            self._forecast = forecast(self.fallen, fallen[1]), self.steps
         if self._forecast is not None:
             self.due = min(self.due, 2.0 * (self.spent + self.left))
         self._look = self.steps + 1 if said.finite else math.ceil(_AGAIN * self.steps)
@@ -167,9 +167,9 @@ class Schedule(Generic[T]):
 
 
 def forecast(fallen: list[float], need: float) -> float:
-    """How many more steps it takes until the residual has fallen by `need`.
+    """How many more steps it takes until what has `fallen`, logarithms that begin with 0, has done so by `need`.
 
-    `fallen` are the logarithms by which the residuals are below the first one. What counts is the best of each window:
+    What counts is the best of each window:
     the last half of the steps, the quarter before it, the eighth before that; between them are two speeds. Sweeps first
     smooth and then creep, and some slow down for good and some no more: what is expected is the geometric mean of two
     ends, that the speed changes by as much whenever the number of steps doubles, and that it stays; but not that it
@@ -179,7 +179,7 @@ def forecast(fallen: list[float], need: float) -> float:
     """
     k = len(fallen) - 1
     half, quarter = k // 2, k // 4
-    windows = (fallen[half + 1 :], fallen[quarter + 1 : half + 1], fallen[k // 8 : quarter + 1])
+    windows = (fallen[half + 1 :], fallen[quarter + 1 : half + 1] or fallen[:1], fallen[k // 8 : quarter + 1])
     best, between, early = map(max, windows)
     left, steps = need - best, 0.0
     if not 0.0 < left < math.inf:

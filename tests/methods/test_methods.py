@@ -6,7 +6,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from conformance import FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
+from conformance import BY_LUCK, FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
 
 import icpmodel as icp
 from icpmodel import methods, scenes
@@ -42,6 +42,8 @@ def test_every_method_on_every_scene(method, scene):
         assert "not applicable" in HONEST[scene]
         assert reason is not None
         return
+    if not solution.solved:
+        reason = reason or BY_LUCK.get((method, scene))
     assert solution.solved is (reason is None), solution.message
     assert solution.residual == scene_.problem.residual(solution.z)
     if reason is not None:

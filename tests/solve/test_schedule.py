@@ -14,7 +14,8 @@ KAPPA, LOOK, AGAIN = 1 / SHARE, 6, 3.0
 
 @dataclass(frozen=True)
 class Script:
-    """What a candidate says, and what it does: `steps` of one `cost`, its residual falling by `falls` in turn."""
+    """What a candidate says, and what it does: `steps` of one `cost`, its residual falling by `falls` in turn; of a
+    `finite` one nothing is told unless it `tells`."""
 
     said: float
     setup: float
@@ -23,6 +24,7 @@ class Script:
     falls: tuple[float, ...]
     finite: bool
     weight: float
+    tells: bool = False
 
     @property
     def total(self):
@@ -50,6 +52,7 @@ scripts = st.builds(
     falls=st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=6).map(tuple),
     finite=st.booleans(),
     weight=st.sampled_from([1 / 1.2, 1.0, 2.0]),
+    tells=st.booleans(),
 )
 
 
@@ -59,14 +62,13 @@ def spent_until_one_is_done(candidates, need=18.0):
     total = 0.0
     while True:
         turn = schedule.turn()
-        turn.need = need
         script = turn.who
         look = False
         while not look:
             cost = script.cost + (0.0 if turn.steps else script.setup)
             total += cost
             fallen = turn.fallen[-1] + script.falls[turn.steps % len(script.falls)]
-            look = turn.stepped(cost, fallen)
+            look = turn.stepped(cost, (fallen, need) if script.tells or not script.finite else None)
             if turn.steps == script.steps:
                 return total
 
@@ -117,7 +119,7 @@ def test_who_overruns_twofold_waits_and_goes_on_where_it_was_when_the_others_do_
     for _ in range(200):
         turn = schedule.turn()
         order.append(turn.who)
-        turn.stepped(1.0, 0.0)
+        turn.stepped(1.0, None)
     switched = order.index("second")
     assert switched >= 20  # not before it has spent twice what it said
     again = order.index("first", switched)
@@ -130,15 +132,24 @@ def test_what_a_step_costs_is_learnt_and_no_set_up_is_taken_for_it():
     schedule = Schedule(iter([Stage(0.0, lambda: [("one", Expected(140.0, 40.0, 10.0, True))])]))
     turn = schedule.turn()
     assert turn.left == 140.0
-    turn.stepped(41.0, 0.0)
-    turn.stepped(1.0, 0.0)
+    turn.stepped(41.0, None)
+    turn.stepped(1.0, None)
     assert turn.left == pytest.approx(8.0)
+
+
+def test_a_finite_one_that_tells_how_far_it_is_is_believed_from_its_first_step():
+    """Half of the way is behind it after one step of the fourteen that it expected."""
+    turn = Schedule(iter([Stage(0.0, lambda: [("one", Expected(140.0, 0.0, 10.0, True))])])).turn()
+    turn.stepped(10.0, (2.0, 4.0))
+    assert turn.left == pytest.approx(10.0)
+    turn.stepped(10.0, (2.5, 4.0))
+    assert 10.0 < turn.left < 120.0
 
 
 def test_steps_that_are_not_alike_say_nothing_of_those_to_come():
     turn = Schedule(iter([Stage(0.0, lambda: [("parts", Expected(100.0, 40.0, 0.0, True))])])).turn()
-    turn.stepped(41.0, 0.0)
-    turn.stepped(1.0, 0.0)
+    turn.stepped(41.0, None)
+    turn.stepped(1.0, None)
     assert turn.left == pytest.approx(58.0)
 
 
