@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm
 from ..numerics.linear import STEPS, cg_steps, cg_vector_cost
-from ..numerics.multigrid import KRYLOV_STEPS
+from ..numerics.multigrid import KRYLOV_STEPS, cycle_cost
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData
 from .hierarchy import Hierarchy, Level
@@ -26,8 +26,7 @@ _KEPT = 8
 
 def cycles_cost(problem: ProblemData) -> float:
     """What one system costs by `CycledEquations`, with as many steps as it needs as a rule."""
-    costs = work.COSTS
-    return STEPS * (costs.cycle + costs.cycle_entry * problem.nnz + problem.matrix.unit + cg_vector_cost(problem.n))
+    return STEPS * (cycle_cost(problem.n, problem.nnz) + problem.matrix.unit + cg_vector_cost(problem.n))
 
 
 class NotConverged(Exception):

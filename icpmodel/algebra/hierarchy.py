@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..numerics import work
 from ..numerics.arrays import Vector
-from ..numerics.multigrid import HIERARCHY_BYTES, ruge_stuben
+from ..numerics.multigrid import HIERARCHY_BYTES, cycle_cost, hierarchy_cost, ruge_stuben
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.threads import one_behind_the_other, one_blas_thread, threads_for
 from ..problem.data import ProblemData
@@ -70,7 +70,7 @@ class Hierarchy:
 
     def __init__(self, problem: ProblemData) -> None:
         # whether the levels are still there makes no difference to what is counted
-        price = work.COSTS.hierarchy + work.COSTS.hierarchy_entry * problem.nnz
+        price = hierarchy_cost(problem.n, problem.nnz)
         work.afford(price, HIERARCHY_BYTES * problem.nnz)
         finest = Level(problem)
         found = _LAST.get(problem.matrix)
@@ -113,8 +113,8 @@ class Hierarchy:
 
         Parameters: `f` of shape (m,), m the rows of level `top`. Returns a new array of that shape.
         """
-        price = work.COSTS.cycle + work.COSTS.cycle_entry * self.levels[top].A.nnz
-        work.spend(price)
+        A = self.levels[top].A
+        work.spend(cycle_cost(A.shape[0], A.nnz))
         return self._cycle(f, top)
 
     @cached_property
@@ -180,7 +180,7 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
 
 def _coarsened(last: Level) -> Level | None:
     """One more level below `last`, which gets P and `kept`; None where there is none."""
-    work.afford(work.COSTS.hierarchy_entry * last.A.nnz)
+    work.afford(hierarchy_cost(last.A.shape[0], last.A.nnz))
     # direct interpolation costs least and is made for M-matrices
     made = ruge_stuben(last.A, interpolation="direct", max_coarse=_COARSEST, max_levels=2, keep=True).levels
     if len(made) == 1:

@@ -28,6 +28,7 @@ from ..algebra.looks import SWEEPS, newton_looks
 from ..algebra.subproblems import with_fixed_obstacle
 from ..numerics import work
 from ..numerics.arrays import Vector
+from ..numerics.multigrid import cycle_cost, hierarchy_cost
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from .contract import Estimate, Iterate, Method, positive_diagonal
@@ -66,8 +67,8 @@ class Multilevel(Method):
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         matrix, costs = facts.matrix, work.COSTS
         coarser = 2.0 * math.log2(max(matrix.n / 64.0, 1.0))  # looks
-        setup = costs.hierarchy + costs.hierarchy_entry * matrix.nnz + coarser * costs.newton
-        cycles = 3.0 * (costs.cycle + costs.cycle_entry * matrix.nnz)
+        setup = hierarchy_cost(matrix.n, matrix.nnz) + coarser * costs.newton
+        cycles = 3.0 * cycle_cost(matrix.n, matrix.nnz)
         look = 0.5 * costs.newton + SWEEPS * work.sweep(matrix.n, matrix.nnz) + cycles
         # for matrices with ρ ≤ 1 eight looks are the rule; the others it is not made for
         radius = max(matrix.coupled_radius, 1.0)

@@ -28,6 +28,16 @@ _FAILURES = (RuntimeError, ValueError, ArithmeticError)
 HIERARCHY_BYTES = 3 * 12
 
 
+def hierarchy_cost(n: int, nnz: int) -> float:
+    """What the hierarchy of an n × n matrix costs, in nanoseconds."""
+    return work.COSTS.hierarchy + work.COSTS.hierarchy_entry * work.entries(n, nnz)
+
+
+def cycle_cost(n: int, nnz: int) -> float:
+    """What a V-cycle with compiled loops costs, in nanoseconds."""
+    return work.COSTS.cycle + work.COSTS.cycle_entry * work.entries(n, nnz)
+
+
 def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
     """PyAMG's algebraic multigrid hierarchy of `A` by Ruge and Stüben (1987), with the `options` of its solver.
 

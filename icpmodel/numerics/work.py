@@ -112,12 +112,12 @@ def done() -> float:
 
 def product(n: int, nnz: int) -> float:
     """What A @ z costs: the unit of all estimates."""
-    return COSTS.call + COSTS.row * n + _entry(n, nnz, COSTS.entry) * nnz
+    return COSTS.call + COSTS.row * n + COSTS.entry * entries(n, nnz)
 
 
-def _entry(n: int, nnz: int, sparse: float) -> float:
-    """What an entry costs, a `sparse` one unless all are stored."""
-    return sparse if nnz < n * n else COSTS.full_entry
+def entries(n: int, nnz: int) -> float:
+    """How many entries of a sparse matrix cost as much as these: where all are stored they are read in their order."""
+    return nnz if nnz < n * n else COSTS.full_entry / COSTS.entry * nnz
 
 
 def build_cost(nnz: int) -> float:
@@ -132,7 +132,7 @@ def build(nnz: int, matrices: int = 1) -> None:
 
 def sweep(n: int, nnz: int) -> float:
     """What one compiled sweep costs."""
-    return COSTS.call + COSTS.sweep_row * n + _entry(n, nnz, COSTS.sweep_entry) * nnz
+    return COSTS.call + COSTS.sweep_row * n + COSTS.sweep_entry * entries(n, nnz)
 
 
 def newton(n: int, nnz: int) -> float:

@@ -70,6 +70,8 @@ def choose(
         cost = calls * costs.call + (passes and passes * costs.entry * matrix.nnz)
         return Stage(cost / matrix.unit, made, least / matrix.unit)
 
+    graph = 0.0 if matrix.is_full else 1.0  # the passes over the graph of A, where there is something to see
+
     yield stage(0.0, 0.0, lambda: [Lemke()])
     yield stage(6.0, 0.0, lambda: [Tridiagonal()])
     if problem.psi.takes_best:
@@ -81,13 +83,13 @@ def choose(
         yield stage(15.0, 12.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: josephy)
         yield stage(15.0, 0.0, lambda: [Multilevel()], least=costs.hierarchy)
     if reduced is not None:
-        yield Stage(stage(100.0, 60.0).cost, lambda: reduced(cheapest), least_reduced)
+        yield Stage(stage(100.0, 60.0 * graph).cost, lambda: reduced(cheapest), least_reduced)
     if not problem.psi.takes_best:
-        yield stage(100.0, 90.0, lambda: _relaxed(problem))
-    factorised = 2.0 * work.least_factor_cost(matrix.n, matrix.nnz)
-    yield stage(30.0, 80.0, lambda: [Newton()], lambda: [Proximal()], least=factorised)
+        yield stage(100.0, 40.0, lambda: _relaxed(problem))
+    factorised = 2.0 * min(work.least_factor_cost(matrix.n, matrix.nnz), work.dense_cost(matrix.n))
+    yield stage(30.0, 80.0 * graph, lambda: [Newton()], lambda: [Proximal()], least=factorised)
     # where others are there it was best once on 430 random problems, but it needs neither a diagonal nor a derivative
-    yield stage(30.0, 80.0, lambda: [MNMMOD(theta1=AUTO)], least=factorised if family == "paper" else math.inf)
+    yield stage(30.0, 80.0 * graph, lambda: [MNMMOD(theta1=AUTO)], least=factorised if family == "paper" else math.inf)
 
 
 def _relaxed(problem: ProblemData) -> list[Method]:
