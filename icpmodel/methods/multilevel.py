@@ -70,9 +70,9 @@ class Multilevel(Method):
         setup = hierarchy_cost(matrix.n, matrix.nnz) + coarser * costs.newton
         cycles = 3.0 * cycle_cost(matrix.n, matrix.nnz)
         look = 0.5 * costs.newton + SWEEPS * work.sweep(matrix.n, matrix.nnz) + cycles
-        # for matrices with ρ ≤ 1 eight looks are the rule; the others it is not made for
+        # for matrices with ρ ≤ 1 eight looks are the rule; of the others, for which it is not made, few end
         radius = max(matrix.coupled_radius, 1.0)
-        looks = 8.0 * radius * radius  # ** 2 may raise OverflowError
+        looks = 8.0 * radius * radius * radius * radius  # ** 4 may raise OverflowError
         return Estimate(setup / matrix.unit, look / matrix.unit, looks, 40.0 * matrix.nnz)
 
     def why_not(self, problem: ProblemData) -> str | None:
