@@ -199,7 +199,8 @@ class Problem(Shown):
         comes back. Raises InputError, with the answer written, where CVXPY has no gradient that `requires_grad` needs.
 
         >>> z = cp.Variable()
-        >>> icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve("newton").z.round(6), round(float(z.value), 9)
+        >>> solution = icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve("newton")
+        >>> solution.z.round(6), round(float(z.value), 6)
         (array([1.5]), 1.5)
         """
         self.solution = self.solver_stats = self._derivative = None
