@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import icpmodel as icp
 from icpmodel.numerics import work
 from icpmodel.numerics.equilibration import times_rows
-from icpmodel.numerics.factorisation import Repeated, factorise
+from icpmodel.numerics.factorisation import Full, Repeated, factorise
 from icpmodel.numerics.fill import Look, foreseen
 
 
@@ -66,6 +66,25 @@ def test_a_full_matrix_small_enough_to_fit_in_any_case_has_its_factors(n):
     A = np.random.default_rng(n).normal(size=(n, n)) + n * np.eye(n)
     x = factorise(sp.csr_array(A)).solve(np.ones(n))
     np.testing.assert_allclose(A @ x, np.ones(n), rtol=1e-12)
+
+
+@given(
+    st.integers(60, 90), st.sampled_from(["full", "expander"]), st.sampled_from(["definite", "indefinite", "skewed"])
+)
+@settings(max_examples=15, deadline=None)
+def test_what_fills_up_is_factorised_as_dense_and_solved_both_ways(n, pattern, kind):
+    rng = np.random.default_rng(n)
+    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < (1.0 if pattern == "full" else 0.2))
+    A = A + (n * np.eye(n) if kind == "skewed" else A.T + (4.0 * n if kind == "definite" else 0.1) * np.eye(n))
+    M, (x, y) = sp.csr_array(A), rng.normal(size=(2, n))
+    assert Look(M).is_dense
+    factors = factorise(M, definite=kind == "definite")
+    assert isinstance(factors, Full)
+    assert factors.solve(M @ x) == pytest.approx(x, abs=1e-7)
+    assert factors.solve(M.T @ y, "T") == pytest.approx(y, abs=1e-7)
+    assert np.log(np.abs(factors.pivots)).sum() == pytest.approx(np.linalg.slogdet(A)[1])
+    if kind == "indefinite":
+        assert factorise(M, definite=True) is None
 
 
 @given(st.integers(0, 10**6), st.integers(1, 30), st.floats(0.0, 0.5))
