@@ -152,7 +152,7 @@ class ProximalPath:
     def repeated(self) -> Repeated | None:
         """What factorises all rows again and again, where that costs less than each time in an order of its own."""
         matrix = self.problem.matrix
-        return Repeated(matrix.sparse, matrix.fill) if matrix.repeats else None
+        return Repeated(matrix.sparse, matrix.fill, matrix.signs) if matrix.repeats else None
 
     @cached_property
     def half_inside(self) -> float:

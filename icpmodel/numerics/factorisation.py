@@ -22,6 +22,8 @@ from .threads import one_blas_thread
 _THRESHOLD = 0.01
 #: entries of this share of the largest one of their column will do for pivots
 _LARGE = 0.1
+#: entries that differ by a smaller share are the same up to rounding
+_SAME = 1e-13
 #: up to so many diagonals on one side LAPACK's factorisations of bands make no blocks
 _BY_COLUMNS = 32
 #: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen
@@ -121,13 +123,15 @@ class Repeated:
     """L and D with PMPᵀ = LDLᵀ of one symmetric matrix after another that have the pattern of `A`, CSR, n × n, which is
     ordered once, and solves with them.
 
-    There are no exchanges: nothing tells of pivots that come to nothing but what the solves leave.
+    Or of matrices that the `signs` ±1 of their rows make so. There are no exchanges: nothing tells of pivots that
+    come to nothing but what the solves leave.
     Reference: Stellato et al., Math. Program. Comput. 12 (2020), for QDLDL.
     """
 
-    def __init__(self, A: sp.csr_array, fill: work.Fill) -> None:
+    def __init__(self, A: sp.csr_array, fill: work.Fill, signs: Vector | None = None) -> None:
         row = row_of(A)
         self._fill, self._places = fill, np.flatnonzero(A.indices <= row)
+        self._signs = np.ones(A.shape[0]) if signs is None else signs
         self._row, self._column = row[self._places], A.indices[self._places]
         starts = np.append(0, np.cumsum(np.bincount(self._row, minlength=A.shape[0])))
         # the rows of the lower triangle are the columns of the upper one
@@ -139,7 +143,7 @@ class Repeated:
         False where that fails."""
         import qdldl
 
-        values = data[self._places]
+        values = self._signs[self._row] * data[self._places]
         if free is not None:
             values[~(free[self._row] & free[self._column]) & (self._row != self._column)] = 0.0
         if not np.isfinite(values).all():
@@ -159,7 +163,30 @@ class Repeated:
     def solve(self, f: Vector) -> Vector:
         """M⁻¹f, both of shape (n,)."""
         work.add(work.solve_cost(self._fill))
-        return np.asarray(self._factors.solve(f))
+        return np.asarray(self._factors.solve(self._signs * f))
+
+
+def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
+    """σ, ±1 for each row, with σ_i a_ij = σ_j a_ji up to rounding; None where there is none.
+
+    Rows i and j have one sign where a_ij = a_ji and two where a_ij = −a_ji, as in optimality conditions [Q, −Bᵀ; B, R].
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    n, row, T = A.shape[0], row_of(A), sp.csr_array(A.T)
+    T.sort_indices()
+    if not (np.array_equal(A.indptr, T.indptr) and np.array_equal(A.indices, T.indices)):
+        return None
+    least = _SAME * np.abs(A.data)
+    alike, opposite = np.abs(A.data - T.data) <= least, np.abs(A.data + T.data) <= least
+    if not (alike | opposite)[row != A.indices].all():
+        return None
+    # a row is twice in the graph, with either sign
+    one, two = alike & ~opposite, opposite & ~alike & (row != A.indices)
+    i = np.concatenate([row[one], row[one] + n, row[two], row[two] + n])
+    j = np.concatenate([A.indices[one], A.indices[one] + n, A.indices[two] + n, A.indices[two]])
+    part = connected_components(sp.csr_array((np.ones(i.size), (i, j)), shape=(2 * n, 2 * n)), directed=False)[1]
+    return None if (part[:n] == part[n:]).any() else np.where(part[:n] < part[n:], 1.0, -1.0)
 
 
 def factorise(

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric
+from ..numerics.factorisation import signs_of_symmetry
 from ..numerics.fill import Look
 from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
 from ..numerics.linear import is_for_multigrid
@@ -149,6 +150,12 @@ class Matrix(ReadOnly):
         return bool(np.abs((image - self.sparse.T @ u) / root).max() <= _SAME * np.abs(image / root).max())
 
     @cached_property
+    def signs(self) -> Vector | None:
+        """±1 for each row, which make A symmetric up to rounding, as those of optimality conditions are; None where no
+        signs do."""
+        return np.ones(self.n) if self.is_nearly_symmetric else signs_of_symmetry(self.sparse)
+
+    @cached_property
     def is_for_multigrid(self) -> bool:
         """Whether A has the signs of an M-matrix and is no band."""
         return is_for_multigrid(self.sparse)
@@ -163,7 +170,7 @@ class Matrix(ReadOnly):
         """Whether `Repeated` is for matrices with the pattern of A, and costs less than new factors of each."""
         fill = self.fill
         pays = fill.seen and not fill.band and work.refactor_cost(fill) < work.factor_cost(fill)
-        return pays and self.is_nearly_symmetric
+        return pays and self.signs is not None
 
     @property
     def factor_cost(self) -> float:

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.numerics import work
+from icpmodel.numerics.arrays import as_csr
 from icpmodel.numerics.equilibration import times_rows
-from icpmodel.numerics.factorisation import Full, Repeated, factorise
+from icpmodel.numerics.factorisation import Full, Repeated, factorise, signs_of_symmetry
 from icpmodel.numerics.fill import Look, foreseen
 
 
@@ -103,6 +104,33 @@ def test_matrices_of_one_pattern_are_solved_one_after_another_with_some_rows_alo
         if free is not None:
             M[~(free[:, None] & free) & ~np.eye(n, dtype=bool)] = 0.0
         assert factors.solve(f) == pytest.approx(np.linalg.solve(M, f), rel=1e-10, abs=1e-12)
+
+
+@given(st.integers(0, 10**6), st.integers(1, 30), st.floats(0.0, 0.5))
+@settings(max_examples=60, deadline=None)
+def test_signs_are_found_that_make_a_matrix_symmetric_and_solve_with_it(seed, n, density):
+    rng = np.random.default_rng(seed)
+    off = sp.random_array((n, n), density=density, rng=rng)
+    D = rng.uniform(1.0, 2.0, n) + abs(off + off.T).sum(axis=1)
+    given_signs = rng.choice([-1.0, 1.0], n)
+    A = as_csr(sp.diags_array(given_signs) @ (off + off.T) + sp.diags_array(D), "A", keep_diagonal=True)
+    signs = signs_of_symmetry(A)
+    assert (sp.diags_array(signs) @ A - A.T @ sp.diags_array(signs)).nnz == 0
+    factors, f = Repeated(A, foreseen(A), signs), rng.normal(size=n)
+    assert factors.factorise(A.data)
+    assert A @ factors.solve(f) == pytest.approx(f, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    "A",
+    [
+        [[1.0, 2.0], [3.0, 1.0]],
+        [[1.0, 2.0], [0.0, 1.0]],
+        [[1.0, 1.0, -1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]],  # 1 and 2 have one sign, and 2 and 3, but 1 and 3 two
+    ],
+)
+def test_no_signs_are_found_where_there_are_none(A):
+    assert signs_of_symmetry(as_csr(sp.csr_array(A), "A", keep_diagonal=True)) is None
 
 
 def test_a_matrix_that_cannot_be_factorised_says_so_and_the_next_one_can():
