@@ -160,16 +160,15 @@ class _Fischer:
         return in_a, in_b
 
 
-class Path:
-    """The run, an iterator: where it is, its best point, and what credit is left to the plain steps."""
+class Path(Iterator[Iterate]):
+    """The run: where it is, its best point, and what credit is left to the plain steps."""
 
     def __init__(self, problem: ProblemData, z: Vector) -> None:
         self.problem, self.omega = problem, problem.matrix.weights
         with np.errstate(all="ignore"):
             self.here = self.best = Point(problem, self.omega, z)
-        self.begun, self.first = False, self.here.theta
-        self.mark = self.first
-        self.patience = _PATIENCE
+        self.first = self.mark = self.here.theta
+        self.begun, self.patience = False, _PATIENCE
         # since the last mark: the plain steps that count, the descents
         self.waited = self.descents = 0
         # of the step before: its active set, how many rows it set free, and its factorisation
@@ -178,9 +177,6 @@ class Path:
         self.shrunk, self.alike = 0, 2
         self.kept: tuple[Mask, sp.csr_array, ActiveEquations] | None = None
         self.fault: MapError | None = None
-
-    def __iter__(self) -> Path:
-        return self
 
     def __next__(self) -> Iterate:
         if self.begun and not self.advance():

@@ -205,23 +205,32 @@ def factorise(
         return None
     look = look or Look(matrix)
     if not triangles and look.is_dense:
-        return _of_dense(matrix, look, definite)
+        return of_dense(matrix, definite and look.is_symmetric)
     if not triangles and look.is_band:
         return _of_band(matrix, look, definite)
     return _of_pattern(matrix, look, definite)
 
 
-def _of_dense(matrix: sp.csr_array, look: Look, definite: bool) -> Full | None:
-    from scipy.linalg.lapack import dgetrf, dpotrf
-
+def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> Full | None:
+    """Those of a sparse matrix with all entries stored; raises OutOfTime and OutOfMemory as `factorise` does."""
     n = matrix.shape[0]
-    work.spend(work.dense_cost(n), 16.0 * n**2)
+    work.afford(work.dense_cost(n), 16.0 * n**2)
+    return of_array(matrix.toarray(order="F"), cholesky)
+
+
+def of_array(M: NDArray[np.float64], cholesky: bool = False) -> Full | None:
+    """Those of an array in Fortran's order, which is overwritten; None where it is singular, or, by Cholesky's method,
+    which takes it for symmetric, not definite."""
+    from scipy.linalg.lapack import dgetrf, dpotrf  # lu_factor warns of a zero pivot, and is slower than a small matrix
+
+    rows = None
     with one_blas_thread():
-        if definite and look.is_symmetric:
-            factor, failed = dpotrf(matrix.toarray(order="F"), lower=1, overwrite_a=1)
-            return None if failed or not np.isfinite(factor.diagonal()).all() else Full(factor, None)
-        factors, pivots, failed = dgetrf(matrix.toarray(order="F"), overwrite_a=1)
-    return None if failed or not np.isfinite(factors.diagonal()).all() else Full(factors, pivots)
+        if cholesky:
+            factors, failed = dpotrf(M, lower=1, overwrite_a=1)
+        else:
+            factors, rows, failed = dgetrf(M, overwrite_a=1)
+    work.add(work.dense_cost(M.shape[0]))
+    return None if failed or not np.isfinite(factors.diagonal()).all() else Full(factors, rows)
 
 
 def _of_band(matrix: sp.csr_array, look: Look, definite: bool) -> Band | None:

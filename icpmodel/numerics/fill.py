@@ -117,7 +117,9 @@ class Look:
         """The same in an order for the pattern."""
         from .kernels.graph import order
 
-        if self._least > most or (self._is_full and factor_cost(self.fill) > most):
+        if self._is_full:
+            return factor_cost(self.fill) > most
+        if self._least > most:
             return True
         if self._fill is None:
             fill, self._cost, path = _looked(self._A, work.COSTS.look, np.inf, most)

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from .arrays import Vector, bandwidths, inner, is_symmetric, norm, row_of
 from .equilibration import Exponents, in_units, row_exponents
-from .factorisation import factorise
+from .factorisation import factorise, of_array, of_dense
 from .fill import Look
 from .multigrid import KrylovMultigrid
-from .threads import one_blas_thread
-from .work import COSTS, add, afford, dense_cost, krylov_cost, product
+from .work import COSTS, add, afford, krylov_cost, product
 
 
 class Solver(Protocol):
@@ -72,7 +71,8 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
             # Cholesky's factor is as good in all units, and others would take the symmetry
             if look.is_symmetric and (factors := factorise(M, definite=True, look=look)):
                 return _by(factors), 0
-            return _by(factorise(scaled())), exponents()
+            # what fills up in one unit does in the other
+            return _by(of_dense(scaled()) if look.is_dense else factorise(scaled())), exponents()
         return _nudged(scaled(), look), exponents()
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
@@ -159,26 +159,12 @@ def dense_solver(M: NDArray[np.float64]) -> Solver:
     if not np.isfinite(M).all():
         return lambda f, tolerance, transposed=False: None
     exponents = row_exponents(M)
-    scaled = _by_lu(in_units(M, exponents))
+    scaled = _by(of_array(np.array(in_units(M, exponents), order="F")))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         before, after = (0, exponents) if transposed else (exponents, 0)
         x = scaled(np.ldexp(f, before), tolerance, transposed)
         return np.ldexp(x, after) if x is not None and np.isfinite(x).all() else None
-
-    return solve
-
-
-def _by_lu(M: NDArray[np.float64]) -> Solver:
-    from scipy.linalg.lapack import dgetrf, dgetrs  # lu_factor warns of a zero pivot, and is slower than a small matrix
-
-    with one_blas_thread():
-        lu, pivots, _ = dgetrf(M)
-    add(dense_cost(M.shape[0]))
-
-    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector:
-        add(COSTS.call + COSTS.entry * M.shape[0] ** 2)
-        return np.asarray(dgetrs(lu, pivots, f, trans=int(transposed))[0])
 
     return solve
 

@@ -64,8 +64,7 @@ class Turn(Generic[T]):
         #: what a step costs, by those that were made; but for the first one, where it had the set-up with it
         self.step_cost, self._first = expected.step, 0.0
         self.due, self._whole = 2.0 * expected.cost, expected.cost
-        # a first step of a finite one tells something, of sweeps two do
-        self._look, self._least = (1, 1) if expected.finite else (expected.look, 2)
+        self._look = 1 if expected.finite else expected.look
         # the steps to come, and how many were made when that was said
         self._forecast: tuple[float, int] | None = None
 
@@ -85,7 +84,8 @@ class Turn(Generic[T]):
             self.fallen.append(fallen[0])
         if self.steps < self._look and self.spent < self.due:
             return False
-        if fallen is not None and self.steps >= self._least:
+        # a first step of a finite one tells something, of sweeps two do
+        if fallen is not None and (said.finite or self.steps > 1):
             self._forecast = forecast(self.fallen, fallen[1]), self.steps
         if self._forecast is not None:
             self.due = min(self.due, 2.0 * (self.spent + self.left))
@@ -169,13 +169,12 @@ class Schedule(Generic[T]):
 def forecast(fallen: list[float], need: float) -> float:
     """How many more steps it takes until what has `fallen`, logarithms that begin with 0, has done so by `need`.
 
-    What counts is the best of each window:
-    the last half of the steps, the quarter before it, the eighth before that; between them are two speeds. Sweeps first
-    smooth and then creep, and some slow down for good and some no more: what is expected is the geometric mean of two
-    ends, that the speed changes by as much whenever the number of steps doubles, and that it stays; but not that it
-    comes to less than `_SLOWER` of the mean speed so far, as a halt need not be the end. In the median that was neither
-    too much nor too little, and wrong by a factor of 2.5 in the root mean square, for 450 runs of sweeps, relaxed and
-    accelerated or not, on random problems of 80 families.
+    What counts is the best of each window: the last half of the steps, the quarter before it, the eighth before that;
+    between them are two speeds. Sweeps first smooth and then creep, and some slow down for good and some no more: what
+    is expected is the geometric mean of two ends, that the speed changes by as much whenever the number of steps
+    doubles, and that it stays; but not that it comes to less than `_SLOWER` of the mean speed so far, as a halt need
+    not be the end. In the median that was neither too much nor too little, and wrong by a factor of 2.5 in the root
+    mean square, for 450 runs of sweeps, relaxed and accelerated or not, on random problems of 80 families.
     """
     k = len(fallen) - 1
     half, quarter = k // 2, k // 4
