@@ -102,6 +102,19 @@ def test_an_expander_is_given_up_within_some_tens_of_products():
     assert work.done() - before <= 100 * work.product(A.shape[0], A.nnz)
 
 
+@settings(deadline=None, max_examples=10)
+@given(m=st.integers(40, 90), k=st.integers(40, 90))
+def test_a_wide_layer_without_neighbours_in_it_does_not_hang_together(m, k):
+    """Routes from m places to k others, which two places share, are eliminated first, and leave the places alone."""
+    route = np.arange(m * k)
+    ends = np.concatenate([route // k, m + route % k]), np.concatenate([route, route])
+    C = sp.csr_array((np.ones(2 * m * k), ends), shape=(m + k, m * k))
+    A = sp.csr_array(sp.block_array([[sp.eye_array(m * k), C.T], [-C, sp.eye_array(m + k)]]))
+    fill = foreseen(A)
+    assert fill.seen
+    assert fill.entries <= 6 * m * k + (m + k) * (m + k + 2)
+
+
 def test_where_a_look_is_given_up_what_it_has_seen_counts_and_not_the_band():
     """A grid and a permutation of its nodes."""
     n, rng = 3600, np.random.default_rng(6)
