@@ -7,9 +7,9 @@ or with an obstacle above, or obstacles that move, the problem with these.
 Newton's method on the modulus equation with Ω = (1 + μ_k)W finds the solution of each of these problems in a few steps
 from zᵏ if μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more
 the quicker that went, and grows where Newton's steps wander, which then count as not made. A problem is left as soon as
-its residual is a share of that of the LCP itself. Where the obstacle is fixed, and they have cost half as much as the
-steps of `Interior` would, without an end in sight, these are tried, once: so both together cost about one and a half
-times what the interior does, or three times what the others would have.
+its residual is a share of that of the LCP itself. Where the obstacle is fixed, and they have cost as much as the steps
+of `Interior` would, without an end in sight, these are tried, once: so both together cost about twice what the interior
+does, or twice what the others would have.
 
 Where A is monotone (xᵀAx ≥ 0 for all x) and there is a solution, zᵏ converges to one, for all 0 < μ_k ≤ μ and errors of
 the steps that have a finite sum: see `theory.convergence.proximal_point`. A + μW with a large μ is dominated by its
@@ -55,9 +55,9 @@ _PATIENCE, _REDUCED, _GROWS = 5, 0.9, 5.0
 _SHARE = 0.1
 #: smaller shifts do nothing to the pivots
 _LEAST = 1e-12
-#: half of the steps that it takes through the interior, as a rule: once the others have cost as much, and do not end
-#: quickly, these take their place
-_INTERIOR = 8
+#: the steps that it takes through the interior, as a rule: once the others have cost as much, and do not end quickly,
+#: these take their place
+_INTERIOR = 16
 #: so many steps without a better iterate are the last ones, but for those through the interior
 _LAST = 100
 #: the relative residual up to which a solve counts as one
@@ -95,15 +95,15 @@ class Proximal(Method):
         return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
-        # 12 to 17 steps were measured at n = 100, 20 to 60 at 1000 and 30 to 100 at 10 000, contact to linear programs,
-        # and two fifths of them from where 25 or 80 sweeps had led
+        # 6 to 23 steps were measured at n = 100, 10 to 40 at 1000 and 10 to 60 at 10 000, dense matrices to linear
+        # programs, and half of them from where 25 or 80 sweeps had led, which need a diagonal
         matrix = facts.matrix
         if facts.has_fixed_obstacle:
             step = work.COSTS.newton + min(matrix.again_cost, _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz))
         else:
             step = work.newton(matrix.n, matrix.nnz) + matrix.factor_cost
-        steps = 3.0 + math.log2(max(facts.bounded, 1))
-        return Estimate(0.0, step / matrix.unit, steps, 12.0 * matrix.fill.entries)
+        steps = (1.0 if matrix.has_positive_diagonal else 2.0) * (3.0 + math.log2(max(facts.bounded, 1)))
+        return Estimate(step / matrix.unit, step / matrix.unit, steps, 12.0 * matrix.fill.entries)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
@@ -133,7 +133,7 @@ class ProximalPath:
         self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
         self.best, self.idle, self.iterative = np.inf, 0, problem.matrix.is_nearly_symmetric
         self.inside: Interior | None = None
-        # what linear systems have cost; no way through the interior where the obstacle moves
+        # what steps have cost; no way through the interior where the obstacle moves
         self.spent = -np.inf if self.moves else 0.0
 
     @property
@@ -155,8 +155,8 @@ class ProximalPath:
         return Repeated(matrix.sparse, matrix.fill, matrix.signs) if matrix.repeats else None
 
     @cached_property
-    def half_inside(self) -> float:
-        """What half of the way through the interior costs, as a rule."""
+    def all_inside(self) -> float:
+        """What the way through the interior costs, as a rule."""
         matrix = self.problem.matrix
         return _INTERIOR * (work.COSTS.newton + matrix.again_cost + 4.0 * work.solve_cost(matrix.fill))
 
@@ -195,7 +195,9 @@ class ProximalPath:
         """One Newton step, or False where nothing leads on."""
         whole = self.size(self.p)
         self.idle += 1
-        work.add(work.newton(self.problem.n, self.problem.nnz) if self.moves else work.COSTS.newton)
+        step = work.newton(self.problem.n, self.problem.nnz) if self.moves else work.COSTS.newton
+        work.add(step)
+        self.spent += step
         if whole < _REDUCED * self.best:
             self.best, self.idle = whole, 0
         if whole == 0.0:
@@ -218,7 +220,7 @@ class ProximalPath:
             self._begin(self.point, max((_FALLS_SLOWLY if creeps else _FALLS) * self.shift, _LEAST))
         elif creeps := not self._falls(own):
             self._begin(self.centre, _GROWS * self.shift)
-        if creeps and self.spent >= self.half_inside:
+        if creeps and self.spent >= self.all_inside:
             return self._goes_inside()
         while not self._step():
             if not self.shift < 1.0 / _LEAST:
