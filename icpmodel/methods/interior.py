@@ -8,8 +8,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ..algebra.equations import derivative
+from ..errors import MapError
+from ..numerics import work
 from ..numerics.arrays import Vector, inner, row_of
 from ..numerics.factorisation import Repeated, factorise
+from ..numerics.fill import Look
 from ..problem.data import ProblemData
 
 #: so many steps may pass without a reduction of the residual by a tenth
@@ -26,39 +30,53 @@ _LEAST = 1e-12
 class Interior:
     """Newton's steps with the modulus rounded off, √(x² + 4ε²) for |x|: then r, s > 0 and rs = ε², and ε falls.
 
-    s comes to p as z does to the solution; with an obstacle above, r and s have a second column for it, r₂ = ψ̄ − z, and
-    s₁ − s₂ comes to p. Every row counts, but there is no sign pattern to be found; each step is a proximal one with its
-    own z for centre. That they lead on is not proved: where they do not, the others go on.
-    Parameters: `problem` with fixed obstacles; W, the `weights` of p/z, shape (n,); `resting` = (c, Ac + q), with what
-    is nearest to 0 for c in the rows that have no obstacle below; what factorises matrices with the pattern of A
-    `repeated`ly, None where each is factorised as a new one.
+    s comes to p as z does to the solution, and r to z − ψ(z), which it is from the first on where ψ is fixed. With an
+    obstacle above, r and s have a second column for it: r₂ comes to ψ̄(z) − z, and s₁ − s₂ to p. Every row counts, but
+    there is no sign pattern to be found; each step is a proximal one with its own z for centre. That they lead on is
+    not proved: where they do not, the others go on.
+    Parameters: `problem`; W, the `weights` of p/z, shape (n,); the `obstacles` (c, c̄) where it begins, c̄ None where
+    there is none; `resting` = (c, Ac + q), with what is nearest to 0 for c in the rows that have no obstacle below;
+    what factorises matrices with the pattern of A `repeated`ly, None where each is factorised as a new one. Raises
+    MapError where ψ fails at the first place.
     Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε.
     """
 
     def __init__(
-        self, problem: ProblemData, weights: Vector, resting: tuple[Vector, Vector], repeated: Repeated | None
+        self,
+        problem: ProblemData,
+        weights: Vector,
+        obstacles: tuple[Vector, Vector | None],
+        resting: tuple[Vector, Vector],
+        repeated: Repeated | None,
     ) -> None:
         self.problem, self.weights, self.repeated = problem, weights, repeated
         self.diagonal, self.row = problem.matrix.rows.diag, row_of(problem.A)
         self.steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
-        (c, p), root, top = resting, np.sqrt(weights), problem.facts.upper_obstacle
+        self.moves, self.look = not problem.facts.has_fixed_obstacle, problem.matrix.look
+        (c, p), root, (below, top) = resting, np.sqrt(weights), obstacles
         size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / root).max())
-        bounded, r, s = ~np.isneginf(problem.facts.obstacle), size / root, size * root
-        self.z = c + np.where(bounded, r, 0.0)
+        bounded, r, s = ~np.isneginf(below), size / root, size * root
+        z = c + np.where(bounded, r, 0.0)
         sides = [(bounded, r)]
         if top is not None:
             # in the middle where there is less room; rows that cannot move keep a trace of it
             has = np.isfinite(top)
             r = np.where(bounded & has, np.clip(0.5 * (top - c), _LEAST * r, r), r)
-            self.z = np.where(bounded, c + r, np.where(has, np.minimum(c, top - r), c))
-            sides = [(bounded, r), (has, np.maximum(top - self.z, r))]
+            z = np.where(bounded, c + r, np.where(has, np.minimum(c, top - r), c))
+            sides = [(bounded, r), (has, np.maximum(top - z, r))]
         self.bounded = np.column_stack([has for has, _ in sides])
         self.r = np.where(self.bounded, np.column_stack([r for _, r in sides]), 1.0)
         self.s = np.where(self.bounded, s[:, None], 0.0)
         self.sign = np.array([1.0, -1.0])[: len(sides)]
         self.best, self.waited = np.inf, 0
         self.signs, self.same = np.zeros(0, bool), 0
-        self.p = problem.p(self.z)
+        self.gap, self.slopes = np.zeros_like(self.r), [sp.csr_array((problem.n, problem.n))] * len(sides)
+        self._arrive(z)
+
+    @property
+    def z(self) -> Vector:
+        """Where it has come to."""
+        return self.point[0]
 
     def leads_on(self, whole: float) -> bool:
         """Whether the residual, now `whole`, has not been without reduction for too long."""
@@ -76,15 +94,15 @@ class Interior:
 
     def advance(self) -> bool:
         """One step, False where it fails."""
-        r, s, problem = self.r, self.s, self.problem
-        rest = s @ self.sign - self.p
-        solve = self._solver(np.where(self.bounded, s / r, 0.0).sum(axis=1))
+        r, s = self.r, self.s
+        rest = s @ self.sign - self.point[1]
+        solve = self._solver(np.where(self.bounded, s / r, 0.0))
         both = max(int(np.count_nonzero(self.bounded)), 1)
         size = inner(r.ravel(), s.ravel()) / both
 
         def direction(target: Vector) -> tuple[Vector, Vector, Vector, float]:
-            dz = solve(rest - np.where(self.bounded, target / r, 0.0) @ self.sign)
-            dr = dz[:, None] * self.sign
+            dz = solve(rest - np.where(self.bounded, (target + s * self.gap) / r, 0.0) @ self.sign)
+            dr = self.sign * np.column_stack([dz - J @ dz if J.nnz else dz for J in self.slopes]) + self.gap
             ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
             steps = -dr / r, -ds / np.where(self.bounded, s, 1.0)
             longest = max(float(np.max(x[self.bounded], initial=0.0)) for x in steps)
@@ -95,16 +113,35 @@ class Interior:
         after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
         dz, dr, ds, longest = direction(r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0))
         t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
-        self.r, self.s, self.z = np.where(self.bounded, r + t * dr, 1.0), s + t * ds, self.z + t * dz
-        self.p = problem.p(self.z)
-        return bool(np.isfinite(self.p).all())
+        self.r, self.s = np.where(self.bounded, r + t * dr, 1.0), s + t * ds
+        try:
+            self._arrive(self.z + t * dz)
+        except MapError:
+            return False
+        return bool(np.isfinite(self.point[1]).all() and np.isfinite(self.gap).all())
+
+    def _arrive(self, z: Vector) -> None:
+        """z with p, z − ψ(z) and z − ψ̄(z), and how far r is from them, if it can be."""
+        problem = self.problem
+        self.point = z, problem.p(z), problem.r(z), problem.r_upper(z)
+        if self.moves:
+            _, _, below, above = self.point
+            room = below[:, None] if above is None else np.column_stack([below, -above])
+            self.gap = np.where(self.bounded, room - self.r, 0.0)
+            self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 
     def _solver(self, slopes: Vector) -> Callable[[Vector], Vector]:
         A = self.problem.A
         data = A.data.copy()
-        data[self.diagonal] += slopes + self.steady * self.weights
-        unit = 1.0 / np.sqrt(data[self.diagonal])
-        M = sp.csr_array((data * unit[self.row] * unit[A.indices], A.indices, A.indptr), shape=A.shape)
+        data[self.diagonal] += slopes.sum(axis=1) + self.steady * self.weights
+        M = sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
+        if self.moves:
+            work.build(A.nnz, 1 + len(self.slopes))
+            for J, slope in zip(self.slopes, slopes.T, strict=True):
+                M = sp.csr_array(M - sp.diags_array(slope) @ J)
+        unit = 1.0 / np.sqrt(np.abs(M.diagonal()))
+        row = row_of(M) if self.moves else self.row
+        M = sp.csr_array((M.data * unit[row] * unit[M.indices], M.indices, M.indptr), shape=A.shape)
         factors = self._factors(M)
 
         def solve(f: Vector) -> Vector:
@@ -117,6 +154,8 @@ class Interior:
         return solve
 
     def _factors(self, M: sp.csr_array) -> Any:
+        if self.moves:
+            return factorise(M, definite=True, look=Look(M, lambda: False))
         if self.repeated is not None:
             return self.repeated if self.repeated.factorise(M.data) else None
-        return factorise(M, definite=True, look=self.problem.matrix.look)  # it has the pattern of A
+        return factorise(M, definite=True, look=self.look)  # it has the pattern of A

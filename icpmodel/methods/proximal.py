@@ -7,9 +7,9 @@ or with an obstacle above, or obstacles that move, the problem with these.
 Newton's method on the modulus equation with Ω = (1 + μ_k)W finds the solution of each of these problems in a few steps
 from zᵏ if μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more
 the quicker that went, and grows where Newton's steps wander, which then count as not made. A problem is left as soon as
-its residual is a share of that of the LCP itself. Where the obstacle is fixed, and they have cost as much as the steps
-of `Interior` would, without an end in sight, these are tried, once: so both together cost about twice what the interior
-does, or twice what the others would have.
+its residual is a share of that of the LCP itself. Where they have cost as much as those of `Interior` would, without
+an end in sight, these are tried, once: so both together cost about twice what the interior does, or twice what the
+others would have.
 
 Where A is monotone (xᵀAx ≥ 0 for all x) and there is a solution, zᵏ converges to one, for all 0 < μ_k ≤ μ and errors of
 the steps that have a finite sum: see `theory.convergence.proximal_point`. A + μW with a large μ is dominated by its
@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -126,15 +127,18 @@ class ProximalPath:
     @np.errstate(all="ignore")
     def __init__(self, problem: ProblemData, z: Vector) -> None:
         self.problem, self.start, self.moves = problem, z, not problem.facts.has_fixed_obstacle
-        if not self.moves:
+        upper = problem.upper
+        if self.moves:  # what is fixed of them is where they are in the beginning
+            self.c, self.top = problem.psi.value(z), None if upper is None else upper.value(z)
+        else:
             self.c, self.top = problem.facts.obstacle, problem.facts.upper_obstacle
         self._move(self._at(z, problem.p(z)))
         self.centre = self.point
         self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
         self.best, self.idle, self.iterative = np.inf, 0, problem.matrix.is_nearly_symmetric
         self.inside: Interior | None = None
-        # what steps have cost; no way through the interior where the obstacle moves
-        self.spent = -np.inf if self.moves else 0.0
+        # on steps, and what one costs without its equations
+        self.spent, self.own_cost = 0.0, work.newton(problem.n, problem.nnz) if self.moves else work.COSTS.newton
 
     @property
     @np.errstate(all="ignore")
@@ -158,7 +162,8 @@ class ProximalPath:
     def all_inside(self) -> float:
         """What the way through the interior costs, as a rule."""
         matrix = self.problem.matrix
-        return _INTERIOR * (work.COSTS.newton + matrix.again_cost + 4.0 * work.solve_cost(matrix.fill))
+        factors = matrix.factor_cost if self.moves else matrix.again_cost
+        return _INTERIOR * (self.own_cost + factors + 4.0 * work.solve_cost(matrix.fill))
 
     @cached_property
     def root(self) -> Vector:
@@ -195,9 +200,8 @@ class ProximalPath:
         """One Newton step, or False where nothing leads on."""
         whole = self.size(self.p)
         self.idle += 1
-        step = work.newton(self.problem.n, self.problem.nnz) if self.moves else work.COSTS.newton
-        work.add(step)
-        self.spent += step
+        work.add(self.own_cost)
+        self.spent += self.own_cost
         if whole < _REDUCED * self.best:
             self.best, self.idle = whole, 0
         if whole == 0.0:
@@ -208,7 +212,7 @@ class ProximalPath:
             if self.inside.settled() and self._ends_by_signs(self.inside.steady):
                 return True
             if self.inside.leads_on(whole) and self.inside.advance():
-                self._move(self._at(self.inside.z, self.inside.p))
+                self._move(self.inside.point)
                 return True
             self.inside, here = None, self.point
             self._begin(self.centre, self.shift)
@@ -232,10 +236,16 @@ class ProximalPath:
     def _goes_inside(self) -> bool:
         """The first of the steps through the interior, which are tried once."""
         self.spent, self.idle = -np.inf, 0
-        self.inside = Interior(self.problem, self.weights, self.resting, self.repeated)
-        # what they have to reduce is their own residual, which begins high, not the one that the others came to
-        self._move(self._at(self.inside.z, self.inside.p))
+        with suppress(MapError):
+            self.inside = self.interior()
+            # what they have to reduce is their own residual, which begins high, not the one that the others came to
+            self._move(self.inside.point)
         return self.advance()
+
+    def interior(self) -> Interior:
+        """The way through the interior, from its beginning. Raises MapError where ψ fails there."""
+        repeated = None if self.moves else self.repeated
+        return Interior(self.problem, self.weights, (self.c, self.top), self.resting, repeated)
 
     def _ends_by_signs(self, shift: float) -> bool:
         """A step with the signs that the interior has settled on, which may be those of the solution; False where it
@@ -269,7 +279,7 @@ class ProximalPath:
 
     def _step(self) -> bool:
         """The active rows rest on the obstacle, in the others the p of the subproblem is 0; False where that fails."""
-        pull = self.pull()
+        pull, begun = self.pull(), work.done()
         pattern = Pattern.of(self.r, self.above, pull / ((1.0 + self.shift) * self.weights))
         try:
             moved = self._newton_step(pattern, pull) if self.moves else self._resting_step(pattern)
@@ -278,6 +288,8 @@ class ProximalPath:
             self._move(self._at(*moved))
         except MapError:
             return False
+        finally:
+            self.spent += work.done() - begun
         return bool(np.isfinite(self.size(self.p)))
 
     def _newton_step(self, pattern: Pattern, pull: Vector) -> tuple[Vector, Vector] | None:
@@ -294,9 +306,7 @@ class ProximalPath:
         if pattern.above is not None and self.top is not None:
             z = np.where(pattern.above, self.top, z)
         if not active.all():
-            begun = work.done()
             x = self._solution(~active, z)
-            self.spent += work.done() - begun
             if x is None:
                 return None
             z[~active] += x
