@@ -127,11 +127,8 @@ class ProximalPath:
     @np.errstate(all="ignore")
     def __init__(self, problem: ProblemData, z: Vector) -> None:
         self.problem, self.start, self.moves = problem, z, not problem.facts.has_fixed_obstacle
-        upper = problem.upper
-        if self.moves:  # what is fixed of them is where they are in the beginning
-            self.c, self.top = problem.psi.value(z), None if upper is None else upper.value(z)
-        else:
-            self.c, self.top = problem.facts.obstacle, problem.facts.upper_obstacle
+        # the obstacles, where they are in the beginning
+        self.c, self.top = problem.psi.value(z), None if problem.upper is None else problem.upper.value(z)
         self._move(self._at(z, problem.p(z)))
         self.centre = self.point
         self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
