@@ -79,7 +79,7 @@ class MNMMOD(MNMOD):
         radius = min(matrix.jacobi_radius, 1.0 - 1e-6)
         root = math.sqrt((1.0 + radius) / (1.0 - radius))
         step = (4.0 * work.COSTS.call + work.solve_cost(matrix.fill)) / matrix.unit + 1.0
-        setup = 2.0 * work.factor_cost(matrix.fill) / matrix.unit
+        setup = 2.0 * matrix.factor_cost / matrix.unit
         steps = math.log(1.0 / aim) / math.log((root + 1.0) / (root - 1.0)) if root > 1.0 else 1.0
         return Estimate(setup, step, 1.0 + steps, 16.0 * matrix.fill.entries)
 

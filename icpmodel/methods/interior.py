@@ -14,6 +14,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, inner, row_of
 from ..numerics.factorisation import Repeated, factorise
 from ..numerics.fill import Look
+from ..problem.affine import zero
 from ..problem.data import ProblemData
 
 #: so many steps may pass without a reduction of the residual by a tenth
@@ -30,10 +31,10 @@ _LEAST = 1e-12
 class Interior:
     """Newton's steps with the modulus rounded off, √(x² + 4ε²) for |x|: then r, s > 0 and rs = ε², and ε falls.
 
-    s comes to p as z does to the solution, and r to z − ψ(z), which it is from the first on where ψ is fixed. With an
-    obstacle above, r and s have a second column for it: r₂ comes to ψ̄(z) − z, and s₁ − s₂ to p. Every row counts, but
-    there is no sign pattern to be found; each step is a proximal one with its own z for centre. That they lead on is
-    not proved: where they do not, the others go on.
+    s comes to p as z does to the solution. r is z − ψ(z) where ψ is fixed, and comes to it, by `gap`, where ψ moves.
+    With an obstacle above, r and s have a second column for it, for ψ̄(z) − z, and s₁ − s₂ comes to p. Every row counts,
+    but there is no sign pattern to be found; each step is a proximal one with its own z for centre. That they lead on
+    is not proved: where they do not, the others go on.
     Parameters: `problem`; W, the `weights` of p/z, shape (n,); the `obstacles` (c, c̄) where it begins, c̄ None where
     there is none; `resting` = (c, Ac + q), with what is nearest to 0 for c in the rows that have no obstacle below;
     what factorises matrices with the pattern of A `repeated`ly, None where each is factorised as a new one. Raises
@@ -54,8 +55,11 @@ class Interior:
         self.steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
         self.moves, self.look = not problem.facts.has_fixed_obstacle, problem.matrix.look
         (c, p), root, (below, top) = resting, np.sqrt(weights), obstacles
+        bounded = ~np.isneginf(below)
         size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / root).max())
-        bounded, r, s = ~np.isneginf(below), size / root, size * root
+        if self.moves:  # where nothing pulls at c, c is no solution as yet
+            size = max(size, float(np.max((root * np.abs(problem.r(c)))[bounded], initial=0.0))) or 1.0
+        r, s = size / root, size * root
         z = c + np.where(bounded, r, 0.0)
         sides = [(bounded, r)]
         if top is not None:
@@ -70,7 +74,7 @@ class Interior:
         self.sign = np.array([1.0, -1.0])[: len(sides)]
         self.best, self.waited = np.inf, 0
         self.signs, self.same = np.zeros(0, bool), 0
-        self.gap, self.slopes = np.zeros_like(self.r), [sp.csr_array((problem.n, problem.n))] * len(sides)
+        self.gap, self.slopes = np.zeros_like(self.r), [zero(problem.n)] * len(sides)
         self._arrive(z)
 
     @property
@@ -136,7 +140,7 @@ class Interior:
         data[self.diagonal] += slopes.sum(axis=1) + self.steady * self.weights
         M = sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
         if self.moves:
-            work.build(A.nnz, 1 + len(self.slopes))
+            work.build(A.nnz + sum(J.nnz for J in self.slopes), 1 + len(self.slopes))
             for J, slope in zip(self.slopes, slopes.T, strict=True):
                 M = sp.csr_array(M - sp.diags_array(slope) @ J)
         unit = 1.0 / np.sqrt(np.abs(M.diagonal()))
@@ -154,7 +158,7 @@ class Interior:
         return solve
 
     def _factors(self, M: sp.csr_array) -> Any:
-        if self.moves:
+        if self.moves:  # symmetric at most by chance
             return factorise(M, definite=True, look=Look(M, lambda: False))
         if self.repeated is not None:
             return self.repeated if self.repeated.factorise(M.data) else None

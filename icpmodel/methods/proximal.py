@@ -96,8 +96,8 @@ class Proximal(Method):
         return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
-        # 6 to 23 steps were measured at n = 100, 10 to 40 at 1000 and 10 to 60 at 10 000, dense matrices to linear
-        # programs, and half of them from where 25 or 80 sweeps had led, which need a diagonal
+        # 6 to 23 steps were measured at n = 100, 10 to 60 at 10 000, dense matrices to linear programs, half of that
+        # from where 25 or 80 sweeps had led, which need a diagonal
         matrix = facts.matrix
         if facts.has_fixed_obstacle:
             step = work.COSTS.newton + min(matrix.again_cost, _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz))
@@ -127,15 +127,19 @@ class ProximalPath:
     @np.errstate(all="ignore")
     def __init__(self, problem: ProblemData, z: Vector) -> None:
         self.problem, self.start, self.moves = problem, z, not problem.facts.has_fixed_obstacle
-        # the obstacles, where they are in the beginning
-        self.c, self.top = problem.psi.value(z), None if problem.upper is None else problem.upper.value(z)
+        # W, in the units of which the entries of A are about 1: D where A is symmetric
+        matrix = problem.matrix
+        self.weights = matrix.weights if matrix.is_nearly_symmetric else balanced(matrix.sparse)
+        self.root = np.sqrt(self.weights)
         self._move(self._at(z, problem.p(z)))
         self.centre = self.point
         self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
-        self.best, self.idle, self.iterative = np.inf, 0, problem.matrix.is_nearly_symmetric
+        self.best, self.idle, self.iterative = np.inf, 0, matrix.is_nearly_symmetric
         self.inside: Interior | None = None
-        # on steps, and what one costs without its equations
-        self.spent, self.own_cost = 0.0, work.newton(problem.n, problem.nnz) if self.moves else work.COSTS.newton
+        # what steps have cost, and what one costs without its equations
+        self.steps, self.spent = 0, 0.0
+        self.own_cost = work.newton(problem.n, problem.nnz) if self.moves else work.COSTS.newton
+        self.was_inside = False
 
     @property
     @np.errstate(all="ignore")
@@ -144,39 +148,38 @@ class ProximalPath:
         return norm(mid(self.p, self.r, self.above))
 
     @cached_property
-    def weights(self) -> Vector:
-        """W, in the units of which the entries of A are about 1: D where A is symmetric."""
-        matrix = self.problem.matrix
-        return matrix.weights if matrix.is_nearly_symmetric else balanced(matrix.sparse)
-
-    @cached_property
     def repeated(self) -> Repeated | None:
         """What factorises all rows again and again, where that costs less than each time in an order of its own."""
         matrix = self.problem.matrix
         return Repeated(matrix.sparse, matrix.fill, matrix.signs) if matrix.repeats else None
 
-    @cached_property
+    @property
     def all_inside(self) -> float:
-        """What the way through the interior costs, as a rule."""
+        """What the way through the interior costs, as a rule: after an obstacle that moves the equations are much the
+        same there."""
+        if self.moves:
+            return _INTERIOR * self.spent / self.steps
         matrix = self.problem.matrix
-        factors = matrix.factor_cost if self.moves else matrix.again_cost
-        return _INTERIOR * (self.own_cost + factors + 4.0 * work.solve_cost(matrix.fill))
+        return _INTERIOR * (self.own_cost + matrix.again_cost + 4.0 * work.solve_cost(matrix.fill))
 
     @cached_property
-    def root(self) -> Vector:
-        return np.sqrt(self.weights)
+    def obstacles(self) -> tuple[Vector, Vector | None]:
+        """ψ and ψ̄ at the start, None where there is none above."""
+        upper = self.problem.upper
+        return self.problem.psi.value(self.start), None if upper is None else upper.value(self.start)
 
     @cached_property
     def resting(self) -> tuple[Vector, Vector]:
         """(c, Ac + q) with 0, or what is nearest to it and not above, for the rows without obstacle below."""
-        c = np.where(np.isneginf(self.c), 0.0 if self.top is None else np.minimum(self.top, 0.0), self.c)
+        c, top = self.obstacles
+        c = np.where(np.isneginf(c), 0.0 if top is None else np.minimum(top, 0.0), c)
         return c, self.problem.p(c)
 
     @property
     def runs_away(self) -> bool:
         """Whether the largest entries of y, the way from the start, have Aᵀy ≤ 0, as far as floats tell, and lead down,
         where nothing is above."""
-        if self.moves or self.top is not None:
+        if self.moves or self.problem.upper is not None:
             return False
         y = self.z - self.start
         y = np.where(np.abs(y) > _LARGE * np.abs(y).max(), y, 0.0)
@@ -198,13 +201,13 @@ class ProximalPath:
         whole = self.size(self.p)
         self.idle += 1
         work.add(self.own_cost)
-        self.spent += self.own_cost
+        self.steps, self.spent = self.steps + 1, self.spent + self.own_cost
         if whole < _REDUCED * self.best:
             self.best, self.idle = whole, 0
         if whole == 0.0:
             return False
         if self.idle > _LAST:
-            return self.spent > -np.inf and not self.runs_away and self._goes_inside()
+            return not self.was_inside and not self.runs_away and self._goes_inside()
         if self.inside is not None:
             if self.inside.settled() and self._ends_by_signs(self.inside.steady):
                 return True
@@ -221,7 +224,7 @@ class ProximalPath:
             self._begin(self.point, max((_FALLS_SLOWLY if creeps else _FALLS) * self.shift, _LEAST))
         elif creeps := not self._falls(own):
             self._begin(self.centre, _GROWS * self.shift)
-        if creeps and self.spent >= self.all_inside:
+        if creeps and not self.was_inside and self.spent >= self.all_inside:
             return self._goes_inside()
         while not self._step():
             if not self.shift < 1.0 / _LEAST:
@@ -232,7 +235,7 @@ class ProximalPath:
 
     def _goes_inside(self) -> bool:
         """The first of the steps through the interior, which are tried once."""
-        self.spent, self.idle = -np.inf, 0
+        self.was_inside, self.idle = True, 0
         with suppress(MapError):
             self.inside = self.interior()
             # what they have to reduce is their own residual, which begins high, not the one that the others came to
@@ -241,8 +244,8 @@ class ProximalPath:
 
     def interior(self) -> Interior:
         """The way through the interior, from its beginning. Raises MapError where ψ fails there."""
-        repeated = None if self.moves else self.repeated
-        return Interior(self.problem, self.weights, (self.c, self.top), self.resting, repeated)
+        of = self.problem, self.weights, self.obstacles, self.resting
+        return Interior(*of, None if self.moves else self.repeated)
 
     def _ends_by_signs(self, shift: float) -> bool:
         """A step with the signs that the interior has settled on, which may be those of the solution; False where it
@@ -268,10 +271,9 @@ class ProximalPath:
 
     def _falls(self, own: float) -> bool:
         """Whether the residual of the subproblem, now `own`, has not been without reduction for too long."""
+        self.waited += 1
         if own < _REDUCED * self.least:
             self.least, self.waited = own, 0
-        else:
-            self.waited += 1
         return np.isfinite(own) and self.waited <= _PATIENCE
 
     def _step(self) -> bool:
@@ -299,9 +301,10 @@ class ProximalPath:
     def _resting_step(self, pattern: Pattern) -> tuple[Vector, Vector] | None:
         """The same where the obstacle is fixed."""
         active = pattern.active
-        z = np.where(active, self.c, self.z)
-        if pattern.above is not None and self.top is not None:
-            z = np.where(pattern.above, self.top, z)
+        c, top = self.obstacles
+        z = np.where(active, c, self.z)
+        if pattern.above is not None and top is not None:
+            z = np.where(pattern.above, top, z)
         if not active.all():
             x = self._solution(~active, z)
             if x is None:
@@ -317,8 +320,7 @@ class ProximalPath:
         if self.iterative:
             a_step = cg_step_cost(rows.size, int(share * self.problem.nnz))
             if most := int(min(rows.size, min(direct, matrix.again_cost) / a_step)):
-                x = conjugate_gradients(*self._cut(rows, z), most)
-                if x is not None:
+                if (x := conjugate_gradients(*self._cut(rows, z), most)) is not None:
                     return x
                 self.iterative = False  # with a smaller μ they will not do better
         if matrix.again_cost < direct and (x := self._by_all_rows(free, z)) is not None:

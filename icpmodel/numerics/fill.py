@@ -31,8 +31,9 @@ def foreseen(A: sp.csr_array, most: float = np.inf) -> Fill:
     """The fill of `A` (CSR, n × n) with pivots on the diagonal, from above where A's pattern is not symmetric.
 
     Rows of the least approximate degree go first, on a quotient graph. It is not `seen` to the end where it takes more
-    than `most` nanoseconds to factorise A, or a hundred times what was spent on looking, by a separator of what
-    is left then: matrices that are hopeless cost some tens of products with A, others some hundreds at the most.
+    than `most` nanoseconds to factorise A, or a hundred times what was spent on looking, by a separator of what is left
+    once no row has fewer neighbours than A's have on the average: matrices that are hopeless cost some tens of products
+    with A, or some hundreds.
     Reference: Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
     """
     return _looked(A, work.COSTS.look, np.inf, most)[0]

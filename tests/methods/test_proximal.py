@@ -236,6 +236,19 @@ def test_obstacles_that_move_are_followed_through_the_interior(above):
         assert steps <= 40
 
 
+@pytest.mark.parametrize("q", [5.0, -1.0 - 1e-9])
+@pytest.mark.parametrize("above", [False, True])
+def test_the_interior_begins_with_room_where_nothing_pulls_at_an_obstacle_that_moves(q, above):
+    """p at ψ(0) is positive there, or as good as 0, and ψ(0) not yet ψ at itself."""
+    G = [[0.0, 0.5], [0.5, 0.0]]
+    problem = icp.ICP(np.eye(2), [q, q], icp.Affine(G, [1.0, 1.0]), upper=icp.Affine(G, [3.0, 3.0]) if above else None)
+    interior, steps = ProximalPath(problem, np.zeros(2)).interior(), 0
+    while problem.residual(interior.z) > 1e-9:
+        assert interior.advance()
+        steps += 1
+    assert steps <= 12
+
+
 @pytest.mark.parametrize("seed", [1, 3])
 def test_the_interior_is_quicker_where_signs_creep_after_an_obstacle_that_moves(seed):
     """Piles, on which signs alone took 96 steps and 1025."""

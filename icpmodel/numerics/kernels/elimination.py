@@ -200,19 +200,17 @@ def _eliminated(me, end, flag, widest, left, lists, state):
 
 
 @compiled
-def _layered(first, level, inside, queue, done, lists, start, length, elements, weight):
+def _layered(first, level, queue, done, lists, start, length, elements, weight):
     # breadth-first layers from row `first` over the rows whose level is -1 yet, an element being passed through once;
-    # returns the weight of the heaviest front and the last row. The front of a layer is what is eliminated at last
-    # there, together: its rows, or, as rows without a neighbour in their layer can go first, those that have one
-    # (`inside`) with the two layers beside it
+    # returns the weight of the heaviest layer and the last row
     queue[0], level[first] = first, 0
-    at, end, depth, heaviest = 0, 1, 0, 0
-    before, layer, own, after = 0, weight[first], 0, 0
+    at, end, depth, layer, heaviest = 0, 1, 0, 0, 0
     while at < end:
         i = queue[at]
         if level[i] > depth:
-            heaviest = max(heaviest, min(layer, own + before + after))
-            depth, before, layer, own, after = level[i], layer, after, 0, 0
+            depth, layer = level[i], 0
+        layer += weight[i]
+        heaviest = max(heaviest, layer)
         for k in range(start[i], start[i] + length[i]):
             e = lists[k]
             element = k < start[i] + elements[i]
@@ -220,42 +218,29 @@ def _layered(first, level, inside, queue, done, lists, start, length, elements, 
                 continue
             done[e] = element
             low, high = (start[e], start[e] + length[e]) if element else (k, k + 1)
-            here, beyond = 0 if element else 1, 0  # a row is not in its own list
             for m in range(low, high):
                 j = lists[m]
-                if weight[j] > 0:
-                    if level[j] < 0:
-                        level[j], queue[end] = depth + 1, j
-                        end, after = end + 1, after + weight[j]
-                    here, beyond = here + (level[j] == depth), beyond + (level[j] > depth)
-            if here > 1 or beyond > 1:
-                for m in range(low, high):
-                    if (beyond if level[lists[m]] > depth else here) > 1:
-                        inside[lists[m]] = True
-        own += weight[i] if inside[i] or weight[i] > 1 else 0
+                if weight[j] > 0 and level[j] < 0:
+                    level[j], queue[end] = depth + 1, j
+                    end += 1
         at += 1
-    return max(heaviest, min(layer, own + before)), queue[end - 1]
+    return heaviest, queue[end - 1]
 
 
 @compiled
 def _separator(lists, start, length, elements, weight, turn):
-    # the weight of the heaviest front, seen from the far end of the part of the graph where it is heaviest: about what
+    # the weight of the heaviest layer, seen from the far end of the part of the graph where it is heaviest: about what
     # has to be eliminated at last, together, where no small separator cuts the rest of the graph
     n = start.size
-    level, queue, done, inside = (
-        np.full(n, -1, np.int32),
-        np.empty(n, np.int32),
-        np.zeros(n, np.bool_),
-        np.zeros(n, np.bool_),
-    )
+    level, queue, done = np.full(n, -1, np.int32), np.empty(n, np.int32), np.zeros(n, np.bool_)
     heaviest, last = 0, -1
     for i in range(n):
         if turn[i] == n and weight[i] > 0 and level[i] < 0:
-            front, end = _layered(i, level, inside, queue, done, lists, start, length, elements, weight)
-            if front > heaviest:
-                heaviest, last = front, end
-    level[:], done[:], inside[:] = -1, False, False
-    return _layered(last, level, inside, queue, done, lists, start, length, elements, weight)[0] if last >= 0 else 0
+            layer, end = _layered(i, level, queue, done, lists, start, length, elements, weight)
+            if layer > heaviest:
+                heaviest, last = layer, end
+    level[:], done[:] = -1, False
+    return _layered(last, level, queue, done, lists, start, length, elements, weight)[0] if last >= 0 else 0
 
 
 @compiled
@@ -293,7 +278,8 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
             squares += float(c) * c
         if looks > most_looks or entries > most_entries or an_entry * entries + a_flop * squares > most_cost:
             return entries, squares, looks, False, into, turn
-        if looks > back:
+        # pivots with fewer neighbours than a row of A has on the average hardly fill it up, whatever hangs together
+        if looks > back and (least + 1) * n >= stored:
             rest = float(_separator(lists, start, length, elements, weight, turn))
             more, back = (0.5 * rest**2, rest**3 / 3.0), 2 * looks
             if an_entry * more[0] + a_flop * more[1] > min(most_cost, _PATIENCE * a_look * looks):
