@@ -32,7 +32,7 @@ def foreseen(A: sp.csr_array, most: float = np.inf) -> Fill:
 
     Rows of the least approximate degree go first, on a quotient graph. It is not `seen` to the end where it takes more
     than `most` nanoseconds to factorise A, or a hundred times what was spent on looking, by a separator of what is left
-    once no row has fewer neighbours than A's have on the average: matrices that are hopeless cost some tens of products
+    once no row has fewer neighbours than there were on the average: what is hopeless costs some tens of products
     with A, or some hundreds.
     Reference: Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
     """

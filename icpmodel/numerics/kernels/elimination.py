@@ -250,7 +250,7 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
     # for. It ends early where the entries, or what the factorisation costs by the `prices` of (an entry, a
     # multiplication, a look), are more than the limits, and where a separator of the rest tells that it costs more than
     # that, or a hundred times what it did to look, or after so many looks: then entries and squares are rough
-    n, an_entry, a_flop, a_look = length.size, prices[0], prices[1], prices[2]
+    n, neighbours, an_entry, a_flop, a_look = length.size, length.sum(), prices[0], prices[1], prices[2]
     state = _begun(length)
     state[0] = start
     start, length, elements, weight, degree, mark = state[0], state[1], state[2], state[3], state[4], state[5]
@@ -278,8 +278,8 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
             squares += float(c) * c
         if looks > most_looks or entries > most_entries or an_entry * entries + a_flop * squares > most_cost:
             return entries, squares, looks, False, into, turn
-        # pivots with fewer neighbours than a row of A has on the average hardly fill it up, whatever hangs together
-        if looks > back and (least + 1) * n >= stored:
+        # pivots with fewer neighbours than there were on the average hardly fill it up, whatever hangs together
+        if looks > back and least * n >= neighbours:
             rest = float(_separator(lists, start, length, elements, weight, turn))
             more, back = (0.5 * rest**2, rest**3 / 3.0), 2 * looks
             if an_entry * more[0] + a_flop * more[1] > min(most_cost, _PATIENCE * a_look * looks):
