@@ -12,7 +12,7 @@ FIXED = [name for name in family_names() if "+" not in name]
 M_MATRICES = ("grid", "convection", "graph", "market-leontief", "option-one", "option-two")
 SYMMETRIC = ("grid", "plate", "graph-expander", "graph-geometric", "graph-scale-free", "market-trade", "market-cournot",
              "contact", "dense-covariance", "dense-definite")  # fmt: skip
-SEMIDEFINITE = ("market-trade", "market-traffic", "contact")
+SEMIDEFINITE = ("market-trade", "market-prices", "market-traffic", "contact")
 SIZES_AND_SEEDS = [(11, 1), (33, 2), (57, 3)]
 
 every_family = pytest.mark.parametrize("family", family_names())

@@ -48,6 +48,7 @@ _FAMILIES: dict[str, _Family] = {
     "graph-directed": _Family(graphs.directed, True),
     "market-leontief": _Family(markets.leontief, True),
     "market-trade": _Family(markets.trade),
+    "market-prices": _Family(markets.prices),
     "market-cournot": _Family(markets.cournot),
     "market-traffic": _Family(markets.traffic),
     "contact-chain": _Family(bodies.chain),

@@ -1,8 +1,8 @@
 """Economics: prices from input and output, trade between places, firms that compete, traffic.
 
 Leontief: A = I − T with T ≥ 0 and row sums below 1 is an M-matrix; Cournot: A is positive definite: one solution each.
-Trade and traffic: A is semidefinite, and there is a z ≥ 0 with p ≥ 0, large flows on all routes; a monotone LCP with a
-feasible point has a solution (Cottle, Pang and Stone, 1992, theorem 3.1.2).
+Trade, prices and traffic: A is semidefinite, and there is a z ≥ 0 with p ≥ 0, large flows on all routes; a monotone LCP
+with a feasible point has a solution (Cottle, Pang and Stone, 1992, theorem 3.1.2).
 """
 
 from __future__ import annotations
@@ -51,6 +51,21 @@ def trade(n: int, rng: np.random.Generator) -> Draw:
     A = S.T @ sp.diags_array(b) @ S + D.T @ sp.diags_array(f) @ D
     q = lowest[sold] + scattered(rng, 0.3, 3.0) * distance - highest[bought]
     return sp.csr_array(A), np.zeros(sold.size), q
+
+
+def prices(n: int, rng: np.random.Generator) -> Draw:
+    """The same equilibrium with the prices as unknowns: flows x, prices u of supply and v of demand.
+
+    Sᵀu + transport − Dᵀv ≥ 0 ⟂ x ≥ 0, supply at u − Sx ≥ 0 ⟂ u ≥ 0, Dx − demand at v ≥ 0 ⟂ v ≥ 0; places that sell or
+    buy whatever the price is have no diagonal. Large x and u with v = 0 are feasible, as supply depends on u.
+    """
+    sold, bought, distance = _routes(max(1, round(0.9 * n)), rng)
+    S, D = _incidence(sold), _incidence(bought)
+    supply, demand = rng.uniform(0.5, 2.0, S.shape[0]), rng.uniform(0.0, 2.0, D.shape[0])
+    demand[rng.random(demand.size) < rng.choice([0.0, 0.5, 1.0])] = 0.0
+    A = sp.block_array([[None, S.T, -D.T], [-S, sp.diags_array(supply), None], [D, None, sp.diags_array(demand)]])
+    q = [scattered(rng, 0.3, 3.0) * distance, -rng.uniform(0.0, 2.0, supply.size), -rng.uniform(5.0, 20.0, demand.size)]
+    return sp.csr_array(A), np.zeros(A.shape[0]), np.concatenate(q)
 
 
 def cournot(n: int, rng: np.random.Generator) -> Draw:
