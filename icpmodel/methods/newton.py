@@ -80,7 +80,9 @@ class Newton(Method):
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         # sets that only shrink do so by layers whose number doubles
         matrix = facts.matrix
-        step = (work.newton(matrix.n, matrix.nnz) + matrix.factor_cost) / matrix.unit
+        # without a diagonal the equations of the free rows are singular more often than not, and others follow
+        systems = 1.0 if matrix.has_positive_diagonal else 2.0
+        step = systems * (work.newton(matrix.n, matrix.nnz) + matrix.factor_cost) / matrix.unit
         # where rows are not dominant signs wander: about eight times as many steps were measured
         wander = 8.0 if matrix.coupled_radius > 1.0 else 1.0
         steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
