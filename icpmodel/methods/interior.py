@@ -17,8 +17,10 @@ from ..numerics.fill import Look
 from ..problem.affine import zero
 from ..problem.data import ProblemData
 
-#: so many steps may pass without a reduction of the residual by a tenth
-_PATIENCE, _REDUCED = 20, 0.9
+#: so many steps in a row may have no reduction of the residual
+_PATIENCE = 20
+#: what is less than this share of the least one so far counts as reduced
+_REDUCED = 0.9
 #: what of W is added to A, and where A is not symmetric: entries are then not bounded by those of the diagonal, and the
 #: square of what is added has to be above rounding, or SuperLU comes upon pivots of 0, which it takes long to go past
 _STEADY, _STEADY_SKEW = 1e-9, 1e-7
@@ -26,6 +28,20 @@ _STEADY, _STEADY_SKEW = 1e-9, 1e-7
 _NEARLY_ALL = 0.995
 #: the least room between two obstacles, as a share of what rows with one have
 _LEAST = 1e-12
+
+
+class Least:
+    """The `least` of the values so far, and how many have come since it was last reduced by a tenth: `waited`."""
+
+    def __init__(self, least: float = np.inf) -> None:
+        self.least, self.waited = least, 0
+
+    def add(self, value: float) -> int:
+        """`waited` with another value."""
+        self.waited += 1
+        if value < _REDUCED * self.least:
+            self.least, self.waited = value, 0
+        return self.waited
 
 
 class Interior:
@@ -53,7 +69,7 @@ class Interior:
         self.problem, self.weights, self.repeated = problem, weights, repeated
         self.diagonal, self.row = problem.matrix.rows.diag, row_of(problem.A)
         self.steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
-        self.moves, self.look = not problem.facts.has_fixed_obstacle, problem.matrix.look
+        self.moves = not problem.facts.has_fixed_obstacle
         (c, p), root, (below, top) = resting, np.sqrt(weights), obstacles
         bounded = ~np.isneginf(below)
         size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / root).max())
@@ -72,7 +88,7 @@ class Interior:
         self.r = np.where(self.bounded, np.column_stack([r for _, r in sides]), 1.0)
         self.s = np.where(self.bounded, s[:, None], 0.0)
         self.sign = np.array([1.0, -1.0])[: len(sides)]
-        self.best, self.waited = np.inf, 0
+        self.residuals = Least()
         self.signs, self.same = np.zeros(0, bool), 0
         self.gap, self.slopes = np.zeros_like(self.r), [zero(problem.n)] * len(sides)
         self._arrive(z)
@@ -84,10 +100,7 @@ class Interior:
 
     def leads_on(self, whole: float) -> bool:
         """Whether the residual, now `whole`, has not been without reduction for too long."""
-        if whole < _REDUCED * self.best:
-            self.best, self.waited = whole, 0
-        self.waited += 1
-        return self.waited <= _PATIENCE
+        return self.residuals.add(whole) < _PATIENCE
 
     def settled(self) -> bool:
         """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
@@ -145,7 +158,8 @@ class Interior:
                 M = sp.csr_array(M - sp.diags_array(slope) @ J)
         unit = 1.0 / np.sqrt(np.abs(M.diagonal()))
         row = row_of(M) if self.moves else self.row
-        M = sp.csr_array((M.data * unit[row] * unit[M.indices], M.indices, M.indptr), shape=A.shape)
+        M.data *= unit[row]
+        M.data *= unit[M.indices]
         factors = self._factors(M)
 
         def solve(f: Vector) -> Vector:
@@ -162,4 +176,4 @@ class Interior:
             return factorise(M, definite=True, look=Look(M, lambda: False))
         if self.repeated is not None:
             return self.repeated if self.repeated.factorise(M.data) else None
-        return factorise(M, definite=True, look=self.look)  # it has the pattern of A
+        return factorise(M, definite=True, look=self.problem.matrix.look)  # it has the pattern of A

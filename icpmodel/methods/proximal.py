@@ -46,12 +46,12 @@ from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from ..theory.certificates.infeasible import infeasible
 from .contract import Estimate, Infeasible, Iterate, Method
-from .interior import Interior
+from .interior import Interior, Least
 
 #: the first μ, in units of W, and what is left of it after a problem that took at most `_QUICK` steps, or more
 _FIRST, _FALLS, _FALLS_SLOWLY, _QUICK = 0.1, 0.2, 0.5, 3
 #: so many steps may pass without a reduction of the subproblem's residual by a tenth; then μ grows by this factor
-_PATIENCE, _REDUCED, _GROWS = 5, 0.9, 5.0
+_PATIENCE, _GROWS = 5, 5.0
 #: a problem is done where its residual is below this share of that of the LCP
 _SHARE = 0.1
 #: smaller shifts do nothing to the pivots
@@ -104,7 +104,8 @@ class Proximal(Method):
         else:
             step = work.newton(matrix.n, matrix.nnz) + matrix.factor_cost
         steps = (1.0 if matrix.has_positive_diagonal else 2.0) * (3.0 + math.log2(max(facts.bounded, 1)))
-        return Estimate(step / matrix.unit, step / matrix.unit, steps, 12.0 * matrix.fill.entries)
+        step /= matrix.unit
+        return Estimate(step, step, steps, 12.0 * matrix.fill.entries)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
@@ -133,8 +134,9 @@ class ProximalPath:
         self.root = np.sqrt(self.weights)
         self._move(self._at(z, problem.p(z)))
         self.centre = self.point
-        self.shift, self.made, self.waited, self.least = _FIRST, 0, 0, np.inf
-        self.best, self.idle, self.iterative = np.inf, 0, matrix.is_nearly_symmetric
+        self.shift, self.made, self.iterative = _FIRST, 0, matrix.is_nearly_symmetric
+        # the residuals of the LCP, and of the subproblem
+        self.residuals, self.own = Least(), Least()
         self.inside: Interior | None = None
         # what steps have cost, and what one costs without its equations
         self.steps, self.spent = 0, 0.0
@@ -154,13 +156,14 @@ class ProximalPath:
         return Repeated(matrix.sparse, matrix.fill, matrix.signs) if matrix.repeats else None
 
     @property
-    def all_inside(self) -> float:
-        """What the way through the interior costs, as a rule: after an obstacle that moves the equations are much the
-        same there."""
+    def is_dear(self) -> bool:
+        """Whether the steps have cost what the way through the interior does, as a rule: after an obstacle that moves
+        the equations are much the same there."""
         if self.moves:
-            return _INTERIOR * self.spent / self.steps
+            return self.steps >= _INTERIOR
         matrix = self.problem.matrix
-        return _INTERIOR * (self.own_cost + matrix.again_cost + 4.0 * work.solve_cost(matrix.fill))
+        inside = self.own_cost + matrix.again_cost + 4.0 * work.solve_cost(matrix.fill)
+        return self.spent >= _INTERIOR * inside
 
     @cached_property
     def obstacles(self) -> tuple[Vector, Vector | None]:
@@ -199,14 +202,12 @@ class ProximalPath:
     def advance(self) -> bool:
         """One Newton step, or False where nothing leads on."""
         whole = self.size(self.p)
-        self.idle += 1
+        idle = self.residuals.add(whole)
         work.add(self.own_cost)
         self.steps, self.spent = self.steps + 1, self.spent + self.own_cost
-        if whole < _REDUCED * self.best:
-            self.best, self.idle = whole, 0
         if whole == 0.0:
             return False
-        if self.idle > _LAST:
+        if idle > _LAST:
             return not self.was_inside and not self.runs_away and self._goes_inside()
         if self.inside is not None:
             if self.inside.settled() and self._ends_by_signs(self.inside.steady):
@@ -216,15 +217,15 @@ class ProximalPath:
                 return True
             self.inside, here = None, self.point
             self._begin(self.centre, self.shift)
-            if whole < self.least:
+            if whole < self.own.least:
                 self._begin(here, self.shift)
         own = self.size(self.pull())
         if self.made and own <= _SHARE * whole:
             creeps = self.made > _QUICK
             self._begin(self.point, max((_FALLS_SLOWLY if creeps else _FALLS) * self.shift, _LEAST))
-        elif creeps := not self._falls(own):
+        elif creeps := not (np.isfinite(own) and self.own.add(own) <= _PATIENCE):
             self._begin(self.centre, _GROWS * self.shift)
-        if creeps and not self.was_inside and self.spent >= self.all_inside:
+        if creeps and not self.was_inside and self.is_dear:
             return self._goes_inside()
         while not self._step():
             if not self.shift < 1.0 / _LEAST:
@@ -235,7 +236,7 @@ class ProximalPath:
 
     def _goes_inside(self) -> bool:
         """The first of the steps through the interior, which are tried once."""
-        self.was_inside, self.idle = True, 0
+        self.was_inside, self.residuals.waited = True, 0
         with suppress(MapError):
             self.inside = self.interior()
             # what they have to reduce is their own residual, which begins high, not the one that the others came to
@@ -267,14 +268,7 @@ class ProximalPath:
     def _begin(self, centre: Point, shift: float) -> None:
         self._move(centre)
         self.centre, self.shift = centre, shift
-        self.made, self.waited, self.least = 0, 0, self.size(self.p)
-
-    def _falls(self, own: float) -> bool:
-        """Whether the residual of the subproblem, now `own`, has not been without reduction for too long."""
-        self.waited += 1
-        if own < _REDUCED * self.least:
-            self.least, self.waited = own, 0
-        return np.isfinite(own) and self.waited <= _PATIENCE
+        self.made, self.own = 0, Least(self.size(self.p))
 
     def _step(self) -> bool:
         """The active rows rest on the obstacle, in the others the p of the subproblem is 0; False where that fails."""

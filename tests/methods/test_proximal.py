@@ -224,16 +224,22 @@ def test_obstacles_that_move_are_followed_where_a_is_monotone(seed, above):
     assert run(moving(np.random.default_rng(seed), above)).solved
 
 
+def comes_inside(problem, wanted, most):
+    """Whether so many steps through the interior come to this residual, and none of them fails."""
+    interior = ProximalPath(problem, np.zeros(problem.n)).interior()
+    for _ in range(most):
+        if problem.residual(interior.z) <= wanted:
+            break
+        assert interior.advance()
+    return problem.residual(interior.z) <= wanted
+
+
 @pytest.mark.parametrize("above", [False, True])
 def test_obstacles_that_move_are_followed_through_the_interior(above):
     """Nothing is proved of that either; 6 to 26 steps were measured."""
     for seed in range(15):
         problem = moving(np.random.default_rng(seed), above)
-        interior, steps = ProximalPath(problem, np.zeros(problem.n)).interior(), 0
-        while problem.residual(interior.z) > 1e-8 * problem.residual_at_0():
-            assert interior.advance()
-            steps += 1
-        assert steps <= 40
+        assert comes_inside(problem, 1e-8 * problem.residual_at_0(), most=40)
 
 
 @pytest.mark.parametrize("q", [5.0, -1.0 - 1e-9])
@@ -242,11 +248,7 @@ def test_the_interior_begins_with_room_where_nothing_pulls_at_an_obstacle_that_m
     """p at ψ(0) is positive there, or as good as 0, and ψ(0) not yet ψ at itself."""
     G = [[0.0, 0.5], [0.5, 0.0]]
     problem = icp.ICP(np.eye(2), [q, q], icp.Affine(G, [1.0, 1.0]), upper=icp.Affine(G, [3.0, 3.0]) if above else None)
-    interior, steps = ProximalPath(problem, np.zeros(2)).interior(), 0
-    while problem.residual(interior.z) > 1e-9:
-        assert interior.advance()
-        steps += 1
-    assert steps <= 12
+    assert comes_inside(problem, 1e-9, most=12)
 
 
 @pytest.mark.parametrize("seed", [1, 3])
@@ -257,21 +259,31 @@ def test_the_interior_is_quicker_where_signs_creep_after_an_obstacle_that_moves(
     assert solution.iterations <= 60
 
 
-@pytest.mark.parametrize("value", [np.nan, None])
-def test_the_interior_ends_at_a_step_at_which_psi_fails(value):
-    fails = False
+def failing(value):
+    """A problem whose ψ, which moves with the other unknown, is `value`, or raises where that is None, once for every
+    entry of the list that comes with it."""
+    fails = []
 
     def psi(z):
-        if fails and value is None:
-            raise ValueError("out of the domain")
-        return np.full(2, value) if fails else 0.3 * np.cos(z[::-1])
+        if fails:
+            fails.pop()
+            if value is None:
+                raise ValueError("out of the domain")
+            return np.full(2, value)
+        return 0.3 * np.cos(z[::-1])
 
-    moving = icp.Function(psi, lambda z: sp.csr_array(np.fliplr(np.diag(-0.3 * np.sin(z[::-1])))))
-    path = ProximalPath(icp.ICP([[1.0, 0.5], [0.5, 1.0]], [-1.0, 0.2], moving), np.array([2.0, -1.0]))
-    interior = path.interior()
+    moves = icp.Function(psi, lambda z: sp.csr_array(np.fliplr(np.diag(-0.3 * np.sin(z[::-1])))))
+    return icp.ICP([[1.0, 0.5], [0.5, 1.0]], [-1.0, 0.2], moves), fails
+
+
+@pytest.mark.parametrize("value", [np.nan, None])
+def test_the_interior_ends_at_a_step_at_which_psi_fails(value):
+    problem, fails = failing(value)
+    interior = ProximalPath(problem, np.array([2.0, -1.0])).interior()
     assert interior.advance()
-    fails = True
+    fails.append(True)
     assert not interior.advance()
+    assert not fails
 
 
 def test_a_moving_obstacle_without_derivative_is_refused_with_the_reason():
@@ -282,24 +294,11 @@ def test_a_moving_obstacle_without_derivative_is_refused_with_the_reason():
 
 @pytest.mark.parametrize("value", [np.nan, None])
 def test_a_step_at_which_psi_fails_is_taken_back_and_a_shorter_one_tried(value):
-    """ψ, which moves with the other unknown, has no value or raises, once, where the second step leads."""
-    fails = False
-
-    def psi(z):
-        nonlocal fails
-        if fails:
-            fails = False
-            if value is None:
-                raise ValueError("out of the domain")
-            return np.full(2, value)
-        return 0.3 * np.cos(z[::-1])
-
-    moving = icp.Function(psi, lambda z: sp.csr_array(np.fliplr(np.diag(-0.3 * np.sin(z[::-1])))))
-    problem = icp.ICP([[1.0, 0.5], [0.5, 1.0]], [-1.0, 0.2], moving)
+    problem, fails = failing(value)
     path, other = (ProximalPath(problem, np.array([2.0, -1.0])) for _ in range(2))
     assert all(one.advance() and one.made == 1 for one in (path, other))
     assert other.advance()
-    fails = True
+    fails.append(True)
     assert path.advance()
     assert not fails
     assert path.shift > other.shift
