@@ -4,6 +4,7 @@ by SuperLU, or by QDLDL where they are symmetric and many have one pattern."""
 from __future__ import annotations
 
 from contextlib import nullcontext
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,13 @@ from ..errors import OutOfMemory, OutOfTime
 from . import work
 from .arrays import Vector, row_of
 from .fill import Look, ordered
-from .threads import one_blas_thread
+from .threads import in_time, one_blas_thread
 
-#: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column.
-#: With .1 grids with convection and indefinite ones fill up 2 to 8 times as much as foreseen, with .01 1.5 to 2 times;
-#: the backward error was at most 3e-13 on all that were tried
-_THRESHOLD = 0.01
+#: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column: √ε,
+#: so that a pivot costs half of the digits at most, and a step of refinement brings them back. Exchanges are not
+#: foreseen: with .01 equilibria of prices fill up 58 times as much, controls three times; with √ε neither does. The
+#: backward error was at most 3e-13 with either, or 2e-12, and 2e-16 after refinement, on all that were tried
+_THRESHOLD = 2.0**-26
 #: entries of this share of the largest one of their column will do for pivots
 _LARGE = 0.1
 #: entries that differ by a smaller share are the same up to rounding
@@ -285,9 +287,13 @@ def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Fact
     arrays = permuted(matrix.indptr, matrix.indices, matrix.data, rows, place)
     inner = sp.csc_array(arrays, shape=matrix.shape)
     inner.has_canonical_format = True
+    threshold = 0.0 if diagonal_pivots else _THRESHOLD
+    by_superlu = partial(
+        splu, inner, permc_spec="NATURAL", diag_pivot_thresh=threshold, options={"SymmetricMode": True}
+    )
     try:
-        threshold = 0.0 if diagonal_pivots else _THRESHOLD
-        lu = splu(inner, permc_spec="NATURAL", diag_pivot_thresh=threshold, options={"SymmetricMode": True})
+        # exchanges of rows can fill all
+        lu = in_time(by_superlu, work.factor_cost(work.Fill(n, full, n**3 / 3.0, True)))
     except RuntimeError:
         # as long as was foreseen, or twice that, where few pivots are 0; 80 times where many are, which `linear` avoids
         work.add(2.0 * work.factor_cost(fill))

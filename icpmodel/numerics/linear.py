@@ -28,13 +28,13 @@ class Solver(Protocol):
 
 #: more diagonals than this are no band, and more rows that reach beyond it no border
 _WIDEST_BAND, _WIDEST_BORDER = 16, 16
-#: the relative backward error up to which a bordered band counts as solved
+#: the relative error up to which systems count as solved: for a bordered band the backward one
 _BACKWARD = 1e-12
 #: the relative residual of an inexact solve
 _INEXACT = 1e-4
 #: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
-#: case; and the share of the solution up to which its effect is taken back
-_NUDGE, _SMALL = 2.0**-44, 0.1
+#: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
+_NUDGE, _SMALL = 2.0**-36, 0.1
 #: so many Krylov steps multigrid needs as a rule
 STEPS = 10
 
@@ -134,7 +134,7 @@ def _bordered(M: sp.csr_array) -> Solver | None:
     units = np.zeros((n, k))
     units[border, np.arange(k)] = 1.0
     solve_band = _by(factorise(band))
-    sparse, size_of = cache(lambda: _by(factorise(M))), cache(lambda: abs(M))
+    sparse, size_of = cache(lambda: _nudged(M, Look(M))), cache(lambda: abs(M))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         # M = band + UV, and Mᵀ = bandᵀ + VᵀUᵀ
@@ -179,22 +179,31 @@ def _by(factors: Any) -> Solver:
 
 
 def _nudged(M: sp.csr_array, look: Look) -> Solver:
-    """The solver by the factors of M + εD, which a step of refinement takes back: (I − (M + εD)⁻¹εD)⁻¹ is I and the
-    first term of its series.
+    """The solver by the factors of M + εD, and refinement, which takes back εD and what small pivots cost.
 
     SuperLU goes on behind a pivot that is exactly 0, with its rows in another order, and says only at the end that M is
-    singular: 80 times as long as foreseen on equilibria of traffic. M counts as singular where the term is not small.
+    singular: 80 times as long as foreseen on equilibria of traffic. M counts as singular where the first step of
+    refinement is not small.
     """
-    on_diagonal, shift = M.indices == row_of(M), _NUDGE * M.diagonal()
-    shifted = sp.csr_array((np.where(on_diagonal, 1.0 + _NUDGE, 1.0) * M.data, M.indices, M.indptr), shape=M.shape)
-    by_factors = _by(factorise(shifted, look=look))
+    n = M.shape[0]
+    nudged = np.where(M.indices == row_of(M), 1.0 + _NUDGE, 1.0) * M.data
+    by_factors = _by(factorise(sp.csr_array((nudged, M.indices, M.indptr), shape=M.shape), look=look))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
+        whole = M.T if transposed else M
         x = by_factors(f, tolerance, transposed)
         if x is None:
             return None
-        term = by_factors(shift * x, tolerance, transposed)
-        return None if term is None or not norm(term) <= _SMALL * norm(x) else x + term
+        refined, before = None, norm(x)
+        while True:
+            add(product(n, M.nnz))
+            step = by_factors(f - whole @ x, tolerance, transposed)
+            if step is None or not (size := norm(step)) <= _SMALL * before:
+                return refined  # the best that rounding leaves, if any
+            refined = x = x + step
+            if size**2 <= _BACKWARD * before * norm(x):  # what the next step would be
+                return x
+            before = size
 
     return solve
 

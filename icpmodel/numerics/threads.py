@@ -1,15 +1,19 @@
-"""Compiled loops over rows on several cores. They let go of the interpreter's lock, so that threads will do."""
+"""Compiled loops over rows on several cores, and steps in one piece that may take longer than there is time. They let
+go of the interpreter's lock, so that threads will do."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from queue import SimpleQueue
-from threading import Lock
-from typing import Any
+from threading import TIMEOUT_MAX, Lock, Thread
+from typing import Any, TypeVar
+
+from ..errors import OutOfTime
+from .work import nanoseconds_left, seconds_left
 
 #: loops over so many entries are worth threads
 THREADS_FROM = 1_000_000
@@ -17,6 +21,7 @@ THREADS_FROM = 1_000_000
 CHUNK = 50_000
 #: what makes rows low <= i < high
 OfRows = Callable[[int, int], Any]
+_T = TypeVar("_T")
 #: how many threads ask for one thread of BLAS, and what gives BLAS its threads back
 _LIMIT, _limited, _limiter = Lock(), 0, None
 
@@ -34,6 +39,29 @@ def in_parts(size: int, parts: int, work: OfRows) -> list[Any]:
     with ThreadPoolExecutor(parts - 1) as others:
         later = others.map(work, cuts[1:], cuts[2:])  # begins at once
         return [work(0, cuts[1]), *later]
+
+
+def in_time(step: Callable[[], _T], most: float) -> _T:
+    """The result of a `step` in one piece, of `most` nanoseconds at the worst, by the table of costs; raises OutOfTime
+    where it is not there when the time is over.
+
+    It then goes on in a thread of its own, for want of a way to stop it, for which Python waits at its end.
+    """
+    if most <= nanoseconds_left():
+        return step()
+    result: Future[_T] = Future()
+
+    def run() -> None:
+        try:
+            result.set_result(step())
+        except BaseException as error:
+            result.set_exception(error)
+
+    Thread(target=run).start()
+    try:
+        return result.result(min(seconds_left(), TIMEOUT_MAX))
+    except TimeoutError:
+        raise OutOfTime("a step takes longer than was foreseen, and than what is left of the time") from None
 
 
 def threads_for(nnz: int) -> int:

@@ -264,8 +264,7 @@ def afford(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
     """Raises OutOfTime or OutOfMemory where a step, by the table of costs and in bytes, is more than what is left."""
     if not fits(memory):
         raise OutOfMemory(f"a step needs about {1e-6 * memory:.3g} MB, which is more than may still be taken")
-    left = nanoseconds_left()
-    if nanoseconds > left or left <= 0.0:
+    if not nanoseconds <= nanoseconds_left() > 0.0:
         raise OutOfTime(f"a step of about {1e-9 * nanoseconds:.2g} s does not fit into what is left of the time")
 
 
@@ -283,12 +282,15 @@ def nanoseconds_left() -> float:
     budget = _budget()
     if budget is None:
         return math.inf
-    if budget.end == math.inf:
-        return budget.most - done()
     now = clock()
-    counted = 1e-9 * (done() - budget.counted)
-    pace = max((now - budget.begun + _BELIEF) / (counted + _BELIEF), 1.0)
+    pace = max((now - budget.begun + _BELIEF) / (1e-9 * (done() - budget.counted) + _BELIEF), 1.0)
     return min(1e9 * (budget.end - now) / pace, budget.most - done())
+
+
+def seconds_left() -> float:
+    """What the clock says; inf where nothing limits it."""
+    budget = _budget()
+    return math.inf if budget is None else max(budget.end - clock(), 0.0)
 
 
 def pieces(nanoseconds: float) -> int:

@@ -1,8 +1,13 @@
-"""One thread of BLAS: the libraries that are limited, and that they get their threads back."""
+"""One thread of BLAS, and who gets their threads back; and steps that take too long."""
 
+from threading import Event, current_thread
+
+import pytest
 import threadpoolctl
 
-from icpmodel.numerics.threads import one_blas_thread
+from icpmodel.errors import OutOfTime
+from icpmodel.numerics import work
+from icpmodel.numerics.threads import in_time, one_blas_thread
 
 
 def threads_of_blas():
@@ -27,3 +32,19 @@ def test_who_ends_last_gives_them_back():
     assert set(threads_of_blas().values()) == {1}
     second.__exit__(None, None, None)
     assert threads_of_blas() == before
+
+
+def test_a_step_that_may_take_too_long_gives_its_result_or_error_or_is_left_at_the_end_of_the_time():
+    def fails():
+        raise ZeroDivisionError
+
+    ended = Event()
+    for most in (0.0, 1e30):  # here or in a thread of its own
+        with work.within(10.0):
+            assert in_time(lambda: 7, most) == 7
+            with pytest.raises(ZeroDivisionError):
+                in_time(fails, most)
+    assert in_time(current_thread, 1e30) is current_thread()  # nothing limits it
+    with work.within(0.05), pytest.raises(OutOfTime):
+        in_time(ended.wait, 1e30)
+    ended.set()
