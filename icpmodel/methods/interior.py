@@ -7,17 +7,18 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..algebra.equations import derivative
 from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Vector, inner, row_of
+from ..numerics.arrays import Vector, inner, norm, row_of
 from ..numerics.factorisation import Repeated, factorise
 from ..numerics.fill import Look
 from ..problem.affine import zero
 from ..problem.data import ProblemData
 
-#: so many steps in a row may have no reduction of the residual
+#: so many steps in a row may reduce neither the residual nor the way to where it is one
 _PATIENCE = 20
 #: what is less than this share of the least one so far counts as reduced
 _REDUCED = 0.9
@@ -75,6 +76,18 @@ class Interior:
         size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / root).max())
         if self.moves:  # where nothing pulls at c, c is no solution as yet
             size = max(size, float(np.max((root * np.abs(problem.r(c)))[bounded], initial=0.0))) or 1.0
+        self.residuals, self.ways = Least(), Least()
+        self.signs, self.same = np.zeros(0, bool), 0
+        self._start(c, size, bounded, top)
+        # where the solution is farther away than that, from where the first direction does not lead far beyond the
+        # boundary
+        longest = self._direction(self._solver(), self.r * self.s)[3]
+        if 1.0 < longest < np.inf:
+            self._start(c, longest * size, bounded, top)
+
+    def _start(self, c: Vector, size: float, bounded: NDArray[np.bool_], top: Vector | None) -> None:
+        """So far from the obstacles, in the units of W, which is where p/W comes to."""
+        root = np.sqrt(self.weights)
         r, s = size / root, size * root
         z = c + np.where(bounded, r, 0.0)
         sides = [(bounded, r)]
@@ -88,9 +101,7 @@ class Interior:
         self.r = np.where(self.bounded, np.column_stack([r for _, r in sides]), 1.0)
         self.s = np.where(self.bounded, s[:, None], 0.0)
         self.sign = np.array([1.0, -1.0])[: len(sides)]
-        self.residuals = Least()
-        self.signs, self.same = np.zeros(0, bool), 0
-        self.gap, self.slopes = np.zeros_like(self.r), [zero(problem.n)] * len(sides)
+        self.gap, self.slopes = np.zeros_like(self.r), [zero(self.problem.n)] * len(sides)
         self._arrive(z)
 
     @property
@@ -98,9 +109,16 @@ class Interior:
         """Where it has come to."""
         return self.point[0]
 
+    @property
+    def rest(self) -> Vector:
+        """How far s is from p."""
+        return np.asarray(self.s @ self.sign - self.point[1])
+
     def leads_on(self, whole: float) -> bool:
-        """Whether the residual, now `whole`, has not been without reduction for too long."""
-        return self.residuals.add(whole) < _PATIENCE
+        """Whether the residual, now `whole`, or the way of r and s to z − ψ(z) and p has been reduced not long ago."""
+        root = np.sqrt(self.weights)
+        way = norm(self.rest / root) + norm((root[:, None] * self.gap).ravel())
+        return min(self.residuals.add(whole), self.ways.add(way)) < _PATIENCE
 
     def settled(self) -> bool:
         """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
@@ -111,24 +129,14 @@ class Interior:
 
     def advance(self) -> bool:
         """One step, False where it fails."""
-        r, s = self.r, self.s
-        rest = s @ self.sign - self.point[1]
-        solve = self._solver(np.where(self.bounded, s / r, 0.0))
+        r, s, solve = self.r, self.s, self._solver()
         both = max(int(np.count_nonzero(self.bounded)), 1)
         size = inner(r.ravel(), s.ravel()) / both
-
-        def direction(target: Vector) -> tuple[Vector, Vector, Vector, float]:
-            dz = solve(rest - np.where(self.bounded, (target + s * self.gap) / r, 0.0) @ self.sign)
-            dr = self.sign * np.column_stack([dz - J @ dz if J.nnz else dz for J in self.slopes]) + self.gap
-            ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
-            steps = -dr / r, -ds / np.where(self.bounded, s, 1.0)
-            longest = max(float(np.max(x[self.bounded], initial=0.0)) for x in steps)
-            return dz, dr, ds, longest
-
-        _, dr, ds, longest = direction(r * s)
+        _, dr, ds, longest = self._direction(solve, r * s)
         t = 1.0 / max(longest, 1.0)
         after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
-        dz, dr, ds, longest = direction(r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0))
+        target = r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0)
+        dz, dr, ds, longest = self._direction(solve, target)
         t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
         self.r, self.s = np.where(self.bounded, r + t * dr, 1.0), s + t * ds
         try:
@@ -136,6 +144,15 @@ class Interior:
         except MapError:
             return False
         return bool(np.isfinite(self.point[1]).all() and np.isfinite(self.gap).all())
+
+    def _direction(self, solve: Callable[[Vector], Vector], target: Vector) -> tuple[Vector, Vector, Vector, float]:
+        """The ways of z, r and s where rs falls by `target`, and how many times as long as to the boundary they are."""
+        r, s = self.r, self.s
+        dz = solve(self.rest - np.where(self.bounded, (target + s * self.gap) / r, 0.0) @ self.sign)
+        dr = self.sign * np.column_stack([dz - J @ dz if J.nnz else dz for J in self.slopes]) + self.gap
+        ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
+        steps = -dr / r, -ds / np.where(self.bounded, s, 1.0)
+        return dz, dr, ds, max(float(np.max(x[self.bounded], initial=0.0)) for x in steps)
 
     def _arrive(self, z: Vector) -> None:
         """z with p, z − ψ(z) and z − ψ̄(z), and how far r is from them, if it can be."""
@@ -147,8 +164,8 @@ class Interior:
             self.gap = np.where(self.bounded, room - self.r, 0.0)
             self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 
-    def _solver(self, slopes: Vector) -> Callable[[Vector], Vector]:
-        A = self.problem.A
+    def _solver(self) -> Callable[[Vector], Vector]:
+        A, slopes = self.problem.A, np.where(self.bounded, self.s / self.r, 0.0)
         data = A.data.copy()
         data[self.diagonal] += slopes.sum(axis=1) + self.steady * self.weights
         M = sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
