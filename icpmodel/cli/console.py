@@ -4,6 +4,8 @@ before the package is imported, and Ctrl-C while that goes on is one line, too."
 import importlib
 import os
 import signal
+import sys
+import threading
 from types import FrameType
 
 #: where what starts several processes at once tells each of them its number
@@ -26,7 +28,16 @@ def main() -> None:
         signal.signal(signal.SIGTERM, _leave)
     run = importlib.import_module("icpmodel.cli").main
     signal.signal(signal.SIGINT, before)
-    run()
+    try:
+        run()
+    except SystemExit as end:
+        # a step that took longer than there was time is not waited for
+        steps = sys.modules.get("icpmodel.numerics.threads")
+        if steps is not None and any(thread.name == steps.LEFT for thread in threading.enumerate()):
+            for stream in filter(None, (sys.stdout, sys.stderr)):
+                stream.flush()
+            os._exit(end.code if isinstance(end.code, int) else 0)
+        raise
 
 
 if __name__ == "__main__":

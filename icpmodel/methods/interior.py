@@ -79,11 +79,13 @@ class Interior:
         self.residuals, self.ways = Least(), Least()
         self.signs, self.same = np.zeros(0, bool), 0
         self._start(c, size, bounded, top)
-        # where the solution is farther away than that, from where the first direction does not lead far beyond the
-        # boundary
-        longest = self._direction(self._solver(), self.r * self.s)[3]
-        if 1.0 < longest < np.inf:
-            self._start(c, longest * size, bounded, top)
+        # so far that the first direction does not lead beyond the boundary, where one obstacle alone leaves the room
+        dr = self._direction(self._solver(), self.r * self.s)[1]
+        one = self.bounded & (self.bounded.sum(axis=1, keepdims=True) == 1)
+        share = (dr / self.r)[one]  # that of s is −1 − this
+        farther = float(np.max(np.maximum(-share, 1.0 + share), initial=0.0))
+        if 1.0 < farther < np.inf:
+            self._start(c, farther * size, bounded, top)
 
     def _start(self, c: Vector, size: float, bounded: NDArray[np.bool_], top: Vector | None) -> None:
         """So far from the obstacles, in the units of W, which is where p/W comes to."""

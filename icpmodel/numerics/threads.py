@@ -22,6 +22,8 @@ CHUNK = 50_000
 #: what makes rows low <= i < high
 OfRows = Callable[[int, int], Any]
 _T = TypeVar("_T")
+#: the name of threads with steps that take too long
+LEFT = "icpmodel: out of time"
 #: how many threads ask for one thread of BLAS, and what gives BLAS its threads back
 _LIMIT, _limited, _limiter = Lock(), 0, None
 
@@ -45,7 +47,8 @@ def in_time(step: Callable[[], _T], most: float) -> _T:
     """The result of a `step` in one piece, of `most` nanoseconds at the worst, by the table of costs; raises OutOfTime
     where it is not there when the time is over.
 
-    It then goes on in a thread of its own, for want of a way to stop it, for which Python waits at its end.
+    It then goes on in a thread of its own, for want of a way to stop it. Python waits for that at its end, as SuperLU
+    does not bear to be ended with it; commands do not.
     """
     if most <= nanoseconds_left():
         return step()
@@ -57,7 +60,7 @@ def in_time(step: Callable[[], _T], most: float) -> _T:
         except BaseException as error:
             result.set_exception(error)
 
-    Thread(target=run).start()
+    Thread(target=run, name=LEFT).start()
     try:
         return result.result(min(seconds_left(), TIMEOUT_MAX))
     except TimeoutError:

@@ -202,6 +202,18 @@ def test_the_console_command_is_installed_beside_the_package_and_loads_what_it_n
     assert ran.stdout.endswith("\n[]\n")
 
 
+@pytest.mark.parametrize(("command", "code"), [(["scenes", "hand-lcp"], 0), (["scenes", "nothing"], 2)])
+def test_a_command_does_not_wait_for_a_step_that_was_left_when_its_time_was_over(command, code, tmp_path):
+    left = (
+        "import contextlib, sys, time, icpmodel_console\nfrom icpmodel.errors import OutOfTime\n"
+        "from icpmodel.numerics import threads, work\n"
+        "with contextlib.suppress(OutOfTime), work.within(0.05):\n    threads.in_time(lambda: time.sleep(3600), 1e30)\n"
+    )
+    ran = run("-c", f"{left}sys.argv[1:] = {command}\nicpmodel_console.main()", folder=tmp_path)
+    assert ran.returncode == code
+    assert command[1] in ran.stdout + ran.stderr
+
+
 def test_crosscheck_reports_and_exits_0_only_when_confirmed(capsys, tmp_path):
     csv = tmp_path / "report.csv"
     code, out, _ = call(capsys, "crosscheck", "hand-lcp", "--solver", "osqp", "--csv", str(csv))
