@@ -313,12 +313,17 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
     """
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
-    size = np.abs(matrix.data)
-    largest = np.zeros(matrix.shape[0])
-    np.maximum.at(largest, matrix.indices, size)
+    size, largest = np.abs(matrix.data), largest_of_columns(matrix)
     for chosen in (size >= np.maximum(_LARGE * largest[matrix.indices], np.finfo(np.float64).tiny), size > 0.0):
         kept = sp.csr_array((size[chosen], (row_of(matrix)[chosen], matrix.indices[chosen])), shape=matrix.shape)
         rows = maximum_bipartite_matching(kept, perm_type="row")
         if (rows >= 0).all():
             return np.asarray(rows, dtype=np.int32)
     return None
+
+
+def largest_of_columns(matrix: sp.csr_array) -> Vector:
+    """The largest size of an entry in each column, shape (n,)."""
+    largest = np.zeros(matrix.shape[1])
+    np.maximum.at(largest, matrix.indices, np.abs(matrix.data))
+    return largest

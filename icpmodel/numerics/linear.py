@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .arrays import Vector, bandwidths, inner, is_symmetric, norm, row_of
 from .equilibration import Exponents, in_units, row_exponents
-from .factorisation import factorise, of_array, of_dense
+from .factorisation import factorise, largest_of_columns, of_array, of_dense
 from .fill import Look
 from .multigrid import KrylovMultigrid
 from .work import COSTS, add, afford, krylov_cost, product
@@ -35,6 +35,8 @@ _INEXACT = 1e-4
 #: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
 #: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
 _NUDGE, _SMALL = 2.0**-36, 0.1
+#: what is added to smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
+_SHIFT = 2.0**-25
 #: so many Krylov steps multigrid needs as a rule
 STEPS = 10
 
@@ -179,29 +181,53 @@ def _by(factors: Any) -> Solver:
 
 
 def _nudged(M: sp.csr_array, look: Look) -> Solver:
-    """The solver by the factors of M + εD, and refinement, which takes back εD and what small pivots cost.
+    """The solver by the factors of M + εD; where that has next to nothing on the diagonal, by those with √ε added there
+    and no rows exchanged, unless these are bad ones: exchanges fill up many times as much as was foreseen.
 
     SuperLU goes on behind a pivot that is exactly 0, with its rows in another order, and says only at the end that M is
-    singular: 80 times as long as foreseen on equilibria of traffic. M counts as singular where the first step of
-    refinement is not small.
+    singular: 80 times as long as foreseen on equilibria of traffic. M counts as singular where refinement fails.
     """
-    n = M.shape[0]
+    diagonal = M.diagonal()
     nudged = np.where(M.indices == row_of(M), 1.0 + _NUDGE, 1.0) * M.data
-    by_factors = _by(factorise(sp.csr_array((nudged, M.indices, M.indptr), shape=M.shape), look=look))
+    near = sp.csr_array((nudged, M.indices, M.indptr), shape=M.shape)
+    units = largest_of_columns(M)
+    by_nudged = cache(lambda: _refined(M, units, _by(factorise(near, look=look))))
+    shift = _SHIFT * units
+    small = np.abs(diagonal) < shift
+    if not small.any() or units.min() < _SHIFT * units.max():  # or columns of different sizes hide the small entries
+        return by_nudged()
+    shifted = sp.csr_array(M + sp.diags_array(np.where(small, np.copysign(shift, diagonal), _NUDGE * diagonal)))
+    by_shifted = _by(factorise(shifted, definite=True, look=look))
+    refined = _refined(M, units, by_shifted)
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
-        whole = M.T if transposed else M
+        x = refined(f, tolerance, transposed)
+        if x is None and (y := by_shifted(f, tolerance, transposed)) is not None:
+            whole = shifted.T if transposed else shifted
+            if norm(f - whole @ y) <= _INEXACT * norm(y):  # good factors: it is M that is nearly singular
+                return None
+        return by_nudged()(f, tolerance, transposed) if x is None else x
+
+    return solve
+
+
+def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
+    """The solver by the factors of a matrix near M, and refinement, which takes back what is added and what small
+    pivots cost; None where its first step is not small. Rows have one size, and columns these `units`, shape (n,)."""
+
+    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
+        whole, unit = (M.T, 1.0) if transposed else (M, units)
         x = by_factors(f, tolerance, transposed)
         if x is None:
             return None
-        refined, before = None, norm(x)
+        refined, before = None, norm(unit * x)
         while True:
-            add(product(n, M.nnz))
+            add(product(f.size, M.nnz))
             step = by_factors(f - whole @ x, tolerance, transposed)
-            if step is None or not (size := norm(step)) <= _SMALL * before:
+            if step is None or not (size := norm(unit * step)) <= _SMALL * before:
                 return refined  # the best that rounding leaves, if any
             refined = x = x + step
-            if size**2 <= _BACKWARD * before * norm(x):  # what the next step would be
+            if size**2 <= _BACKWARD * before * norm(unit * x):  # what the next step would be
                 return x
             before = size
 

@@ -146,6 +146,22 @@ def test_small_pivots_take_no_more_work_than_foreseen_and_no_digits(seed, size):
     assert np.abs(M @ x - f).max() <= 1e-15 * (abs(M) @ np.abs(x) + np.abs(f)).max()
 
 
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 100), st.sampled_from([0.0, 1e-18, 1e-12, 1e-9, 1e-3]), st.booleans())
+def test_zeros_on_the_diagonal_take_no_more_work_than_foreseen_and_no_digits(seed, size, transposed):
+    """[L + I, Cᵀ; −C, δI], as in optimality conditions: no rows are exchanged to bring C onto the diagonal."""
+    L, rng = network(seed), np.random.default_rng(seed)
+    n, m = L.shape[0], 500
+    C = sp.random_array((m, n), density=6.0 / n, rng=rng)
+    C = sp.csr_array(C + sp.eye_array(m, n))
+    M = sp.csr_array(sp.block_array([[L + sp.eye_array(n), C.T], [-C, size * sp.eye_array(m) if size else None]]))
+    f, before = rng.normal(size=n + m), work.done()
+    x = solver_of(M)(f, 1e-8, transposed)
+    whole = M.T if transposed else M
+    assert work.done() - before <= 2.0 * work.factor_cost(foreseen(M))
+    assert np.abs(whole @ x - f).max() <= 1e-14 * (abs(whole) @ np.abs(x) + np.abs(f)).max()
+
+
 def test_no_equations_have_the_empty_solution():
     assert solver_of(sp.csr_array((0, 0)))(np.zeros(0), 1e-8).size == 0
 
