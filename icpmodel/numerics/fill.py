@@ -31,7 +31,7 @@ def foreseen(A: sp.csr_array, most: float = np.inf) -> Fill:
     """The fill of `A` (CSR, n × n) with pivots on the diagonal, from above where A's pattern is not symmetric.
 
     Rows of the least approximate degree go first, on a quotient graph. It is not `seen` to the end where it takes more
-    than `most` nanoseconds to factorise A, or a hundred times what was spent on looking, by a separator of what is left
+    than `most` nanoseconds to factorise A, or 300 times what was spent on looking, by a separator of what is left
     once no row has fewer neighbours than there were on the average: what is hopeless costs some tens of products
     with A, or some hundreds.
     Reference: Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).

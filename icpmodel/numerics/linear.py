@@ -34,7 +34,7 @@ _BACKWARD = 1e-12
 _INEXACT = 1e-4
 #: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
 #: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
-_NUDGE, _SMALL = 2.0**-36, 0.1
+_NUDGE, _SMALL = 2.0**-36, 0.5
 #: what is added to smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
 _SHIFT = 2.0**-25
 #: so many Krylov steps multigrid needs as a rule

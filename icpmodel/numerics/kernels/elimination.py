@@ -12,8 +12,9 @@ import numpy as np
 from . import compiled, inlined
 
 #: after so many looks per entry of A the rest of the graph is cut in the middle, and so again whenever they have
-#: doubled; looking is given up where it takes so many times what it cost so far to factorise what the cut leaves
-_BACK, _PATIENCE = 3, 100.0
+#: doubled; looking is given up where it takes so many times what it cost so far to factorise what the cut leaves, which
+#: is up to 9 times too much on graphs without geometry
+_BACK, _PATIENCE = 3, 300.0
 
 
 @inlined
@@ -249,7 +250,7 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
     # squares column by column, what was looked at, whether it came to the end within the limits, and what `order` asks
     # for. It ends early where the entries, or what the factorisation costs by the `prices` of (an entry, a
     # multiplication, a look), are more than the limits, and where a separator of the rest tells that it costs more than
-    # that, or a hundred times what it did to look, or after so many looks: then entries and squares are rough
+    # that, or some hundred times what it did to look, or after so many looks: then entries and squares are rough
     n, neighbours, an_entry, a_flop, a_look = length.size, length.sum(), prices[0], prices[1], prices[2]
     state = _begun(length)
     state[0] = start
