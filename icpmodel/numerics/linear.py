@@ -227,7 +227,7 @@ def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
             if step is None or not (size := norm(unit * step)) <= _SMALL * before:
                 return refined  # the best that rounding leaves, if any
             refined = x = x + step
-            if size**2 <= _BACKWARD * before * norm(unit * x):  # what the next step would be
+            if before == 0.0 or size / before * size <= _BACKWARD * norm(unit * x):  # what the next step would be
                 return x
             before = size
 

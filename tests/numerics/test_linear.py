@@ -162,6 +162,13 @@ def test_zeros_on_the_diagonal_take_no_more_work_than_foreseen_and_no_digits(see
     assert np.abs(whole @ x - f).max() <= 1e-14 * (abs(whole) @ np.abs(x) + np.abs(f)).max()
 
 
+@pytest.mark.parametrize("size", [1e-250, 1e-180, 1e180, 1e250])
+def test_right_hand_sides_whose_squares_are_no_floats_are_solved(size):
+    M, rng = sp.csr_array(network(0) + sp.eye_array(3000)), np.random.default_rng(0)
+    x = size * rng.normal(size=M.shape[0])
+    assert solver_of(M)(M @ x, 1e-8) == pytest.approx(x, rel=1e-9, abs=1e-9 * size)
+
+
 def test_no_equations_have_the_empty_solution():
     assert solver_of(sp.csr_array((0, 0)))(np.zeros(0), 1e-8).size == 0
 
