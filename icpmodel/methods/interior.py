@@ -71,7 +71,8 @@ class Interior:
         self.diagonal, self.row = problem.matrix.rows.diag, row_of(problem.A)
         self.steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
         self.moves = not problem.facts.has_fixed_obstacle
-        (c, p), root, (below, top) = resting, np.sqrt(weights), obstacles
+        (c, p), (below, top) = resting, obstacles
+        self.root = root = np.sqrt(weights)
         bounded = ~np.isneginf(below)
         size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / root).max())
         if self.moves:  # where nothing pulls at c, c is no solution as yet
@@ -79,18 +80,20 @@ class Interior:
         self.residuals, self.ways = Least(), Least()
         self.signs, self.same = np.zeros(0, bool), 0
         self._start(c, size, bounded, top)
-        # so far that the first direction does not lead beyond the boundary, where one obstacle alone leaves the room
-        dr = self._direction(self._solver(), self.r * self.s)[1]
         one = self.bounded & (self.bounded.sum(axis=1, keepdims=True) == 1)
+        if self.moves or not one.any():
+            return
+        # so far that the first direction does not lead beyond the boundary, where one obstacle alone leaves the room;
+        # obstacles that move are elsewhere then
+        dr = self._direction(self._solver(), self.r * self.s)[1]
         share = (dr / self.r)[one]  # that of s is −1 − this
-        farther = float(np.max(np.maximum(-share, 1.0 + share), initial=0.0))
+        farther = float(np.maximum(-share, 1.0 + share).max())
         if 1.0 < farther < np.inf:
             self._start(c, farther * size, bounded, top)
 
     def _start(self, c: Vector, size: float, bounded: NDArray[np.bool_], top: Vector | None) -> None:
         """So far from the obstacles, in the units of W, which is where p/W comes to."""
-        root = np.sqrt(self.weights)
-        r, s = size / root, size * root
+        r, s = size / self.root, size * self.root
         z = c + np.where(bounded, r, 0.0)
         sides = [(bounded, r)]
         if top is not None:
@@ -118,8 +121,7 @@ class Interior:
 
     def leads_on(self, whole: float) -> bool:
         """Whether the residual, now `whole`, or the way of r and s to z − ψ(z) and p has been reduced not long ago."""
-        root = np.sqrt(self.weights)
-        way = norm(self.rest / root) + norm((root[:, None] * self.gap).ravel())
+        way = norm(self.rest / self.root) + norm((self.root[:, None] * self.gap).ravel())
         return min(self.residuals.add(whole), self.ways.add(way)) < _PATIENCE
 
     def settled(self) -> bool:

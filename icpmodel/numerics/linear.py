@@ -136,7 +136,8 @@ def _bordered(M: sp.csr_array) -> Solver | None:
     units = np.zeros((n, k))
     units[border, np.arange(k)] = 1.0
     solve_band = _by(factorise(band))
-    sparse, size_of = cache(lambda: _nudged(M, Look(M))), cache(lambda: abs(M))
+    sparse = cache(lambda: _refined(M, largest_of_columns(M), _by(factorise(M))))
+    size_of = cache(lambda: abs(M))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         # M = band + UV, and Mᵀ = bandᵀ + VᵀUᵀ
@@ -187,11 +188,14 @@ def _nudged(M: sp.csr_array, look: Look) -> Solver:
     SuperLU goes on behind a pivot that is exactly 0, with its rows in another order, and says only at the end that M is
     singular: 80 times as long as foreseen on equilibria of traffic. M counts as singular where refinement fails.
     """
-    diagonal = M.diagonal()
-    nudged = np.where(M.indices == row_of(M), 1.0 + _NUDGE, 1.0) * M.data
-    near = sp.csr_array((nudged, M.indices, M.indptr), shape=M.shape)
-    units = largest_of_columns(M)
-    by_nudged = cache(lambda: _refined(M, units, _by(factorise(near, look=look))))
+    diagonal, units = M.diagonal(), largest_of_columns(M)
+
+    @cache
+    def by_nudged() -> Solver:
+        data = np.where(M.indices == row_of(M), 1.0 + _NUDGE, 1.0) * M.data
+        nudged = sp.csr_array((data, M.indices, M.indptr), shape=M.shape)
+        return _refined(M, units, _by(factorise(nudged, look=look)))
+
     shift = _SHIFT * units
     small = np.abs(diagonal) < shift
     if not small.any() or units.min() < _SHIFT * units.max():  # or columns of different sizes hide the small entries

@@ -252,9 +252,10 @@ def comes_inside(problem, wanted, most):
 
 @pytest.mark.parametrize("above", [False, True])
 def test_obstacles_that_move_are_followed_through_the_interior(above):
-    """Nothing is proved of that either; 6 to 26 steps were measured, and 2 of 240 did not come there."""
-    problems = [moving(np.random.default_rng(seed), above) for seed in range(15)]
-    assert sum(comes_inside(problem, 1e-8 * problem.residual_at_0(), most=40) for problem in problems) >= 14
+    """Nothing is proved of that either; 6 to 26 steps were measured."""
+    for seed in range(15):
+        problem = moving(np.random.default_rng(seed), above)
+        assert comes_inside(problem, 1e-8 * problem.residual_at_0(), most=40)
 
 
 @pytest.mark.parametrize("q", [5.0, -1.0 - 1e-9])
