@@ -22,9 +22,12 @@ from ..problem.data import ProblemData
 _PATIENCE = 20
 #: what is less than this share of the least one so far counts as reduced
 _REDUCED = 0.9
-#: what of W is added to A, and where A is not symmetric: entries are then not bounded by those of the diagonal, and the
-#: square of what is added has to be above rounding, or SuperLU comes upon pivots of 0, which it takes long to go past
-_STEADY, _STEADY_SKEW = 1e-9, 1e-7
+#: what of W is added to A at first, and where A is not symmetric: entries are then not bounded by those of the
+#: diagonal, and the square of what is added has to be above rounding, or SuperLU comes upon pivots of 0, which it takes
+#: long to go past; and the least that is ever added, which is next to rounding
+_STEADY, _STEADY_SKEW, _STEADY_LEAST = 1e-9, 1e-7, 1e-13
+#: the share of a right-hand side that a solve may lose for less to be added, and above which it is made again with more
+_ACCURATE, _ROUGH = 2.0**-26, 2.0**-13
 #: the share of the way to the boundary that is gone
 _NEARLY_ALL = 0.995
 #: the least room between two obstacles, as a share of what rows with one have
@@ -50,8 +53,9 @@ class Interior:
 
     s comes to p as z does to the solution. r is z − ψ(z) where ψ is fixed, and comes to it, by `gap`, where ψ moves.
     With an obstacle above, r and s have a second column for it, for ψ̄(z) − z, and s₁ − s₂ comes to p. Every row counts,
-    but there is no sign pattern to be found; each step is a proximal one with its own z for centre. That they lead on
-    is not proved: where they do not, the others go on.
+    but there is no sign pattern to be found; each step is a proximal one with its own z for centre, and creeps where A
+    is small against what of W is added: so this falls as far as the factors remain accurate. That they lead on is not
+    proved: where they do not, the others go on.
     Parameters: `problem`; W, the `weights` of p/z, shape (n,); the `obstacles` (c, c̄) where it begins, c̄ None where
     there is none; `resting` = (c, Ac + q), with what is nearest to 0 for c in the rows that have no obstacle below;
     what factorises matrices with the pattern of A `repeated`ly, None where each is factorised as a new one. Raises
@@ -69,7 +73,8 @@ class Interior:
     ) -> None:
         self.problem, self.weights, self.repeated = problem, weights, repeated
         self.diagonal, self.row = problem.matrix.rows.diag, row_of(problem.A)
-        self.steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
+        self.steady = self.first_steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
+        self.least_steady, self.lost = _STEADY_LEAST, 0.0
         self.moves = not problem.facts.has_fixed_obstacle
         (c, p), (below, top) = resting, obstacles
         self.root = root = np.sqrt(weights)
@@ -133,10 +138,17 @@ class Interior:
 
     def advance(self) -> bool:
         """One step, False where it fails."""
-        r, s, solve = self.r, self.s, self._solver()
+        r, s = self.r, self.s
         both = max(int(np.count_nonzero(self.bounded)), 1)
         size = inner(r.ravel(), s.ravel()) / both
+        solve = self._solver()
         _, dr, ds, longest = self._direction(solve, r * s)
+        while not self.lost <= _ROUGH and self.steady < self.first_steady:
+            self.steady = self.least_steady = min(100.0 * self.steady, self.first_steady)
+            solve = self._solver()
+            _, dr, ds, longest = self._direction(solve, r * s)
+        if self.lost <= _ACCURATE:
+            self.steady = max(0.1 * self.steady, self.least_steady)
         t = 1.0 / max(longest, 1.0)
         after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
         target = r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0)
@@ -185,9 +197,13 @@ class Interior:
 
         def solve(f: Vector) -> Vector:
             if factors is None:
+                self.lost = np.inf
                 return np.full(f.size, np.nan)
-            x = factors.solve(unit * f)
-            x += factors.solve(unit * f - M @ x)  # without exchanges of rows digits may be lost
+            f = unit * f
+            x = factors.solve(f)
+            rest = f - M @ x
+            self.lost = norm(rest) / (norm(f) or 1.0)
+            x += factors.solve(rest)  # without exchanges of rows digits may be lost
             return np.asarray(unit * x)
 
         return solve

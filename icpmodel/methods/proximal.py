@@ -207,18 +207,18 @@ class ProximalPath:
         self.steps, self.spent = self.steps + 1, self.spent + self.own_cost
         if whole == 0.0:
             return False
-        if idle > _LAST:
-            return not self.was_inside and not self.runs_away and self._goes_inside()
         if self.inside is not None:
             if self.inside.settled() and self._ends_by_signs(self.inside.steady):
                 return True
-            if self.inside.leads_on(whole) and self.inside.advance():
+            if idle <= _LAST and self.inside.leads_on(whole) and self.inside.advance():
                 self._move(self.inside.point)
                 return True
-            self.inside, here = None, self.point
+            self.inside, here, self.residuals.waited = None, self.point, 0
             self._begin(self.centre, self.shift)
             if whole < self.own.least:
                 self._begin(here, self.shift)
+        elif idle > _LAST:
+            return not self.was_inside and not self.runs_away and self._goes_inside()
         own = self.size(self.pull())
         if self.made and own <= _SHARE * whole:
             creeps = self.made > _QUICK
@@ -317,8 +317,11 @@ class ProximalPath:
                 if (x := conjugate_gradients(*self._cut(rows, z), most)) is not None:
                     return x
                 self.iterative = False  # with a smaller μ they will not do better
-        if matrix.again_cost < direct and (x := self._by_all_rows(free, z)) is not None:
-            return x
+        if matrix.again_cost < direct:
+            x = self._by_all_rows(free, z)
+            # where signs that the interior has settled on make a matrix that is nearly singular, it goes on
+            if x is not None or self.inside is not None:
+                return x
         M, f = self._cut(rows, z)
         look = Look(M)
         lu = factorise(M, definite=True, look=look)  # the ordering of a definite matrix needs no exchange of rows
@@ -346,6 +349,10 @@ class ProximalPath:
         data[problem.matrix.rows.diag] += shift
         if repeated is None or not repeated.factorise(data, free):
             return None
-        x = repeated.solve(f)
-        rest = (problem.product(x) + shift * x - f)[free]
-        return x[free] if norm(rest) <= _BACKWARD * norm(f) else None
+        x, rest, most = np.zeros(free.size), f, _BACKWARD * norm(f)
+        for _ in range(2):  # without exchanges of rows digits may be lost
+            x += repeated.solve(rest)
+            rest = np.where(free, f - shift * x - problem.product(x), 0.0)
+            if norm(rest) <= most:
+                return x[free]
+        return None

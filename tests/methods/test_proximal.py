@@ -146,6 +146,49 @@ def test_the_interior_leads_on_where_rows_have_no_diagonal(seed):
     assert min(residuals) < 1e-9 * problem.residual_at_0()
 
 
+def convex_regression(rng, knots):
+    """min ½‖x − y‖² with slopes that do not fall, and its multipliers; knots are as near as chance has it."""
+    gaps = np.diff(np.sort(rng.random(knots)) * knots) + 1e-3
+    slopes = sp.diags_array(1 / gaps, offsets=0, shape=(knots - 1, knots - 1)) @ np.diff(np.eye(knots), axis=0)
+    G, at = np.diff(slopes, axis=0), np.append(0.0, np.cumsum(gaps)) / knots
+    y = 3.0 * (at - 0.5) ** 2 + 0.3 * rng.standard_normal(knots)
+    A = sp.block_array([[sp.eye_array(knots), -G.T], [G, None]])
+    q, psi = np.concatenate([-y, np.zeros(knots - 2)]), np.repeat([-np.inf, 0.0], [knots, knots - 2])
+    return icp.ICP(A, q, psi)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_interior_does_not_creep_where_a_is_small_against_what_is_added(seed):
+    """Smooth multipliers move fitted values next to nothing: by 1e-12 for 500 knots, where 1e-7 is added at first."""
+    problem = convex_regression(np.random.default_rng(seed), 500)
+    interior = ProximalPath(problem, np.zeros(problem.n)).interior()
+    for _ in range(50):
+        if problem.residual(interior.z) <= 1e-9 * problem.residual_at_0():
+            break
+        assert interior.advance()
+    assert problem.residual(interior.z) <= 1e-9 * problem.residual_at_0()
+    assert interior.steady < interior.first_steady
+    assert run(problem).solved
+
+
+def test_more_is_added_where_factors_are_rough_and_what_was_too_little_is_not_tried_again():
+    """Equations without a diagonal of their own, one of them twice: there, next to nothing is not enough."""
+    B = np.array([[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0, 1.0, 1.0]])
+    A = np.block([[np.zeros((3, 3)), -B.T], [B, np.zeros((3, 3))]])
+    problem = icp.ICP(A, [1.0, 1.0, 1.0, -6.0, -6.0, -2.0], [0.0, 0.0, 0.0, -np.inf, -np.inf, -np.inf])
+    interior = ProximalPath(problem, np.zeros(6)).interior()
+    interior.steady = 1e-30
+    assert interior.advance()
+    added = interior.steady
+    assert 1e-30 < added <= interior.first_steady
+    for _ in range(30):
+        if problem.residual(interior.z) <= 1e-8 * problem.residual_at_0():
+            break
+        assert interior.advance()
+        assert interior.steady >= added
+    assert problem.residual(interior.z) <= 1e-8 * problem.residual_at_0()
+
+
 def test_where_the_interior_leads_nowhere_the_path_goes_on_from_its_centre():
     problem = pile(np.random.default_rng(7), 6)
     path = ProximalPath(problem, np.zeros(problem.n))
