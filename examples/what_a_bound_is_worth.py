@@ -137,11 +137,7 @@ for place, (name, (_, z)) in enumerate(answers.items()):
         bars.plot(value, place, sign, color=colour, markersize=size, markerfacecolor="none" if sign == "s" else colour)
     bars.annotate(name, (values[0], place), (0, 9), textcoords="offset points", fontsize=9)
 bars.set(
-    xscale="log",
-    yticks=[],
-    ylim=(-0.5, len(answers) - 0.3),
-    xlim=(1e-8, 1),
-    xlabel="in heights  (← more accurate)",
+    xscale="log", yticks=[], ylim=(-0.5, len(answers) - 0.3), xlim=(1e-8, 1), xlabel="in heights  (← more accurate)"
 )
 bars.set_title("Called solved: ◆ residual, ● error")
 for axes in (fall, proved, bars):

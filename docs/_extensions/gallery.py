@@ -28,13 +28,7 @@ GROUPS = {
     "First steps": ["first_problem", "membrane", "three_front_ends"],
     "Ideas": ["modulus_in_one_unknown", "why_relaxation_helps"],
     "Machines and materials": ["friction_block", "journal_bearing"],
-    "Markets, games and money": [
-        "nash_cournot",
-        "market_equilibrium",
-        "bimatrix_game",
-        "american_option",
-        "dividends",
-    ],
+    "Markets, games and money": ["nash_cournot", "market_equilibrium", "bimatrix_game", "american_option", "dividends"],
     "Fitting and design, by derivatives": [
         "recover_obstacle",
         "learn_friction",

@@ -39,11 +39,7 @@ class ActiveEquations:
     """
 
     def __init__(
-        self,
-        problem: ProblemData,
-        active: NDArray[np.bool_],
-        jacobian: sp.csr_array,
-        by_cycles: bool | None = None,
+        self, problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array, by_cycles: bool | None = None
     ) -> None:
         self._of, self._cycled, self._decided = (problem, active, jacobian), None, by_cycles is not None
         self._by_lu = None

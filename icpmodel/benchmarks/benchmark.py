@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ..scenes import names
 from ..solve.goal import RTOL
 from ..solve.progress import status_line
 from ..solvers.foreign import Claim, chosen_solvers
-from ..study.cases import VARIANTS, Case, as_scenes, as_sizes, cases
+from ..study.cases import VARIANTS, Case, as_scenes, as_sizes, built, cases
 from ..study.competitors import Competitor, Foreign, Own, limits, own_methods
 from ..study.timing import BRIEFLY, MORE, as_repeats, interleaved, machine
 
@@ -88,7 +89,9 @@ def benchmark(
         entrants = [Own(), *map(Foreign, chosen_solvers(None, "benchmark")), *own_methods(), *limits()]
     measurement = Measurement(entrants, repeats, time_limit)
     texts, wanted = as_scenes(scenes) or tuple(sorted([*names(), *VARIANTS])), tuple(sorted(as_sizes(sizes)))
-    return measurement.over(cases(texts, wanted), progress, _comparison)
+    return measurement.over(
+        cases(product(texts, wanted), lambda text, n: built(text, n).problem), progress, _comparison
+    )
 
 
 def faster_peers(table: Table) -> list[str]:

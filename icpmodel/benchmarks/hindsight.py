@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from ..errors import IcpError, InputError
+from ..errors import InputError
 from ..icp import ICP
 from ..methods.contract import named
 from ..methods.contract import names as method_names
@@ -16,7 +16,7 @@ from ..numerics.arrays import as_list, as_number
 from ..present.table import Table
 from ..scenes import names
 from ..solvers.foreign import chosen_solvers
-from ..study.cases import VARIANTS, Case, built
+from ..study.cases import VARIANTS, Case, built, cases
 from ..study.charts.table_charts import OWN, PEER
 from ..study.competitors import Competitor, Foreign, Own, own_methods
 from ..study.timing import machine
@@ -104,7 +104,8 @@ def choice(
         entrants = [Own(), *_own(as_list(own, "own")), *foreign]
     solvers = [one.name for one in entrants if one.kind == "peer"]
     measurement = _Hindsight(entrants, repeats, time_limit)
-    return measurement.over(_cases(drawn, seed), progress, lambda records: _table(records, solvers, seed))
+    found = cases(drawn, lambda family, n: _problem(family, seed, n))
+    return measurement.over(found, progress, lambda records: _table(records, solvers, seed))
 
 
 def summary_of(table: Table) -> list[str]:
@@ -154,20 +155,6 @@ def _own(wanted: list[str]) -> list[Competitor]:
         if name not in known:
             raise InputError(f"own has {name!r}; one of {', '.join(map(repr, known))} was expected")
     return [known[name] for name in wanted] or list(known.values())
-
-
-def _cases(drawn: list[tuple[str, int]], seed: int) -> Iterator[tuple[str, int, Case | str]]:
-    seen: set[tuple[str, int]] = set()  # small scenes and grids cannot have every size
-    for family, wanted in drawn:
-        case: Case | str
-        try:
-            case = Case(family, _problem(family, seed, wanted))
-            n, _ = case.problem.n, case.scale
-        except (IcpError, MemoryError) as error:
-            case, n = str(error) or "not enough memory", wanted
-        if (family, n) not in seen:
-            seen.add((family, n))
-            yield family, n, case
 
 
 def _problem(family: str, seed: int, n: int) -> ICP:

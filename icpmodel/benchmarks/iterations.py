@@ -86,10 +86,7 @@ def grid_order(scene: str = "dividend", sizes: Sequence[int] = (61, 241, 961), m
 
 
 def tuned_and_automatic(
-    n: int = 900,
-    repeats: int = 5,
-    methods: Sequence[str] = ("mnmaor", "mnmsor", "mnmmod"),
-    scenes: Sequence[str] = (),
+    n: int = 900, repeats: int = 5, methods: Sequence[str] = ("mnmaor", "mnmsor", "mnmmod"), scenes: Sequence[str] = ()
 ) -> Table:
     """The best theta of a grid against theta1="auto", its acceleration and `Accelerated`, on SCENES, by default on all.
 

@@ -33,17 +33,7 @@ from .arguments import (
     named_method,
     named_problem,
 )
-from .output import (
-    FORMS,
-    TO_FIGURE,
-    exit_code,
-    make_folder,
-    measured,
-    must_be_writable,
-    print_table,
-    typed,
-    wrote,
-)
+from .output import FORMS, TO_FIGURE, exit_code, make_folder, measured, must_be_writable, print_table, typed, wrote
 from .solving import unsolved
 
 _RUNS = {

@@ -8,12 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.relaxation import (
-    a_number,
-    check_diagonal,
-    is_auto,
-    scale_of,
-)
+from ..algebra.relaxation import a_number, check_diagonal, is_auto, scale_of
 from ..algebra.splittings import Splitting, Whole
 from ..numerics import work
 from ..numerics.arrays import Vector

@@ -29,12 +29,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..algebra.relaxation import (
-    as_diagonal,
-    check_diagonal,
-    is_auto,
-    jacobi_step,
-)
+from ..algebra.relaxation import as_diagonal, check_diagonal, is_auto, jacobi_step
 from ..algebra.splittings import AOR, Splitting, as_splitting
 from ..algebra.steps import Step
 from ..numerics.arrays import Vector, as_number

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import io
 import math
-import os
 import warnings
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ import scipy.sparse as sp
 from ..errors import FileError
 from .archive import NUMBERS, REAL, Archive, check_room, is_compressed, opened, read_archive, read_array, told
 from .matlab import read_variables
-from .matrix_market import read_matrix, read_vector
+from .matrix_market import check_end, read_matrix, read_vector
 from .petsc_binary import read_petsc
 
 #: the end of the name → what is between two numbers in a line, None for any spaces
@@ -94,10 +93,7 @@ def read_text(path: Path, heads: str = "") -> np.ndarray:
     between = _TEXTS[path.suffix.lower()]
     with opened(path) as (raw, size):
         check_room(str(path), 8.0 * size / 2)  # a number has a digit and what ends it
-        # a number that is cut short is a number, too
-        if size and (raw.seek(-1, os.SEEK_END), raw.read(1))[1] not in b"\r\n":
-            raise FileError(f"{path}: its last line does not end; is the file truncated?")
-        raw.seek(0)
+        check_end(path, raw, size)
         file = io.TextIOWrapper(raw, encoding="utf-8-sig", errors="replace")
         if heads and file.readline().strip() != heads:
             raise FileError(f"{path}: its first line is not {heads!r}")

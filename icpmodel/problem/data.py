@@ -265,16 +265,8 @@ class ProblemData(Shown):
         omega = as_vector(omega, self.n, "omega")
         if not (omega > 0).all():
             raise InputError(f"omega has the entry {omega.min()}; positive numbers were expected")
-        return self.scaled_map(z, of_r=omega)
-
-    def scaled_map(self, z: Vector, of_p: Any = 1.0, of_r: Any = 1.0) -> Vector:
-        """mid(b(z − ψ̄), ap, b(z − ψ)) with rows scaled by a = `of_p` > 0 and b = `of_r` > 0, numbers or shape (n,).
-
-        >>> ICP([[2.0]], [-1.0]).scaled_map(np.array([3.0]), of_p=0.1)
-        array([0.5])
-        """
         above = self.r_upper(z)
-        return mid(of_p * self.p(z), of_r * self.r(z), None if above is None else of_r * above)
+        return mid(self.p(z), omega * self.r(z), None if above is None else omega * above)
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual(self, z: Any) -> float:

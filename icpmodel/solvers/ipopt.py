@@ -64,11 +64,7 @@ class Ipopt(ForeignSolver):
             "print_level": 0,
             "sb": "yes",
         }
-        program = {
-            "x": ca.vertcat(*parts),
-            "f": ca.dot(times(unit[held], u), r) + ca.dot(v, s),
-            "g": ca.vertcat(*zero),
-        }
+        program = {"x": ca.vertcat(*parts), "f": ca.dot(times(unit[held], u), r) + ca.dot(v, s), "g": ca.vertcat(*zero)}
         quiet: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": options}
         return ca.nlpsol("icp", "ipopt", program, quiet), {"x0": 0.0, **bounds}, n
 

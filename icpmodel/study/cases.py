@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -96,17 +96,18 @@ class Case:
         return ratio if np.isfinite(ratio) else None
 
 
-def cases(texts: tuple[str, ...], sizes: tuple[int, ...]) -> Iterator[tuple[str, int, Case | str]]:
-    """(text, n, the case or why there is none) for every scene and every size that it can have, each size once."""
-    for text in texts:
-        seen: set[int] = set()
-        for wanted in sizes:
-            case: Case | str
-            try:
-                case = Case(text, built(text, wanted).problem)
-                n, _ = case.problem.n, case.scale
-            except (IcpError, MemoryError) as error:
-                case, n = str(error) or "not enough memory", wanted
-            if n not in seen:
-                seen.add(n)
-                yield text, n, case
+def cases(
+    wanted: Iterable[tuple[str, int]], made: Callable[[str, int], ProblemData]
+) -> Iterator[tuple[str, int, Case | str]]:
+    """(text, n, the case or why there is none) of each problem that is `made` of a text and a wanted size, once."""
+    seen: set[tuple[str, int]] = set()  # small scenes and grids cannot have every size
+    for text, size in wanted:
+        case: Case | str
+        try:
+            case = Case(text, made(text, size))
+            n, _ = case.problem.n, case.scale
+        except (IcpError, MemoryError) as error:
+            case, n = str(error) or "not enough memory", size
+        if (text, n) not in seen:
+            seen.add((text, n))
+            yield text, n, case

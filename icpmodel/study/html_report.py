@@ -225,10 +225,7 @@ def _map(problem: ProblemData) -> _Section:
     worst = f" from {starts} starts, of which the worst counts" if starts > 1 else ""
     lead = f"What relaxation does to the paper's method: at each point {found.plane.title} is solved{worst}."
     charts, slider = map_charts(found, problem)
-    falls = {
-        "alt": "Residual against steps.",
-        "caption": "The residual at θ₁ = θ₂ as the slider has it, others grey.",
-    }
+    falls = {"alt": "Residual against steps.", "caption": "The residual at θ₁ = θ₂ as the slider has it, others grey."}
     pictures, folded = [*_pictures(found), falls], [("Counted", found._repr_html_())]
     return {"lead": lead, "pictures": pictures, "charts": charts, "slider": slider, "folded": folded}
 

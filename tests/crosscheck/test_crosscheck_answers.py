@@ -60,16 +60,7 @@ def planted(kind: str, n: int = 12, scale: float = 1.0) -> tuple[icp.ICP, np.nda
     return icp.ICP(A, p - A @ z, psi), z
 
 
-KINDS = (
-    "lcp",
-    "symmetric",
-    "nonsymmetric",
-    "affine",
-    "elementwise",
-    "callable",
-    "free rows",
-    "affine, free rows",
-)
+KINDS = ("lcp", "symmetric", "nonsymmetric", "affine", "elementwise", "callable", "free rows", "affine, free rows")
 
 
 def verdicts(report: Report) -> list[Verdict]:

@@ -122,11 +122,7 @@ def test_a_path_that_waits_or_is_left_changes_nothing_of_what_a_user_asked_of_nu
 
 @pytest.mark.parametrize(
     ("scene", "mu", "counts"),
-    [
-        ("bai-symmetric", 0, [142, 493, 1037]),
-        ("bai-symmetric", 4, [36, 39, 40]),
-        ("bai-nonsymmetric", 0, [45, 67, 89]),
-    ],
+    [("bai-symmetric", 0, [142, 493, 1037]), ("bai-symmetric", 4, [36, 39, 40]), ("bai-nonsymmetric", 0, [45, 67, 89])],
 )
 def test_mms_needs_the_sweeps_of_the_independent_reference(scene, mu, counts):
     """Gauss–Seidel splitting, γ = 2, Ω = D/2, z⁰ = (1, 0, 1, 0, …), Res ≤ 1e-5, m = 10, 20, 30."""

@@ -307,10 +307,7 @@ def test_crosscheck_asks_about_the_answer_or_solves_first():
 
 x, X, s, i = cp.Variable(2, name="x"), cp.Variable((2, 2), name="X"), cp.Variable(name="s"), cp.Variable(2, name="i")
 REFUSED = {
-    "a constraint": (
-        lambda: icp.complements(x >= 0, x),
-        r"was given the constraint 0.0 <= x as p; give the exp",
-    ),
+    "a constraint": (lambda: icp.complements(x >= 0, x), r"was given the constraint 0.0 <= x as p; give the exp"),
     "a text": (lambda: icp.complements("x", x), r"was given 'x' as p; a CVXPY expression was expected"),
     "None": (lambda: icp.complements(x, None), "was given None as r; a CVXPY expression was expected"),
     "shapes": (lambda: icp.complements(2 * x, s), r"p = 2.0 \* x has shape \(2,\), r = s \(\)"),

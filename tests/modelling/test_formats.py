@@ -215,11 +215,7 @@ def test_a_matlab_file_cut_after_any_byte_never_becomes_another_problem(tmp_path
     [
         ("q.npy", lambda path: np.save(path, [1.0, np.nan, 0.0, 0.0]), r"q\.npy: q\[1\] is nan"),
         ("q.npy", lambda path: np.save(path, Q[:3]), r"q\.npy: q has shape \(3,\); shape \(4,\)"),
-        (
-            "q.npy",
-            lambda path: np.save(path, 1j * Q),
-            r"q\.npy: it has shape \(4,\), dtype complex128; an array of",
-        ),
+        ("q.npy", lambda path: np.save(path, 1j * Q), r"q\.npy: it has shape \(4,\), dtype complex128; an array of"),
         ("q.npy", lambda path: path.write_bytes(b"hello"), r"q\.npy: cannot be read"),
         ("q.csv", lambda path: path.write_text("q\n1\n2\n3\n4\n"), r"q\.csv: could not convert string 'q'.*no heads"),
         ("q.csv", lambda path: path.write_text("1;2;3;4\n"), r"q\.csv: could not convert .*commas between"),

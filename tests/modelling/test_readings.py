@@ -25,8 +25,7 @@ def from_pyomo(start):
     model.x = pyo.Var(range(2), initialize=None if start is None else dict(enumerate(start.tolist())))
     x = model.x
     model.c = Complementarity(
-        range(2),
-        rule=lambda _, i: complements(sum(A[i, j] * x[j] for j in range(2)) >= -Q[i], 2 * x[i] >= 0.5),
+        range(2), rule=lambda _, i: complements(sum(A[i, j] * x[j] for j in range(2)) >= -Q[i], 2 * x[i] >= 0.5)
     )
     return read_pyomo(model)
 

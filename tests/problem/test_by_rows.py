@@ -55,10 +55,7 @@ def by_columns(row):
         (None, r"rows\(1, 3\) is None; LocalRows, or"),
         ((np.eye(2, 3), 1.0), r"rows\(1, 3\) is a tuple of 2;"),
         ((np.eye(2), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 2\) .*; shape \(2, 3\), of finite"),
-        (
-            (with_entry(np.nan), 1.0, 0.0),
-            r"A of rows\(1, 3\) has shape \(2, 3\) .* columns 0 to 0; .* finite",
-        ),
+        ((with_entry(np.nan), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) .* columns 0 to 0; .* finite"),
         ((with_entry(1.0, -1), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) and entries in columns -1 to 0"),
         ((with_entry(1.0, 3), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) and entries in columns 0 to 3"),
         ((by_columns(5), 1.0, 0.0), r"A of rows\(1, 3\) is no sparse matrix that SciPy could use: indices must be < 2"),

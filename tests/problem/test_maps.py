@@ -154,10 +154,7 @@ def test_a_map_that_misbehaves_says_how(psi, words):
         (lambda: icp.Function(np.sin, lipschitz=-np.eye(2)).bind(2), "psi.lipschitz has the entry -1"),
         (lambda: icp.Intervention(np.eye(2)), "a SciPy sparse matrix"),
         (lambda: icp.Intervention(sp.eye_array(2), best="most"), '"max" or "min"'),
-        (
-            lambda: icp.Intervention(sp.coo_array(([1.0, 2.0], ([0, 0], [1, 1])), shape=(2, 2))),
-            "the same jump twice",
-        ),
+        (lambda: icp.Intervention(sp.coo_array(([1.0, 2.0], ([0, 0], [1, 1])), shape=(2, 2))), "the same jump twice"),
         (lambda: icp.Intervention(sp.eye_array(3)).bind(2), r"jumps has shape \(3, 3\)"),
     ],
 )

@@ -170,7 +170,7 @@ def thresholds(tree):
 
 #: what is no choice: a batch of small problems is pivoted at once
 EXCEPTIONS = {
-    "self.problem.n <= PIVOT_UP_TO": "solve/many.py: the rows of a batch share one compiled call, no method is chosen",
+    "self.problem.n <= PIVOT_UP_TO": "solve/many.py: the rows of a batch share one compiled call, no method is chosen"
 }
 
 

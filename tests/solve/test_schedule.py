@@ -77,10 +77,7 @@ class TestBound:
     @given(st.lists(scripts, min_size=1, max_size=6))
     @settings(max_examples=150, deadline=None)
     @example(  # says that one more step will do, for ever
-        [
-            Script(1e-3, 0.0, 1.0, 300, (17.9, 0.0, 0.0), False, 1.0),
-            Script(1e5, 0.0, 0.05, 3, (0.0,), True, 2.0),
-        ]
+        [Script(1e-3, 0.0, 1.0, 300, (17.9, 0.0, 0.0), False, 1.0), Script(1e5, 0.0, 0.05, 3, (0.0,), True, 2.0)]
     )
     def test_the_total_is_a_fixed_multiple_of_the_best_in_hindsight_whatever_was_expected(self, candidates):
         best = min(one.to_the_look for one in candidates)

@@ -286,10 +286,7 @@ def test_a_profile_is_the_share_of_problems_within_a_factor_of_the_best():
         ("b", 9, "x", "own", None),
     )
     found = profiles(Table("", HEADS, rows))
-    assert {name: factors.tolist() for name, factors in found.items()} == {
-        "solve()": [1.0, 2.0],
-        "x": [1.0, np.inf],
-    }
+    assert {name: factors.tolist() for name, factors in found.items()} == {"solve()": [1.0, 2.0], "x": [1.0, np.inf]}
     (axes,) = profile_figure(Table("", HEADS, rows)).axes
     drawn = {line.get_label(): line for line in axes.lines}
     assert drawn["x"].get_ydata()[-1] == 0.5

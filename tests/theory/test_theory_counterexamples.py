@@ -255,10 +255,7 @@ class TestErrorBound:
 
     @pytest.mark.parametrize(
         ("problem", "z", "exact"),
-        [
-            (icp.ICP([[1e-300]], [0.0], psi=-np.inf), 1e-30, 0.0),
-            (icp.ICP([[5e-324]], [0.0], psi=-np.inf), 0.4, 0.0),
-        ],
+        [(icp.ICP([[1e-300]], [0.0], psi=-np.inf), 1e-30, 0.0), (icp.ICP([[5e-324]], [0.0], psi=-np.inf), 0.4, 0.0)],
     )
     def test_underflow_does_not_make_it_zero(self, problem, z, exact):
         bound = icp.error_bound(problem, [z])

@@ -33,11 +33,7 @@ class Audit(Table):
 
 
 def honesty(
-    minutes: float = 1.0,
-    seed: int = 0,
-    problems: int | None = None,
-    processes: int = 1,
-    progress: bool = False,
+    minutes: float = 1.0, seed: int = 0, problems: int | None = None, processes: int = 1, progress: bool = False
 ) -> Audit:
     """How often the package says what is false, of problems drawn afresh: every kind of A, q, ψ, scale, option, method
     and front end.

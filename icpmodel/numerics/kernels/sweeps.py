@@ -47,41 +47,29 @@ def _upper_entry(psi, i, z):
     return lambda psi, i, z: None
 
 
+@numba.njit(fastmath={"contract"}, error_model="numpy", nogil=True)
 def lifted(least, zi, low, top, weight):
-    """mid(weight (z_i - top), p, weight (z_i - low)), `least` = min(p, weight (z_i - low)); that where top is None."""
-    raise TypeError("lifted exists in compiled code only")
+    # mid(weight (z_i - top), p, weight (z_i - low)), `least` = min(p, weight (z_i - low)); that where top is None
+    if top is None:
+        return least
+    return median(least, weight * (zi - low), weight * (zi - top))
 
 
-@overload(lifted)
-def _lifted(least, zi, low, top, weight):
-    if isinstance(top, types.NoneType):
-        return lambda least, zi, low, top, weight: least
-    return lambda least, zi, low, top, weight: median(least, weight * (zi - low), weight * (zi - top))
-
-
+@numba.njit(fastmath={"contract"}, error_model="numpy", nogil=True)
 def pressed(least, zi, top, weight):
-    """max(weight (z_i - top), `least`), the median of a step; where the obstacles cross it moves z_i to the one above,
-    and, unlike `lifted`, nothing jumps."""
-    raise TypeError("pressed exists in compiled code only")
+    # max(weight (z_i - top), `least`), the median of a step; where the obstacles cross it moves z_i to the one above,
+    # and, unlike `lifted`, nothing jumps
+    if top is None:
+        return least
+    return larger(least, weight * (zi - top))
 
 
-@overload(pressed)
-def _pressed(least, zi, top, weight):
-    if isinstance(top, types.NoneType):
-        return lambda least, zi, top, weight: least
-    return lambda least, zi, top, weight: larger(least, weight * (zi - top))
-
-
+@numba.njit(fastmath={"contract"}, error_model="numpy", nogil=True)
 def capped(value, top):
-    """min(value, top); `value` where top is None."""
-    raise TypeError("capped exists in compiled code only")
-
-
-@overload(capped)
-def _capped(value, top):
-    if isinstance(top, types.NoneType):
-        return lambda value, top: value
-    return lambda value, top: top if value > top else value
+    # min(value, top); `value` where top is None
+    if top is None:
+        return value
+    return top if value > top else value
 
 
 @inlined

@@ -188,8 +188,4 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
 
 
 #: the theorems that tell a factor, and the norm it holds in
-_KINDS: dict[str, type[Rate]] = {
-    "sharper": Contraction,
-    "rowwise": RowwiseContraction,
-    "definite": PeacemanRachford,
-}
+_KINDS: dict[str, type[Rate]] = {"sharper": Contraction, "rowwise": RowwiseContraction, "definite": PeacemanRachford}
