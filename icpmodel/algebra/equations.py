@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import MapError, SingularOperator
-from ..numerics.arrays import Vector
+from ..numerics import work
+from ..numerics.arrays import Vector, diagonal_positions, norm
+from ..numerics.factorisation import Repeated, factorise
+from ..numerics.fill import Look
+from ..numerics.linear import cg_step_cost, conjugate_gradients, solver_of
 from ..problem.between import chosen
 from ..problem.data import ProblemData
 from ..problem.map import Map
@@ -122,3 +127,77 @@ def derivative(psi: Map, z: Vector, above: NDArray[np.bool_] | None = None) -> s
     if not np.isfinite(J.data).all():
         raise MapError("psi's derivative is not finite")
     return J
+
+
+class ShiftedEquations:
+    """((A + D)x)_i = f_i in the free rows and x_i = 0 in the others, for one set of rows and one D ≥ 0 after another.
+
+    By conjugate gradients where A is symmetric, as long as these promise to cost less; by factors of matrices with the
+    pattern of A, or by those of the free rows.
+    """
+
+    def __init__(self, problem: ProblemData) -> None:
+        self.problem, self.iterative = problem, problem.matrix.is_nearly_symmetric
+
+    @cached_property
+    def repeated(self) -> Repeated | None:
+        """What factorises all rows again and again, where that costs less than each time in an order of its own."""
+        matrix = self.problem.matrix
+        return Repeated(matrix.sparse, matrix.fill, matrix.signs) if matrix.repeats else None
+
+    @cached_property
+    def look(self) -> Look:
+        """What it takes to factorise all rows, seen to the end."""
+        return self.problem.matrix.look.to_the_end()
+
+    def solve(self, free: NDArray[np.bool_], D: Vector, f: Vector, tolerance: float, briefly: bool) -> Vector | None:
+        """x with an error of f of at most the relative `tolerance`, or None; `D`, `f` and x of shape (n,).
+
+        With `briefly` the free rows are not factorised where all have been.
+        """
+        matrix, rows, x = self.problem.matrix, np.flatnonzero(free), np.zeros(free.size)
+        share = rows.size / free.size
+        direct = min(share**2 * work.factor_cost(matrix.fill), work.dense_cost(rows.size))
+        if self.iterative:
+            a_step = cg_step_cost(rows.size, int(share * self.problem.nnz))
+            if most := int(min(rows.size, min(direct, matrix.again_cost) / a_step)):
+                if (found := conjugate_gradients(self._cut(rows, D), f[rows], most)) is not None:
+                    x[rows] = found
+                    return x
+                self.iterative = False  # with a smaller D they will not do better
+        if matrix.again_cost < direct and ((all_of := self._by_all_rows(free, D, f, tolerance)) is not None or briefly):
+            return all_of
+        M, of = self._cut(rows, D), f[rows]
+        look = Look(M)
+        lu = factorise(M, definite=True, look=look)  # the ordering of a definite matrix needs no exchange of rows
+        found = None if lu is None else np.asarray(lu.solve(of))
+        if found is None or not norm(M @ found - of) <= tolerance * norm(of):
+            found = solver_of(M, look=look)(of, tolerance)
+        if found is None:
+            return None
+        x[rows] = found
+        return x
+
+    def _cut(self, rows: NDArray[np.intp], D: Vector) -> sp.csr_array:
+        from ..numerics.kernels.graph import cut  # loads numba
+
+        A = self.problem.A
+        starts, columns, values, _ = cut(A.indptr, A.indices, A.data, D, rows, D)
+        M = sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
+        M.data[diagonal_positions(M)] += D[rows]
+        return M
+
+    def _by_all_rows(self, free: NDArray[np.bool_], D: Vector, f: Vector, tolerance: float) -> Vector | None:
+        problem = self.problem
+        data = problem.A.data.copy()
+        data[problem.matrix.rows.diag] += D
+        if self.repeated is None or not self.repeated.factorise(data, free):
+            return None
+        x, f = np.zeros(free.size), np.where(free, f, 0.0)
+        rest, most = f, tolerance * norm(f)
+        for _ in range(2):  # without exchanges of rows digits may be lost
+            x += self.repeated.solve(rest)
+            rest = np.where(free, f - D * x - problem.product(x), 0.0)
+            if norm(rest) <= most:
+                return x
+        return None

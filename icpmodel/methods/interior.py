@@ -58,8 +58,8 @@ class Interior:
     proved: where they do not, the others go on.
     Parameters: `problem`; W, the `weights` of p/z, shape (n,); the `obstacles` (c, c̄) where it begins, c̄ None where
     there is none; `resting` = (c, Ac + q), with what is nearest to 0 for c in the rows that have no obstacle below;
-    what factorises matrices with the pattern of A `repeated`ly, None where each is factorised as a new one. Raises
-    MapError where ψ fails at the first place.
+    for matrices with the `pattern` of A what factorises them repeatedly, or a look at it, None where each is a new one.
+    Raises MapError where ψ fails at the first place.
     Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε.
     """
 
@@ -69,9 +69,9 @@ class Interior:
         weights: Vector,
         obstacles: tuple[Vector, Vector | None],
         resting: tuple[Vector, Vector],
-        repeated: Repeated | None,
+        pattern: Repeated | Look | None,
     ) -> None:
-        self.problem, self.weights, self.repeated = problem, weights, repeated
+        self.problem, self.weights, self.pattern = problem, weights, pattern
         self.diagonal, self.row = problem.matrix.rows.diag, row_of(problem.A)
         self.steady = self.first_steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
         self.least_steady, self.lost = _STEADY_LEAST, 0.0
@@ -209,8 +209,6 @@ class Interior:
         return solve
 
     def _factors(self, M: sp.csr_array) -> Any:
-        if self.moves:  # symmetric at most by chance
-            return factorise(M, definite=True, look=Look(M, lambda: False))
-        if self.repeated is not None:
-            return self.repeated if self.repeated.factorise(M.data) else None
-        return factorise(M, definite=True, look=self.problem.matrix.look)  # it has the pattern of A
+        if isinstance(self.pattern, Repeated):
+            return self.pattern if self.pattern.factorise(M.data) else None
+        return factorise(M, definite=True, look=self.pattern or Look(M, lambda: False))  # symmetric at most by chance

@@ -28,19 +28,15 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..algebra.active_equations import Elimination
-from ..algebra.equations import Pattern, derivative
+from ..algebra.equations import Pattern, ShiftedEquations, derivative
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Vector, diagonal_positions, inner, norm
+from ..numerics.arrays import Vector, inner, norm
 from ..numerics.equilibration import balanced
-from ..numerics.factorisation import Repeated, factorise
-from ..numerics.fill import Look
-from ..numerics.linear import cg_step_cost, conjugate_gradients, solver_of
+from ..numerics.linear import cg_step_cost
 from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -134,7 +130,7 @@ class ProximalPath:
         self.root = np.sqrt(self.weights)
         self._move(self._at(z, problem.p(z)))
         self.centre = self.point
-        self.shift, self.made, self.iterative = _FIRST, 0, matrix.is_nearly_symmetric
+        self.shift, self.made, self.equations = _FIRST, 0, ShiftedEquations(problem)
         # the residuals of the LCP, and of the subproblem
         self.residuals, self.own = Least(), Least()
         self.inside: Interior | None = None
@@ -149,12 +145,6 @@ class ProximalPath:
         """Res(z)."""
         return norm(mid(self.p, self.r, self.above))
 
-    @cached_property
-    def repeated(self) -> Repeated | None:
-        """What factorises all rows again and again, where that costs less than each time in an order of its own."""
-        matrix = self.problem.matrix
-        return Repeated(matrix.sparse, matrix.fill, matrix.signs) if matrix.repeats else None
-
     @property
     def is_dear(self) -> bool:
         """Whether the steps have cost what the way through the interior does, as a rule: after an obstacle that moves
@@ -162,7 +152,10 @@ class ProximalPath:
         if self.moves:
             return self.steps >= _INTERIOR
         matrix = self.problem.matrix
-        inside = self.own_cost + matrix.again_cost + 4.0 * work.solve_cost(matrix.fill)
+        if self.spent < self.own_cost + matrix.again_cost:
+            return False  # nor is it worth a further look
+        fill = self.equations.look.fill
+        inside = self.own_cost + min(matrix.again_cost, work.factor_cost(fill)) + 4.0 * work.solve_cost(fill)
         return self.spent >= _INTERIOR * inside
 
     @cached_property
@@ -245,8 +238,8 @@ class ProximalPath:
 
     def interior(self) -> Interior:
         """The way through the interior, from its beginning. Raises MapError where ψ fails there."""
-        of = self.problem, self.weights, self.obstacles, self.resting
-        return Interior(*of, None if self.moves else self.repeated)
+        pattern = None if self.moves else self.equations.repeated or self.equations.look
+        return Interior(self.problem, self.weights, self.obstacles, self.resting, pattern)
 
     def _ends_by_signs(self, shift: float) -> bool:
         """A step with the signs that the interior has settled on, which may be those of the solution; False where it
@@ -300,59 +293,11 @@ class ProximalPath:
         if pattern.above is not None and top is not None:
             z = np.where(pattern.above, top, z)
         if not active.all():
-            x = self._solution(~active, z)
+            D = self.shift * self.weights
+            f = D * (self.centre[0] - z) - self.problem.p(z)
+            # where signs that the interior has settled on make a matrix that is nearly singular, it goes on
+            x = self.equations.solve(~active, D, f, _BACKWARD, briefly=self.inside is not None)
             if x is None:
                 return None
-            z[~active] += x
+            z += x
         return z, self.problem.p(z)
-
-    def _solution(self, free: NDArray[np.bool_], z: Vector) -> Vector | None:
-        """The way of the `free` rows from z: by conjugate gradients as long as these promise to cost less."""
-        matrix, rows = self.problem.matrix, np.flatnonzero(free)
-        share = rows.size / free.size
-        direct = min(share**2 * work.factor_cost(matrix.fill), work.dense_cost(rows.size))
-        if self.iterative:
-            a_step = cg_step_cost(rows.size, int(share * self.problem.nnz))
-            if most := int(min(rows.size, min(direct, matrix.again_cost) / a_step)):
-                if (x := conjugate_gradients(*self._cut(rows, z), most)) is not None:
-                    return x
-                self.iterative = False  # with a smaller μ they will not do better
-        if matrix.again_cost < direct:
-            x = self._by_all_rows(free, z)
-            # where signs that the interior has settled on make a matrix that is nearly singular, it goes on
-            if x is not None or self.inside is not None:
-                return x
-        M, f = self._cut(rows, z)
-        look = Look(M)
-        lu = factorise(M, definite=True, look=look)  # the ordering of a definite matrix needs no exchange of rows
-        if lu is not None:
-            x = np.asarray(lu.solve(f))
-            if norm(M @ x - f) <= _BACKWARD * norm(f):
-                return x
-        return solver_of(M, look=look)(f, _BACKWARD)
-
-    def _cut(self, rows: NDArray[np.intp], z: Vector) -> tuple[sp.csr_array, Vector]:
-        """M and f in Mx = f for the way of these rows."""
-        from ..numerics.kernels.graph import cut  # loads numba
-
-        A, shift = self.problem.A, self.shift * self.weights[rows]
-        starts, columns, values, p = cut(A.indptr, A.indices, A.data, self.problem.q, rows, z)
-        M = sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
-        M.data[diagonal_positions(M)] += shift
-        return M, shift * self.centre[0][rows] - p - M @ z[rows]
-
-    def _by_all_rows(self, free: NDArray[np.bool_], z: Vector) -> Vector | None:
-        """The way by factors of a matrix with the pattern of A, None where they are not good enough."""
-        problem, repeated, shift = self.problem, self.repeated, self.shift * self.weights
-        f = np.where(free, shift * (self.centre[0] - z) - problem.p(z), 0.0)
-        data = problem.A.data.copy()
-        data[problem.matrix.rows.diag] += shift
-        if repeated is None or not repeated.factorise(data, free):
-            return None
-        x, rest, most = np.zeros(free.size), f, _BACKWARD * norm(f)
-        for _ in range(2):  # without exchanges of rows digits may be lost
-            x += repeated.solve(rest)
-            rest = np.where(free, f - shift * x - problem.product(x), 0.0)
-            if norm(rest) <= most:
-                return x[free]
-        return None

@@ -103,6 +103,15 @@ class Look:
             return Fill(n, float(n) ** 2, float(n) ** 3 / 3.0, True)
         return self.band if self.is_band or self._fill is None else self._fill
 
+    def to_the_end(self) -> Look:
+        """This one where it has seen all, or another one that has: here nothing is known that was not known before."""
+        if self.fill.seen:
+            return self
+        other = Look(self._A, self._told)
+        other.seen = ordered(self._A, np.inf)
+        other._fill, other._cost = other.seen[0], factor_cost(other.seen[0])
+        return other
+
     def band_costs_more(self, most: float) -> bool:
         """Whether it takes more than so many nanoseconds to factorise the band."""
         below, above = self.reach

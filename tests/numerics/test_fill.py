@@ -130,6 +130,10 @@ def test_where_a_look_is_given_up_what_it_has_seen_counts_and_not_the_band():
     assert not fill.seen
     assert not fill.band
     assert 0.2 <= work.factor_cost(fill) / work.factor_cost(within) <= 5.0
+    seen = look.to_the_end()
+    assert seen.fill == within == seen.seen[0]
+    assert seen.to_the_end() is seen
+    assert (look.fill, look.seen) == (fill, None)
 
 
 def test_factors_that_would_not_fit_are_not_begun():
