@@ -226,9 +226,9 @@ def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> Known | No
 
 
 def structure(problem: ProblemData, most: float) -> Blocks | None:
-    """The blocks of the whole problem, if they leave `most` rows, or parts of which each is a problem of its own."""
+    """The blocks of the whole problem, if no part that they leave has more than so many rows."""
     with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
         found = blocks(problem)
-        if found is not None and (found.core <= most or len(found.parts) > 1):
+        if found is not None and max((part.size for part in found.parts), default=0) <= most:
             return found
     return None
