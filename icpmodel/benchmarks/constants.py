@@ -18,7 +18,7 @@ from ..methods.shortcuts import Lemke
 from ..numerics import work
 from ..numerics.arrays import as_number
 from ..numerics.factorisation import Repeated, factorise
-from ..numerics.fill import Look, foreseen
+from ..numerics.fill import Look, ordered
 from ..numerics.multigrid import KrylovMultigrid
 from ..numerics.threads import one_blas_thread
 from ..present.table import Table
@@ -27,18 +27,18 @@ from ..study.timing import as_repeats, machine
 #: name of a constant ↦ how many units of it are in a task
 _Units = dict[str, float]
 #: factorisations with more multiplications take seconds, and so does much with more rows but a sweep or a product
-_LARGEST, _ROWS = 1e9, 100_000
-#: full matrices have so many rows at the most
-_FULL = 1_000
+_LARGEST, _ROWS = 3e9, 100_000
+#: full matrices have so many rows at the most, and graphs without geometry
+_FULL, _TANGLED = 1_000, 4_000
 
 
 def constants(sizes: Sequence[int] = (100, 1_000, 10_000, 100_000, 1_000_000), repeats: int = 9) -> Table:
     """The constants that estimates of cost use, in the table and as measured now, in nanoseconds per unit.
 
-    Each is fitted to the times of tasks on grids in one to three dimensions, on a random tree and on random dense
-    matrices, relative errors by least squares; a time is the least of all `repeats`, which a busy machine disturbs
-    least. Beyond 100 000 unknowns only sweeps, products and operations on vectors are timed; dense matrices have up to
-    1 000 rows, and 300 where they are pivoted.
+    Each is fitted to the times of tasks on grids in one to three dimensions, on random trees and graphs and on random
+    dense matrices, relative errors by least squares; a time is the least of all `repeats`, the one that a busy machine
+    disturbs least. Beyond 100 000 unknowns only sweeps, products and operations on vectors are timed; dense matrices
+    have up to 1 000 rows, and 300 where they are pivoted.
     Parameters: `sizes` unknowns (the nearest squares and cubes); `repeats` of a task, ≥ 3. Returns a `Table`.
 
     >>> icp.benchmarks.constants([100], repeats=3).heads
@@ -106,12 +106,13 @@ def _passes(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]
 
 
 def _sparse(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]]:
-    for A in _matrices([n for n in sizes if n <= _ROWS]):
+    tangled = {min(n, _TANGLED // k) for n in sizes for k in (1, 2, 4)}
+    for A in (*_matrices([n for n in sizes if n <= _ROWS]), *map(_tangled, sorted(tangled))):
         before, n, f = work.done(), A.shape[0], np.ones(A.shape[0])
-        fill = foreseen(A)
+        fill, _ = ordered(A, np.inf)
         looks = (work.done() - before - work.COSTS.call) / work.COSTS.look
-        yield {"look": looks}, partial(foreseen, A)
-        if fill.seen and fill.flops <= _LARGEST:
+        yield {"look": looks}, partial(ordered, A, np.inf)
+        if fill.flops <= _LARGEST:
             made = partial(factorise, A, triangles=True)
             lu = made()
             yield {"factor_row": n, "factor_entry": fill.entries, "factor_flop": fill.flops}, made
@@ -120,7 +121,17 @@ def _sparse(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]
             repeated.factorise(A.data)
             again = {"call": 1, "refactor_entry": fill.entries, "refactor_flop": fill.flops}
             yield again, partial(repeated.factorise, A.data)
-        yield from _bands(n)
+    for n in sizes:
+        yield from _bands(min(n, _ROWS))
+
+
+def _tangled(n: int) -> sp.csr_array:
+    """The Laplacian of three permutations, shifted by 1e-2: its factors take many multiplications for each entry."""
+    random = np.random.default_rng(0)
+    places = np.concatenate([random.permutation(n) for _ in range(3)])
+    half = sp.csr_array((np.ones(3 * n), (np.tile(np.arange(n), 3), places)), shape=(n, n))
+    both = half + half.T
+    return sp.csr_array(sp.diags_array(both.sum(axis=1) + 0.01) - both)
 
 
 def _bands(n: int) -> Iterator[tuple[_Units, Callable[[], object]]]:

@@ -85,7 +85,7 @@ def test_a_memory_limit_is_a_number_of_bytes(wrong):
 def test_a_bound_that_would_cost_too_much_work_is_not_decided():
     """A is positive definite and no H-matrix, and its factors are as good as dense."""
     rng = np.random.default_rng(1)
-    n = 20_000
+    n = 30_000
     B = sum(
         sp.coo_array((rng.standard_normal(n), (np.arange(n), rng.permutation(n))), (n, n)).tocsr() for _ in range(3)
     )
