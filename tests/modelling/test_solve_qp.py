@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 import icpmodel as icp
 from icpmodel.benchmarks.honesty.exactly import optimum
@@ -269,3 +270,21 @@ def test_pivots_in_fractions_end_in_a_solution_or_a_ray(seed):
     assert min(*y, *p) >= 0
     assert sum(a * b for a, b in zip(y, p, strict=True)) == 0
     assert solved or sum(a * b for a, b in zip(y, q, strict=True)) < 0
+
+
+@pytest.mark.parametrize("steps", [5, 25])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_dynamic_system_is_controlled_at_the_least_cost_or_proved_out_of_reach(steps, seed):
+    """x⁺ = (I + small)x + Bu within bounds: the many small entries made units grow from step to step."""
+    rng = np.random.default_rng(seed)
+    states, pushes = 10, 4
+    move, push = np.eye(states) + rng.standard_normal((states, states)) / 30, rng.standard_normal((states, pushes))
+    moves = sp.kron(sp.eye_array(steps + 1, k=-1), move) - sp.eye_array((steps + 1) * states)
+    A = sp.csr_array(sp.hstack([moves, sp.kron(np.eye(steps + 1, steps, k=-1), push)]))
+    n, b = A.shape[1], np.zeros(A.shape[0])
+    b[:states] = rng.standard_normal(states)
+    found = icp.solve_qp(sp.csr_array((n, n)), np.ones(n), A=A, b=b, lb=-1.5, ub=1.5, raise_on_failure=False)
+    known = linprog(np.ones(n), A_eq=A, b_eq=b, bounds=(-1.5, 1.5))
+    assert found.status == {0: "optimal", 2: "infeasible"}[known.status]
+    if found.found:
+        assert found.objective == pytest.approx(known.fun, rel=1e-7)

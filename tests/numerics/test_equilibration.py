@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from icpmodel.numerics.equilibration import (
+    balanced,
     equilibrated,
     in_units,
     in_units_exactly,
@@ -84,3 +87,37 @@ def test_mean_exponents_and_balancing_bring_all_entries_together(seed):
     balanced, r, c = scale(X)
     assert np.array_equal(balanced, in_units(X, r, c))
     assert np.abs(np.log2(balanced)).max() <= 4
+
+
+def dynamic(rng, steps, states=8):
+    """The multipliers and states of x⁺ = (I + small)x + Bu, whose small entries are many."""
+    small, B = 0.03 * rng.standard_normal((states, states)), rng.standard_normal((states, 2))
+    move = sp.kron(sp.eye_array(steps + 1, k=-1), np.eye(states) + small) - sp.eye_array((steps + 1) * states)
+    push = sp.kron(np.eye(steps + 1, steps, k=-1), B)
+    C = sp.csr_array(sp.hstack([move, push]))
+    return sp.csr_array(sp.block_array([[None, C.T], [-C, None]]))
+
+
+@given(st.integers(0, 2**31), st.integers(3, 60))
+@settings(max_examples=30, deadline=None)
+def test_units_do_not_grow_along_a_chain_of_rows(seed, steps):
+    """Without weights those of 60 steps are 2^600 apart."""
+    A = dynamic(np.random.default_rng(seed), steps)
+    W = balanced(A)
+    assert W.max() / W.min() <= 2.0**16
+    scaled = abs(sp.diags_array(W**-0.5) @ A @ sp.diags_array(W**-0.5))
+    assert scaled.max() <= 8.0
+    assert (scaled.max(axis=1).toarray() >= 1e-2).all()
+
+
+@given(st.integers(0, 2**31), st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_units_of_a_symmetric_matrix_are_found(seed, dense):
+    """A = DSD with entries ±1 in S: W = D², up to what is left open where the unknowns are of two kinds."""
+    rng = np.random.default_rng(seed)
+    n, d = 12, 2.0 ** rng.integers(-20, 20, 12)
+    S = sp.random_array((n, n), density=0.4, rng=rng, data_sampler=lambda size: rng.choice([-1.0, 1.0], size))
+    S = sp.csr_array(np.sign((S + S.T).toarray()) + 3.0 * np.eye(n))
+    A = sp.csr_array(sp.diags_array(d) @ S @ sp.diags_array(d))
+    W = balanced(A.toarray() if dense else A)
+    assert np.abs(np.log2(W / d**2)).max() <= 4.0

@@ -10,8 +10,7 @@ l and u being the bounds, −∞ and ∞ where there are none. That is an ICP wi
 [[P, Fᵀ, Aᵀ], [−F, 0, 0], [−A, 0, 0]], ψ = (l, 0, −∞) and ψ̄ = (u, ∞, ∞). A row of F with one entry is a bound and no
 row, so that a program with bounds only is an ICP in x alone. A variable with an upper bound only is turned round, so
 that there is no ψ̄ where no variable has both.
-Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (2009), section 1.2; Curtis and Reid, J. Inst.
-Maths Applics 10 (1972), for the units.
+Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (2009), section 1.2.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from numpy.typing import NDArray
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector, norm, row_of
-from ...numerics.equilibration import in_units
+from ...numerics.equilibration import balanced, in_units
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.between import mid
 from ...theory.certificates.infeasible import Known
@@ -36,12 +35,10 @@ from .program import Matrices, Program, handy
 
 Columns = NDArray[np.int_]
 
-#: steps of conjugate gradients for the scaling; the largest power of two in it
-_SCALINGS, _LARGEST = 200, 400
+#: the largest power of two in the scaling
+_LARGEST = 400
 #: the share of their sizes by which bounds may cross as data and quotients are rounded
 _TOUCH = 4.0 * UNIT_ROUNDOFF
-#: what is added to the diagonal where the scaling is solved for at once
-_OPEN = 1e-6
 
 
 class Frame:
@@ -237,25 +234,13 @@ def _tightest(n: int, column: Columns, value: Vector, rows: Columns) -> tuple[Ve
 
 
 def _units(P: Any, E: Any, A: Any) -> NDArray[np.int64]:
-    """Whole exponents D: 2^D M 2^D has entries of about 1. D minimises the sum of (log₂|m_ij| + d_i + d_j)² over the
-    entries of M = [[P, Eᵀ, Aᵀ], [E, 0, 0], [A, 0, 0]], whatever the units of the program."""
-    from scipy.sparse.linalg import cg
-
+    """Whole exponents D: 2^D M 2^D has entries of about 1, M = [[P, Eᵀ, Aᵀ], [E, 0, 0], [A, 0, 0]], whatever the units
+    of the program."""
     n, rest = P.shape[0], E.shape[0] + A.shape[0]
     if not any(map(sp.issparse, (P, E, A))) and work.COSTS.entry * rest**2 <= work.COSTS.call:
         M = np.zeros((n + rest, n + rest))
         M[:n, :n], M[n:, :n] = P, np.concatenate([E, A])
         M[:n, n:] = M[n:, :n].T
-        there = M != 0
-        logs = np.log2(np.abs(M), out=np.zeros(M.shape), where=there)
-        # a little more than the count: where P = 0 the unit of x is open
-        normal = there + np.diag(np.maximum(there.sum(axis=1), 1) + _OPEN)
-        D = np.linalg.solve(normal, -logs.sum(axis=1))
     else:
         M = sp.csr_array(sp.block_array([[P, E.T, A.T], [E, None, None], [A, None, None]]))
-        M.eliminate_zeros()
-        logs = np.log2(np.abs(M.data))
-        pattern = sp.csr_array((np.ones(M.nnz), M.indices, M.indptr), shape=M.shape)
-        normal = pattern + sp.diags_array(np.maximum(np.diff(M.indptr), 1.0))
-        D, _ = cg(normal, -np.bincount(row_of(M), logs, M.shape[0]), rtol=1e-6, maxiter=_SCALINGS)
-    return np.rint(np.clip(D, -_LARGEST, _LARGEST)).astype(np.int64)
+    return np.rint(np.clip(-0.5 * np.log2(balanced(M)), -_LARGEST, _LARGEST)).astype(np.int64)
