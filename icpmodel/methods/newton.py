@@ -12,7 +12,8 @@ in Ψ (Billups). A row on one obstacle with |p_i|/Ω_i > ψ̄_i − ψ_i would t
 row is dominant; where others move p_i by more, such rows go round together, and are set free first. Let θ = ‖φ‖. The
 first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one. Plain steps may raise θ, but within
 `_PATIENCE` of them there must be a new mark; those that do nothing but shrink the active set are not counted, as there
-are at most n in a row. Else the run goes back to its best iterate and takes a semismooth Newton step for φ = 0 from
+are at most n in a row, nor those that move all rows on in one direction, as policy iteration does, where no active set
+comes again. Else the run goes back to its best iterate and takes a semismooth Newton step for φ = 0 from
 there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get half the patience. So
 the marks fall for ever, or the method ends.
 """
@@ -46,6 +47,8 @@ Mask = NDArray[np.bool_]
 _PATIENCE = 8
 #: what counts as reduced
 _REDUCED = 0.9
+#: the share of the largest move up to which moves the other way are rounding
+_ROUNDED = 1e-6
 #: Armijo's share of the slope, and how often a step is halved
 _SLOPE, _HALVINGS = 1e-4, 30
 #: so many descents without a new mark are the last ones
@@ -175,8 +178,9 @@ class Path(Iterator[Iterate]):
         self.waited = self.descents = 0
         # of the step before: its active set, how many rows it set free, and its factorisation
         self.taken, self.dropped = self.here.active, 0
-        # how many steps in a row did nothing but shrink, and after how many more layers are set free
-        self.shrunk, self.alike = 0, 2
+        # how many steps in a row did nothing but shrink, and after how many more layers are set free; where the last
+        # one moved all rows to, 1 or −1, or 0
+        self.shrunk, self.alike, self.way = 0, 2, 0
         self.kept: tuple[Mask, sp.csr_array, ActiveEquations] | None = None
         self.fault: MapError | None = None
 
@@ -242,8 +246,11 @@ class Path(Iterator[Iterate]):
                 active, new = own, self._reached(own)
         if new is None:
             return None
+        moved, before = new.z - self.here.z, self.way
+        down, up = max(-float(moved.min()), 0.0), max(float(moved.max()), 0.0)
+        self.way = int(down <= _ROUNDED * up) - int(up <= _ROUNDED * down)
         self.taken = active
-        self.waited += not self.shrunk
+        self.waited += not (self.shrunk or self.way == before != 0)
         return new if self._marks(new) or self.waited <= self.patience else None
 
     def _foreseen(self) -> Mask:
@@ -283,7 +290,7 @@ class Path(Iterator[Iterate]):
     def descent(self) -> Point | None:
         """A step from the best point that reduces Ψ by Armijo's rule; None where none does, or many do too little."""
         best = self.best
-        self.patience, self.waited = self.patience // 2, 0
+        self.patience, self.waited, self.way = self.patience // 2, 0, 0
         self.descents += 1
         if best.theta == 0 or self.descents > _DESCENTS:
             return None

@@ -203,6 +203,28 @@ def test_rows_that_touch_without_force_do_not_keep_it_going():
         assert icp.ICP(A, p - A @ z).solve("newton", z0=rng.normal(size=n)).z == pytest.approx(z, abs=1e-7)
 
 
+def decisions(rng, states, discount=0.99999):
+    """The values of states in each of which one of two actions is taken, each of which leads to states nearby."""
+
+    def chain():
+        rows = np.repeat(np.arange(states), 4)
+        to = np.clip(rows + rng.integers(-3, 4, rows.size), 0, states - 1)
+        return sp.csr_array((rng.dirichlet(np.ones(4), states).ravel(), (rows, to)), shape=(states, states))
+
+    A, other = sp.eye_array(states) - discount * chain(), icp.Affine(discount * chain(), rng.random(states))
+    return icp.ICP(A, -rng.random(states), other)
+
+
+@pytest.mark.parametrize(("states", "seed"), [(200, 1), (500, 3), (500, 5), (1000, 2), (1000, 3)])
+def test_policies_are_improved_until_none_is_better_however_long_the_residual_is_larger(states, seed):
+    """Values rise in every step, from 0 by up to 1e5, and so does θ, at first; four of these were given up."""
+    problem = decisions(np.random.default_rng(seed), states)
+    path = list(newton_path(problem, np.zeros(states)))
+    assert problem.residual(path[-1]) <= 1e-10 * problem.residual_at_0()
+    moves = [after - before for before, after in itertools.pairwise(path[1:-1])]
+    assert all(move.min() >= -1e-6 * np.abs(move).max() for move in moves if np.abs(move).max() > 1e-5)
+
+
 @pytest.mark.parametrize("A", [np.zeros((3, 3)), -np.eye(3), -np.ones((3, 3)), np.ones((3, 3)) - 3 * np.eye(3)])
 def test_without_a_solution_it_stands_still_and_says_so(A):
     solution = icp.ICP(A, [-1.0, -1.0, -1.0]).solve("newton", raise_on_failure=False)
