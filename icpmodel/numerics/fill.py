@@ -27,18 +27,6 @@ def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
     return Fill(n, float(n) * entries, 2.0 * n * below * flops, True, True)
 
 
-def foreseen(A: sp.csr_array, most: float = np.inf) -> Fill:
-    """The fill of `A` (CSR, n × n) with pivots on the diagonal, from above where A's pattern is not symmetric.
-
-    Rows of the least approximate degree go first, on a quotient graph. It is not `seen` to the end where it takes more
-    than `most` nanoseconds to factorise A, or 300 times what was spent on looking, by a separator of what is left
-    once no row has fewer neighbours than there were on the average: what is hopeless costs some tens of products
-    with A, or some hundreds.
-    Reference: Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
-    """
-    return _looked(A, work.COSTS.look, np.inf, most)[0]
-
-
 def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf) -> tuple[Fill, NDArray[np.int32]]:
     """The fill of `A` and the order of its rows and columns, shape (n,); not `seen` beyond `most` entries, or where
     it costs more than `most_cost` nanoseconds."""
@@ -50,10 +38,15 @@ def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf) -> tuple[Fi
 
 class Look:
     """What it takes to factorise `A` (CSR, n × n), looked at once, however often it is asked: as a dense matrix, as a
-    band, or in an order for its pattern, as `foreseen`.
+    band, or in an order for its pattern, pivots on the diagonal; from above where the pattern is not symmetric.
 
+    Rows of the least approximate degree go first, on a quotient graph. The fill is not `seen` to the end where it takes
+    longer to factorise A than is asked about, or 300 times what was spent on looking, by a separator of what is left
+    once no row has fewer neighbours than there were on the average: what is hopeless costs some tens of products with
+    A, or some hundreds.
     `seen` are the fill and the order of the rows and columns, shape (n,), once they are seen to the end. `is_symmetric`
     tells whether A is, where that is known elsewhere.
+    Reference: Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
     """
 
     def __init__(self, A: sp.csr_array, is_symmetric: Callable[[], bool] | None = None) -> None:

@@ -11,7 +11,7 @@ from icpmodel.numerics import work
 from icpmodel.numerics.arrays import as_csr
 from icpmodel.numerics.equilibration import times_rows
 from icpmodel.numerics.factorisation import Full, Repeated, factorise, signs_of_symmetry
-from icpmodel.numerics.fill import Look, foreseen
+from icpmodel.numerics.fill import Look, ordered
 
 
 @pytest.mark.parametrize("triangles", [False, True])
@@ -94,7 +94,7 @@ def test_matrices_of_one_pattern_are_solved_one_after_another_with_some_rows_alo
     rng = np.random.default_rng(seed)
     off = sp.random_array((n, n), density=density, rng=rng)
     A = sp.csr_array(off + off.T + sp.diags_array(rng.uniform(1.0, 2.0, n)))
-    factors = Repeated(A, foreseen(A))
+    factors = Repeated(A, ordered(A, np.inf)[0])
     for free in (None, rng.random(n) < 0.5, np.zeros(n, bool), np.ones(n, bool), None):
         B = A.copy()
         B.data[:] *= rng.choice([-1.0, 1.0])  # definite or not, as long as its pivots are not 0
@@ -116,7 +116,7 @@ def test_signs_are_found_that_make_a_matrix_symmetric_and_solve_with_it(seed, n,
     A = as_csr(sp.diags_array(given_signs) @ (off + off.T) + sp.diags_array(D), "A", keep_diagonal=True)
     signs = signs_of_symmetry(A)
     assert (sp.diags_array(signs) @ A - A.T @ sp.diags_array(signs)).nnz == 0
-    factors, f = Repeated(A, foreseen(A), signs), rng.normal(size=n)
+    factors, f = Repeated(A, ordered(A, np.inf)[0], signs), rng.normal(size=n)
     assert factors.factorise(A.data)
     assert A @ factors.solve(f) == pytest.approx(f, abs=1e-10)
 
@@ -135,7 +135,7 @@ def test_no_signs_are_found_where_there_are_none(A):
 
 def test_a_matrix_that_cannot_be_factorised_says_so_and_the_next_one_can():
     A = sp.csr_array([[2.0, 1.0], [1.0, 2.0]])
-    factors = Repeated(A, foreseen(A))
+    factors = Repeated(A, ordered(A, np.inf)[0])
     assert not factors.factorise(np.array([0.0, 1.0, 1.0, 0.0]))
     assert not factors.factorise(np.array([2.0, np.nan, np.nan, 2.0]))
     assert factors.factorise(A.data)
@@ -194,7 +194,7 @@ def test_whether_it_is_a_band_hangs_on_what_both_would_cost():
         look, f = Look(A), rng.normal(size=900)
         cost = work.factor_cost(look.fill)
         assert look.is_band is is_band
-        assert cost <= min(work.factor_cost(look.band), work.factor_cost(foreseen(A)))
+        assert cost <= min(work.factor_cost(look.band), work.factor_cost(ordered(A, np.inf)[0]))
         assert look.costs_more(0.5 * cost)
         assert not look.costs_more(1.01 * cost)
         assert A @ factorise(A).solve(f) == pytest.approx(f, abs=1e-9)
