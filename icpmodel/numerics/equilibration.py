@@ -25,12 +25,8 @@ _STEPS = 60
 _MEANS = 50
 #: below the exponent of every float
 _NONE = -(2**20)
-#: weights are balanced to so small a share, by so many steps at the most, and the least squares weighted so often
-_BALANCED, _PASSES, _WEIGHTED = 1e-3, 60, 3
-#: the logarithm up to which sizes count as not far from 1
-_ALIKE = 2.0
-#: what is added to the diagonal where the least squares are solved at once
-_OPEN = 1e-6
+#: so often do weights go half the way
+_PASSES = 10
 
 
 def row_exponents(X: Any, columns: Any = 0) -> Exponents:
@@ -112,54 +108,24 @@ def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
 
 
 def balanced(A: Any) -> Vector:
-    """The W > 0 for which |a_ij|/√(w_i w_j), A dense or CSR, is 1 but for factors whose squared logarithms have the
-    least sum.
+    """The W > 0 for which |a_ij|/√(w_i w_j), A dense or CSR, is about 1 in the geometric mean of every row and column.
 
-    Many small entries can outweigh one that is large, and where rows hang on one another in a chain, as those of the
-    steps of a dynamic system do, W then grows from each to the next. So where sizes differ, but √W by more than these,
-    the sum is weighted by their squares, as shares of the largest ones beside them.
-    Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972), without weights.
+    From W = 1 each w goes half the way to that again and again, but not often. In the limit squared logarithms have the
+    least sum: then, where rows hang on one another in a chain, as those of the steps of a dynamic system do, W grows
+    from each to the next, as many small entries outweigh one large, or the exact answer does.
+    Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972), for the limit.
     """
-    n = A.shape[0]
-    i, j, count, size = _logarithms(A)
-    weights = count
-    for _ in range(_WEIGHTED):
-        degree, right = (np.asarray(np.bincount(i, w, n), np.float64) for w in (weights, weights * size))
-        logarithms = _balance(sp.csr_array((weights, (i, j)), shape=A.shape), degree, right, sp.issparse(A))
-        left = size - logarithms[i] - logarithms[j]
-        if left.max(initial=0.0) <= _ALIKE or np.ptp(logarithms) <= np.ptp(left):
-            break
-        largest = np.full(n, -np.inf)
-        np.maximum.at(largest, i, left)
-        weights = count * np.exp(2.0 * (left - np.minimum(largest[i], largest[j])))
-    return np.exp(2.0 * logarithms)
-
-
-def _logarithms(A: Any) -> tuple[Any, Any, Vector, Vector]:
-    """(i, j, count, size): where a_ij or a_ji is not 0, whether one is or both are, and the mean of log|a_ij|."""
-    if sp.issparse(A):
-        there = A.data != 0.0
-        logarithms = np.log(np.abs(A.data[there]))
-        # with a count beside it no logarithm is lost, as one that is 0 would be
-        counted = sp.csr_array((1.0 + 1j * logarithms, (row_of(A)[there], A.indices[there])), shape=A.shape)
-        both = sp.csr_array(counted + counted.T)
-        return row_of(both), both.indices, both.data.real, both.data.imag / both.data.real
-    there = A != 0.0
-    logarithms, count = np.log(np.abs(A), out=np.zeros(A.shape), where=there), there.astype(float) + there.T
-    i, j = np.nonzero(count)
-    return i, j, count[i, j], (logarithms + logarithms.T)[i, j] / count[i, j]
-
-
-def _balance(links: sp.csr_array, degree: Vector, right: Vector, roughly: bool) -> Vector:
-    """x with (diag(`degree`) + `links`)x = `right`, or about so: singular where the unknowns are of two kinds, as in a
-    linear program; those of one kind are then left alone."""
-    from scipy.sparse.linalg import cg
-
-    degree = np.where(degree > 0.0, degree, 1.0)
-    if not roughly:
-        return np.asarray(np.linalg.solve(links.toarray() + np.diag((1.0 + _OPEN) * degree), right))
-    inverse = sp.diags_array(1.0 / degree)
-    return np.asarray(cg(links + sp.diags_array(degree), right, rtol=_BALANCED, maxiter=_PASSES, M=inverse)[0])
+    n, roots = A.shape[0], np.zeros(A.shape[0])
+    i, j = (row_of(A), A.indices) if sp.issparse(A) else np.divmod(np.arange(A.size), n)
+    values = A.data if sp.issparse(A) else A.ravel()
+    there = values != 0.0
+    i, j, size = i[there], j[there], np.log(np.abs(values[there]))
+    links = sp.csr_array((np.ones(size.size), (i, j)), shape=A.shape)
+    links = links + links.T
+    count, total = (np.bincount(i, w, n) + np.bincount(j, w, n) for w in (np.ones(size.size), size))
+    for _ in range(_PASSES):
+        roots += 0.5 * ((total - links @ roots) / np.maximum(count, 1.0) - roots)
+    return np.exp(2.0 * roots)
 
 
 def times_rows(d: Vector, matrix: sp.csr_array) -> sp.csr_array:

