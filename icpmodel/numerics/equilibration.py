@@ -25,7 +25,7 @@ _STEPS = 60
 _MEANS = 50
 #: below the exponent of every float
 _NONE = -(2**20)
-#: so often do weights go half the way
+#: so often do weights go half the way to where rows are balanced
 _PASSES = 10
 
 
@@ -108,24 +108,28 @@ def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
 
 
 def balanced(A: Any) -> Vector:
-    """The W > 0 for which |a_ij|/√(w_i w_j), A dense or CSR, is about 1 in the geometric mean of every row and column.
+    """The W > 0 for which the sizes √|a_ij a_ji|/√(w_i w_j), |a_ij| for both where a_ji = 0, are 1 in the mean of every
+    row; `A` is CSR, or dense and symmetric.
 
-    From W = 1 each w goes half the way to that again and again, but not often. In the limit squared logarithms have the
-    least sum: then, where rows hang on one another in a chain, as those of the steps of a dynamic system do, W grows
-    from each to the next, as many small entries outweigh one large, or the exact answer does.
-    Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972), for the limit.
+    From W = 1 each w goes half the way to that again and again. In the mean entries that are next to nothing count as
+    such: where logarithms are balanced many small ones outweigh one large, and where rows hang on one another in a
+    chain, as those of the steps of a dynamic system do, W grows from each to the next.
+    Reference: Knight, Ruiz and Uçar, SIAM J. Matrix Anal. Appl. 35 (2014), for such scalings.
     """
-    n, roots = A.shape[0], np.zeros(A.shape[0])
-    i, j = (row_of(A), A.indices) if sp.issparse(A) else np.divmod(np.arange(A.size), n)
-    values = A.data if sp.issparse(A) else A.ravel()
-    there = values != 0.0
-    i, j, size = i[there], j[there], np.log(np.abs(values[there]))
-    links = sp.csr_array((np.ones(size.size), (i, j)), shape=A.shape)
-    links = links + links.T
-    count, total = (np.bincount(i, w, n) + np.bincount(j, w, n) for w in (np.ones(size.size), size))
+    if sp.issparse(A):
+        there = A.data != 0.0
+        # with a count beside it no logarithm is lost, as one that is 0 would be
+        counted = 1.0 + 1j * np.log(np.abs(A.data[there]))
+        M = sp.csr_array((counted, (row_of(A)[there], A.indices[there])), shape=A.shape)
+        M = sp.csr_array(M + M.T)
+        sizes = sp.csr_array((np.exp(M.data.imag / M.data.real), M.indices, M.indptr), shape=A.shape)
+        count = np.diff(M.indptr)
+    else:
+        sizes, count = np.abs(A), np.count_nonzero(A, axis=1)
+    roots = np.ones(A.shape[0])
     for _ in range(_PASSES):
-        roots += 0.5 * ((total - links @ roots) / np.maximum(count, 1.0) - roots)
-    return np.exp(2.0 * roots)
+        roots = np.sqrt(np.where(count > 0, roots * (sizes @ (1.0 / roots)) / np.maximum(count, 1), 1.0))
+    return np.asarray(roots * roots)
 
 
 def times_rows(d: Vector, matrix: sp.csr_array) -> sp.csr_array:

@@ -225,6 +225,22 @@ def test_the_interior_is_not_too_dear_where_a_look_at_the_fill_was_given_up():
     assert path.is_dear
 
 
+def support_vectors(rng, points):
+    """The dual of support vector regression with a kernel whose entries fall to 1e-40, and its free multiplier."""
+    x = np.sort(rng.uniform(0.0, 30.0, points))
+    K, o = np.exp(-((x[:, None] - x) ** 2) / 2.0), np.ones((points, 1))
+    y = np.sin(x) + 0.1 * rng.standard_normal(points)
+    A = np.block([[K, -K, -o], [-K, K, o], [o.T, -o.T, np.zeros((1, 1))]])
+    q = np.concatenate([0.1 - y, 0.1 + y, [0.0]])
+    return icp.ICP(A, q, np.append(np.zeros(2 * points), -np.inf), upper=np.append(np.full(2 * points, 10.0), np.inf))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_entries_that_are_next_to_nothing_do_not_decide_the_units(seed):
+    """W by means of logarithms reaches from 1e-42 to 1e15 here, and no step leads anywhere."""
+    assert run(support_vectors(np.random.default_rng(seed), 120)).solved
+
+
 def test_where_the_interior_leads_nowhere_the_path_goes_on_from_its_centre():
     problem = pile(np.random.default_rng(7), 6)
     path = ProximalPath(problem, np.zeros(problem.n))

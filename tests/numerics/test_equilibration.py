@@ -101,7 +101,7 @@ def dynamic(rng, steps, states=8):
 @given(st.integers(0, 2**31), st.integers(2, 200), st.booleans())
 @settings(max_examples=30, deadline=None)
 def test_units_do_not_grow_along_a_chain_of_rows(seed, steps, dense):
-    """Least squares to the end are up to 2^525 apart for 60 steps."""
+    """Those for which squared logarithms have the least sum are up to 2^525 apart for 60 steps."""
     A = dynamic(np.random.default_rng(seed), min(steps, 20) if dense else steps)
     W = balanced(A.toarray() if dense else A)
     assert W.max() / W.min() <= 2.0**24
