@@ -25,8 +25,8 @@ _STEPS = 60
 _MEANS = 50
 #: below the exponent of every float
 _NONE = -(2**20)
-#: so often do weights go half the way to where rows are balanced
-_PASSES = 10
+#: so often do weights go half the way to where rows are balanced, and so far do their roots go
+_PASSES, _FAR = 10, 2.0**500
 
 
 def row_exponents(X: Any, columns: Any = 0) -> Exponents:
@@ -127,8 +127,10 @@ def balanced(A: Any) -> Vector:
     else:
         sizes, count = np.abs(A), np.count_nonzero(A, axis=1)
     roots = np.ones(A.shape[0])
-    for _ in range(_PASSES):
-        roots = np.sqrt(np.where(count > 0, roots * (sizes @ (1.0 / roots)) / np.maximum(count, 1), 1.0))
+    with np.errstate(over="ignore"):
+        for _ in range(_PASSES):
+            mean = roots * (sizes @ (1.0 / roots)) / np.maximum(count, 1)
+            roots = np.clip(np.sqrt(np.where(count > 0, mean, 1.0)), 1.0 / _FAR, _FAR)
     return np.asarray(roots * roots)
 
 

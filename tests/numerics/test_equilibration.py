@@ -118,3 +118,13 @@ def test_units_of_a_symmetric_matrix_are_found(seed, dense):
     A = sp.csr_array(sp.diags_array(d) @ S @ sp.diags_array(d))
     W = balanced(A.toarray() if dense else A)
     assert np.abs(np.log2(W / d**2)).max() <= 4.0
+
+
+@pytest.mark.parametrize("made", [np.asarray, sp.csr_array])
+@pytest.mark.parametrize("sizes", [[], [0.0], [1e300, 1e-300], [1e-300, 0.0, 1e300, 1e-300]])
+def test_balanced_units_are_positive_numbers_whatever_the_entries(made, sizes):
+    """A chain of rows with these entries between them, none where they are 0."""
+    A = np.diag(sizes, 1) + np.diag(sizes, -1) if sizes else np.zeros((0, 0))
+    W = balanced(made(A))
+    assert W.shape == (len(A),)
+    assert (np.isfinite(W) & (W > 0)).all()
