@@ -15,7 +15,7 @@ from ...icp import ICP
 from ...numerics.arrays import Vector, as_number
 from ...problem.affine import Affine
 from ...problem.elementwise import Elementwise
-from . import bodies, finite_differences, graphs, markets
+from . import bodies, finite_differences, graphs, markets, optimality
 from .draw import Draw, scattered
 
 
@@ -54,6 +54,9 @@ _FAMILIES: dict[str, _Family] = {
     "contact-chain": _Family(bodies.chain),
     "contact-pile": _Family(bodies.pile),
     "contact-redundant": _Family(bodies.redundant),
+    "program-control": _Family(optimality.control),
+    "program-flow": _Family(optimality.flow),
+    "program-regression": _Family(optimality.regression),
     "option-one": _Family(partial(finite_differences.option, 1, False), True, _LINE),
     "option-two": _Family(partial(finite_differences.option, 2, False), True),
     "option-cross": _Family(partial(finite_differences.option, 2, True)),
@@ -182,9 +185,14 @@ def _above(A: Any, c: Vector, q: Vector, rng: np.random.Generator) -> Vector:
 
 
 def _bending(c: Vector, rng: np.random.Generator) -> Elementwise:
-    steep, scale, kind = rng.uniform(0.2, 0.9), scattered(rng, 0.3, 3.0) * (float(c.std()) or 1.0), rng.integers(3)
+    held = np.isfinite(c)
+    steep, scale, kind = (
+        rng.uniform(0.2, 0.9),
+        scattered(rng, 0.3, 3.0) * (float(c[held].std()) or 1.0),
+        rng.integers(3),
+    )
     f, slope = (partial(one, steep, scale) for one in (_SHAPES[kind], _SLOPES[kind]))
-    return Elementwise(f, slope, lipschitz=steep, c=c - f(c))
+    return Elementwise(f, slope, lipschitz=steep, c=np.where(held, c - f(np.where(held, c, 0.0)), c))
 
 
 #: f(t) = scale·steep·g(t/scale), |g'| ≤ 1, and its derivative
