@@ -164,7 +164,7 @@ class ShiftedEquations:
                 if (found := conjugate_gradients(self._cut(rows, D), f[rows], most)) is not None:
                     x[rows] = found
                     return x
-                self.iterative = False  # with a smaller D they will not do better
+                self.iterative = briefly  # with a smaller D they will not do better
         if matrix.again_cost < direct and ((all_of := self._by_all_rows(free, D, f, tolerance)) is not None or briefly):
             return all_of
         M, of = self._cut(rows, D), f[rows]
@@ -182,7 +182,7 @@ class ShiftedEquations:
         from ..numerics.kernels.graph import cut  # loads numba
 
         A = self.problem.A
-        starts, columns, values, _ = cut(A.indptr, A.indices, A.data, D, rows, D)
+        starts, columns, values, _ = cut(A.indptr, A.indices, A.data, self.problem.q, rows, D)
         M = sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
         M.data[diagonal_positions(M)] += D[rows]
         return M

@@ -89,9 +89,8 @@ def benchmark(
         entrants = [Own(), *map(Foreign, chosen_solvers(None, "benchmark")), *own_methods(), *limits()]
     measurement = Measurement(entrants, repeats, time_limit)
     texts, wanted = as_scenes(scenes) or tuple(sorted([*names(), *VARIANTS])), tuple(sorted(as_sizes(sizes)))
-    return measurement.over(
-        cases(product(texts, wanted), lambda text, n: built(text, n).problem), progress, _comparison
-    )
+    found = cases(product(texts, wanted), lambda text, n: built(text, n).problem)
+    return measurement.over(found, progress, _comparison)
 
 
 def faster_peers(table: Table) -> list[str]:

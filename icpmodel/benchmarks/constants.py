@@ -121,15 +121,14 @@ def _sparse(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]
             repeated.factorise(A.data)
             again = {"call": 1, "refactor_entry": fill.entries, "refactor_flop": fill.flops}
             yield again, partial(repeated.factorise, A.data)
-    for n in sizes:
-        yield from _bands(min(n, _ROWS))
+    for n in sorted({min(n, _ROWS) for n in sizes}):
+        yield from _bands(n)
 
 
 def _tangled(n: int) -> sp.csr_array:
     """The Laplacian of three permutations, shifted by 1e-2: its factors take many multiplications for each entry."""
     random = np.random.default_rng(0)
-    places = np.concatenate([random.permutation(n) for _ in range(3)])
-    half = sp.csr_array((np.ones(3 * n), (np.tile(np.arange(n), 3), places)), shape=(n, n))
+    half = sum(sp.eye_array(n, format="csr")[random.permutation(n)] for _ in range(3))
     both = half + half.T
     return sp.csr_array(sp.diags_array(both.sum(axis=1) + 0.01) - both)
 

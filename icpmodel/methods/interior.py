@@ -23,11 +23,12 @@ _PATIENCE = 20
 #: what is less than this share of the least one so far counts as reduced
 _REDUCED = 0.9
 #: what of W is added to A at first, and where A is not symmetric: entries are then not bounded by those of the
-#: diagonal, and the square of what is added has to be above rounding, or SuperLU comes upon pivots of 0, which it takes
-#: long to go past; and the least that is ever added, which is next to rounding
+#: diagonal, and the square of what is added has to be above rounding, or pivots may come to 0; and the least that is
+#: added where factors have been accurate with more, next to rounding
 _STEADY, _STEADY_SKEW, _STEADY_LEAST = 1e-9, 1e-7, 1e-13
-#: the share of a right-hand side that a solve may lose for less to be added, and above which it is made again with more
-_ACCURATE, _ROUGH = 2.0**-26, 2.0**-13
+#: a tenth is added after a solve that has lost up to √ε of its right-hand side, a hundred times as much, and the solve
+#: made again, where it has lost the root of that
+_ACCURATE, _ROUGH, _LESS, _MORE = 2.0**-26, 2.0**-13, 0.1, 100.0
 #: the share of the way to the boundary that is gone
 _NEARLY_ALL = 0.995
 #: the least room between two obstacles, as a share of what rows with one have
@@ -144,11 +145,11 @@ class Interior:
         solve = self._solver()
         _, dr, ds, longest = self._direction(solve, r * s)
         while not self.lost <= _ROUGH and self.steady < self.first_steady:
-            self.steady = self.least_steady = min(100.0 * self.steady, self.first_steady)
+            self.steady = self.least_steady = min(_MORE * self.steady, self.first_steady)
             solve = self._solver()
             _, dr, ds, longest = self._direction(solve, r * s)
         if self.lost <= _ACCURATE:
-            self.steady = max(0.1 * self.steady, self.least_steady)
+            self.steady = max(_LESS * self.steady, self.least_steady)
         t = 1.0 / max(longest, 1.0)
         after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
         target = r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0)

@@ -12,10 +12,10 @@ in Ψ (Billups). A row on one obstacle with |p_i|/Ω_i > ψ̄_i − ψ_i would t
 row is dominant; where others move p_i by more, such rows go round together, and are set free first. Let θ = ‖φ‖. The
 first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one. Plain steps may raise θ, but within
 `_PATIENCE` of them there must be a new mark; those that do nothing but shrink the active set are not counted, as there
-are at most n in a row, nor those that move all rows on in one direction, as policy iteration does, where no active set
-comes again. Else the run goes back to its best iterate and takes a semismooth Newton step for φ = 0 from
-there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get half the patience. So
-the marks fall for ever, or the method ends.
+are at most n in a row, and of those that move all rows in one direction, as policy iteration does, where no active set
+comes again, n count as one. Else the run goes back to its best iterate and takes a semismooth Newton step for φ = 0
+from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get half the
+patience. So the marks fall for ever, or the method ends.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Mask = NDArray[np.bool_]
 _PATIENCE = 8
 #: what counts as reduced
 _REDUCED = 0.9
-#: the share of the largest move up to which moves the other way are rounding
+#: the share of the largest move up to which moves the other way are rounding: 1e-11 of them was seen, with 1e5 for z
 _ROUNDED = 1e-6
 #: Armijo's share of the slope, and how often a step is halved
 _SLOPE, _HALVINGS = 1e-4, 30
@@ -175,7 +175,7 @@ class Path(Iterator[Iterate]):
         self.first = self.mark = self.here.theta
         self.begun, self.patience = False, _PATIENCE
         # since the last mark: the plain steps that count, the descents
-        self.waited = self.descents = 0
+        self.waited, self.descents = 0.0, 0
         # of the step before: its active set, how many rows it set free, and its factorisation
         self.taken, self.dropped = self.here.active, 0
         # how many steps in a row did nothing but shrink, and after how many more layers are set free; where the last
@@ -211,7 +211,7 @@ class Path(Iterator[Iterate]):
         if new.theta < self.best.theta:
             self.best = new
         if self._marks(new):
-            self.mark, self.waited, self.descents = new.theta, 0, 0
+            self.mark, self.waited, self.descents = new.theta, 0.0, 0
         return True
 
     def _marks(self, point: Point) -> bool:
@@ -250,7 +250,8 @@ class Path(Iterator[Iterate]):
         down, up = max(-float(moved.min()), 0.0), max(float(moved.max()), 0.0)
         self.way = int(down <= _ROUNDED * up) - int(up <= _ROUNDED * down)
         self.taken = active
-        self.waited += not (self.shrunk or self.way == before != 0)
+        if not self.shrunk:
+            self.waited += 1.0 / new.z.size if self.way == before != 0 else 1.0
         return new if self._marks(new) or self.waited <= self.patience else None
 
     def _foreseen(self) -> Mask:
@@ -290,7 +291,7 @@ class Path(Iterator[Iterate]):
     def descent(self) -> Point | None:
         """A step from the best point that reduces Ψ by Armijo's rule; None where none does, or many do too little."""
         best = self.best
-        self.patience, self.waited, self.way = self.patience // 2, 0, 0
+        self.patience, self.waited, self.way = self.patience // 2, 0.0, 0
         self.descents += 1
         if best.theta == 0 or self.descents > _DESCENTS:
             return None

@@ -135,9 +135,8 @@ class ProximalPath:
         self.residuals, self.own = Least(), Least()
         self.inside: Interior | None = None
         # what steps have cost, and what one costs without its equations
-        self.steps, self.spent = 0, 0.0
+        self.steps, self.spent, self.was_inside = 0, 0.0, False
         self.own_cost = work.newton(problem.n, problem.nnz) if self.moves else work.COSTS.newton
-        self.was_inside = False
 
     @property
     @np.errstate(all="ignore")

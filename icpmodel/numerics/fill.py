@@ -97,7 +97,7 @@ class Look:
         return self.band if self.is_band or self._fill is None else self._fill
 
     def to_the_end(self) -> Look:
-        """This one where it has seen all, or another one that has: here nothing is known that was not known before."""
+        """This one where it has seen all, or another one that has; this one is left as it is."""
         if self.fill.seen:
             return self
         other = Look(self._A, self._told)

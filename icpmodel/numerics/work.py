@@ -24,8 +24,8 @@ class Costs(NamedTuple):
     """Nanoseconds per unit, one thread.
 
     Medians of `icpmodel benchmark constants` for n = 100 … 10⁶ on two cores of an AMD EPYC (Zen 4), 2.6 GHz, which had
-    other work to do, with NumPy 2.4 and SciPy 1.17, 2026-11-22; runs differed by up to a half. Those of multiplications
-    are from 2026-11-25, with graphs among the tasks, where they count.
+    other work to do, with NumPy 2.4 and SciPy 1.17, 2026-11-22; runs differed by up to a half. Those of sparse
+    factorisations are from 2026-11-25, with graphs among the tasks, in which multiplications count.
     """
 
     #: a step in Python around one compiled loop or one SciPy product, whatever its size

@@ -225,6 +225,15 @@ def test_policies_are_improved_until_none_is_better_however_long_the_residual_is
     assert all(move.min() >= -1e-6 * np.abs(move).max() for move in moves if np.abs(move).max() > 1e-5)
 
 
+def test_steps_in_one_direction_end_as_well():
+    """z − ψ(z) = sin(2πz)/2π − 1 < 0 has no zero, and every step is 1."""
+    psi = icp.Function(
+        lambda z: z + 1.0 - np.sin(2.0 * np.pi * z) / (2.0 * np.pi),
+        lambda z: sp.csr_array(np.diag(1.0 - np.cos(2.0 * np.pi * z))),
+    )
+    assert len(list(newton_path(icp.ICP(np.eye(2), [1.0, 1.0], psi), [0.0, 0.0]))) < 100
+
+
 @pytest.mark.parametrize("A", [np.zeros((3, 3)), -np.eye(3), -np.ones((3, 3)), np.ones((3, 3)) - 3 * np.eye(3)])
 def test_without_a_solution_it_stands_still_and_says_so(A):
     solution = icp.ICP(A, [-1.0, -1.0, -1.0]).solve("newton", raise_on_failure=False)

@@ -110,7 +110,7 @@ def test_units_do_not_grow_along_a_chain_of_rows(seed, steps, dense):
 @given(st.integers(0, 2**31), st.booleans())
 @settings(max_examples=30, deadline=None)
 def test_units_of_a_symmetric_matrix_are_found(seed, dense):
-    """A = DSD with entries ±1 in S: W = D², up to what is left open where the unknowns are of two kinds."""
+    """A = DSD, S with ±1 and about 3 on its diagonal: W = D² but for a factor."""
     rng = np.random.default_rng(seed)
     n, d = 12, 2.0 ** rng.integers(-20, 20, 12)
     S = sp.random_array((n, n), density=0.4, rng=rng, data_sampler=lambda size: rng.choice([-1.0, 1.0], size))
@@ -128,3 +128,18 @@ def test_balanced_units_are_positive_numbers_whatever_the_entries(made, sizes):
     W = balanced(made(A))
     assert W.shape == (len(A),)
     assert (np.isfinite(W) & (W > 0)).all()
+
+
+@pytest.mark.parametrize("far", [0, 20, 66])
+@pytest.mark.parametrize("seed", range(3))
+def test_units_are_found_where_the_unknowns_are_of_two_kinds(seed, far):
+    """A linear program whose rows and columns are in units between 2^−far and 2^far: its entries are about 1 again."""
+    rng = np.random.default_rng(seed)
+    B = sp.random_array((60, 100), density=0.1, rng=rng, data_sampler=rng.standard_normal)
+    rows, columns = (2.0 ** rng.uniform(-far, far, k) for k in B.shape)
+    B = sp.diags_array(rows) @ B @ sp.diags_array(columns)
+    A = sp.csr_array(sp.block_array([[None, -B.T], [B, None]]))
+    unit = sp.diags_array(balanced(A) ** -0.5)
+    sizes = np.abs(sp.csr_array(unit @ A @ unit).data)
+    assert 0.5 <= np.median(sizes) <= 2.0
+    assert sizes.max() <= 10.0

@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.algebra.resting import Border, balance, rows_at_rest, widened
+from icpmodel.algebra.resting import WORTH, Border, balance, rows_at_rest, widened
 from icpmodel.algebra.subproblems import Blocks, blocks, resting, restricted, with_fixed_obstacle
 from icpmodel.methods.contract import Method
 from icpmodel.methods.multilevel import Multilevel
@@ -20,7 +20,7 @@ from icpmodel.solve.choice import choose
 from icpmodel.solve.driver import carry_out, solution_of
 from icpmodel.solve.goal import RTOL, Goal, Limits
 from icpmodel.solve.part import Part, advance
-from icpmodel.solve.reduced import Reduced, ReducedTo, candidates, proved_of_earlier
+from icpmodel.solve.reduced import Reduced, ReducedTo, candidates, proved_of_earlier, structure
 from icpmodel.solve.run import Run
 from icpmodel.solve.schedule import Stage, in_turn
 from icpmodel.theory.certificates.infeasible import Known, infeasible
@@ -187,6 +187,16 @@ class TestBlocks:
         wider = found.with_core(found.before & ~solved)
         assert wider.core > found.core
         assert problem.solve(Reduced()).solved
+
+    @pytest.mark.parametrize(("first", "second", "worth"), [(625, 361, False), (529, 441, True)])
+    def test_parts_are_solved_apart_where_none_is_nearly_the_whole(self, first, second, worth):
+        """At most six tenths of it; one that is larger would be solved twice where it is not solved at once."""
+        one, other = (icp.scenes.membrane(n=n).problem for n in (first, second))
+        A, q = sp.csr_array(sp.block_diag([one.A, other.A])), np.append(one.q, other.q)
+        problem = icp.ICP(A, q, np.append(one.psi.c, other.psi.c))
+        assert (structure(problem, WORTH * problem.n) is not None) is worth
+        assert structure(problem, problem.n - 1) is not None
+        assert problem.solve().solved
 
     def test_one_block_is_no_reduction(self):
         membrane = icp.scenes.membrane(n=100).problem
