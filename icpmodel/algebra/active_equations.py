@@ -24,7 +24,7 @@ from ..numerics.fill import Look, of_band
 from ..numerics.linear import Solver, dense_solver, multigrid_pays, solver_of
 from ..problem.data import ProblemData
 from .cycled_equations import CycledEquations, NotConverged, cycles_cost
-from .equations import equations_on
+from .equations import among, equations_on
 from .hierarchy import Hierarchy, NoHierarchy
 
 
@@ -113,18 +113,14 @@ class Elimination:
     def __init__(
         self, problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array, shift: Vector | None = None
     ) -> None:
-        from ..numerics.kernels.graph import cut  # loads numba
-
         rows, free = np.flatnonzero(active), np.flatnonzero(~active)
         self._matrix, self._rows, self._free = problem.matrix, rows, free
         self._by_multigrid: bool | None = None
         try:
             self._slope, self._links, self._T = _chains(jacobian, rows, free)
-            A = problem.A
-            starts, columns, values, _ = cut(A.indptr, A.indices, A.data, problem.q, free, problem.q)
-            self._M = sp.csr_array((values, columns, starts), shape=(free.size, free.size))
+            self._M = among(problem, free)
             if self._T is not None:
-                self._M = sp.csr_array(self._M + _product(sp.csr_array(A[free][:, rows]), self._T))
+                self._M = sp.csr_array(self._M + _product(sp.csr_array(problem.A[free][:, rows]), self._T))
             self._whole = False
         except _NotWorth:
             self._M, self._whole = equations_on(problem, active, jacobian), True

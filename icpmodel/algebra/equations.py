@@ -33,6 +33,15 @@ def equations_on(problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.c
     return sp.csr_array(keep @ problem.A + follow @ (sp.eye_array(problem.n) - jacobian))
 
 
+def among(problem: ProblemData, rows: NDArray[np.intp]) -> sp.csr_array:
+    """A in these `rows`, ascending, and the same columns."""
+    from ..numerics.kernels.graph import cut  # loads numba
+
+    A = problem.A
+    starts, columns, values, _ = cut(A.indptr, A.indices, A.data, problem.q, rows, problem.q)
+    return sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
+
+
 class Pattern(NamedTuple):
     """Where the modulus takes an obstacle's side, `active`, a mask of shape (n,), and of these rows those that take the
     one `above`, None where there is none; `r`, shape (n,), is z less the obstacle that each row is nearer to.
@@ -96,7 +105,7 @@ def _refined(
         if jacobian is not None:
             operator = FactorisedOperator(equations_on(problem, active, jacobian))
         elif free.size:
-            operator = FactorisedOperator(sp.csr_array(problem.A[free][:, free]))
+            operator = FactorisedOperator(among(problem, free))
     except SingularOperator as error:
         row = int(error.row if jacobian is not None else free[error.row])
         told = "the equations that the active set leaves are singular to working precision: row"
@@ -155,37 +164,36 @@ class ShiftedEquations:
 
         With `briefly` the free rows are not factorised where all have been.
         """
-        matrix, rows, x = self.problem.matrix, np.flatnonzero(free), np.zeros(free.size)
+        matrix, rows, x, found = self.problem.matrix, np.flatnonzero(free), np.zeros(free.size), None
         share = rows.size / free.size
         direct = min(share**2 * work.factor_cost(matrix.fill), work.dense_cost(rows.size))
         if self.iterative:
             a_step = cg_step_cost(rows.size, int(share * self.problem.nnz))
             if most := int(min(rows.size, min(direct, matrix.again_cost) / a_step)):
-                if (found := conjugate_gradients(self._cut(rows, D), f[rows], most)) is not None:
-                    x[rows] = found
-                    return x
-                self.iterative = briefly  # with a smaller D they will not do better
-        if matrix.again_cost < direct and ((all_of := self._by_all_rows(free, D, f, tolerance)) is not None or briefly):
-            return all_of
-        M, of = self._cut(rows, D), f[rows]
-        look = Look(M)
-        lu = factorise(M, definite=True, look=look)  # the ordering of a definite matrix needs no exchange of rows
-        found = None if lu is None else np.asarray(lu.solve(of))
-        if found is None or not norm(M @ found - of) <= tolerance * norm(of):
-            found = solver_of(M, look=look)(of, tolerance)
-        if found is None:
+                found = conjugate_gradients(self._shifted(rows, D), f[rows], most)
+                self.iterative = found is not None or briefly  # with a smaller D they will not do better
+        if found is None and matrix.again_cost < direct:
+            x_of_all = self._by_all_rows(free, D, f, tolerance)
+            if x_of_all is not None or briefly:
+                return x_of_all
+        if found is None and (found := self._by_free_rows(rows, D, f[rows], tolerance)) is None:
             return None
         x[rows] = found
         return x
 
-    def _cut(self, rows: NDArray[np.intp], D: Vector) -> sp.csr_array:
-        from ..numerics.kernels.graph import cut  # loads numba
-
-        A = self.problem.A
-        starts, columns, values, _ = cut(A.indptr, A.indices, A.data, self.problem.q, rows, D)
-        M = sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
+    def _shifted(self, rows: NDArray[np.intp], D: Vector) -> sp.csr_array:
+        M = among(self.problem, rows)
         M.data[diagonal_positions(M)] += D[rows]
         return M
+
+    def _by_free_rows(self, rows: NDArray[np.intp], D: Vector, f: Vector, tolerance: float) -> Vector | None:
+        M = self._shifted(rows, D)
+        look = Look(M)
+        lu = factorise(M, definite=True, look=look)  # the ordering of a definite matrix needs no exchange of rows
+        x = None if lu is None else np.asarray(lu.solve(f))
+        if x is None or not norm(M @ x - f) <= tolerance * norm(f):
+            return solver_of(M, look=look)(f, tolerance)
+        return x
 
     def _by_all_rows(self, free: NDArray[np.bool_], D: Vector, f: Vector, tolerance: float) -> Vector | None:
         problem = self.problem

@@ -23,6 +23,7 @@ from ..numerics.multigrid import KrylovMultigrid
 from ..numerics.threads import one_blas_thread
 from ..present.table import Table
 from ..study.timing import as_repeats, machine
+from .families.graphs import expander
 
 #: name of a constant ↦ how many units of it are in a task
 _Units = dict[str, float]
@@ -106,8 +107,10 @@ def _passes(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]
 
 
 def _sparse(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]]:
-    tangled = {min(n, _TANGLED // k) for n in sizes for k in (1, 2, 4)}
-    for A in (*_matrices([n for n in sizes if n <= _ROWS]), *map(_tangled, sorted(tangled))):
+    # factors of graphs without geometry take many multiplications for each of their entries
+    tangled = sorted({min(n, _TANGLED // k) for n in sizes for k in (1, 2, 4)})
+    expanders = (expander(n, np.random.default_rng(0))[0] for n in tangled)
+    for A in (*_matrices([n for n in sizes if n <= _ROWS]), *expanders):
         before, n, f = work.done(), A.shape[0], np.ones(A.shape[0])
         fill, _ = ordered(A, np.inf)
         looks = (work.done() - before - work.COSTS.call) / work.COSTS.look
@@ -123,14 +126,6 @@ def _sparse(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]
             yield again, partial(repeated.factorise, A.data)
     for n in sorted({min(n, _ROWS) for n in sizes}):
         yield from _bands(n)
-
-
-def _tangled(n: int) -> sp.csr_array:
-    """The Laplacian of three permutations, shifted by 1e-2: its factors take many multiplications for each entry."""
-    random = np.random.default_rng(0)
-    half = sum(sp.eye_array(n, format="csr")[random.permutation(n)] for _ in range(3))
-    both = half + half.T
-    return sp.csr_array(sp.diags_array(both.sum(axis=1) + 0.01) - both)
 
 
 def _bands(n: int) -> Iterator[tuple[_Units, Callable[[], object]]]:

@@ -142,12 +142,12 @@ class Interior:
         r, s = self.r, self.s
         both = max(int(np.count_nonzero(self.bounded)), 1)
         size = inner(r.ravel(), s.ravel()) / both
-        solve = self._solver()
-        _, dr, ds, longest = self._direction(solve, r * s)
-        while not self.lost <= _ROUGH and self.steady < self.first_steady:
-            self.steady = self.least_steady = min(_MORE * self.steady, self.first_steady)
+        while True:
             solve = self._solver()
             _, dr, ds, longest = self._direction(solve, r * s)
+            if self.lost <= _ROUGH or self.steady >= self.first_steady:
+                break
+            self.steady = self.least_steady = min(_MORE * self.steady, self.first_steady)
         if self.lost <= _ACCURATE:
             self.steady = max(_LESS * self.steady, self.least_steady)
         t = 1.0 / max(longest, 1.0)

@@ -186,11 +186,8 @@ def _above(A: Any, c: Vector, q: Vector, rng: np.random.Generator) -> Vector:
 
 def _bending(c: Vector, rng: np.random.Generator) -> Elementwise:
     held = np.isfinite(c)
-    steep, scale, kind = (
-        rng.uniform(0.2, 0.9),
-        scattered(rng, 0.3, 3.0) * (float(c[held].std()) or 1.0),
-        rng.integers(3),
-    )
+    spread = float(c[held].std()) or 1.0
+    steep, scale, kind = rng.uniform(0.2, 0.9), scattered(rng, 0.3, 3.0) * spread, rng.integers(3)
     f, slope = (partial(one, steep, scale) for one in (_SHAPES[kind], _SLOPES[kind]))
     return Elementwise(f, slope, lipschitz=steep, c=np.where(held, c - f(np.where(held, c, 0.0)), c))
 

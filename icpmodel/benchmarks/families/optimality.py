@@ -3,6 +3,8 @@
 A is monotone, its rows without obstacle have one solution for all others, and in these the program is bounded.
 """
 
+from __future__ import annotations
+
 import numpy as np
 import scipy.sparse as sp
 

@@ -41,6 +41,8 @@ _LONG = uint(16)
 
 #: a function that becomes part of the compiled ones that call it
 inlined = numba.njit(inline="always", **_OPTIONS)
+#: one that these call
+called = numba.njit(**_OPTIONS)
 
 
 class _Files(IndexDataCacheFile):

@@ -11,11 +11,10 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-import numba
 from numba import types
 from numba.extending import overload
 
-from . import compiled, inlined, one, row_sum, run_end, two_run_sums, uint
+from . import called, compiled, inlined, one, row_sum, run_end, two_run_sums, uint
 from .products import larger, median
 
 
@@ -47,7 +46,7 @@ def _upper_entry(psi, i, z):
     return lambda psi, i, z: None
 
 
-@numba.njit(fastmath={"contract"}, error_model="numpy", nogil=True)
+@called
 def lifted(least, zi, low, top, weight):
     # mid(weight (z_i - top), p, weight (z_i - low)), `least` = min(p, weight (z_i - low)); that where top is None
     if top is None:
@@ -55,7 +54,7 @@ def lifted(least, zi, low, top, weight):
     return median(least, weight * (zi - low), weight * (zi - top))
 
 
-@numba.njit(fastmath={"contract"}, error_model="numpy", nogil=True)
+@called
 def pressed(least, zi, top, weight):
     # max(weight (z_i - top), `least`), the median of a step; where the obstacles cross it moves z_i to the one above,
     # and, unlike `lifted`, nothing jumps
@@ -64,7 +63,7 @@ def pressed(least, zi, top, weight):
     return larger(least, weight * (zi - top))
 
 
-@numba.njit(fastmath={"contract"}, error_model="numpy", nogil=True)
+@called
 def capped(value, top):
     # min(value, top); `value` where top is None
     if top is None:
@@ -77,7 +76,7 @@ def _smaller(p, r):
     return p if p < r else r
 
 
-@numba.njit(fastmath={"contract"}, error_model="numpy", nogil=True)
+@called
 def _moved(par, i, zi, own, obstacle, top, p, rest, old, new):
     # out_i. `par` tells which sweep it is, and numba drops the other branch when it compiles. (What a function of the
     # row makes would be compiled anew by every process: numba takes what it closes over for a part of its name, and
@@ -130,7 +129,7 @@ def in_order(indptr, indices, data, diag, q, psi, par, forward, z, out):
     return squares
 
 
-_sweep = numba.njit(in_order, fastmath={"contract"}, error_model="numpy", nogil=True)
+_sweep = called(in_order)
 
 
 def two_in_order(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low, high):
@@ -147,7 +146,7 @@ def two_in_order(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low
     return squares, more
 
 
-_pair = numba.njit(two_in_order, fastmath={"contract"}, error_model="numpy", nogil=True)
+_pair = called(two_in_order)
 
 
 def some_in_order(indptr, indices, data, diag, q, psi, par, forward, lag, Z, squares):
