@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import MapError, SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Vector, diagonal_positions, norm
-from ..numerics.factorisation import Repeated, factorise
+from ..numerics.factorisation import Symmetric, factorise
 from ..numerics.fill import Look
 from ..numerics.linear import cg_step_cost, conjugate_gradients, solver_of
 from ..problem.between import chosen
@@ -149,10 +149,10 @@ class ShiftedEquations:
         self.problem, self.iterative = problem, problem.matrix.is_nearly_symmetric
 
     @cached_property
-    def repeated(self) -> Repeated | None:
+    def repeated(self) -> Symmetric | None:
         """What factorises all rows again and again, where that costs less than each time in an order of its own."""
-        matrix = self.problem.matrix
-        return Repeated(matrix.sparse, matrix.fill, matrix.signs) if matrix.repeats else None
+        matrix, look = self.problem.matrix, self.problem.matrix.look
+        return Symmetric(matrix.sparse, look.seen, look.signs) if matrix.repeats and look.seen else None
 
     @cached_property
     def look(self) -> Look:
@@ -166,7 +166,9 @@ class ShiftedEquations:
         """
         matrix, rows, x, found = self.problem.matrix, np.flatnonzero(free), np.zeros(free.size), None
         share = rows.size / free.size
-        direct = min(share**2 * work.factor_cost(matrix.fill), work.dense_cost(rows.size))
+        fill = matrix.fill._replace(rows=rows.size)
+        fill = fill._replace(entries=share**2 * fill.entries, flops=share**2 * fill.flops)
+        direct = min(work.factor_cost(fill), work.dense_cost(rows.size, matrix.is_symmetric))
         if self.iterative:
             a_step = cg_step_cost(rows.size, int(share * self.problem.nnz))
             if most := int(min(rows.size, min(direct, matrix.again_cost) / a_step)):

@@ -108,7 +108,7 @@ def _step_with(
     problem: ProblemData, kernel: Any, inside: tuple[Any, Any], before: tuple[Any, ...], after: tuple[Any, ...]
 ) -> Step:
     """`compiled_step` where the sweep calls the user's compiled function, which may raise."""
-    from ..numerics.kernels.user import sweep_with
+    from ..numerics.kernels.scalars import sweep_with
 
     c, f = inside
     sweep, price = sweep_with(kernel, f), work.sweep(problem.n, problem.nnz)

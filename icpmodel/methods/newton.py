@@ -85,9 +85,12 @@ class Newton(Method):
         matrix = facts.matrix
         # without a diagonal the equations of the free rows are singular more often than not, and others follow
         systems = 1.0 if matrix.has_positive_diagonal else 2.0
-        step = systems * (work.newton(matrix.n, matrix.nnz) + matrix.factor_cost) / matrix.unit
         # where rows are not dominant signs wander: about eight times as many steps were measured
         wander = 8.0 if matrix.coupled_radius > 1.0 else 1.0
+        # those of a descent are not symmetric, nor those with an obstacle that moves
+        simple = wander == 1.0 and facts.has_fixed_obstacle
+        factors = matrix.factor_cost if simple else matrix.unsymmetric_cost
+        step = systems * (work.newton(matrix.n, matrix.nnz) + factors) / matrix.unit
         steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
         return Estimate(0.0, step, steps, 16.0 * matrix.fill.entries)
 

@@ -98,7 +98,7 @@ class Proximal(Method):
         if facts.has_fixed_obstacle:
             step = work.COSTS.newton + min(matrix.again_cost, _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz))
         else:
-            step = work.newton(matrix.n, matrix.nnz) + matrix.factor_cost
+            step = work.newton(matrix.n, matrix.nnz) + matrix.unsymmetric_cost
         steps = (1.0 if matrix.has_positive_diagonal else 2.0) * (3.0 + math.log2(max(facts.bounded, 1)))
         step /= matrix.unit
         return Estimate(step, step, steps, 12.0 * matrix.fill.entries)

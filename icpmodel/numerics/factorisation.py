@@ -1,10 +1,11 @@
-"""Factorisations of sparse matrices whose cost is known before: of a band, and of what fills up, by LAPACK, of others
-by SuperLU, or by QDLDL where they are symmetric and many have one pattern."""
+"""Factorisations of sparse matrices whose cost is known before: of a band, and of what fills up, by LAPACK, of
+symmetric ones by supernodes, and of others by SuperLU."""
 
 from __future__ import annotations
 
 from contextlib import nullcontext
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from ..errors import OutOfMemory, OutOfTime
 from . import work
 from .arrays import Vector, row_of
-from .fill import Look, ordered
+from .fill import Look, Seen, ordered, signs_of_symmetry
 from .threads import in_time, one_blas_thread
 
 #: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column: √ε,
@@ -24,12 +25,11 @@ from .threads import in_time, one_blas_thread
 _THRESHOLD = 2.0**-26
 #: entries of this share of the largest one of their column will do for pivots
 _LARGE = 0.1
-#: entries that differ by a smaller share are the same up to rounding
-_SAME = 1e-13
 #: up to so many diagonals on one side LAPACK's factorisations of bands make no blocks
 _BY_COLUMNS = 32
-#: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen
-_BYTES = 2 * 12
+#: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen; and of one that is stored twice
+#: but for a few zeros
+_BYTES, _OF_SYMMETRIC = 2 * 12, 6
 
 
 class Factors:
@@ -121,74 +121,56 @@ class Full:
         return np.asarray(dgetrs(self._factors, self._rows, f, trans=int(trans == "T"))[0])
 
 
-class Repeated:
-    """L and D with PMPᵀ = LDLᵀ of one symmetric matrix after another that have the pattern of `A`, CSR, n × n, which is
-    ordered once, and solves with them.
+class Symmetric:
+    """L and D with PMPᵀ = LDLᵀ of one symmetric matrix after another that have the pattern of `A`, CSR, n × n, in the
+    order that was `seen` for it, and solves with them.
 
-    Or of matrices that the `signs` ±1 of their rows make so. There are no exchanges: nothing tells of pivots that
-    come to nothing but what the solves leave.
-    Reference: Stellato et al., Math. Program. Comput. 12 (2020), for QDLDL.
+    Or of matrices that the `signs` ±1 of their rows make so. There are no exchanges: pivots that come to next to
+    nothing are told by what the solves leave.
     """
 
-    def __init__(self, A: sp.csr_array, fill: work.Fill, signs: Vector | None = None) -> None:
-        row = row_of(A)
-        self._fill, self._places = fill, np.flatnonzero(A.indices <= row)
+    def __init__(self, A: sp.csr_array, seen: Seen, signs: Vector | None = None) -> None:
+        from .kernels.supernodes import analysed
+
+        self._fill, self._pattern = seen[0]._replace(symmetric=True), (A.indptr, A.indices)
+        work.spend(work.factor_cost(self._fill) - work.refactor_cost(self._fill), _OF_SYMMETRIC * self._fill.entries)
+        self._order, self._form, self._to = analysed(*self._pattern, seen[1])
         self._signs = np.ones(A.shape[0]) if signs is None else signs
-        self._row, self._column = row[self._places], A.indices[self._places]
-        starts = np.append(0, np.cumsum(np.bincount(self._row, minlength=A.shape[0])))
-        # the rows of the lower triangle are the columns of the upper one
-        self._half = sp.csc_array((np.ones(self._row.size), self._column, starts), shape=A.shape)
-        self._factors: Any = None
+        first, _, start, offset, _ = self._form
+        self._L, self._D = np.empty(offset[-1]), np.empty(A.shape[0])
+        self._made = np.cumsum(np.diff(start) ** 2.0 * np.diff(first))
+
+    @property
+    def pivots(self) -> Vector:
+        """The diagonal of U in M = LU, in some order."""
+        return np.asarray(self._signs[self._order] * self._D)
 
     def factorise(self, data: Vector, free: NDArray[np.bool_] | None = None) -> bool:
         """Of the matrix with these entries, or with its rows and columns that are not `free` but for the diagonal 0;
         False where that fails."""
-        import qdldl
+        from .kernels.supernodes import enter, factor
 
-        values = self._signs[self._row] * data[self._places]
-        if free is not None:
-            values[~(free[self._row] & free[self._column]) & (self._row != self._column)] = 0.0
-        if not np.isfinite(values).all():
+        n, supernodes = self._D.size, self._made.size
+        if not enter(*self._pattern, data, self._signs, np.ones(n, bool) if free is None else free, self._to, self._L):
             return False
-        self._half.data[:] = values
-        try:
-            if self._factors is None:
-                work.spend(work.factor_cost(self._fill), _BYTES * self._fill.entries)
-                self._factors = qdldl.Solver(self._half, upper=True)
-            else:  # in the memory that it has
-                work.spend(work.refactor_cost(self._fill))
-                self._factors.update(self._half, upper=True)
-        except RuntimeError:
-            return False
-        return True
+        links, cost = np.full((3, supernodes), -1), work.refactor_cost(self._fill)
+        shares = np.linspace(0.0, self._made[-1], 1 + supernodes // min(work.pieces(cost / supernodes), supernodes))
+        cuts = [0, *np.searchsorted(self._made, shares[1:-1]), supernodes]
+        with one_blas_thread():
+            for low, high in pairwise(cuts):
+                work.spend(cost / (len(cuts) - 1))
+                factor(self._form, self._L, self._D, links, low, high)
+        return bool(np.isfinite(self._D).all() and self._D.all())
 
-    def solve(self, f: Vector) -> Vector:
-        """M⁻¹f, both of shape (n,)."""
+    def solve(self, f: Vector, trans: str = "N") -> Vector:
+        """M⁻¹f, or M⁻ᵀf with `trans` = "T"; both of shape (n,)."""
+        from .kernels.supernodes import solve
+
         work.add(work.solve_cost(self._fill))
-        return np.asarray(self._factors.solve(self._signs * f))
-
-
-def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
-    """σ, ±1 for each row, with σ_i a_ij = σ_j a_ji up to rounding; None where there is none.
-
-    Rows i and j have one sign where a_ij = a_ji and two where a_ij = −a_ji, as in optimality conditions [Q, −Bᵀ; B, R].
-    """
-    from scipy.sparse.csgraph import connected_components
-
-    n, row, T = A.shape[0], row_of(A), sp.csr_array(A.T)
-    T.sort_indices()
-    if not (np.array_equal(A.indptr, T.indptr) and np.array_equal(A.indices, T.indices)):
-        return None
-    least = _SAME * np.abs(A.data)
-    alike, opposite = np.abs(A.data - T.data) <= least, np.abs(A.data + T.data) <= least
-    if not (alike | opposite)[row != A.indices].all():
-        return None
-    # a row is twice in the graph, with either sign
-    one, two = alike & ~opposite, opposite & ~alike & (row != A.indices)
-    i = np.concatenate([row[one], row[one] + n, row[two], row[two] + n])
-    j = np.concatenate([A.indices[one], A.indices[one] + n, A.indices[two] + n, A.indices[two]])
-    part = connected_components(sp.csr_array((np.ones(i.size), (i, j)), shape=(2 * n, 2 * n)), directed=False)[1]
-    return None if (part[:n] == part[n:]).any() else np.where(part[:n] < part[n:], 1.0, -1.0)
+        x = f if trans == "T" else self._signs * f
+        solve(self._form, self._L, self._D, y := x[self._order])
+        (x := np.empty_like(y))[self._order] = y
+        return np.asarray(self._signs * x if trans == "T" else x)
 
 
 def factorise(
@@ -198,7 +180,8 @@ def factorise(
     whichever cost least; None where it is singular, or not finite.
 
     `definite` says that it is expected to be, symmetric or not: it is None as well where a symmetric one is seen not
-    to be, and where SuperLU exchanged rows. With `triangles`, L and U in `Factors` are wanted. Raises OutOfMemory
+    to be, and where SuperLU exchanged rows. `Symmetric` are the factors then of one that is so up to the signs of its
+    rows. With `triangles`, L and U in `Factors` are wanted. Raises OutOfMemory
     before a factorisation that will not fit into the memory that is free, and OutOfTime where it will take more time
     than is left. What a `look` at the matrix has seen is not looked for again.
     Reference: Li, ACM TOMS 31 (2005), for SuperLU and its mode for pivots near the diagonal.
@@ -210,13 +193,17 @@ def factorise(
         return of_dense(matrix, definite and look.is_symmetric)
     if not triangles and look.is_band:
         return _of_band(matrix, look, definite)
-    return _of_pattern(matrix, look, definite)
+    signs = (look.signs if look.matrix is matrix else signs_of_symmetry(matrix)) if definite and not triangles else None
+    if signs is None:
+        return _of_pattern(matrix, look, definite)
+    factors = Symmetric(matrix, _seen(matrix, look.seen, True), signs)
+    return factors if factors.factorise(matrix.data) and factors.pivots.min() > 0.0 else None
 
 
 def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> Full | None:
     """Those of a sparse matrix with all entries stored; raises OutOfTime and OutOfMemory as `factorise` does."""
     n = matrix.shape[0]
-    work.afford(work.dense_cost(n), 16.0 * n**2)
+    work.afford(work.dense_cost(n, cholesky), 16.0 * n**2)
     return of_array(matrix.toarray(order="F"), cholesky)
 
 
@@ -231,7 +218,7 @@ def of_array(M: NDArray[np.float64], cholesky: bool = False) -> Full | None:
             factors, failed = dpotrf(M, lower=1, overwrite_a=1)
         else:
             factors, rows, failed = dgetrf(M, overwrite_a=1)
-    work.add(work.dense_cost(M.shape[0]))
+    work.add(work.dense_cost(M.shape[0], cholesky))
     return None if failed or not np.isfinite(factors.diagonal()).all() else Full(factors, rows)
 
 
@@ -262,7 +249,7 @@ def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Fact
     from .kernels.graph import permuted
 
     n = matrix.shape[0]
-    work.afford(work.least_factor_cost(n, matrix.nnz))
+    work.afford(work.least_factor_cost(n, matrix.nnz, symmetric=False))
     rows = np.arange(n, dtype=np.int32)
     if np.count_nonzero(matrix.diagonal()) < n:
         found = None if diagonal_pivots else _onto_diagonal(matrix)
@@ -272,15 +259,7 @@ def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Fact
         shifted = sp.csr_array(matrix[rows])
     else:
         shifted = matrix
-    full = n * (n + 1.0)
-    # to ask what is free takes as long as to factorise a small matrix
-    most = full if work.fits(_BYTES * full) else work.free_memory() / _BYTES
-    seen = look.seen if shifted is matrix else None
-    fill, order = ordered(shifted, most, work.nanoseconds_left()) if seen is None else seen
-    if fill.entries > most:
-        raise OutOfMemory(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")
-    if not fill.seen:
-        raise OutOfTime(f"the factorisation takes at least {1e-9 * work.factor_cost(fill):.2g} s, more than is left")
+    fill, order = _seen(shifted, look.seen if shifted is matrix else None)
     work.afford(work.factor_cost(fill))
     rows, place = rows[order], np.empty(n, np.int32)
     place[order] = np.arange(n)
@@ -293,7 +272,7 @@ def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Fact
     )
     try:
         # exchanges of rows can fill all
-        lu = in_time(by_superlu, work.factor_cost(work.Fill(n, full, n**3 / 3.0, True)))
+        lu = in_time(by_superlu, work.factor_cost(work.Fill(n, n**2, n**3 / 3.0, True)))
     except RuntimeError:
         # as long as was foreseen, or twice that, where few pivots are 0; 80 times where many are, which `linear` avoids
         work.add(2.0 * work.factor_cost(fill))
@@ -304,6 +283,21 @@ def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Fact
     if diagonal_pivots and not np.array_equal(lu.perm_r, lu.perm_c):
         return None
     return Factors(lu, rows, order)
+
+
+def _seen(matrix: sp.csr_array, seen: Seen | None, symmetric: bool = False) -> Seen:
+    """The fill of a matrix and the order of its rows and columns; raises OutOfTime and OutOfMemory as `factorise`."""
+    n = matrix.shape[0]
+    full = n * (n + 1.0)
+    # to ask what is free takes as long as to factorise a small matrix
+    most = full if work.fits(_BYTES * full) else work.free_memory() / _BYTES
+    fill, order = seen or ordered(matrix, most, work.nanoseconds_left(), symmetric)
+    fill = fill._replace(symmetric=symmetric)
+    if fill.entries > most:
+        raise OutOfMemory(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")
+    if not fill.seen:
+        raise OutOfTime(f"the factorisation takes at least {1e-9 * work.factor_cost(fill):.2g} s, more than is left")
+    return fill, order
 
 
 def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
@@ -324,6 +318,7 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
 
 def largest_of_columns(matrix: sp.csr_array) -> Vector:
     """The largest size of an entry in each column, shape (n,)."""
-    largest = np.zeros(matrix.shape[1])
-    np.maximum.at(largest, matrix.indices, np.abs(matrix.data))
+    columns, largest = matrix.tocsc(), np.zeros(matrix.shape[1])
+    stored = np.flatnonzero(np.diff(columns.indptr))
+    largest[stored] = np.maximum.reduceat(np.abs(columns.data), columns.indptr[stored])
     return largest

@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 
 from ..errors import OutOfTime
 from . import work
-from .arrays import bandwidths, is_symmetric
+from .arrays import Vector, bandwidths, is_symmetric
 from .work import Fill, dense_cost, factor_cost, least_factor_cost
 
 #: a row with more than this times √n neighbours goes last, and counts as one that fills up: Amestoy, Davis and Duff,
 #: ACM TOMS 30 (2004)
 _DENSE = 10.0
+#: entries that differ by a smaller share are the same up to rounding
+_SAME = 1e-13
+#: a fill and the order of the rows and columns, shape (n,)
+Seen = tuple[Fill, NDArray[np.int32]]
 
 
 def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
@@ -27,12 +31,12 @@ def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
     return Fill(n, float(n) * entries, 2.0 * n * below * flops, True, True)
 
 
-def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf) -> tuple[Fill, NDArray[np.int32]]:
-    """The fill of `A` and the order of its rows and columns, shape (n,); not `seen` beyond `most` entries, or where
-    it costs more than `most_cost` nanoseconds."""
+def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf, symmetric: bool = False) -> Seen:
+    """The fill of `A` and the order of its rows and columns; not `seen` beyond `most` entries, or where it costs more
+    than `most_cost` nanoseconds."""
     from .kernels.graph import order
 
-    fill, _, path = _looked(A, np.inf, 0.5 * most - A.shape[0], most_cost)
+    fill, _, path = _looked(A, symmetric, np.inf, 0.5 * most - A.shape[0], most_cost)
     return fill, order(*path)
 
 
@@ -44,44 +48,50 @@ class Look:
     longer to factorise A than is asked about, or 300 times what was spent on looking, by a separator of what is left
     once no row has fewer neighbours than there were on the average: what is hopeless costs some tens of products with
     A, or some hundreds.
-    `seen` are the fill and the order of the rows and columns, shape (n,), once they are seen to the end. `is_symmetric`
-    tells whether A is, where that is known elsewhere.
+    `seen` are the fill and the order of the rows and columns once they are seen to the end. `is_symmetric` tells
+    whether A is, where that is known elsewhere.
     Reference: Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
     """
 
     def __init__(self, A: sp.csr_array, is_symmetric: Callable[[], bool] | None = None) -> None:
-        self._A, self._told = A, is_symmetric
+        self.matrix, self._told = A, is_symmetric
         self._least, self._cost = least_factor_cost(A.shape[0], A.nnz), 0.0
         self._is_full = A.nnz == A.shape[0] ** 2
         self._fill: Fill | None = None  # in an order for the pattern
-        self.seen: tuple[Fill, NDArray[np.int32]] | None = None
+        self.seen: Seen | None = None
 
     @cached_property
     def reach(self) -> tuple[int, int]:
         """How far the entries reach below the diagonal, and above it."""
-        return bandwidths(self._A)
+        return bandwidths(self.matrix)
 
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether A = Aᵀ."""
-        return self._told() if self._told else is_symmetric(self._A)
+        return self._told() if self._told else is_symmetric(self.matrix)
+
+    @cached_property
+    def signs(self) -> Vector | None:
+        """±1 for each row, which make A symmetric up to rounding; None where no signs do."""
+        return signs_of_symmetry(self.matrix)
 
     @cached_property
     def band(self) -> Fill:
         """The fill as a band."""
         below, above = self.reach
-        return of_band(self._A.shape[0], below, above, below == above and self.is_symmetric)
+        return of_band(self.matrix.shape[0], below, above, below == above and self.is_symmetric)
 
     @cached_property
     def is_narrow(self) -> bool:
-        """Whether factors of the band cost less than any others, however little these fill up."""
-        return not self.band_costs_more(self._least)
+        """Whether factors of the band cost less than twice what others would that do not fill up at all: half of that
+        it costs to look how far they do."""
+        return not self.band_costs_more(2.0 * self._least)
 
     @cached_property
     def is_dense(self) -> bool:
         """Whether a dense factorisation costs less than any other, and fits into memory."""
-        n = self._A.shape[0]
-        return self.costs_more(dense_cost(n)) and work.fits(16.0 * n**2)
+        n = self.matrix.shape[0]
+        return self.costs_more(dense_cost(n, self.is_symmetric)) and work.fits(16.0 * n**2)
 
     @cached_property
     def is_band(self) -> bool:
@@ -92,7 +102,7 @@ class Look:
     def fill(self) -> Fill:
         """What costs less; rough where it is not worth a closer look."""
         if self._is_full:
-            n = self._A.shape[0]
+            n = self.matrix.shape[0]
             return Fill(n, float(n) ** 2, float(n) ** 3 / 3.0, True)
         return self.band if self.is_band or self._fill is None else self._fill
 
@@ -100,15 +110,15 @@ class Look:
         """This one where it has seen all, or another one that has; this one is left as it is."""
         if self.fill.seen:
             return self
-        other = Look(self._A, self._told)
-        other.seen = ordered(self._A, np.inf)
+        other = Look(self.matrix, self._told)
+        other.seen = ordered(self.matrix, np.inf, symmetric=self.signs is not None)
         other._fill, other._cost = other.seen[0], factor_cost(other.seen[0])
         return other
 
     def band_costs_more(self, most: float) -> bool:
         """Whether it takes more than so many nanoseconds to factorise the band."""
         below, above = self.reach
-        if factor_cost(of_band(self._A.shape[0], below, above, below == above)) > most:
+        if factor_cost(of_band(self.matrix.shape[0], below, above, below == above)) > most:
             return True  # to ask whether A is symmetric takes as long as some products
         return factor_cost(self.band) > most
 
@@ -125,7 +135,7 @@ class Look:
         if self._least > most:
             return True
         if self._fill is None:
-            fill, self._cost, path = _looked(self._A, work.COSTS.look, np.inf, most)
+            fill, self._cost, path = _looked(self.matrix, self.signs is not None, work.COSTS.look, np.inf, most)
             if not fill.seen and self._cost > most:
                 return True  # and for a larger limit it is looked at again
             self._fill = fill
@@ -134,8 +144,20 @@ class Look:
         return self._cost > most
 
 
+def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
+    """σ, ±1 for each row, with σ_i a_ij = σ_j a_ji up to rounding; None where there is none, or where one of the two is
+    not stored.
+
+    Rows i and j have one sign where a_ij = a_ji and two where a_ij = −a_ji, as in optimality conditions [Q, −Bᵀ; B, R].
+    """
+    from .kernels.graph import signs  # loads numba
+
+    found = signs(A.indptr, A.indices, A.data, _SAME) if A.has_canonical_format else np.empty(0)
+    return found if found.size else None
+
+
 def _looked(
-    A: sp.csr_array, a_look: float, most_entries: float, most_cost: float
+    A: sp.csr_array, symmetric: bool, a_look: float, most_entries: float, most_cost: float
 ) -> tuple[Fill, float, tuple[Any, Any]]:
     """The fill, `seen` where it is within the limits, the cost that was held against them, and the path to an order."""
     from .kernels.elimination import minimum_degree
@@ -143,12 +165,15 @@ def _looked(
 
     work.afford(work.COSTS.look * A.nnz)  # to make the graph costs a look per entry
     graph = both_ways(A.indptr, A.indices, int(_DENSE * A.shape[0] ** 0.5) + 16)
-    n, least = A.shape[0], least_factor_cost(A.shape[0], 0)
-    prices = (2.0 * work.COSTS.factor_entry, work.COSTS.factor_flop, a_look)
-    limits = most_entries, most_cost - least, work.nanoseconds_left() / work.COSTS.look
+    n, least, costs = A.shape[0], least_factor_cost(A.shape[0], 0, symmetric), work.COSTS
+    an_entry, a_flop = (
+        (costs.symmetric_entry, costs.symmetric_flop) if symmetric else (costs.factor_entry, costs.factor_flop)
+    )
+    prices = (2.0 * an_entry, a_flop, a_look)
+    limits = most_entries, most_cost - least, work.nanoseconds_left() / costs.look
     entries, squares, looks, within, *path = minimum_degree(*graph, A.nnz, prices, *limits)
-    work.add(work.COSTS.call + work.COSTS.look * (looks + A.nnz))
+    work.add(costs.call + costs.look * (looks + A.nnz))
     if looks > limits[2]:
         raise OutOfTime("to foresee what a factorisation costs takes longer than what is left of the time")
     cost = least + prices[0] * entries + prices[1] * squares
-    return Fill(n, 2.0 * (entries + n), entries + squares, within), cost, (path[0], path[1])
+    return Fill(n, 2.0 * (entries + n), entries + squares, within, symmetric=symmetric), cost, (path[0], path[1])

@@ -16,8 +16,8 @@ from .arrays import Vector, bandwidths, inner, is_symmetric, norm, row_of
 from .equilibration import Exponents, in_units, row_exponents
 from .factorisation import factorise, largest_of_columns, of_array, of_dense
 from .fill import Look
-from .multigrid import KrylovMultigrid
-from .work import COSTS, add, afford, krylov_cost, product
+from .multigrid import KrylovMultigrid, krylov_cost
+from .work import COSTS, add, afford, product
 
 
 class Solver(Protocol):
@@ -65,26 +65,30 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
     cycles = _multigrid(M, scaled(), exponents()) if by_multigrid else None
 
     @cache
-    def direct() -> tuple[Solver, Exponents | int]:
-        """By factors, and in which units of the rows."""
+    def direct() -> tuple[Solver, Exponents | int, Exponents | int]:
+        """By factors, and in which units of the rows and columns."""
         if not look.is_narrow and (border := _bordered(scaled())) is not None:
-            return border, exponents()
+            return border, exponents(), 0
         if look.is_dense or look.is_band:
             # Cholesky's factor is as good in all units, and others would take the symmetry
             if look.is_symmetric and (factors := factorise(M, definite=True, look=look)):
-                return _by(factors), 0
+                return _by(factors), 0, 0
             # what fills up in one unit does in the other
-            return _by(of_dense(scaled()) if look.is_dense else factorise(scaled())), exponents()
-        return _nudged(scaled(), look), exponents()
+            return _by(of_dense(scaled()) if look.is_dense else factorise(scaled())), exponents(), 0
+        if look.signs is None:
+            return _nudged(scaled(), look), exponents(), 0
+        both = exponents() // 2  # as large as before at the most, and as symmetric as it was
+        return _nudged(in_units(M, both, both), look, symmetric=True), both, both
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         afford()
         x = None if cycles is None else cycles(f, tolerance, transposed)
         if x is None:
-            by_factors, units = direct()
-            x = by_factors(f if transposed else np.ldexp(f, units), tolerance, transposed)
-            if transposed and x is not None:
-                x = np.ldexp(x, units)
+            by_factors, rows, columns = direct()
+            if transposed:
+                rows, columns = columns, rows
+            x = by_factors(np.ldexp(f, rows), tolerance, transposed)
+            x = x if x is None else np.ldexp(x, columns)
         return x if x is not None and np.isfinite(x).all() else None
 
     return solve
@@ -181,9 +185,10 @@ def _by(factors: Any) -> Solver:
     return solve
 
 
-def _nudged(M: sp.csr_array, look: Look) -> Solver:
+def _nudged(M: sp.csr_array, look: Look, symmetric: bool = False) -> Solver:
     """The solver by the factors of M + εD; where that has next to nothing on the diagonal, by those with √ε added there
-    and no rows exchanged, unless these are bad ones: exchanges fill up many times as much as was foreseen.
+    and no rows exchanged, unless these are bad ones: exchanges fill up many times as much as was foreseen. None are
+    exchanged in a `symmetric` one, up to signs.
 
     SuperLU goes on behind a pivot that is exactly 0, with its rows in another order, and says only at the end that M is
     singular: 80 times as long as foreseen on equilibria of traffic. M counts as singular where refinement fails.
@@ -198,7 +203,8 @@ def _nudged(M: sp.csr_array, look: Look) -> Solver:
 
     shift = _SHIFT * units
     small = np.abs(diagonal) < shift
-    if not small.any() or units.min() < _SHIFT * units.max():  # or columns of different sizes hide the small entries
+    # columns of different sizes hide the small entries
+    if not (symmetric or small.any()) or units.min() < _SHIFT * units.max():
         return by_nudged()
     shifted = sp.csr_array(M + sp.diags_array(np.where(small, np.copysign(shift, diagonal), _NUDGE * diagonal)))
     by_shifted = _by(factorise(shifted, definite=True, look=look))

@@ -38,6 +38,12 @@ def cycle_cost(n: int, nnz: int) -> float:
     return work.COSTS.cycle + work.COSTS.cycle_entry * work.entries(n, nnz)
 
 
+def krylov_cost(nnz: int, steps: int, hierarchy: bool = True) -> float:
+    """What so many steps of a Krylov method cost that multigrid preconditions, with its hierarchy or without."""
+    made = work.COSTS.hierarchy + work.COSTS.hierarchy_entry * nnz if hierarchy else 0.0
+    return made + steps * (work.COSTS.krylov + work.COSTS.krylov_entry * nnz)
+
+
 def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
     """PyAMG's algebraic multigrid hierarchy of `A` by Ruge and Stüben (1987), with the `options` of its solver.
 
@@ -58,9 +64,9 @@ class KrylovMultigrid:
     """CG, or BiCGSTAB where `A` (CSR, n × n) is not symmetric, with one cycle of `ruge_stuben` as preconditioner."""
 
     def __init__(self, A: sp.csr_array) -> None:
-        work.afford(work.krylov_cost(A.nnz, 0), HIERARCHY_BYTES * A.nnz)
+        work.afford(krylov_cost(A.nnz, 0), HIERARCHY_BYTES * A.nnz)
         self._A, self._hierarchy = A, ruge_stuben(A)
-        work.add(work.krylov_cost(A.nnz, 0))
+        work.add(krylov_cost(A.nnz, 0))
         self._accelerate = "cg" if is_symmetric(A) else "bicgstab"
 
     def solve(self, f: Vector, tolerance: float, maxiter: int = KRYLOV_STEPS) -> Vector | None:
@@ -73,7 +79,7 @@ class KrylovMultigrid:
     def best(self, f: Vector, tolerance: float, maxiter: int = KRYLOV_STEPS) -> Vector | None:
         """What the steps end with, near or far; None where the coarsest level is singular."""
         made: list[float] = []
-        work.afford(work.krylov_cost(self._A.nnz, 1, hierarchy=False))
+        work.afford(krylov_cost(self._A.nnz, 1, hierarchy=False))
         options = {"maxiter": maxiter, "accel": self._accelerate, "residuals": made}
         with _quiet():
             try:
@@ -81,7 +87,7 @@ class KrylovMultigrid:
             except _FAILURES:
                 return None
             finally:
-                work.add(work.krylov_cost(self._A.nnz, len(made), hierarchy=False))
+                work.add(krylov_cost(self._A.nnz, len(made), hierarchy=False))
 
 
 def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:

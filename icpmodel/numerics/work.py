@@ -56,15 +56,16 @@ class Costs(NamedTuple):
     factor_row: float = 750.0
     factor_entry: float = 28.0
     factor_flop: float = 0.1
-    solve_entry: float = 1.3
-    #: a symmetric one in an order that is known, per entry of L + U and per multiplication that would make these
-    refactor_entry: float = 5.0
-    refactor_flop: float = 0.25
+    solve_entry: float = 0.8
+    #: a symmetric one, by supernodes: the same, of the L + U that it stands for
+    symmetric_row: float = 600.0
+    symmetric_entry: float = 5.0
+    symmetric_flop: float = 0.02
     #: an entry that minimum degree looks at, and the graph that it begins with, per entry
     look: float = 13.5
     #: a band factorised, whatever its size, per entry of its factors and per multiplication
-    band: float = 30_000.0
-    band_entry: float = 5.0
+    band: float = 9_500.0
+    band_entry: float = 4.0
     band_flop: float = 0.02
     #: a dense factorisation, per entry and per multiplication, and a pivot, per entry of the dictionary
     dense_entry: float = 6.0
@@ -83,7 +84,8 @@ class Costs(NamedTuple):
 class Fill(NamedTuple):
     """The `entries` of L + U of so many `rows`, and the `flops` (multiplications) that make them.
 
-    Both are rough unless they were `seen` to the end. Those of a `band` are stored and made as full ones.
+    Both are rough unless they were `seen` to the end. Those of a `band` are stored and made as full ones, and of
+    `symmetric` ones, up to the signs of rows, a half is.
     """
 
     rows: int
@@ -91,6 +93,7 @@ class Fill(NamedTuple):
     flops: float
     seen: bool
     band: bool = False
+    symmetric: bool = False
 
 
 class _Counted(threading.local):
@@ -145,18 +148,20 @@ def factor_cost(fill: Fill) -> float:
     """What a factorisation with this fill costs, the ordering of a sparse one included."""
     if fill.band:
         return COSTS.band + COSTS.band_entry * fill.entries + COSTS.band_flop * fill.flops
+    if fill.symmetric:
+        return COSTS.symmetric_row * fill.rows + refactor_cost(fill)
     without_fill = COSTS.call + COSTS.factor_row * fill.rows
     return without_fill + COSTS.factor_entry * fill.entries + COSTS.factor_flop * fill.flops
 
 
 def refactor_cost(fill: Fill) -> float:
     """What a factorisation of a symmetric matrix with this fill costs, once another one had its pattern."""
-    return COSTS.call + COSTS.refactor_entry * fill.entries + COSTS.refactor_flop * fill.flops
+    return COSTS.call + COSTS.symmetric_entry * fill.entries + COSTS.symmetric_flop * fill.flops
 
 
-def least_factor_cost(n: int, nnz: int) -> float:
+def least_factor_cost(n: int, nnz: int, symmetric: bool = True) -> float:
     """What a sparse factorisation without any fill costs."""
-    return factor_cost(Fill(n, nnz, 0.0, True))
+    return factor_cost(Fill(n, nnz, 0.0, True, symmetric=symmetric))
 
 
 def solve_cost(fill: Fill) -> float:
@@ -164,15 +169,10 @@ def solve_cost(fill: Fill) -> float:
     return COSTS.call + COSTS.solve_entry * fill.entries
 
 
-def dense_cost(n: int) -> float:
-    """What a dense LU factorisation costs, from a sparse matrix."""
-    return COSTS.call + COSTS.dense_entry * n**2 + COSTS.dense_flop * n**3 / 3.0
-
-
-def krylov_cost(nnz: int, steps: int, hierarchy: bool = True) -> float:
-    """What so many steps of a Krylov method cost that multigrid preconditions, with its hierarchy or without."""
-    made = COSTS.hierarchy + COSTS.hierarchy_entry * nnz if hierarchy else 0.0
-    return made + steps * (COSTS.krylov + COSTS.krylov_entry * nnz)
+def dense_cost(n: int, symmetric: bool = False) -> float:
+    """What a dense LU factorisation costs, from a sparse matrix, or, of a `symmetric` one, Cholesky's."""
+    cost = COSTS.dense_entry * n**2 + COSTS.dense_flop * n**3 / 3.0
+    return COSTS.call + (0.5 * cost if symmetric else cost)
 
 
 #: seconds that count as having gone as foreseen, before it is known how far the table is from this machine

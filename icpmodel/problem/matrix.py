@@ -10,7 +10,6 @@ import scipy.sparse as sp
 
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric
-from ..numerics.factorisation import signs_of_symmetry
 from ..numerics.fill import Look
 from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
 from ..numerics.linear import is_for_multigrid
@@ -150,12 +149,6 @@ class Matrix(ReadOnly):
         return bool(np.abs((image - self.sparse.T @ u) / root).max() <= _SAME * np.abs(image / root).max())
 
     @cached_property
-    def signs(self) -> Vector | None:
-        """±1 for each row, which make A symmetric up to rounding, as those of optimality conditions are; None where no
-        signs do."""
-        return np.ones(self.n) if self.is_nearly_symmetric else signs_of_symmetry(self.sparse)
-
-    @cached_property
     def is_for_multigrid(self) -> bool:
         """Whether A has the signs of an M-matrix and is no band."""
         return is_for_multigrid(self.sparse)
@@ -165,17 +158,21 @@ class Matrix(ReadOnly):
         """What a factorisation of A will cost; rough where it is not worth a closer look (`numerics.fill`)."""
         return self.look.fill
 
-    @cached_property
+    @property
     def repeats(self) -> bool:
-        """Whether `Repeated` is for matrices with the pattern of A, and costs less than new factors of each."""
+        """Whether `Symmetric` is for matrices with the pattern of A, and costs less than dense factors."""
         fill = self.fill
-        pays = fill.seen and not fill.band and work.refactor_cost(fill) < work.factor_cost(fill)
-        return pays and self.signs is not None
+        return fill.seen and fill.symmetric and work.refactor_cost(fill) < work.dense_cost(self.n, self.is_symmetric)
 
     @property
     def factor_cost(self) -> float:
         """What it costs to factorise A, or a matrix with its pattern: as a sparse one, or as a dense one."""
-        return min(work.factor_cost(self.fill), work.dense_cost(self.n))
+        return min(work.factor_cost(self.fill), work.dense_cost(self.n, self.is_symmetric))
+
+    @property
+    def unsymmetric_cost(self) -> float:
+        """The same for a matrix with the pattern of A that is not symmetric, whether A is or not."""
+        return min(work.factor_cost(self.fill._replace(symmetric=False)), work.dense_cost(self.n))
 
     @property
     def again_cost(self) -> float:

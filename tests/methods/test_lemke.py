@@ -158,7 +158,7 @@ def test_rows_without_obstacle_enter_in_pieces_between_which_limits_are_kept():
     problem = icp.ICP(A, q, c)
     assert work.pieces(work.COSTS.pivot_entry * 500**2) < 400
     assert run(problem).z == pytest.approx(problem.solve(icp.Proximal(), rtol=1e-12).z, abs=1e-8)
-    before, allowed = work.done(), 1e8
+    before, allowed = work.done(), 9e7
     with work.of_count(allowed), pytest.raises(OutOfTime):
         for _ in Lemke().iterates(problem, c):
             pass

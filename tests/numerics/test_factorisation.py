@@ -7,11 +7,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
+from icpmodel.errors import OutOfTime
 from icpmodel.numerics import work
 from icpmodel.numerics.arrays import as_csr
 from icpmodel.numerics.equilibration import times_rows
-from icpmodel.numerics.factorisation import Full, Repeated, factorise, signs_of_symmetry
-from icpmodel.numerics.fill import Look, ordered
+from icpmodel.numerics.factorisation import Full, Symmetric, factorise
+from icpmodel.numerics.fill import Look, ordered, signs_of_symmetry
 
 
 @pytest.mark.parametrize("triangles", [False, True])
@@ -94,7 +95,7 @@ def test_matrices_of_one_pattern_are_solved_one_after_another_with_some_rows_alo
     rng = np.random.default_rng(seed)
     off = sp.random_array((n, n), density=density, rng=rng)
     A = sp.csr_array(off + off.T + sp.diags_array(rng.uniform(1.0, 2.0, n)))
-    factors = Repeated(A, ordered(A, np.inf)[0])
+    factors = Symmetric(A, ordered(A, np.inf))
     for free in (None, rng.random(n) < 0.5, np.zeros(n, bool), np.ones(n, bool), None):
         B = A.copy()
         B.data[:] *= rng.choice([-1.0, 1.0])  # definite or not, as long as its pivots are not 0
@@ -104,6 +105,72 @@ def test_matrices_of_one_pattern_are_solved_one_after_another_with_some_rows_alo
         if free is not None:
             M[~(free[:, None] & free) & ~np.eye(n, dtype=bool)] = 0.0
         assert factors.solve(f) == pytest.approx(np.linalg.solve(M, f), rel=1e-10, abs=1e-12)
+
+
+def patterned(kind, rng):
+    """Symmetric with few and many columns to a supernode, and with many that fill the same rows, or optimality
+    conditions [Q, −Bᵀ; B, R]; strictly dominant."""
+    if kind == "cube":
+        line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(9, 9))
+        off = sp.csr_array(sum(sp.kron(sp.kron(*pair), last) for *pair, last in _axes(line)))
+    elif kind == "expander":
+        off = sp.random_array((400, 400), density=0.01, rng=rng)
+    elif kind == "programme":
+        B = sp.csr_array(rng.normal(size=(90, 150)))
+        off = sp.block_array([[sp.csr_array((150, 150)), -B.T], [B, sp.csr_array((90, 90))]])
+    else:
+        off = sp.block_diag([rng.normal(size=(k, k)) for k in rng.integers(1, 90, 8)])
+        off = sp.csr_array(off + sp.random_array(off.shape, density=0.001, rng=rng))
+    off = off if kind == "programme" else off + off.T
+    return as_csr(off + sp.diags_array(1.0 + abs(off).sum(axis=1)), "A", keep_diagonal=True)
+
+
+def _axes(line):
+    one = sp.eye_array(line.shape[0])
+    return (line, one, one), (one, line, one), (one, one, line)
+
+
+@given(st.integers(0, 10**6), st.sampled_from(["cube", "expander", "programme", "blocks"]))
+@settings(max_examples=20, deadline=None)
+def test_factors_by_supernodes_solve_and_their_pivots_are_those_of_elimination(seed, kind):
+    rng = np.random.default_rng(seed)
+    A = patterned(kind, rng)
+    n, M = A.shape[0], A.toarray()
+    factors, free = Symmetric(A, ordered(A, np.inf), signs_of_symmetry(A)), rng.random(n) < 0.7
+    assert factors.factorise(A.data)
+    f, x = rng.normal(size=n), rng.normal(size=n)
+    assert factors.solve(M @ x) == pytest.approx(x, abs=1e-11)
+    assert factors.solve(M.T @ f, "T") == pytest.approx(f, abs=1e-11)
+    assert (factors.pivots > 0).all()
+    assert np.log(factors.pivots).sum() == pytest.approx(np.linalg.slogdet(M)[1])
+    assert factors.factorise(A.data, free)
+    M[~(free[:, None] & free) & ~np.eye(n, dtype=bool)] = 0.0
+    assert factors.solve(M @ x) == pytest.approx(x, abs=1e-11)
+
+
+@pytest.mark.parametrize("kind", ["cube", "expander", "programme", "blocks"])
+def test_what_is_symmetric_up_to_signs_is_factorised_by_supernodes_where_that_costs_least(kind):
+    rng = np.random.default_rng(1)
+    A = patterned(kind, rng)
+    lu, x = factorise(A, definite=True), rng.normal(size=A.shape[0])
+    dense = work.dense_cost(A.shape[0], kind != "programme")
+    by_supernodes = work.factor_cost(ordered(A, np.inf, symmetric=True)[0])
+    assert isinstance(lu, Symmetric) == (by_supernodes < min(dense, work.factor_cost(Look(A).band)))
+    assert lu.solve(A @ x) == pytest.approx(x, abs=1e-11)
+    assert factorise(as_csr(A - sp.diags_array(2.0 * A.diagonal()), "A", keep_diagonal=True), definite=True) is None
+
+
+def test_supernodes_are_made_in_pieces_between_which_limits_are_kept():
+    line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(28, 28))
+    A = sp.csr_array(sum(sp.kron(sp.kron(*pair), last) for *pair, last in _axes(line)))
+    factors, x = Symmetric(A, ordered(A, np.inf, symmetric=True)), np.ones(A.shape[0])
+    cost = work.refactor_cost(ordered(A, np.inf)[0])
+    before = work.done()
+    with work.of_count(0.5 * cost), pytest.raises(OutOfTime):
+        factors.factorise(A.data)
+    assert 0.2 * cost <= work.done() - before <= 0.5 * cost
+    assert factors.factorise(A.data)
+    assert factors.solve(A @ x) == pytest.approx(x)
 
 
 @given(st.integers(0, 10**6), st.integers(1, 30), st.floats(0.0, 0.5))
@@ -116,7 +183,7 @@ def test_signs_are_found_that_make_a_matrix_symmetric_and_solve_with_it(seed, n,
     A = as_csr(sp.diags_array(given_signs) @ (off + off.T) + sp.diags_array(D), "A", keep_diagonal=True)
     signs = signs_of_symmetry(A)
     assert (sp.diags_array(signs) @ A - A.T @ sp.diags_array(signs)).nnz == 0
-    factors, f = Repeated(A, ordered(A, np.inf)[0], signs), rng.normal(size=n)
+    factors, f = Symmetric(A, ordered(A, np.inf), signs), rng.normal(size=n)
     assert factors.factorise(A.data)
     assert A @ factors.solve(f) == pytest.approx(f, abs=1e-10)
 
@@ -135,7 +202,7 @@ def test_no_signs_are_found_where_there_are_none(A):
 
 def test_a_matrix_that_cannot_be_factorised_says_so_and_the_next_one_can():
     A = sp.csr_array([[2.0, 1.0], [1.0, 2.0]])
-    factors = Repeated(A, ordered(A, np.inf)[0])
+    factors = Symmetric(A, ordered(A, np.inf))
     assert not factors.factorise(np.array([0.0, 1.0, 1.0, 0.0]))
     assert not factors.factorise(np.array([2.0, np.nan, np.nan, 2.0]))
     assert factors.factorise(A.data)

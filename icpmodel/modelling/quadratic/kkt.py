@@ -221,7 +221,7 @@ def is_dense(blocks: KktBlocks) -> bool:
     """Whether a dense factorisation fits into memory and costs less than a sparse one without any fill."""
     n, rows = blocks.n, blocks.m + blocks.k
     nnz = sum(M.nnz if sp.issparse(M) else M.size for M in (blocks.P, blocks.E, blocks.A))
-    return _fits(blocks) and dense_cost(blocks) <= work.least_factor_cost(n + rows, 2 * nnz)
+    return _fits(blocks) and dense_cost(blocks) <= work.least_factor_cost(n + rows, 2 * nnz, symmetric=False)
 
 
 def _fits(blocks: KktBlocks) -> bool:

@@ -41,8 +41,8 @@ _LONG = uint(16)
 
 #: a function that becomes part of the compiled ones that call it
 inlined = numba.njit(inline="always", **_OPTIONS)
-#: one that these call
-called = numba.njit(**_OPTIONS)
+#: one that these call, and one in which sums may be added up in another order
+called, sums = numba.njit(**_OPTIONS), numba.njit(**_SUMS)
 
 
 class _Files(IndexDataCacheFile):
@@ -136,14 +136,14 @@ def run_end(k, stop, indices):
     return end
 
 
-@numba.njit(**_SUMS)
+@sums
 def _run_sum(total, k, stop, j, data, z):
     for e in range(stop - k):
         total += data[k + e] * z[j + e]
     return total
 
 
-@numba.njit(**_SUMS)
+@sums
 def two_run_sums(k, stop, j, data, z, y):
     # the sums of data_e z_e and of data_e y_e over a run that begins with column j
     first, second = 0.0, 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import compiled, one, uint
+from . import compiled, inlined, one, uint
 
 
 @compiled
@@ -102,6 +102,54 @@ def mirrored(indptr, indices, data):
             k += one()
         ahead[i] = k + one() if k < stop and indices[k] == i else k
     return (ahead >= indptr[1:]).all()
+
+
+@inlined
+def _root(i, into, sign):
+    # the row that stands for all that have been joined with row i, and the sign of row i against its own
+    of_i = 1.0
+    while into[i] != i:
+        j = into[i]
+        sign[i] *= sign[j]
+        into[i] = into[j]
+        of_i *= sign[i]
+        i = into[i]
+    return i, of_i
+
+
+@compiled
+def signs(indptr, indices, data, same):
+    # signs of the rows that make a matrix symmetric up to this share of its entries; none where there are none, or
+    # where entries are not opposite to one another. Rows are sorted
+    n = indptr.size - 1
+    ahead, into, sign, none = np.empty(n, indptr.dtype), np.arange(n), np.ones(n), np.empty(0)
+    for i in range(n):
+        k, stop = uint(indptr[i]), uint(indptr[i + 1])
+        while k < stop and indices[k] < i:
+            j = indices[k]
+            e = uint(ahead[j])
+            if e >= uint(indptr[j + 1]) or indices[e] != i:
+                return none
+            ahead[j] += 1
+            least = same * max(abs(data[k]), abs(data[e]))
+            alike, opposite = abs(data[k] - data[e]) <= least, abs(data[k] + data[e]) <= least
+            if not (alike or opposite):
+                return none
+            if alike != opposite:
+                (a, of_i), (b, of_j) = _root(i, into, sign), _root(j, into, sign)
+                wanted = of_i * of_j if alike else -of_i * of_j
+                if a != b:
+                    into[a], sign[a] = b, wanted
+                elif wanted < 0.0:
+                    return none
+            k += one()
+        ahead[i] = k + one() if k < stop and indices[k] == i else k
+    if (ahead < indptr[1:]).any():
+        return none
+    found = np.empty(n)
+    for i in range(n):
+        found[i] = _root(i, into, sign)[1]
+    return found
 
 
 @compiled

@@ -1,9 +1,16 @@
-"""Many scalar equations c = psi(c) at once: `reduction.with_fixed_obstacle` says what for."""
+"""Loops with a scalar function for each row: equations c = ψ(c), for which `reduction.with_fixed_obstacle` says what
+for, and calls of a user's compiled function.
+
+numba looks up what a call's arguments are, and for a function among them that takes longer than a sweep over a small
+problem. So the function becomes part of the code, which is compiled once for each.
+"""
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
+import numba
 import numpy as np
 
 from . import compiled
@@ -30,3 +37,22 @@ def improve(c, value, slope, own, low, high, out):
             out[i] = math.nan
         moved = moved or out[i] != c[i]
     return moved
+
+
+@lru_cache(maxsize=64)
+def sweep_with(kernel, f):
+    """(before, c, after, z, out) ↦ kernel(*before, (c, f), *after, z, out), for ψ_i(z) = f(z_i) + c_i."""
+    return numba.njit(lambda before, c, after, z, out: kernel(*before, (c, f), *after, z, out), nogil=True)
+
+
+@lru_cache(maxsize=64)
+def entrywise(f):
+    """z ↦ (f(z_1), …, f(z_n)) for a scalar function f."""
+
+    def apply(z):
+        out = np.empty(z.size)
+        for i in range(z.size):
+            out[i] = f(z[i])
+        return out
+
+    return numba.njit(apply, nogil=True)
