@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from ...errors import OutOfMemory, OutOfTime
 from ...numerics import work
-from ...numerics.arrays import Vector, diagonal_positions
-from ...numerics.fill import ordered
+from ...numerics.arrays import Vector, diagonal_positions, norm
+from ...numerics.factorisation import Symmetric, factorise
+from ...numerics.fill import Look, ordered
 from ...numerics.rounding import UNIT_ROUNDOFF
 from .program import handy
 
@@ -28,9 +29,8 @@ from .program import handy
 _SMALL = 1e-9
 #: a smaller weight counts as none
 _NONE = 1e-20
-#: a row is exchanged for another one where a pivot has lost half of its digits, √u beside the largest entry of its
-#: column; more exchanges undo the order of the rows, and with it what is foreseen of the fill
-_THRESHOLD = 1e-8
+#: what a solve without exchanges of rows may leave of the right-hand side, after so many steps of refinement
+_LEFT, _REFINED = 1e-10, 2
 #: bytes of an entry of a factor, and of as much again while it is made
 _BYTES = 24
 
@@ -115,55 +115,49 @@ class DenseSystems:
 
 
 class SparseSystems:
-    """By the factors of [[P + ρ + W₀, Eᵀ, Aᵀ], [E, −W⁻¹, 0], [A, 0, −δ]], pivots on the diagonal."""
+    """By the factors of [[P + ρ + W₀, Eᵀ, Aᵀ], [E, −W⁻¹, 0], [A, 0, −δ]], pivots on the diagonal; by those with rows
+    exchanged where refinement tells that pivots have become too small for that."""
 
     def __init__(self, blocks: KktBlocks, most: float) -> None:
-        from ...numerics.kernels.graph import permuted  # loads numba
-
         self.blocks, size = blocks, blocks.n + blocks.m + blocks.k
         P, E, A = (sp.csr_array(M) for M in (blocks.P, blocks.E, blocks.A))
         K = sp.block_array([[P, E.T, A.T], [E, None, None], [A, None, None]]) + sp.eye_array(size)
-        K = sp.csr_array(K)
+        self.K = K = sp.csr_array(K)
         K.sort_indices()
-        entries = work.free_memory() / _BYTES
-        self.fill, order = ordered(K, entries, min(most, work.nanoseconds_left()))
+        entries, self.look = work.free_memory() / _BYTES, Look(K)
+        self.fill, _ = self.look.seen = ordered(K, entries, min(most, work.nanoseconds_left()), symmetric=True)
         if not self.fill.seen:
             if self.fill.entries > entries:
                 raise OutOfMemory(f"the factors of the KKT matrix, {size} x {size} with {K.nnz} entries, would not fit")
             raise OutOfTime("the factors of the KKT matrix cost more time than is left")
-        self.rows, place = order, np.empty(size, np.int32)
-        place[order] = np.arange(size, dtype=np.int32)
-        values, self.indices, self.starts = permuted(
-            K.indptr, K.indices, np.arange(K.nnz, dtype=np.float64), order, place
-        )
-        self.entries, self.data, self.diagonal = values.astype(np.intp), K.data, diagonal_positions(K)
+        self.symmetric, self.diagonal = Symmetric(K, self.look.seen), diagonal_positions(K)
         self.own = np.concatenate([P.diagonal() + _SMALL, np.zeros(blocks.m), np.full(blocks.k, -_SMALL)])
 
     @property
     def cost(self) -> float:
         """Of a factorisation, in nanoseconds."""
-        return work.factor_cost(self.fill)
+        return work.refactor_cost(self.fill)
 
     def factorised(self, w: Vector, of_x: Vector) -> Solve | None:
-        """The solver, None where a pivot is 0."""
-        from scipy.sparse.linalg import splu
-
-        work.spend(self.cost)
-        n, m = self.blocks.n, self.blocks.m
+        """The solver, which is good until there is another one; None where a pivot is 0."""
+        n, m, K = self.blocks.n, self.blocks.m, self.K.copy()
         diagonal = self.own.copy()
         diagonal[:n] += of_x
         diagonal[n : n + m] = -1.0 / np.maximum(w, _NONE)
-        self.data[self.diagonal] = diagonal
-        K = sp.csc_array((self.data[self.entries], self.indices, self.starts), shape=(self.rows.size,) * 2)
-        K.has_canonical_format = True
-        try:
-            lu = splu(K, permc_spec="NATURAL", diag_pivot_thresh=_THRESHOLD, options={"SymmetricMode": True})
-        except RuntimeError:
+        K.data[self.diagonal] = diagonal
+        found: list[Any] = [self.symmetric] if self.symmetric.factorise(K.data) else [factorise(K, look=self.look)]
+        if found[0] is None:
             return None
 
         def solve(f: Vector, e: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
-            x = np.empty(self.rows.size)
-            x[self.rows] = lu.solve(np.concatenate([f, e, a])[self.rows])
+            right = np.concatenate([f, e, a])
+            x, rest, steps = found[0].solve(right), right, 0
+            while found[0] is self.symmetric and not norm(rest := right - K @ x) <= _LEFT * norm(right):
+                if steps == _REFINED:
+                    found[0] = factorise(K, look=self.look) or found[0]
+                    x = found[0].solve(right)
+                    break
+                x, steps = x + self.symmetric.solve(rest), steps + 1
             return x[:n], np.where(w > 0, x[n : n + m], 0.0), x[n + m :]
 
         return solve
