@@ -173,6 +173,18 @@ def test_supernodes_are_made_in_pieces_between_which_limits_are_kept():
     assert factors.solve(A @ x) == pytest.approx(x)
 
 
+def test_a_pattern_that_is_not_symmetric_is_refused():
+    """Its entries would go where there is no place for them."""
+    rng = np.random.default_rng(0)
+    A = sp.csr_array(sp.random_array((60, 60), density=0.05, rng=rng) + sp.eye_array(60))
+    assert signs_of_symmetry(A) is None
+    with pytest.raises(ValueError, match="not symmetric"):
+        Symmetric(A, ordered(A, np.inf))
+    B = A + A.T
+    B.data[B.indices == 7] *= 1.0 + 1e-9
+    assert signs_of_symmetry(B) is None
+
+
 @given(st.integers(0, 10**6), st.integers(1, 30), st.floats(0.0, 0.5))
 @settings(max_examples=60, deadline=None)
 def test_signs_are_found_that_make_a_matrix_symmetric_and_solve_with_it(seed, n, density):

@@ -121,6 +121,7 @@ class SparseSystems:
     def __init__(self, blocks: KktBlocks, most: float) -> None:
         self.blocks, size = blocks, blocks.n + blocks.m + blocks.k
         P, E, A = (sp.csr_array(M) for M in (blocks.P, blocks.E, blocks.A))
+        P = 0.5 * (P + P.T)  # it may be symmetric up to rounding
         K = sp.block_array([[P, E.T, A.T], [E, None, None], [A, None, None]]) + sp.eye_array(size)
         self.K = K = sp.csr_array(K)
         K.sort_indices()

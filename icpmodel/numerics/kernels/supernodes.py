@@ -106,13 +106,16 @@ def analysed(indptr, indices, order):
                 rows[end[s]], seen[s] = i, i
                 end[s] += 1
                 j = parent[first[s + 1] - 1]
-    to, at = np.full(indices.size, -1, np.int64), np.empty(n, np.int32)
+    to, at, seen = np.full(indices.size, -1, np.int64), np.empty(n, np.int32), np.full(n, -1, np.int32)
     for s in range(m):
-        at[rows[start[s] : start[s + 1]]] = np.arange(start[s + 1] - start[s])
+        own = rows[start[s] : start[s + 1]]
+        at[own], seen[own] = np.arange(own.size), s
         for j in range(first[s], first[s + 1]):
             for e in range(indptr[order[j]], indptr[order[j] + 1]):
                 i = place[indices[e]]
                 if i >= j:
+                    if seen[i] != s:
+                        raise ValueError("the pattern is not symmetric")
                     to[e] = offset[s] + at[i] * (first[s + 1] - first[s]) + j - first[s]
     return order, (first, of, start, offset, rows), to
 
