@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import MapError, SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Vector, diagonal_positions, norm
-from ..numerics.factorisation import Symmetric, factorise
+from ..numerics.factorisation import SymmetricPattern, factorise
 from ..numerics.fill import Look
 from ..numerics.linear import cg_step_cost, conjugate_gradients, solver_of
 from ..problem.between import chosen
@@ -149,10 +149,10 @@ class ShiftedEquations:
         self.problem, self.iterative = problem, problem.matrix.is_nearly_symmetric
 
     @cached_property
-    def repeated(self) -> Symmetric | None:
+    def repeated(self) -> SymmetricPattern | None:
         """What factorises all rows again and again, where that costs less than each time in an order of its own."""
         matrix, look = self.problem.matrix, self.problem.matrix.look
-        return Symmetric(matrix.sparse, look.seen, look.signs) if matrix.repeats and look.seen else None
+        return SymmetricPattern(matrix.sparse, look.seen, look.signs) if matrix.repeats and look.seen else None
 
     @cached_property
     def look(self) -> Look:
@@ -201,12 +201,13 @@ class ShiftedEquations:
         problem = self.problem
         data = problem.A.data.copy()
         data[problem.matrix.rows.diag] += D
-        if self.repeated is None or not self.repeated.factorise(data, free):
+        factors = self.repeated.factors(data, free) if self.repeated else None
+        if factors is None:
             return None
         x, f = np.zeros(free.size), np.where(free, f, 0.0)
         rest, most = f, tolerance * norm(f)
         for _ in range(2):  # without exchanges of rows digits may be lost
-            x += self.repeated.solve(rest)
+            x += factors.solve(rest)
             rest = np.where(free, f - D * x - problem.product(x), 0.0)
             if norm(rest) <= most:
                 return x

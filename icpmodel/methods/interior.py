@@ -13,7 +13,7 @@ from ..algebra.equations import derivative
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm, row_of
-from ..numerics.factorisation import Symmetric, factorise
+from ..numerics.factorisation import SymmetricPattern, factorise
 from ..numerics.fill import Look
 from ..problem.affine import zero
 from ..problem.data import ProblemData
@@ -70,7 +70,7 @@ class Interior:
         weights: Vector,
         obstacles: tuple[Vector, Vector | None],
         resting: tuple[Vector, Vector],
-        pattern: Symmetric | Look | None,
+        pattern: SymmetricPattern | Look | None,
     ) -> None:
         self.problem, self.weights, self.pattern = problem, weights, pattern
         self.diagonal, self.row = problem.matrix.rows.diag, row_of(problem.A)
@@ -210,6 +210,6 @@ class Interior:
         return solve
 
     def _factors(self, M: sp.csr_array) -> Any:
-        if isinstance(self.pattern, Symmetric):
-            return self.pattern if self.pattern.factorise(M.data) else None
+        if isinstance(self.pattern, SymmetricPattern):
+            return self.pattern.factors(M.data)
         return factorise(M, definite=True, look=self.pattern or Look(M, lambda: False))  # symmetric at most by chance

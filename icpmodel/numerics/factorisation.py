@@ -27,8 +27,8 @@ _THRESHOLD = 2.0**-26
 _LARGE = 0.1
 #: up to so many diagonals on one side LAPACK's factorisations of bands make no blocks
 _BY_COLUMNS = 32
-#: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen; and of one that is stored twice
-#: but for a few zeros
+#: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen; and of one of L + U where L is
+#: stored alone, with some zeros
 _BYTES, _OF_SYMMETRIC = 2 * 12, 6
 
 
@@ -122,55 +122,73 @@ class Full:
 
 
 class Symmetric:
-    """L and D with PMPᵀ = LDLᵀ of one symmetric matrix after another that have the pattern of `A`, CSR, n × n, in the
-    order that was `seen` for it, and solves with them.
+    """L and D with PMPᵀ = LDLᵀ of a symmetric matrix, or of one that the `signs` ±1 of its rows make so, and solves
+    with them."""
 
-    Or of matrices that the `signs` ±1 of their rows make so. There are no exchanges: pivots that come to next to
-    nothing are told by what the solves leave.
-    """
-
-    def __init__(self, A: sp.csr_array, seen: Seen, signs: Vector | None = None) -> None:
-        from .kernels.supernodes import analysed
-
-        self._fill, self._pattern = seen[0]._replace(symmetric=True), (A.indptr, A.indices)
-        work.spend(work.factor_cost(self._fill) - work.refactor_cost(self._fill), _OF_SYMMETRIC * self._fill.entries)
-        self._order, self._form, self._to = analysed(*self._pattern, seen[1])
-        self._signs = np.ones(A.shape[0]) if signs is None else signs
-        first, _, start, offset, _ = self._form
-        self._L, self._D = np.empty(offset[-1]), np.empty(A.shape[0])
-        self._made = np.cumsum(np.diff(start) ** 2.0 * np.diff(first))
+    def __init__(self, pattern: SymmetricPattern, L: Vector, D: Vector) -> None:
+        self._of, self._L, self._D = pattern, L, D
 
     @property
     def pivots(self) -> Vector:
         """The diagonal of U in M = LU, in some order."""
-        return np.asarray(self._signs[self._order] * self._D)
-
-    def factorise(self, data: Vector, free: NDArray[np.bool_] | None = None) -> bool:
-        """Of the matrix with these entries, or with its rows and columns that are not `free` but for the diagonal 0;
-        False where that fails."""
-        from .kernels.supernodes import enter, factor
-
-        n, supernodes = self._D.size, self._made.size
-        if not enter(*self._pattern, data, self._signs, np.ones(n, bool) if free is None else free, self._to, self._L):
-            return False
-        links, cost = np.full((3, supernodes), -1), work.refactor_cost(self._fill)
-        shares = np.linspace(0.0, self._made[-1], 1 + supernodes // min(work.pieces(cost / supernodes), supernodes))
-        cuts = [0, *np.searchsorted(self._made, shares[1:-1]), supernodes]
-        with one_blas_thread():
-            for low, high in pairwise(cuts):
-                work.spend(cost / (len(cuts) - 1))
-                factor(self._form, self._L, self._D, links, low, high)
-        return bool(np.isfinite(self._D).all() and self._D.all())
+        return np.asarray(self._of.signs[self._of.order] * self._D)
 
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """M⁻¹f, or M⁻ᵀf with `trans` = "T"; both of shape (n,)."""
         from .kernels.supernodes import solve
 
-        work.add(work.solve_cost(self._fill))
-        x = f if trans == "T" else self._signs * f
-        solve(self._form, self._L, self._D, y := x[self._order])
-        (x := np.empty_like(y))[self._order] = y
-        return np.asarray(self._signs * x if trans == "T" else x)
+        work.add(work.solve_cost(self._of.fill))
+        order, signs = self._of.order, self._of.signs
+        y = np.asarray(f if trans == "T" else signs * f, dtype=np.float64)[order]
+        solve(self._of.form, self._L, self._D, y)
+        x = np.empty_like(y)
+        x[order] = y
+        return np.asarray(signs * x if trans == "T" else x)
+
+
+class SymmetricPattern:
+    """What makes `Symmetric` factors of one matrix after another that have the pattern of `A`, CSR, n × n, in the order
+    that was `seen` for it, and the same `signs`, 1 by default. Raises ValueError where the pattern is not symmetric.
+
+    There are no exchanges: pivots that come to next to nothing are told by what the solves leave.
+    """
+
+    def __init__(self, A: sp.csr_array, seen: Seen, signs: Vector | None = None) -> None:
+        from .kernels.supernodes import analysed
+
+        n, self.fill = A.shape[0], seen[0]._replace(symmetric=True)
+        self.signs = np.ones(n) if signs is None else signs
+        memory = _OF_SYMMETRIC * self.fill.entries + 12 * A.nnz + 24 * n
+        work.spend(work.factor_cost(self.fill) - work.refactor_cost(self.fill), memory)
+        self._pattern = _read_only(A.indptr), _read_only(A.indices)
+        self.order, self.form, self._to = analysed(*self._pattern, seen[1])
+        first, _, start, self._offset, _ = self.form
+        self._made = np.cumsum(np.diff(start) ** 2.0 * np.diff(first))
+
+    def factors(self, data: Vector, free: NDArray[np.bool_] | None = None) -> Symmetric | None:
+        """Those of the matrix with these entries, or with its rows and columns that are not `free` but for the diagonal
+        0; None where they fail. Raises OutOfTime."""
+        from .kernels.supernodes import enter, factor
+
+        n, supernodes, cost = self.order.size, self._made.size, work.refactor_cost(self.fill)
+        L, D, free = np.empty(self._offset[-1]), np.empty(n), np.ones(n, bool) if free is None else free
+        if not enter(*self._pattern, _read_only(data), _read_only(self.signs), free, self._to, L):
+            return None
+        pieces = 1 + supernodes // min(work.pieces(cost / supernodes), supernodes)
+        cuts = [0, *np.searchsorted(self._made, np.linspace(0.0, self._made[-1], pieces)[1:-1]), supernodes]
+        links = np.full((3, supernodes), -1)
+        with one_blas_thread():
+            for low, high in pairwise(cuts):
+                work.spend(cost / (len(cuts) - 1))
+                factor(self.form, L, D, links, low, high)
+        return Symmetric(self, L, D) if np.isfinite(D).all() and D.all() else None
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array for a compiled loop, which is another one for arrays that may be written to."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def factorise(
@@ -179,11 +197,11 @@ def factorise(
     """The `Factors` of a sparse matrix (n × n), ordered for its pattern, or those of its `Band` or of the `Full` one,
     whichever cost least; None where it is singular, or not finite.
 
-    `definite` says that it is expected to be, symmetric or not: it is None as well where a symmetric one is seen not
-    to be, and where SuperLU exchanged rows. `Symmetric` are the factors then of one that is so up to the signs of its
-    rows. With `triangles`, L and U in `Factors` are wanted. Raises OutOfMemory
-    before a factorisation that will not fit into the memory that is free, and OutOfTime where it will take more time
-    than is left. What a `look` at the matrix has seen is not looked for again.
+    `definite` says that it is expected to be, symmetric or not: it is None as well where one that is symmetric, up to
+    the signs of its rows, is seen not to be, and where SuperLU exchanged rows; and `Symmetric` may be what there is,
+    which solves for f of shape (n,) alone. With `triangles`, L and U in `Factors` are wanted. Raises OutOfMemory before
+    a factorisation that will not fit into the memory that is free, and OutOfTime where it will take more time than is
+    left. What a `look` at the matrix has seen is not looked for again.
     Reference: Li, ACM TOMS 31 (2005), for SuperLU and its mode for pivots near the diagonal.
     """
     if not np.isfinite(matrix.data).all():
@@ -196,8 +214,14 @@ def factorise(
     signs = (look.signs if look.matrix is matrix else signs_of_symmetry(matrix)) if definite and not triangles else None
     if signs is None:
         return _of_pattern(matrix, look, definite)
-    factors = Symmetric(matrix, _seen(matrix, look.seen, True), signs)
-    return factors if factors.factorise(matrix.data) and factors.pivots.min() > 0.0 else None
+    factors = of_symmetric(matrix, look, signs)
+    return factors if factors is not None and factors.pivots.min() > 0.0 else None
+
+
+def of_symmetric(matrix: sp.csr_array, look: Look, signs: Vector) -> Symmetric | None:
+    """Those of a sparse matrix that the `signs` of its rows make symmetric, definite or not; None where a pivot is 0.
+    Raises OutOfTime and OutOfMemory as `factorise` does."""
+    return SymmetricPattern(matrix, _seen(matrix, look.seen, True), signs).factors(matrix.data)
 
 
 def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> Full | None:

@@ -48,17 +48,18 @@ class Look:
     longer to factorise A than is asked about, or 300 times what was spent on looking, by a separator of what is left
     once no row has fewer neighbours than there were on the average: what is hopeless costs some tens of products with
     A, or some hundreds.
-    `seen` are the fill and the order of the rows and columns once they are seen to the end. `is_symmetric` tells
-    whether A is, where that is known elsewhere.
+    `seen` are the fill and the order of the rows and columns once they are seen to the end, and may be given.
+    `is_symmetric` tells whether A is, where that is known elsewhere.
     Reference: Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
     """
 
-    def __init__(self, A: sp.csr_array, is_symmetric: Callable[[], bool] | None = None) -> None:
-        self.matrix, self._told = A, is_symmetric
-        self._least, self._cost = least_factor_cost(A.shape[0], A.nnz), 0.0
-        self._is_full = A.nnz == A.shape[0] ** 2
-        self._fill: Fill | None = None  # in an order for the pattern
-        self.seen: Seen | None = None
+    def __init__(
+        self, A: sp.csr_array, is_symmetric: Callable[[], bool] | None = None, seen: Seen | None = None
+    ) -> None:
+        self.matrix, self._told, self.seen = A, is_symmetric, seen
+        self._least, self._is_full = least_factor_cost(A.shape[0], A.nnz), A.nnz == A.shape[0] ** 2
+        self._fill: Fill | None = seen[0] if seen else None  # in an order for the pattern
+        self._cost = factor_cost(seen[0]) if seen else 0.0
 
     @cached_property
     def reach(self) -> tuple[int, int]:
@@ -83,8 +84,8 @@ class Look:
 
     @cached_property
     def is_narrow(self) -> bool:
-        """Whether factors of the band cost less than twice what others would that do not fill up at all: half of that
-        it costs to look how far they do."""
+        """Whether factors of the band cost less than twice what others would if they did not fill up at all: to look
+        how far they do costs about as much as these."""
         return not self.band_costs_more(2.0 * self._least)
 
     @cached_property
@@ -110,10 +111,7 @@ class Look:
         """This one where it has seen all, or another one that has; this one is left as it is."""
         if self.fill.seen:
             return self
-        other = Look(self.matrix, self._told)
-        other.seen = ordered(self.matrix, np.inf, symmetric=self.signs is not None)
-        other._fill, other._cost = other.seen[0], factor_cost(other.seen[0])
-        return other
+        return Look(self.matrix, self._told, ordered(self.matrix, np.inf, symmetric=self.signs is not None))
 
     def band_costs_more(self, most: float) -> bool:
         """Whether it takes more than so many nanoseconds to factorise the band."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .arrays import Vector, bandwidths, inner, is_symmetric, norm, row_of
 from .equilibration import Exponents, in_units, row_exponents
-from .factorisation import factorise, largest_of_columns, of_array, of_dense
+from .factorisation import factorise, largest_of_columns, of_array, of_dense, of_symmetric
 from .fill import Look
 from .multigrid import KrylovMultigrid, krylov_cost
 from .work import COSTS, add, afford, product
@@ -78,7 +78,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
         if look.signs is None:
             return _nudged(scaled(), look), exponents(), 0
         both = exponents() // 2  # as large as before at the most, and as symmetric as it was
-        return _nudged(in_units(M, both, both), look, symmetric=True), both, both
+        return _nudged(in_units(M, both, both), look, look.signs), both, both
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         afford()
@@ -185,10 +185,10 @@ def _by(factors: Any) -> Solver:
     return solve
 
 
-def _nudged(M: sp.csr_array, look: Look, symmetric: bool = False) -> Solver:
+def _nudged(M: sp.csr_array, look: Look, signs: Vector | None = None) -> Solver:
     """The solver by the factors of M + εD; where that has next to nothing on the diagonal, by those with √ε added there
     and no rows exchanged, unless these are bad ones: exchanges fill up many times as much as was foreseen. None are
-    exchanged in a `symmetric` one, up to signs.
+    exchanged where `signs` of the rows make M symmetric.
 
     SuperLU goes on behind a pivot that is exactly 0, with its rows in another order, and says only at the end that M is
     singular: 80 times as long as foreseen on equilibria of traffic. M counts as singular where refinement fails.
@@ -204,10 +204,11 @@ def _nudged(M: sp.csr_array, look: Look, symmetric: bool = False) -> Solver:
     shift = _SHIFT * units
     small = np.abs(diagonal) < shift
     # columns of different sizes hide the small entries
-    if not (symmetric or small.any()) or units.min() < _SHIFT * units.max():
+    if (signs is None and not small.any()) or units.min() < _SHIFT * units.max():
         return by_nudged()
     shifted = sp.csr_array(M + sp.diags_array(np.where(small, np.copysign(shift, diagonal), _NUDGE * diagonal)))
-    by_shifted = _by(factorise(shifted, definite=True, look=look))
+    factors = factorise(shifted, definite=True, look=look) if signs is None else of_symmetric(shifted, look, signs)
+    by_shifted = _by(factors)
     refined = _refined(M, units, by_shifted)
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
@@ -223,7 +224,7 @@ def _nudged(M: sp.csr_array, look: Look, symmetric: bool = False) -> Solver:
 
 def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
     """The solver by the factors of a matrix near M, and refinement, which takes back what is added and what small
-    pivots cost; None where its first step is not small. Rows have one size, and columns these `units`, shape (n,)."""
+    pivots cost; None where its first step is not small. Columns have these `units`, shape (n,)."""
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         whole, unit = (M.T, 1.0) if transposed else (M, units)

@@ -161,6 +161,22 @@ def test_zeros_on_the_diagonal_take_no_more_work_than_foreseen_and_no_digits(see
     assert np.abs(whole @ x - f).max() <= 1e-14 * (abs(whole) @ np.abs(x) + np.abs(f)).max()
 
 
+@pytest.mark.parametrize("shift", [0.0, 0.7])
+@pytest.mark.parametrize("transposed", [False, True])
+def test_symmetric_systems_that_are_not_definite_are_factorised_without_exchanges_all_the_same(shift, transposed):
+    """[[L, C′], [C, −δI]], δ = 0 for one, and L less a multiple of the identity for the other: one factorisation."""
+    L, rng = network(3), np.random.default_rng(3)
+    n, m = L.shape[0], 400
+    C = sp.csr_array(sp.random_array((m, n), density=4.0 / n, rng=rng) + sp.eye_array(m, n))
+    M = sp.csr_array(L - shift * sp.eye_array(n))
+    if not shift:
+        M = sp.csr_array(sp.block_array([[M + sp.eye_array(n), C.T], [C, None]]))
+    f, before = rng.normal(size=M.shape[0]), work.done()
+    x = solver_of(M)(f, 1e-8, transposed)
+    assert work.done() - before <= 2.0 * work.factor_cost(ordered(M, np.inf, symmetric=True)[0])
+    assert np.abs(M @ x - f).max() <= 1e-13 * (abs(M) @ np.abs(x) + np.abs(f)).max()
+
+
 @pytest.mark.parametrize("size", [1e-250, 1e-180, 1e180, 1e250])
 def test_right_hand_sides_whose_squares_are_no_floats_are_solved(size):
     M, rng = sp.csr_array(network(0) + sp.eye_array(3000)), np.random.default_rng(0)

@@ -11,6 +11,8 @@ Reference: Vanderbei, SIAM J. Optim. 5 (1995), for quasidefinite matrices, which
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +22,7 @@ from numpy.typing import NDArray
 from ...errors import OutOfMemory, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import Vector, diagonal_positions, norm
-from ...numerics.factorisation import Symmetric, factorise
+from ...numerics.factorisation import SymmetricPattern, factorise
 from ...numerics.fill import Look, ordered
 from ...numerics.rounding import UNIT_ROUNDOFF
 from .program import handy
@@ -125,13 +127,13 @@ class SparseSystems:
         K = sp.block_array([[P, E.T, A.T], [E, None, None], [A, None, None]]) + sp.eye_array(size)
         self.K = K = sp.csr_array(K)
         K.sort_indices()
-        entries, self.look = work.free_memory() / _BYTES, Look(K)
-        self.fill, _ = self.look.seen = ordered(K, entries, min(most, work.nanoseconds_left()), symmetric=True)
+        entries = work.free_memory() / _BYTES
+        self.fill, _ = seen = ordered(K, entries, min(most, work.nanoseconds_left()), symmetric=True)
         if not self.fill.seen:
             if self.fill.entries > entries:
                 raise OutOfMemory(f"the factors of the KKT matrix, {size} x {size} with {K.nnz} entries, would not fit")
             raise OutOfTime("the factors of the KKT matrix cost more time than is left")
-        self.symmetric, self.diagonal = Symmetric(K, self.look.seen), diagonal_positions(K)
+        self.look, self.pattern, self.diagonal = Look(K, seen=seen), SymmetricPattern(K, seen), diagonal_positions(K)
         self.own = np.concatenate([P.diagonal() + _SMALL, np.zeros(blocks.m), np.full(blocks.k, -_SMALL)])
 
     @property
@@ -140,25 +142,36 @@ class SparseSystems:
         return work.refactor_cost(self.fill)
 
     def factorised(self, w: Vector, of_x: Vector) -> Solve | None:
-        """The solver, which is good until there is another one; None where a pivot is 0."""
+        """The solver, None where a pivot is 0."""
         n, m, K = self.blocks.n, self.blocks.m, self.K.copy()
         diagonal = self.own.copy()
         diagonal[:n] += of_x
         diagonal[n : n + m] = -1.0 / np.maximum(w, _NONE)
         K.data[self.diagonal] = diagonal
-        found: list[Any] = [self.symmetric] if self.symmetric.factorise(K.data) else [factorise(K, look=self.look)]
-        if found[0] is None:
+
+        @cache
+        def with_exchanges() -> Any:
+            with suppress(OutOfMemory):
+                return factorise(K, look=self.look)
+
+        factors = self.pattern.factors(K.data)
+        if factors is None and with_exchanges() is None:
             return None
 
+        def solution(right: Vector) -> Vector:
+            if factors is None:
+                return np.asarray(with_exchanges().solve(right))
+            x = factors.solve(right)
+            for _ in range(_REFINED):
+                if norm(rest := right - K @ x) <= _LEFT * norm(right):
+                    return x
+                x = x + factors.solve(rest)
+            if norm(right - K @ x) <= _LEFT * norm(right) or with_exchanges() is None:
+                return x
+            return np.asarray(with_exchanges().solve(right))
+
         def solve(f: Vector, e: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
-            right = np.concatenate([f, e, a])
-            x, rest, steps = found[0].solve(right), right, 0
-            while found[0] is self.symmetric and not norm(rest := right - K @ x) <= _LEFT * norm(right):
-                if steps == _REFINED:
-                    found[0] = factorise(K, look=self.look) or found[0]
-                    x = found[0].solve(right)
-                    break
-                x, steps = x + self.symmetric.solve(rest), steps + 1
+            x = solution(np.concatenate([f, e, a]))
             return x[:n], np.where(w > 0, x[n : n + m], 0.0), x[n + m :]
 
         return solve

@@ -103,9 +103,13 @@ def analysed(indptr, indices, order):
             j = place[indices[e]]
             while j < i and seen[of[j]] != i:
                 s = of[j]
+                if end[s] == start[s + 1]:
+                    raise ValueError("the pattern is not symmetric")
                 rows[end[s]], seen[s] = i, i
                 end[s] += 1
                 j = parent[first[s + 1] - 1]
+    if (end < start[1:]).any():
+        raise ValueError("the pattern is not symmetric")
     to, at, seen = np.full(indices.size, -1, np.int64), np.empty(n, np.int32), np.full(n, -1, np.int32)
     for s in range(m):
         own = rows[start[s] : start[s + 1]]
@@ -122,14 +126,14 @@ def analysed(indptr, indices, order):
 
 @compiled
 def enter(indptr, indices, data, signs, free, to, values):
-    # the entries of the matrix, row i times signs_i, where they go, what is not `free` being 0 but for the diagonal;
-    # returns whether they are finite
+    # the entries of the matrix, row i times signs_i, where they go, what is not `free` being 0 but for the diagonal; of
+    # two that are opposite to one another the one below the diagonal counts. Returns whether they are finite
     values[:] = 0.0
     for i in range(signs.size):
         for e in range(uint(indptr[i]), uint(indptr[i + 1])):
             j = indices[e]
             if to[e] >= 0 and (j == i or (free[i] and free[j])):
-                values[to[e]] = signs[i] * data[e]
+                values[to[e]] += signs[i] * data[e]
                 if not abs(data[e]) < np.inf:
                     return False
     return True
