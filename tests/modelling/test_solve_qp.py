@@ -150,8 +150,9 @@ def test_dense_sparse_and_softened_systems_have_one_solution():
         assert other == pytest.approx(one, abs=1e-6)
 
 
-def test_sparse_systems_take_p_that_is_symmetric_up_to_rounding_and_exchange_rows_where_pivots_vanish():
-    """Entries of 1e-17 on one side alone; and the pivots 1e-9, −1e9 + 1e9 and what is left of 1 after that."""
+def test_sparse_systems_take_p_that_is_symmetric_up_to_rounding_and_other_ways_where_pivots_vanish():
+    """Entries of 1e-17 on one side alone; the pivots 1e-9, −1e9 + 1e9 and what is left of 1 after that; and flows
+    around a ring, of which each node has an equation: more on the diagonal, or rows exchanged."""
     random = np.random.default_rng(3)
     n, m, k = 300, 40, 30
     B, E, A = (sp.random_array((rows, n), density=0.02, rng=random) for rows in (n, m, k))
@@ -160,12 +161,13 @@ def test_sparse_systems_take_p_that_is_symmetric_up_to_rounding_and_exchange_row
     for blocks in (
         kkt.KktBlocks(sp.csr_array(P), sp.csr_array(E), sp.csr_array(A)),
         kkt.KktBlocks(sp.csr_array((2, 2)), sp.csr_array([[1.0, 1.0]]), sp.csr_array([[1.0, 1.0 + 1e-12]])),
+        kkt.KktBlocks(sp.csr_array((n, n)), sp.csr_array((0, n)), sp.csr_array(sp.eye_array(n) - sp.eye_array(n, k=1))),
     ):
         w, of_x = np.full(blocks.m, 1e9), np.full(blocks.n, 1e-7)
         e, a, f = (random.normal(size=size) for size in (blocks.m, blocks.k, blocks.n))
         dx, d_multiplier, dnu = kkt.SparseSystems(blocks, np.inf).factorised(w, of_x)(f, e, a)
         of_rows = blocks.P @ dx + 1e-9 * dx + of_x * dx + blocks.E.T @ d_multiplier + blocks.A.T @ dnu
-        size = np.abs(dx).max() + np.abs(dnu).max() + np.abs(d_multiplier).max()
+        size = np.abs(np.concatenate([dx, dnu, d_multiplier])).max()
         np.testing.assert_allclose(of_rows, f, atol=1e-9 * size)
         np.testing.assert_allclose(blocks.E @ dx - d_multiplier / w, e, atol=1e-9 * size)
         np.testing.assert_allclose(blocks.A @ dx - 1e-9 * dnu, a, atol=1e-9 * size)

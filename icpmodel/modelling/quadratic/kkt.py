@@ -31,8 +31,11 @@ from .program import handy
 _SMALL = 1e-9
 #: a smaller weight counts as none
 _NONE = 1e-20
-#: what a solve without exchanges of rows may leave of the right-hand side, after so many steps of refinement
-_LEFT, _REFINED = 1e-10, 2
+#: what is added to ρ and δ, and taken back by refinement, where pivots without exchanges of rows are no more than
+#: rounding: its square has to be above that
+_MORE = 1e-7
+#: what refinement may leave of the right-hand side, after so many steps at the most
+_LEFT, _REFINED = 1e-10, 30
 #: bytes of an entry of a factor, and of as much again while it is made
 _BYTES = 24
 
@@ -117,8 +120,8 @@ class DenseSystems:
 
 
 class SparseSystems:
-    """By the factors of [[P + ρ + W₀, Eᵀ, Aᵀ], [E, −W⁻¹, 0], [A, 0, −δ]], pivots on the diagonal; by those with rows
-    exchanged where refinement tells that pivots have become too small for that."""
+    """By the factors of [[P + ρ + W₀, Eᵀ, Aᵀ], [E, −W⁻¹, 0], [A, 0, −δ]], pivots on the diagonal, or by those with more
+    on the diagonal; by those with rows exchanged where refinement fails with either."""
 
     def __init__(self, blocks: KktBlocks, most: float) -> None:
         self.blocks, size = blocks, blocks.n + blocks.m + blocks.k
@@ -135,6 +138,8 @@ class SparseSystems:
             raise OutOfTime("the factors of the KKT matrix cost more time than is left")
         self.look, self.pattern, self.diagonal = Look(K, seen=seen), SymmetricPattern(K, seen), diagonal_positions(K)
         self.own = np.concatenate([P.diagonal() + _SMALL, np.zeros(blocks.m), np.full(blocks.k, -_SMALL)])
+        self.more = np.zeros(K.nnz)
+        self.more[self.diagonal] = np.where(np.arange(size) < blocks.n, _MORE, -_MORE)
 
     @property
     def cost(self) -> float:
@@ -150,25 +155,26 @@ class SparseSystems:
         K.data[self.diagonal] = diagonal
 
         @cache
-        def with_exchanges() -> Any:
+        def factors(way: int) -> Any:
             with suppress(OutOfMemory):
-                return factorise(K, look=self.look)
+                return self.pattern.factors(K.data + way * self.more) if way < 2 else factorise(K, look=self.look)
 
-        factors = self.pattern.factors(K.data)
-        if factors is None and with_exchanges() is None:
+        if all(factors(way) is None for way in range(3)):
             return None
 
         def solution(right: Vector) -> Vector:
-            if factors is None:
-                return np.asarray(with_exchanges().solve(right))
-            x = factors.solve(right)
-            for _ in range(_REFINED):
-                if norm(rest := right - K @ x) <= _LEFT * norm(right):
-                    return x
-                x = x + factors.solve(rest)
-            if norm(right - K @ x) <= _LEFT * norm(right) or with_exchanges() is None:
-                return x
-            return np.asarray(with_exchanges().solve(right))
+            best, least = np.zeros(right.size), np.inf
+            for found in filter(None, map(factors, range(3))):
+                x, before = found.solve(right), np.inf
+                for _ in range(_REFINED):
+                    left = norm(rest := right - K @ x)
+                    best, least = (x, left) if left < least else (best, least)
+                    if least <= _LEFT * norm(right):
+                        return best
+                    if not left < before:
+                        break
+                    x, before = x + found.solve(rest), left
+            return best
 
         def solve(f: Vector, e: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
             x = solution(np.concatenate([f, e, a]))
