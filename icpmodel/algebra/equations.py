@@ -14,7 +14,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, diagonal_positions, norm
 from ..numerics.factorisation import SymmetricPattern, factorise
 from ..numerics.fill import Look
-from ..numerics.linear import cg_step_cost, conjugate_gradients, solver_of
+from ..numerics.linear import by_refinement, cg_step_cost, conjugate_gradients, solver_of
 from ..problem.between import chosen
 from ..problem.data import ProblemData
 from ..problem.map import Map
@@ -165,10 +165,9 @@ class ShiftedEquations:
         With `briefly` the free rows are not factorised where all have been.
         """
         matrix, rows, x, found = self.problem.matrix, np.flatnonzero(free), np.zeros(free.size), None
-        share = rows.size / free.size
-        fill = matrix.fill._replace(rows=rows.size)
-        fill = fill._replace(entries=share**2 * fill.entries, flops=share**2 * fill.flops)
-        direct = min(work.factor_cost(fill), work.dense_cost(rows.size, matrix.is_symmetric))
+        share, whole = rows.size / free.size, matrix.fill
+        part = whole._replace(rows=rows.size, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
+        direct = min(work.factor_cost(part), work.dense_cost(rows.size, matrix.is_symmetric))
         if self.iterative:
             a_step = cg_step_cost(rows.size, int(share * self.problem.nnz))
             if most := int(min(rows.size, min(direct, matrix.again_cost) / a_step)):
@@ -204,11 +203,11 @@ class ShiftedEquations:
         factors = self.repeated.factors(data, free) if self.repeated else None
         if factors is None:
             return None
-        x, f = np.zeros(free.size), np.where(free, f, 0.0)
-        rest, most = f, tolerance * norm(f)
-        for _ in range(2):  # without exchanges of rows digits may be lost
-            x += factors.solve(rest)
-            rest = np.where(free, f - D * x - problem.product(x), 0.0)
-            if norm(rest) <= most:
-                return x
-        return None
+        f = np.where(free, f, 0.0)
+        most = tolerance * norm(f)
+
+        def rest_of(x: Vector) -> Vector:
+            return np.where(free, f - D * x - problem.product(x), 0.0)
+
+        x, left = by_refinement(factors.solve, f, rest_of, most, 2)  # without exchanges of rows digits may be lost
+        return x if left <= most else None

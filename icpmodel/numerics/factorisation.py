@@ -3,6 +3,7 @@ symmetric ones by supernodes, and of others by SuperLU."""
 
 from __future__ import annotations
 
+import math
 from contextlib import nullcontext
 from functools import partial
 from itertools import pairwise
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import OutOfMemory, OutOfTime
 from . import work
-from .arrays import Vector, row_of
+from .arrays import Vector, locked, row_of
 from .fill import Look, Seen, ordered, signs_of_symmetry
 from .threads import in_time, one_blas_thread
 
@@ -160,7 +161,7 @@ class SymmetricPattern:
         self.signs = np.ones(n) if signs is None else signs
         memory = _OF_SYMMETRIC * self.fill.entries + 12 * A.nnz + 24 * n
         work.spend(work.factor_cost(self.fill) - work.refactor_cost(self.fill), memory)
-        self._pattern = _read_only(A.indptr), _read_only(A.indices)
+        self._pattern = locked((A.indptr.view(), A.indices.view()))  # writable ones are another type to compiled loops
         self.order, self.form, self._to = analysed(*self._pattern, seen[1])
         first, _, start, self._offset, _ = self.form
         self._made = np.cumsum(np.diff(start) ** 2.0 * np.diff(first))
@@ -172,23 +173,16 @@ class SymmetricPattern:
 
         n, supernodes, cost = self.order.size, self._made.size, work.refactor_cost(self.fill)
         L, D, free = np.empty(self._offset[-1]), np.empty(n), np.ones(n, bool) if free is None else free
-        if not enter(*self._pattern, _read_only(data), _read_only(self.signs), free, self._to, L):
+        if not enter(*self._pattern, *locked((data.view(), self.signs.view())), free, self._to, L):
             return None
-        pieces = 1 + supernodes // min(work.pieces(cost / supernodes), supernodes)
-        cuts = [0, *np.searchsorted(self._made, np.linspace(0.0, self._made[-1], pieces)[1:-1]), supernodes]
+        pieces = math.ceil(supernodes / work.pieces(cost / supernodes))
+        cuts = [0, *np.searchsorted(self._made, np.linspace(0.0, self._made[-1], pieces + 1)[1:-1]), supernodes]
         links = np.full((3, supernodes), -1)
         with one_blas_thread():
             for low, high in pairwise(cuts):
-                work.spend(cost / (len(cuts) - 1))
+                work.spend(cost / pieces)
                 factor(self.form, L, D, links, low, high)
         return Symmetric(self, L, D) if np.isfinite(D).all() and D.all() else None
-
-
-def _read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array for a compiled loop, which is another one for arrays that may be written to."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
 
 
 def factorise(

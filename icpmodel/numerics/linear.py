@@ -245,6 +245,24 @@ def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
     return solve
 
 
+def by_refinement(
+    solve: Callable[[Vector], Vector], f: Vector, rest_of: Callable[[Vector], Vector], enough: float, solves: int
+) -> tuple[Vector, float]:
+    """x, near where the rest f − Mx, `rest_of`(x), is 0, and the norm of that, by what solves nearly: so many times at
+    the most, as long as that helps and more than `enough` is left."""
+    best, least, x, rest = np.zeros(f.size), np.inf, np.zeros(f.size), f
+    for _ in range(solves):
+        x = x + solve(rest)
+        rest = rest_of(x)
+        left = norm(rest)
+        if not left < least:
+            break
+        best, least = x, left
+        if left <= enough:
+            break
+    return best, least
+
+
 def is_for_multigrid(M: sp.csr_array) -> bool:
     """Whether M has the signs of an M-matrix and is no band."""
     return bool(

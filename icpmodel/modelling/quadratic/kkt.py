@@ -24,6 +24,7 @@ from ...numerics import work
 from ...numerics.arrays import Vector, diagonal_positions, norm
 from ...numerics.factorisation import SymmetricPattern, factorise
 from ...numerics.fill import Look, ordered
+from ...numerics.linear import by_refinement
 from ...numerics.rounding import UNIT_ROUNDOFF
 from .program import handy
 
@@ -34,7 +35,7 @@ _NONE = 1e-20
 #: what is added to ρ and δ, and taken back by refinement, where pivots without exchanges of rows are no more than
 #: rounding: its square has to be above that
 _MORE = 1e-7
-#: what refinement may leave of the right-hand side, after so many steps at the most
+#: what refinement may leave of the right-hand side, after so many solves at the most
 _LEFT, _REFINED = 1e-10, 30
 #: bytes of an entry of a factor, and of as much again while it is made
 _BYTES = 24
@@ -163,17 +164,13 @@ class SparseSystems:
             return None
 
         def solution(right: Vector) -> Vector:
-            best, least = np.zeros(right.size), np.inf
+            best, least, enough = np.zeros(right.size), np.inf, _LEFT * norm(right)
             for found in filter(None, map(factors, range(3))):
-                x, before = found.solve(right), np.inf
-                for _ in range(_REFINED):
-                    left = norm(rest := right - K @ x)
-                    best, least = (x, left) if left < least else (best, least)
-                    if least <= _LEFT * norm(right):
-                        return best
-                    if not left < before:
-                        break
-                    x, before = x + found.solve(rest), left
+                x, left = by_refinement(found.solve, right, lambda x: right - K @ x, enough, _REFINED)
+                if left < least:
+                    best, least = x, left
+                if least <= enough:
+                    break
             return best
 
         def solve(f: Vector, e: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
