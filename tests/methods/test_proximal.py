@@ -93,6 +93,16 @@ def test_redundant_contacts_in_two_dimensions_are_solved_by_signs_and_through_th
         assert min(residuals) < 1e-8 * problem.residual_at_0()
 
 
+@pytest.mark.parametrize("family", ["grid-3d-anisotropic", "option-two"])
+@pytest.mark.parametrize("seed", range(4))
+def test_steps_are_those_of_newton_once_the_first_problem_has_gone_quickly(family, seed):
+    """μ that falls by a fifth at a time takes two to three times as many."""
+    problem = problem_of(family, seed, 400)
+    solution = run(problem)
+    assert solution.solved
+    assert solution.iterations <= problem.solve("newton").iterations + 3
+
+
 @pytest.mark.parametrize("seed", [2, 4, 7])
 def test_a_path_that_creeps_goes_through_the_interior_before_it_has_cost_much_more(seed):
     """Plates, on which signs alone take 65 to 75 steps."""
