@@ -1,13 +1,16 @@
 """icpmodel as a solver of CVXPY: right answers and duals, proofs where there is no answer, in any units."""
 
 from fractions import Fraction
+from types import SimpleNamespace
 
 import cvxpy as cp
+import hypothesis.strategies as st
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from cvxpy.reductions.dcp2cone.cone_matrix_stuffing import ConeMatrixStuffing
 from cvxpy_programs import PROGRAMS
+from hypothesis import given
 
 import icpmodel as icp
 from icpmodel.modelling.cvxpy.qp_solver import program_of
@@ -348,6 +351,20 @@ def test_the_judge_asks_for_the_residual_and_for_the_units_of_the_user(error, go
     judge = Judge(lcp, 1e-9)
     assert judge.asked(z + error, np.zeros(0, bool)) is good
     assert judge.best.residual == pytest.approx(lcp.problem.residual(z + error), rel=1e-6, abs=1e-15)
+
+
+@given(st.lists(st.tuples(*2 * [st.sampled_from([1e-12, 5e-10, 5e-9, 1e-7])]), min_size=1, max_size=6))
+def test_an_answer_that_is_good_enough_is_taken_whatever_came_before(answers):
+    """The violation of one may be less and its residual more."""
+    program = SimpleNamespace(violation=lambda violation: violation)
+    lcp = SimpleNamespace(residual=lambda y: y[1], back=lambda y: (y[0],), program=program)
+    judge = Judge(lcp, 1e-9)
+    for violation, residual in answers:
+        good = violation <= 1e-8 and residual <= 1e-9
+        assert judge.asked(np.array([violation, residual]), np.zeros(0, bool)) is good
+        if good:
+            assert (judge.best.violation, judge.best.residual) == (violation, residual)
+            break
 
 
 @pytest.mark.parametrize("make", [PROGRAMS[0], many_bounds])

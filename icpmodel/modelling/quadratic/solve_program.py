@@ -34,12 +34,7 @@ _STEPS, _PATIENCE = 200, 15
 #: signs are corrected so often before the run begins anew
 _CORRECTIONS = 5
 #: units that are tried one after the other: where a bound is far away, or P is small, others than the first are better
-_UNITS: tuple[dict[str, bool], ...] = (
-    {},
-    {"by_bounds": False},
-    {"by_bounds": False, "as_linear": True},
-    {"as_linear": True},
-)
+_UNITS: tuple[dict[str, bool], ...] = ({}, {"by_bounds": False, "as_linear": True}, {"as_linear": True})
 #: steps of a path, and calls of NumPy in each of them: 6 – 12 and 30, dense programs with 5 – 200 unknowns
 _PATH, _CALLS = 9, 30
 #: what counts as less, and as much less
@@ -67,18 +62,25 @@ class ProgramOutcome:
 
 
 class Judged(NamedTuple):
-    """How far an answer is from optimal in the units of the program, its `residual` in those of the ICP; x, ν and λ."""
+    """How far an answer is from optimal in the units of the program, its `residual` in those of the ICP; x, ν and λ, and
+    which inequalities are `active`."""
 
     violation: float = np.inf
     residual: float = np.inf
     values: tuple[Vector, Vector, Vector] | None = None
+    active: Mask = np.zeros(0, bool)
+
+    @property
+    def wrong(self) -> float:
+        """The worse of both, beside the tolerance."""
+        return max(self.violation / _USERS, self.residual)
 
 
 class Judge:
     """It keeps the `best` answer; one is good `enough` by its residual in the units of the ICP and in the program's."""
 
     def __init__(self, lcp: ProgramLcp, tolerance: float) -> None:
-        self.lcp, self.tolerance, self.best, self.active = lcp, tolerance, Judged(), np.zeros(0, bool)
+        self.lcp, self.tolerance, self.best = lcp, tolerance, Judged()
 
     def asked(self, y: Vector, active: Mask) -> bool:
         """Whether there is an answer that is good enough, now that y, or what is left of it without noise, is known."""
@@ -87,16 +89,15 @@ class Judge:
             residual = self.lcp.residual(of_y)
             if np.isfinite(residual):
                 values = self.lcp.back(of_y)
-                one = Judged(self.lcp.program.violation(*values), residual, values)
-                if one[:2] < self.best[:2]:
-                    self.best, self.active = one, active
+                one = Judged(self.lcp.program.violation(*values), residual, values, active)
+                self.best = min(self.best, one, key=lambda of: of.wrong)
             if self.enough:
                 return True
         return False
 
     @property
     def enough(self) -> bool:
-        return self.best.violation <= _USERS * self.tolerance and self.best.residual <= self.tolerance
+        return self.best.wrong <= self.tolerance
 
 
 def solve_program(
@@ -141,7 +142,7 @@ def _outcome(
         tried.append(judge.lcp)
         ended, made = _sought(judge, active, start)
         steps += made
-        best = min(best, judge.best, key=lambda one: one[:2])
+        best = min(best, judge.best, key=lambda of: of.wrong)
         if judge.enough or ended is not None:
             break
     if not judge.enough and ended is None:
@@ -161,7 +162,7 @@ def _outcome(
     elif ended is None and max(best.violation, best.residual) <= _INACCURATE:
         status, message = "optimal_inaccurate", told
     value = program.objective(values[0])
-    return ProgramOutcome(status, message, values, value, best.residual, steps, active=judge.active)
+    return ProgramOutcome(status, message, values, value, best.residual, steps, active=best.active)
 
 
 def _sought(judge: Judge, active: Mask | None, start: Vector | None) -> tuple[str | tuple[str, str] | None, int]:

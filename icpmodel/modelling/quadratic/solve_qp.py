@@ -102,7 +102,7 @@ def solve_qp(
     (n,), `h` (m,), +inf where a row says nothing, `b` (k,), `lb` and `ub` (n,) or numbers, −inf and +inf where there is
     no bound; None leaves constraints out. `initvals` an x, shape (n,), near the solution: the constraints that are
     tight there are tried first. `tolerance` of the residual of the ICP in units in which its data are about 1; in the
-    units of the program nothing is wrong by more than a hundred times that (`QpSolution.violation`). `time_limit` in
+    units of the program nothing is wrong by more than ten times that (`QpSolution.violation`). `time_limit` in
     seconds. Returns a `QpSolution`. Raises InputError where an argument is wrong, or P is not symmetric or certainly
     not semidefinite; NotSolved, which carries what was found, where that is not optimal, unless `raise_on_failure` is
     False; OutOfMemory before the work begins.
