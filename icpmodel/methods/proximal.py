@@ -7,8 +7,8 @@ or with an obstacle above, or obstacles that move, the problem with these.
 Newton's method on the modulus equation with Ω = (1 + μ_k)W finds the solution of each of these problems in a few steps
 from zᵏ if μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more
 the quicker that went, and grows where Newton's steps wander, which then count as not made. After the first problem,
-where that went quickly, next to nothing is left of μ: from there Newton's steps for the LCP itself mostly do not wander.
-A problem is left as soon as its residual is a share of that of the LCP. Where they have cost as much as those of
+where that went quickly, next to nothing is left of μ: from there Newton's steps for the LCP itself mostly lead on. A
+problem is left as soon as its residual is a share of that of the LCP. Where they have cost as much as those of
 `Interior` would, without an end in sight, these are tried, once: so both together cost about twice what the interior
 does, or twice what the others would have.
 
@@ -96,8 +96,8 @@ class Proximal(Method):
         return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
-        # medians of 6 and 10 steps were measured at n = 120 and 1000 where there is a diagonal, of 16 and 29 where there
-        # is none, as in linear programs
+        # medians of 6 and 10 steps were measured at n = 120 and 1000 where there is a diagonal, of 16 and 29 where
+        # there is none, as in linear programs
         matrix = facts.matrix
         if facts.has_fixed_obstacle:
             step = work.COSTS.newton + min(matrix.again_cost, _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz))
@@ -236,7 +236,7 @@ class ProximalPath:
         return True
 
     def _retreat(self) -> None:
-        """The problem anew, with a larger μ: at least what the last one that was done would be followed by as a rule."""
+        """The problem anew, with a larger μ: at least what follows the last one that was done as a rule."""
         self._begin(self.centre, max(_GROWS * self.shift, _FALLS * self.done))
 
     def _goes_inside(self) -> bool:

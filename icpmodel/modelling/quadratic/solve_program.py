@@ -62,7 +62,7 @@ class ProgramOutcome:
 
 
 class Judged(NamedTuple):
-    """How far an answer is from optimal in the units of the program, its `residual` in those of the ICP; x, ν and λ, and
+    """How far an answer is from optimal in the units of the program, its `residual` in those of the ICP; x, ν and λ;
     which inequalities are `active`."""
 
     violation: float = np.inf
