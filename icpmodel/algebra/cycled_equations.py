@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..numerics import work
-from ..numerics.arrays import Vector, inner, norm
+from ..numerics.arrays import Vector, inner, is_diagonal, norm
 from ..numerics.linear import STEPS, cg_steps, cg_vector_cost
 from ..numerics.multigrid import KRYLOV_STEPS, cycle_cost
 from ..numerics.rounding import UNIT_ROUNDOFF
@@ -47,7 +47,7 @@ class CycledEquations:
         hierarchy.restrict(~active, top)
         own = 0.0 if jacobian is None else jacobian.diagonal()
         self._slope = np.maximum(1.0 - own, LEAST_SLOPE)
-        self._coupled = jacobian is not None and jacobian.nnz > np.count_nonzero(own)
+        self._coupled = jacobian is not None and not is_diagonal(jacobian)
         #: whether x_I follows from the own rows of I
         self._alone = not self._coupled and bool(np.all((self._slope == 1.0 - own) | ~active))
 

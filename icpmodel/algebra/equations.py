@@ -129,8 +129,8 @@ def _refined(
 
 
 def derivative(psi: Map, z: Vector, above: NDArray[np.bool_] | None = None) -> sp.csr_array:
-    """ψ′(z), in the rows `above`, a mask, ψ̄′(z), CSR, shape (n, n), where `Newton.why_not` is None. Raises MapError
-    where it is not finite."""
+    """ψ′(z), in the rows `above`, a mask, ψ̄′(z), CSR, shape (n, n), where both have one (`Map.no_derivative`). Raises
+    MapError where it is not finite."""
     J = chosen(psi, above).jacobian(z)
     assert J is not None
     if not np.isfinite(J.data).all():

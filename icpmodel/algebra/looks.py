@@ -20,8 +20,8 @@ from ..problem.between import mid
 from ..problem.data import ProblemData
 from .cycled_equations import GCR, LEAST_SLOPE, CycledEquations
 from .equations import Pattern, derivative
-from .hierarchy import Hierarchy, Level
-from .steps import Step, compiled_step, in_a_row
+from .hierarchy import Hierarchy
+from .steps import Step, in_a_row, projected_sweep
 
 #: sweeps where the active set has moved
 SWEEPS = 4
@@ -39,7 +39,7 @@ def newton_looks(
     What is sent is the share of Az + q that the next steps are to leave in the free rows, 0.1 where nothing is.
     """
     level, moves = hierarchy.levels[top], not problem.psi.is_constant
-    omega, sweep = level.diagonal, projected_sweep(problem, level)
+    omega, sweep = level.diagonal, sweep_with_flow(problem)
     newton: GCR | None = None
     taken: Pattern | None = None
     while True:
@@ -68,13 +68,10 @@ def newton_looks(
                 return
 
 
-def projected_sweep(problem: ProblemData, level: Level) -> Step:
+def sweep_with_flow(problem: ProblemData) -> Step:
     """Projected Gauss–Seidel, from the last row to the first where what flows through A flows that way."""
-    A, rows = level.A, level.rows
-    downwards = rows.upper <= _FLOW * rows.lower
-    matrix = (A.indptr, A.indices, A.data, rows.diag, problem.q)
-    reach = rows.above if downwards else None
-    return compiled_step(problem, "in_order", matrix, ((1.0,), downwards), reach=reach)
+    rows = problem.matrix.rows
+    return projected_sweep(problem, forward=rows.upper <= _FLOW * rows.lower)
 
 
 def swept(sweep: Step, z: Vector, count: int) -> Vector:

@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import MapError
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
-from .steps import compiled_step
+from .steps import projected_sweep
 from .subproblems import Blocks, Mask, resting, with_fixed_obstacle
 
 #: more than this share of open rows is not worth the trouble, and more than the second one, before a sweep is made,
@@ -43,8 +43,7 @@ def rows_at_rest(problem: ProblemData) -> Blocks | None:
         p = problem.p(c)
         if not np.mean(p <= 0) + balance(problem, none, p) / problem.n <= _PROMISING:
             return None
-        matrix = (A.indptr, A.indices, A.data, problem.matrix.rows.diag, problem.q)
-        sweep = compiled_step(problem, "in_order", matrix, ((1.0,), True))
+        sweep = projected_sweep(problem)
         for _ in range(_SWEEPS):
             z, _ = sweep(z)
         p = problem.p(z)

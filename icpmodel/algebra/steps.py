@@ -93,6 +93,13 @@ def compiled_step(
     return Sweep(step, _counted(several, price))
 
 
+def projected_sweep(problem: ProblemData, omega: float = 1.0, forward: bool = True) -> Step:
+    """A sweep of projected SOR, from the first row to the last or from the last to the first."""
+    A, rows = problem.A, problem.matrix.rows
+    matrix = (A.indptr, A.indices, A.data, rows.diag, problem.q)
+    return compiled_step(problem, "in_order", matrix, ((omega,), forward), rows.above if forward else None)
+
+
 def _counted(several: Several, price: float) -> Several:
     """`several`, each of which is counted as work of this `price`, whatever threads make it."""
 

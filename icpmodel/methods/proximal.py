@@ -65,13 +65,14 @@ _LAST = 100
 _BACKWARD = 1e-6
 #: conjugate gradients for 1e-4 where μ is .01: ½√100·log(2e4)
 _PRODUCTS = 50
-#: of a direction to infinity, entries that are a smaller share of the largest are what else has moved
-_LARGE = 1e-6
+#: of a direction y to infinity, entries that are a smaller share of the largest are what else has moved; and what of
+#: |A|ᵀ|y| counts as 0 in Aᵀy, which fractions then judge
+_LARGE, _ROUNDED = 1e-6, 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Proximal(Method):
-    """z⁺ solves the LCP(A + μW, q − μWz) by modulus Newton, an iterate per step; W = D, μ falls from 0.1.
+    """z⁺ solves the LCP(A + μW, q − μWz) by modulus Newton, an iterate per step; μ falls from 0.1, in units W of A.
 
     For monotone A (xᵀAx ≥ 0), definite or not, symmetric or not, with a zero diagonal or without: contact with
     redundant constraints, equilibria, linear and quadratic programs with their duals. Where the obstacle is fixed (see
@@ -184,7 +185,7 @@ class ProximalPath:
         y = self.z - self.start
         y = np.where(np.abs(y) > _LARGE * np.abs(y).max(), y, 0.0)
         image, size = self.problem.A.T @ y, self.problem.matrix.absolute.T @ np.abs(y)
-        return bool((image <= _BACKWARD * size).all() and inner(self.resting[1], y) < 0)
+        return bool((image <= _ROUNDED * size).all() and inner(self.resting[1], y) < 0)
 
     def size(self, p: Vector) -> float:
         """‖min(p, Wr)‖ in the units of W."""

@@ -21,7 +21,7 @@ from typing import ClassVar
 
 from ..algebra.relaxation import sor_speed
 from ..algebra.splittings import AOR, Splitting
-from ..algebra.steps import Step, compiled_step
+from ..algebra.steps import Step, projected_sweep
 from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -69,6 +69,4 @@ class PSOR(ModulusMember):
         return problem.matrix.rows.diagonal / self.omega
 
     def step_of(self, problem: ProblemData) -> Step:
-        A, rows = problem.A, problem.matrix.rows
-        matrix = (A.indptr, A.indices, A.data, rows.diag, problem.q)
-        return compiled_step(problem, "in_order", matrix, ((self.omega,), True), rows.above)
+        return projected_sweep(problem, self.omega)

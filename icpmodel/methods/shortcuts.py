@@ -19,7 +19,7 @@ from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, lcp
 from ..algebra.equations import derivative, solve_on
 from ..errors import SingularOperator
 from ..numerics import work
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, is_diagonal
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from ..problem.map import Map
@@ -233,8 +233,8 @@ def _linearised(psi: Map, z: Vector) -> tuple[Vector, Any]:
     """(c, G) with Gx + c for ψ near `z`: G dense, or its diagonal alone where ψ_i moves with z_i alone. Raises MapError
     where it is not finite."""
     J = derivative(psi, z)
-    own = J.diagonal()
-    if np.count_nonzero(J.data) == np.count_nonzero(own):
+    if is_diagonal(J):
+        own = J.diagonal()
         return psi.value(z) - own * z, own
     G = J.toarray()
     return psi.value(z) - G @ z, G

@@ -62,11 +62,9 @@ def as_array(value: Any, name: str) -> np.ndarray:
         raise InputError(f"{name} cannot be read as an array of numbers: {error}") from error
     if array.ndim == 0 and array.dtype.kind not in "biufc":
         if callable(getattr(value, "matvec", None)):  # a LinearOperator of SciPy's, or whatever behaves like one
-            given = (
-                "the array or the sparse matrix that it is made of, or, where n is small, its product with np.eye(n)"
-            )
             raise InputError(
-                f"{name} is {described(value)}, which only multiplies; its entries are needed: give {given}"
+                f"{name} is {described(value)}, which only multiplies; its entries are needed: give the array or the "
+                "sparse matrix that it is made of, or, where n is small, its product with np.eye(n)"
             )
         raise InputError(f"{name} is {described(value)}; real numbers were expected")
     return array
@@ -123,9 +121,8 @@ def as_number(
     if not (right and math.isfinite(value) and above < value < below and least <= value <= most):
         bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
         wanted = "".join(f" and {sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))[4:]
-        raise InputError(
-            f"{name} is {described(value)}; a {'whole' if whole else 'finite'} number{wanted} was expected"
-        )
+        kind = "whole" if whole else "finite"
+        raise InputError(f"{name} is {described(value)}; a {kind} number{wanted} was expected")
     return int(value) if whole else float(value)
 
 
@@ -224,9 +221,8 @@ def norm(x: Vector) -> float:
 
 def row_norms(F: NDArray[np.float64]) -> Vector:
     """The norms of the rows of `F`, safe against over- and underflow of the squares; NaN where an entry is."""
-    squares = np.einsum("ij,ij->i", F, F)
-    unsafe = ~((squares > 1e-280) & (squares < 1e280))
-    norms = np.sqrt(squares)
+    norms = np.sqrt(np.einsum("ij,ij->i", F, F))
+    unsafe = ~((norms > 1e-140) & (norms < 1e140))
     if unsafe.any():
         largest = np.abs(F[unsafe]).max(axis=1)
         unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)[:, None]
@@ -280,6 +276,11 @@ def absolute(matrix: sp.csr_array) -> sp.csr_array:
 def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
     """The row of each stored entry of a CSR matrix, shape (nnz,)."""
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+def is_diagonal(matrix: sp.csr_array) -> bool:
+    """Whether nothing off the diagonal of a sparse matrix differs from 0."""
+    return bool(np.count_nonzero(matrix.data) == np.count_nonzero(matrix.diagonal()))
 
 
 def is_symmetric(matrix: sp.csr_array) -> bool:

@@ -36,7 +36,7 @@ _BYTES, _OF_SYMMETRIC = 2 * 12, 6
 class Factors:
     """L and U of A with rows and columns permuted, and solves with them.
 
-    `perm_c` says where column i of A went. `L`, `U` and `perm_r` are as SuperLU has them.
+    `perm_c` says where column i of A went. `L` and `U` are as SuperLU has them.
     """
 
     def __init__(self, lu: Any, rows: NDArray[np.int32], columns: NDArray[np.int32]) -> None:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import MapError
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, is_diagonal
 from ..numerics.rounding import UNIT_ROUNDOFF
 from .map import Map
 from .matrix import Matrix
@@ -30,8 +30,7 @@ class Facts:
         G = self.psi.lipschitz
         if self.psi.is_constant or G is None:
             return self.psi.is_constant
-        slope = G.diagonal()
-        return bool(np.count_nonzero(G.data) == np.count_nonzero(slope) and (slope < 1).all())
+        return is_diagonal(G) and bool((G.diagonal() < 1).all())
 
     @cached_property
     def bounded(self) -> int:

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import ReadOnly, Vector, as_vector
+from ..numerics.arrays import ReadOnly, Vector, as_vector, is_diagonal
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..present.shown import Shown
 
@@ -225,7 +225,7 @@ class Map(ReadOnly, Shown, ABC):
         if G is None:
             return f"{self!r}: no Lipschitz matrix is known"
         slope = float(np.asarray(G.sum(axis=1)).max())
-        own = "; each row depends on its own unknown only" if G.nnz == np.count_nonzero(G.diagonal()) else ""
+        own = "; each row depends on its own unknown only" if is_diagonal(G) else ""
         word = " (at the user's word)" if self.at_users_word else ""
         return f"{self!r}: Lipschitz matrix G with {G.nnz} entries, largest row sum {slope:.6g}{word}{own}"
 

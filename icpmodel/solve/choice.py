@@ -1,8 +1,8 @@
 """Which methods a problem is given: those of least expected cost, by `schedule`, from what each says of itself.
 
-The candidates come in stages, by what has to be known for their estimates: nothing but n; the rows of A; the radius of
-its Jacobi matrix; the fill of its factors; its strong components and the rows at rest. A stage is asked for only where
-what it costs to know is worth it.
+The candidates come in stages, by what has to be known for their estimates: nothing but n; the rows of A; its strong
+components and the rows at rest; the radius of its Jacobi matrix; the fill of its factors. A stage is asked for only
+where what it costs to know is worth it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from ..algebra.relaxation import AUTO, best_omega, relaxation
 from ..methods.accelerated import Accelerated
-from ..methods.aor import MNMAOR, MNMGS, MNMJ
+from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD
 from ..methods.multilevel import Multilevel
@@ -75,7 +75,7 @@ def choose(
     yield stage(0.0, 0.0, lambda: [Lemke()])
     yield stage(6.0, 0.0, lambda: [Tridiagonal()])
     if problem.psi.takes_best:
-        yield stage(30.0, 3.0, lambda: [MNMJ()], lambda: [Multilevel()])
+        yield stage(30.0, 3.0, lambda: [Multilevel()])
     else:
         yield stage(8.0, 3.0, lambda: [PSOR(), MNMGS()])
         # for an affine obstacle its first step is all that Lemke's pivots do

@@ -99,7 +99,7 @@ def solve(
     >>> solution.status, solution.z.round(6)
     (<Status.SOLVED: 'solved'>, array([1., 1.]))
     """
-    if family not in FAMILIES:
+    if family not in tuple(FAMILIES):  # what cannot be hashed is refused as well
         raise InputError(f"family is {described(family)}; 'paper', 'modulus' or None was expected")
     if family is not None and method is not None:
         raise InputError("family restricts what is chosen, but method names one: leave out one of the two")

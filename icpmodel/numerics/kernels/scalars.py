@@ -1,5 +1,5 @@
-"""Loops with a scalar function for each row: equations c = ψ(c), for which `reduction.with_fixed_obstacle` says what
-for, and calls of a user's compiled function.
+"""Loops with a scalar function for each row: equations c = ψ(c), for `Facts.obstacle`, and calls of a user's compiled
+function.
 
 numba looks up what a call's arguments are, and for a function among them that takes longer than a sweep over a small
 problem. So the function becomes part of the code, which is compiled once for each.

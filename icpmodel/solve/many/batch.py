@@ -55,7 +55,8 @@ def _rows(value: Any, name: str, infinite: float) -> Matrix:
     right = np.isfinite(array) | ((array == infinite) & (infinite != 0.0))
     if not right.all():
         i, j = np.argwhere(~right)[0]
-        raise InputError(f"{name}[{i}, {j}] is {array[i, j]}; a finite number was expected")
+        wanted = f"a finite number or {infinite}" if infinite else "a finite number"
+        raise InputError(f"{name}[{i}, {j}] is {array[i, j]}; {wanted} was expected")
     return array
 
 

@@ -19,8 +19,8 @@ from collections.abc import Callable, Generator
 
 import numpy as np
 
-from ...algebra.hierarchy import Hierarchy, Level, NoHierarchy
-from ...algebra.looks import SWEEPS, newton_looks, projected_sweep, swept
+from ...algebra.hierarchy import Hierarchy, NoHierarchy
+from ...algebra.looks import SWEEPS, newton_looks, sweep_with_flow, swept
 from ...algebra.subproblems import with_fixed_obstacle
 from ...numerics import work
 from ...numerics.arrays import Vector
@@ -58,7 +58,7 @@ def points_near(
     if not (first > 0 and np.isfinite(z).all() and bound > _GOOD * max(first, floor)):
         return
     simple = with_fixed_obstacle(problem)
-    sweep, better, last, count, beyond = projected_sweep(simple, Level(simple)), z, first, float(SWEEPS), bound
+    sweep, better, last, count, beyond = sweep_with_flow(simple), z, first, float(SWEEPS), bound
     price, left = work.sweep(problem.n, problem.nnz), _SWEEPING * work.COSTS.hierarchy_entry * problem.nnz
     made = SWEEPS
     while count * price <= left:
