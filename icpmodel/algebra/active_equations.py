@@ -217,6 +217,5 @@ def _product(A: sp.csr_array, B: sp.csr_array) -> sp.csr_array:
     cost = work.COSTS.sparse_flop * float(np.diff(B.indptr)[A.indices].sum())
     if cost > work.dense_cost(sum(B.shape)):
         raise _NotWorth
-    work.afford(cost)
-    work.add(cost)
+    work.spend(cost)
     return sp.csr_array(A @ B)

@@ -206,7 +206,7 @@ def _arranged(
     many = last > most_stages or PIVOT_UP_TO * max(last - _PARTS, 0) > np.count_nonzero(heavy[part])
     # where rows are dominant nothing grows along the chain, and one method for all costs less; and jumps must not leave
     # their part
-    dominant = (simple.matrix.absolute @ np.ones(simple.n) <= 2.0 * simple.A.diagonal()).all()
+    dominant = simple.matrix.is_dominant and simple.matrix.has_positive_diagonal
     if many or dominant or simple.psi.linear is None:
         depth, last, heavy = inner.astype(np.int64), 1, inner
     of = np.where(heavy, depth, 0)[part]

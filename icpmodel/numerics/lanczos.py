@@ -31,11 +31,11 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
     return sp.csr_array((couple(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)
 
 
-def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> float:
+def radius_of(S: sp.csr_array, share: float = _SHARE) -> float:
     """An estimate, usually from below, of the spectral radius ρ of a symmetric `S` ≥ 0; inf if it is not finite.
 
-    By at most so many Lanczos `steps` from the vector of ones; `share` of 1 − ρ is what four more of them must gain for
-    the next four to be made. Reference: Saad, Numerical Methods for Large Eigenvalue Problems (2011), chapter 6.
+    By Lanczos steps from the vector of ones; `share` of 1 − ρ is what four more of them must gain for the next four to
+    be made. Reference: Saad, Numerical Methods for Large Eigenvalue Problems (2011), chapter 6.
     """
     n = S.shape[0]
     price = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
@@ -48,12 +48,13 @@ def radius_of(S: sp.csr_array, steps: int = _MOST, share: float = _SHARE) -> flo
     own: list[float] = []
     next_to: list[float] = []
     w = sums / np.sqrt(n)
-    for step in range(1, min(steps, n) + 1):
+    last = min(_MOST, n)
+    for step in range(1, last + 1):
         own.append(inner(v, w))
         w -= own[-1] * v
         size = norm(w)
         invariant = size <= 1e-12 * bound
-        if invariant or step == min(steps, n) or step % _LOOK == 0:
+        if invariant or step == last or step % _LOOK == 0:
             # eigvalsh reads the lower triangle
             try:
                 known, radius = radius, float(np.linalg.eigvalsh(np.diag(own) + np.diag(next_to, -1))[-1])

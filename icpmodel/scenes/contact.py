@@ -11,7 +11,7 @@ from ..numerics.arrays import Vector, as_number
 from ..problem.affine import Affine
 from ..problem.by_rows import ByRows
 from .grid import index, points, rows_on_grid, side, square_points
-from .registry import Quantity, Scene, assembles, register, size
+from .registry import Quantity, Scene, assembles, farthest, register, size
 
 #: ball obstacle: contact radius a, and u = SLOPE·ln r + LEVEL outside of it
 RADIUS, SLOPE, LEVEL = 0.697965148223374, -0.680259411891719, 0.471519893402112
@@ -73,7 +73,7 @@ def ball(n: int = 900) -> Scene:
     h, points = 2 * HALF / (rows.shape[0] + 1), square_points(-HALF, HALF, rows.shape[0])
     problem, u = ICP(*rows.local_rows(0, rows.n)), _ball_solution(points)
     known = {
-        "u": Quantity(0.0, partial(_farthest, u), order=2.0),
+        "u": Quantity(0.0, partial(farthest, u), order=2.0),
         "contact radius": Quantity(RADIUS, partial(_radius, problem), order=2.0),
     }
     models = "A membrane held along the edge of a square and lifted by a ball from below."
@@ -98,7 +98,7 @@ def obstacle_3d(n: int = 1000) -> Scene:
     """
     rows = _obstacle_3d(n)
     at, h = index(rows.shape, 0, rows.n), 2.0 / (rows.shape[0] + 1)
-    u = Quantity(0.0, partial(_farthest, _solution_3d(points(-1.0, 1.0, rows.shape, at))), order=2.0)
+    u = Quantity(0.0, partial(farthest, _solution_3d(points(-1.0, 1.0, rows.shape, at))), order=2.0)
     models = "A cube that sources keep at least as warm as a given profile: where they must heat, and how much."
     return Scene(problem=ICP(*rows.local_rows(0, rows.n)), models=models, quantities={"u": u}, h=h)
 
@@ -149,10 +149,6 @@ def _warmth(x: Vector) -> Vector:
 def _solution_3d(x: Vector) -> Vector:
     r = np.sqrt((x**2).sum(axis=1))
     return np.where(r <= RADIUS_3D, _warmth(x), RADIUS_3D / np.maximum(r, RADIUS_3D) + LEVEL_3D)
-
-
-def _farthest(u: Vector, z: Vector) -> float:
-    return float(np.max(np.abs(z - u)))
 
 
 def _slip(problem: ICP, z: Vector) -> float:

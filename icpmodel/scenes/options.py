@@ -10,7 +10,7 @@ import numpy as np
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from .grid import level_crossing, tridiagonal
-from .registry import Quantity, Scene, register, size
+from .registry import Quantity, Scene, farthest, register, size
 
 #: interest and volatility, a year; the bounded solution of the equation decays as s^-DECAY
 INTEREST, VOLATILITY = 0.05, 0.3
@@ -42,7 +42,7 @@ def game_put(n: int = 201, delta: float = 0.05) -> Scene:
     problem = ICP(A, q, payoff, payoff + delta)
     value, k = game_put_value(delta)
     known = {
-        "V": Quantity(0.0, partial(_farthest, value(s)), order=2.0),
+        "V": Quantity(0.0, partial(farthest, value(s)), order=2.0),
         "k": Quantity(k, partial(_exercise, problem, y), order=2.0),
     }
     models = "The value of a put for ever, which its holder may exercise and its writer cancel at a penalty."
@@ -78,10 +78,6 @@ def _operator(n: int, h: float) -> tuple[Any, Vector]:
     # ghost point: V(y + h) = V(y - h) - 2h·DECAY·V(y)
     left[-1], middle[-1] = -diffusion, middle[-1] / 2.0 + h * DECAY * (diffusion + drift)
     return tridiagonal(left, middle, right), q
-
-
-def _farthest(value: Vector, z: Vector) -> float:
-    return float(np.abs(z - value).max())
 
 
 def _exercise(problem: ICP, y: Vector, z: Vector) -> float:

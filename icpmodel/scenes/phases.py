@@ -9,7 +9,7 @@ import numpy as np
 from ..icp import ICP
 from ..numerics.arrays import Vector
 from .grid import tridiagonal
-from .registry import Quantity, Scene, register, size
+from .registry import Quantity, Scene, farthest, register, size
 
 #: the interface is πε wide
 EPSILON = 0.2
@@ -37,15 +37,11 @@ def phase_step(n: int = 201) -> Scene:
     beside, share = np.full(n - 1, -stiff), np.where((x == x[0]) | (x == x[-1]), 0.5, 1.0)
     A = tridiagonal(beside, share * (1.0 / STEP - 1.0 + 2.0 * stiff), beside)
     known = {
-        "u": Quantity(0.0, partial(_farthest, u), order=2.0),
+        "u": Quantity(0.0, partial(farthest, u), order=2.0),
         "energy": Quantity(np.pi / 2, partial(_energy, h), order=2.0),
     }
     models = "Two phases of an alloy side by side, and the interface between them."
     return Scene(problem=ICP(A, -share * u / STEP, -1.0, 1.0), models=models, quantities=known, h=h, points=x)
-
-
-def _farthest(u: Vector, z: Vector) -> float:
-    return float(np.abs(z - u).max())
 
 
 def _energy(h: float, z: Vector) -> float:

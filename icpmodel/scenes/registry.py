@@ -48,6 +48,11 @@ class Quantity(Shown):
         return abs(float(self.measure(z)) - self.exact)
 
 
+def farthest(exact: Vector, z: Vector) -> float:
+    """The largest |z_i − exact_i|, a measure for `Quantity`."""
+    return float(np.abs(z - exact).max())
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Scene(ReadOnly, Plotted):
     """A problem of the gallery with what is known of its answer.

@@ -90,6 +90,8 @@ class ForeignSolver(Shown, ABC):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        if not cls.tight:
+            raise InputError(f"{cls.__name__}.tight is empty; at least one tolerance was expected")
         if "name" in vars(cls):
             _REGISTRY[cls.name] = cls
 

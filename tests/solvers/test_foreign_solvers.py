@@ -189,3 +189,8 @@ def test_a_failure_at_a_tight_tolerance_is_repeated_more_loosely_and_told() -> N
     assert solver.asked == [1e-12, 1e-9, 1e-6]
     assert report.agrees
     assert report.rows[0].claim == "by heart, at 1e-06"
+
+
+def test_a_solver_without_a_tolerance_to_be_asked_with_is_refused_where_it_is_written() -> None:
+    with pytest.raises(icp.InputError, match=r"Aimless.tight is empty; at least one tolerance"):
+        type("Aimless", (Exact,), {"tight": ()})

@@ -17,7 +17,7 @@ from ...algebra.looks import SWEEPS
 from ...distributed import DistributedICP, by_rows, solve
 from ...distributed.distributed_levels import DistributedLevels
 from ...distributed.newton_on_ranks import LookOnRanks
-from ...distributed.ranks import largest, petsc, totals, world
+from ...distributed.ranks import largest, petsc, world
 
 #: PETSc's events that send, and those that reduce
 _SENDS, _REDUCES = ("VecScatterBegin",), ("VecDot", "VecTDot", "VecMDot", "VecNorm", "PCSetUp", "MatAssemblyEnd")
@@ -150,17 +150,11 @@ def _product(problem: DistributedICP) -> float:
 
 
 def _messages(comm: Any) -> dict[str, float]:
-    """Seconds of a short message, of a byte of a long one and of a reduction here; none on one rank."""
+    """Seconds of a short message and of a byte of a long one here; none on one rank."""
     if comm.size == 1:
-        return {"latency": 0.0, "byte": 0.0, "reduction": 0.0}
+        return {"latency": 0.0, "byte": 0.0}
     short, long = (_pinged(comm, size) for size in (_SHORT, _LONG))
-
-    def reduced() -> int:
-        for _ in range(_PINGS):
-            totals(comm, 1.0)
-        return _PINGS
-
-    return {"latency": short, "byte": max(long - short, 0.0) / _LONG, "reduction": _part(comm, reduced)["seconds"]}
+    return {"latency": short, "byte": max(long - short, 0.0) / _LONG}
 
 
 def _pinged(comm: Any, size: int) -> float:

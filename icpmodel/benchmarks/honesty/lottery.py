@@ -39,7 +39,7 @@ _MANY = ("rtol", "atol", "time_limit")
 #: With 100 in place of 300 one in a hundred of those that are solved is not, and a tenth without a limit took a quarter
 #: of the time: cProfile of 2000 trials, of which the longest hundred took two thirds
 _STEPS, _SECONDS, _LIMITED = "100", "0.1", 0.98
-_WITHOUT_DIAGONAL = ("josephy", "lemke", "mnmod", "modulus", "newton", "reduced")
+_WITHOUT_DIAGONAL = ("josephy", "lemke", "mnmod", "modulus", "newton", "proximal", "reduced")
 #: of `ASKED`: all bounds alike
 _WEIGHTS = [0.3, 0.2, 0.1, 0.03, 0.01, *[0.36 / (len(ASKED) - 5)] * (len(ASKED) - 5)]
 
