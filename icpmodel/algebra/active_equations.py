@@ -21,9 +21,10 @@ from ..errors import OutOfTime
 from ..numerics import work
 from ..numerics.arrays import Vector, row_of
 from ..numerics.fill import Look, of_band
+from ..numerics.krylov import NotConverged
 from ..numerics.linear import Solver, dense_solver, multigrid_pays, solver_of
 from ..problem.data import ProblemData
-from .cycled_equations import CycledEquations, NotConverged, cycles_cost
+from .cycled_equations import CycledEquations, cycles_cost
 from .equations import among, equations_on
 from .hierarchy import Hierarchy, NoHierarchy
 

@@ -11,26 +11,20 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..numerics import work
-from ..numerics.arrays import Vector, inner, is_diagonal, norm
-from ..numerics.linear import STEPS, cg_steps, cg_vector_cost
+from ..numerics.arrays import Vector, is_diagonal, norm
+from ..numerics.krylov import GCR, NotConverged, cg_steps, cg_vector_cost
+from ..numerics.linear import STEPS
 from ..numerics.multigrid import KRYLOV_STEPS, cycle_cost
-from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData
 from .hierarchy import Hierarchy, Level
 
 #: ψ_i is not followed where 1 − ∂ψ_i/∂z_i is smaller
 LEAST_SLOPE = 0.1
-#: directions that GCR keeps
-_KEPT = 8
 
 
 def cycles_cost(problem: ProblemData) -> float:
     """What one system costs by `CycledEquations`, with as many steps as it needs as a rule."""
     return STEPS * (cycle_cost(problem.n, problem.nnz) + problem.matrix.unit + cg_vector_cost(problem.n))
-
-
-class NotConverged(Exception):
-    """The Krylov steps do not get to their tolerance."""
 
 
 class CycledEquations:
@@ -80,7 +74,7 @@ class CycledEquations:
             lambda rest: self._in_blocks(rest / units, cycle, transposed),
             units * (f - self.product(x, transposed)),
         )
-        return steps.until(x, tolerance * norm(units * f))
+        return steps.until(x, tolerance * norm(units * f), KRYLOV_STEPS)
 
     def _on_free(self, f: Vector, tolerance: float, transposed: bool) -> Vector:
         """x with A_FF x_F = f_F, or with its transpose, and x_I = 0."""
@@ -93,7 +87,7 @@ class CycledEquations:
         if not self._hierarchy.is_symmetric:
             units = np.ones(f.size) if transposed else level.inverse
             steps = GCR(lambda y: units * product(y), lambda rest: cycle(rest / units), units * f)
-            return steps.until(np.zeros(f.size), tolerance * norm(steps.rest))
+            return steps.until(np.zeros(f.size), tolerance * norm(steps.rest), KRYLOV_STEPS)
         units = np.sqrt(level.inverse)
         enough = tolerance * norm(units * f)
         for x, rest, _ in islice(cg_steps(product, cycle, f), KRYLOV_STEPS):
@@ -118,57 +112,3 @@ class CycledEquations:
 
     def _way(self, transposed: bool) -> Hierarchy:
         return self._hierarchy.transposed if transposed else self._hierarchy
-
-
-class GCR:
-    """Generalised conjugate residuals: steps that each reduce the 2-norm of the rest as the last directions allow.
-
-    Parameters: the `product` with M and a preconditioner for it; `rest` = f − Mx where they begin, which is written on.
-    """
-
-    def __init__(
-        self, product: Callable[[Vector], Vector], preconditioned: Callable[[Vector], Vector], rest: Vector
-    ) -> None:
-        self._product, self._preconditioned, self.rest = product, preconditioned, rest
-        self._directions: list[tuple[Vector, Vector]] = []
-        #: the least |y|/|My| so far
-        self._shortest = np.inf
-
-    def further(self, x: Vector, wanted: float, most: int) -> tuple[Vector, bool]:
-        """`x` after at most so many steps, until the rest is as small as `wanted`, and whether any was made."""
-        from ..numerics.kernels.vcycle import add_both  # loads numba
-
-        # in place: to touch memory that is new costs more than these sums
-        x, moved = x.copy(), False
-        for _ in range(most):
-            y = self._preconditioned(self.rest)
-            w = self._product(y)
-            taken = 0.0
-            for direction, image in self._directions:
-                share = inner(w, image)
-                add_both(w, image, -share, y, direction, -share)
-                taken = max(taken, abs(share))
-            size, length = norm(w), norm(y)
-            if not (0 < size < np.inf and length > 0):  # which may underflow
-                break
-            self._shortest = min(self._shortest, length / size)
-            # where M is singular, w is what rounding left of My, or of what was taken from it
-            if not _KEPT * UNIT_ROUNDOFF * max(taken, length / self._shortest) <= size:
-                break
-            y /= size
-            w /= size
-            self._directions = [*self._directions[1 - _KEPT :], (y, w)]
-            share = inner(self.rest, w)
-            add_both(x, y, share, self.rest, w, -share)
-            moved = True
-            if norm(self.rest) <= wanted:
-                break
-        return x, moved
-
-    def until(self, x: Vector, wanted: float) -> Vector:
-        """`x` where the rest is as small as `wanted`."""
-        if norm(self.rest) > wanted:
-            x, _ = self.further(x, wanted, KRYLOV_STEPS)
-        if not norm(self.rest) <= wanted:
-            raise NotConverged
-        return x

@@ -14,10 +14,12 @@ from ..numerics import work
 from ..numerics.arrays import Vector, diagonal_positions, norm
 from ..numerics.factorisation import SymmetricPattern, factorise
 from ..numerics.fill import Look
-from ..numerics.linear import by_refinement, cg_step_cost, conjugate_gradients, solver_of
+from ..numerics.krylov import cg_step_cost, conjugate_gradients, conjugate_residuals, gcr_step_cost
+from ..numerics.linear import by_refinement, solver_of
 from ..problem.between import chosen
 from ..problem.data import ProblemData
 from ..problem.map import Map
+from ..problem.matrix import Matrix
 from .operators import FactorisedOperator
 
 #: steps of iterative refinement, or of Newton's method with the first derivative kept
@@ -138,15 +140,24 @@ def derivative(psi: Map, z: Vector, above: NDArray[np.bool_] | None = None) -> s
     return J
 
 
+def krylov_step_cost(matrix: Matrix, share: float = 1.0) -> float:
+    """What a step of CG costs on a `share` of the rows of A, or one of GCR where A is not symmetric; inf where it has
+    no positive diagonal either, as such systems take thousands of steps."""
+    n, nnz = int(share * matrix.n), int(share * matrix.nnz)
+    if matrix.is_nearly_symmetric:
+        return cg_step_cost(n, nnz)
+    return gcr_step_cost(n, nnz) if matrix.has_positive_diagonal else np.inf
+
+
 class ShiftedEquations:
     """((A + D)x)_i = f_i in the free rows and x_i = 0 in the others, for one set of rows and one D ≥ 0 after another.
 
-    By conjugate gradients where A is symmetric, as long as these promise to cost less; by factors of matrices with the
-    pattern of A, or by those of the free rows.
+    By steps of Krylov's methods, see `krylov_step_cost`, as long as these promise to cost less; by factors of matrices
+    with the pattern of A, or by those of the free rows.
     """
 
     def __init__(self, problem: ProblemData) -> None:
-        self.problem, self.iterative = problem, problem.matrix.is_nearly_symmetric
+        self.problem, self.iterative = problem, krylov_step_cost(problem.matrix) < np.inf
 
     @cached_property
     def repeated(self) -> SymmetricPattern | None:
@@ -168,11 +179,11 @@ class ShiftedEquations:
         share, whole = rows.size / free.size, matrix.fill
         part = whole._replace(rows=rows.size, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
         direct = min(work.factor_cost(part), work.dense_cost(rows.size, matrix.is_symmetric))
-        if self.iterative:
-            a_step = cg_step_cost(rows.size, int(share * self.problem.nnz))
-            if most := int(min(rows.size, min(direct, matrix.again_cost) / a_step)):
-                found = conjugate_gradients(self._shifted(rows, D), f[rows], most)
-                self.iterative = found is not None or briefly  # with a smaller D they will not do better
+        most = int(min(rows.size, min(direct, matrix.again_cost) / krylov_step_cost(matrix, share)))
+        if self.iterative and most > 0:
+            by_steps = conjugate_gradients if matrix.is_nearly_symmetric else conjugate_residuals
+            found = by_steps(self._shifted(rows, D), f[rows], most)
+            self.iterative = found is not None or briefly  # with a smaller D they will not do better
         if found is None and matrix.again_cost < direct:
             x_of_all = self._by_all_rows(free, D, f, tolerance)
             if x_of_all is not None or briefly:

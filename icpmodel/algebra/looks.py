@@ -16,9 +16,10 @@ import numpy as np
 
 from ..numerics import work
 from ..numerics.arrays import Vector, norm
+from ..numerics.krylov import GCR
 from ..problem.between import mid
 from ..problem.data import ProblemData
-from .cycled_equations import GCR, LEAST_SLOPE, CycledEquations
+from .cycled_equations import LEAST_SLOPE, CycledEquations
 from .equations import Pattern, derivative
 from .hierarchy import Hierarchy
 from .steps import Step, in_a_row, projected_sweep

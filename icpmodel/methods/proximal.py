@@ -31,13 +31,13 @@ from typing import ClassVar
 import numpy as np
 
 from ..algebra.active_equations import Elimination
-from ..algebra.equations import Pattern, ShiftedEquations, derivative
+from ..algebra.equations import Pattern, ShiftedEquations, derivative, krylov_step_cost
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm
 from ..numerics.equilibration import balanced
-from ..numerics.linear import cg_step_cost
+from ..numerics.linear import MANY_STEPS
 from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -101,9 +101,10 @@ class Proximal(Method):
         # there is none, as in linear programs
         matrix = facts.matrix
         if facts.has_fixed_obstacle:
-            step = work.COSTS.newton + min(matrix.again_cost, _PRODUCTS * cg_step_cost(matrix.n, matrix.nnz))
+            step = work.COSTS.newton + min(matrix.again_cost, _PRODUCTS * krylov_step_cost(matrix))
         else:
-            step = work.newton(matrix.n, matrix.nnz) + matrix.unsymmetric_cost
+            system = min(matrix.unsymmetric_cost, MANY_STEPS * krylov_step_cost(matrix))
+            step = work.newton(matrix.n, matrix.nnz) + system
         steps = (1.0 if matrix.has_positive_diagonal else 2.0) * (3.0 + math.log2(max(facts.bounded, 1)))
         step /= matrix.unit
         return Estimate(step, step, steps, 12.0 * matrix.fill.entries)

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
-from itertools import islice
 from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .arrays import Vector, bandwidths, inner, is_symmetric, norm, row_of
+from .arrays import Vector, bandwidths, is_symmetric, norm, row_of
 from .equilibration import Exponents, in_units, row_exponents
 from .factorisation import factorise, largest_of_columns, of_array, of_dense, of_symmetric
 from .fill import Look
+from .krylov import INEXACT, conjugate_residuals, gcr_step_cost
 from .multigrid import KrylovMultigrid, krylov_cost
-from .work import COSTS, add, afford, product
+from .work import add, afford, factor_cost, product
 
 
 class Solver(Protocol):
@@ -30,8 +30,6 @@ class Solver(Protocol):
 _WIDEST_BAND, _WIDEST_BORDER = 16, 16
 #: the relative error up to which systems count as solved: for a bordered band the backward one
 _BACKWARD = 1e-12
-#: the relative residual of an inexact solve
-_INEXACT = 1e-4
 #: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
 #: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
 _NUDGE, _SMALL = 2.0**-36, 0.5
@@ -39,15 +37,18 @@ _NUDGE, _SMALL = 2.0**-36, 0.5
 _SHIFT = 2.0**-25
 #: so many Krylov steps multigrid needs as a rule
 STEPS = 10
+#: and so many GCR without a preconditioner
+MANY_STEPS = 100
 
 
 def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | None = None) -> Solver:
-    """A solver of Mx = f and Mᵀx = f for many f: for a band, one with a few full rows, dense or sparse matrices, or
-    multigrid.
+    """A solver of Mx = f and Mᵀx = f for many f: for a band, one with a few full rows, dense or sparse matrices,
+    multigrid, or Krylov's steps.
 
     Multigrid is for matrices with a positive diagonal and nothing positive off it, and taken where a factorisation is
-    foreseen to cost more, unless `by_multigrid` decides; where it does not converge they are factorised as well. `look`
-    is one at M that was begun with. Rows are brought to one size first. The solver returns None where M is singular.
+    foreseen to cost more, unless `by_multigrid` decides; Krylov's steps are for others with a positive diagonal that
+    fill up. Where these do not converge they are factorised as well. `look` is one at M that was begun with. Rows are
+    brought to one size first. The solver returns None where M is singular.
     Raises OutOfTime and OutOfMemory.
     """
     n = M.shape[0]
@@ -62,7 +63,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
         by_multigrid = multigrid_pays(M, look, krylov_cost(M.nnz, STEPS))
     else:
         by_multigrid = by_multigrid and is_for_multigrid(M)
-    cycles = _multigrid(M, scaled(), exponents()) if by_multigrid else None
+    iterative = _multigrid(M, scaled(), exponents()) if by_multigrid else _by_steps(M, look)
 
     @cache
     def direct() -> tuple[Solver, Exponents | int, Exponents | int]:
@@ -82,7 +83,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         afford()
-        x = None if cycles is None else cycles(f, tolerance, transposed)
+        x = None if iterative is None else iterative(f, tolerance, transposed)
         if x is None:
             by_factors, rows, columns = direct()
             if transposed:
@@ -116,6 +117,24 @@ def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> S
         multigrid, units = backward()
         x = multigrid.solve(np.ldexp(f, units), tolerance)
         return None if x is None else np.ldexp(x, exponents)
+
+    return solve
+
+
+def _by_steps(M: sp.csr_array, look: Look) -> Solver | None:
+    """The solver by steps of GCR, as many as cost no more than a factorisation; None where that is foreseen to cost
+    less than `MANY_STEPS`, or where the diagonal is not positive."""
+    a_step = gcr_step_cost(M.shape[0], M.nnz)
+    if not ((M.diagonal() > 0.0).all() and look.costs_more(MANY_STEPS * a_step)):
+        return None
+    failed = False
+
+    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
+        nonlocal failed
+        most = min(int(factor_cost(look.fill) / a_step), M.shape[0])
+        x = None if failed else conjugate_residuals(sp.csr_array(M.T) if transposed else M, f, most, tolerance)
+        failed = x is None
+        return x
 
     return solve
 
@@ -215,7 +234,7 @@ def _nudged(M: sp.csr_array, look: Look, signs: Vector | None = None) -> Solver:
         x = refined(f, tolerance, transposed)
         if x is None and (y := by_shifted(f, tolerance, transposed)) is not None:
             whole = shifted.T if transposed else shifted
-            if norm(f - whole @ y) <= _INEXACT * norm(y):  # good factors: it is M that is nearly singular
+            if norm(f - whole @ y) <= INEXACT * norm(y):  # good factors: it is M that is nearly singular
                 return None
         return by_nudged()(f, tolerance, transposed) if x is None else x
 
@@ -270,53 +289,3 @@ def is_for_multigrid(M: sp.csr_array) -> bool:
         and (M.diagonal() > 0).all()
         and not (M.data[row_of(M) != M.indices] > 0).any()
     )
-
-
-def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
-    """x with Mx = f, M definite, to 1e-4 of `f` in the norm of D⁻¹, by at most so many products; None where that fails.
-
-    SciPy's does not count its work, nor ask for the time between two steps.
-    """
-    inverse, first = 1.0 / M.diagonal(), None
-    for x, _, square in islice(cg_steps(lambda y: M @ y, lambda rest: inverse * rest, f), most):
-        afford()
-        first = square if first is None else first
-        if square <= _INEXACT**2 * first:
-            return x
-        add(cg_step_cost(M.shape[0], M.nnz))
-    return None
-
-
-def cg_steps(
-    product: Callable[[Vector], Vector], preconditioned: Callable[[Vector], Vector], f: Vector
-) -> Iterator[tuple[Vector, Vector, float]]:
-    """Conjugate gradients for Mx = f: x, the rest f − Mx, and the rest's square in the norm of the preconditioner B.
-
-    From x = 0 on, in the same arrays; they end where M or B is seen not to be definite.
-    """
-    x, rest = np.zeros(f.size), f.copy()
-    direction = preconditioned(rest)
-    square = inner(rest, direction)
-    while True:
-        yield x, rest, square
-        image = product(direction)
-        curvature = inner(direction, image)
-        if not (0 < curvature < np.inf and square > 0):
-            return
-        step = square / curvature
-        x += step * direction
-        rest -= step * image
-        y = preconditioned(rest)
-        square, before = inner(rest, y), square
-        direction *= square / before
-        direction += y
-
-
-def cg_step_cost(n: int, nnz: int) -> float:
-    """The cost of a step of `conjugate_gradients`: a product, and eight calls for vectors."""
-    return product(n, nnz) + cg_vector_cost(n)
-
-
-def cg_vector_cost(n: int) -> float:
-    """What a step of `cg_steps` does besides its product and the preconditioner: eight calls for vectors."""
-    return 8 * (COSTS.call + COSTS.vector * n)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric
 from ..numerics.fill import Look
-from ..numerics.lanczos import SMALL_RADIUS, couplings, radius_of
+from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
 from ..numerics.linear import is_for_multigrid
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 
@@ -186,14 +186,14 @@ class Matrix(ReadOnly):
 
     @cached_property
     def couplings(self) -> sp.csr_array:
-        """√|a_ij a_ji|/√|a_ii a_jj| off the diagonal: see `numerics.lanczos.couplings`."""
+        """√|a_ij a_ji|/√|a_ii a_jj| off the diagonal: see `numerics.krylov.couplings`."""
         return couplings(self.sparse)
 
     @cached_property
     def jacobi_radius(self) -> float:
         """An estimate of the spectral radius of I − D⁻¹A, by row sums where they show it to be small; inf unless D > 0.
 
-        See `numerics.lanczos`.
+        See `numerics.krylov`.
         """
         if not self.has_positive_diagonal:
             return np.inf

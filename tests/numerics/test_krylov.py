@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.numerics.lanczos import couplings, radius_of
+from icpmodel.numerics.krylov import couplings, radius_of
 from icpmodel.problem.matrix import Matrix
 
 

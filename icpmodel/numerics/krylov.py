@@ -1,0 +1,206 @@
+"""Krylov's methods: linear systems, and the spectral radius that steers a choice of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import islice
+
+import numpy as np
+import scipy.sparse as sp
+
+from . import work
+from .arrays import Vector, inner, norm
+from .rounding import UNIT_ROUNDOFF
+
+#: a radius up to which its size makes no difference to any choice
+SMALL_RADIUS = 0.7
+#: it is looked at whenever so many more Lanczos steps are made, and where they bring it no nearer to 1 than by this
+#: share of what is left it will do, as after the last number of steps
+_LOOK, _SHARE, _MOST = 4, 0.3, 60
+#: nanoseconds for which a_ji is found, in rows of thousands of entries
+_COUPLE = 40.0
+#: the relative residual of an inexact solve
+INEXACT = 1e-4
+#: directions that GCR keeps
+_KEPT = 8
+
+
+class NotConverged(Exception):
+    """The steps do not get to their tolerance."""
+
+
+def couplings(A: sp.csr_array) -> sp.csr_array:
+    """√|a_ij a_ji|/√|a_ii a_jj|, i ≠ j, with the pattern of A, whose rows are sorted.
+
+    For symmetric M-matrices, and those that a diagonal similarity makes symmetric, their spectral radius is that of the
+    Jacobi matrix I − D⁻¹A; what acts in one direction only counts as nothing, as it does for Gauss–Seidel.
+    Reference: Young, Iterative Solution of Large Linear Systems (1971), chapter 6.
+    """
+    from .kernels.products import couple  # loads numba
+
+    work.afford(_COUPLE * A.nnz)
+    weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
+    return sp.csr_array((couple(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)
+
+
+def radius_of(S: sp.csr_array, share: float = _SHARE) -> float:
+    """An estimate, usually from below, of the spectral radius ρ of a symmetric `S` ≥ 0; inf if it is not finite.
+
+    By Lanczos steps from the vector of ones; `share` of 1 − ρ is what four more of them must gain for the next four to
+    be made. Reference: Saad, Numerical Methods for Large Eigenvalue Problems (2011), chapter 6.
+    """
+    n = S.shape[0]
+    price = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
+    work.spend(price)
+    sums = S @ np.ones(n)
+    bound = float(sums.max())
+    if not SMALL_RADIUS < bound < np.inf:
+        return bound if bound <= SMALL_RADIUS else np.inf
+    before, v, radius = np.zeros(n), np.full(n, 1.0 / np.sqrt(n)), float(sums.mean())  # vᵀSv
+    own: list[float] = []
+    next_to: list[float] = []
+    w = sums / np.sqrt(n)
+    last = min(_MOST, n)
+    for step in range(1, last + 1):
+        own.append(inner(v, w))
+        w -= own[-1] * v
+        size = norm(w)
+        invariant = size <= 1e-12 * bound
+        if invariant or step == last or step % _LOOK == 0:
+            # eigvalsh reads the lower triangle
+            try:
+                known, radius = radius, float(np.linalg.eigvalsh(np.diag(own) + np.diag(next_to, -1))[-1])
+            except np.linalg.LinAlgError:  # what overflowed
+                return np.inf
+            if invariant or radius - known <= share * abs(1.0 - radius):
+                break
+        next_to.append(size)
+        before, v = v, w / size
+        work.afford(price)
+        w = S @ v - size * before
+        work.add(price)
+    return radius
+
+
+def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
+    """x with Mx = f, M definite, to 1e-4 of `f` in the norm of D⁻¹, by at most so many products; None where that fails.
+
+    SciPy's does not count its work, nor ask for the time between two steps.
+    """
+    inverse, first = 1.0 / M.diagonal(), None
+    for x, _, square in islice(cg_steps(lambda y: M @ y, lambda rest: inverse * rest, f), most):
+        work.afford()
+        first = square if first is None else first
+        if square <= INEXACT**2 * first:
+            return x
+        work.add(cg_step_cost(M.shape[0], M.nnz))
+    return None
+
+
+def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float = INEXACT) -> Vector | None:
+    """The same to the relative `tolerance` where M is not symmetric, by `GCR`, with a positive diagonal."""
+    unit, price = 1.0 / np.sqrt(M.diagonal()), gcr_step_cost(M.shape[0], M.nnz)
+
+    def product(y: Vector) -> Vector:
+        work.spend(price)
+        return unit * (M @ (unit * y))
+
+    steps = GCR(product, np.copy, unit * f)
+    try:
+        return unit * steps.until(np.zeros(f.size), tolerance * norm(steps.rest), most)
+    except NotConverged:
+        return None
+
+
+def cg_steps(
+    product: Callable[[Vector], Vector], preconditioned: Callable[[Vector], Vector], f: Vector
+) -> Iterator[tuple[Vector, Vector, float]]:
+    """Conjugate gradients for Mx = f: x, the rest f − Mx, and the rest's square in the norm of the preconditioner B.
+
+    From x = 0 on, in the same arrays; they end where M or B is seen not to be definite.
+    """
+    x, rest = np.zeros(f.size), f.copy()
+    direction = preconditioned(rest)
+    square = inner(rest, direction)
+    while True:
+        yield x, rest, square
+        image = product(direction)
+        curvature = inner(direction, image)
+        if not (0 < curvature < np.inf and square > 0):
+            return
+        step = square / curvature
+        x += step * direction
+        rest -= step * image
+        y = preconditioned(rest)
+        square, before = inner(rest, y), square
+        direction *= square / before
+        direction += y
+
+
+def cg_step_cost(n: int, nnz: int) -> float:
+    """The cost of a step of `conjugate_gradients`: a product, and eight calls for vectors."""
+    return work.product(n, nnz) + cg_vector_cost(n)
+
+
+def cg_vector_cost(n: int) -> float:
+    """What a step of `cg_steps` does besides its product and the preconditioner: eight calls for vectors."""
+    return 8 * (work.COSTS.call + work.COSTS.vector * n)
+
+
+def gcr_step_cost(n: int, nnz: int) -> float:
+    """The cost of a step of `GCR` without a preconditioner: one and a half to twice that of one of CG were measured."""
+    return 2.0 * cg_step_cost(n, nnz)
+
+
+class GCR:
+    """Generalised conjugate residuals: steps that each reduce the 2-norm of the rest as the last directions allow.
+
+    Parameters: the `product` with M and a preconditioner for it; `rest` = f − Mx where they begin, which is written on.
+    """
+
+    def __init__(
+        self, product: Callable[[Vector], Vector], preconditioned: Callable[[Vector], Vector], rest: Vector
+    ) -> None:
+        self._product, self._preconditioned, self.rest = product, preconditioned, rest
+        self._directions: list[tuple[Vector, Vector]] = []
+        #: the least |y|/|My| so far
+        self._shortest = np.inf
+
+    def further(self, x: Vector, wanted: float, most: int) -> tuple[Vector, bool]:
+        """`x` after at most so many steps, until the rest is as small as `wanted`, and whether any was made."""
+        from .kernels.vcycle import add_both  # loads numba
+
+        # in place: to touch memory that is new costs more than these sums
+        x, moved = x.copy(), False
+        for _ in range(most):
+            y = self._preconditioned(self.rest)
+            w = self._product(y)
+            taken = 0.0
+            for direction, image in self._directions:
+                share = inner(w, image)
+                add_both(w, image, -share, y, direction, -share)
+                taken = max(taken, abs(share))
+            size, length = norm(w), norm(y)
+            if not (0 < size < np.inf and length > 0):  # which may underflow
+                break
+            self._shortest = min(self._shortest, length / size)
+            # where M is singular, w is what rounding left of My, or of what was taken from it
+            if not _KEPT * UNIT_ROUNDOFF * max(taken, length / self._shortest) <= size:
+                break
+            y /= size
+            w /= size
+            self._directions = [*self._directions[1 - _KEPT :], (y, w)]
+            share = inner(self.rest, w)
+            add_both(x, y, share, self.rest, w, -share)
+            moved = True
+            if norm(self.rest) <= wanted:
+                break
+        return x, moved
+
+    def until(self, x: Vector, wanted: float, most: int) -> Vector:
+        """`x` after at most so many steps, where the rest is as small as `wanted`. Raises NotConverged."""
+        if norm(self.rest) > wanted:
+            x, _ = self.further(x, wanted, most)
+        if not norm(self.rest) <= wanted:
+            raise NotConverged
+        return x
