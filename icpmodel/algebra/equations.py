@@ -15,7 +15,7 @@ from ..numerics.arrays import Vector, diagonal_positions, norm
 from ..numerics.factorisation import SymmetricPattern, factorise
 from ..numerics.fill import Look
 from ..numerics.krylov import cg_step_cost, conjugate_gradients, conjugate_residuals, gcr_step_cost
-from ..numerics.linear import by_refinement, solver_of
+from ..numerics.linear import MANY_STEPS, by_refinement, solver_of
 from ..problem.between import chosen
 from ..problem.data import ProblemData
 from ..problem.map import Map
@@ -140,24 +140,41 @@ def derivative(psi: Map, z: Vector, above: NDArray[np.bool_] | None = None) -> s
     return J
 
 
+#: steps of Krylov's methods for a system: 1e-4 where μ is .01, ½√100·log(2e4); and 70 to 1000 for games without a
+#: diagonal where μ is .1
+_STEPS, _STEPS_WITHOUT_DIAGONAL = 50, 1000
+#: where factors are beyond the time that is left, steps get such a part of it
+_LOTS = 16
+
+
 def krylov_step_cost(matrix: Matrix, share: float = 1.0) -> float:
-    """What a step of CG costs on a `share` of the rows of A, or one of GCR where A is not symmetric; inf where it has
-    no positive diagonal either, as such systems take thousands of steps."""
-    n, nnz = int(share * matrix.n), int(share * matrix.nnz)
-    if matrix.is_nearly_symmetric:
-        return cg_step_cost(n, nnz)
-    return gcr_step_cost(n, nnz) if matrix.has_positive_diagonal else np.inf
+    """What a step of CG costs on a `share` of the rows of A, or one of GCR where A is not symmetric."""
+    cost = cg_step_cost if matrix.is_nearly_symmetric else gcr_step_cost
+    return cost(int(share * matrix.n), int(share * matrix.nnz))
+
+
+def system_cost(matrix: Matrix, factors: float) -> float:
+    """What `solver_of` is expected to cost for a system with the pattern of A, the factors of which cost `factors`."""
+    return min(factors, MANY_STEPS * krylov_step_cost(matrix)) if matrix.has_positive_diagonal else factors
+
+
+def krylov_cost(matrix: Matrix) -> float:
+    """What these steps are expected to cost for a system of `ShiftedEquations`; inf where A has a negative diagonal."""
+    if (matrix.rows.diagonal < 0.0).any():
+        return np.inf
+    steps = _STEPS if matrix.is_nearly_symmetric or matrix.has_positive_diagonal else _STEPS_WITHOUT_DIAGONAL
+    return steps * krylov_step_cost(matrix)
 
 
 class ShiftedEquations:
     """((A + D)x)_i = f_i in the free rows and x_i = 0 in the others, for one set of rows and one D ≥ 0 after another.
 
-    By steps of Krylov's methods, see `krylov_step_cost`, as long as these promise to cost less; by factors of matrices
-    with the pattern of A, or by those of the free rows.
+    By steps of Krylov's methods as long as these promise to cost less; by factors of matrices with the pattern of A,
+    or by those of the free rows.
     """
 
     def __init__(self, problem: ProblemData) -> None:
-        self.problem, self.iterative = problem, krylov_step_cost(problem.matrix) < np.inf
+        self.problem, self.iterative = problem, True
 
     @cached_property
     def repeated(self) -> SymmetricPattern | None:
@@ -179,10 +196,19 @@ class ShiftedEquations:
         share, whole = rows.size / free.size, matrix.fill
         part = whole._replace(rows=rows.size, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
         direct = min(work.factor_cost(part), work.dense_cost(rows.size, matrix.is_symmetric))
-        most = int(min(rows.size, min(direct, matrix.again_cost) / krylov_step_cost(matrix, share)))
-        if self.iterative and most > 0:
+        a_step, factors, left = krylov_step_cost(matrix, share), min(direct, matrix.again_cost), work.nanoseconds_left()
+        beyond = factors > left
+        if beyond:
+            factors = left / _LOTS
+            work.afford(_LOTS * a_step)
+        # where there is a diagonal a few steps may do, and it is soon seen where not
+        few = matrix.is_nearly_symmetric or matrix.has_positive_diagonal
+        self.iterative &= few or krylov_cost(matrix) < matrix.again_cost
+        if self.iterative and (most := int(min(rows.size, factors / a_step))):
             by_steps = conjugate_gradients if matrix.is_nearly_symmetric else conjugate_residuals
             found = by_steps(self._shifted(rows, D), f[rows], most)
+            if found is None and beyond:
+                return None  # a larger D will help, factors will not
             self.iterative = found is not None or briefly  # with a smaller D they will not do better
         if found is None and matrix.again_cost < direct:
             x_of_all = self._by_all_rows(free, D, f, tolerance)

@@ -31,11 +31,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..algebra.active_equations import ActiveEquations
-from ..algebra.equations import Pattern, derivative, krylov_step_cost
+from ..algebra.equations import Pattern, derivative, system_cost
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, norm
-from ..numerics.linear import MANY_STEPS, solver_of
+from ..numerics.linear import solver_of
 from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -89,7 +89,7 @@ class Newton(Method):
         wander = 8.0 if matrix.coupled_radius > 1.0 else 1.0
         # those of a descent are not symmetric, nor those with an obstacle that moves
         simple = wander == 1.0 and facts.has_fixed_obstacle
-        system = min(matrix.factor_cost if simple else matrix.unsymmetric_cost, MANY_STEPS * krylov_step_cost(matrix))
+        system = system_cost(matrix, matrix.factor_cost if simple else matrix.unsymmetric_cost)
         step = systems * (work.newton(matrix.n, matrix.nnz) + system) / matrix.unit
         steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
         return Estimate(0.0, step, steps, 16.0 * matrix.fill.entries)

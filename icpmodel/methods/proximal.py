@@ -31,13 +31,12 @@ from typing import ClassVar
 import numpy as np
 
 from ..algebra.active_equations import Elimination
-from ..algebra.equations import Pattern, ShiftedEquations, derivative, krylov_step_cost
+from ..algebra.equations import Pattern, ShiftedEquations, derivative, krylov_cost, system_cost
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm
 from ..numerics.equilibration import balanced
-from ..numerics.linear import MANY_STEPS
 from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -63,8 +62,6 @@ _INTERIOR = 16
 _LAST = 100
 #: the relative residual up to which a solve counts as one
 _BACKWARD = 1e-6
-#: conjugate gradients for 1e-4 where μ is .01: ½√100·log(2e4)
-_PRODUCTS = 50
 #: of a direction y to infinity, entries that are a smaller share of the largest are what else has moved; and what of
 #: |A|ᵀ|y| counts as 0 in Aᵀy, which fractions then judge
 _LARGE, _ROUNDED = 1e-6, 1e-6
@@ -101,10 +98,9 @@ class Proximal(Method):
         # there is none, as in linear programs
         matrix = facts.matrix
         if facts.has_fixed_obstacle:
-            step = work.COSTS.newton + min(matrix.again_cost, _PRODUCTS * krylov_step_cost(matrix))
+            step = work.COSTS.newton + min(matrix.again_cost, krylov_cost(matrix))
         else:
-            system = min(matrix.unsymmetric_cost, MANY_STEPS * krylov_step_cost(matrix))
-            step = work.newton(matrix.n, matrix.nnz) + system
+            step = work.newton(matrix.n, matrix.nnz) + system_cost(matrix, matrix.unsymmetric_cost)
         steps = (1.0 if matrix.has_positive_diagonal else 2.0) * (3.0 + math.log2(max(facts.bounded, 1)))
         step /= matrix.unit
         return Estimate(step, step, steps, 12.0 * matrix.fill.entries)

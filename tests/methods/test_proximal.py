@@ -10,6 +10,7 @@ from hypothesis import given, settings
 
 import icpmodel as icp
 from icpmodel import Status
+from icpmodel.algebra.equations import ShiftedEquations
 from icpmodel.benchmarks.families.gallery import problem_of
 from icpmodel.methods.proximal import ProximalPath
 from icpmodel.numerics import work
@@ -91,6 +92,31 @@ def test_redundant_contacts_in_two_dimensions_are_solved_by_signs_and_through_th
         while len(residuals) < 25 and interior.advance():
             residuals.append(problem.residual(interior.z))
         assert min(residuals) < 1e-8 * problem.residual_at_0()
+
+
+@pytest.mark.parametrize("family", ["graph-directed", "market-leontief", "market-leontief+elementwise"])
+def test_matrices_that_fill_up_and_are_not_symmetric_are_not_factorised(family):
+    problem = problem_of(family, 3, 1500)
+    before = work.done()
+    assert run(problem).solved
+    assert work.done() - before < problem.matrix.factor_cost
+
+
+def test_where_factors_are_beyond_the_time_limit_a_larger_mu_leads_on():
+    """A game with shared constraints on a graph without geometry, zeros on the diagonal; factors take 8 s."""
+    rng = np.random.default_rng(5)
+    n, m = 8000, 2000
+    S = sp.random_array((n, n), density=8 / n, rng=rng, data_sampler=rng.standard_normal)
+    Q, B = S - S.T + sp.diags_array(rng.uniform(1.0, 2.0, n)), sp.random_array((m, n), density=6 / n, rng=rng)
+    problem = icp.ICP(sp.csr_array(sp.block_array([[Q, B.T], [-B, None]])), np.zeros(n + m))
+    equations, free, f = ShiftedEquations(problem), np.ones(n + m, bool), rng.normal(size=n + m)
+    with work.within(2.0):
+        assert problem.matrix.factor_cost > work.nanoseconds_left()
+        for shift, found in ((0.1, True), (1e-9, False), (0.1, True)):
+            x = equations.solve(free, np.full(n + m, shift), f, 1e-6, briefly=False)
+            assert (x is not None) is found
+            if found:
+                assert np.linalg.norm(problem.product(x) + shift * x - f) <= 1e-3 * np.linalg.norm(f)
 
 
 @pytest.mark.parametrize("family", ["grid-3d-anisotropic", "option-two"])

@@ -1,11 +1,16 @@
-"""Estimates of the Jacobi radius."""
+"""Estimates of the Jacobi radius, and steps for systems that fill up."""
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from hypothesis import given
+from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.numerics.krylov import couplings, radius_of
+from icpmodel.numerics import work
+from icpmodel.numerics.fill import Look
+from icpmodel.numerics.krylov import conjugate_residuals, couplings, radius_of
+from icpmodel.numerics.linear import solver_of
 from icpmodel.problem.matrix import Matrix
 
 
@@ -39,3 +44,40 @@ def test_couplings_are_the_geometric_means_of_opposite_entries(seed):
     np.fill_diagonal(expected, 0.0)
     assert np.allclose(couplings(sp.csr_array(A)).toarray(), expected, rtol=1e-12)
     assert np.allclose(couplings(sp.csr_array(A.T)).toarray(), expected, rtol=1e-12)
+
+
+def scattered(seed, n=2000, few=5):
+    """Not symmetric, on a graph without geometry, which fills up; the symmetric part is definite."""
+    rng = np.random.default_rng(seed)
+    S = sp.random_array((n, n), density=few / n, rng=rng, data_sampler=rng.standard_normal)
+    return sp.csr_array(S - S.T + sp.diags_array(rng.uniform(0.5, 2.0, n)))
+
+
+@given(st.integers(0, 2**32), st.floats(1e-10, 1e-2))
+def test_conjugate_residuals_end_at_their_tolerance_or_say_that_they_do_not(seed, tolerance):
+    """In the units of the diagonal; none where that needs more steps than are allowed."""
+    M, f = scattered(seed, 60), np.random.default_rng(seed).normal(size=60)
+    unit = 1.0 / np.sqrt(M.diagonal())
+    x = conjugate_residuals(M, f, 2000, tolerance)
+    if x is not None:
+        assert np.linalg.norm(unit * (f - M @ x)) <= 1.01 * tolerance * np.linalg.norm(unit * f)
+    assert conjugate_residuals(M, f, 1, tolerance) is None
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+def test_what_fills_up_is_solved_by_steps_that_cost_less_than_factors(transposed):
+    M, f = scattered(1, 4000), np.random.default_rng(1).normal(size=4000)
+    before = work.done()
+    x = solver_of(M)(f, 1e-9, transposed)
+    assert np.linalg.norm((M.T if transposed else M) @ x - f) <= 1e-8 * np.linalg.norm(f)
+    assert work.done() - before < 0.3 * work.factor_cost(Look(M).to_the_end().fill)
+
+
+def test_where_steps_do_not_converge_there_are_factors():
+    """A diagonal that is small beside the rest, which is skew."""
+    M = sp.csr_array(
+        scattered(2, 600) + sp.diags_array(np.full(600, 1e-9)) - sp.diags_array(scattered(2, 600).diagonal())
+    )
+    f = np.random.default_rng(2).normal(size=600)
+    x = solver_of(M)(f, 1e-9)
+    assert np.linalg.norm(M @ x - f) <= 1e-6 * np.linalg.norm(f)
