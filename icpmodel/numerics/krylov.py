@@ -21,8 +21,8 @@ _LOOK, _SHARE, _MOST = 4, 0.3, 60
 _COUPLE = 40.0
 #: the relative residual of an inexact solve
 INEXACT = 1e-4
-#: directions that GCR keeps
-_KEPT = 8
+#: directions that GCR keeps, and its steps before the rate is asked for
+_KEPT, _TRIED = 8, 32
 
 
 class NotConverged(Exception):
@@ -98,18 +98,25 @@ def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
 
 
 def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float = INEXACT) -> Vector | None:
-    """The same to the relative `tolerance` where M is not symmetric, by `GCR`, with a positive diagonal."""
+    """The same to the relative `tolerance` where M is not symmetric, by `GCR`, with a positive diagonal; None as soon
+    as at the rate so far they would be too many."""
     unit, price = 1.0 / np.sqrt(M.diagonal()), gcr_step_cost(M.shape[0], M.nnz)
 
     def product(y: Vector) -> Vector:
         work.spend(price)
         return unit * (M @ (unit * y))
 
-    steps = GCR(product, np.copy, unit * f)
-    try:
-        return unit * steps.until(np.zeros(f.size), tolerance * norm(steps.rest), most)
-    except NotConverged:
-        return None
+    steps, x, made = GCR(product, np.copy, unit * f), np.zeros(f.size), 0
+    first = norm(steps.rest)
+    while made < most:
+        further = min(max(made, _TRIED), most - made)
+        x, _ = steps.further(x, tolerance * first, further)
+        made, left = made + further, norm(steps.rest)
+        if left <= tolerance * first:
+            return unit * x
+        if not made * np.log(1.0 / tolerance) <= most * np.log(first / left):
+            break
+    return None
 
 
 def cg_steps(

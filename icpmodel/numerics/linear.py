@@ -127,12 +127,12 @@ def _by_steps(M: sp.csr_array, look: Look) -> Solver | None:
     a_step = gcr_step_cost(M.shape[0], M.nnz)
     if not ((M.diagonal() > 0.0).all() and look.costs_more(MANY_STEPS * a_step)):
         return None
-    failed = False
+    turned, failed = cache(lambda: sp.csr_array(M.T)), False
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         nonlocal failed
         most = min(int(factor_cost(look.fill) / a_step), M.shape[0])
-        x = None if failed else conjugate_residuals(sp.csr_array(M.T) if transposed else M, f, most, tolerance)
+        x = None if failed else conjugate_residuals(turned() if transposed else M, f, most, tolerance)
         failed = x is None
         return x
 
