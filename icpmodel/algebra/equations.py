@@ -143,8 +143,8 @@ def derivative(psi: Map, z: Vector, above: NDArray[np.bool_] | None = None) -> s
 #: steps of Krylov's methods for a system: 1e-4 where μ is .01, ½√100·log(2e4); and 70 to 1000 for games without a
 #: diagonal where μ is .1
 _STEPS, _STEPS_WITHOUT_DIAGONAL = 50, 1000
-#: where factors are beyond the time that is left, steps get such a part of it
-_LOTS = 16
+#: bytes of an entry, and vectors that steps hold
+_BYTES, _VECTORS = 12.0, 24
 
 
 def krylov_step_cost(matrix: Matrix, share: float = 1.0) -> float:
@@ -153,17 +153,24 @@ def krylov_step_cost(matrix: Matrix, share: float = 1.0) -> float:
     return cost(int(share * matrix.n), int(share * matrix.nnz))
 
 
-def system_cost(matrix: Matrix, factors: float) -> float:
-    """What `solver_of` is expected to cost for a system with the pattern of A, the factors of which cost `factors`."""
-    return min(factors, MANY_STEPS * krylov_step_cost(matrix)) if matrix.has_positive_diagonal else factors
+def system_cost(matrix: Matrix, factors: float, memory: float) -> tuple[float, float]:
+    """(nanoseconds, bytes) that `solver_of` is expected to take for a system with the pattern of A, where factors take
+    so many."""
+    steps = MANY_STEPS * gcr_step_cost(matrix.n, matrix.nnz) if matrix.has_positive_diagonal else np.inf
+    return _least(matrix, steps, factors, memory)
 
 
-def krylov_cost(matrix: Matrix) -> float:
-    """What these steps are expected to cost for a system of `ShiftedEquations`; inf where A has a negative diagonal."""
-    if (matrix.rows.diagonal < 0.0).any():
-        return np.inf
-    steps = _STEPS if matrix.is_nearly_symmetric or matrix.has_positive_diagonal else _STEPS_WITHOUT_DIAGONAL
-    return steps * krylov_step_cost(matrix)
+def shifted_cost(matrix: Matrix) -> tuple[float, float]:
+    """The same of `ShiftedEquations`."""
+    few = matrix.is_nearly_symmetric or matrix.has_positive_diagonal
+    steps = np.inf if (matrix.rows.diagonal < 0.0).any() else _STEPS if few else _STEPS_WITHOUT_DIAGONAL
+    return _least(matrix, steps * krylov_step_cost(matrix), matrix.again_cost, _BYTES * matrix.fill.entries)
+
+
+def _least(matrix: Matrix, by_steps: float, factors: float, memory: float) -> tuple[float, float]:
+    if by_steps < factors or (by_steps < np.inf and not work.fits(memory)):
+        return by_steps, _BYTES * matrix.nnz + _VECTORS * 8.0 * matrix.n
+    return factors, memory
 
 
 class ShiftedEquations:
@@ -188,7 +195,8 @@ class ShiftedEquations:
         return self.problem.matrix.look.to_the_end()
 
     def solve(self, free: NDArray[np.bool_], D: Vector, f: Vector, tolerance: float, briefly: bool) -> Vector | None:
-        """x with an error of f of at most the relative `tolerance`, or None; `D`, `f` and x of shape (n,).
+        """x with an error of f of at most the relative `tolerance`, by steps `INEXACT` in the units of the diagonal, or
+        None; `D`, `f` and x of shape (n,).
 
         With `briefly` the free rows are not factorised where all have been.
         """
@@ -197,14 +205,12 @@ class ShiftedEquations:
         part = whole._replace(rows=rows.size, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
         direct = min(work.factor_cost(part), work.dense_cost(rows.size, matrix.is_symmetric))
         a_step, factors, left = krylov_step_cost(matrix, share), min(direct, matrix.again_cost), work.nanoseconds_left()
-        beyond = factors > left
-        if beyond:
-            factors = left / _LOTS
-            work.afford(_LOTS * a_step)
+        # then GCR, which ends as soon as it would not get there, has the time that is left
+        beyond = not matrix.is_nearly_symmetric and (factors > left or not work.fits(2.0 * _BYTES * part.entries))
         # where there is a diagonal a few steps may do, and it is soon seen where not
         few = matrix.is_nearly_symmetric or matrix.has_positive_diagonal
-        self.iterative &= few or krylov_cost(matrix) < matrix.again_cost
-        if self.iterative and (most := int(min(rows.size, factors / a_step))):
+        self.iterative &= few or beyond or shifted_cost(matrix)[0] < matrix.again_cost
+        if self.iterative and (most := int(min(rows.size, (left if beyond else factors) / a_step))):
             by_steps = conjugate_gradients if matrix.is_nearly_symmetric else conjugate_residuals
             found = by_steps(self._shifted(rows, D), f[rows], most)
             if found is None and beyond:

@@ -2,14 +2,11 @@
 
 Every level of an algebraic multigrid hierarchy of A carries a problem of its own in z = Pz_c + s, where s = −q/D at the
 points that are not kept: A_c = PᵀAP, q_c = Pᵀ(As + q), and ψ at the points that are kept. Its answer is where the finer
-level starts, so that the active set there is wrong near its border only. On each level
-
-1. sweeps of projected Gauss–Seidel move the border of the active set,
-2. the active rows take z = ψ(z), linearised,
-3. a few steps of a Krylov method (GCR), preconditioned by V-cycles on the free rows, reduce Az + q there.
+level starts, so that the active set there is wrong near its border only. The steps on each level are those of
+`algebra.looks`.
 
 Nothing is known of a grid: A, q and ψ are all. ψ_i that moves with z_i alone is first made a fixed obstacle. Where ψ is
-an intervention, policy iteration (`Newton`) takes the place of the three: its jumps reach too far for sweeps.
+an intervention, policy iteration (`Newton`) takes their place: its jumps reach too far for sweeps.
 """
 
 from __future__ import annotations

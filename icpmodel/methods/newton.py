@@ -89,10 +89,11 @@ class Newton(Method):
         wander = 8.0 if matrix.coupled_radius > 1.0 else 1.0
         # those of a descent are not symmetric, nor those with an obstacle that moves
         simple = wander == 1.0 and facts.has_fixed_obstacle
-        system = system_cost(matrix, matrix.factor_cost if simple else matrix.unsymmetric_cost)
+        factors = matrix.factor_cost if simple else matrix.unsymmetric_cost
+        system, memory = system_cost(matrix, factors, 16.0 * matrix.fill.entries)
         step = systems * (work.newton(matrix.n, matrix.nnz) + system) / matrix.unit
         steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
-        return Estimate(0.0, step, steps, 16.0 * matrix.fill.entries)
+        return Estimate(0.0, step, steps, memory)
 
     def why_not(self, problem: ProblemData) -> str | None:
         return problem.psi.no_derivative()

@@ -31,7 +31,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..algebra.active_equations import Elimination
-from ..algebra.equations import Pattern, ShiftedEquations, derivative, krylov_cost, system_cost
+from ..algebra.equations import Pattern, ShiftedEquations, derivative, shifted_cost, system_cost
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
@@ -98,12 +98,14 @@ class Proximal(Method):
         # there is none, as in linear programs
         matrix = facts.matrix
         if facts.has_fixed_obstacle:
-            step = work.COSTS.newton + min(matrix.again_cost, krylov_cost(matrix))
+            system, memory = shifted_cost(matrix)
+            step = work.COSTS.newton + system
         else:
-            step = work.newton(matrix.n, matrix.nnz) + system_cost(matrix, matrix.unsymmetric_cost)
+            system, memory = system_cost(matrix, matrix.unsymmetric_cost, 12.0 * matrix.fill.entries)
+            step = work.newton(matrix.n, matrix.nnz) + system
         steps = (1.0 if matrix.has_positive_diagonal else 2.0) * (3.0 + math.log2(max(facts.bounded, 1)))
         step /= matrix.unit
-        return Estimate(step, step, steps, 12.0 * matrix.fill.entries)
+        return Estimate(step, step, steps, memory)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator

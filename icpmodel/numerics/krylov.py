@@ -108,13 +108,13 @@ def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float 
 
     steps, x, made = GCR(product, np.copy, unit * f), np.zeros(f.size), 0
     first = norm(steps.rest)
-    while made < most:
+    while made < most and first < np.inf:
         further = min(max(made, _TRIED), most - made)
         x, _ = steps.further(x, tolerance * first, further)
         made, left = made + further, norm(steps.rest)
         if left <= tolerance * first:
             return unit * x
-        if not made * np.log(1.0 / tolerance) <= most * np.log(first / left):
+        if not made * np.log(1.0 / max(tolerance, UNIT_ROUNDOFF)) <= most * np.log(first / left):
             break
     return None
 
@@ -155,8 +155,8 @@ def cg_vector_cost(n: int) -> float:
 
 
 def gcr_step_cost(n: int, nnz: int) -> float:
-    """The cost of a step of `GCR` without a preconditioner: one and a half to twice that of one of CG were measured."""
-    return 2.0 * cg_step_cost(n, nnz)
+    """The cost of a step of `GCR` without a preconditioner, which passes over 40 vectors more."""
+    return cg_step_cost(n, nnz) + 40.0 * work.COSTS.vector * n
 
 
 class GCR:
@@ -208,6 +208,6 @@ class GCR:
         """`x` after at most so many steps, where the rest is as small as `wanted`. Raises NotConverged."""
         if norm(self.rest) > wanted:
             x, _ = self.further(x, wanted, most)
-        if not norm(self.rest) <= wanted:
+        if not norm(self.rest) <= wanted < np.inf:
             raise NotConverged
         return x

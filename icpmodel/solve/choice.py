@@ -128,4 +128,5 @@ def why_none(problem: ProblemData) -> str:
     i = int(np.argmin(diagonal))
     if diagonal[i] > 0.0:
         return "nothing that could be chosen fits into the memory that is left (memory_limit)"
-    return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, and A + Omega could not be factorised"
+    others = problem.psi.no_derivative() or "factors do not fit into the memory that is left: raise memory_limit"
+    return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, as sweeps ask for, and {others}"

@@ -150,9 +150,12 @@ def _verified(lcp: ProgramLcp, y: Vector) -> bool:
     loss = 2.0 * (K.shape[0] + n + 4) * UNIT_ROUNDOFF
     columns = K.T @ y
     off = loss * (size.T @ np.abs(y)) + (K.shape[0] + n) * SMALLEST
-    sure = ((columns - off >= 0) & (lcp.low > -np.inf)) | ((columns + off <= 0) & (lcp.high < np.inf))
-    sure |= (lcp.low > -np.inf) & (lcp.high < np.inf) | (size.sum(axis=0) == 0)
-    open_ = np.flatnonzero(~sure)
+    below, above, empty = lcp.low > -np.inf, lcp.high < np.inf, size.sum(axis=0) == 0
+
+    def sure() -> Any:
+        return ((columns - off >= 0) & below) | ((columns + off <= 0) & above) | (below & above) | empty
+
+    open_ = np.flatnonzero(~sure())
     moved = np.zeros(y.size)
     if open_.size:
         moved_by = _moved(K, y, signed, open_, np.abs(columns[open_]) + off[open_], loss)
@@ -163,10 +166,7 @@ def _verified(lcp: ProgramLcp, y: Vector) -> bool:
         if (signed[basis] & (y[basis] < by)).any():
             return False
         off += 1.01 * (size.T @ moved)
-        sure = ((columns - off >= 0) & (lcp.low > -np.inf)) | ((columns + off <= 0) & (lcp.high < np.inf))
-        sure |= (lcp.low > -np.inf) & (lcp.high < np.inf) | (size.sum(axis=0) == 0)
-        sure[open_] = True
-        if not sure.all():
+        if not np.delete(sure(), open_).all():
             return False
         columns[open_] = off[open_] = 0.0
     # the least that wᵀx can be, w anywhere within `off` of the columns, and the most that gᵀλ + bᵀν can be

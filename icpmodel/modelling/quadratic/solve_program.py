@@ -114,10 +114,10 @@ def solve_program(
 
     Parameters: `tolerance` of the residual of the ICP in units in which its data are about 1; `time_limit` in seconds.
     "optimal": the residual is below the tolerance, and nothing is wrong by more than ten times the tolerance in
-    the units of the program; "optimal_inaccurate": both are below 1e-4. "infeasible" and "unbounded" are proved (for
-    the latter a feasible x was found, too), with "_inaccurate" they are proved up to rounding. "user_limit": the time
-    is over; "solver_error": none of these, which small programs do not end with, as they are solved in rational
-    arithmetic then. Raises OutOfMemory before the work begins."""
+    the units of the program; "optimal_inaccurate": the same with 1e-4 for the tolerance. "infeasible" and "unbounded"
+    are proved (for the latter a feasible x was found, too), with "_inaccurate" they are proved up to rounding.
+    "user_limit": the time is over; "solver_error": none of these, which small programs do not end with, as they are
+    solved in rational arithmetic then. Raises OutOfMemory before the work begins."""
     begin = time.perf_counter()
     if not np.isfinite(program.b).all() or np.isneginf(program.g).any():
         return ProgramOutcome("infeasible", "a right-hand side is infinite")
@@ -159,7 +159,7 @@ def _outcome(
     status, message = ended or "solver_error", f"no answer was found: {told}"
     if judge.enough:
         status, message = "optimal", "solved"
-    elif ended is None and max(best.violation, best.residual) <= _INACCURATE:
+    elif ended is None and best.wrong <= _INACCURATE:
         status, message = "optimal_inaccurate", told
     value = program.objective(values[0])
     return ProgramOutcome(status, message, values, value, best.residual, steps, active=best.active)

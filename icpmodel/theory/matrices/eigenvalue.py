@@ -78,14 +78,8 @@ def largest_above(N: sp.csr_array) -> float:
 def falling(S: sp.csr_array) -> Vector | None:
     """An x ≠ 0, shape (n,), about which xᵀSx < 0 is likely, None where the symmetric `S` (CSR) seems to have none."""
     if is_dense(S):
-        from scipy.linalg import LinAlgError, eigh
-
-        work.spend(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
-        try:
-            value, x = eigh(S.toarray(), subset_by_index=(0, 0))
-        except LinAlgError:
-            return None
-        return x[:, 0] if value[0] < 0 else None
+        value, x = _least_pair(S, None)
+        return x if value < 0 else None
     from scipy.sparse.linalg import spsolve_triangular
 
     lu = factorise(S, definite=True, triangles=True)
@@ -95,6 +89,18 @@ def falling(S: sp.csr_array) -> Vector | None:
     # L^T y = e_k gives y^T (P S P^T) y = pivot_k
     y = spsolve_triangular(sp.csr_array(lu.L.T), np.eye(1, S.shape[0], k)[0], lower=False)
     return np.asarray(y)[lu.perm_c]
+
+
+def _least_pair(S: sp.csr_array, B: sp.csr_array | None) -> tuple[float, Vector | None]:
+    """The least λ with Sx = λBx, and x, by dense matrices; −inf and None where that fails."""
+    from scipy.linalg import LinAlgError, eigh
+
+    work.spend(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
+    try:
+        value, x = eigh(S.toarray(), None if B is None else B.toarray(), subset_by_index=(0, 0))
+    except LinAlgError:
+        return -np.inf, None
+    return float(value[0]), x[:, 0]
 
 
 def is_dense(S: sp.csr_array) -> bool:
@@ -111,14 +117,7 @@ def within_reach(S: sp.csr_array) -> bool:
 def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = None) -> float:
     """About the smallest xᵀSx/xᵀBx, B = I by default, or something ≤ 0 where S is seen to be indefinite; no proof."""
     if is_dense(S if B is None else B):
-        from scipy.linalg import LinAlgError, eigh
-
-        work.spend(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
-        try:
-            dense = None if B is None else B.toarray()
-            return float(eigh(S.toarray(), dense, subset_by_index=(0, 0), eigvals_only=True)[0])
-        except LinAlgError:
-            return -np.inf
+        return _least_pair(S, B)[0]
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     lu = lu or factorise(S, definite=True)

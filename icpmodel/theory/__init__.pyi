@@ -1,0 +1,16 @@
+from .answers import Answer as Answer
+from .certificates.bounds import ErrorBound as ErrorBound
+from .certificates.bounds import error_bound as error_bound
+from .certificates.certificate import ActiveSet as ActiveSet
+from .certificates.certificate import active_set as active_set
+from .convergence.proximal_point import proximal_point as proximal_point
+from .convergence.rates import Rate as Rate
+from .convergence.rates import predicted_rate as predicted_rate
+from .convergence.theorems import Check as Check
+from .convergence.theorems import check as check
+from .convergence.theorems import check_all as check_all
+from .convergence.theorems import theorems as theorems
+from .matrices.classes import MatrixClasses as MatrixClasses
+from .matrices.classes import classify as classify
+from .matrices.classes import p_matrix as p_matrix
+from .matrices.comparison_matrix import comparison_matrix as comparison_matrix
