@@ -156,7 +156,8 @@ def _outcome(
         return replace(outcome, steps=steps + outcome.steps)
     values = best.values or (np.zeros(program.q.size), np.zeros(program.b.size), np.zeros(program.g.size))
     told = f"residual {best.residual:.3g}, and rows or multipliers are wrong by {best.violation:.3g} of their terms"
-    status, message = ended or "solver_error", f"no answer was found: {told}"
+    over = "the time limit was over; raise time_limit, or ask for less (tolerance)" if ended else "no answer was found"
+    status, message = ended or "solver_error", f"{over}: {told}"
     if judge.enough:
         status, message = "optimal", "solved"
     elif ended is None and best.wrong <= _INACCURATE:

@@ -48,9 +48,9 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
     if S is not None:
         rows, _ = by_row_sums(S)
         if rows.holds:
-            return (Answer(True, f"H+-matrix: {rows.reason}"),) * 2
+            return (Answer(True, f"its symmetric part is an H+-matrix: {rows.reason}"),) * 2
         if (row_sum_signs(comparison_matrix(S)) >= 0).all():
-            semidefinite = Answer(True, "diagonally dominant with nonnegative diagonal")
+            semidefinite = Answer(True, "its symmetric part is diagonally dominant with nonnegative diagonal")
         # x'Ax of a vector of zeros and ones
         if rows.holds is False and exact_sum(A.data[(rows.witness[[row_of(A), A.indices]] != 0).all(axis=0)]) <= 0:
             definite = Answer(False, "x'Ax <= 0 for the witness x", rows.witness)
