@@ -103,17 +103,15 @@ def test_matrices_that_fill_up_and_are_not_symmetric_are_not_factorised(family):
 
 
 def test_where_factors_are_beyond_the_time_limit_a_larger_mu_leads_on():
-    """A game with shared constraints on a graph without geometry, zeros on the diagonal; factors take 8 s."""
-    rng = np.random.default_rng(5)
-    n, m = 8000, 2000
+    """Skew, on a graph without geometry: factors take ten seconds, steps few where the shift is not small."""
+    rng, n = np.random.default_rng(5), 10_000
     S = sp.random_array((n, n), density=8 / n, rng=rng, data_sampler=rng.standard_normal)
-    Q, B = S - S.T + sp.diags_array(rng.uniform(1.0, 2.0, n)), sp.random_array((m, n), density=6 / n, rng=rng)
-    problem = icp.ICP(sp.csr_array(sp.block_array([[Q, B.T], [-B, None]])), np.zeros(n + m))
-    equations, free, f = ShiftedEquations(problem), np.ones(n + m, bool), rng.normal(size=n + m)
-    with work.within(2.0):
+    problem, f = icp.ICP(sp.csr_array(S - S.T), np.zeros(n)), rng.normal(size=n)
+    equations = ShiftedEquations(problem)
+    with work.within(5.0):
         assert problem.matrix.factor_cost > work.nanoseconds_left()
-        for shift, found in ((0.1, True), (1e-9, False), (0.1, True)):
-            x = equations.solve(free, np.full(n + m, shift), f, 1e-6, briefly=False)
+        for shift, found in ((0.5, True), (1e-9, False), (0.5, True)):
+            x = equations.solve(np.ones(n, bool), np.full(n, shift), f, 1e-6, briefly=False)
             assert (x is not None) is found
             if found:
                 assert np.linalg.norm(problem.product(x) + shift * x - f) <= 1e-3 * np.linalg.norm(f)
