@@ -183,8 +183,8 @@ def _check_form(P: sp.csr_array) -> None:
         k = int(np.argmax(np.abs(skew.data)))
         i, j = int(skew.coords[0][k]), int(skew.coords[1][k])
         raise InputError(
-            f"P[{i}, {j}] = {P[i, j]:.6g}, but P[{j}, {i}] = {P[j, i]:.6g}; a symmetric matrix was expected: "
-            "(P + P.T)/2 has the same objective"
+            f"P[{i}, {j}] = {P[i, j]:.6g}, but P[{j}, {i}] differs by {P[j, i] - P[i, j]:.3g}; a symmetric matrix "
+            "was expected: (P + P.T)/2 has the same objective"
         )
     if P.shape[0] <= _DENSE:
         diagonal = P.diagonal()
