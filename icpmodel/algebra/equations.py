@@ -162,9 +162,14 @@ def system_cost(matrix: Matrix, factors: float, memory: float) -> tuple[float, f
 
 def shifted_cost(matrix: Matrix) -> tuple[float, float]:
     """The same of `ShiftedEquations`."""
-    few = matrix.is_nearly_symmetric or matrix.has_positive_diagonal
-    steps = np.inf if (matrix.rows.diagonal < 0.0).any() else _STEPS if few else _STEPS_WITHOUT_DIAGONAL
+    steps: float = _STEPS if _few_steps_may_do(matrix) else _STEPS_WITHOUT_DIAGONAL
+    if (matrix.rows.diagonal < 0.0).any():
+        steps = np.inf
     return _least(matrix, steps * krylov_step_cost(matrix), matrix.again_cost, _BYTES * matrix.fill.entries)
+
+
+def _few_steps_may_do(matrix: Matrix) -> bool:
+    return matrix.is_nearly_symmetric or matrix.has_positive_diagonal
 
 
 def _least(matrix: Matrix, by_steps: float, factors: float, memory: float) -> tuple[float, float]:
@@ -204,18 +209,20 @@ class ShiftedEquations:
         share, whole = rows.size / free.size, matrix.fill
         part = whole._replace(rows=rows.size, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
         direct = min(work.factor_cost(part), work.dense_cost(rows.size, matrix.is_symmetric))
-        a_step, factors, left = krylov_step_cost(matrix, share), min(direct, matrix.again_cost), work.nanoseconds_left()
-        # then GCR, which ends as soon as it would not get there, has the time that is left
-        beyond = not matrix.is_nearly_symmetric and (factors > left or not work.fits(2.0 * _BYTES * part.entries))
-        # where there is a diagonal a few steps may do, and it is soon seen where not
-        few = matrix.is_nearly_symmetric or matrix.has_positive_diagonal
-        self.iterative &= few or beyond or shifted_cost(matrix)[0] < matrix.again_cost
-        if self.iterative and (most := int(min(rows.size, (left if beyond else factors) / a_step))):
-            by_steps = conjugate_gradients if matrix.is_nearly_symmetric else conjugate_residuals
-            found = by_steps(self._shifted(rows, D), f[rows], most)
-            if found is None and beyond:
-                return None  # a larger D will help, factors will not
-            self.iterative = found is not None or briefly  # with a smaller D they will not do better
+        if self.iterative:
+            symmetric, left = matrix.is_nearly_symmetric, work.nanoseconds_left()
+            factors = min(direct, matrix.again_cost)
+            # then GCR, which ends as soon as it would not get there, has the time that is left
+            beyond = not symmetric and (factors > left or not work.fits(2.0 * _BYTES * part.entries))
+            # whether few do is soon seen
+            self.iterative = _few_steps_may_do(matrix) or beyond or shifted_cost(matrix)[0] < matrix.again_cost
+            most = int(min(rows.size, (left if beyond else factors) / krylov_step_cost(matrix, share)))
+            if self.iterative and most > 0:
+                by_steps = conjugate_gradients if symmetric else conjugate_residuals
+                found = by_steps(self._shifted(rows, D), f[rows], most)
+                if found is None and beyond:
+                    return None  # a larger D will help, factors will not
+                self.iterative = found is not None or briefly  # with a smaller D they will not do better
         if found is None and matrix.again_cost < direct:
             x_of_all = self._by_all_rows(free, D, f, tolerance)
             if x_of_all is not None or briefly:

@@ -76,9 +76,8 @@ def radius_of(S: sp.csr_array, share: float = _SHARE) -> float:
                 break
         next_to.append(size)
         before, v = v, w / size
-        work.afford(price)
+        work.spend(price)
         w = S @ v - size * before
-        work.add(price)
     return radius
 
 

@@ -125,7 +125,8 @@ def _by_steps(M: sp.csr_array, look: Look) -> Solver | None:
     """The solver by steps of GCR, as many as cost no more than a factorisation; None where that is foreseen to cost
     less than `MANY_STEPS`, or where the diagonal is not positive."""
     a_step = gcr_step_cost(M.shape[0], M.nnz)
-    if not ((M.diagonal() > 0.0).all() and look.costs_more(MANY_STEPS * a_step)):
+    cost = MANY_STEPS * a_step
+    if not (look.band_costs_more(cost) and (M.diagonal() > 0.0).all() and look.costs_more(cost)):
         return None
     turned, failed = cache(lambda: sp.csr_array(M.T)), False
 
