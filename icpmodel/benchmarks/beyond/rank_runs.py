@@ -54,6 +54,7 @@ def distributed_cost(
     repeats: int = 3,
     time_limit: float = 100.0,
     fitted: int = 500_000,
+    snesvi: bool = True,
     progress: bool = False,
 ) -> Table:
     """`icpmodel.distributed.solve` on the ranks of MPI against the serial multilevel method and PETSc's SNESVI.
@@ -69,9 +70,9 @@ def distributed_cost(
 
     Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, of those that can be assembled by rows; `sizes` wanted
     unknowns; `ranks` numbers of ranks; `repeats` rounds, ≥ 1; `time_limit` seconds for one run, its start included;
-    `fitted` the unknowns of the runs that the model is made from, 0 for none; `progress` shows a line on what is going
-    on. Returns a `Table`. Raises InputError, NotApplicable without PETSc, and Interrupted, whose `report` is the table
-    so far.
+    `fitted` the unknowns of the runs that the model is made from, 0 for none; `snesvi` says whether SNESVI is run, which
+    from a million unknowns takes most of the time; `progress` shows a line on what is going on. Returns a `Table`.
+    Raises InputError, NotApplicable without PETSc, and Interrupted, whose `report` is the table so far.
 
     >>> icp.benchmarks.distributed_cost(["membrane"], [10_000], ranks=[1, 1])
     Traceback (most recent call last):
@@ -94,7 +95,9 @@ def distributed_cost(
                 model = calibrated(text, fitted, limit) if fitted and counts else None
                 slow: dict[int, tuple[int, float]] = {}
                 for n in wanted:
-                    runs = _measured(text, n, counts, rounds, limit, slow, say)
+                    runs = _measured(text, n, counts, rounds, limit, say)
+                    if snesvi:
+                        runs |= _of_snesvi(text, n, counts, limit, slow, say)
                     rows += _rows(text, n, runs, model)
     except KeyboardInterrupt:
         raise Interrupted(Table(title, _HEADS, tuple(rows))) from None
@@ -123,15 +126,27 @@ def _measured(
     ranks: tuple[int, ...],
     rounds: int,
     limit: float,
-    slow: dict[int, tuple[int, float]],
     say: Callable[[str], None],
 ) -> dict[tuple[str, int], list[_Run]]:
-    """(by, ranks) → its runs. `slow` has the last size and time of SNESVI by ranks, and gets those of this one."""
+    """(by, ranks) → its runs, of the serial method and of `solve`."""
     names = [_SERIAL, *(("own", one) for one in ranks)]
     calls = {name: partial(launched, name[0], text, n, name[1], limit) for name in names}
     found: defaultdict[tuple[str, int], list[_Run]] = defaultdict(list)
     for name, run in interleaved(calls, rounds, say=lambda done: say(f"{text}, n = {n}: round {done} of {rounds}")):
         found[name].append(run)
+    return found
+
+
+def _of_snesvi(
+    text: str,
+    n: int,
+    ranks: tuple[int, ...],
+    limit: float,
+    slow: dict[int, tuple[int, float]],
+    say: Callable[[str], None],
+) -> dict[tuple[str, int], list[_Run]]:
+    """The same of SNESVI. `slow` has its last size and time by ranks, and gets those of this one."""
+    found: dict[tuple[str, int], list[_Run]] = {}
     for one in ranks:
         say(f"{text}, n = {n}: SNESVI on {one}")
         m, seconds = slow.get(one, (n, 0.0))
@@ -140,7 +155,7 @@ def _measured(
         last: _Run = (
             f"would take more than {expected:.2g} s" if expected > limit else launched("snesvi", text, n, one, limit)
         )
-        found["snesvi", one].append(last)
+        found["snesvi", one] = [last]
         slow[one] = (n, limit if isinstance(last, str) else max(last["seconds"], seconds))
     return found
 
