@@ -32,20 +32,28 @@ _PREFIX = "icpmodel_"
 
 class DistributedLevel:
     """One level: its `matrix`, and where there is a `coarser` one the interpolation `P` from it, the `chosen` fine
-    unknown of each coarse one (a `Mat` with one 1 in each row) and its `weight` in P; work space `J` and `masked`."""
+    unknown of each own coarse one and its `weight` in P; work space `J` and `masked`."""
 
     def __init__(self, matrix: DistributedMatrix, coarser: Any, P: Any) -> None:
         self.matrix, self.coarser, self.P, self.J = matrix, coarser, P, matrix.mat.duplicate(copy=True)
         self.masked: Any = None
         if P is not None:
             self.masked = P.duplicate(copy=True)
-            self.chosen, self.weight = _representatives(P)
+            self.chosen, self.weight = _representatives(P, matrix)
+            self._scatter = petsc().Scatter().create(matrix.vector(), self.chosen, coarser.vector(), None)
 
     def injected(self, own: Vector) -> Any:
         """The values of the chosen unknowns, a coarse vector, from those of all, in the own rows. Collective."""
         coarse = self.coarser.vector()
-        self.chosen.mult(self.matrix.vector(own), coarse)
+        self._scatter.scatter(self.matrix.vector(own), coarse)
         return coarse
+
+    def is_chosen(self) -> Vector:
+        """1 where an own unknown is one of the chosen, else 0. Collective."""
+        fine, ones = self.matrix.vector(), self.coarser.vector()
+        ones.set(1.0)
+        self._scatter.scatter(ones, fine, mode="reverse")
+        return fine.array.copy()
 
     def interpolated(self, coarse: Any) -> Any:
         """Pz_c."""
@@ -182,21 +190,17 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     return [] if totals(matrix.comm, low)[0] else found
 
 
-def _representatives(P: Any) -> tuple[Any, Vector]:
-    """The fine unknown that each coarse one weighs most in, as a `Mat` with one 1 in each row, and the weight."""
-    PETSc, (fine, coarse) = petsc(), P.getSizes()
-    indptr, indices, data = P.transpose(PETSc.Mat()).getValuesCSR()
-    size = coarse[0]
-    columns, weight = np.zeros(size, PETSc.IntType), np.ones(size)
-    if data.size:
-        lengths, size_of = np.diff(indptr), np.abs(data)
-        rows = np.flatnonzero(lengths)
-        most = np.maximum.reduceat(size_of, indptr[rows])
-        places = np.flatnonzero(size_of == np.repeat(most, lengths[rows]))
-        places = places[np.searchsorted(places, indptr[rows])]  # the first one of each row
-        columns[rows], weight[rows] = indices[places], data[places]
-    chosen = PETSc.Mat().createAIJ(
-        (coarse, fine), csr=(np.arange(size + 1, dtype=PETSc.IntType), columns, np.ones(size)), comm=P.comm
-    )
-    chosen.assemble()
-    return chosen, weight
+def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[Any, Vector]:
+    """The fine unknown that each own coarse one weighs most in, as an `IS`, and the weight. Collective."""
+    from ..numerics.kernels.graph import largest_of  # loads numba
+
+    PETSc, ((fine, _), (coarse, _)) = petsc(), P.getSizes()
+    indptr, indices, data = P.getDiagonalBlock().getValuesCSR() if fine else (np.zeros(1, np.int32),) * 3
+    places, rows = largest_of(indptr, indices, data, coarse)
+    columns = matrix.low + rows
+    if totals(matrix.comm, float((places < 0).any()))[0]:  # GAMG leaves coarser levels to fewer ranks
+        indptr, columns, data = P.transpose(PETSc.Mat()).getValuesCSR()
+        places, _ = largest_of(indptr[[0, -1]], np.repeat(np.arange(coarse), np.diff(indptr)), data, coarse)
+        columns = np.where(places < 0, 0, columns[places] if data.size else 0)
+    weight = np.where(places < 0, 1.0, data[places] if data.size else 1.0)
+    return PETSc.IS().createGeneral(columns.astype(PETSc.IntType), comm=P.comm), weight

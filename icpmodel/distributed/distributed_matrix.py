@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, diagonal_positions, freeze
+from ..numerics.arrays import Vector
 from ..numerics.rounding import SMALLEST, gamma
 from .ranks import largest, petsc, together, totals
 
@@ -43,36 +43,39 @@ class DistributedMatrix:
         found.flags.writeable = False
         return found
 
-    @cached_property
+    @property
     def block(self) -> Block:
         """The own rows and columns."""
-        size = self.high - self.low
-        indptr, indices, data = self.mat.getDiagonalBlock().getValuesCSR() if size else (np.zeros(1, np.int32),) * 3
-        own = freeze(sp.csr_array((np.asarray(data, np.float64), indices, indptr), shape=(size, size)))
-        return Block(own.indptr, own.indices, own.data, diagonal_positions(own))
+        return self._parts[0]
 
     def of_others(self, z: Any) -> Vector | float:
         """What the unknowns of other ranks add to Az in the own rows, at the `Vec` `z`: less than a product, as only
         ranks with neighbours multiply, and only what they have from them. Collective."""
         if self.comm.size == 1:
             return 0.0
-        beyond, scatter, ghosts = self._beyond
+        _, beyond, scatter, ghosts = self._parts
         scatter.scatter(z, ghosts)
         found: Vector = beyond @ ghosts.array_r
         return found
 
     @cached_property
-    def _beyond(self) -> tuple[sp.csr_array, Any, Any]:
-        """The own rows in the columns of other ranks, what gets those unknowns, and where they are put."""
+    def _parts(self) -> tuple[Block, sp.csr_array, Any, Any]:
+        """The block, the own rows in the columns of other ranks, what gets those unknowns, and where they are put."""
+        from ..numerics.kernels.graph import split_off  # loads numba
+
         PETSc, size = petsc(), self.high - self.low
-        indptr, indices, data = self.mat.getValuesCSR()
-        places = np.flatnonzero((indices < self.low) | (indices >= self.high))
-        asked, columns = np.unique(indices[places], return_inverse=True)
-        rows = np.searchsorted(indptr, places, side="right") - 1
-        beyond = sp.csr_array((data[places], (rows, columns)), shape=(size, asked.size))
+        indptr, indices, data = self.mat.getValuesCSR()  # the only copy that is made of a large matrix
+        indptr, diag, rows, columns, others = split_off(indptr, indices, data, self.low)
+        asked, columns = np.unique(columns, return_inverse=True)
+        beyond = sp.csr_array((others, (rows, columns)), shape=(size, asked.size))
         ghosts = PETSc.Vec().createSeq(asked.size, comm=PETSc.COMM_SELF)
-        which = PETSc.IS().createGeneral(asked.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
-        return beyond, PETSc.Scatter().create(self._template, which, ghosts, None), ghosts
+        which = PETSc.IS().createGeneral(asked, comm=PETSc.COMM_SELF)
+        scatter = PETSc.Scatter().create(self._template, which, ghosts, None)
+        return Block(indptr, indices, data, diag), beyond, scatter, ghosts
+
+    def forget_parts(self) -> None:
+        """Give back the memory of what sweeps need, which no longer are on this level."""
+        vars(self).pop("_parts", None)
 
     @cached_property
     def own_entries(self) -> tuple[int, bool, bool]:
