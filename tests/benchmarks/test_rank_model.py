@@ -5,6 +5,7 @@ import importlib.util
 import io
 import math
 import shutil
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -58,6 +59,16 @@ def test_work_on_ranks_is_a_share_of_that_on_one_and_messages_come_to_it():
     assert made.expected(4.0**8, 16).reductions == pytest.approx(4 * two.reductions)
 
 
+def test_where_hypre_searches_every_coarse_row_of_a_rank_is_compared_with_all_that_others_ask_for():
+    """The finest rows are not; the ranks on either side ask for a line each, and for no more rows than others have,
+    which is what it comes to on the levels where a rank has less than a line; one rank is asked by nobody."""
+    made = replace(model(), search=1e-9)
+    pairs = sum(4.0**k / 16 * (2 * 2.0**k) for k in range(7, 3, -1))
+    few = made.expected(4.0**8, 16).searching - 1e-9 * pairs
+    assert 0 <= few <= 1e-9 * sum(4.0**k / 16 * 4.0**k for k in range(3, 0, -1))
+    assert made.expected(4.0**8, 1).searching == 0.0
+
+
 def test_the_levels_of_more_unknowns_are_as_many_more_as_lead_down_to_as_few_rows():
     made = model()
     assert made.levels(4.0**8) == list(SHAPES)
@@ -97,7 +108,7 @@ def told(n, seconds, ghosts=0.0, ranks=1):
 def test_counts_and_times_of_runs_give_their_prices_back():
     small, large = told(1600, 1.0), told(160_000, 1.0)
     pair = told(160_000, 1.0, ghosts=400.0, ranks=2) | {"small": told(1600, 1.0, ghosts=40.0, ranks=2)}
-    pair |= {"latency": 1e-6, "byte": 1e-9, "seconds": 0.7 * large["seconds"]}
+    pair |= {"latency": 1e-6, "byte": 1e-9, "search": 2e-10, "seconds": 0.7 * large["seconds"]}
     own = {"cpu": large["seconds"], "n": 160_000, "beyond": 160e6, "memory": 300e6}
     found = fitted(small, large, pair, own)
     assert found.prices["steps"].entry == pytest.approx(1e-6)

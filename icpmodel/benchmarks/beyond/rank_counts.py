@@ -12,10 +12,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...algebra.looks import SWEEPS
 from ...distributed import DistributedICP, by_rows, solve
 from ...distributed.distributed_levels import DistributedLevels
+from ...distributed.distributed_matrix import DistributedMatrix, from_rows
 from ...distributed.newton_on_ranks import LookOnRanks
 from ...distributed.ranks import largest, petsc, world
 
@@ -25,6 +27,8 @@ _SENDS, _REDUCES = ("VecScatterBegin",), ("VecDot", "VecTDot", "VecMDot", "VecNo
 _TIMES = 3
 #: ping-pong: so many times with so many bytes, of which the first is a latency and the second a bandwidth
 _PINGS, _SHORT, _LONG = 100, 8, 1 << 20
+#: strips for `_search`: lines of a rank, and their lengths
+_LINES, _LENGTHS = 4, (4000, 8000)
 
 
 def counted(scene: Any) -> dict[str, Any]:
@@ -46,6 +50,7 @@ def counted(scene: Any) -> dict[str, Any]:
         "shapes": [_shape(level) for level in levels.levels],
         "parts": _parts(problem, levels, solution.z),
         "product": _product(problem),
+        "search": _search(comm) if comm.size > 1 else 0.0,
         **_messages(comm),
     }
 
@@ -147,6 +152,21 @@ def _product(problem: DistributedICP) -> float:
         return _TIMES
 
     return _part(problem.comm, product)["seconds"]
+
+
+def _search(comm: Any) -> float:
+    """Seconds in which hypre compares a coarse row with one of those that other ranks ask for: it does that with all of
+    them, unless it was built with tables (`--with-openmp --enable-hopscotch`). It is what the levels of a few lines a
+    rank take longer than in proportion to their length."""
+    took, pairs = [], []
+    for length in _LENGTHS:
+        sizes = (length, _LINES * comm.size)
+        A = sp.kronsum(*(sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(m, m)) for m in sizes), "csr")
+        matrix = DistributedMatrix(from_rows(A[_LINES * length * comm.rank :][: _LINES * length], comm))
+        took.append(_part(comm, lambda matrix=matrix: _once(lambda: DistributedLevels(matrix)))["seconds"])
+        shapes = [_shape(level) for level in DistributedLevels(matrix).levels[1:]]
+        pairs.append(sum(shape["rows"] / comm.size * shape["ghosts"] for shape in shapes))
+    return max((took[1] - 2.0 * took[0]) / (pairs[1] - 2.0 * pairs[0]), 0.0)
 
 
 def _messages(comm: Any) -> dict[str, float]:

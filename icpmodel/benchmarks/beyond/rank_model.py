@@ -60,10 +60,12 @@ class LevelShape(NamedTuple):
 
 class Spent(NamedTuple):
     """Seconds on one rank, and messages, bytes and reductions of it: of all work with stored entries (`making` the
-    levels, and `solving`), of what each level costs whatever its size (`levels`), and of what ranks tell each other."""
+    levels, and `solving`), of `searching` for rows that other ranks ask for, of what each level costs whatever its size
+    (`levels`), and of what ranks tell each other."""
 
     making: float = 0.0
     solving: float = 0.0
+    searching: float = 0.0
     levels: float = 0.0
     messages: float = 0.0
     bytes: float = 0.0
@@ -75,7 +77,7 @@ class Spent(NamedTuple):
     @property
     def seconds(self) -> float:
         """Of all of it."""
-        return sum(self[:6])
+        return sum(self[:7])
 
     def plus(self, other: Spent, times: float = 1.0) -> Spent:
         """This and so many `times` the other."""
@@ -114,6 +116,8 @@ class Calibration:
     #: how many times as long work takes while all cores are at it, and messages while the levels are made
     crowd: float = 1.0
     startup: float = 1.0
+    #: seconds in which a coarse row is compared with one of those that other ranks ask for, where hypre does that
+    search: float = 0.0
 
     def levels(self, n: float) -> list[LevelShape]:
         """Those of n unknowns: the finest ones as they were, and as many more, in the ratio of the last ones, as lead
@@ -166,9 +170,11 @@ class Calibration:
         price, count = self.prices["making"], len(shapes)
         entries = sum((shape.entries + shape.transfer) / min(ranks, shape.rows) for shape in shapes)
         sent = price.messages * sum(spread(shape, ranks)[0] for shape in shapes)
+        pairs = sum(shape.rows / ranks * spread(shape, ranks)[1] for shape in shapes[1:])
         rounds = price.reductions * count if ranks > 1 else 0.0
         return Spent(
             making=price.entry * entries * machine.slower,
+            searching=self.search * pairs,
             levels=price.level * count,
             messages=sent * machine.message * self.startup,
             reductions=rounds * machine.reduction(ranks) * self.startup,
@@ -239,6 +245,7 @@ def fitted(small: dict[str, Any], large: dict[str, Any], pair: dict[str, Any], o
         memory=own["beyond"] / own["n"],
         programs=own["memory"] - own["beyond"],
         bandwidth=product / large["product"],
+        search=pair["search"],
     )
     return _shared(made, pair)
 

@@ -70,9 +70,10 @@ def distributed_cost(
 
     Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, of those that can be assembled by rows; `sizes` wanted
     unknowns; `ranks` numbers of ranks; `repeats` rounds, ≥ 1; `time_limit` seconds for one run, its start included;
-    `fitted` the unknowns of the runs that the model is made from, 0 for none; `snesvi` says whether SNESVI is run, which
-    from a million unknowns takes most of the time; `progress` shows a line on what is going on. Returns a `Table`.
-    Raises InputError, NotApplicable without PETSc, and Interrupted, whose `report` is the table so far.
+    `fitted` the unknowns of the runs that the model is made from, 0 for none; `snesvi` says whether SNESVI is run,
+    which from a million unknowns takes most of the time; `progress` shows a line on what is going on.
+    Returns a `Table`. Raises InputError, NotApplicable without PETSc, and Interrupted, whose `report` is the table so
+    far.
 
     >>> icp.benchmarks.distributed_cost(["membrane"], [10_000], ranks=[1, 1])
     Traceback (most recent call last):
@@ -121,12 +122,7 @@ def as_ranks(ranks: Any) -> tuple[int, ...]:
 
 
 def _measured(
-    text: str,
-    n: int,
-    ranks: tuple[int, ...],
-    rounds: int,
-    limit: float,
-    say: Callable[[str], None],
+    text: str, n: int, ranks: tuple[int, ...], rounds: int, limit: float, say: Callable[[str], None]
 ) -> dict[tuple[str, int], list[_Run]]:
     """(by, ranks) → its runs, of the serial method and of `solve`."""
     names = [_SERIAL, *(("own", one) for one in ranks)]

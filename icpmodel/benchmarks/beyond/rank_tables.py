@@ -25,7 +25,7 @@ _NAMES = {
 _ITERATION = "an iteration"
 _GIB = 2.0**30
 #: what the time consists of, in the order of `Spent`
-_PARTS = ("making levels", "work", "levels", "messages", "bytes", "reductions")
+_PARTS = ("making levels", "work", "searches", "levels", "messages", "bytes", "reductions")
 _HEADS = (
     "ranks",
     "rows a rank",
