@@ -31,11 +31,6 @@ def loaded(A: Any, c: Vector, load: Vector, rng: np.random.Generator) -> Draw:
     return A * strength, c, load + rng.uniform(0.1, 1.0)
 
 
-def noise(n: int, rng: np.random.Generator) -> Vector:
-    """Independent normal numbers."""
-    return rng.standard_normal(n)
-
-
 def waves(points: Vector, length: float, rng: np.random.Generator) -> Vector:
     """A sum of six plane waves of about this `length` in any direction, of mean square 1; `points` has shape (n, k)."""
     total: Vector = np.zeros(len(points))

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .draw import Draw, loaded, noise, scattered, some
+from .draw import Draw, loaded, scattered, some
 
 _Ends = NDArray[np.int64]
 
@@ -61,7 +61,8 @@ def covariance(n: int, rng: np.random.Generator) -> Draw:
 
     places = rng.random((n, int(rng.integers(1, 4))))
     A = np.exp(-cdist(places, places) / scattered(rng, 0.03, 1.0)) + scattered(rng, 1e-3, 0.3) * np.eye(n)
-    return loaded(A, noise(n, rng), noise(n, rng), rng)
+    c, load = rng.standard_normal((2, n))
+    return loaded(A, c, load, rng)
 
 
 def definite(n: int, rng: np.random.Generator, skew: bool = False) -> Draw:
@@ -72,7 +73,8 @@ def definite(n: int, rng: np.random.Generator, skew: bool = False) -> Draw:
     if skew:
         K = rng.standard_normal((n, n)) * rng.uniform(0.1, 1.0) / np.sqrt(n)
         A += K - K.T
-    return loaded(A, noise(n, rng), noise(n, rng), rng)
+    c, load = rng.standard_normal((2, n))
+    return loaded(A, c, load, rng)
 
 
 def _weights(m: int, rng: np.random.Generator) -> Any:
@@ -93,4 +95,5 @@ def _shifted(W: Any, rng: np.random.Generator) -> Draw:
     W = sp.csr_array(W - sp.diags_array(W.diagonal()))
     degree = W.sum(axis=1)
     shift = scattered(rng, 1e-4, 0.1) * max(float(degree.mean()), 1e-3) * rng.random(n)
-    return loaded(sp.csr_array(sp.diags_array(degree + shift) - W), noise(n, rng), noise(n, rng), rng)
+    c, load = rng.standard_normal((2, n))
+    return loaded(sp.csr_array(sp.diags_array(degree + shift) - W), c, load, rng)

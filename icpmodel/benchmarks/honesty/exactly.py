@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
 from itertools import product
@@ -159,16 +159,16 @@ def _natural(p: Fraction, x: Fraction, c: Any, d: Any) -> Fraction:
 def optimum(P: Any, q: Any, G: Any, h: Any, equal: int) -> Fraction | None:
     """The least ½xᵀPx + qᵀx with Gx ≤ h, the first `equal` rows as equations; None where no basic set has it."""
     P, q, G, h = ([fractions(row) for row in P], fractions(q), [fractions(row) for row in G], fractions(h))
-    for active in _sets(len(h), equal):
+    for tight in product((False, True), repeat=len(h) - equal):
+        active = [*range(equal), *(equal + j for j, on in enumerate(tight) if on)]
         k, zero = len(active), Fraction(0)
         M = [[*P[i], *(G[j][i] for j in active)] for i in range(len(q))] + [[*G[j], *[zero] * k] for j in active]
         found = solved_system(M, [-x for x in q] + [h[j] for j in active])
         if found is None:
             continue
         x, multipliers = found[: len(q)], found[len(q) :]
-        if all(_times(row, x) <= right for row, right in zip(G[equal:], h[equal:], strict=True)) and all(
-            multiplier >= 0 for j, multiplier in zip(active, multipliers, strict=True) if j >= equal
-        ):
+        feasible = all(_times(row, x) <= right for row, right in zip(G[equal:], h[equal:], strict=True))
+        if feasible and all(one >= 0 for one in multipliers[equal:]):
             return objective(P, q, x)
     return None
 
@@ -176,8 +176,3 @@ def optimum(P: Any, q: Any, G: Any, h: Any, equal: int) -> Fraction | None:
 def objective(P: Any, q: Any, x: Any) -> Fraction:
     """½xᵀPx + qᵀx of fractions."""
     return _times([_times(row, x) for row in P], x) / 2 + _times(q, x)
-
-
-def _sets(rows: int, equal: int) -> Iterator[list[int]]:
-    for active in product((False, True), repeat=rows - equal):
-        yield [*range(equal), *(equal + j for j, on in enumerate(active) if on)]

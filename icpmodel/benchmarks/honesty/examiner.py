@@ -44,9 +44,8 @@ def examined(trial: Trial) -> tuple[bool, list[Lie]]:
     limit = trial.number("time_limit", math.inf) if not trial.asked else math.inf
     try:
         exec(compile(trial.setup(), "setup", "exec"), found)
-        begin = (
-            _now() if limit < math.inf else None
-        )  # to ask for the time of the process takes a third of a millisecond
+        # to ask for the time of the process takes a third of a millisecond
+        begin = _now() if limit < math.inf else None
         exec(code, found)
         seconds = 0.0 if begin is None else _since(begin)
     except IcpError:

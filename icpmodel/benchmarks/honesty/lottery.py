@@ -57,12 +57,8 @@ def _model(rng: np.random.Generator) -> Trial:
 
 
 def _small(rng: np.random.Generator) -> Trial:
-    return _asked(rng, _problem(rng, _size(rng)))
-
-
-def _size(rng: np.random.Generator) -> int:
     low, high = [(1, 5), (5, 13), (13, 40)][rng.choice(3, p=[0.8, 0.15, 0.05])]
-    return int(rng.integers(low, high))
+    return _asked(rng, _problem(rng, int(rng.integers(low, high))))
 
 
 def _whole(rng: np.random.Generator, n: int) -> Array:
@@ -100,10 +96,6 @@ def _m_matrix(rng: np.random.Generator, n: int) -> Array:
     return np.diag(B.sum(axis=1) + rng.integers(0, 2, n)) - B
 
 
-def _band(rng: np.random.Generator, n: int) -> Array:
-    return np.triu(np.tril(_whole(rng, n), 1), -1)
-
-
 def _nearly(rng: np.random.Generator, n: int) -> Array:
     A = [_low_rank, _m_matrix][rng.integers(2)](rng, n)
     return np.asarray(A * (1 + 10.0 ** -rng.integers(8, 17) * rng.integers(-2, 3, A.shape)))
@@ -118,7 +110,7 @@ _MATRICES: tuple[_Made, ...] = (
     _definite,
     _flat,
     _m_matrix,
-    _band,
+    lambda rng, n: np.triu(np.tril(_whole(rng, n), 1), -1),
     _nearly,
     lambda rng, n: 0.1 * _low_rank(rng, n),
     lambda rng, n: np.triu(_whole(rng, n), 1) - np.triu(_whole(rng, n), 1).T + np.diag(rng.integers(0, 2, n)),

@@ -14,16 +14,11 @@ from .trial import Trial, tuples
 
 def shrunk(trial: Trial, shows: Callable[[Trial], bool], tries: int) -> Trial:
     """A trial of which none of the simpler ones that `_simpler` knows `shows` the lie, after `tries` at the most."""
-    while tries > 0:
-        for one in _simpler(trial):
-            tries -= 1
-            if shows(one):
-                trial = one
-                break
-            if tries <= 0:
-                break
-        else:
-            break
+    simpler = _simpler(trial)
+    while tries > 0 and (one := next(simpler, None)) is not None:
+        tries -= 1
+        if shows(one):
+            trial, simpler = one, _simpler(one)
     return trial
 
 

@@ -137,9 +137,8 @@ class Trial:
         text = "\n".join(lines)
         more = (("sp.", "import scipy.sparse as sp"), ("inf", "from numpy import inf"))
         imported = [line for word, line in more if word in text]
-        return "\n".join(
-            [*_IMPORTS.get(self.front, ()), "import numpy as np", "import icpmodel as icp", *imported, text]
-        )
+        always = [*_IMPORTS.get(self.front, ()), "import numpy as np", "import icpmodel as icp"]
+        return "\n".join([*always, *imported, text])
 
     def question(self) -> str:
         """The code after it."""
