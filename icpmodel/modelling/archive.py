@@ -218,25 +218,27 @@ class Archive:
             size = about.file_size if not stored or about.file_size <= self.size else -1
             return read_array(file, size, what, wanted, fits)
 
-    def _array(self, name: str, ndim: int, kinds: str, wanted: str, size: int | None = None) -> np.ndarray:
+    def field(
+        self, name: str, wanted: str, ndim: int, kinds: str, size: int | None = None, *, compressed: bool = False
+    ) -> np.ndarray:
         """The field `name`: of `ndim` axes, one of the `kinds` that NumPy has letters for, and of `size` entries."""
         right = lambda shape, dtype: (  # noqa: E731
             len(shape) == ndim and dtype.kind in kinds and size in (None, math.prod(shape))
         )
-        return self.array(name, wanted, right)
+        return self.array(name, wanted, right, compressed=compressed)
 
     def text(self, name: str) -> str:
         """The field `name`, a text."""
-        return str(self._array(name, 0, "U", "a text"))
+        return str(self.field(name, "a text", 0, "U"))
 
     def vector(self, name: str, size: int | None = None) -> Vector:
         """The field `name`, a vector of `size` real numbers."""
         wanted = "a vector of numbers" if size is None else f"{size} numbers"
-        return self._array(name, 1, REAL, wanted, size).astype(np.float64)
+        return self.field(name, wanted, 1, REAL, size).astype(np.float64)
 
     def positions(self, name: str, size: int) -> np.ndarray:
         """The field `name`, a vector of `size` integers."""
-        return self._array(name, 1, "iu", f"{size} integers", size).astype(np.int64)
+        return self.field(name, f"{size} integers", 1, "iu", size).astype(np.int64)
 
     def matrix(self, name: str, n: int) -> sp.csr_array:
         """The CSR matrix of shape (n, n) in three fields."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import io
 import math
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -114,12 +115,7 @@ def _is_numbers(shape: tuple[int, ...], dtype: np.dtype) -> bool:
 
 def _sparse(archive: Archive) -> Any:
     """A matrix as `scipy.sparse.save_npz` writes it."""
-    path = archive.path
-
-    def field(name: str, wanted: str, axes: int, kinds: str) -> np.ndarray:
-        right = lambda shape, dtype: len(shape) == axes and dtype.kind in kinds  # noqa: E731
-        return archive.array(name, wanted, right, compressed=True)
-
+    path, field = archive.path, partial(archive.field, compressed=True)
     name = field("format", "the name of a sparse format", 0, "SU").item()
     form = name.decode("ascii", "replace") if isinstance(name, bytes) else name
     if form not in _SPARSE:
