@@ -196,10 +196,10 @@ def _from_file(path: Path) -> dict[str, Any]:
 def _from_folder(path: Path) -> dict[str, Any]:
     content, files = folder_files(path)
     A = read_matrix(files.pop("A"))
-    read = {
-        name: read_matrix(file) if name.endswith("G") else read_vector(file, A.shape[0]) for name, file in files.items()
-    }
-    return {"A": A} | read | content
+    read = {"A": A}
+    for name, file in files.items():
+        read[name] = read_matrix(file) if name.endswith("G") else read_vector(file, A.shape[0])
+    return read | content
 
 
 def folder_files(path: Path) -> tuple[dict[str, str], dict[str, Path]]:

@@ -85,9 +85,8 @@ def market_head(path: Path, readline: Callable[..., str], size: int, n: int | No
     while line and (line.startswith("%") or not line.strip()):
         line = readline()
     words, mirrored = line.split(), _MIRRORED[symmetry]
-    if len(words) != (3 if layout == "coordinate" else 2) or not all(
-        word.isascii() and word.isdecimal() for word in words
-    ):
+    are_numbers = all(word.isascii() and word.isdecimal() for word in words)
+    if len(words) != (3 if layout == "coordinate" else 2) or not are_numbers:
         raise FileError(f"{path}: has the line {line[:80]!r} where its size was expected; is the file truncated?")
     rows, columns, *entries = map(int, words)
     if mirrored and rows != columns:

@@ -47,7 +47,8 @@ class CvxpyReading:
         self._m = sum(p.size for p, _ in self._pairs)
         self._n = self._m + sum(one.expr.size for one in equations)
         bounds = [[one.bounds[k] for one in conditions if one.bounds[k] is not None] for k in (0, 1)]
-        zero, least = [one.expr for one in equations], [_at_most_zero(one) for one in inequalities]
+        zero = [one.expr for one in equations]
+        least = [-one.expr if isinstance(one, cp.NonNeg) else one.expr for one in inequalities]  # at most 0
         parts = [[p for p, _ in self._pairs], [r for _, r in self._pairs], zero, least, *bounds]
         sides = [side for part in parts for side in part]
         _check_variables(unique(x for side in sides for x in side.variables()), self._n, bool(inequalities))
@@ -173,9 +174,8 @@ class CvxpyReading:
             p, r = p.times(self._sign), r.times(self._sign)
             lower, upper = lower or r.constants(m, 0.0), upper or r.constants(m, np.inf)
             kept, turned = np.maximum(self._sign, 0.0), np.minimum(self._sign, 0.0)
-            lower, upper = (
-                one.times(kept).plus(other.times(turned)) for one, other in ((lower, upper), (upper, lower))
-            )
+            sides = (lower, upper), (upper, lower)
+            lower, upper = (one.times(kept).plus(other.times(turned)) for one, other in sides)
         own = own_entries(r.Z)
         if own is None:
             raise InputError(self._misfit(r.Z, *unowned(r.Z)))
@@ -202,9 +202,8 @@ class CvxpyReading:
             self._order = self._p_before_r(rows.Z)
         if not np.array_equal(self._order, np.arange(self._ends[-1])):  # it would copy a matrix that may be large
             rows = rows.of(self._order)
-        p, r, equations, self._checked, *bounds = (
-            rows.of(slice(start, end)) for start, end in zip([0, *self._ends[:-1]], self._ends, strict=True)
-        )
+        parts = map(slice, [0, *self._ends[:-1]], self._ends)
+        p, r, equations, self._checked, *bounds = map(rows.of, parts)
         if (wrong := np.isnan(self._checked.constant)).any():
             raise InputError(f"{self._inequality(int(np.argmax(wrong)))} has NaN; numbers were expected")
         return p, r, equations, *(self._spread(k, bound) for k, bound in enumerate(bounds))
@@ -266,10 +265,6 @@ def _pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
     if not a.is_affine() and not b.is_affine():
         raise InputError(f"neither {named(a)} nor {named(b)} is affine in the variables; p = Az + q must be")
     return (a, b) if a.is_affine() else (b, a)
-
-
-def _at_most_zero(inequality: cp.Constraint) -> cp.Expression:
-    return -inequality.expr if isinstance(inequality, cp.NonNeg) else inequality.expr
 
 
 def _check_affine(constraints: Sequence[cp.Constraint], kind: str, wanted: str) -> None:

@@ -53,9 +53,8 @@ def apart(call: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def _in_float64(call: Callable[..., Any], *arguments: Any) -> Any:
-    with the_package().enable_x64(
-        True
-    ):  # a map of the user's may compute with JAX, and the setting be that of a thread
+    # a map of the user's may compute with JAX, and the setting be that of a thread
+    with the_package().enable_x64(True):
         return call(*arguments)
 
 
@@ -198,12 +197,11 @@ class Callbacks:
 
     def answer(self, row: Arrays) -> Solution | None:
         """The solution of one row."""
-        loud = self.loud
         try:
             problem, start = self.stated(row), row.get("z0", (None,))[0]
-            return solve(problem, z0=start, raise_on_failure=loud, **self.options)
+            return solve(problem, z0=start, raise_on_failure=self.loud, **self.options)
         except IcpError:
-            if loud:
+            if self.loud:
                 raise
             return None
 

@@ -136,9 +136,8 @@ class Traced:
         self.calls, self.n = calls, calls.problem.n
         self.of_vector = jax.ShapeDtypeStruct((self.n,), np.float64)
         # JAX compiles once for what is the same object
-        self.solved, self.forward, self.adjoint = (
-            partial(apart, call) for call in (calls.solved, calls.forward, calls.adjoint)
-        )
+        three = calls.solved, calls.forward, calls.adjoint
+        self.solved, self.forward, self.adjoint = (partial(apart, call) for call in three)
         self.function = jax.custom_jvp(self.value)
         self.function.defjvp(self.tangent)
 

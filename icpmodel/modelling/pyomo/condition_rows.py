@@ -108,7 +108,7 @@ class ConditionRows:
         for one, other in ((first, second), (second, first)):
             if one.equality and not other.bounds:
                 return self._add_equation(condition, one.bounds[0], other.body)
-            if one.is_range and not other.bounds:
+            if one.ends and not other.bounds:
                 return self._add_range(condition, one, other.body)
         if first.equality or second.equality or (len(first.bounds), len(second.bounds)) != (1, 1):
             count = [2 if one.equality else len(one.bounds) for one in (first, second)]
@@ -129,7 +129,7 @@ class ConditionRows:
         low, *between, high = expression.args
         if between:
             ends: list[Terms] = [((1.0, between[0]), (-1.0, low)), ((1.0, high), (-1.0, between[0]))]
-            return _Bounded(_finite(ends), ((1.0, between[0]),), is_range=True, ends=tuple(ends))
+            return _Bounded(_finite(ends), ((1.0, between[0]),), ends=tuple(ends))
         ends = [((1.0, high), (-1.0, low))]
         body = tuple(term for term in ends[0] if term[1].__class__ not in native_numeric_types)
         return _Bounded(_finite(ends), body)
@@ -221,7 +221,6 @@ class _Bounded(NamedTuple):
     bounds: tuple[Terms, ...]
     body: Terms
     equality: bool = False
-    is_range: bool = False
     ends: tuple[Terms, ...] = ()
 
 

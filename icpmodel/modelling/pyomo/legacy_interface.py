@@ -118,9 +118,8 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
         return mapped
 
 
-SolverFactory.register("icpmodel", doc="Implicit complementarity problems by modulus-based methods")(
-    PyomoSolver, LegacyPyomoSolver
-)
+_registered = SolverFactory.register("icpmodel", doc="Implicit complementarity problems by modulus-based methods")
+_registered(PyomoSolver, LegacyPyomoSolver)
 
 
 def pyomo_solver(**options: Any) -> LegacyPyomoSolver:

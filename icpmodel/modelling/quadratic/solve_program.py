@@ -178,8 +178,10 @@ def _sought(judge: Judge, active: Mask | None, start: Vector | None) -> tuple[st
                 return None, found.iterations
         path = CentralPath(lcp)
         active = active if start is None else path.tight(start)
-        if active is not None and active.size == path.d.size and _quickly(path, judge, active, start is None):
-            return None, path.steps
+        if active is not None and active.size == path.d.size:
+            again = start is None  # after a program that these signs are from
+            if _corrected(path, judge, active) or (again and _pivoted(path, judge)):
+                return None, path.steps
         return _followed(path, judge), path.steps
     except OutOfTime:
         if path is not None:
@@ -195,11 +197,6 @@ def _by_icp(judge: Judge, method: Method | None = None) -> Solution:
     if found.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return found
-
-
-def _quickly(path: CentralPath, judge: Judge, active: Mask, again: bool) -> bool:
-    """Whether the answer is found from these signs, or by what is known where a program is solved `again`."""
-    return _corrected(path, judge, active) or (again and _pivoted(path, judge))
 
 
 def _corrected(path: CentralPath, judge: Judge, active: Mask) -> bool:
