@@ -181,8 +181,9 @@ def unknown(value, error):
 
 
 @inlined
-def worst_median(of_p, of_r, of_s):
-    # the same of the median of p, r and s <= r, and of r and s themselves where these may cross
+def worst(of_p, of_r, of_s):
+    # the largest |median of p, r and s <= r| that (value, bound on its error) of all three leave possible, and of r and
+    # s themselves where these may cross; without an obstacle above s is -inf, and that is |min(p, r)|
     (p, for_p), (r, for_r), (s, for_s) = of_p, of_r, of_s
     if unknown(p, for_p) or unknown(r, for_r) or unknown(s, for_s):
         return np.inf
@@ -191,15 +192,6 @@ def worst_median(of_p, of_r, of_s):
     if s + for_s > r - for_r:
         size = max(size, abs(r) + for_r, abs(s) + for_s)
     return size
-
-
-@inlined
-def worst(of_p, of_r):
-    # the largest |min(p, r)| that (value, bound on its error) of both leave possible
-    (p, for_p), (r, for_r) = of_p, of_r
-    if unknown(p, for_p) or unknown(r, for_r):
-        return np.inf
-    return max(abs(min(p - for_p, r - for_r)), abs(min(p + for_p, r + for_r)))
 
 
 @partial(compiled, exact=True)
@@ -221,20 +213,17 @@ def raised(indptr, indices, data, Q, G_indptr, G_indices, G_data, C, known, Z, t
                 else:
                     of_p = once(q[i], 0.0, k, stop, 1.0, indices, data, z)
                 of_r = gap(i, G_indptr, G_indices, G_data, c, known, z, pairs)
-                if upper is None:
-                    size = worst(of_p, of_r)
-                else:
-                    above = upper[3][row]
-                    of_s = gap(i, upper[0], upper[1], upper[2], above, upper[4], z, pairs)
-                    size = worst_median(of_p, of_r, of_s)
+                of_s = -np.inf, 0.0
+                if upper is not None:
+                    of_s = gap(i, upper[0], upper[1], upper[2], upper[3][row], upper[4], z, pairs)
+                size = worst(of_p, of_r, of_s)
                 if size > scale:
                     squares = 1.0 + squares * (scale / size) ** 2
                     scale = size
                 elif size > 0.0:
                     squares += (size / scale) ** 2
-            bound = (
-                scale * math.sqrt(squares) * (1.0 + 8.0 * (z.size + 8) * UNIT_ROUNDOFF) if scale < np.inf else np.inf
-            )
+            rounding = 1.0 + 8.0 * (z.size + 8) * UNIT_ROUNDOFF
+            bound = scale * math.sqrt(squares) * rounding if scale < np.inf else np.inf
         if bound > tolerances[row]:
             residuals[row] = bound
 
