@@ -285,9 +285,8 @@ def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Fact
     inner = sp.csc_array(arrays, shape=matrix.shape)
     inner.has_canonical_format = True
     threshold = 0.0 if diagonal_pivots else _THRESHOLD
-    by_superlu = partial(
-        splu, inner, permc_spec="NATURAL", diag_pivot_thresh=threshold, options={"SymmetricMode": True}
-    )
+    options = {"SymmetricMode": True}
+    by_superlu = partial(splu, inner, permc_spec="NATURAL", diag_pivot_thresh=threshold, options=options)
     try:
         # exchanges of rows can fill all
         lu = in_time(by_superlu, work.factor_cost(work.Fill(n, n**2, n**3 / 3.0, True)))

@@ -108,8 +108,9 @@ def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> S
 
     @cache
     def backward() -> tuple[KrylovMultigrid, Exponents]:
-        turned, units = _turned(scaled)
-        return KrylovMultigrid(turned), units
+        turned = sp.csr_array(scaled.T)
+        units = row_exponents(turned)
+        return KrylovMultigrid(in_units(turned, units)), units
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         if not transposed:
@@ -138,13 +139,6 @@ def _by_steps(M: sp.csr_array, look: Look) -> Solver | None:
         return x
 
     return solve
-
-
-def _turned(M: sp.csr_array) -> tuple[sp.csr_array, Exponents]:
-    """Mᵀ with its rows brought to one size, and by what."""
-    turned = sp.csr_array(M.T)
-    exponents = row_exponents(turned)
-    return in_units(turned, exponents), exponents
 
 
 def _bordered(M: sp.csr_array) -> Solver | None:

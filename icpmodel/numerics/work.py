@@ -98,6 +98,7 @@ class Fill(NamedTuple):
 
 class _Counted(threading.local):
     total = 0
+    budget: _Budget | None = None
 
 
 COSTS = Costs()
@@ -240,7 +241,7 @@ def clock() -> float:
 @contextmanager
 def within(seconds: float = math.inf, memory: float = math.inf, begun: float | None = None) -> Iterator[None]:
     """In this block of this thread `afford` raises where more is asked for than so many seconds and bytes."""
-    before, begun = _budget(), clock() if begun is None else begun
+    before, begun = _counted.budget, clock() if begun is None else begun
     held = _held() if memory < math.inf else 0.0
     _counted.budget = _Budget(begun, done(), begun + seconds, held, memory)
     try:
@@ -252,7 +253,7 @@ def within(seconds: float = math.inf, memory: float = math.inf, begun: float | N
 @contextmanager
 def of_count(nanoseconds: float) -> Iterator[None]:
     """In this block `afford` raises where more work is to be counted, the same on every machine; other limits stay."""
-    before = _budget()
+    before = _counted.budget
     within_all = before or _Budget(clock(), done(), math.inf)
     _counted.budget = within_all._replace(most=min(done() + nanoseconds, within_all.most))
     try:
@@ -280,7 +281,7 @@ def nanoseconds_left() -> float:
 
     What the clock showed for what was counted so far tells how much slower than the table this machine is.
     """
-    budget = _budget()
+    budget = _counted.budget
     if budget is None:
         return math.inf
     now = clock()
@@ -290,7 +291,7 @@ def nanoseconds_left() -> float:
 
 def seconds_left() -> float:
     """What the clock says; inf where nothing limits it."""
-    budget = _budget()
+    budget = _counted.budget
     return math.inf if budget is None else max(budget.end - clock(), 0.0)
 
 
@@ -303,7 +304,7 @@ def pieces(nanoseconds: float) -> int:
 def free_memory() -> float:
     """The bytes that may still be asked for: what the system has, or half of all where it does not say, and the limit
     leaves."""
-    budget, left = _budget(), math.inf
+    budget, left = _counted.budget, math.inf
     if budget is not None and budget.memory < math.inf:
         left = max(budget.memory - max(_held() - budget.held, 0.0), 0.0)
     return min(left, _SYSTEM.free())
@@ -311,7 +312,7 @@ def free_memory() -> float:
 
 def fits(memory: float) -> bool:
     """Whether so many bytes may still be asked for."""
-    budget = _budget()
+    budget = _counted.budget
     if memory <= (_TRIFLE if budget is None else min(budget.memory, _TRIFLE)):
         return True
     modest = (budget is None or budget.memory == math.inf) and memory <= _MODEST * _SYSTEM.lately_free()
@@ -340,10 +341,6 @@ class _System:
 
 
 _SYSTEM = _System()
-
-
-def _budget() -> _Budget | None:
-    return getattr(_counted, "budget", None)
 
 
 def _held() -> float:
