@@ -106,3 +106,9 @@ def level_crossing(x: Vector, y: Vector, level: float) -> float:
     t = level - y
     weights = [t[1] * t[2] / (steps[0] * (y[2] - y[0])), -t[0] * t[2] / (steps[0] * steps[1])]
     return float(x[0] * weights[0] + x[1] * weights[1] + x[2] * t[0] * t[1] / ((y[2] - y[0]) * steps[1]))
+
+
+def smooth_fit(x: Vector, z: Vector, first: int, slope: float) -> float:
+    """Where z(x) has this `slope`, by three cells from the `first` on; NaN where there are none."""
+    h, cells = x[1] - x[0], slice(first, first + 3)
+    return level_crossing(x[:-1][cells] + h / 2, (np.diff(z) / h)[cells], slope)

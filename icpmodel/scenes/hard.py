@@ -77,9 +77,8 @@ def hard_domain() -> Scene:
     psi = Elementwise(_below_root, _its_slope)
     problem = ICP(rows_of(31, 0, 31, {-1: -1.0, 0: 2.0, 1: -1.0}), np.full(31, -0.1), psi)
     models = "A string pulled up out of the region where the shape of its support is known."
-    return Scene(
-        problem=problem, models=models, why_no_solution="p >= 0 lifts z out of the domain of psi, row 1 already"
-    )
+    why = "p >= 0 lifts z out of the domain of psi, row 1 already"
+    return Scene(problem=problem, models=models, why_no_solution=why)
 
 
 @register

@@ -11,7 +11,7 @@ import numpy as np
 from ..icp import ICP
 from ..numerics.arrays import Vector
 from ..problem.intervention import Intervention
-from .grid import level_crossing, tridiagonal
+from .grid import smooth_fit, tridiagonal
 from .registry import Quantity, Scene, register, size
 
 #: drift and volatility of the reserve, discount rate, tax on a payment and its fixed cost
@@ -56,19 +56,13 @@ def dividend(n: int = 241) -> Scene:
     return Scene(problem=problem, models=models, quantities=known, h=h, points=x)
 
 
-def _smooth_fit(x: Vector, z: Vector, first: int) -> float:
-    """Where the slope reaches WORTH, by three cells from the `first` on; NaN where there are none."""
-    h, cells = x[1] - x[0], slice(first, first + 3)
-    return level_crossing(x[cells] + h / 2, (np.diff(z) / h)[cells], WORTH)
-
-
 def _boundary(problem: ICP, x: Vector, z: Vector) -> float:
     """Up to where it pays z solves the equation of the reserve at rest."""
-    return _smooth_fit(x, z, int(np.argmax(problem.r(z) < problem.p(z))) - 3)
+    return smooth_fit(x, z, int(np.argmax(problem.r(z) < problem.p(z))) - 3, WORTH)
 
 
 def _target(x: Vector, z: Vector) -> float:
-    return _smooth_fit(x, z, int(np.argmax(np.diff(z) / (x[1] - x[0]) < WORTH)) - 1)
+    return smooth_fit(x, z, int(np.argmax(np.diff(z) / (x[1] - x[0]) < WORTH)) - 1, WORTH)
 
 
 def _operator(n: int, h: float) -> tuple[Any, Vector]:

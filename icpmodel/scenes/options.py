@@ -9,7 +9,7 @@ import numpy as np
 
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
-from .grid import level_crossing, tridiagonal
+from .grid import smooth_fit, tridiagonal
 from .registry import Quantity, Scene, farthest, register, size
 
 #: interest and volatility, a year; the bounded solution of the equation decays as s^-DECAY
@@ -81,7 +81,5 @@ def _operator(n: int, h: float) -> tuple[Any, Vector]:
 
 
 def _exercise(problem: ICP, y: Vector, z: Vector) -> float:
-    first, h = int(np.argmax(problem.r(z) > problem.p(z))), y[1] - y[0]
-    cells = slice(first, first + 3)
-    slopes = np.diff(z + np.exp(y)) / h
-    return float(np.exp(level_crossing(y[:-1][cells] + h / 2, slopes[cells], 0.0)))
+    first = int(np.argmax(problem.r(z) > problem.p(z)))
+    return float(np.exp(smooth_fit(y, z + np.exp(y), first, 0.0)))

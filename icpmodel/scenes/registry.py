@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..icp import ICP
-from ..numerics.arrays import ReadOnly, Vector, as_number
+from ..numerics.arrays import ReadOnly, Vector, as_number, locked
 from ..numerics.plugins import load_plugins, public
 from ..present.shown import Plotted, Shown
 from ..problem.by_rows import ByRows
@@ -82,9 +82,7 @@ class Scene(ReadOnly, Plotted):
     points: Vector | None = None
 
     def __post_init__(self) -> None:
-        for array in (self.z_exact, self.z0, self.points):
-            if array is not None:
-                array.flags.writeable = False
+        locked((self.z_exact, self.z0, self.points))
         if self.points is not None:
             _PLACES[self.problem.matrix] = self.points
         if self.name:
