@@ -101,9 +101,8 @@ class Report(Shown, Tabular):
         bound = "no certified error bound" if self.error_bound is None else f"|z - z*| <= {at_most(self.error_bound)}"
         residual, tolerance = ("-" if number is None else f"{number:.3g}" for number in (self.residual, self.tolerance))
         answer = f"{self.answer}; residual {residual}, {bound}"
-        return Card(
-            {"problem": self.problem, "answer": answer, "compared": f"|z_foreign - z| <= {tolerance} in every entry"}
-        )
+        compared = f"|z_foreign - z| <= {tolerance} in every entry"
+        return Card({"problem": self.problem, "answer": answer, "compared": compared})
 
     def table(self) -> Table:
         """The rows, numbers rounded to two digits."""

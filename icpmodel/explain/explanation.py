@@ -268,9 +268,8 @@ def _explained(
         bound = ErrorBound.none(limit.undecided(error))
     # the first choice first, as not all may be looked at
     first = sorted(methods, key=lambda title: not (picked is not None and _same(methods[title], picked)))
-    found = {
-        one.title: one for one in forecasts_of(problem, {title: methods[title] for title in first}, accuracy, limit)
-    }
+    in_turn = {title: methods[title] for title in first}
+    found = {one.title: one for one in forecasts_of(problem, in_turn, accuracy, limit)}
     forecasts = tuple(found[title] for title in methods if title in found)
     if asked and not any(one.proved_by for one in forecasts):
         others = forecasts_of(problem, members(problem), accuracy, limit)

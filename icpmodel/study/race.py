@@ -171,9 +171,8 @@ def race(
     asked = {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}
     if not asked:
         raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
-    reasons = {
-        one: one.why_not(case) for one in (Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race")))
-    }
+    named = Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race"))
+    reasons = {one: one.why_not(case) for one in named}
     entered = [one for one, reason in reasons.items() if reason is None]
     skipped = tuple((one.name, reason) for one, reason in reasons.items() if reason is not None)
     found = Race(title=f"{called(problem)} ({machine()})", measure="", entries=(), skipped=skipped, command=command)
@@ -186,9 +185,8 @@ def race(
             say("one linear solve")
             linear = partial(limits()[-1].run, case, RTOL, limit)
             if linear().solved:
-                found = replace(
-                    found, limit=timed({"solve": lambda: linear().seconds}, repeats, warm=False).median("solve")
-                )
+                seconds = timed({"solve": lambda: linear().seconds}, repeats, warm=False)
+                found = replace(found, limit=seconds.median("solve"))
             for entry in _run(case, entered, sorted(asked, reverse=True), repeats, limit, error, say):
                 entries[entry.name, entry.tolerance] = entry
             for one in entered:

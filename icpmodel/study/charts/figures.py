@@ -128,12 +128,8 @@ class Drawing:
 
     def apart(self) -> list[Figure]:
         """Each panel as a figure of its own, without the title."""
-        return [
-            replace(self, panels=(one,), mosaic=((0,),), layout={}, columns=1, title="").on(
-                new_figure(ALONE[0], one.height)
-            )
-            for one in self.panels
-        ]
+        plain = replace(self, mosaic=((0,),), layout={}, columns=1, title="")
+        return [replace(plain, panels=(one,)).on(new_figure(ALONE[0], one.height)) for one in self.panels]
 
     def into(self, ax: Any) -> Figure:
         """The panels in somebody's axes, or the first one where `ax` is one. Returns the figure that these are in."""

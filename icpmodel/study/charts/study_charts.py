@@ -241,9 +241,8 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
         if here.any():
             style: dict[str, Any] = {"linestyle": "", "marker": sign}
             axes.plot(X[here], Y[here], markersize=5, color=_INK, **style)
-            handles.append(
-                Line2D([], [], markersize=7, color=GREY, label=words.format(max_iter=found.max_iter), **style)
-            )
+            words = words.format(max_iter=found.max_iter)
+            handles.append(Line2D([], [], markersize=7, color=GREY, label=words, **style))
     for words, mask, colour, dashes in proofs(found):
         width, shown = (3.0, colour) if colour == FALSE else (2.0, "black" if dashes == "solid" else colour)
         style = {"colors": [colour], "linestyles": [dashes], "linewidths": width, "zorder": 4.5 - width}
@@ -284,10 +283,9 @@ def marked_places(found: StabilityMap) -> dict[str, tuple[tuple[float, float], s
 def _marked(found: StabilityMap, axes: Any) -> list[Any]:
     marked: list[Any] = []
     for words, (place, marker) in marked_places(found).items():
+        size = 12 if marker == "*" else 8
         style = {"marker": marker, "color": "white", "markeredgecolor": "#1a1a1a", "linestyle": ""}
-        marked += axes.plot(
-            *[[at] for at in place], label=words, markersize=12 if marker == "*" else 8, zorder=4, **style
-        )
+        marked += axes.plot(*[[at] for at in place], label=words, markersize=size, zorder=4, **style)
     return marked
 
 

@@ -61,9 +61,8 @@ def _scaling_figure(scene: str, lines: dict[tuple[str, str], _Points]) -> Figure
             if shown is None:
                 axes.set_axis_off()
                 continue
-            ends.append(
-                (axes, [_draw(axes, name, kinds[name], lines[kinds[name], name], shown[name]) for name in shown])
-            )
+            named = [_draw(axes, name, kinds[name], lines[kinds[name], name], shown[name]) for name in shown]
+            ends.append((axes, named))
             axes.set(xscale="log", yscale="log")
             axes.grid(alpha=0.3)
             axes.tick_params(labelleft=True)
@@ -186,12 +185,9 @@ def profiles(table: Table) -> dict[str, Vector]:
     best: dict[tuple[str, int], float] = {}
     for cells in table.records():
         if cells["method"] and cells["kind"] != "limit":
-            mine, problem, seconds = (
-                times.setdefault(cells["method"], {}),
-                (cells["scene"], cells["n"]),
-                cells["time, s"],
-            )
+            mine, seconds = times.setdefault(cells["method"], {}), cells["time, s"]
             if seconds is not None:
+                problem = cells["scene"], cells["n"]
                 mine[problem] = seconds
                 best[problem] = min(seconds, best.get(problem, np.inf))
     return {
