@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import MapError, OutOfTime, SingularOperator
 from ..methods.contract import SAFE_HINT, Infeasible, Iterate, Method
 from ..numerics import work
-from ..numerics.arrays import Vector, norm
+from ..numerics.arrays import Vector, locked, norm
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from .candidate import Candidate, Ended, Recent, Stalled
@@ -260,7 +260,8 @@ class Run:
     def _test(self, z: Vector, residual: float, seconds: float, first: float) -> Ended | None:
         """What the iterate itself says: it is what was wanted, or it has run away from the `first` residual."""
         k = self.iteration
-        if self.callback is not None and self.callback(_state(k, z, residual, seconds)):
+        # a copy, as whoever has a view can write through its base
+        if self.callback is not None and self.callback(Progress(k, locked(z.copy()), residual, seconds)):
             return Ended(Status.STOPPED, "by the callback")
         if self.goal.reached(z, residual):
             if self.best is None or self.best.z is not z:
@@ -305,9 +306,3 @@ def fault_of_psi(problem: ProblemData, z: Vector) -> str:
             if bad.any():
                 return f"{name}(z)[{np.argmax(bad)}] is {value[np.argmax(bad)]}"
     return ""
-
-
-def _state(k: int, z: Vector, residual: float, seconds: float) -> Progress:
-    copy = z.copy()  # whoever has a view can write through its base
-    copy.flags.writeable = False
-    return Progress(k, copy, residual, seconds)

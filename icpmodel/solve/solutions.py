@@ -112,6 +112,7 @@ class Solutions(ReadOnly, Shown, Tabular):
         if not -len(self) <= k < len(self):
             raise IndexError(f"there is no row {k}; there are {len(self)}")
         k %= len(self)
+        found = self._alone.get(k) or (NOT_BEGUN if k in self.messages else self._at_once)
         return Solution(
             problem=self._stated.problem(k),
             z=self.Z[k],
@@ -119,13 +120,10 @@ class Solutions(ReadOnly, Shown, Tabular):
             message=self.messages.get(k, "solved"),
             residual=float(self.residuals[k]),
             tolerance=float(self.tolerances[k]),
-            **self._found(k)._asdict(),
+            **found._asdict(),
             time_limit=self._stated.time_limit,
             memory_limit=self._stated.memory_limit,
         )
-
-    def _found(self, k: int) -> Found:
-        return self._alone.get(k) or (NOT_BEGUN if k in self.messages else self._at_once)
 
     def __iter__(self) -> Iterator[Solution]:
         return (self[k] for k in range(len(self)))
