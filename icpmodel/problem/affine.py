@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError, by_name
-from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, row_of
+from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, locked, row_of
 from .map import Map
 
 
@@ -100,8 +100,7 @@ class Affine(Map):
     def __init__(self, G: Any, c: Any = 0.0) -> None:
         self.G = as_csr(G, "psi.G")
         n = self.G.shape[0]
-        self.c = as_vector(c, n, "psi.c", infinite=np.inf)
-        self.c.flags.writeable = False
+        self.c = locked(as_vector(c, n, "psi.c", infinite=np.inf))
         self.lipschitz = self.links = freeze(abs(self.G))
         self.linear = self.G, self.c
 

@@ -281,7 +281,8 @@ class ProblemData(Shown):
         z = self.vector(z)
         psi = self.psi.value(z)
         upper = None if self.psi.upper is None else self.psi.upper.value(z)
-        if self._is_large() and _SAFE[0] < (squares := self._squares(z, psi, upper)) < _SAFE[1]:
+        large = self.matrix.dense is None and self.A.nnz >= THREADS_FROM
+        if large and _SAFE[0] < (squares := self._squares(z, psi, upper)) < _SAFE[1]:
             return math.sqrt(squares)
         return norm(mid(self.product(z) + self.q, z - psi, None if upper is None else z - upper))
 
@@ -294,9 +295,6 @@ class ProblemData(Shown):
         """
         zero, upper = np.zeros(self.n), self.psi.upper
         return norm(mid(self.q, -self.psi.value(zero), None if upper is None else -upper.value(zero)))
-
-    def _is_large(self) -> bool:
-        return self.matrix.dense is None and self.A.nnz >= THREADS_FROM
 
     def _squares(self, z: Vector, psi: Vector, upper: Vector | None) -> float:
         """Res(z)², without care for overflow, in one pass over A on all cores, of which the sum does not depend."""

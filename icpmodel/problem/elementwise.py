@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError, by_name
-from ..numerics.arrays import Vector, as_vector
+from ..numerics.arrays import Vector, as_vector, locked
 from .map import Map
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, is_compiled
 
@@ -53,8 +53,7 @@ class Elementwise(Parametrised):
             raise InputError("psi.f and psi.derivative: both or neither must be compiled with numba.njit")
 
     def bind(self, n: int) -> Elementwise:
-        c = as_vector(self.c, n, "psi.c", infinite=np.inf)
-        c.flags.writeable = False
+        c = locked(as_vector(self.c, n, "psi.c", infinite=np.inf))
         bound = Elementwise(
             self.f, self.derivative, self.given_lipschitz, c, parameter_derivative=self.parameter_derivative
         )

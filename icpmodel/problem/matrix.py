@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..numerics import work
-from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric
+from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric, locked
 from ..numerics.fill import Look
 from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
 from ..numerics.linear import is_for_multigrid
@@ -125,8 +125,7 @@ class Matrix(ReadOnly):
         arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n)
         matrix = (A.indptr, A.indices, A.data)
         reach = in_parts(n, threads_for(self.nnz), lambda low, high: look(*matrix, low, high, *arrays))
-        for array in arrays:
-            array.flags.writeable = False
+        locked(arrays)
         below, above, lower, upper = zip(*reach, strict=True)
         return Rows(*arrays, max(below), max(above), sum(lower), sum(upper))
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Vector, norm
+from ..numerics.arrays import Vector, locked, norm
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.work import add
 from .affine import zero
@@ -97,7 +97,4 @@ def _locked(X: Rows) -> Rows:
 @lru_cache(maxsize=4)
 def _full(n: int) -> tuple[Any, Any]:
     """Where rows begin, and their columns, in an n × n matrix whose entries are all stored."""
-    places = np.arange(0, n * n + 1, n, dtype=np.int32), np.tile(np.arange(n, dtype=np.int32), n)
-    for array in places:
-        array.flags.writeable = False
-    return places
+    return locked((np.arange(0, n * n + 1, n, dtype=np.int32), np.tile(np.arange(n, dtype=np.int32), n)))
