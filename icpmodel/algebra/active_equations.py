@@ -24,6 +24,7 @@ from ..numerics.fill import Look, of_band
 from ..numerics.krylov import NotConverged
 from ..numerics.linear import Solver, dense_solver, multigrid_pays, solver_of
 from ..problem.data import ProblemData
+from ..problem.map import Mask
 from .cycled_equations import CycledEquations, cycles_cost
 from .equations import among, equations_on
 from .hierarchy import Hierarchy, NoHierarchy
@@ -40,14 +41,13 @@ class ActiveEquations:
     """
 
     def __init__(
-        self, problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array, by_cycles: bool | None = None
+        self, problem: ProblemData, active: Mask, jacobian: sp.csr_array, by_cycles: bool | None = None
     ) -> None:
         self._of, self._cycled, self._decided = (problem, active, jacobian), None, by_cycles is not None
         self._by_lu = None
         if by_cycles is None and problem.matrix.dense is not None:
-            self._by_lu = dense_solver(
-                np.where(active[:, None], np.eye(problem.n) - jacobian.toarray(), problem.dense())
-            )
+            J = np.where(active[:, None], np.eye(problem.n) - jacobian.toarray(), problem.dense())
+            self._by_lu = dense_solver(J)
             return
         # what cycles have cost, and what they may cost until that is weighed again
         self._spent, self._most = 0.0, cycles_cost(problem)
@@ -111,9 +111,7 @@ class Elimination:
     Parameters: as of `ActiveEquations`; a `shift` of the diagonal of A, shape (n,), or None.
     """
 
-    def __init__(
-        self, problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array, shift: Vector | None = None
-    ) -> None:
+    def __init__(self, problem: ProblemData, active: Mask, jacobian: sp.csr_array, shift: Vector | None = None) -> None:
         rows, free = np.flatnonzero(active), np.flatnonzero(~active)
         self._matrix, self._rows, self._free = problem.matrix, rows, free
         self._by_multigrid: bool | None = None
@@ -126,9 +124,8 @@ class Elimination:
         except _NotWorth:
             self._M, self._whole = equations_on(problem, active, jacobian), True
         if shift is not None:
-            self._M = sp.csr_array(
-                self._M + sp.diags_array(np.where(active, 0.0, shift) if self._whole else shift[free])
-            )
+            more = np.where(active, 0.0, shift) if self._whole else shift[free]
+            self._M = sp.csr_array(self._M + sp.diags_array(more))
         is_part = not self._whole and self._T is None
         self._look = Look(self._M, (lambda: problem.matrix.is_symmetric) if is_part else None)
 

@@ -8,7 +8,6 @@ from itertools import islice
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..numerics import work
 from ..numerics.arrays import Vector, is_diagonal, norm
@@ -16,6 +15,7 @@ from ..numerics.krylov import GCR, NotConverged, cg_steps, cg_vector_cost
 from ..numerics.linear import STEPS
 from ..numerics.multigrid import KRYLOV_STEPS, cycle_cost
 from ..problem.data import ProblemData
+from ..problem.map import Mask
 from .hierarchy import Hierarchy, Level
 
 #: ψ_i is not followed where 1 − ∂ψ_i/∂z_i is smaller
@@ -34,9 +34,7 @@ class CycledEquations:
     None where ψ is constant.
     """
 
-    def __init__(
-        self, hierarchy: Hierarchy, top: int, active: NDArray[np.bool_], jacobian: sp.csr_array | None
-    ) -> None:
+    def __init__(self, hierarchy: Hierarchy, top: int, active: Mask, jacobian: sp.csr_array | None) -> None:
         self._hierarchy, self._top, self._active, self._J = hierarchy, top, active, jacobian
         hierarchy.restrict(~active, top)
         own = 0.0 if jacobian is None else jacobian.diagonal()

@@ -18,7 +18,7 @@ from ..numerics.krylov import cg_step_cost, conjugate_gradients, conjugate_resid
 from ..numerics.linear import MANY_STEPS, by_refinement, solver_of
 from ..problem.between import chosen
 from ..problem.data import ProblemData
-from ..problem.map import Map
+from ..problem.map import Map, Mask
 from ..problem.matrix import Matrix
 from .operators import FactorisedOperator
 
@@ -26,7 +26,7 @@ from .operators import FactorisedOperator
 _REFINEMENTS = 4
 
 
-def equations_on(problem: ProblemData, active: NDArray[np.bool_], jacobian: sp.csr_array) -> sp.csr_array:
+def equations_on(problem: ProblemData, active: Mask, jacobian: sp.csr_array) -> sp.csr_array:
     """The matrix with the rows of I − ψ′ where `active` and those of A elsewhere; CSR, shape (n, n).
 
     Parameters: `active` a mask of shape (n,); `jacobian` = ψ′(z), CSR, shape (n, n).
@@ -50,8 +50,8 @@ class Pattern(NamedTuple):
     """
 
     r: Vector
-    active: NDArray[np.bool_]
-    above: NDArray[np.bool_] | None = None
+    active: Mask
+    above: Mask | None = None
 
     @classmethod
     def at(cls, problem: ProblemData, z: Vector, p: Vector, omega: Vector) -> Pattern:
@@ -67,7 +67,7 @@ class Pattern(NamedTuple):
         taken = above > a
         return cls(np.where(taken, above, r), (r < a) | taken, taken)
 
-    def sides(self) -> tuple[NDArray[np.bool_], ...]:
+    def sides(self) -> tuple[Mask, ...]:
         """The rows that take the obstacle below, and where there is one above, those that take that one."""
         return (self.active,) if self.above is None else (self.active & ~self.above, self.above)
 
@@ -83,9 +83,7 @@ def pattern_at(problem: ProblemData, z: Vector) -> Pattern:
         return Pattern.at(problem, z, problem.p(z), problem.matrix.weights)
 
 
-def solve_on(
-    problem: ProblemData, z: Vector, active: NDArray[np.bool_], above: NDArray[np.bool_] | None = None
-) -> Vector:
+def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None = None) -> Vector:
     """The solution of z_i = ψ_i(z) in the `active` rows, (Az + q)_i = 0 in the others, near `z`.
 
     One factorisation, of the other rows alone where ψ has no derivative, then refinement while the residual falls.
@@ -99,9 +97,7 @@ def solve_on(
         return _refined(problem, psi, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
 
 
-def _refined(
-    problem: ProblemData, psi: Map, z: Vector, active: NDArray[np.bool_], jacobian: sp.csr_array | None
-) -> Vector:
+def _refined(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: sp.csr_array | None) -> Vector:
     free = np.flatnonzero(~active)
     try:
         if jacobian is not None:
@@ -130,7 +126,7 @@ def _refined(
     return best
 
 
-def derivative(psi: Map, z: Vector, above: NDArray[np.bool_] | None = None) -> sp.csr_array:
+def derivative(psi: Map, z: Vector, above: Mask | None = None) -> sp.csr_array:
     """ψ′(z), in the rows `above`, a mask, ψ̄′(z), CSR, shape (n, n), where both have one (`Map.no_derivative`). Raises
     MapError where it is not finite."""
     J = chosen(psi, above).jacobian(z)
@@ -199,7 +195,7 @@ class ShiftedEquations:
         """What it takes to factorise all rows, seen to the end."""
         return self.problem.matrix.look.to_the_end()
 
-    def solve(self, free: NDArray[np.bool_], D: Vector, f: Vector, tolerance: float, briefly: bool) -> Vector | None:
+    def solve(self, free: Mask, D: Vector, f: Vector, tolerance: float, briefly: bool) -> Vector | None:
         """x with an error of f of at most the relative `tolerance`, by steps `INEXACT` in the units of the diagonal, or
         None; `D`, `f` and x of shape (n,).
 
@@ -246,7 +242,7 @@ class ShiftedEquations:
             return solver_of(M, look=look)(f, tolerance)
         return x
 
-    def _by_all_rows(self, free: NDArray[np.bool_], D: Vector, f: Vector, tolerance: float) -> Vector | None:
+    def _by_all_rows(self, free: Mask, D: Vector, f: Vector, tolerance: float) -> Vector | None:
         problem = self.problem
         data = problem.A.data.copy()
         data[problem.matrix.rows.diag] += D

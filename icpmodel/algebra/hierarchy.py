@@ -17,9 +17,8 @@ from ..numerics.multigrid import HIERARCHY_BYTES, cycle_cost, hierarchy_cost, ru
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.threads import one_behind_the_other, one_blas_thread, threads_for
 from ..problem.data import ProblemData
+from ..problem.map import Mask
 from ..problem.matrix import Matrix
-
-Mask = NDArray[np.bool_]
 
 #: a level of at most so many rows is solved by a dense inverse, and where coarsening stalls one of so many
 _COARSEST, _STALLED = 64, 512

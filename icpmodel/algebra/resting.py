@@ -17,8 +17,9 @@ import numpy as np
 from ..errors import MapError
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
+from ..problem.map import Mask
 from .steps import projected_sweep
-from .subproblems import Blocks, Mask, resting, with_fixed_obstacle
+from .subproblems import Blocks, resting, with_fixed_obstacle
 
 #: more than this share of open rows is not worth the trouble, and more than the second one, before a sweep is made,
 #: not a closer look

@@ -13,6 +13,7 @@ from ..numerics.arrays import Vector, row_of
 from ..problem.affine import Constant
 from ..problem.between import Between
 from ..problem.data import ProblemData
+from ..problem.map import Mask
 from .affine_lcp import PIVOT_UP_TO
 
 #: so many parts that do not interact get a method each
@@ -21,7 +22,6 @@ _PARTS = 32
 _STAGES = 1000
 
 Rows = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
@@ -43,9 +43,8 @@ def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
 
     A, psi = problem.A, problem.psi
     starts, columns, values, q = cut(A.indptr, A.indices, A.data, problem.q, rows, z)
-    return ProblemData.of_checked(
-        sp.csr_array((values, columns, starts), shape=(rows.size, rows.size)), q, psi.restricted(rows, z)
-    )
+    part = sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
+    return ProblemData.of_checked(part, q, psi.restricted(rows, z))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,10 +143,12 @@ def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int =
     """
     from scipy.sparse.csgraph import connected_components
 
-    fixed = problem.facts.has_fixed_obstacle
-    graph = problem.A if fixed else _dependencies(problem)
-    if graph is None:
-        return None
+    graph = problem.A  # where row i depends on unknown j, be it through A or ψ
+    if not problem.facts.has_fixed_obstacle:
+        links = problem.psi.links
+        if links is None:
+            return None
+        graph = sp.csr_array(problem.matrix.absolute + links)
     from ..numerics.kernels.graph import linked  # loads numba
 
     if problem.n > PIVOT_UP_TO and linked(graph.indptr, graph.indices):
@@ -163,12 +164,6 @@ def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int =
     if core is not None:
         heavy[part[core]] = True
     return _arranged(simple, graph, part, np.concatenate([[0], np.cumsum(sizes)]), heavy, most_stages)
-
-
-def _dependencies(problem: ProblemData) -> sp.csr_array | None:
-    """Where row i depends on unknown j, be it through A or ψ; None where that is not known, or not of use."""
-    links = problem.psi.links
-    return None if links is None else sp.csr_array(problem.matrix.absolute + links)
 
 
 def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:

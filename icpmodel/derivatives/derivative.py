@@ -32,13 +32,14 @@ from ..present.card import Card
 from ..present.shown import Shown
 from ..problem.between import sides_of
 from ..problem.data import ProblemData
+from ..problem.map import Mask
 from ..solve.driver import solve
 from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
 from ..theory.certificates.bounds import USERS_WORD, bound_of_change, limited
 from .direction import Direction
 from .gradient import Gradient
-from .tangent import Mask, Ties, tangent_problem
+from .tangent import Ties, tangent_problem
 
 #: so many random weights: that all of them cancel to a hundredth happens once in 10⁶
 _DRAWS = 3

@@ -63,9 +63,8 @@ class Direction:
         return error
 
     def _parts(self, z: Vector) -> list[Linear]:
-        return [
-            (None, None) if change is None else psi.data_change(z, change, name) for name, psi, change in self.sides()
-        ]
+        sides = self.sides()
+        return [(None, None) if change is None else psi.data_change(z, change, name) for name, psi, change in sides]
 
     def times(self, factor: float) -> Direction:
         """`factor` times as fast, of one of which `right_side` was asked for, and which is thus as it should be."""

@@ -13,7 +13,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..algebra.equations import Pattern
 from ..numerics.arrays import Vector
@@ -21,10 +20,8 @@ from ..numerics.equilibration import in_units
 from ..problem.affine import Affine, Constant
 from ..problem.between import Rowwise
 from ..problem.data import ProblemData
-from ..problem.map import Map
+from ..problem.map import Map, Mask
 from .direction import Direction, linear_value
-
-Mask = NDArray[np.bool_]
 
 
 class Ties(NamedTuple):

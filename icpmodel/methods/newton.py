@@ -28,7 +28,6 @@ from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import Pattern, derivative, system_cost
@@ -39,9 +38,8 @@ from ..numerics.linear import solver_of
 from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
+from ..problem.map import Mask
 from .contract import Estimate, Iterate, Method
-
-Mask = NDArray[np.bool_]
 
 #: plain steps may fail to reduce θ so often; later half as often, and so on
 _PATIENCE = 8
@@ -280,17 +278,14 @@ class Path(Iterator[Iterate]):
 
     def _reached(self, active: Mask) -> Point | None:
         """Where the step with this active set leads."""
-        step = self._plain_direction(active)
-        return None if step is None else self._point(self.here.z + step)
-
-    def _plain_direction(self, active: Mask) -> Vector | None:
         here, J = self.here, self.here.jacobian
         # inexact solves follow the residual
         tolerance = min(_LOOSE, max(_TIGHT, here.theta / self.first)) if self.first > 0 else _TIGHT
         if self.kept is None or self.kept[1] is not J or not np.array_equal(self.kept[0], active):
             self.kept = None  # so that not two factorisations are held
             self.kept = (active, J, ActiveEquations(self.problem, active, J, by_cycles=False))
-        return self.kept[2].solve(-np.where(active, here.r, here.p), tolerance)
+        step = self.kept[2].solve(-np.where(active, here.r, here.p), tolerance)
+        return None if step is None else self._point(here.z + step)
 
     def descent(self) -> Point | None:
         """A step from the best point that reduces Ψ by Armijo's rule; None where none does, or many do too little."""

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..numerics.arrays import Vector, as_vector, freeze
 from .affine import Constant
 from .function import Function
-from .map import Map
+from .map import Map, Mask
 
 
 class Sides(NamedTuple):
@@ -183,7 +183,7 @@ def values(psi: Map, z: Vector) -> Any:
     return psi.value(z) if psi.upper is None else Sides(psi.value(z), psi.upper.value(z))
 
 
-def chosen(psi: Map, above: NDArray[np.bool_] | None) -> Map:
+def chosen(psi: Map, above: Mask | None) -> Map:
     """`psi` as one obstacle, in the rows that are `above` the one above z; itself where there is none above."""
     return psi if psi.upper is None or above is None else Rowwise((psi, psi.upper), above.astype(np.intp))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, MapError, by_name
 from ..numerics.arrays import Vector, as_csr, freeze, row_of
 from ..numerics.rounding import UNIT_ROUNDOFF
-from .map import Map
+from .map import Map, Mask
 from .user_code import call_user, raising_map_error
 
 
@@ -47,9 +47,8 @@ class Intervention(Map):
         self.at_users_word = self.jumps is None
         if self.jumps is not None:
             ones = np.ones(self.jumps.nnz)
-            self.lipschitz = self.links = freeze(
-                sp.csr_array((ones, self.jumps.indices, self.jumps.indptr), shape=self.jumps.shape)
-            )
+            links = sp.csr_array((ones, self.jumps.indices, self.jumps.indptr), shape=self.jumps.shape)
+            self.lipschitz = self.links = freeze(links)
 
     def bind(self, n: int) -> Intervention:
         if self.jumps is not None and self.jumps.shape[0] != n:
@@ -108,7 +107,7 @@ class Intervention(Map):
         best = np.where(jumps.indices == self.best_jump(z)[1][rows], weight[rows], 0.0)
         return sp.csr_array((best, jumps.indices, jumps.indptr), shape=jumps.shape)
 
-    def kinks(self, z: Vector, delta: Vector) -> NDArray[np.bool_]:
+    def kinks(self, z: Vector, delta: Vector) -> Mask:
         value, target = self.best_jump(z)
         if self.jumps is None:  # of a function it is not known what is second best
             return target >= 0
@@ -126,7 +125,7 @@ class Intervention(Map):
             gains = super().data_change(z, change, name)[1][rows]
         return Intervention(sp.csr_array((gains, (rows, columns)), shape=jumps.shape), self.best)
 
-    def _tied(self, value: Vector, z: Vector, delta: Vector) -> NDArray[np.bool_]:
+    def _tied(self, value: Vector, z: Vector, delta: Vector) -> Mask:
         """The jumps that may be the best one at an x with |x − z| ≤ `delta`, where ψ(z) is `value`."""
         jumps = self.jumps
         assert jumps is not None

@@ -20,6 +20,8 @@ from ..numerics.arrays import ReadOnly, Vector, as_vector, is_diagonal
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..present.shown import Shown
 
+Mask = NDArray[np.bool_]
+
 
 class Map(ReadOnly, Shown, ABC):
     """ψ: Rⁿ → (R ∪ {−∞})ⁿ.
@@ -192,7 +194,7 @@ class Map(ReadOnly, Shown, ABC):
         """
         return weight
 
-    def kinks(self, z: Vector, delta: Vector) -> NDArray[np.bool_]:
+    def kinks(self, z: Vector, delta: Vector) -> Mask:
         """The rows, a mask of shape (n,), in which ψ may have another derivative at an x with |x − z| ≤ `delta`, for
         all that is known; a user's function is taken to be smooth.
 
