@@ -265,8 +265,7 @@ def freeze(matrix: sp.csr_array) -> sp.csr_array:
 
 def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.int64]:
     """Where in `matrix.data` each row's diagonal entry stands, shape (n,); every one must be stored."""
-    places = np.arange(matrix.nnz, dtype=matrix.indptr.dtype)
-    return sp.csr_array((places, matrix.indices, matrix.indptr), shape=matrix.shape).diagonal()
+    return np.flatnonzero(matrix.indices == row_of(matrix)).astype(matrix.indptr.dtype)
 
 
 def absolute(matrix: sp.csr_array) -> sp.csr_array:
