@@ -192,7 +192,7 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
 
 def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[Any, Vector]:
     """The fine unknown that each own coarse one weighs most in, as an `IS`, and the weight. Collective."""
-    from ..numerics.kernels.graph import largest_of  # loads numba
+    from ..numerics.kernels.vcycle import largest_of  # loads numba
 
     PETSc, ((fine, _), (coarse, _)) = petsc(), P.getSizes()
     indptr, indices, data = P.getDiagonalBlock().getValuesCSR() if fine else (np.zeros(1, np.int32),) * 3

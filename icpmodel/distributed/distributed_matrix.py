@@ -61,7 +61,7 @@ class DistributedMatrix:
     @cached_property
     def _parts(self) -> tuple[Block, sp.csr_array, Any, Any]:
         """The block, the own rows in the columns of other ranks, what gets those unknowns, and where they are put."""
-        from ..numerics.kernels.graph import split_off  # loads numba
+        from ..numerics.kernels.vcycle import split_off  # loads numba
 
         PETSc, size = petsc(), self.high - self.low
         indptr, indices, data = self.mat.getValuesCSR()  # the only copy that is made of a large matrix

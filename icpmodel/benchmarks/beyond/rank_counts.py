@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -163,7 +164,7 @@ def _search(comm: Any) -> float:
         sizes = (length, _LINES * comm.size)
         A = sp.kronsum(*(sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(m, m)) for m in sizes), "csr")
         matrix = DistributedMatrix(from_rows(A[_LINES * length * comm.rank :][: _LINES * length], comm))
-        took.append(_part(comm, lambda matrix=matrix: _once(lambda: DistributedLevels(matrix)))["seconds"])
+        took.append(_part(comm, partial(_once, partial(DistributedLevels, matrix)))["seconds"])
         shapes = [_shape(level) for level in DistributedLevels(matrix).levels[1:]]
         pairs.append(sum(shape["rows"] / comm.size * shape["ghosts"] for shape in shapes))
     return max((took[1] - 2.0 * took[0]) / (pairs[1] - 2.0 * pairs[0]), 0.0)

@@ -288,39 +288,3 @@ def permuted(indptr, indices, data, rows, place):
             new[filled[j]], values[filled[j]] = k, data[e]
             filled[j] += 1
     return values, new, start
-
-
-@compiled
-def largest_of(indptr, groups, data, count):
-    # where the largest entry of each of so many groups stands, the first of them, and in which row; -1 where none is
-    places, rows = np.full(count, -1), np.zeros(count, np.int64)
-    for i in range(indptr.size - 1):
-        for k in range(indptr[i], indptr[i + 1]):
-            j = groups[k]
-            if places[j] < 0 or abs(data[k]) > abs(data[places[j]]):
-                places[j], rows[j] = k, i
-    return places, rows
-
-
-@compiled
-def split_off(indptr, indices, data, low):
-    # what stands in the columns of these rows themselves, which begin with `low`, moves to the front of the arrays, its
-    # columns counted from there: returns its indptr, where its diagonal is, and row, column and entry of all else
-    n = indptr.size - 1
-    high, count = low + n, 0
-    for k in range(indices.size):
-        count += not low <= indices[k] < high
-    own, diag = np.empty_like(indptr), np.empty_like(indptr[:-1])
-    rows, columns, others = np.empty(count, indices.dtype), np.empty(count, indices.dtype), np.empty(count)
-    at, beyond, own[0] = 0, 0, 0
-    for i in range(n):
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k]
-            if low <= j < high:
-                if j == low + i:
-                    diag[i] = at
-                indices[at], data[at], at = j - low, data[k], at + 1
-            else:
-                rows[beyond], columns[beyond], others[beyond], beyond = i, j, data[k], beyond + 1
-        own[i + 1] = at
-    return own, diag, rows, columns, others

@@ -2,10 +2,13 @@
 
 Gauss–Seidel goes forward before the coarser level and backward after it, so that the cycle of a symmetric matrix is
 symmetric. `diag[i]` is where the diagonal entry of row i stands; P's rows are those of the finer level. Every loop
-takes its rows from `low` to `high`, counted from the side where it begins. And the steps of a Krylov method about it.
+takes its rows from `low` to `high`, counted from the side where it begins. And the steps of a Krylov method about it,
+and what the levels on ranks begin with.
 """
 
 from __future__ import annotations
+
+import numpy as np
 
 from . import compiled, one, row_sum, uint
 
@@ -54,3 +57,39 @@ def add_both(x, y, share, v, w, part):
     for i in range(uint(x.size)):
         x[i] += share * y[i]
         v[i] += part * w[i]
+
+
+@compiled
+def largest_of(indptr, groups, data, count):
+    # where the largest entry of each of so many groups stands, the first of them, and in which row; -1 where none is
+    places, rows = np.full(count, -1), np.zeros(count, np.int64)
+    for i in range(indptr.size - 1):
+        for k in range(indptr[i], indptr[i + 1]):
+            j = groups[k]
+            if places[j] < 0 or abs(data[k]) > abs(data[places[j]]):
+                places[j], rows[j] = k, i
+    return places, rows
+
+
+@compiled
+def split_off(indptr, indices, data, low):
+    # what stands in the columns of these rows themselves, which begin with `low`, moves to the front of the arrays, its
+    # columns counted from there: returns its indptr, where its diagonal is, and row, column and entry of all else
+    n = indptr.size - 1
+    high, count = low + n, 0
+    for k in range(indices.size):
+        count += not low <= indices[k] < high
+    own, diag = np.empty_like(indptr), np.empty_like(indptr[:-1])
+    rows, columns, others = np.empty(count, indices.dtype), np.empty(count, indices.dtype), np.empty(count)
+    at, beyond, own[0] = 0, 0, 0
+    for i in range(n):
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k]
+            if low <= j < high:
+                if j == low + i:
+                    diag[i] = at
+                indices[at], data[at], at = j - low, data[k], at + 1
+            else:
+                rows[beyond], columns[beyond], others[beyond], beyond = i, j, data[k], beyond + 1
+        own[i + 1] = at
+    return own, diag, rows, columns, others
