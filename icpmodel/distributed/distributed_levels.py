@@ -3,8 +3,9 @@ only some rows take part.
 
 PETSc makes the hierarchy (BoomerAMG by way of PCHMG, which gives away its interpolations, or GAMG where hypre is not
 built in) and runs the cycles (PCMG); here rows are masked: on every level J = A_l with the rows and columns that do not
-take part replaced by those of the diagonal, and the interpolation from such rows is 0. Which coarse rows take part is
-decided by a representative of each: the fine unknown that it weighs most in, for hypre the coarse point itself.
+take part replaced by those of the diagonal, which on the coarser levels is made so large that nothing comes back from
+them: on the finest one the sweep after the correction puts such rows right. Which coarse rows take part is decided by a
+representative of each: the fine unknown that it weighs most in, for hypre the coarse point itself.
 Reference: Kornhuber, Numer. Math. 69 (1994), for the truncation; Henson and Yang, Appl. Numer. Math. 41 (2002), for
 BoomerAMG.
 """
@@ -24,6 +25,8 @@ from .ranks import petsc, release, totals
 _DIRECT = 2000
 #: Krylov's steps at the most while the active set moves, and afterwards, to this part of the residual that is wanted
 _FEW, _MANY, _PART = 8, 60, 0.3
+#: times its diagonal, a row counts as apart: what is left of a residual there is nothing
+_APART = 1e100
 #: PETSc's words for: A, or the cycle, is not positive definite
 _INDEFINITE = (-8, -10)
 #: options of what makes the levels begin with this in PETSc's database
@@ -32,13 +35,11 @@ _PREFIX = "icpmodel_"
 
 class DistributedLevel:
     """One level: its `matrix`, and where there is a `coarser` one the interpolation `P` from it, the `chosen` fine
-    unknown of each own coarse one and its `weight` in P; work space `J` and `masked`."""
+    unknown of each own coarse one and its `weight` in P; work space `J`."""
 
     def __init__(self, matrix: DistributedMatrix, coarser: Any, P: Any) -> None:
         self.matrix, self.coarser, self.P, self.J = matrix, coarser, P, matrix.mat.duplicate(copy=True)
-        self.masked: Any = None
         if P is not None:
-            self.masked = P.duplicate(copy=True)
             self.chosen, self.weight = _representatives(P, matrix)
             self._scatter = petsc().Scatter().create(matrix.vector(), self.chosen, coarser.vector(), None)
 
@@ -94,16 +95,14 @@ class DistributedLevels:
     def restrict(self, free: Vector, top: int) -> None:
         """Let only the rows where `free` is 1, of level `top`, take part in what is solved from now on. Collective."""
         self.done["masks", top] += 1
+        apart = 1.0
         for level in self.levels[top:]:
             mask = level.matrix.vector(free)
             level.matrix.mat.copy(level.J, petsc().Mat.Structure.SAME_NONZERO_PATTERN)
             level.J.diagonalScale(mask, mask)
-            level.J.setDiagonal(level.matrix.vector(level.matrix.diagonal))
+            level.J.setDiagonal(level.matrix.vector(np.where(free > 0, 1.0, apart) * level.matrix.diagonal))
             if level.P is not None:
-                coarse = level.injected(free)
-                free = coarse.array.copy()
-                level.P.copy(level.masked, petsc().Mat.Structure.SAME_NONZERO_PATTERN)
-                level.masked.diagonalScale(mask, coarse)
+                free, apart = level.injected(free).array.copy(), _APART
 
     def solved(self, f: Any, top: int, J: Any, share: float | None, wanted: float | None) -> Any:
         """x with A_FF x = f_F on level `top`, 0 elsewhere, or Jx = f where a `J` is given: until ‖f − Jx‖ is a `share`
@@ -152,7 +151,7 @@ def _make_cycle(pc: Any, levels: list[DistributedLevel]) -> None:
     options, coarse = PETSc.Options(), pc.getMGCoarseSolve()
     coarse.setOperators(levels[-1].J, levels[-1].J)
     for k, level in enumerate(reversed(levels[:-1]), 1):
-        pc.setMGInterpolation(k, level.masked)
+        pc.setMGInterpolation(k, level.P)
         # the first sweep begins with 0, where a single one needs no work space
         ways = (pc.getMGSmootherDown(k), "forward", "preonly"), (pc.getMGSmootherUp(k), "backward", "richardson")
         for smoother, way, kind in ways:
