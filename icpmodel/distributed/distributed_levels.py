@@ -5,7 +5,8 @@ PETSc makes the hierarchy (BoomerAMG by way of PCHMG, which gives away its inter
 built in) and runs the cycles (PCMG); here rows are masked: on every level J = A_l with the rows and columns that do not
 take part replaced by those of the diagonal, which on the coarser levels is made so large that nothing comes back from
 them: on the finest one the sweep after the correction puts such rows right. Which coarse rows take part is decided by a
-representative of each: the fine unknown that it weighs most in, for hypre the coarse point itself.
+representative of each: of the fine unknowns of its own rank, where there are any, that which it weighs most in, for
+hypre the coarse point itself.
 Reference: Kornhuber, Numer. Math. 69 (1994), for the truncation; Henson and Yang, Appl. Numer. Math. 41 (2002), for
 BoomerAMG.
 """
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..numerics.arrays import Vector
+from ..problem.map import Mask
 from .distributed_matrix import DistributedMatrix
 from .ranks import petsc, release, totals
 
@@ -49,12 +51,21 @@ class DistributedLevel:
         self._scatter.scatter(self.matrix.vector(own), coarse)
         return coarse
 
-    def is_chosen(self) -> Vector:
-        """1 where an own unknown is one of the chosen, else 0. Collective."""
+    def is_chosen(self) -> Mask:
+        """The own unknowns that are among the chosen. Collective."""
         fine, ones = self.matrix.vector(), self.coarser.vector()
         ones.set(1.0)
         self._scatter.scatter(ones, fine, mode="reverse")
-        return fine.array.copy()
+        return np.asarray(fine.array_r > 0)
+
+    def choosing(self) -> Any:
+        """What takes the chosen out of all, a `Mat` with one 1 in each row. (For a part of a matrix PETSc wants no row
+        twice, and one unknown may be chosen for two.) Collective."""
+        rows, (fine, coarse) = self.chosen.getIndices(), self.P.getSizes()
+        places = np.arange(rows.size + 1, dtype=rows.dtype)
+        mat = petsc().Mat().createAIJ((coarse, fine), csr=(places, rows, np.ones(rows.size)), comm=self.P.comm)
+        mat.assemble()
+        return mat
 
     def interpolated(self, coarse: Any) -> Any:
         """Pz_c."""
@@ -190,11 +201,12 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
 
 
 def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[Any, Vector]:
-    """The fine unknown that each own coarse one weighs most in, as an `IS`, and the weight. Collective."""
+    """The fine unknown of the own rank that each own coarse one weighs most in, as an `IS`, and the weight; one of all
+    where some have none there. Collective."""
     from ..numerics.kernels.vcycle import largest_of  # loads numba
 
-    PETSc, ((fine, _), (coarse, _)) = petsc(), P.getSizes()
-    indptr, indices, data = P.getDiagonalBlock().getValuesCSR() if fine else (np.zeros(1, np.int32),) * 3
+    PETSc, coarse = petsc(), P.getLocalSize()[1]
+    indptr, indices, data = P.getDiagonalBlock().getValuesCSR()
     places, rows = largest_of(indptr, indices, data, coarse)
     columns = matrix.low + rows
     if totals(matrix.comm, float((places < 0).any()))[0]:  # GAMG leaves coarser levels to fewer ranks

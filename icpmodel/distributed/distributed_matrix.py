@@ -20,10 +20,11 @@ _SYMMETRIC = 1e-10
 
 
 class Block(NamedTuple):
-    """The rows and columns of one rank as compiled sweeps take them: CSR, and where its diagonal is."""
+    """The rows and columns of one rank as compiled sweeps take them: CSR, whose arrays may go on beyond its last entry,
+    and where its diagonal is."""
 
-    indptr: NDArray[np.int32]
-    indices: NDArray[np.int32]
+    indptr: NDArray[np.integer]
+    indices: NDArray[np.integer]
     data: Vector
     diag: NDArray[np.integer]
 
@@ -45,7 +46,7 @@ class DistributedMatrix:
 
     @property
     def block(self) -> Block:
-        """The own rows and columns."""
+        """The own rows and columns. Collective, the first time."""
         return self._parts[0]
 
     def of_others(self, z: Any) -> Vector | float:
@@ -60,11 +61,12 @@ class DistributedMatrix:
 
     @cached_property
     def _parts(self) -> tuple[Block, sp.csr_array, Any, Any]:
-        """The block, the own rows in the columns of other ranks, what gets those unknowns, and where they are put."""
+        """The block, the own rows in the columns of other ranks, what gets those unknowns, and where they are put.
+        Collective, the first time."""
         from ..numerics.kernels.vcycle import split_off  # loads numba
 
         PETSc, size = petsc(), self.high - self.low
-        indptr, indices, data = self.mat.getValuesCSR()  # the only copy that is made of a large matrix
+        indptr, indices, data = self.mat.getValuesCSR()  # split in place: there is no second copy
         indptr, diag, rows, columns, others = split_off(indptr, indices, data, self.low)
         asked, columns = np.unique(columns, return_inverse=True)
         beyond = sp.csr_array((others, (rows, columns)), shape=(size, asked.size))
@@ -74,7 +76,7 @@ class DistributedMatrix:
         return Block(indptr, indices, data, diag), beyond, scatter, ghosts
 
     def forget_parts(self) -> None:
-        """Give back the memory of what sweeps need, which no longer are on this level."""
+        """Give back what sweeps on this level needed, once there are none any more."""
         vars(self).pop("_parts", None)
 
     @cached_property

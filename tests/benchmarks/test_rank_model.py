@@ -115,6 +115,7 @@ def test_counts_and_times_of_runs_give_their_prices_back():
     assert found.prices["making"].entry == pytest.approx(1e-6)
     assert found.prices["steps"][2:] == pytest.approx((4.0, 5.0, 3.0))
     assert found.memory == 1000.0
+    assert found.search == 2e-10
     assert found.bandwidth == pytest.approx((12 * 5 + 24) * 160_000 / 1e-3)
     assert found.seconds(160_000, 1) == pytest.approx(large["seconds"])
     assert found.seconds(160_000, 2) == pytest.approx(pair["seconds"])
@@ -150,6 +151,9 @@ def test_the_command_compares_ranks_with_one_process_and_with_snesvi(capsys):
     assert all(row["note"] == "" and row["n"] == "400" and float(row["solve, s"]) > 0 for row in rows)
     assert rows[1]["iterations"] == "2"
     assert float(rows[1]["SNESVI / time"]) > 0
+    code, out, _ = call(capsys, "benchmark", "distributed", *asked, "--no-snesvi")
+    assert code == 0
+    assert [row["method"] for row in csv.DictReader(io.StringIO(out))] == ["serial multilevel", "distributed"]
 
 
 @with_petsc

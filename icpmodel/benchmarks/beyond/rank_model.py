@@ -2,7 +2,8 @@
 
 A solve is so many Krylov steps, looks, rounds of sweeps and masks on each level, and the making of the levels. A part
 costs f for each level that it goes through, e for each stored entry of A and P of the own rows there, and on ranks a
-latency for each message, the time of its bytes, and one latency for each of the ⌈log₂ ranks⌉ rounds of a reduction. f
+latency for each message, the time of its bytes, and one latency for each of the ⌈log₂ ranks⌉ rounds of a reduction; and
+a hypre without tables compares each coarse row with all that other ranks ask for, in a time that no memory changes. f
 and e are those of one rank at two sizes; messages, bytes and reductions are counted on two, whose times say how much
 longer work takes where cores share a memory, and messages while the levels are made. Rows are dealt out in their
 order, so that on a grid a rank asks as many ranks as the points that it needs of one side are spread over.
@@ -170,7 +171,7 @@ class Calibration:
         price, count = self.prices["making"], len(shapes)
         entries = sum((shape.entries + shape.transfer) / min(ranks, shape.rows) for shape in shapes)
         sent = price.messages * sum(spread(shape, ranks)[0] for shape in shapes)
-        pairs = sum(shape.rows / ranks * spread(shape, ranks)[1] for shape in shapes[1:])
+        pairs = sum(shape.rows / min(ranks, shape.rows) * spread(shape, ranks)[1] for shape in shapes[1:])
         rounds = price.reductions * count if ranks > 1 else 0.0
         return Spent(
             making=price.entry * entries * machine.slower,
@@ -254,7 +255,7 @@ def _shared(made: Calibration, pair: dict[str, Any]) -> Calibration:
     """The model with what two ranks took longer than it says: with few unknowns in messages, with many in work."""
     few = made.making(made.levels(pair["small"]["n"]), 2, made.machine)
     told = few.messages + few.reductions
-    startup = (_rest(pair["small"]) - few.making - few.levels) / told if told else 1.0
+    startup = (_rest(pair["small"]) - few.making - few.searching - few.levels) / told if told else 1.0
     made = replace(made, startup=max(startup, 1.0))
     whole = replace(made, done=_done(pair)).expected(pair["n"], 2)
     work = whole.making + whole.solving

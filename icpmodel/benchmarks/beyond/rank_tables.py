@@ -106,7 +106,7 @@ def distributed_model(
     of Red Storm (Brightwell et al., 2005) and more than InfiniBand needs now; 3.2 GB/s are the share of a core in a
     node of 128 with 16 channels of DDR4-3200, 25.6 GB/s each; and with 1 GB/s a rank twelve ranks of a node fill a
     network of 100 Gb/s, where most neighbours are in the same node. To the latency comes what PETSc needs for a
-    message, as measured here.
+    message, as measured here, and searches, where hypre makes the levels without tables, take as long as here.
 
     Parameters: `scene` as NAME or NAME,PARAMETER=NUMBER; `n` unknowns; `ranks` numbers of ranks; `fitted` unknowns of
     the runs here, better more than fit into caches; `latency` seconds of a message there; `bandwidth` bytes a second

@@ -74,7 +74,8 @@ def largest_of(indptr, groups, data, count):
 @compiled
 def split_off(indptr, indices, data, low):
     # what stands in the columns of these rows themselves, which begin with `low`, moves to the front of the arrays, its
-    # columns counted from there: returns its indptr, where its diagonal is, and row, column and entry of all else
+    # columns counted from there: returns its indptr, where its diagonal is (every row must have one), and row, column
+    # and entry of all else
     n = indptr.size - 1
     high, count = low + n, 0
     for k in range(indices.size):
