@@ -45,11 +45,11 @@ class DistributedLevel:
             self.chosen, self.weight = _representatives(P, matrix)
             self._scatter = petsc().Scatter().create(matrix.vector(), self.chosen, coarser.vector(), None)
 
-    def injected(self, own: Vector) -> Any:
-        """The values of the chosen unknowns, a coarse vector, from those of all, in the own rows. Collective."""
+    def injected(self, fine: Any) -> Vector:
+        """The values of the chosen unknowns, in the own rows of the coarser level, from those of all. Collective."""
         coarse = self.coarser.vector()
-        self._scatter.scatter(self.matrix.vector(own), coarse)
-        return coarse
+        self._scatter.scatter(fine, coarse)
+        return coarse.array.copy()
 
     def is_chosen(self) -> Mask:
         """The own unknowns that are among the chosen. Collective."""
@@ -113,7 +113,7 @@ class DistributedLevels:
             level.J.diagonalScale(mask, mask)
             level.J.setDiagonal(level.matrix.vector(np.where(free > 0, 1.0, apart) * level.matrix.diagonal))
             if level.P is not None:
-                free, apart = level.injected(free).array.copy(), _APART
+                free, apart = level.injected(mask), _APART
 
     def solved(self, f: Any, top: int, J: Any, share: float | None, wanted: float | None) -> Any:
         """x with A_FF x = f_F on level `top`, 0 elsewhere, or Jx = f where a `J` is given: until ‖f − Jx‖ is a `share`

@@ -158,7 +158,7 @@ def _coarse(
         if one is None:
             maps.append(None)
             continue
-        c = level.injected(one.value(at_shift) - shift).array
+        c = level.injected(problem.vector(one.value(at_shift) - shift))
         with np.errstate(divide="ignore", invalid="ignore"):
             c = np.where(level.weight > 0, c / level.weight, none)
         G = None

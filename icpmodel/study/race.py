@@ -185,8 +185,8 @@ def race(
             say("one linear solve")
             linear = partial(limits()[-1].run, case, RTOL, limit)
             if linear().solved:
-                seconds = timed({"solve": lambda: linear().seconds}, repeats, warm=False)
-                found = replace(found, limit=seconds.median("solve"))
+                measured = timed({"solve": lambda: linear().seconds}, repeats, warm=False)
+                found = replace(found, limit=measured.median("solve"))
             for entry in _run(case, entered, sorted(asked, reverse=True), repeats, limit, error, say):
                 entries[entry.name, entry.tolerance] = entry
             for one in entered:

@@ -81,6 +81,7 @@ def calibrated(scene: str, n: int, limit: float) -> Calibration | str:
         ("small pair", "counts", _SMALL, 2),
         ("pair", "counts", n, 2),
         ("own", "own", n, 1),
+        ("search", "search", n, 2),
     ):
         found = launched(by, scene, size, ranks, limit)
         if isinstance(found, str):
@@ -88,4 +89,5 @@ def calibrated(scene: str, n: int, limit: float) -> Calibration | str:
         if by == "counts" and not found["shapes"]:
             return f"{scene}, n = {size}: PETSc makes no levels of it"
         told[name] = found
-    return fitted(told["small"], told["large"], told["pair"] | {"small": told["small pair"]}, told["own"])
+    pair = told["pair"] | told["search"] | {"small": told["small pair"]}
+    return fitted(told["small"], told["large"], pair, told["own"])

@@ -28,7 +28,7 @@ _SENDS, _REDUCES = ("VecScatterBegin",), ("VecDot", "VecTDot", "VecMDot", "VecNo
 _TIMES = 3
 #: ping-pong: so many times with so many bytes, of which the first is a latency and the second a bandwidth
 _PINGS, _SHORT, _LONG = 100, 8, 1 << 20
-#: strips for `_search`: lines of a rank, and their lengths
+#: strips for `searched`: lines of a rank, and their lengths
 _LINES, _LENGTHS = 4, (100, 4000, 8000)
 
 
@@ -51,7 +51,6 @@ def counted(scene: Any) -> dict[str, Any]:
         "shapes": [_shape(level) for level in levels.levels],
         "parts": _parts(problem, levels, solution.z),
         "product": _product(problem),
-        "search": _search(comm) if comm.size > 1 else 0.0,
         **_messages(comm),
     }
 
@@ -155,12 +154,13 @@ def _product(problem: DistributedICP) -> float:
     return _part(problem.comm, product)["seconds"]
 
 
-def _search(comm: Any) -> float:
+def searched() -> float:
     """Seconds in which hypre compares a coarse row with one of those that other ranks ask for: it does that with all of
     them, unless it was built with tables (`--with-openmp --enable-hopscotch`). Of strips of a few lines a rank the
     shortest takes what is fixed, and one twice as long as another twice the time, but for searches, four times theirs.
-    """
-    took, pairs = [], []
+    Collective."""
+    petsc().Log.begin()
+    comm, took, pairs = world(), [], []
     for length in _LENGTHS:
         sizes = (length, _LINES * comm.size)
         A = sp.kronsum(*(sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(m, m)) for m in sizes), "csr")
@@ -169,8 +169,8 @@ def _search(comm: Any) -> float:
         took.append(min(_part(comm, made)["seconds"] for _ in range(_TIMES)))
         shapes = [_shape(level) for level in DistributedLevels(matrix).levels[1:]]
         pairs.append(sum(shape["rows"] / comm.size * shape["ghosts"] for shape in shapes))
-    time, compared = (a[2] - 2.0 * a[1] + a[0] for a in (took, pairs))
-    return max(time / compared, 0.0) if compared > 0 else 0.0
+    seconds, compared = (a[2] - 2.0 * a[1] + a[0] for a in (took, pairs))
+    return max(seconds / compared, 0.0) if compared > 0 else 0.0
 
 
 def _messages(comm: Any) -> dict[str, float]:

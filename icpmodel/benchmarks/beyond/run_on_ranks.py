@@ -17,7 +17,7 @@ from ...distributed.ranks import largest, petsc, world
 from ...scenes import by_rows as scene_by_rows
 from ...solve.goal import RTOL
 from ...study.cases import built
-from .rank_counts import counted
+from .rank_counts import counted, searched
 
 #: a problem of so many unknowns is solved before anything is measured: it loads and compiles
 _WARM = 400
@@ -143,6 +143,9 @@ def main() -> None:
     if by == "serial":
         print(json.dumps(by_serial(text, n)))
         return
-    told = counted(scene_of_ranks(text, n)) if by == "counts" else on_ranks(text, n, by)
+    if by == "search":
+        told = {"search": searched()}
+    else:
+        told = counted(scene_of_ranks(text, n)) if by == "counts" else on_ranks(text, n, by)
     if world().rank == 0:
         print(json.dumps(told))

@@ -171,10 +171,10 @@ def _verified(lcp: ProgramLcp, y: Vector) -> bool:
         columns[open_] = off[open_] = 0.0
     # the least that wᵀx can be, w anywhere within `off` of the columns, and the most that gᵀλ + bᵀν can be
     ends = [np.where(np.isfinite(end), end, 0.0) for end in (lcp.low, lcp.high)]
-    size = np.maximum(*map(np.abs, ends))
-    least = np.where(columns > 0, columns * ends[0], columns * ends[1]) - off * size
+    reach = np.maximum(*map(np.abs, ends))
+    least = np.where(columns > 0, columns * ends[0], columns * ends[1]) - off * reach
     most = right @ y + np.abs(right) @ moved
-    terms = np.abs(least).sum() + np.abs(right) @ (np.abs(y) + moved) + (np.abs(columns) + off) @ size
+    terms = np.abs(least).sum() + np.abs(right) @ (np.abs(y) + moved) + (np.abs(columns) + off) @ reach
     return bool(least.sum() - most > 4.0 * loss * terms + (K.shape[0] + n) * SMALLEST)
 
 
