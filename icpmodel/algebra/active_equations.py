@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 
 from ..errors import OutOfTime
 from ..numerics import work
-from ..numerics.arrays import Vector, row_of
+from ..numerics.arrays import Mask, Vector, row_of
 from ..numerics.fill import Look, of_band
 from ..numerics.krylov import NotConverged
 from ..numerics.linear import Solver, dense_solver, multigrid_pays, solver_of
 from ..problem.data import ProblemData
-from ..problem.map import Mask
 from .cycled_equations import CycledEquations, cycles_cost
 from .equations import among, equations_on
 from .hierarchy import Hierarchy, NoHierarchy

@@ -10,12 +10,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..numerics import work
-from ..numerics.arrays import Vector, is_diagonal, norm
+from ..numerics.arrays import Mask, Vector, is_diagonal, norm
 from ..numerics.krylov import GCR, NotConverged, cg_steps, cg_vector_cost
 from ..numerics.linear import STEPS
 from ..numerics.multigrid import KRYLOV_STEPS, cycle_cost
 from ..problem.data import ProblemData
-from ..problem.map import Mask
 from .hierarchy import Hierarchy, Level
 
 #: ψ_i is not followed where 1 − ∂ψ_i/∂z_i is smaller

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from ..errors import MapError, SingularOperator
 from ..numerics import work
-from ..numerics.arrays import Vector, diagonal_positions, norm
+from ..numerics.arrays import Mask, Vector, diagonal_positions, norm
 from ..numerics.factorisation import SymmetricPattern, factorise
 from ..numerics.fill import Look
 from ..numerics.krylov import cg_step_cost, conjugate_gradients, conjugate_residuals, gcr_step_cost
 from ..numerics.linear import MANY_STEPS, by_refinement, solver_of
 from ..problem.between import chosen
 from ..problem.data import ProblemData
-from ..problem.map import Map, Mask
+from ..problem.map import Map
 from ..problem.matrix import Matrix
 from .operators import FactorisedOperator
 

@@ -12,12 +12,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..numerics import work
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Mask, Vector
 from ..numerics.multigrid import HIERARCHY_BYTES, cycle_cost, hierarchy_cost, ruge_stuben
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.threads import one_behind_the_other, one_blas_thread, threads_for
 from ..problem.data import ProblemData
-from ..problem.map import Mask
 from ..problem.matrix import Matrix
 
 #: a level of at most so many rows is solved by a dense inverse, and where coarsening stalls one of so many

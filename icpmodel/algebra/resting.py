@@ -15,9 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import MapError
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Mask, Vector
 from ..problem.data import ProblemData
-from ..problem.map import Mask
 from .steps import projected_sweep
 from .subproblems import Blocks, resting, with_fixed_obstacle
 

@@ -9,11 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Vector, row_of
+from ..numerics.arrays import Mask, Vector, row_of
 from ..problem.affine import Constant
 from ..problem.between import Between
 from ..problem.data import ProblemData
-from ..problem.map import Mask
 from .affine_lcp import PIVOT_UP_TO
 
 #: so many parts that do not interact get a method each

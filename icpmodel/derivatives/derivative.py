@@ -26,13 +26,12 @@ from numpy.typing import NDArray
 from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
 from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator
-from ..numerics.arrays import ReadOnly, Vector, described
+from ..numerics.arrays import Mask, ReadOnly, Vector, described
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, sheltered
 from ..present.card import Card
 from ..present.shown import Shown
 from ..problem.between import sides_of
 from ..problem.data import ProblemData
-from ..problem.map import Mask
 from ..solve.driver import solve
 from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status

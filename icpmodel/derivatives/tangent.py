@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..algebra.equations import Pattern
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Mask, Vector
 from ..numerics.equilibration import in_units
 from ..problem.affine import Affine, Constant
 from ..problem.between import Rowwise
 from ..problem.data import ProblemData
-from ..problem.map import Map, Mask
+from ..problem.map import Map
 from .direction import Direction, linear_value
 
 

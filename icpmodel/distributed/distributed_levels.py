@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..numerics.arrays import Vector
-from ..problem.map import Mask
+from ..numerics.arrays import Mask, Vector
 from .distributed_matrix import DistributedMatrix
 from .ranks import petsc, release, totals
 

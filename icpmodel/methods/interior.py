@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..algebra.equations import derivative
 from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Vector, inner, norm, row_of
+from ..numerics.arrays import Mask, Vector, inner, norm, row_of
 from ..numerics.factorisation import SymmetricPattern, factorise
 from ..numerics.fill import Look
 from ..problem.affine import zero
@@ -97,7 +96,7 @@ class Interior:
         if 1.0 < farther < np.inf:
             self._start(c, farther * size, bounded, top)
 
-    def _start(self, c: Vector, size: float, bounded: NDArray[np.bool_], top: Vector | None) -> None:
+    def _start(self, c: Vector, size: float, bounded: Mask, top: Vector | None) -> None:
         """So far from the obstacles, in the units of W, which is where p/W comes to."""
         r, s = size / self.root, size * self.root
         z = c + np.where(bounded, r, 0.0)

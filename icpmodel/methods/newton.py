@@ -33,12 +33,11 @@ from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import Pattern, derivative, system_cost
 from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Vector, norm
+from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.linear import solver_of
 from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
-from ..problem.map import Mask
 from .contract import Estimate, Iterate, Method
 
 #: plain steps may fail to reduce θ so often; later half as often, and so on

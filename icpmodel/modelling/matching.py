@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import row_of
+from ..numerics.arrays import Mask, row_of
 
 Columns = NDArray[np.intp]
 
@@ -37,7 +37,7 @@ def own_entries(R: sp.csr_array) -> Columns | None:
     return cheapest(rows, columns, cost, n, R.shape[1])
 
 
-def arranged(A: sp.csr_array, free: NDArray[np.bool_]) -> tuple[Columns, NDArray[np.float64]]:
+def arranged(A: sp.csr_array, free: Mask) -> tuple[Columns, NDArray[np.float64]]:
     """Which row of `A`, CSR (n, n), should be the i-th, and its sign, where the rows `free` are equations: these may be
     exchanged and multiplied by −1. They stay as they are where each has an entry on the diagonal or in a column whose
     own row has one in turn, as Cᵀ and C have; else they get a diagonal without zeros, if there is one. It is made

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 
 Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 #: so many entries have positions that fit into 32 bits
 _SHORT = np.iinfo(np.int32).max
@@ -258,8 +259,7 @@ def locked(value: Any) -> Any:
 
 def freeze(matrix: sp.csr_array) -> sp.csr_array:
     """Make the three arrays of a CSR matrix read-only, and return it."""
-    for array in (matrix.data, matrix.indices, matrix.indptr):
-        array.flags.writeable = False
+    locked((matrix.data, matrix.indices, matrix.indptr))
     return matrix
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import OutOfMemory, OutOfTime
 from . import work
-from .arrays import Vector, locked, row_of
+from .arrays import Mask, Vector, locked, row_of
 from .fill import Look, Seen, ordered, signs_of_symmetry
 from .threads import in_time, one_blas_thread
 
@@ -166,7 +166,7 @@ class SymmetricPattern:
         first, _, start, self._offset, _ = self.form
         self._made = np.cumsum(np.diff(start) ** 2.0 * np.diff(first))
 
-    def factors(self, data: Vector, free: NDArray[np.bool_] | None = None) -> Symmetric | None:
+    def factors(self, data: Vector, free: Mask | None = None) -> Symmetric | None:
         """Those of the matrix with these entries, or with its rows and columns that are not `free` but for the diagonal
         0; None where they fail. Raises OutOfTime."""
         from .kernels.supernodes import enter, factor

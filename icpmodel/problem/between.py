@@ -11,10 +11,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_vector, freeze
+from ..numerics.arrays import Mask, Vector, as_vector, freeze
 from .affine import Constant
 from .function import Function
-from .map import Map, Mask
+from .map import Map
 
 
 class Sides(NamedTuple):

@@ -9,9 +9,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError, MapError, by_name
-from ..numerics.arrays import Vector, as_csr, freeze, row_of
+from ..numerics.arrays import Mask, Vector, as_csr, freeze, row_of
 from ..numerics.rounding import UNIT_ROUNDOFF
-from .map import Map, Mask
+from .map import Map
 from .user_code import call_user, raising_map_error
 
 

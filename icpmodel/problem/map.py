@@ -16,11 +16,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import ReadOnly, Vector, as_vector, is_diagonal
+from ..numerics.arrays import Mask, ReadOnly, Vector, as_vector, is_diagonal
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..present.shown import Shown
-
-Mask = NDArray[np.bool_]
 
 
 class Map(ReadOnly, Shown, ABC):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import IcpError, InputError, Interrupted, MapError, meant
 from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
-from ..numerics.arrays import Vector, as_number, described
+from ..numerics.arrays import Mask, Vector, as_number, described
 from ..numerics.rounding import sheltered
 from ..present.rendering import render
 from ..present.shown import Plotted
@@ -58,24 +58,24 @@ class StabilityMap(Plotted, Tabular):
     plane: Plane
     ends: NDArray[np.str_]
     steps: NDArray[np.int64]
-    proved: dict[str, NDArray[np.bool_]]
-    printed: dict[str, NDArray[np.bool_]]
+    proved: dict[str, Mask]
+    printed: dict[str, Mask]
     max_iter: int
     rtol: float
     command: str = ""
 
     @property
-    def failed(self) -> NDArray[np.bool_]:
+    def failed(self) -> Mask:
         """The points where a run cycled, stagnated, diverged or overflowed."""
         return np.isin(self.ends, _AGAINST)
 
     @property
-    def any_proved(self) -> NDArray[np.bool_]:
+    def any_proved(self) -> Mask:
         """The points where some theorem proves convergence from every start, in exact arithmetic."""
         return np.any([*self.proved.values()], axis=0)
 
     @property
-    def any_printed(self) -> NDArray[np.bool_]:
+    def any_printed(self) -> Mask:
         """The points where the paper, as printed, says so."""
         return np.any([*self.printed.values()], axis=0)
 

@@ -14,13 +14,10 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Mask, Vector
 from .kkt import Solve
 from .reduction import ProgramLcp
-
-Mask = NDArray[np.bool_]
 
 #: the share of the way to the boundary that a step goes
 _NEARLY_ALL = 0.995

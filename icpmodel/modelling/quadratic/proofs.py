@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...icp import ICP
 from ...numerics import work
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Mask, Vector
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ...theory.certificates.infeasible import Known, infeasible
 from .reduction import ProgramLcp
@@ -98,7 +98,7 @@ def _stacked(*blocks: Any) -> Any:
     return np.concatenate(blocks)
 
 
-def _without(K: Any, y: Vector, wrong: Callable[[Vector], NDArray[np.bool_]], noise: float) -> Vector:
+def _without(K: Any, y: Vector, wrong: Callable[[Vector], Mask], noise: float) -> Vector:
     """The y next to `y` for which nothing is `wrong` with Ky, by setting to 0 what is, and what is `noise`."""
     from scipy.linalg import lstsq
     from scipy.sparse.linalg import lsmr
@@ -179,7 +179,7 @@ def _verified(lcp: ProgramLcp, y: Vector) -> bool:
 
 
 def _moved(
-    K: Any, y: Vector, signed: NDArray[np.bool_], open_: NDArray[np.intp], wrong: Vector, loss: float
+    K: Any, y: Vector, signed: Mask, open_: NDArray[np.intp], wrong: Vector, loss: float
 ) -> tuple[NDArray[np.intp], float] | None:
     """Which entries of y may be moved, and by how much at the most, so that these columns of Kᵀy are exactly 0."""
     from scipy.linalg import qr

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ...icp import ICP
 from ...numerics import work
-from ...numerics.arrays import Vector, norm, row_of
+from ...numerics.arrays import Mask, Vector, norm, row_of
 from ...numerics.equilibration import balanced, in_units
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.between import mid
@@ -45,7 +45,7 @@ class Frame:
     """What does not depend on q, b and g, but on where g is finite: which rows are bounds, which variables are turned
     round, and the other rows, E, with P and A in units 2^D, a power of two for every x, λ and ν."""
 
-    def __init__(self, matrices: Matrices, says: NDArray[np.bool_]) -> None:
+    def __init__(self, matrices: Matrices, says: Mask) -> None:
         self.matrices, self.says = matrices, says
         P, A, F = matrices.P, matrices.A, matrices.F
         there = F != 0

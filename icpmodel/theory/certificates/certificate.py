@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...algebra.equations import Pattern
 from ...errors import InputError
-from ...numerics.arrays import ReadOnly, as_truth, described
+from ...numerics.arrays import Mask, ReadOnly, as_truth, described
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered, upper
 from ...present.card import Card
 from ...present.shown import Shown
@@ -123,17 +122,17 @@ class ActiveSet(ReadOnly, Shown):
     1 at the obstacle, 1 off it, 0 undecided
     """
 
-    active: NDArray[np.bool_]
-    inactive: NDArray[np.bool_]
-    above: NDArray[np.bool_] | None = None
+    active: Mask
+    inactive: Mask
+    above: Mask | None = None
 
     @property
-    def undecided(self) -> NDArray[np.bool_]:
+    def undecided(self) -> Mask:
         """The rows of which nothing is proved: too near to both, or no error bound."""
         decided = self.active | self.inactive
         return ~decided if self.above is None else ~(decided | self.above)
 
-    def completed(self, pattern: Pattern) -> tuple[NDArray[np.bool_], NDArray[np.bool_] | None]:
+    def completed(self, pattern: Pattern) -> tuple[Mask, Mask | None]:
         """(active, above) as `solve_on` takes them, what is undecided taken from `pattern`."""
         active = self.active | (self.undecided & pattern.active)
         if self.above is None or pattern.above is None:

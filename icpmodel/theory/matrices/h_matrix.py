@@ -25,7 +25,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...numerics import work
-from ...numerics.arrays import Vector, row_of
+from ...numerics.arrays import Mask, Vector, row_of
 from ...numerics.equilibration import in_units, natural_exponents
 from ...numerics.rational import Rationals, as_witness, exact_sum, m_matrix, rationals
 from ...numerics.rounding import SMALLEST, lower, upper
@@ -68,7 +68,7 @@ def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
     return signs
 
 
-def by_row_sums(A: sp.csr_array) -> tuple[Answer, NDArray[np.bool_]]:
+def by_row_sums(A: sp.csr_array) -> tuple[Answer, Mask]:
     """Whether A is an H-matrix as far as D and exact row sums tell, and the rows, a mask, of the blocks left open.
 
     Reference: Taussky, Amer. Math. Monthly 56 (1949).
