@@ -14,9 +14,11 @@ BoomerAMG.
 from __future__ import annotations
 
 from collections import Counter
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..numerics.arrays import Mask, Vector
 from .distributed_matrix import DistributedMatrix
@@ -36,33 +38,42 @@ _PREFIX = "icpmodel_"
 
 class DistributedLevel:
     """One level: its `matrix`, and where there is a `coarser` one the interpolation `P` from it, the `chosen` fine
-    unknown of each own coarse one and its `weight` in P; work space `J`."""
+    unknown of each own coarse one, counted from the first own one, and its `weight` in P."""
 
     def __init__(self, matrix: DistributedMatrix, coarser: Any, P: Any) -> None:
-        self.matrix, self.coarser, self.P, self.J = matrix, coarser, P, matrix.mat.duplicate(copy=True)
+        self.matrix, self.coarser, self.P = matrix, coarser, P
         if P is not None:
-            self.chosen, self.weight = _representatives(P, matrix)
-            self._scatter = petsc().Scatter().create(matrix.vector(), self.chosen, coarser.vector(), None)
+            self.chosen, self.weight, self._are_own = _representatives(P, matrix)
+
+    @cached_property
+    def J(self) -> Any:
+        """Room for the masked matrix; on the finest level it is not always needed."""
+        return self.matrix.mat.duplicate(copy=True)
 
     def injected(self, fine: Any) -> Vector:
         """The values of the chosen unknowns, in the own rows of the coarser level, from those of all. Collective."""
-        coarse = self.coarser.vector()
-        self._scatter.scatter(fine, coarse)
-        return coarse.array.copy()
+        if self._are_own:
+            return np.asarray(fine.array_r[self.chosen])
+        return self.coarser.image(self.choosing, fine).array.copy()
 
     def is_chosen(self) -> Mask:
         """The own unknowns that are among the chosen. Collective."""
+        if self._are_own:
+            found = np.zeros(self.matrix.high - self.matrix.low, dtype=bool)
+            found[self.chosen] = True
+            return found
         fine, ones = self.matrix.vector(), self.coarser.vector()
         ones.set(1.0)
-        self._scatter.scatter(ones, fine, mode="reverse")
+        self.choosing.multTranspose(ones, fine)
         return np.asarray(fine.array_r > 0)
 
+    @cached_property
     def choosing(self) -> Any:
         """What takes the chosen out of all, a `Mat` with one 1 in each row. (For a part of a matrix PETSc wants no row
-        twice, and one unknown may be chosen for two.) Collective."""
-        rows, (fine, coarse) = self.chosen.getIndices(), self.P.getSizes()
-        places = np.arange(rows.size + 1, dtype=rows.dtype)
-        mat = petsc().Mat().createAIJ((coarse, fine), csr=(places, rows, np.ones(rows.size)), comm=self.P.comm)
+        twice, and one unknown may be chosen for two.) Collective, the first time."""
+        columns, (fine, coarse) = (self.matrix.low + self.chosen).astype(petsc().IntType), self.P.getSizes()
+        places = np.arange(columns.size + 1, dtype=columns.dtype)
+        mat = petsc().Mat().createAIJ((coarse, fine), csr=(places, columns, np.ones(columns.size)), comm=self.P.comm)
         mat.assemble()
         return mat
 
@@ -199,18 +210,17 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     return [] if totals(matrix.comm, low)[0] else found
 
 
-def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[Any, Vector]:
-    """The fine unknown of the own rank that each own coarse one weighs most in, as an `IS`, and the weight; one of all
-    where some have none there. Collective."""
+def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[NDArray[np.integer], Vector, bool]:
+    """The fine unknown that each own coarse one weighs most in, counted from the first own one, and the weight: one of
+    the own, or one of all where some have none there; and whether all of all ranks are their own. Collective."""
     from ..numerics.kernels.vcycle import largest_of  # loads numba
 
     PETSc, coarse = petsc(), P.getLocalSize()[1]
     indptr, indices, data = P.getDiagonalBlock().getValuesCSR()
-    places, rows = largest_of(indptr, indices, data, coarse)
-    columns = matrix.low + rows
-    if totals(matrix.comm, float((places < 0).any()))[0]:  # GAMG leaves coarser levels to fewer ranks
+    places, chosen = largest_of(indptr, indices, data, coarse)
+    are_own = not totals(matrix.comm, float((places < 0).any()))[0]
+    if not are_own:  # GAMG leaves coarser levels to fewer ranks
         indptr, columns, data = P.transpose(PETSc.Mat()).getValuesCSR()
         places, _ = largest_of(indptr[[0, -1]], np.repeat(np.arange(coarse), np.diff(indptr)), data, coarse)
-        columns = np.where(places < 0, 0, columns[places] if data.size else 0)
-    weight = np.where(places < 0, 1.0, data[places] if data.size else 1.0)
-    return PETSc.IS().createGeneral(columns.astype(PETSc.IntType), comm=P.comm), weight
+        chosen = np.where(places < 0, 0, columns[places] if data.size else 0) - matrix.low
+    return chosen, np.where(places < 0, 1.0, data[places] if data.size else 1.0), are_own

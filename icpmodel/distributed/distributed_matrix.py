@@ -49,31 +49,33 @@ class DistributedMatrix:
         """The own rows and columns. Collective, the first time."""
         return self._parts[0]
 
-    def of_others(self, z: Any) -> Vector | float:
-        """What the unknowns of other ranks add to Az in the own rows, at the `Vec` `z`: less than a product, as only
-        ranks with neighbours multiply, and only what they have from them. Collective."""
+    def with_others(self, q: Vector, z: Any) -> Vector:
+        """`q` and what the unknowns of other ranks add to Az in the own rows, at the `Vec` `z`: less than a product, as
+        only rows with such unknowns are multiplied, and only with those. Collective."""
         if self.comm.size == 1:
-            return 0.0
-        _, beyond, scatter, ghosts = self._parts
+            return q
+        _, rows, beyond, scatter, ghosts = self._parts
         scatter.scatter(z, ghosts)
-        found: Vector = beyond @ ghosts.array_r
-        return found
+        q = q.copy()
+        q[rows] += beyond @ ghosts.array_r
+        return q
 
     @cached_property
-    def _parts(self) -> tuple[Block, sp.csr_array, Any, Any]:
-        """The block, the own rows in the columns of other ranks, what gets those unknowns, and where they are put.
-        Collective, the first time."""
+    def _parts(self) -> tuple[Block, NDArray[np.integer], sp.csr_array, Any, Any]:
+        """The block, which own rows have entries in the columns of other ranks, these, what gets those unknowns, and
+        where they are put. Collective, the first time."""
         from ..numerics.kernels.vcycle import split_off  # loads numba
 
-        PETSc, size = petsc(), self.high - self.low
+        PETSc = petsc()
         indptr, indices, data = self.mat.getValuesCSR()  # split in place: there is no second copy
         indptr, diag, rows, columns, others = split_off(indptr, indices, data, self.low)
         asked, columns = np.unique(columns, return_inverse=True)
-        beyond = sp.csr_array((others, (rows, columns)), shape=(size, asked.size))
+        bordering, rows = np.unique(rows, return_inverse=True)
+        beyond = sp.csr_array((others, (rows, columns)), shape=(bordering.size, asked.size))
         ghosts = PETSc.Vec().createSeq(asked.size, comm=PETSc.COMM_SELF)
         which = PETSc.IS().createGeneral(asked, comm=PETSc.COMM_SELF)
         scatter = PETSc.Scatter().create(self._template, which, ghosts, None)
-        return Block(indptr, indices, data, diag), beyond, scatter, ghosts
+        return Block(indptr, indices, data, diag), bordering, beyond, scatter, ghosts
 
     def forget_parts(self) -> None:
         """Give back what sweeps on this level needed, once there are none any more."""

@@ -25,6 +25,9 @@ from .ranks import petsc, release, together, totals
 #: what Krylov's steps leave of Az + q in the free rows while the active set moves, until a step leaves no more of the
 #: residual than the second number: the border is then where it will be but for a few rows, and the next one may end it
 _SHARE, _SETTLED = 0.1, 0.5
+#: so many times the residual that is wanted may be left when as many sweeps again are tried before a Newton step, which
+#: costs several times as much: what is left falls at best with the number of sweeps
+_WITHIN = 2.0
 #: a coarser level is left at this share of the residual that it begins with, which is well below what interpolation to
 #: the next one brings in, as full multigrid has it; or after so many looks
 _COARSE, _LOOKS = 0.02, 8
@@ -57,7 +60,7 @@ class LookOnRanks:
             psi = Sides(psi, z - self.above)
         z, out = z.copy(), np.empty(z.size)
         for k in range(count):
-            q = problem.q + matrix.of_others(at)
+            q = matrix.with_others(problem.q, at)
             if z.size:
                 LOOPS.in_order(*matrix.block, q, psi, (1.0,), k % 2 == 0, z, out)
                 z, out = out, z
@@ -66,20 +69,21 @@ class LookOnRanks:
 
 
 def looks(
-    levels: DistributedLevels, problem: DistributedICP, z: Any, top: int
+    levels: DistributedLevels, problem: DistributedICP, z: Any, top: int, wanted: float | None = None
 ) -> Generator[LookOnRanks, float | None, None]:
     """Newton's steps on level `top`, whose problem is `problem`, as `simplified` makes it: a look after each.
 
-    What is sent is the residual that is wanted, or None.
+    What is sent is the residual that is `wanted` from then on, or None.
     """
     taken: Pattern | None = None
     before = np.inf
     while True:
         look = LookOnRanks(problem, z, taken)
         levels.done["looks", top] += 1
-        if look.moved:
-            look = LookOnRanks(problem, look.swept(SWEEPS), taken)
-            levels.done["sweeps", top] += 1
+        for most in (np.inf, _WITHIN * (wanted or 0.0)):
+            if look.moved and (wanted or 0.0) < look.residual <= most:
+                look = LookOnRanks(problem, look.swept(SWEEPS), taken)
+                levels.done["sweeps", top] += 1
         wanted = yield look
         if look.moved:
             taken = look.pattern
@@ -163,7 +167,7 @@ def _coarse(
             c = np.where(level.weight > 0, c / level.weight, none)
         G = None
         if one.G is not None:
-            G = level.choosing().matMult(one.G).matMult(level.P)
+            G = level.choosing.matMult(one.G).matMult(level.P)
             G.diagonalScale(coarser.matrix.vector(np.where(level.weight > 0, 1.0 / level.weight, 0.0)))
         maps.append(DistributedMap.constant(coarser.matrix, c, G))
     return DistributedICP.of_checked(coarser.matrix, level.restricted(p), *maps), shift

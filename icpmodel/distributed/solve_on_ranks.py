@@ -242,7 +242,7 @@ class _Run:
     def _steps(self, simple: DistributedICP, z: Any) -> tuple[Status, str]:
         assert self.levels is not None
         mark, since, rescues = np.inf, 0, 0
-        path = looks(self.levels, simple, z, 0)
+        path = looks(self.levels, simple, z, 0, self.tolerance)
         look = next(path)
         while True:
             residual = look.residual if simple is self.problem else self.problem.residual(look.z)
@@ -266,7 +266,7 @@ class _Run:
                 rescued = self._swept(simple) if rescues <= _RESCUES else None
                 if rescued is None:
                     return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
-                path = looks(self.levels, simple, rescued, 0)
+                path = looks(self.levels, simple, rescued, 0, self.tolerance)
                 look, since = next(path), 0
             else:
                 look = path.send(self.tolerance)

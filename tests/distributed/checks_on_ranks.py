@@ -182,6 +182,15 @@ def check_iterations_grow_neither_with_ranks_nor_with_n():
         assert max(counts) <= 2, (name, counts)
 
 
+def check_no_newton_step_is_taken_where_as_many_sweeps_again_are_enough():
+    problem = by_rows(icp.scenes.by_rows("membrane", n=2500))
+    started = solve(problem, rtol=1e-13, max_iter=0, raise_on_failure=False)
+    assert started.status is icp.Status.ITERATION_LIMIT
+    assert solve(problem, atol=started.residual / 1.02, rtol=0.0, max_iter=0).solved
+    far = solve(problem, atol=started.residual / 10.0, rtol=0.0, max_iter=0, raise_on_failure=False)
+    assert far.residual == started.residual  # nothing was tried that could not be enough
+
+
 def check_what_a_solve_took_is_given_back():
     """Once some have grown the heap, five more take the memory of a few vectors; each makes about a hundred."""
     if not Path("/proc/self/statm").exists():
