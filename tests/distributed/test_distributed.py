@@ -38,10 +38,11 @@ with_petsc = pytest.mark.skipif(
 )
 
 
-def on_ranks(ranks, *arguments):
+def on_ranks(ranks, *arguments, **environment):
     """The finished run of Python on so many ranks."""
     command = ["mpiexec", "-n", str(ranks), sys.executable, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=HANGS, env=ENVIRONMENT, check=False)
+    environment = ENVIRONMENT | environment
+    return subprocess.run(command, capture_output=True, text=True, timeout=HANGS, env=environment, check=False)
 
 
 @with_petsc
@@ -51,6 +52,14 @@ def on_ranks(ranks, *arguments):
 def test_on_any_number_of_ranks_the_answers_proofs_files_limits_and_errors_are_those_of_one_process(ranks, checks):
     """What each of the checks says is in its name, in `checks_on_ranks.py` and `checks_of_files.py`."""
     run = on_ranks(ranks, str(HERE / "checks_on_ranks.py"), *checks)
+    assert run.returncode == 0, run.stderr
+    assert json.loads(run.stdout.splitlines()[-1]) == {}
+
+
+@with_petsc
+def test_levels_that_are_left_to_fewer_ranks_lead_to_the_same_answers():
+    gamg = {"PETSC_OPTIONS": "-icpmodel_pc_type gamg"}
+    run = on_ranks(4, str(HERE / "checks_on_ranks.py"), "the_answer_is", "obstacle_that_moves", **gamg)
     assert run.returncode == 0, run.stderr
     assert json.loads(run.stdout.splitlines()[-1]) == {}
 
