@@ -14,7 +14,7 @@ BoomerAMG.
 from __future__ import annotations
 
 from collections import Counter
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -200,7 +200,8 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     pc.setOperators(matrix.mat, matrix.mat)
     pc.setFromOptions()
     try:
-        pc.setUp()
+        with _openmp().limit(limits=1):  # the cores are for the ranks
+            pc.setUp()
     except PETSc.Error:
         return []
     count = pc.getMGLevels()
@@ -208,6 +209,14 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     pc.destroy()
     low = sum(float((mat.getDiagonal().array_r <= 0).sum()) for mat, _ in found)
     return [] if totals(matrix.comm, low)[0] else found
+
+
+@cache
+def _openmp() -> Any:
+    """The threads that a hypre with tables has."""
+    import threadpoolctl
+
+    return threadpoolctl.ThreadpoolController().select(user_api="openmp")
 
 
 def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[NDArray[np.integer], Vector, bool]:

@@ -65,6 +65,20 @@ def test_levels_that_are_left_to_fewer_ranks_lead_to_the_same_answers():
 
 
 @with_petsc
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted as Linux shows them")
+def test_a_rank_takes_one_thread_for_its_levels_whatever_openmp_is_told():
+    told = """
+import os, icpmodel as icp
+problem = icp.distributed.by_rows(icp.scenes.by_rows("membrane", n=2500))
+before = set(os.listdir("/proc/self/task"))
+icp.distributed.solve(problem)
+print(len(set(os.listdir("/proc/self/task")) - before))
+"""
+    run = on_ranks(1, "-c", told, OMP_NUM_THREADS="3")
+    assert run.stdout.split() == ["0"], run.stderr
+
+
+@with_petsc
 @pytest.mark.parametrize(
     ("way", "codes", "said"),
     [
