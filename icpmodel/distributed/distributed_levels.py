@@ -14,13 +14,14 @@ BoomerAMG.
 from __future__ import annotations
 
 from collections import Counter
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..numerics.arrays import Mask, Vector
+from ..numerics.threads import pools
 from .distributed_matrix import DistributedMatrix
 from .ranks import petsc, release, totals
 
@@ -200,7 +201,7 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     pc.setOperators(matrix.mat, matrix.mat)
     pc.setFromOptions()
     try:
-        with _openmp().limit(limits=1):  # the cores are for the ranks
+        with pools("openmp").limit(limits=1):  # a hypre with tables has such threads, and the cores are for the ranks
             pc.setUp()
     except PETSc.Error:
         return []
@@ -209,14 +210,6 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     pc.destroy()
     low = sum(float((mat.getDiagonal().array_r <= 0).sum()) for mat, _ in found)
     return [] if totals(matrix.comm, low)[0] else found
-
-
-@cache
-def _openmp() -> Any:
-    """The threads that a hypre with tables has."""
-    import threadpoolctl
-
-    return threadpoolctl.ThreadpoolController().select(user_api="openmp")
 
 
 def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[NDArray[np.integer], Vector, bool]:

@@ -80,8 +80,9 @@ def looks(
     while True:
         look = LookOnRanks(problem, z, taken)
         levels.done["looks", top] += 1
-        for most in (np.inf, _WITHIN * (wanted or 0.0)):
-            if look.moved and (wanted or 0.0) < look.residual <= most:
+        enough = wanted or 0.0
+        for most in (np.inf, _WITHIN * enough):
+            if look.moved and enough < look.residual <= most:
                 look = LookOnRanks(problem, look.swept(SWEEPS), taken)
                 levels.done["sweeps", top] += 1
         wanted = yield look

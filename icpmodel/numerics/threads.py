@@ -83,7 +83,7 @@ def one_blas_thread() -> Iterator[None]:
     global _limited, _limiter
     with _LIMIT:
         if not _limited:
-            _limiter = _blas().limit(limits=1)
+            _limiter = pools("blas").limit(limits=1)
         _limited += 1
     try:
         yield
@@ -95,11 +95,12 @@ def one_blas_thread() -> Iterator[None]:
 
 
 @cache
-def _blas() -> Any:
+def pools(user_api: str) -> Any:
+    """What limits the threads of "blas", or of "openmp": of the libraries that are there when it is first asked."""
     import scipy.linalg  # noqa: F401  has a BLAS of its own, which must be there to be found
     import threadpoolctl
 
-    return threadpoolctl.ThreadpoolController().select(user_api="blas")
+    return threadpoolctl.ThreadpoolController().select(user_api=user_api)
 
 
 def one_behind_the_other(
