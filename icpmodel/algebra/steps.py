@@ -68,7 +68,7 @@ def compiled_step(
     psi, inside = problem.psi, problem.psi.kernel_data()
     if isinstance(inside, tuple) and len(inside) == 2 and not isinstance(inside, Sides):
         return _step_with(problem, getattr(USER_SWEEPS, name), inside, before, after)
-    sweep, price = getattr(SWEEPS, name), work.sweep(problem.n, problem.nnz)
+    sweep, price = getattr(SWEEPS, name), work.sweep(problem.n, problem.facts.entries)
 
     def step(z: Vector) -> tuple[Vector, float]:
         work.add(price)
@@ -118,7 +118,7 @@ def _step_with(
     from ..numerics.kernels.scalars import sweep_with
 
     c, f = inside
-    sweep, price = sweep_with(kernel, f), work.sweep(problem.n, problem.nnz)
+    sweep, price = sweep_with(kernel, f), work.sweep(problem.n, problem.facts.entries)
 
     def step(z: Vector) -> tuple[Vector, float]:
         work.add(price)

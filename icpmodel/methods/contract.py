@@ -57,9 +57,9 @@ class Estimate(NamedTuple):
     @classmethod
     def of_sweeps(cls, facts: Facts, aim: float, speed: float, look: float = 6.0, **more: float) -> Estimate:
         """Sweeps that reduce the logarithm of the residual by `speed` a step, each with `more` calls and vectors."""
-        n, nnz, costs = facts.matrix.n, facts.matrix.nnz, work.COSTS
+        n, costs = facts.matrix.n, work.COSTS
         calls, vectors = more.get("calls", 0.0), more.get("vectors", 0.0)
-        step = costs.iterate + calls * costs.call + work.sweep(n, nnz) + vectors * costs.vector * n
+        step = costs.iterate + calls * costs.call + work.sweep(n, facts.entries) + vectors * costs.vector * n
         steps, unit = math.log(1.0 / aim) / speed + 1.0, facts.matrix.unit
         return cls(costs.call / unit, step / unit, steps, 8.0 * n * (4.0 + vectors), math.ceil(look))
 

@@ -66,7 +66,7 @@ class Multilevel(Method):
         coarser = 2.0 * math.log2(max(matrix.n / 64.0, 1.0))  # looks
         setup = hierarchy_cost(matrix.n, matrix.nnz) + coarser * costs.newton
         cycles = 3.0 * cycle_cost(matrix.n, matrix.nnz)
-        look = 0.5 * costs.newton + SWEEPS * work.sweep(matrix.n, matrix.nnz) + cycles
+        look = 0.5 * costs.newton + SWEEPS * work.sweep(matrix.n, facts.entries) + cycles
         # for matrices with ρ ≤ 1 eight looks are the rule; of the others, for which it is not made, few end
         radius = max(matrix.coupled_radius, 1.0)
         looks = 8.0 * radius * radius * radius * radius  # ** 4 may raise OverflowError

@@ -88,7 +88,7 @@ class Newton(Method):
         simple = wander == 1.0 and facts.has_fixed_obstacle
         factors = matrix.factor_cost if simple else matrix.unsymmetric_cost
         system, memory = system_cost(matrix, factors, 16.0 * matrix.fill.entries)
-        step = systems * (work.newton(matrix.n, matrix.nnz) + system) / matrix.unit
+        step = systems * (work.newton(matrix.n, facts.entries) + system) / matrix.unit
         steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
         return Estimate(0.0, step, steps, memory)
 
@@ -200,7 +200,7 @@ class Path(Iterator[Iterate]):
         """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
         if self.here.theta == 0:
             return False
-        work.add(work.newton(self.problem.n, self.problem.nnz))
+        work.add(work.newton(self.problem.n, self.problem.facts.entries))
         self.fault = None
         with np.errstate(all="ignore"):
             new = self._tried(self.plain) or self._tried(self.descent)

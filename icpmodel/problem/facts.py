@@ -41,6 +41,11 @@ class Facts:
         return int(np.count_nonzero(has if self.upper_obstacle is None else has | np.isfinite(self.upper_obstacle)))
 
     @cached_property
+    def entries(self) -> int:
+        """The entries that a sweep reads, or a Newton step: those of A, and those of ψ where it couples rows."""
+        return self.matrix.nnz + (0 if self.psi.links is None else self.psi.links.nnz)
+
+    @cached_property
     def coupling(self) -> float:
         """How far ψ couples its rows, as ρ of the Jacobi matrix says it of A: the largest row sum of G, where known."""
         G = self.psi.lipschitz

@@ -56,6 +56,7 @@ def choose(
     from what the best of the others is expected to cost, and `least_reduced` is what these cost at the least.
     """
     matrix, costs, cheapest = problem.matrix, work.COSTS, math.inf
+    entries = costs.entry * work.entries(matrix.n, matrix.nnz)
 
     def stage(calls: float, passes: float, *kinds: Callable[[], Iterable[Method]], least: float = 0.0) -> Choice:
         def made() -> list[Asked]:
@@ -67,24 +68,24 @@ def choose(
                     cheapest = min(cheapest, one[1].cost)
             return found
 
-        cost = calls * costs.call + (passes and passes * costs.entry * matrix.nnz)
+        cost = calls * costs.call + (passes and passes * entries)
         return Stage(cost / matrix.unit, made, least / matrix.unit)
 
     graph = 0.0 if matrix.is_full else 1.0  # the passes over the graph of A, where there is something to see
 
     yield stage(0.0, 0.0, lambda: [Lemke()])
     yield stage(6.0, 0.0, lambda: [Tridiagonal()])
-    if problem.psi.takes_best:
-        yield stage(30.0, 3.0, lambda: [Multilevel()])
-    else:
+    # sweeps call jumps that are a function of the user's, who may try all of them, which is not counted
+    sweeps = not (problem.psi.takes_best and problem.psi.at_users_word)
+    if sweeps:
         yield stage(8.0, 3.0, lambda: [PSOR(), MNMGS()])
         # for an affine obstacle its first step is all that Lemke's pivots do
         josephy = [Josephy()] if Lemke().why_not(problem) else []
         yield stage(15.0, 12.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: josephy)
-        yield stage(15.0, 0.0, lambda: [Multilevel()], least=costs.hierarchy)
+    yield stage(15.0, 0.0, lambda: [Multilevel()], least=costs.hierarchy)
     if reduced is not None:
         yield Stage(stage(100.0, 60.0 * graph).cost, lambda: reduced(cheapest), least_reduced)
-    if not problem.psi.takes_best:
+    if sweeps:
         yield stage(100.0, 40.0, lambda: _relaxed(problem))
     factorised = 2.0 * min(work.least_factor_cost(matrix.n, matrix.nnz), work.dense_cost(matrix.n))
     yield stage(30.0, 80.0 * graph, lambda: [Newton()], lambda: [Proximal()], least=factorised)

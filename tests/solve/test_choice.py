@@ -65,6 +65,38 @@ class TestEstimates:
             assert work.done() - before in (0.0, pytest.approx(10.0 * problem.matrix.unit))
         assert 0.5 <= icp.PSOR().estimate(problem.facts, 1e-8).step <= 4.0
 
+    def test_what_psi_reads_is_in_them(self):
+        """A row of ψ that adds up all z costs as much as one of A that does, in a sweep and in a Newton step."""
+        n = 289
+        A, q = scenes.membrane(n=n, mu=4.0).problem.A, -np.ones(n)
+        short, long = (icp.ICP(A, q, icp.Affine(G, 0.0)) for G in (0.1 * np.eye(n, k=1), np.full((n, n), 0.1 / n)))
+        assert (short.facts.entries, long.facts.entries) == (A.nnz + n - 1, A.nnz + n * n)
+        for method in (icp.PSOR(), icp.MNMGS(), icp.Newton()):
+            little, much = (method.estimate(one.facts, 1e-8).step for one in (short, long))
+            assert much - little >= 0.1 * n * n * work.COSTS.full_entry / short.matrix.unit, method
+
+    def test_old_values_in_the_modulus_drag_rows_along_where_a_couples_them_and_not_where_psi_does(self):
+        """1.5 times the sweeps of projected SOR are expected on a grid, and as many where each row waits for another
+        one's obstacle; so it is."""
+        shift = sp.csr_array(0.9 * np.eye(60)[np.random.default_rng(4).permutation(60)])
+        waiting = icp.ICP(sp.eye_array(60, format="csr"), np.ones(60), icp.Affine(shift, 1.0))
+        grid = scenes.membrane(n=400).problem
+        near = grid.A.diagonal()[0] * sp.eye_array(400) - grid.A
+        moving = icp.ICP(grid.A, grid.q, icp.Affine(near / (8.0 * near.max()), grid.psi.value(grid.q)))
+        for problem, low, high in ((grid, 1.2, 1.9), (moving, 1.2, 1.9), (waiting, 0.9, 1.1)):
+            ours, papers = (method.estimate(problem.facts, 1e-8).steps for method in (icp.PSOR(), icp.MNMGS()))
+            assert low <= papers / ours <= high
+            ours, papers = (problem.solve(method).iterations for method in (icp.PSOR(), icp.MNMGS()))
+            assert low <= papers / ours <= high
+        names = [{one.method.name for one, _ in made(one)} & {"psor", "mnmgs"} for one in (waiting, grid)]
+        assert names == [{"mnmgs"}, {"psor"}]  # the paper's where it is expected to cost no more
+
+    def test_a_pass_over_a_full_matrix_counts_as_a_product_with_it(self):
+        """What facts cost is in products, and those with a full matrix cost a third as much an entry."""
+        Q = np.random.default_rng(7).normal(size=(600, 600))
+        for stage in candidates(icp.ICP(Q @ Q.T + 600.0 * np.eye(600), -np.ones(600)), 1e-8):
+            assert stage.cost <= 45.0
+
     def test_every_method_that_may_be_picked_has_a_family(self):
         for name in methods.names():
             method = methods.named(name)
@@ -102,6 +134,17 @@ class TestFamilies:
         blocky = icp.ICP(np.kron(np.eye(40), [[2.0, -1.0], [-1.0, 2.0]]), -np.ones(80))
         names = [{one.method.name for one, _ in made(blocky, family=family)} for family in (None, "modulus")]
         assert ["reduced" in found for found in names] == [True, False]
+
+    def test_jumps_that_are_known_are_swept_and_a_function_that_tries_them_is_not(self):
+        """As a function may take any time for what counts as one sweep."""
+        rows = np.arange(79)
+        jumps = sp.csr_array((np.full(79, -0.5), (rows, rows + 1)), shape=(80, 80))
+        A, q = 2.0 * np.eye(80), np.linspace(-1.0, -9.0, 80)
+        known = icp.ICP(A, q, icp.Intervention(jumps))
+        tried = icp.ICP(A, q, icp.Intervention(known.psi.best_jump))
+        sweeps = {"psor", "mnmgs", "accelerated"}
+        assert [len({one.method.name for one, _ in made(one)} & sweeps) for one in (known, tried)] == [2, 0]
+        np.testing.assert_allclose(known.solve().z, tried.solve().z, atol=1e-6)
 
     @every_problem
     def test_the_same_pivots_are_not_made_twice(self, name):
