@@ -44,19 +44,14 @@ _WHY = {
 
 
 def choose(
-    problem: ProblemData,
-    aim: float,
-    family: str | None = None,
-    reduced: Callable[[float], list[Asked]] | None = None,
-    least_reduced: float = 0.0,
+    problem: ProblemData, aim: float, family: str | None = None, reduced: Callable[[float], list[Asked]] | None = None
 ) -> Iterator[Choice]:
     """The stages of candidates for `problem`: of each kind the one that is expected to cost least.
 
     `aim` is the share of Res(0) that is asked for, `family` as in `solve`; `reduced` makes those that solve it in parts
-    from what the best of the others is expected to cost, and `least_reduced` is what these cost at the least.
+    from what the best of the others is expected to cost.
     """
     matrix, costs, cheapest = problem.matrix, work.COSTS, math.inf
-    entries = costs.entry * work.entries(matrix.n, matrix.nnz)
 
     def stage(calls: float, passes: float, *kinds: Callable[[], Iterable[Method]], least: float = 0.0) -> Choice:
         def made() -> list[Asked]:
@@ -68,7 +63,7 @@ def choose(
                     cheapest = min(cheapest, one[1].cost)
             return found
 
-        cost = calls * costs.call + (passes and passes * entries)
+        cost = calls * costs.call + (passes and passes * costs.entry * work.entries(matrix.n, matrix.nnz))
         return Stage(cost / matrix.unit, made, least / matrix.unit)
 
     graph = 0.0 if matrix.is_full else 1.0  # the passes over the graph of A, where there is something to see
@@ -84,7 +79,7 @@ def choose(
         yield stage(15.0, 12.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: josephy)
     yield stage(15.0, 0.0, lambda: [Multilevel()], least=costs.hierarchy)
     if reduced is not None:
-        yield Stage(stage(100.0, 60.0 * graph).cost, lambda: reduced(cheapest), least_reduced)
+        yield Stage(stage(100.0, 60.0 * graph).cost, lambda: reduced(cheapest))
     if sweeps:
         yield stage(100.0, 40.0, lambda: _relaxed(problem))
     factorised = 2.0 * min(work.least_factor_cost(matrix.n, matrix.nnz), work.dense_cost(matrix.n))
@@ -118,7 +113,8 @@ def _best(problem: ProblemData, aim: float, family: str | None, methods: Iterabl
             _LOG.debug("n = %d: %r is expected to cost %.3g products with A", problem.n, method, cost)
         if best is None or weight * cost < least:
             why = f"{_WHY[method.family]}, expected to cost {cost:.3g} products with A"
-            expected = Expected(cost, estimate.setup, estimate.step, method.finite, weight, estimate.look)
+            looks = method.finite, weight, estimate.look, method.memoryless  # what has a memory does not creep
+            expected = Expected(cost, estimate.setup, estimate.step, *looks)
             best, least = (Candidate(method, why), expected), weight * cost
     return best
 

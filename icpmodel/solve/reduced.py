@@ -37,9 +37,9 @@ from .goal import RTOL
 from .part import Part, advance, together
 from .schedule import Expected
 
-#: the passes over A that a reduction takes, and the calls in Python: 4 to 5 ms more than the sweeps of what is left
-#: were measured for n = 300 … 1400
-_PASSES, _CALLS = 10.0, 1500.0
+#: the passes over A that a reduction takes where nothing is left, and where something is, and its calls in Python: 4 to
+#: 5 ms more than the sweeps of what is left were measured for n = 300 … 1400
+_ALONE, _PASSES, _CALLS = 40.0, 10.0, 1500.0
 #: where there are many stages so many iterates of them are shown
 _SHOWN = 32
 
@@ -169,12 +169,7 @@ def candidates(problem: ProblemData, aim: float = RTOL, family: str | None = Non
     """
     if family == "paper":
         return choose(problem, aim, family)
-    return choose(problem, aim, family, lambda cheapest: _reduced(problem, aim, family, cheapest), _setup(problem))
-
-
-def _setup(problem: ProblemData) -> float:
-    """What any reduction costs at the least, in products with A."""
-    return _PASSES + _CALLS * work.COSTS.call / problem.matrix.unit
+    return choose(problem, aim, family, lambda cheapest: _reduced(problem, aim, family, cheapest))
 
 
 def _reduced(problem: ProblemData, aim: float, family: str | None, cheapest: float) -> list[Asked]:
@@ -183,7 +178,9 @@ def _reduced(problem: ProblemData, aim: float, family: str | None, cheapest: flo
     if found is None or (family is not None and found.pivoted):
         return []
     share = sum(rows.size for stage in found.stages for rows in stage) / problem.n
-    setup = _setup(problem) + work.COSTS.pivot_entry * found.pivoted / problem.matrix.unit
+    unit = problem.matrix.unit
+    setup = _PASSES + _CALLS * work.COSTS.call / unit if found.stages else _ALONE
+    setup += work.COSTS.pivot_entry * found.pivoted / unit
     method = ReducedTo(blocks=found, aim=aim, family_of_parts=family)
     return [(Candidate(method, f"a reduction, {found!r}"), Expected(setup + share * cheapest, setup, 0.0, finite=True))]
 

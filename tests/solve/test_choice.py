@@ -91,6 +91,12 @@ class TestEstimates:
         names = [{one.method.name for one, _ in made(one)} & {"psor", "mnmgs"} for one in (waiting, grid)]
         assert names == [{"mnmgs"}, {"psor"}]  # the paper's where it is expected to cost no more
 
+    @every_problem
+    def test_sweeps_are_expected_to_creep_and_what_learns_from_its_steps_is_not(self, name):
+        for one, expected in made(PROBLEMS[name]):
+            if one.method.name in ("psor", "mnmgs", "mnmj", "accelerated", "newton", "multilevel", "proximal"):
+                assert expected.creeps == (one.method.name in ("psor", "mnmgs", "mnmj"))
+
     def test_a_pass_over_a_full_matrix_counts_as_a_product_with_it(self):
         """What facts cost is in products, and those with a full matrix cost a third as much an entry."""
         Q = np.random.default_rng(7).normal(size=(600, 600))

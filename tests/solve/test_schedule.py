@@ -174,6 +174,23 @@ class TestForecast:
         constant = (18.0 - fallen[-1]) / ((fallen[32] - fallen[16]) / 16)
         assert forecast(fallen, 18.0) > 3 * constant
 
+    def test_what_does_not_creep_goes_on_at_the_speed_that_it_has(self):
+        fallen = [math.sqrt(i) for i in range(33)]
+        speed = (fallen[32] - fallen[16]) / 16
+        assert forecast(fallen, 9.0, creeps=False) == pytest.approx((9.0 - fallen[32]) / speed)
+        assert forecast(fallen, 9.0) > 1.2 * forecast(fallen, 9.0, creeps=False)
+
+    @given(st.lists(st.floats(0.0, 3.0), min_size=1, max_size=60), st.floats(1.0, 200.0), st.integers(0, 30))
+    @settings(max_examples=60, deadline=None)
+    def test_nor_is_it_ever_farther_from_the_end_than_twice_its_way_so_far_would_take_it(self, falls, more, halt):
+        fallen = [0.0]
+        for fall in [*falls, *[0.0] * halt]:
+            fallen.append(fallen[-1] + fall)
+        steps = more * (len(fallen) - 1) / max(fallen[-1], 1.0)
+        found = forecast(fallen, fallen[-1] + more, creeps=False)
+        assert found <= max(2.0 * (1.0 + 1e-9) * steps, 1.0)
+        assert found <= (1.0 + 1e-9) * forecast(fallen, fallen[-1] + more)
+
     @given(st.lists(st.floats(0.0, 3.0), min_size=6, max_size=60), st.floats(1.0, 200.0))
     @settings(max_examples=60, deadline=None)
     def test_it_is_at_least_one_step_and_more_where_more_is_needed(self, falls, need):
