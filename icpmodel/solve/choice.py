@@ -70,8 +70,7 @@ def choose(
 
     yield stage(0.0, 0.0, lambda: [Lemke()])
     yield stage(6.0, 0.0, lambda: [Tridiagonal()])
-    # sweeps call jumps that are a function of the user's, who may try all of them, which is not counted
-    sweeps = not (problem.psi.takes_best and problem.psi.at_users_word)
+    sweeps = not problem.psi.takes_best
     if sweeps:
         yield stage(8.0, 3.0, lambda: [PSOR(), MNMGS()])
         # for an affine obstacle its first step is all that Lemke's pivots do

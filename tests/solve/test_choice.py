@@ -141,17 +141,6 @@ class TestFamilies:
         names = [{one.method.name for one, _ in made(blocky, family=family)} for family in (None, "modulus")]
         assert ["reduced" in found for found in names] == [True, False]
 
-    def test_jumps_that_are_known_are_swept_and_a_function_that_tries_them_is_not(self):
-        """As a function may take any time for what counts as one sweep."""
-        rows = np.arange(79)
-        jumps = sp.csr_array((np.full(79, -0.5), (rows, rows + 1)), shape=(80, 80))
-        A, q = 2.0 * np.eye(80), np.linspace(-1.0, -9.0, 80)
-        known = icp.ICP(A, q, icp.Intervention(jumps))
-        tried = icp.ICP(A, q, icp.Intervention(known.psi.best_jump))
-        sweeps = {"psor", "mnmgs", "accelerated"}
-        assert [len({one.method.name for one, _ in made(one)} & sweeps) for one in (known, tried)] == [2, 0]
-        np.testing.assert_allclose(known.solve().z, tried.solve().z, atol=1e-6)
-
     @every_problem
     def test_the_same_pivots_are_not_made_twice(self, name):
         """Josephy's first step is Lemke's problem where the obstacle is affine."""
