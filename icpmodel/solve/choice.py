@@ -78,8 +78,8 @@ def choose(
         yield stage(15.0, 12.0, lambda: [Accelerated(of=PSOR(omega=relaxation(problem)))], lambda: josephy)
     yield stage(15.0, 0.0, lambda: [Multilevel()], least=costs.hierarchy)
     if reduced is not None:
-        # the mean: 5 to 20 products were measured where all hangs together, 35 to 95 where it does not
-        yield Stage(stage(50.0, 30.0 * graph).cost, lambda: reduced(cheapest))
+        # 5 to 20 products were measured where all hangs together, and asked for by most, 35 to 95 where it does not
+        yield Stage(stage(100.0, 60.0 * graph).cost, lambda: reduced(cheapest))
     if sweeps:
         yield stage(100.0, 40.0, lambda: _relaxed(problem))
     factorised = 2.0 * min(work.least_factor_cost(matrix.n, matrix.nnz), work.dense_cost(matrix.n))
