@@ -397,8 +397,13 @@ def test_units_in_which_a_length_underflows_are_no_foreign_exception():
     upper = icp.Affine([[0.0, 0.0], [1.0, -0.1]], [1.0, -1.0])
     problem = icp.ICP([[1e-298, 1e-298], [0.0, 1.0]], [0.0, 0.0], 0.0, upper=upper)
     assert problem.solve("multilevel", raise_on_failure=False).status is icp.Status.CROSSED
-    solution = problem.solve()  # the obstacles cross at (0, 0), and (1, 0) leaves 1e-298
-    assert solution.z == pytest.approx([1.0, 0.0], abs=1e-15)
+    # the obstacles cross at (0, 0), and (1, 0) leaves 1e-298: whether a step comes to it is decided by the last digits,
+    # which the kernels of OpenBLAS for different processors round differently
+    solution = problem.solve(raise_on_failure=False)
+    if solution.solved:
+        assert solution.z == pytest.approx([1.0, 0.0], abs=1e-15)
+    else:
+        assert solution.status is icp.Status.CROSSED
 
 
 def test_krylov_steps_go_on_from_where_sweeps_left_z_though_the_active_set_is_the_one_before():

@@ -222,7 +222,8 @@ def test_policies_are_improved_until_none_is_better_however_long_the_residual_is
     path = list(newton_path(problem, np.zeros(states)))
     assert problem.residual(path[-1]) <= 1e-10 * problem.residual_at_0()
     moves = [after - before for before, after in itertools.pairwise(path[1:-1])]
-    assert all(move.min() >= -1e-6 * np.abs(move).max() for move in moves if np.abs(move).max() > 1e-5)
+    rounding = 1e-11 * np.abs(path[-1]).max()  # 4e-12 of it was seen, on a processor with AVX-512
+    assert all(move.min() >= -1e-6 * np.abs(move).max() - rounding for move in moves if np.abs(move).max() > 1e-5)
 
 
 def test_steps_in_one_direction_end_as_well():
