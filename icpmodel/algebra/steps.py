@@ -11,9 +11,8 @@ import numpy as np
 from ..numerics import work
 from ..numerics.arrays import Vector, bandwidths
 from ..numerics.threads import CHUNK, one_behind_the_other, threads_for
-from ..problem.between import Sides, values
+from ..problem.between import values
 from ..problem.data import ProblemData
-from ..problem.user_code import raising_map_error
 
 #: entries that stay in a core's cache while a second sweep follows the first
 _NEAR = 50_000
@@ -63,11 +62,9 @@ def compiled_step(
     reaches above its diagonal, None where the sweep cannot do that; `few` entries are swept in one call, more of them
     by so many `threads`, which keep a `chunk` of rows apart.
     """
-    from ..numerics.kernels.sweeps import SWEEPS, USER_SWEEPS
+    from ..numerics.kernels.sweeps import SWEEPS
 
     psi, inside = problem.psi, problem.psi.kernel_data()
-    if isinstance(inside, tuple) and len(inside) == 2 and not isinstance(inside, Sides):
-        return _step_with(problem, getattr(USER_SWEEPS, name), inside, before, after)
     sweep, price = getattr(SWEEPS, name), work.sweep(problem.n, problem.facts.entries)
 
     def step(z: Vector) -> tuple[Vector, float]:
@@ -109,24 +106,6 @@ def _counted(several: Several, price: float) -> Several:
         return steps
 
     return made
-
-
-def _step_with(
-    problem: ProblemData, kernel: Any, inside: tuple[Any, Any], before: tuple[Any, ...], after: tuple[Any, ...]
-) -> Step:
-    """`compiled_step` where the sweep calls the user's compiled function, which may raise."""
-    from ..numerics.kernels.scalars import sweep_with
-
-    c, f = inside
-    sweep, price = sweep_with(kernel, f), work.sweep(problem.n, problem.facts.entries)
-
-    def step(z: Vector) -> tuple[Vector, float]:
-        work.add(price)
-        out = np.empty(z.size)
-        squares = raising_map_error(lambda: sweep(before, c, after, z, out), "psi.f")
-        return out, float(np.sqrt(squares))
-
-    return step
 
 
 def _in_one_call(some: Callable[..., None], z: Vector, count: int) -> list[Stepped]:

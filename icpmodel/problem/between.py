@@ -93,10 +93,8 @@ class Between(Map):
         return False if False in found else None if None in found else True
 
     def kernel_data(self) -> Any:
-        # a user's compiled function is called from Python here: with two of them every pair would be compiled
         sides = Sides(self.lower.kernel_data(), self.upper.kernel_data())
-        known = all(isinstance(one, np.ndarray) or (isinstance(one, tuple) and len(one) == 4) for one in sides)
-        return sides if known else None
+        return None if any(one is None for one in sides) else sides
 
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         return self._of_both(lambda one: one.restricted(rows, z))

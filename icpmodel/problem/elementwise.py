@@ -19,7 +19,7 @@ class Elementwise(Parametrised):
     """ψ_i(z) = f(z_i) + c_i: every row's obstacle moves with its own unknown.
 
     Parameters: `f` a function of an array of shape (n,), applied entry by entry (NumPy style), or a scalar function
-    compiled with `numba.njit`, which then runs inside the compiled sweeps; `derivative` of f, in the same style;
+    compiled with `numba.njit`, which is then called in a compiled loop; `derivative` of f, in the same style;
     `lipschitz` a number or vector ℓ ≥ 0 with |f(s) − f(t)| ≤ ℓ_i|s − t|; `c` a number or vector of shape (n,);
     `parameter_derivative`, for `Solution.derivative`, maps z to the derivative of ψ(z) in m parameters of yours, shape
     (n, m), dense or sparse, or (n,) where there is one: they then are what ψ is made of, c no longer.
@@ -73,9 +73,6 @@ class Elementwise(Parametrised):
 
     def no_derivative(self) -> str | None:
         return "psi has no derivative: give `derivative` to Elementwise" if self.derivative is None else None
-
-    def kernel_data(self) -> Any:
-        return (self.c, self.f) if is_compiled(self.f) else None
 
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         given = self.given_lipschitz

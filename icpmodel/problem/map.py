@@ -120,8 +120,7 @@ class Map(ReadOnly, Shown, ABC):
         return None
 
     def kernel_data(self) -> Any:
-        """ψ as compiled loops take it: c, (c, indptr, indices, data) of Gz + c, (c, f) for f(z_i) + c_i with f compiled
-        by numba; None where it has to be called.
+        """ψ as compiled loops take it: c, or (c, indptr, indices, data) of Gz + c; None where it has to be called.
 
         >>> icp.Constant(1).bind(2).kernel_data()
         array([1., 1.])

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
@@ -24,7 +25,7 @@ from .choice import FAMILIES, why_none
 from .goal import RTOL, AccuracyGoal, Goal, Limits
 from .progress import Progress
 from .reduced import candidates
-from .run import Best, Run, fault_of_psi
+from .run import WORTH_ANOTHER_METHOD, Best, Run, fault_of_psi
 from .schedule import Stage, in_turn
 from .solution import History, Solution, Status
 
@@ -75,8 +76,8 @@ def solve(
     Parameters:
     `problem` an ICP, the name of a scene, or what holds or makes an ICP: a scene, a solution, an `icpmodel.Problem` in
     CVXPY's terms, a Pyomo model that was read; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or
-    None to have one picked, and the problem reduced before where that pays (see `icpmodel.solve.reduced`), while a
-    named one gets the whole problem;
+    None to have one picked: then obstacles that move with their own unknown alone are fixed before, and the problem is
+    reduced where that pays (see `icpmodel.solve.reduced`), while a named one gets the whole problem;
     `family`, where no method is named: "paper" for members that the paper prints alone, "modulus" for all that grows
     out of the modulus equation, without the shortcuts (pivots, the tridiagonal pass), None for both;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
@@ -121,7 +122,9 @@ def solve(
     start = np.zeros(problem.n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     with limits.kept():
         run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
-        carry_out(run, _candidates(problem, method, options, run.aim, family))
+        asked = _candidates(problem, method, options, run.aim, family)
+        if method is not None or not _with_fixed_obstacle(run, family):
+            carry_out(run, asked)
         if run.singular is not None and method is not None:
             raise run.singular
         if run.best is None:
@@ -130,6 +133,21 @@ def solve(
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
+
+
+def _with_fixed_obstacle(run: Run, family: str | None) -> bool:
+    """The run where every ψ_i moves with z_i alone, by less than it: sweeps and Newton's steps then need not ask for ψ.
+
+    Whether that is all there is to do: not where nothing leads on, as the Lipschitz constant is at the user's word, nor
+    where ψ fails on the way to the obstacle, as it may do where the iterates are.
+    """
+    with contextlib.suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
+        run.posed = with_fixed_obstacle(run.problem)
+    if run.posed is None or run.posed is run.problem:
+        return False
+    carry_out(run, candidates(run.posed, run.aim, family))
+    run.posed = None
+    return run.ended.status not in WORTH_ANOTHER_METHOD
 
 
 def _candidates(

@@ -39,7 +39,7 @@ _WAITS = "waits"
 #: its iterates are as good as those of one that goes on
 _GOOD = (_WAITS, Status.TIME_LIMIT.value, Status.MEMORY_LIMIT.value)
 #: another method may go where psi has values, or need no derivative
-_WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
+WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
 
 
 @dataclass
@@ -75,7 +75,8 @@ class Run:
 
     Parameters: `problem`; `start`, shape (n,), and `at_start` = Res(start); `goal`; `scale`, a residual by which others
     are judged, and the share `aim` of it for which costs are forecast; `restart`, where a candidate begins after one
-    that failed; `max_iter` and `time_limit`, None for none; `callback`, `history` and `progress` as in `solve`.
+    that failed; `posed`, what methods are given in its place, a problem that has the same solutions; `max_iter` and
+    `time_limit`, None for none; `callback`, `history` and `progress` as in `solve`.
     `steps` is the loop; afterwards `ended` says why it ended, `best` what it found, `tried` who did how.
     """
 
@@ -87,6 +88,7 @@ class Run:
     aim: float
     scale: float
     restart: Vector | None = None
+    posed: ProblemData | None = None
     max_iter: float = np.inf
     time_limit: float | None = None
     callback: Callable[[Progress], Any] | None = None
@@ -129,7 +131,7 @@ class Run:
                         if look:
                             break
                     else:
-                        if self.ended.status not in _WORTH_ANOTHER_METHOD and not self.is_refused:
+                        if self.ended.status not in WORTH_ANOTHER_METHOD and not self.is_refused:
                             return
                         schedule.end(turn)
                     following = self._turn(schedule)
@@ -202,7 +204,7 @@ class Run:
 
     def _loop(self, turn: Turn[Candidate]) -> Generator[bool, None, Ended]:
         candidate, begin = turn.who, self._begin()
-        path = candidate.method.iterates(self.problem, begin)
+        path = candidate.method.iterates(self.posed or self.problem, begin)
         recent = Recent(self.target)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
         stalled = Stalled(candidate.method.memoryless, longest, self.at_floor)

@@ -501,6 +501,33 @@ def test_a_python_psi_is_called_once_per_sweep():
         assert len(calls) == 10
 
 
+def test_a_psi_that_moves_with_its_own_unknown_alone_is_asked_for_the_obstacle_and_by_the_judge():
+    """Not in every sweep, nor in every step of Newton's: it is a fixed obstacle."""
+    for family, n in (("grid-2d-constant", 900), ("plate", 300)):
+        fixed, asked = icp.benchmarks.drawn(family, n, np.random.default_rng(2)), []
+
+        def f(z, asked=asked):
+            asked.append(z)
+            return 0.5 * np.sin(z)
+
+        psi = icp.Elementwise(f, lambda z: 0.5 * np.cos(z), lipschitz=0.5, c=fixed.psi.c)
+        solution = fixed.with_psi(psi).solve(rtol=1e-10)
+        assert solution.solved
+        assert len(asked) < 20 < solution.iterations
+
+
+def test_an_untrue_lipschitz_constant_leaves_what_sweeps_with_psi_itself_solve():
+    rng, shapes, found = np.random.default_rng(0), (np.sin, lambda t: -np.arctan(t), lambda t: np.sqrt(1.0 + t * t)), 0
+    for k in range(24):
+        A, steep, scale = icp.benchmarks.drawn("graph-expander", 20, rng).A, *rng.uniform(0.5, 2.0, 2)
+        psi = icp.Elementwise(lambda t, f=shapes[k % 3], s=steep, w=scale: s * f(w * t), lipschitz=0.5)
+        problem = icp.ICP(A, rng.normal(size=A.shape[0]), psi)
+        if problem.solve("mnmgs", raise_on_failure=False).solved:
+            found += 1
+            assert problem.solve().solved
+    assert found > 8
+
+
 @pytest.mark.parametrize("method", ["mnmgs", "mnmj", "psor", None])
 def test_a_signal_that_must_cross_all_rows_is_no_stagnation(method):
     """One-way coupling: the residual stays the same for n steps, and then the answer is exact."""

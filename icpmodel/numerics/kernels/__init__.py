@@ -167,16 +167,15 @@ def row_sum(total, k, stop, indices, data, z):
     return total
 
 
-def compiled(function: Any, *, cache: bool = True, reassociate: bool = False, exact: bool = False) -> Any:
-    """`function` compiled by numba; with `cache` the code is kept on disk between runs.
+def compiled(function: Any, *, reassociate: bool = False, exact: bool = False) -> Any:
+    """`function` compiled by numba; the code is kept on disk between runs.
 
     With `reassociate` sums may be added up in another order, which lets inner products run in vector instructions. With
     `exact` every operation is rounded by itself.
     """
     options = _OPTIONS | {"fastmath": False} if exact else _SUMS if reassociate else _OPTIONS
     code = numba.njit(function, **options)
-    if cache:
-        # without a writable folder for its cache numba raises; then every process compiles anew
-        with contextlib.suppress(RuntimeError, OSError):
-            code._cache = Cache(function)  # as its `enable_caching` does
+    # without a writable folder for its cache numba raises; then every process compiles anew
+    with contextlib.suppress(RuntimeError, OSError):
+        code._cache = Cache(function)  # as its `enable_caching` does
     return code

@@ -1,9 +1,5 @@
 """Loops with a scalar function for each row: equations c = ψ(c), for `Facts.obstacle`, and calls of a user's compiled
-function.
-
-numba looks up what a call's arguments are, and for a function among them that takes longer than a sweep over a small
-problem. So the function becomes part of the code, which is compiled once for each.
-"""
+function."""
 
 from __future__ import annotations
 
@@ -37,12 +33,6 @@ def improve(c, value, slope, own, low, high, out):
             out[i] = math.nan
         moved = moved or out[i] != c[i]
     return moved
-
-
-@lru_cache(maxsize=64)
-def sweep_with(kernel, f):
-    """(before, c, after, z, out) ↦ kernel(*before, (c, f), *after, z, out), for ψ_i(z) = f(z_i) + c_i."""
-    return numba.njit(lambda before, c, after, z, out: kernel(*before, (c, f), *after, z, out), nogil=True)
 
 
 @lru_cache(maxsize=64)

@@ -3,8 +3,8 @@
 A sweep makes one pass over the CSR arrays of A: it writes the next iterate to `out` and returns Res(z)² of the iterate
 it started from, which falls out for free. There is no branch per stored entry: `diag[i]` splits row i of A at its
 diagonal entry, so that the loop over the strict lower triangle and the loop over the rest need no comparison of
-indices. ψ enters as `psi`, resolved when the loop is compiled: a vector ψ(z), (c, indptr, indices, data) for Gz + c, or
-(c, f) for f(z_i) + c_i with f compiled by numba; with an obstacle above, `Sides` of two such.
+indices. ψ enters as `psi`, resolved when the loop is compiled: a vector ψ(z), or (c, indptr, indices, data) for Gz + c;
+with an obstacle above, `Sides` of two such.
 """
 
 from __future__ import annotations
@@ -29,9 +29,7 @@ def _psi_entry(psi, i, z):
         return lambda psi, i, z: psi[i]
     if isinstance(psi, types.BaseNamedTuple):
         return lambda psi, i, z: psi_entry(psi[0], i, z)
-    if isinstance(psi, types.BaseTuple) and len(psi) == 4:
-        return lambda psi, i, z: row_sum(psi[0][i], psi[1][i], psi[1][i + uint(1)], psi[2], psi[3], z)
-    return lambda psi, i, z: psi[1](z[i]) + psi[0][i]
+    return lambda psi, i, z: row_sum(psi[0][i], psi[1][i], psi[1][i + uint(1)], psi[2], psi[3], z)
 
 
 def upper_entry(psi, i, z):
@@ -217,8 +215,4 @@ def bounded(indptr, indices, data, diag, scale, growth, tiny, f, v, g, out):
 
 
 _ALL = (in_order, some_in_order, two_in_order, diagonal, triangular)
-#: for ψ given by arrays, kept on disk between runs, and for ψ that calls a user's compiled function: numba
-#: cannot find those again in its cache
-SWEEPS, USER_SWEEPS = (
-    SimpleNamespace(**{sweep.__name__: compiled(sweep, cache=cache) for sweep in _ALL}) for cache in (True, False)
-)
+SWEEPS = SimpleNamespace(**{sweep.__name__: compiled(sweep) for sweep in _ALL})
