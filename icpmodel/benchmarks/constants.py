@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sp
 
+from ..algebra.active_equations import Elimination
 from ..algebra.hierarchy import Hierarchy
 from ..icp import ICP
 from ..methods.contract import Method
@@ -197,7 +198,7 @@ def _multigrid(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], obje
 
 def _runs(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]]:
     """Iterates whose sweeps cost next to nothing, and Newton's steps whose linear systems do: tridiagonal ones, and
-    those of full matrices of which few rows leave the obstacle."""
+    those of full matrices of which few rows leave the obstacle; and equations that are made of A and ψ′."""
     few = ICP(_line(16, 2.0), -np.ones(16))
     run = partial(few.solve, PSOR(omega=1.0), rtol=0.0, max_iter=300, raise_on_failure=False)
     yield {"iterate": run().iterations}, run
@@ -210,6 +211,8 @@ def _runs(sizes: Sequence[int]) -> Iterator[tuple[_Units, Callable[[], object]]]
         steps = sum(1 for _ in Newton().iterates(problem, np.zeros(problem.n))) - 1
         units = {"newton": 1.0, "newton_row": problem.n, "newton_entry": problem.nnz}
         yield {name: steps * count for name, count in units.items()}, partial(_ends, Newton(), problem)
+        mixed = partial(Elimination, problem, np.arange(problem.n) % 2 == 0, sp.csr_array(0.1 * problem.A))
+        yield {"mixed": 1, "mixed_entry": 2 * problem.nnz}, mixed
 
 
 def _line(n: int, diagonal: float) -> sp.csr_array:

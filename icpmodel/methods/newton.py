@@ -88,7 +88,7 @@ class Newton(Method):
         simple = wander == 1.0 and facts.has_fixed_obstacle
         factors = matrix.factor_cost if simple else matrix.unsymmetric_cost
         system, memory = system_cost(matrix, factors, 16.0 * matrix.fill.entries)
-        step = systems * (work.newton(matrix.n, facts.entries) + system) / matrix.unit
+        step = systems * (facts.newton_cost + system) / matrix.unit
         steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
         return Estimate(0.0, step, steps, memory)
 
@@ -200,7 +200,7 @@ class Path(Iterator[Iterate]):
         """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
         if self.here.theta == 0:
             return False
-        work.add(work.newton(self.problem.n, self.problem.facts.entries))
+        work.add(self.problem.facts.newton_cost)
         self.fault = None
         with np.errstate(all="ignore"):
             new = self._tried(self.plain) or self._tried(self.descent)
@@ -262,18 +262,17 @@ class Path(Iterator[Iterate]):
         the third such step on 1, 2, 4, … layers more are set free, unless what is set free becomes less by half and
         more as it is. Where most of them would come back the step is made without, and twice as many steps are waited.
         """
+        from scipy.sparse.csgraph import dijkstra
+
         active, taken = self.here.active, self.taken
         free = taken & ~active
         before, self.dropped = self.dropped, int(np.count_nonzero(free))
         self.shrunk = self.shrunk + 1 if self.dropped and not (active & ~taken).any() else 0
         if not (self.shrunk > self.alike and 2 * self.dropped > before):
             return active
-        A, layers = self.problem.matrix.absolute, free.astype(np.float64)
-        for _ in range(2 ** (self.shrunk - self.alike - 1)):
-            inner, layers = layers, (A @ layers + layers > 0).astype(np.float64)
-            if layers[active].all() or np.array_equal(layers, inner):
-                break
-        return active & (layers == 0)
+        after, most = self.problem.matrix.absolute.T, 2.0 ** (self.shrunk - self.alike - 1)
+        layer = dijkstra(after, indices=np.flatnonzero(free), unweighted=True, min_only=True, limit=most)
+        return active & np.isinf(layer)
 
     def _reached(self, active: Mask) -> Point | None:
         """Where the step with this active set leads."""
@@ -293,6 +292,7 @@ class Path(Iterator[Iterate]):
         self.descents += 1
         if best.theta == 0 or self.descents > _DESCENTS:
             return None
+        work.add(work.newton(self.problem.n, self.problem.facts.entries, mixed=True))
         V, total = best.derivative()
         phi = best.phi / best.theta
         for direction in self.directions(V, phi, total):

@@ -102,7 +102,7 @@ class Proximal(Method):
             step = work.COSTS.newton + system
         else:
             system, memory = system_cost(matrix, matrix.unsymmetric_cost, 12.0 * matrix.fill.entries)
-            step = work.newton(matrix.n, facts.entries) + system
+            step = facts.newton_cost + system
         steps = (1.0 if matrix.has_positive_diagonal else 2.0) * (3.0 + math.log2(max(facts.bounded, 1)))
         step /= matrix.unit
         return Estimate(step, step, steps, memory)
@@ -141,7 +141,7 @@ class ProximalPath:
         self.inside: Interior | None = None
         # what steps have cost, and what one costs without its equations
         self.steps, self.spent, self.was_inside = 0, 0.0, False
-        self.own_cost = work.newton(problem.n, problem.facts.entries) if self.moves else work.COSTS.newton
+        self.own_cost = problem.facts.newton_cost if self.moves else work.COSTS.newton
 
     @property
     @np.errstate(all="ignore")

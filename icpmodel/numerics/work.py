@@ -36,6 +36,9 @@ class Costs(NamedTuple):
     newton: float = 400_000.0
     newton_row: float = 340.0
     newton_entry: float = 2.0
+    #: its equations where they are made of A and ψ′: per step, and per entry of both
+    mixed: float = 550_000.0
+    mixed_entry: float = 12.0
     #: a sparse matrix made of others, entry by entry; per entry: eight times what a product costs
     built: float = 60_000.0
     built_entry: float = 8.0
@@ -140,9 +143,10 @@ def sweep(n: int, nnz: int) -> float:
     return COSTS.call + COSTS.sweep_row * n + COSTS.sweep_entry * entries(n, nnz)
 
 
-def newton(n: int, nnz: int) -> float:
-    """What a Newton step costs besides the solution of its equations."""
-    return COSTS.newton + COSTS.newton_row * n + COSTS.newton_entry * nnz
+def newton(n: int, nnz: int, mixed: bool) -> float:
+    """What a Newton step costs besides the solution of its equations; `mixed`: these are made of A and ψ′."""
+    cost = COSTS.newton + COSTS.newton_row * n + COSTS.newton_entry * nnz
+    return cost + (COSTS.mixed + COSTS.mixed_entry * nnz if mixed else 0.0)
 
 
 def factor_cost(fill: Fill) -> float:
@@ -225,8 +229,7 @@ class _Compiler:
 
     def clock(self) -> float:
         with self._lock:
-            now = self._since if self._busy else time.perf_counter()
-            return now - self._total
+            return (self._since if self._busy else time.perf_counter()) - self._total
 
 
 #: who compiles says so here

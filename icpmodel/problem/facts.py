@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import MapError
+from ..numerics import work
 from ..numerics.arrays import Vector, is_diagonal
 from ..numerics.rounding import UNIT_ROUNDOFF
 from .map import Map
@@ -44,6 +45,11 @@ class Facts:
     def entries(self) -> int:
         """The entries that a sweep reads, or a Newton step: those of A, and those of ψ where it couples rows."""
         return self.matrix.nnz + (0 if self.psi.links is None else self.psi.links.nnz)
+
+    @property
+    def newton_cost(self) -> float:
+        """What a Newton step costs besides the solution of its equations, in nanoseconds."""
+        return work.newton(self.matrix.n, self.entries, mixed=not self.psi.is_constant)
 
     @cached_property
     def coupling(self) -> float:
