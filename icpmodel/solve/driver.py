@@ -122,9 +122,7 @@ def solve(
     start = np.zeros(problem.n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     with limits.kept():
         run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
-        asked = _candidates(problem, method, options, run.aim, family)
-        if method is not None or not _with_fixed_obstacle(run, family):
-            carry_out(run, asked)
+        _carry_out_all(run, method, options, family)
         if run.singular is not None and method is not None:
             raise run.singular
         if run.best is None:
@@ -135,19 +133,23 @@ def solve(
     return solution
 
 
-def _with_fixed_obstacle(run: Run, family: str | None) -> bool:
-    """The run where every ψ_i moves with z_i alone, by less than it: sweeps and Newton's steps then need not ask for ψ.
+def _carry_out_all(run: Run, method: str | Method | None, options: dict[str, Any], family: str | None) -> None:
+    """The run, with obstacles that move with their own unknown alone, by less than it, fixed before the choice: sweeps
+    and Newton's steps then need not ask for ψ.
 
-    Whether that is all there is to do: not where nothing leads on, as the Lipschitz constant is at the user's word, nor
-    where ψ fails on the way to the obstacle, as it may do where the iterates are.
+    As the Lipschitz constant is at the user's word, ψ itself follows where nothing leads on, and where it fails on the
+    way to the obstacle, as it may have values where the iterates are.
     """
-    with contextlib.suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
-        run.posed = with_fixed_obstacle(run.problem)
-    if run.posed is None or run.posed is run.problem:
-        return False
-    carry_out(run, candidates(run.posed, run.aim, family))
-    run.posed = None
-    return run.ended.status not in WORTH_ANOTHER_METHOD
+    asked = _candidates(run.problem, method, options, run.aim, family)
+    if method is None:
+        with contextlib.suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
+            run.posed = with_fixed_obstacle(run.problem)
+        if run.posed is not None and run.posed is not run.problem:
+            carry_out(run, candidates(run.posed, run.aim, family))
+            if run.ended.status not in WORTH_ANOTHER_METHOD:
+                return
+            run.posed = None
+    carry_out(run, asked)
 
 
 def _candidates(
