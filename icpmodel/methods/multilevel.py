@@ -59,7 +59,6 @@ class Multilevel(Method):
     name: ClassVar[str] = "multilevel"
     family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
-    finite: ClassVar[bool] = True
 
     def estimate(self, facts: Facts, aim: float) -> Estimate:
         matrix, costs = facts.matrix, work.COSTS
@@ -70,7 +69,8 @@ class Multilevel(Method):
         # for matrices with ρ ≤ 1 eight looks are the rule; of the others, for which it is not made, few end
         radius = max(matrix.coupled_radius, 1.0)
         looks = 8.0 * radius * radius * radius * radius  # ** 4 may raise OverflowError
-        return Estimate(setup / matrix.unit, look / matrix.unit, looks, 40.0 * matrix.nnz)
+        # a tenth of the residual or half of it is left by each, as the third one shows
+        return Estimate(setup / matrix.unit, look / matrix.unit, looks, 40.0 * matrix.nnz, look=3)
 
     def why_not(self, problem: ProblemData) -> str | None:
         found = positive_diagonal(problem, "its smoother divides by the diagonal of A")
