@@ -23,8 +23,8 @@ from ..study.timing import BRIEFLY, MORE, as_repeats, interleaved, machine
 
 #: one that takes this many times the time of solve(), and more than that many seconds, is timed once
 _FAR, _SHORT = 3.0, 0.25
-#: a run of fewer seconds is timed with warm caches: one of 14 ms took 38 right after a QP solver
-_BRIEF = 0.1
+#: a run of fewer seconds is timed with warm caches
+_BRIEF = 0.01
 #: own methods are given so many times the time of the quickest so far, and so many seconds at least
 _HOPELESS, _LEAST_LIMIT = 10.0, 1.0
 #: which share of solve()'s time a peer must need for "faster"; a tie is none
@@ -74,7 +74,7 @@ def benchmark(
     and the first run whose z is good enough counts, by its own time; the note tells where it claims success at a z that
     is not good enough. Then all that take no more than three times as long as `solve()`, or a quarter of a second, are
     timed in turn, in `repeats` rounds or, if they are short, more, and the ratio is the median over the rounds. Runs
-    below .1 s are timed on their second go. One that would take longer than `time_limit`, by its growth at the smaller
+    below 10 ms are timed on their second go. One that would take longer than `time_limit`, by its growth at the smaller
     sizes, is not asked; own methods are given ten times the time of the quickest so far, at least a second.
 
     Parameters: `scenes` as NAME or NAME,PARAMETER=NUMBER, none for all; `sizes` wanted numbers of unknowns; `repeats`
