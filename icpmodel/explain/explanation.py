@@ -20,7 +20,7 @@ from ..present.shown import Shown
 from ..present.table import Table
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.choice import why_none
-from ..solve.reduced import candidates
+from ..solve.reduced import candidates, posed
 from ..solve.schedule import Schedule
 from ..theory.answers import Allowance, Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, never_cross, proofs_of
@@ -281,7 +281,7 @@ def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]
     """The method that `solve` begins with, and why; or None, and a sentence on why there is none."""
     try:
         with limit.kept():
-            turn = Schedule(candidates(problem)).turn()
+            turn = Schedule(candidates(posed(problem))).turn()
     except (OutOfTime, MemoryError) as error:
         return None, f"call solve(); which method it will run first: {limit.undecided(error)}"
     if turn is None:

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
@@ -24,7 +23,7 @@ from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
 from .goal import RTOL, AccuracyGoal, Goal, Limits
 from .progress import Progress
-from .reduced import candidates
+from .reduced import candidates, posed
 from .run import WORTH_ANOTHER_METHOD, Best, Run, fault_of_psi
 from .schedule import Stage, in_turn
 from .solution import History, Solution, Status
@@ -134,21 +133,15 @@ def solve(
 
 
 def _carry_out_all(run: Run, method: str | Method | None, options: dict[str, Any], family: str | None) -> None:
-    """The run, with obstacles that move with their own unknown alone, by less than it, fixed before the choice: sweeps
-    and Newton's steps then need not ask for ψ.
-
-    As the Lipschitz constant is at the user's word, ψ itself follows where nothing leads on, and where it fails on the
-    way to the obstacle, as it may have values where the iterates are.
-    """
+    """The run; where methods are picked and get another problem, its own follows where nothing leads on, as a Lipschitz
+    constant is at the user's word."""
     asked = _candidates(run.problem, method, options, run.aim, family)
-    if method is None:
-        with contextlib.suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
-            run.posed = with_fixed_obstacle(run.problem)
-        if run.posed is not None and run.posed is not run.problem:
-            carry_out(run, candidates(run.posed, run.aim, family))
-            if run.ended.status not in WORTH_ANOTHER_METHOD:
-                return
-            run.posed = None
+    if method is None and (other := posed(run.problem)) is not run.problem:
+        run.posed = other
+        carry_out(run, candidates(other, run.aim, family))
+        if run.ended.status not in WORTH_ANOTHER_METHOD:
+            return
+        run.posed = None
     carry_out(run, asked)
 
 
