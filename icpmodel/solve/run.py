@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Generator, Iterator
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, NamedTuple
 
@@ -225,13 +226,10 @@ class Run:
             residual, seconds = self._residual(z, hint), work.clock() - self.clock
             if not count:
                 first = residual
-            self.bar.update(self.iteration, residual, self.goal.tolerance)
-            if self.records is not None:
-                self.records.append((self.iteration, residual, seconds))
             if self.best is None or residual < self.best.residual:
                 self.best = self.found(z, residual)
-            ended = self._test(z, residual, seconds, first) or stalled.look(z, residual) or self._limit(seconds)
-            if ended is not None:
+            ended = self._seen(z, residual, seconds) or self._test(z, residual, first)
+            if ended := ended or stalled.look(z, residual) or self._limit(seconds):
                 return ended
             expected = recent.expected(residual)
             look, count = False, count + 1
@@ -259,20 +257,29 @@ class Run:
             return hint
         return self.goal.judged(z, self.at_start if z is self.start else self.problem.residual(z))
 
-    def _test(self, z: Vector, residual: float, seconds: float, first: float) -> Ended | None:
-        """What the iterate itself says: it is what was wanted, or it has run away from the `first` residual."""
-        k = self.iteration
+    def _seen(self, z: Vector, residual: float, seconds: float) -> Ended | None:
+        """Who looks on sees `z`, and Res(z) itself where `residual` is that of the problem that methods are given."""
+        if self.posed is not None and (self.progress or self.history or self.callback is not None):
+            with suppress(MapError):
+                residual = self.problem.residual(z)
+        self.bar.update(self.iteration, residual, self.goal.tolerance)
+        if self.records is not None:
+            self.records.append((self.iteration, residual, seconds))
         # a copy, as whoever has a view can write through its base
-        if self.callback is not None and self.callback(Progress(k, locked(z.copy()), residual, seconds)):
+        if self.callback is not None and self.callback(Progress(self.iteration, locked(z.copy()), residual, seconds)):
             return Ended(Status.STOPPED, "by the callback")
+        return None
+
+    def _test(self, z: Vector, residual: float, first: float) -> Ended | None:
+        """What the iterate itself says: it is what was wanted, or it has run away from the `first` residual."""
         if self.goal.reached(z, residual):
             if self.best is None or self.best.z is not z:
                 self.best = self.found(z, residual)
             return Ended(Status.SOLVED, "")
         if not residual < np.inf or residual > _BLOW_UP * max(first, self.goal.tolerance):
             if fault := fault_of_psi(self.problem, z):
-                return Ended(Status.MAP_FAILED, f"{fault} at iteration {k}")
-            return Ended(Status.DIVERGED, f"the residual is {residual:.3g} at iteration {k}")
+                return Ended(Status.MAP_FAILED, f"{fault} at iteration {self.iteration}")
+            return Ended(Status.DIVERGED, f"the residual is {residual:.3g} at iteration {self.iteration}")
         return None
 
     def _limit(self, seconds: float) -> Ended | None:

@@ -511,9 +511,14 @@ def test_a_psi_that_moves_with_its_own_unknown_alone_is_asked_for_the_obstacle_a
             return 0.5 * np.sin(z)
 
         psi = icp.Elementwise(f, lambda z: 0.5 * np.cos(z), lipschitz=0.5, c=fixed.psi.c)
-        solution = fixed.with_psi(psi).solve(rtol=1e-10)
+        problem, seen = fixed.with_psi(psi), []
+        solution = problem.solve(rtol=1e-10)
         assert solution.solved
         assert len(asked) < 20 < solution.iterations
+        shown = problem.solve(rtol=1e-10, history=True, callback=lambda at, seen=seen: seen.append((at.z, at.residual)))
+        assert np.array_equal(shown.z, solution.z)  # who looks on changes nothing, and sees Res(z)
+        assert [residual for _, residual in seen] == shown.history.residual.tolist()
+        assert [residual for _, residual in seen] == pytest.approx([problem.residual(z) for z, _ in seen], rel=1e-6)
 
 
 def test_an_untrue_lipschitz_constant_leaves_what_sweeps_with_psi_itself_solve():
