@@ -270,7 +270,8 @@ class Path(Iterator[Iterate]):
         self.shrunk = self.shrunk + 1 if self.dropped and not (active & ~taken).any() else 0
         if not (self.shrunk > self.alike and 2 * self.dropped > before):
             return active
-        after, most = self.problem.matrix.absolute.T, 2.0 ** (self.shrunk - self.alike - 1)
+        after = self.problem.matrix.absolute.T
+        most = min(2 ** (self.shrunk - self.alike - 1), self.problem.n)  # no way is longer, and a float has its range
         layer = dijkstra(after, indices=np.flatnonzero(free), unweighted=True, min_only=True, limit=most)
         return active & np.isinf(layer)
 

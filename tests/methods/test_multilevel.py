@@ -399,6 +399,7 @@ def test_units_in_which_a_length_underflows_are_no_foreign_exception():
     assert problem.solve("multilevel", raise_on_failure=False).status is icp.Status.CROSSED
     # the obstacles cross at (0, 0), and (1, 0) leaves 1e-298: whether a step comes to it is decided by the last digits,
     # which the kernels of OpenBLAS for different processors round differently
+    assert problem.solve(z0=[1.0, 0.0]).z.tolist() == [1.0, 0.0]
     solution = problem.solve(raise_on_failure=False)
     if solution.solved:
         assert solution.z == pytest.approx([1.0, 0.0], abs=1e-15)

@@ -37,7 +37,8 @@ def improve(c, value, slope, own, low, high, out):
 
 @lru_cache(maxsize=64)
 def entrywise(f):
-    """z ↦ (f(z_1), …, f(z_n)) for a scalar function f."""
+    """z ↦ (f(z_1), …, f(z_n)) for a scalar function f, which becomes a part of the code: for an argument numba looks up
+    at every call what it is, which takes longer than the loop over a small z."""
 
     def apply(z):
         out = np.empty(z.size)
