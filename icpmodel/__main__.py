@@ -1,6 +1,6 @@
 """`python -m icpmodel` is the command line."""
 
-from .cli.console import main
+from .cli import main
 
 if __name__ == "__main__":
     main()

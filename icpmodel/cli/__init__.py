@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import os
 import shlex
+import signal
 import sys
+import threading
 from importlib import import_module
+from types import FrameType
 from typing import Any
 
 import click
 
 from ..errors import IcpError, meant
 from ..numerics.plugins import load_plugins
+from ..numerics.threads import LEFT
 from .output import compiling_told, complain
 
 __all__ = ["main"]
@@ -27,11 +31,12 @@ _NO_ASL = (
     "or take icpmodel.pyomo_solver(), and build the model anew: this attempt has rewritten its Complementarity"
 )
 
+#: where what starts several processes at once gives each of them its number
+_RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
 #: command → the file that it is in, which is imported when the command is asked for
 _FILES = {
     **dict.fromkeys(("solve", "crosscheck", "explain", "scenes"), "solving"),
     **dict.fromkeys(("race", "stability", "report", "benchmark"), "charting"),
-    "warmup": "warming",
     "distributed": "distributing",
 }
 
@@ -47,7 +52,6 @@ _EXAMPLES = {
     "report membrane -o page.html": "all of that, and pictures, on one page",
     "distributed membrane --n 1e6": "on the ranks of mpiexec, with petsc4py",
     "benchmark sweep": "the numbers of the documentation, measured on this machine",
-    "warmup": "compile all loops once, before the first solve",
 }
 
 
@@ -81,14 +85,48 @@ def commands() -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The entry point: every error is one line on standard error."""
+    """The entry point: every error is one line on standard error.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Of the command; by default those of this process, which then ends without waiting for a step that has outlasted
+        its time limit.
+
+    Raises
+    ------
+    SystemExit
+        Always, with the exit code.
+    """
+    if arguments is not None:
+        sys.exit(_run(arguments))
+    if any(name in os.environ for name in _RANKS):
+        signal.signal(signal.SIGTERM, _leave)
+    code = _run(sys.argv[1:])
+    if any(thread.name == LEFT for thread in threading.enumerate()):
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            stream.flush()
+        os._exit(code)
+    sys.exit(code)
+
+
+def _leave(signum: int, frame: FrameType | None) -> None:
+    """End at once: mpiexec makes SIGTERM of Ctrl-C, for all ranks, of which the first says so."""
+    if all(os.environ.get(name, "0") == "0" for name in _RANKS):
+        os.write(2, b"icpmodel: interrupted\n")
+    os._exit(130)
+
+
+def _run(arguments: list[str]) -> int:
+    """The exit code of the command."""
+    code: Any
     try:
-        typed = shlex.join(["icpmodel", *(sys.argv[1:] if arguments is None else arguments)])
-        if _ASL in (sys.argv[1:] if arguments is None else arguments):
+        typed = shlex.join(["icpmodel", *arguments])
+        if _ASL in arguments:
             raise click.UsageError(_NO_ASL)
         load_plugins()
         with compiling_told():
-            code: Any = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
+            code = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
         if sys.stdout is not None:  # it was closed by the shell
             sys.stdout.flush()
     except click.exceptions.Exit as stop:
@@ -107,4 +145,4 @@ def main(arguments: list[str] | None = None) -> None:
     except OSError as error:  # a full disk, or a reader such as head that has seen enough
         code = complain(f"cannot write the output: {error.strerror or error}")
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115  or Python complains again at exit
-    sys.exit(code)
+    return code or 0

@@ -2,13 +2,12 @@
 
 import json
 import shlex
-import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from installed import HOUSE, announce, run
+from installed import announce, run
 from scipy.io import mmwrite, savemat
 from shell import call, said
 
@@ -180,23 +179,10 @@ def test_the_shell_is_given_its_completion(capsys, monkeypatch):
     assert "_ICPMODEL_COMPLETE=bash_complete" in out
 
 
-def test_ctrl_c_while_the_package_is_imported_is_one_line(tmp_path):
-    (tmp_path / "icpmodel").mkdir()
-    half = "import signal\ntry:\n    signal.raise_signal(signal.SIGINT)\nfinally:\n    raise ImportError\n"
-    (tmp_path / "icpmodel" / "__init__.py").write_text(half)
-    start = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import icpmodel_console; "
-    ran = run("-c", f"{start} icpmodel_console.main()", folder=tmp_path)
-    assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "icpmodel: interrupted\n")
-
-
-def test_the_console_command_is_installed_beside_the_package_and_loads_what_it_needs(tmp_path):
-    about = tomllib.loads((HOUSE / "pyproject.toml").read_text())
-    assert about["project"]["scripts"] == {"icpmodel": "icpmodel_console:main"}
-    included = about["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
-    assert included == {"icpmodel/cli/console.py": "icpmodel_console.py"}
-    command = "import sys, icpmodel_console; sys.argv[1:] = ['scenes', 'hand-lcp']"
-    loaded = "print([name for name in sys.modules if name in ('icpmodel.study', 'icpmodel.benchmarks', 'numba')])"
-    ran = run("-c", f"{command}\ntry:\n    icpmodel_console.main()\nfinally:\n    {loaded}", folder=tmp_path)
+def test_a_command_loads_what_it_needs(tmp_path):
+    command = "import sys; from icpmodel.cli import main"
+    loaded = "print([name for name in sys.modules if name in ('icpmodel.study', 'numba')])"
+    ran = run("-c", f"{command}\ntry:\n    main(['scenes', 'hand-lcp'])\nfinally:\n    {loaded}", folder=tmp_path)
     assert (ran.returncode, said(ran.stderr)) == (0, "")
     assert "hand-lcp" in ran.stdout
     assert ran.stdout.endswith("\n[]\n")
@@ -205,11 +191,11 @@ def test_the_console_command_is_installed_beside_the_package_and_loads_what_it_n
 @pytest.mark.parametrize(("command", "code"), [(["scenes", "hand-lcp"], 0), (["scenes", "nothing"], 2)])
 def test_a_command_does_not_wait_for_a_step_that_was_left_when_its_time_was_over(command, code, tmp_path):
     left = (
-        "import contextlib, sys, time, icpmodel_console\nfrom icpmodel.errors import OutOfTime\n"
+        "import contextlib, sys, time\nfrom icpmodel.cli import main\nfrom icpmodel.errors import OutOfTime\n"
         "from icpmodel.numerics import threads, work\n"
         "with contextlib.suppress(OutOfTime), work.within(0.05):\n    threads.in_time(lambda: time.sleep(3600), 1e30)\n"
     )
-    ran = run("-c", f"{left}sys.argv[1:] = {command}\nicpmodel_console.main()", folder=tmp_path)
+    ran = run("-c", f"{left}sys.argv[1:] = {command}\nmain()", folder=tmp_path)
     assert ran.returncode == code
     assert command[1] in ran.stdout + ran.stderr
 

@@ -99,7 +99,7 @@ class _Watch(Listener):
             COMPILER.begins()
         elif not _Watch.told and event.data["dispatcher"].py_func.__module__.startswith(__name__):
             _Watch.told = True
-            _tell("compiles its loops, once per installation; `icpmodel warmup` compiles all")
+            _tell("compiles its loops, once per installation")
 
     def on_end(self, event: Any) -> None:
         if event.kind == _LOCK:
