@@ -8,6 +8,7 @@ from . import study as study
 from . import theory as theory
 from .algebra.splittings import AOR as AOR
 from .crosscheck import crosscheck as crosscheck
+from .derivatives.derivative import Derivative as Derivative
 from .errors import FileError as FileError
 from .errors import IcpError as IcpError
 from .errors import InputError as InputError

@@ -2,35 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from .crosscheck import check
 from .explain import explanation
-from .numerics.plugins import public
 from .problem.data import ProblemData
 from .solve import driver
 from .solvers import cvxpy, pyomo
 from .theory.certificates import bounds, certificate
-
-
-class StudyVerb:
-    """A verb of the rooms above, which know this one: the package's function of that name, given this problem."""
-
-    def __init__(self, parameter: int = 0) -> None:
-        self._parameter = parameter  # which one the problem is
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-
-    def __get__(self, problem: ICP | None, owner: type) -> Callable[..., Any]:
-        verb: Callable[..., Any] = public(self._name)
-        if problem is None:
-            return verb
-        given = partial(verb, problem=problem) if self._parameter else partial(verb, problem)
-        given.__doc__ = verb.__doc__
-        return given
 
 
 class ICP(ProblemData):
@@ -66,13 +45,31 @@ class ICP(ProblemData):
     explain = explanation.explain
     certify = certificate.certify
     error_bound = bounds.error_bound
-    race, report, stability = StudyVerb(), StudyVerb(), StudyVerb(1)
     to_pyomo = pyomo.to_pyomo
     to_cvxpy = cvxpy.to_cvxpy
 
-    def distribute(self, comm: Any = None) -> Any:
-        """This problem, which every rank holds, spread over the ranks of `comm`: see `icpmodel.distributed.distribute`.
+    # The rooms of these verbs stand above this one and know it, so that each is imported when it is called.
 
-        Returns a `DistributedICP`. Raises NotApplicable where petsc4py or mpi4py is missing.
-        """
-        return public("distributed").distribute(self, comm)
+    def race(self, *args: Any, **options: Any) -> Any:
+        """Time own methods and foreign solvers against their error: `icpmodel.race` with this problem."""
+        from .study import race
+
+        return race(self, *args, **options)
+
+    def stability(self, plane: Any = "relaxation", **options: Any) -> Any:
+        """Map where a method converges over a plane of two parameters: `icpmodel.stability` with this problem."""
+        from .study import stability
+
+        return stability(plane, self, **options)
+
+    def report(self, **options: Any) -> Any:
+        """Write one HTML page on this problem: `icpmodel.report` with this problem."""
+        from .study import report
+
+        return report(self, **options)
+
+    def distribute(self, comm: Any = None) -> Any:
+        """Spread this problem over the ranks of MPI: `icpmodel.distributed.distribute` with this problem."""
+        from .distributed import distribute
+
+        return distribute(self, comm)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..derivatives.derivative import Derivative
 from ..icp import ICP
 from ..numerics.multigrid import linear_solve
 from ..present.table import Table
@@ -24,7 +25,7 @@ def derivative_cost(
 ) -> Table:
     """The derivative of the membrane's answer against one linear solve and against cvxpylayers, timed in turn.
 
-    "first adjoint" is `solution.derivative().adjoint(zbar)` of an answer of which nothing but z is known, the multigrid
+    "first adjoint" is `Derivative(solution).adjoint(zbar)` of an answer of which nothing but z is known, the multigrid
     levels being there where the solve has left them; "next adjoint" and "next forward" are on the same object. The
     linear solve is PyAMG's Ruge–Stüben hierarchy with conjugate gradients to 1e-8, set-up included. "solve and adjoint"
     stands against the forward and the backward pass of the same problem as a quadratic program with the parameter q in
@@ -53,9 +54,9 @@ def derivative_cost(
 
 def _in_linear_solves(problem: ICP, repeats: int) -> Iterator[tuple[Any, ...]]:
     solution, ones = problem.solve(), np.ones(problem.n)
-    derivative = solution.derivative()
+    derivative = Derivative(solution)
     calls: dict[str, Callable[[], float]] = {
-        "first adjoint": clocked(lambda new: new.derivative().adjoint(ones), partial(replace, solution)),
+        "first adjoint": clocked(lambda new: Derivative(new).adjoint(ones), partial(replace, solution)),
         "next adjoint": clocked(partial(derivative.adjoint, ones)),
         "next forward": clocked(partial(derivative.forward, dq=ones)),
         "": clocked(partial(linear_solve, problem.A, ones)),
@@ -67,7 +68,7 @@ def _in_linear_solves(problem: ICP, repeats: int) -> Iterator[tuple[Any, ...]]:
 
 def _once(problem: ICP, zbar: np.ndarray) -> np.ndarray:
     """The gradient of z̄ᵀz* in q, of a problem of which only A is known."""
-    return problem.with_q(problem.q).solve().derivative().adjoint(zbar).q
+    return Derivative(problem.with_q(problem.q).solve()).adjoint(zbar).q
 
 
 def _layer(problem: ICP) -> Callable[[], Any]:

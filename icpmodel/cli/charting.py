@@ -16,7 +16,7 @@ from ..solve.progress import status_line
 from ..study import race as run_race
 from ..study import report as make_report
 from ..study import stability as map_stability
-from ..study.charts.figures import Figure, data_file, picture_file, save
+from ..study.charts.figures import Figure, data_file, figure, picture_file, save
 from ..study.charts.table_charts import benchmark_figures, choice_figure, memory_figure
 from ..study.html_report import said_of
 from ..study.planes import PLANES
@@ -107,7 +107,7 @@ def _shown(run: Callable[[], Any], output: str | None, form: str | None, partly:
 
     def show(found: Any) -> None:
         print_table(found, found.table(), form)
-        for path in [] if output is None else save(found.figure(), output, found.table(), typed()):
+        for path in [] if output is None else save(figure(found), output, found.table(), typed()):
             wrote(path)
 
     return measured(run, show, partly)
@@ -198,8 +198,8 @@ def _command(name: str, function: Callable[..., Table]) -> click.Command:
         def show(table: Table) -> None:
             print_table(table, table, form)
             if output is not None:
-                for file, (figure, data) in _FIGURES[name](table).items():
-                    save(figure, Path(output) / f"{file}.png" if file else output, data, typed())
+                for file, (drawn, data) in _FIGURES[name](table).items():
+                    save(drawn, Path(output) / f"{file}.png" if file else output, data, typed())
             if name in _BELOW and not form:
                 click.echo("\n".join(["", *_BELOW[name](table)]))
 

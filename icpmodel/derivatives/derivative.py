@@ -52,7 +52,7 @@ _RTOL, _LEAST = 1e-10, 1e-14
 class OneSided(ReadOnly, Shown):
     """The derivatives of z*(t) at t = 0 in one direction of the data, shape (n,): `right` as t ↓ 0, `left` as t ↑ 0.
 
-    >>> right, left = ICP([[1.0]], [0.0]).solve().derivative().one_sided(dq=[1.0])
+    >>> right, left = Derivative(ICP([[1.0]], [0.0]).solve()).one_sided(dq=[1.0])
     >>> right, left
     (array([0.]), array([-1.]))
     """
@@ -65,14 +65,16 @@ class OneSided(ReadOnly, Shown):
 
 
 class Derivative(ReadOnly, Shown):
-    """The derivative of z* in A, q and ψ at an answer z; `Solution.derivative` makes it.
+    """The derivative of z* in A, q and ψ at the answer z of a `solution`, forward and adjoint.
+
+    Raises InputError where `solution` is not solved, NotApplicable where ψ has no derivative, MapError where it fails.
 
     `certain`: whether it is proved that z* is differentiable and that this is its derivative, as every row is known to
     be at an obstacle or off it and ψ′ is the same as far as z* may be away. Else `undecided` are the rows, shape (k,),
     in which p = r = 0, or two equally good jumps, cannot be excluded; each takes the side that z is nearer to, which
     gives an element of the B-subdifferential; `reason` says it. ψ of a user's function is taken to be smooth.
 
-    >>> derivative = ICP([[2, -1], [-1, 2]], [-1, 3]).solve().derivative()
+    >>> derivative = Derivative(ICP([[2, -1], [-1, 2]], [-1, 3]).solve())
     >>> derivative.forward(dq=[1.0, 0.0])
     array([-0.5,  0. ])
     >>> derivative.adjoint([1.0, 0.0]).q
@@ -100,7 +102,7 @@ class Derivative(ReadOnly, Shown):
     def equations(self) -> ActiveEquations:
         """J and Jᵀ, solved for any right-hand side: `equations.solve(f, tolerance)` and `.transposed(f, tolerance)`.
 
-        >>> ICP([[2.0]], [-2.0]).solve().derivative().equations.solve(np.ones(1), 1e-10)
+        >>> Derivative(ICP([[2.0]], [-2.0]).solve()).equations.solve(np.ones(1), 1e-10)
         array([0.5])
         """
         return ActiveEquations(self.problem, self.pattern.active, self._jacobian)
@@ -115,7 +117,7 @@ class Derivative(ReadOnly, Shown):
         the map has a `parameter_derivative`. What is left out does not move.
         Returns dz. Raises InputError, and SingularOperator where the equations of the active set are singular.
 
-        >>> ICP([[2.0]], [-2.0]).solve().derivative().forward(dA=[[1.0]])
+        >>> Derivative(ICP([[2.0]], [-2.0]).solve()).forward(dA=[[1.0]])
         array([-0.5])
         """
         change = Direction.of(self.problem, dA, dq, dpsi, dupper)
@@ -127,7 +129,7 @@ class Derivative(ReadOnly, Shown):
 
         Parameters: `zbar` the weight z̄, shape (n,). Returns a `Gradient`. Raises as `forward`.
 
-        >>> gradient = ICP([[2.0]], [-2.0]).solve().derivative().adjoint([1.0])
+        >>> gradient = Derivative(ICP([[2.0]], [-2.0]).solve()).adjoint([1.0])
         >>> gradient.q, gradient.A.data
         (array([-0.5]), array([-0.5]))
         """
@@ -147,7 +149,7 @@ class Derivative(ReadOnly, Shown):
     def solved(self, f: Vector, transposed: bool = False) -> Vector:
         """J⁻¹f, or J⁻ᵀf, shape (n,). Raises SingularOperator where J is singular, be it but for rounding.
 
-        >>> ICP([[2.0]], [-2.0]).solve().derivative().solved(np.ones(1))
+        >>> Derivative(ICP([[2.0]], [-2.0]).solve()).solved(np.ones(1))
         array([0.5])
         """
         solve = self.equations.transposed if transposed else self.equations.solve
@@ -177,7 +179,7 @@ class Derivative(ReadOnly, Shown):
 
         >>> two_jumps = sp.csr_array([[0.0, -1.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
         >>> problem = ICP(np.eye(3), [5.0, -2.0, -2.0], icp.Intervention(two_jumps))
-        >>> tuple(problem.solve().derivative().one_sided(dq=[0.0, 1.0, 0.0]))
+        >>> tuple(Derivative(problem.solve()).one_sided(dq=[0.0, 1.0, 0.0]))
         (array([ 0., -1.,  0.]), array([-1., -1.,  0.]))
         """
         direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
@@ -185,7 +187,7 @@ class Derivative(ReadOnly, Shown):
         if self.certain:
             dz = self.solved(f)
             return OneSided(dz, dz)
-        near = self.solution.polish().derivative()
+        near = Derivative(self.solution.polish())
         return OneSided(*(sign * near._to_the_right(direction.times(sign)) + 0.0 for sign in (1.0, -1.0)))
 
     def _to_the_right(self, direction: Direction) -> Vector:
@@ -202,7 +204,7 @@ class Derivative(ReadOnly, Shown):
         another one at z* than at z, and where nothing is proved of J within the limits of the certificate.
         Raises InputError.
 
-        >>> derivative = ICP([[2.0]], [-2.0]).solve().derivative()
+        >>> derivative = Derivative(ICP([[2.0]], [-2.0]).solve())
         >>> derivative.bound([-0.5], dA=[[1.0]]) < 1e-14
         True
         """
@@ -217,7 +219,7 @@ class Derivative(ReadOnly, Shown):
         """How far the `q`, `psi_values` and `upper_values` of `gradient` are at most from the gradient of z̄ᵀz*; see
         `bound`.
 
-        >>> derivative = ICP([[2.0]], [-2.0]).solve().derivative()
+        >>> derivative = Derivative(ICP([[2.0]], [-2.0]).solve())
         >>> derivative.adjoint_bound([1.0], derivative.adjoint([1.0])) < 1e-15
         True
         """
@@ -299,7 +301,7 @@ class Derivative(ReadOnly, Shown):
     def undecided(self) -> NDArray[np.intp]:
         """The rows, shape (k,), in which p = r = 0 or two equally good jumps cannot be excluded.
 
-        >>> ICP([[1.0]], [0.0]).solve().derivative().undecided
+        >>> Derivative(ICP([[1.0]], [0.0]).solve()).undecided
         array([0])
         """
         return np.flatnonzero(self._open | self._tied_jumps | self._misplaced)
@@ -308,7 +310,7 @@ class Derivative(ReadOnly, Shown):
     def certain(self) -> bool:
         """Whether it is proved that z* has this derivative.
 
-        >>> ICP([[1.0]], [0.0]).solve().derivative().certain
+        >>> Derivative(ICP([[1.0]], [0.0]).solve()).certain
         False
         """
         return self.undecided.size == 0
@@ -317,7 +319,7 @@ class Derivative(ReadOnly, Shown):
     def reason(self) -> str:
         """Why it is certain, or what it is instead, in a sentence.
 
-        >>> print(ICP([[1.0]], [0.0]).solve().derivative().reason)
+        >>> print(Derivative(ICP([[1.0]], [0.0]).solve()).reason)
         p = r = 0 cannot be excluded in row 0: an element of the B-subdifferential, see one_sided
         """
         bound = self.solution.certificate.bound

@@ -24,7 +24,7 @@ class Gradient(ReadOnly, Shown):
     is none. `psi_values` and `upper_values` are those in the values ψ(z) and ψ̄(z), shape (n,), whatever the map is.
     What takes a pass over A is computed when it is asked for.
 
-    >>> gradient = ICP([[2, -1], [-1, 2]], [-1, 3], psi=-1.0).solve().derivative().adjoint([1.0, 0.0])
+    >>> gradient = icp.Derivative(ICP([[2, -1], [-1, 2]], [-1, 3], psi=-1.0).solve()).adjoint([1.0, 0.0])
     >>> gradient.q, gradient.psi
     (array([-0.5,  0. ]), array([0. , 0.5]))
     """
@@ -43,7 +43,7 @@ class Gradient(ReadOnly, Shown):
     def A(self) -> sp.csr_array:
         """The gradient in the entries of A that are stored, CSR, shape (n, n).
 
-        >>> ICP([[2.0]], [-2.0]).solve().derivative().adjoint([1.0]).A.toarray()
+        >>> icp.Derivative(ICP([[2.0]], [-2.0]).solve()).adjoint([1.0]).A.toarray()
         array([[-0.5]])
         """
         A = self.problem.A
@@ -54,7 +54,7 @@ class Gradient(ReadOnly, Shown):
     def psi(self) -> Any:
         """The gradient in ψ's own data, in their form.
 
-        >>> ICP([[2.0]], [2.0], psi=3).solve().derivative().adjoint([1.0]).psi
+        >>> icp.Derivative(ICP([[2.0]], [2.0], psi=3).solve()).adjoint([1.0]).psi
         array([1.])
         """
         return locked(sides_of(self.problem.psi)[0].data_gradient(self.z, self.psi_values))
@@ -64,7 +64,7 @@ class Gradient(ReadOnly, Shown):
     def upper(self) -> Any:
         """The same of the obstacle above, None where there is none.
 
-        >>> ICP([[2.0]], [-8.0], upper=3).solve().derivative().adjoint([1.0]).upper
+        >>> icp.Derivative(ICP([[2.0]], [-8.0], upper=3).solve()).adjoint([1.0]).upper
         array([1.])
         """
         upper = self.problem.upper

@@ -108,7 +108,7 @@ def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
 def _docstrings() -> Iterator[None]:
     """PyAMG writes into its docstrings while it is loaded, so that under `python -OO` it must be given some."""
     plain = SourceFileLoader.get_code
-    if sys.flags.optimize > 1 and "pyamg" not in sys.modules:
+    if sys.flags.optimize > 1:
 
         def with_docstrings(loader: SourceFileLoader, name: str) -> Any:
             path = loader.get_filename(name)

@@ -1,11 +1,10 @@
-"""What is around: what other packages add, the way to a public name of this one, and whether a notebook is."""
+"""What the process runs in: the packages that add to this one, and whether it is a notebook."""
 
 from __future__ import annotations
 
-import sys
+import builtins
 from functools import lru_cache
 from importlib.metadata import entry_points
-from typing import Any
 
 
 @lru_cache(maxsize=1)
@@ -18,13 +17,7 @@ def load_plugins() -> None:
         one.load()
 
 
-def public(name: str) -> Any:
-    """The public `name` of the package, through its front door: the one way in which a room reaches one above it, when
-    a verb is called."""
-    return getattr(sys.modules[__name__.partition(".")[0]], name)
-
-
 def in_notebook() -> bool:
-    """Whether this runs in a notebook, where standard output is no terminal and yet somebody looks on."""
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return getattr(shell, "kernel", None) is not None
+    """Whether this runs in a notebook: IPython makes `get_ipython` a builtin, and a notebook's shell has a kernel."""
+    get_ipython = getattr(builtins, "get_ipython", lambda: None)
+    return getattr(get_ipython(), "kernel", None) is not None

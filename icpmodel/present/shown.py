@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..numerics.plugins import public
 from .rendering import render
 
 #: a line on a terminal or two for a field, and a screenful is too long for all of them
@@ -36,10 +35,6 @@ class Plotted(Shown):
 
     __slots__ = ()
 
-    def figure(self) -> Any:
-        """The picture as a matplotlib figure that belongs to no window."""
-        return public("study").figure(self)
-
     def plot(self, path: str | os.PathLike[str] | None = None, *, ax: Any = None) -> Any:
         """Show the picture, or write it, or draw it into axes of yours; see `icpmodel.study.plot`.
 
@@ -47,7 +42,9 @@ class Plotted(Shown):
         instead, as many as the picture has panels, or one for the first of them.
         Returns the matplotlib figure. Raises InputError, and FileError where the file cannot be written.
         """
-        return public("study").plot(self, path, ax=ax)
+        from ..study import plot
+
+        return plot(self, path, ax=ax)
 
 
 def brief(value: Any) -> str:

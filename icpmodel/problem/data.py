@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..errors import OBSTACLES, InputError, by_name
 from ..numerics.arrays import Vector, as_array, as_vector, check_labels, described, norm, not_finite
-from ..numerics.plugins import public
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
@@ -373,18 +372,18 @@ class Model(Protocol):
     def icp(self) -> ProblemData: ...
 
 
-#: what every verb takes as its problem; a text is the name of a scene
-ProblemLike = ProblemData | Holder | Model | str
+#: what every verb takes as its problem
+ProblemLike = ProblemData | Holder | Model
 
 
 def as_problem(problem: ProblemLike) -> ProblemData:
-    """The ICP that `problem` is, names, holds or makes. Raises InputError."""
+    """The ICP that `problem` is, holds or makes. Raises InputError."""
     if isinstance(problem, ProblemData):
         return problem
     if isinstance(problem, str):
-        return public("scenes").scene(problem).problem
+        raise InputError(f"problem is {problem!r}; an ICP was expected: icpmodel.scenes.scene makes a scene of a name")
     make = getattr(problem, "icp", None)
     found = make() if callable(make) else getattr(problem, "problem", None)
     if not isinstance(found, ProblemData):
-        raise InputError(f"problem is {described(problem)}; an ICP, or the name of a scene, was expected")
+        raise InputError(f"problem is {described(problem)}; an ICP, or what holds one such as a scene, was expected")
     return found

@@ -21,7 +21,7 @@ class Elementwise(Parametrised):
     Parameters: `f` a function of an array of shape (n,), applied entry by entry (NumPy style), or a scalar function
     compiled with `numba.njit`, which is then called in a compiled loop; `derivative` of f, in the same style;
     `lipschitz` a number or vector ℓ ≥ 0 with |f(s) − f(t)| ≤ ℓ_i|s − t|; `c` a number or vector of shape (n,);
-    `parameter_derivative`, for `Solution.derivative`, maps z to the derivative of ψ(z) in m parameters of yours, shape
+    `parameter_derivative`, for `icpmodel.Derivative`, maps z to the derivative of ψ(z) in m parameters of yours, shape
     (n, m), dense or sparse, or (n,) where there is one: they then are what ψ is made of, c no longer.
     The Lipschitz matrix is diag(ℓ).
 

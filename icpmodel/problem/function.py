@@ -19,7 +19,7 @@ class Function(Parametrised):
     Parameters: `fun` maps shape (n,) to shape (n,); `jacobian`, if known, maps z to an element of the generalised
     Jacobian, shape (n, n), dense or sparse; `lipschitz`, if known, the matrix G ≥ 0, shape (n, n), or a number or
     vector that stands for diag(ℓ) and thus says that ψ_i depends on z_i only; `parameter_derivative`, for
-    `Solution.derivative`, maps z to the derivative of ψ(z) in m parameters of yours, shape (n, m), dense or sparse, or
+    `icpmodel.Derivative`, maps z to the derivative of ψ(z) in m parameters of yours, shape (n, m), dense or sparse, or
     (n,) where there is one.
 
     >>> psi = Function(lambda z: 0.5 * z[::-1], lipschitz=[[0, 0.5], [0.5, 0]]).bind(2)

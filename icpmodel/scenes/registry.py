@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import InputError
 from ..icp import ICP
 from ..numerics.arrays import ReadOnly, Vector, as_number, locked
-from ..numerics.plugins import load_plugins, public
+from ..numerics.plugins import load_plugins
 from ..present.shown import Plotted, Shown
 from ..problem.by_rows import ByRows
 from ..problem.data import ProblemData
@@ -117,7 +117,9 @@ class Scene(ReadOnly, Plotted):
         Parameters: `path` and `ax` as there; `solution` of the scene's problem, by default what `solve` finds.
         Returns the matplotlib figure. Raises InputError, and FileError where the file cannot be written.
         """
-        return public("study").plot(self if solution is None else solution, path, ax=ax)
+        from ..study import plot
+
+        return plot(self if solution is None else solution, path, ax=ax)
 
 
 Builder = Callable[..., Scene]

@@ -16,7 +16,6 @@ from ..algebra.equations import pattern_at, solve_on
 from ..errors import IcpError, MapError
 from ..methods.contract import Method
 from ..numerics.arrays import ReadOnly, Vector
-from ..numerics.plugins import public
 from ..numerics.rounding import sheltered
 from ..present.card import Card
 from ..present.shown import Plotted, cut
@@ -237,16 +236,6 @@ class Solution(ReadOnly, Plotted):
             return self
         return better._with(message=f"{self.message}; polished to a residual of {residual:.3g}")
 
-    def derivative(self) -> Any:
-        """The derivative of z* in A, q and ψ at this answer, forward and adjoint: an `icpmodel.derivatives.Derivative`.
-
-        Raises InputError where this is no solution, NotApplicable where ψ has no derivative, MapError where it fails.
-
-        >>> ICP([[2.0]], [-2.0]).solve().derivative().forward(dq=[1.0])
-        array([-0.5])
-        """
-        return public("derivatives").Derivative(self)
-
     def _closer(self, z: Vector) -> bool:
         """Whether `z` has an error bound that is smaller enough than that of this answer."""
         known = self.error_bound
@@ -355,7 +344,9 @@ class Solution(ReadOnly, Plotted):
         those of the scene that A is from, else the row numbers. Returns the matplotlib figure. Raises InputError, and
         FileError where the file cannot be written.
         """
-        return public("study").plot(self, path, ax=ax, points=points)
+        from ..study import plot
+
+        return plot(self, path, ax=ax, points=points)
 
     def __repr__(self) -> str:
         found = f"{self.problem!r}, {self.status.value}, {self.method!r}"

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import IcpError, InputError
 from ..icp import ICP
 from ..numerics.arrays import as_list, as_number
-from ..problem.data import ProblemData, ProblemLike
+from ..problem.data import ProblemData
 from ..scenes import Scene, parameters, scene
 from ..solve.solution import Solution, Status
 from ..solvers.formulations import Target, in_handy_units
@@ -31,12 +31,6 @@ VARIANTS = (
 def built(text: str, n: int | None) -> Scene:
     """The scene that `text`, NAME or NAME,PARAMETER=NUMBER,…, stands for, of about `n` unknowns if it can."""
     return scene(text, n if "n" in parameters(text.partition(",")[0]) else None)
-
-
-def scene_of(problem: ProblemLike) -> Scene | None:
-    """The scene that `problem` is or names, None where it is something else."""
-    found = scene(problem) if isinstance(problem, str) else problem
-    return found if isinstance(found, Scene) else None
 
 
 def as_scenes(texts: Any) -> tuple[str, ...]:

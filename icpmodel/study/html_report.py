@@ -10,6 +10,7 @@ from html import escape
 from typing import Any
 
 from ..crosscheck.check import crosscheck
+from ..derivatives.derivative import Derivative
 from ..errors import IcpError, InputError
 from ..explain.explanation import explain
 from ..numerics.arrays import Vector, as_number
@@ -21,7 +22,6 @@ from ..scenes import Scene
 from ..scenes.registry import title as called
 from ..solve.driver import solve
 from ..solve.solution import Solution
-from .cases import scene_of
 from .charts.figures import Figure, drawing
 from .charts.interactive_charts import answer_charts, map_charts, race_charts
 from .planes import relaxation
@@ -64,8 +64,8 @@ def report(
     The figures can be pointed at, zoomed and filtered by solver, and sliders go through iterates on the way to the
     answer and over θ; without scripts, and in print, they stand still.
     Parameters: `problem`, which is solved first, or a `Solution`, solved or not; `title` and `about`, text; `points` as
-    in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene or
-    names one, these are by default what it says of itself; `command` what makes the page again; `time_limit` in
+    in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene,
+    these are by default what it says of itself; `command` what makes the page again; `time_limit` in
     seconds for each independent solver; `say` is told what is going on. Returns the HTML text, less
     than 5 MB, of which Bokeh is 1.3, that loads nothing. Raises InputError.
 
@@ -74,7 +74,8 @@ def report(
     (True, True)
     """
     time_limit = as_number(time_limit, "time_limit", above=0.0)
-    if (scene := scene_of(problem)) is not None:
+    scene = problem if isinstance(problem, Scene) else None
+    if scene is not None:
         known = said_of(scene)
         title, about = title or known["title"], about or known["about"]
         z_exact = known["z_exact"] if z_exact is None else z_exact
@@ -180,7 +181,7 @@ def _checked(solution: Solution, time_limit: float) -> _Section:
 
 
 def _moved(solution: Solution) -> _Section:
-    derivative = solution.derivative()
+    derivative = Derivative(solution)
     sure = "Yes, and this is proved" if derivative.certain else "Not for certain"
     short = f"{sure}: {derivative.reason}."
     lead = "How much z moves when A, q and ψ change by a small share of themselves, entry by entry."

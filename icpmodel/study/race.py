@@ -19,12 +19,13 @@ from ..present.rendering import render
 from ..present.shown import Plotted
 from ..present.table import Table, Tabular, folded
 from ..problem.data import ProblemLike, as_problem
+from ..scenes import Scene
 from ..scenes.registry import title as called
 from ..solve.driver import solve
 from ..solve.goal import RTOL
 from ..solve.progress import status_line
 from ..solvers.foreign import ForeignSolver, chosen_solvers
-from .cases import Case, fresh, scene_of, unbroken
+from .cases import Case, fresh, unbroken
 from .competitors import Competitor, Entry, Foreign, Own, limits, own_methods
 from .timing import clocked, interleaved, machine, timed
 
@@ -151,7 +152,7 @@ def race(
     its own error bound β; else, where there is no bound, Res(z)/Res(0). One measure holds for all of a race.
     Parameters: `methods` by name ("mnmaor, tuned" and "psor, tuned" have the ω of the estimated Jacobi radius) or as
     objects, beside `solve()` itself; `solvers`, any foreign solver by name or as an object, both by default what the
-    problem admits; `z_exact` shape (n,), by default that of the scene where `problem` is one or names one;
+    problem admits; `z_exact` shape (n,), by default that of the scene where `problem` is one;
     `tolerances`, to each competitor in its own sense; `repeats` ≥ 1, one for runs of a second or more; `time_limit`
     seconds for a run, after which a competitor is not asked for more; `progress` shows a line on what is going on;
     `command` is noted.
@@ -161,9 +162,8 @@ def race(
     >>> sorted({entry.name for entry in found.entries}), found.measure
     (['mnmgs', 'osqp', 'solve()'], 'max |z - z*|')
     """
-    known = scene_of(problem)
-    if known is not None and z_exact is None:
-        z_exact = known.z_exact
+    if isinstance(problem, Scene) and z_exact is None:
+        z_exact = problem.z_exact
     problem = as_problem(problem)
     case = Case("this problem", problem)
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..derivatives.derivative import Derivative
 from ..errors import InputError, SingularOperator
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
@@ -126,7 +127,7 @@ def _local(answer: Solution, size: float) -> float | None:
 
     if answer.problem.psi.no_derivative() is not None:
         return None
-    derivative = answer.derivative()
+    derivative = Derivative(answer)
     equations, (of_p, of_r) = derivative.equations, _moved_by(answer.problem, answer.z, size)
     E = np.where(derivative.pattern.active, of_r, of_p)
     try:
@@ -134,8 +135,11 @@ def _local(answer: Solution, size: float) -> float | None:
     except SingularOperator:
         return None
     if E.size <= _INVERT_UP_TO:
-        columns = np.column_stack([equations.solve(column, _TOLERANCE) for column in np.diag(E)])
-        return float(np.abs(columns).sum(axis=1).max())
+        columns = [equations.solve(column, _TOLERANCE) for column in np.diag(E)]
+        known = [column for column in columns if column is not None]
+        if len(known) < E.size:
+            return None
+        return float(np.abs(np.column_stack(known)).sum(axis=1).max())
     times, back = (
         lambda x: E * equations.transposed(np.ravel(x), _TOLERANCE),
         lambda x: equations.solve(E * np.ravel(x), _TOLERANCE),

@@ -1,4 +1,4 @@
-"""The verbs: each is a function of the package, a method of ICP, and takes whatever names, holds or makes a problem."""
+"""The verbs: each is a function of the package, a method of ICP, and takes whatever is, holds or makes a problem."""
 
 import inspect
 
@@ -33,7 +33,6 @@ def model():
 
 LIKE = {
     "scene": lambda: SCENE,
-    "name": lambda: "hand-lcp",
     "solution": PROBLEM.solve,
     "cvxpy": model,
     "pyomo": lambda: read_pyomo(PROBLEM.to_pyomo()),
@@ -42,27 +41,27 @@ LIKE = {
 
 @pytest.mark.parametrize("like", LIKE)
 @pytest.mark.parametrize("verb", [verb for verb in VERBS if verb != "report"])
-def test_a_verb_takes_what_names_holds_or_makes_a_problem(verb, like):
+def test_a_verb_takes_what_holds_or_makes_a_problem(verb, like):
     call, result = VERBS[verb]
     function = getattr(icp, verb)
     np.testing.assert_allclose(result(call(function, LIKE[like]())), result(call(function, PROBLEM)))
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_a_verb_is_a_method_of_the_problem_with_the_same_help(verb):
+def test_a_verb_is_a_method_of_the_problem(verb):
     call, result = VERBS[verb]
     method, function = getattr(PROBLEM, verb), getattr(icp, verb)
-    assert inspect.getdoc(method) == inspect.getdoc(function)
+    assert inspect.getdoc(method)
     without = lambda *arguments, **options: method(*(x for x in arguments if x is not PROBLEM), **options)  # noqa: E731
     np.testing.assert_array_equal(result(call(without, PROBLEM)), result(call(function, PROBLEM)))
 
 
 def test_a_scene_brings_its_reference_to_the_race():
-    assert icp.race("hand-lcp", ["mnmgs"], [], **QUICK).measure == "max |z - z*|"
+    assert icp.race(SCENE, ["mnmgs"], [], **QUICK).measure == "max |z - z*|"
 
 
 def test_parameters_follow_the_name_of_a_scene():
-    assert icp.solve("membrane,n=100,mu=4").problem.A[0, 0] == icp.scenes.membrane(n=100, mu=4).problem.A[0, 0]
+    assert icp.scenes.scene("membrane,n=100,mu=4").problem.A[0, 0] == icp.scenes.membrane(n=100, mu=4).problem.A[0, 0]
 
 
 @pytest.mark.parametrize(
@@ -76,4 +75,11 @@ def test_parameters_follow_the_name_of_a_scene():
 )
 def test_a_text_that_names_no_scene_says_why(text, words):
     with pytest.raises(icp.InputError, match=f"^{words}"):
-        icp.solve(text)
+        icp.scenes.scene(text)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_name_is_no_problem(verb):
+    call, _ = VERBS[verb]
+    with pytest.raises(icp.InputError, match=r"'hand-lcp'.*scene"):
+        call(getattr(icp, verb), "hand-lcp")

@@ -214,7 +214,7 @@ def test_where_both_sides_are_possible_it_is_one_of_them_and_says_so():
     problem = icp.Problem(icp.complements(z - load, z))
     problem.solve(requires_grad=True)
     problem.backward()
-    derivative = problem.solution.derivative()
+    derivative = icp.Derivative(problem.solution)
     assert not derivative.certain
     assert derivative.undecided.tolist() == [0]
     assert load.gradient in (0, 1)

@@ -1,9 +1,9 @@
 """What users see of an object: a short repr, a view in a notebook that folds, a width that fits."""
 
+import builtins
 import importlib
 import inspect
 import pkgutil
-import sys
 import types
 from dataclasses import replace
 from enum import Enum
@@ -60,9 +60,9 @@ OBJECTS = [
     MAP.plane.x,
     icp.study.sensitivity(icp.ICP([[2.0]], [-2.0]).solve()),
     SolutionFunction(icp.ICP([[2.0]], [-2.0]), {}, {}, True),
-    icp.ICP([[2.0]], [-2.0]).solve().derivative(),
-    icp.ICP([[2.0]], [-2.0]).solve().derivative().adjoint([1.0]),
-    icp.ICP([[2.0]], [-2.0]).solve().derivative().one_sided(dq=[1.0]),
+    icp.Derivative(icp.ICP([[2.0]], [-2.0]).solve()),
+    icp.Derivative(icp.ICP([[2.0]], [-2.0]).solve()).adjoint([1.0]),
+    icp.Derivative(icp.ICP([[2.0]], [-2.0]).solve()).one_sided(dq=[1.0]),
     EXPLAINED,
     EXPLAINED.classes,
     EXPLAINED.forecasts[0],
@@ -124,14 +124,12 @@ def test_a_notebook_shows_it_in_lines_that_fold(thing):
 
 
 def test_a_notebook_prints_in_the_columns_of_its_cell(monkeypatch):
-    shell = types.ModuleType("IPython")
-    shell.get_ipython = lambda: types.SimpleNamespace(kernel=object())
-    monkeypatch.setitem(sys.modules, "IPython", shell)
+    monkeypatch.setattr(builtins, "get_ipython", lambda: types.SimpleNamespace(kernel=object()), raising=False)
     assert width(10_000) == 115
     monkeypatch.setenv("JUPYTER_COLUMNS", "80")
     for text in (str(RACE), str(MAP), str(SOLUTION), str(EXPLAINED)):
         assert max(map(len, text.splitlines())) <= 80
-    shell.get_ipython = lambda: types.SimpleNamespace()  # IPython on a terminal
+    monkeypatch.setattr(builtins, "get_ipython", types.SimpleNamespace)  # IPython on a terminal
     assert width(10_000) == 10_000
 
 

@@ -1,5 +1,6 @@
 """A person is told how far a run is: by a bar on a terminal and in a notebook, by a line now and then in a log."""
 
+import builtins
 import io
 import logging
 import sys
@@ -37,8 +38,8 @@ def notebook(monkeypatch):
         shown.append(page)
         return Handle()
 
+    monkeypatch.setattr(builtins, "get_ipython", lambda: types.SimpleNamespace(kernel=object()), raising=False)
     shell = types.ModuleType("IPython")
-    shell.get_ipython = lambda: types.SimpleNamespace(kernel=object())
     shell.display = types.ModuleType("IPython.display")
     shell.display.display, shell.display.HTML = display, str
     monkeypatch.setitem(sys.modules, "IPython", shell)
@@ -84,7 +85,7 @@ def test_a_study_says_what_it_is_at_in_a_log_and_in_a_notebook(capsys, notebook,
     with status_line(True, clock) as say:
         say("round 1 of <3>")
     assert "round 1 of &lt;3&gt;" in notebook[1]
-    monkeypatch.delitem(sys.modules, "IPython")
+    monkeypatch.delattr(builtins, "get_ipython")
     with status_line(True, clock) as say:
         for clock.now in (0.5, 1.5, 1.7):
             say(f"at {clock.now}")

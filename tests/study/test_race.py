@@ -101,7 +101,9 @@ class Liar(ForeignSolver):
 def test_a_claim_that_is_wrong_is_marked():
     found = icp.race(BAI.problem, ["mnmgs"], [Liar()], tolerances=TOLERANCES, repeats=1)
     assert {(one.name, one.wrong) for one in found.entries} == {("solve()", False), ("mnmgs", False), ("liar", True)}
-    assert 'says "solved", is not' in [text.get_text() for text in found.figure().axes[0].get_legend().get_texts()]
+    assert 'says "solved", is not' in [
+        text.get_text() for text in icp.study.figure(found).axes[0].get_legend().get_texts()
+    ]
 
 
 @pytest.mark.parametrize("name", ["highs", "cvxpy-clarabel", "osqp, not polished"])
@@ -135,7 +137,7 @@ def test_ctrl_c_keeps_what_was_measured():
     with pytest.raises(icp.Interrupted) as stopped:
         icp.race(BAI.problem, ["mnmgs"], [Stopping()], tolerances=[1e-2, 1e-3], repeats=1)
     assert [one.name for one in stopped.value.report.entries][:3] == ["solve()", "mnmgs", "liar"]
-    assert stopped.value.report.figure().axes
+    assert icp.study.figure(stopped.value.report).axes
 
 
 def test_ctrl_c_while_the_measure_is_found_is_the_end_of_the_race():
@@ -148,7 +150,7 @@ def test_ctrl_c_while_the_measure_is_found_is_the_end_of_the_race():
 
 
 def test_a_race_is_written_with_its_data(bai, tmp_path):
-    picture, data = save(bai.figure(), tmp_path / "race.png", bai.table(), "icpmodel race bai-symmetric")
+    picture, data = save(icp.study.figure(bai), tmp_path / "race.png", bai.table(), "icpmodel race bai-symmetric")
     assert picture.read_bytes().startswith(b"\x89PNG")
     first, *lines = data.read_text().splitlines()
     assert first == "# icpmodel race bai-symmetric"
@@ -158,7 +160,7 @@ def test_a_race_is_written_with_its_data(bai, tmp_path):
 
 
 def test_the_chart_names_its_axes_and_everyone(bai):
-    figure = bai.figure()
+    figure = icp.study.figure(bai)
     left, right = figure.axes
     assert (left.get_xlabel(), left.get_ylabel()) == ("max |z - z*|   (more accurate →)", "time, s")
     assert sorted(named(left)) == ["mnmgs", "one linear solve", "osqp", "solve()"]
@@ -173,7 +175,7 @@ def named(axes):
 
 
 def test_bars_are_logarithmic_and_have_their_numbers(bai):
-    bars = bai.figure().axes[1]
+    bars = icp.study.figure(bai).axes[1]
     first = {}
     for run in bai.entries:
         if run.residual is not None and run.residual <= 1e-8:
@@ -194,7 +196,7 @@ def test_a_panel_has_at_most_seven_competitors_each_with_a_colour_and_a_marker_o
         Entry(name, kind, 1e-3, seconds=(1e-3 * (k + 1),), error=0.1, residual=0.1)
         for k, (name, kind) in enumerate(kinds.items())
     )
-    found = Race(title="", measure="error", entries=entries).figure().axes
+    found = icp.study.figure(Race(title="", measure="error", entries=entries)).axes
     times = [axes for axes in found if "more accurate →" in axes.get_xlabel()]
     assert len(found) == len(times) + 1
     assert len(times) == panels
@@ -212,7 +214,7 @@ def test_names_at_lines_are_in_the_order_of_their_lines_and_do_not_overlap(times
     entries = tuple(
         Entry(str(k), "own" if k else "solve", 1e-3, seconds=(t,), error=0.1, residual=0.1) for k, t in enumerate(times)
     )
-    axes = Race(title="", measure="error", entries=entries).figure().axes[0]
+    axes = icp.study.figure(Race(title="", measure="error", entries=entries)).axes[0]
     heights = {text.get_text(): text.get_position()[1] for text in axes.texts if text.get_text()}
     assert all(-1e-9 <= height <= 1.0 + 1e-9 for height in heights.values())
     by_height = sorted(heights, key=heights.get)
@@ -316,7 +318,7 @@ def test_the_bars_show_the_very_times_of_which_the_race_speaks():
     runs = (entry("a", (9.0,)), entry("a", (2.0,), tolerance=1e-10), entry("b", (3.0,)))
     found = Race(title="", measure="error", entries=tuple(replace(run, error=0.1) for run in runs))
     assert found.winner.endswith("a, in 2 s, timed once; next b, 1.5 times as long.")
-    assert [text.get_text() for text in found.figure().axes[-1].texts] == ["2 s (0%)", "3 s (0%)"]
+    assert [text.get_text() for text in icp.study.figure(found).axes[-1].texts] == ["2 s (0%)", "3 s (0%)"]
 
 
 def test_a_race_that_stops_short_has_a_winner_where_somebody_came_somewhere():

@@ -106,7 +106,7 @@ def test_ctrl_c_keeps_the_points_that_were_done(where):
 
 def test_a_map_is_written_with_its_data_and_its_command(tmp_path):
     found = icp.stability("units", points=4, n=9, max_iter=200, command="icpmodel stability units --points 4")
-    picture, data = save(found.figure(), tmp_path / "units.svg", found.table(), found.command)
+    picture, data = save(icp.study.figure(found), tmp_path / "units.svg", found.table(), found.command)
     assert "<svg" in picture.read_text()
     first, *rest = data.read_text().splitlines()
     assert first == "# icpmodel stability units --points 4"
@@ -117,7 +117,7 @@ def test_a_map_is_written_with_its_data_and_its_command(tmp_path):
 
 def test_the_figure_shows_every_kind_of_end_and_line_in_its_legend():
     found = MAPS["units"]
-    figure = found.figure()
+    figure = icp.study.figure(found)
     told = {text.get_text() for text in figure.legends[0].get_texts()}
     assert "said to converge, as printed (false)" in told
     assert "proved to converge (sharper bound)" in told
@@ -152,13 +152,15 @@ def test_wrong_wishes_are_named(arguments, words):
 
 def test_the_default_and_the_point_of_fewest_steps_are_marked_where_the_plane_is_one_of_a_method():
     found = measure.stability("relaxation", icp.scenes.membrane(n=9).problem, points=5)
-    marks = {line.get_label(): (line.get_xdata()[0], line.get_ydata()[0]) for line in found.figure().axes[0].lines}
+    marks = {
+        line.get_label(): (line.get_xdata()[0], line.get_ydata()[0]) for line in icp.study.figure(found).axes[0].lines
+    }
     assert marks["default"] == (1.0, 1.0)
     (best,) = [place for label, place in marks.items() if label.startswith("fewest steps")]
     j, i = list(found.plane.y.values).index(best[1]), list(found.plane.x.values).index(best[0])
     assert found.steps[j, i] == found.steps[found.ends == "solved"].min()
     assert f"fewest steps: {found.steps[j, i]}" in marks
-    of_problem = MAPS["units"].figure().legends[0].get_texts()
+    of_problem = icp.study.figure(MAPS["units"]).legends[0].get_texts()
     assert not {text.get_text() for text in of_problem} & {"default"}
 
 
@@ -167,7 +169,7 @@ def test_every_theorem_that_proves_convergence_has_words_and_a_line(theorem):
     found = MAPS["units"]
     nothing = {name: np.zeros_like(mask) for name, mask in found.proved.items()}
     alone = replace(found, proved=nothing | {theorem: found.ends == "solved"}, printed={})
-    told = [text.get_text() for text in alone.figure().legends[0].get_texts()]
+    told = [text.get_text() for text in icp.study.figure(alone).legends[0].get_texts()]
     assert told.count("proved to converge") == 1
     assert theorem not in " ".join(told)
 

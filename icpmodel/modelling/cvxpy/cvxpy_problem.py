@@ -243,8 +243,8 @@ class Problem(Shown):
         of a diagonal one is sparse. The model need not be DPP, nor the program convex. Atoms must have a `.grad` in
         their parameters: those that are no arguments, as an exponent is, have none.
 
-        It is the derivative where `solution.derivative().certain` says that each row is known to be at an obstacle or
-        off it. In the `undecided` rows of the same object, in which p = r = 0 cannot be excluded, one of the two sides
+        It is the derivative where `icpmodel.Derivative(solution).certain` says that each row is known to be at an
+        obstacle or off it. In the `undecided` rows of the same object, in which p = r = 0 cannot be excluded, one side
         is taken, which gives an element of the B-subdifferential; its `one_sided` tells the sides apart. Inequalities
         have no part in it, and a kink of ψ at the answer, as of `maximum`, is taken on CVXPY's side.
         Raises InputError (a ValueError) where nothing was solved with `requires_grad=True`, or a `gradient` has a wrong

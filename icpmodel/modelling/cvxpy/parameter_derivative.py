@@ -1,7 +1,7 @@
 """The derivative of an answer by the parameters of a CVXPY model, in the words of CVXPY's `backward` and `derivative`.
 
 Parameters move the values of p, ψ and ψ̄ at the answer, which is the work of this file, and these move z, which is that
-of `Solution.derivative`. The compiled rows of a DPP model are linear in the parameters, and only its atoms remain; of
+of `icpmodel.Derivative`. The compiled rows of a DPP model are linear in the parameters, and only its atoms remain; of
 these, and of all of a model that is not DPP, CVXPY's `.grad` is asked, for copies in which a parameter is a variable.
 """
 
@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from cvxpy.reductions.cvx_attr2constr import build_dim_reduced_expression, lower_value, recover_value_for_leaf
 
+from ...derivatives.derivative import Derivative
 from ...errors import InputError
 from ...numerics.arrays import Vector, as_array, as_real, not_finite
 from ...solve.solution import Solution
@@ -43,8 +44,8 @@ class ParameterDerivative:
         self._upper = None if upper is None else upper @ by_parameters
 
     @cached_property
-    def _derivative(self) -> Any:
-        return self._solution.derivative()
+    def _derivative(self) -> Derivative:
+        return Derivative(self._solution)
 
     def backward(self) -> None:
         """The gradient of z̄ᵀz into each parameter's `gradient`, z̄ being the variables' `gradient`, by default 1."""

@@ -97,7 +97,7 @@ class LastAnswers:
             self.answers, self.first = answers, number
         if last is None or last[0] != number:
             solution = answers[number - self.first]
-            found = solution.derivative() if solution is not None and solution.status in _ANSWERS else None
+            found = Derivative(solution) if solution is not None and solution.status in _ANSWERS else None
             self.last = last = number, found
         return last[1]
 

@@ -1,6 +1,6 @@
 """The answer of a problem as a function that JAX can trace, batch and differentiate.
 
-What JAX traces calls back to `solve`, or to `solve_many` where it maps, and for derivatives to `Solution.derivative`.
+What JAX traces calls back to `solve`, or to `solve_many` where it maps, and for derivatives to `icpmodel.Derivative`.
 Products with changes of A and G are JAX's own, so that nothing of the size of a matrix comes back from Python.
 """
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import datetime
-import sys
 import time
 from collections.abc import Mapping, Sequence
+from importlib.metadata import version
 from typing import Any, TextIO
 
 import numpy as np
@@ -26,7 +26,7 @@ from ..reading import solved
 from ..running_log import log_on
 from .models import PyomoReading, read_pyomo
 
-_VERSION: str = sys.modules[__name__.partition(".")[0]].__version__
+_VERSION = version("icpmodel")
 #: what Pyomo calls each end of a run, and the point that it leaves; SOLVED alone is a success
 ENDS = {
     Status.SOLVED: (TerminationCondition.convergenceCriteriaSatisfied, SolutionStatus.optimal),

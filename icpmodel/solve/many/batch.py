@@ -17,7 +17,6 @@ from ...methods.contract import Method
 from ...methods.shortcuts import Lemke, Tridiagonal
 from ...numerics import work
 from ...numerics.arrays import Vector, as_array, as_real, axes, row_norms
-from ...numerics.plugins import public
 from ...numerics.rounding import is_ctrl_c
 from ...numerics.threads import cores, in_parts
 from ...problem.between import as_map, mid
@@ -100,7 +99,7 @@ class Batch:
         of_all = limits.time_limit, limits.memory_limit
         self.stated = Stated([], np.broadcast_to(Q, (k, Q.shape[1])), below, above, *of_all)
         first = self.stated.sides(0)
-        self.stated.problems.extend(public("ICP")(one, Q[0], *first) for one in (matrices or [A]))
+        self.stated.problems.extend(ProblemData(one, Q[0], *first) for one in (matrices or [A]))
         self.problem = self.stated.problems[0]
         n = self.problem.n
         self.small = self.problem.n <= PIVOT_UP_TO

@@ -158,7 +158,7 @@ def drawing(what: Any, points: Any = None) -> Drawing:
 def figure(what: Any, points: Any = None) -> Figure:
     """The picture of a `Solution`, `History`, `Scene`, `Race` or `StabilityMap`, as a matplotlib figure of no window.
 
-    Parameters: `what`, a scene also by its name; `points` the coordinates of the unknowns of a solution, shape (n,) or
+    Parameters: `what`; `points` the coordinates of the unknowns of a solution, shape (n,) or
     (n, 2), by default those of the scene that its A is from, else the row numbers. Raises InputError for anything else.
 
     >>> solution = icp.scenes.membrane(n=100).problem.solve()

@@ -13,7 +13,6 @@ from ...methods.contract import Method
 from ...numerics.arrays import Vector
 from ...problem.data import ProblemData
 from ...scenes import Scene
-from ...scenes import scene as scene_called
 from ...scenes.registry import points_of, title
 from ...solve.driver import solve
 from ...solve.solution import History, Solution
@@ -58,11 +57,6 @@ def _(solution: Solution, points: Any = None) -> Drawing:
 @drawing.register
 def _(scene: Scene, points: Any = None) -> Drawing:
     return drawing(scene.solution(), points)
-
-
-@drawing.register
-def _(name: str, points: Any = None) -> Drawing:
-    return drawing(scene_called(name), points)
 
 
 @drawing.register
