@@ -44,7 +44,7 @@ OTHERS = ("Complementarity", "Problem", "complements")
 INSTANCES = {
     "solution": "icpmodel.Solution",
     "certificate": "icpmodel.Certificate",
-    "derivative": "icpmodel.derivatives.Derivative",
+    "derivative": "icpmodel.Derivative",
     "bound": "icpmodel.ErrorBound",
 }
 

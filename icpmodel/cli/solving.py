@@ -133,19 +133,19 @@ def crosscheck(
     chosen_solvers(solvers)
     problem, scene = named_problem(arguments)
     solution = _solved(problem, scene, arguments)
-    if not as_json:  # at once, so that nothing is lost if the solvers below take too long
-        click.echo(str(solution))
     reports: list[Report] = []
     coverage = ""
     if solution.solved:
         parameters = pairs(arguments["parameters"])
         for title, report in checks(problem, solution, solvers, solver_time_limit, scene, parameters):
             if not as_json:
-                click.echo(f"\n{title}{report}")
+                click.echo(f"\n{title}{report.findings()}" if reports else f"{report.findings()}\n\n{solution}")
             if csv_path is not None and not reports:
                 report.to_csv(csv_path)
             reports.append(report)
             coverage = reports[0].coverage(*reports[1:])
+    elif not as_json:
+        click.echo(f"Not solved: {solution.status.value}; no independent solver was asked.\n\n{solution}")
     if as_json:
         told = [json.loads(report.to_json()) for report in reports]
         about = {"solution": solution.about(), "report": told[0] if told else None, "at_their_size": told[1:]}

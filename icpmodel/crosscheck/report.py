@@ -14,32 +14,37 @@ from ..present.card import Card
 from ..present.rendering import render
 from ..present.shown import Shown
 from ..present.table import Table, Tabular, width
-from ..solve.solution import Solution, certify
+from ..solve.solution import Solution, Status, certify
 from .judge import Checked, Row, Verdict, finite
 
 #: columns of a report that goes to no terminal
 _WIDTH = 118
+#: what the verdict counts beside agreement
+_OTHERWISE = [verdict for verdict in Verdict if verdict not in (Verdict.AGREES, Verdict.SKIPPED)]
 
 
 @dataclass(frozen=True, repr=False)
 class Report(Shown, Tabular):
     """What the independent solvers say of an answer; print it, or let a notebook show it.
 
-    `rows`; `problem` and `answer` as texts; `n` unknowns; `residual` = Res(z) of the answer under test and `holds`,
-    whether it is a solution; `error_bound` with |z − z*| ≤ it, or None and the `reason`; `tolerance` of the
-    differences.
+    `rows`; `problem` and `answer` as texts; `n` unknowns; `status` of the run that gave the answer, empty for a vector;
+    `residual` = Res(z) of the answer under test and `holds`, whether it is a solution; `error_bound` of its entries, or
+    None and the `reason`; `tolerance` of the differences.
 
     >>> report = icp.crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"])
     >>> report.agrees, report.rows[0].verdict.value
     (True, 'agrees')
-    >>> report.conclusion(), report.coverage()
-    ('1 of 1 independent checks agree. The answer is confirmed.', 'Solved alike: the whole problem by osqp.')
+    >>> report.conclusion()
+    'Solved; no entry off by more than 0; 1 of 1 independent solvers agree.'
+    >>> report.coverage()
+    'Solved alike: the whole problem by osqp.'
     """
 
     rows: tuple[Row, ...]
     problem: str
     n: int
     answer: str
+    status: str
     residual: float | None
     holds: bool
     error_bound: float | None
@@ -49,14 +54,16 @@ class Report(Shown, Tabular):
     @classmethod
     def of(cls, checked: Checked, rows: Iterable[Row], solution: Any) -> Report:
         """The report on `checked` with its `rows`; `solution` a `Solution` or a vector."""
-        problem, answer, known = checked.problem, "given as a vector", None
+        problem, answer, status, known = checked.problem, "given as a vector", "", None
         if isinstance(solution, Solution):
-            answer = f"{solution.status.value}, {solution.method!r}"
+            status = solution.status.value
+            answer = f"{status}, {solution.method!r}"
             known = solution.certificate if solution.problem is problem else None
         of = known or certify(problem, checked.z)
         residual, tolerance = finite(of.residual), finite(checked.tolerance)
         bound, reason = of.error_bound, of.bound.reason
-        return cls(tuple(rows), repr(problem), problem.n, answer, residual, checked.holds, bound, reason, tolerance)
+        holds = checked.holds
+        return cls(tuple(rows), repr(problem), problem.n, answer, status, residual, holds, bound, reason, tolerance)
 
     @property
     def agrees(self) -> bool:
@@ -68,15 +75,27 @@ class Report(Shown, Tabular):
         return sum(row.verdict is verdict for row in self.rows)
 
     def conclusion(self) -> str:
-        """The report in a sentence or two."""
-        others = [f"{self.count(v)} {v.value}" for v in Verdict if v is not Verdict.AGREES and self.count(v)]
-        first = "No independent check was made"
-        if made := len(self.rows) - self.count(Verdict.SKIPPED):
-            first = "; ".join([f"{self.count(Verdict.AGREES)} of {made} independent checks agree", *others])
-        elif self.rows:
-            first = f"No independent check could be made: {others[0]}"
-        wrong = "" if self.holds else " Its own residual is above tolerance."
-        return f"{first}. The answer is {'' if self.agrees else 'not '}confirmed.{wrong}"
+        """The verdict in one sentence: whether the problem is solved, how wrong the answer can be, and who agrees."""
+        ended = "" if self.status in ("", Status.SOLVED.value) else f" ({self.status})"
+        if not self.holds:
+            answer = f"Not solved{ended}: the residual of the answer is above tolerance"
+        elif self.error_bound is None:
+            answer = f"Solved{ended}; no error bound is known"
+        else:
+            answer = f"Solved{ended}; no entry off by more than {at_most(self.error_bound)}"
+        by_verdict = {verdict: {row.solver for row in self.rows if row.verdict is verdict} for verdict in Verdict}
+        agreeing = by_verdict[Verdict.AGREES] - by_verdict[Verdict.DISAGREES]
+        asked = {row.solver for row in self.asked}
+        others = [f"{len(more)} {v.value}" for v in _OTHERWISE if (more := by_verdict[v] - agreeing)]
+        said = ", ".join([f"{len(agreeing)} of {len(asked)} independent solvers agree", *others])
+        if not asked:
+            said = "no independent solver could be asked" if self.rows else "no independent solver was asked"
+        return f"{answer}; {said}{': not confirmed' if self.holds and not self.agrees else ''}."
+
+    @property
+    def asked(self) -> tuple[Row, ...]:
+        """The rows of solvers that were given the problem."""
+        return tuple(row for row in self.rows if row.verdict is not Verdict.SKIPPED)
 
     def coverage(self, *smaller: Report) -> str:
         """Which check that agrees covers what, in a sentence, empty without any; `smaller` of the scene at fewer n."""
@@ -91,10 +110,14 @@ class Report(Shown, Tabular):
                 told.append(f"{what} by {', '.join(names)}")
         return f"Solved alike: {'; '.join(told)}." if told else ""
 
-    def closing(self) -> str:
-        """Conclusion and coverage, as lines."""
-        lines = filter(None, (self.conclusion(), self.coverage()))
-        return "\n".join(textwrap.fill(one, width(_WIDTH), break_on_hyphens=False) for one in lines)
+    def findings(self) -> str:
+        """The verdict, the solvers that were asked, why others were not, and what the checks cover, as text."""
+        columns = width(_WIDTH)
+        sentences = [
+            textwrap.fill(one, columns, break_on_hyphens=False) for one in (self.conclusion(), self.coverage())
+        ]
+        tables = [table.to_text(columns) for table in self._tables()]
+        return "\n\n".join(filter(None, (sentences[0], *tables, sentences[1])))
 
     def card(self) -> Card:
         """Problem, answer, residual and error bound."""
@@ -106,16 +129,20 @@ class Report(Shown, Tabular):
 
     def table(self) -> Table:
         """The rows, numbers rounded to two digits."""
-        heads = ("solver", "formulation", "verdict", "residual", "difference", "seconds", "note")
-        rows = [_plain(row) | {"formulation": row.formulation or "-"} for row in self.rows]
-        two = [{key: float(f"{x:.1e}") if isinstance(x, float) else x for key, x in row.items()} for row in rows]
-        return Table("", heads, tuple(tuple(row[head] for head in heads) for row in two))
+        return _rounded(self.rows)
+
+    def _tables(self) -> list[Table]:
+        """The solvers that were asked, and those that were not, where there are any."""
+        skipped = tuple((row.solver, row.note) for row in self.rows if row.verdict is Verdict.SKIPPED)
+        tables = [_rounded(self.asked), Table("", ("not asked", "why"), skipped)]
+        return [table for table in tables if table.rows]
 
     def __str__(self) -> str:
-        return f"{self.card()}\n\n{self.table().to_text(width(_WIDTH))}\n\n{self.closing()}"
+        return f"{self.findings()}\n\n{self.card()}"
 
     def _repr_html_(self) -> str:
-        return self.card().to_html() + self.table().to_html() + render("sentence.html", text=self.closing())
+        verdict, coverage = (one and render("sentence.html", text=one) for one in (self.conclusion(), self.coverage()))
+        return verdict + "".join(table.to_html() for table in self._tables()) + coverage + self.card().to_html()
 
     def to_csv(self, path: str | Path | None = None) -> str:
         """The rows as CSV with a header, numbers in full; written to `path` where one is given. Returns the text."""
@@ -134,6 +161,13 @@ class Report(Shown, Tabular):
         data = asdict(self) | {"rows": [_plain(row) for row in self.rows]}
         data |= {"agrees": self.agrees, "conclusion": self.conclusion(), "coverage": self.coverage()}
         return _written(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False), path)
+
+
+def _rounded(rows: tuple[Row, ...]) -> Table:
+    heads = ("solver", "formulation", "verdict", "residual", "difference", "seconds", "note")
+    plain = [_plain(row) | {"formulation": row.formulation or "-"} for row in rows]
+    two = [{key: float(f"{x:.1e}") if isinstance(x, float) else x for key, x in row.items()} for row in plain]
+    return Table("", heads, tuple(tuple(row[head] for head in heads) for row in two))
 
 
 def _plain(row: Row) -> dict[str, Any]:

@@ -488,7 +488,7 @@ def test_after_ctrl_c_a_crosscheck_shows_what_was_done_before(tmp_path):
     ran = command("crosscheck", "hand-lcp", *solvers)
     assert (ran.returncode, said(ran.stderr)) == (0, "")  # osqp had agreed
     assert ran.stdout.count("interrupted") == 2
-    assert "1 of 1 independent checks agree" in ran.stdout
+    assert "1 of 1 independent solvers agree" in ran.stdout
     ran = command("crosscheck", "hand-lcp", "--solver", "pressed")
     assert ran.returncode == 1
     assert said(ran.stderr).startswith("icpmodel: not confirmed")

@@ -15,7 +15,7 @@ EXAMPLES = HOUSE / "examples"
 
 #: a phrase, or several, of each example's output that only a right answer produces
 SAYS = {
-    "first_problem.py": "The answer is confirmed",
+    "first_problem.py": "2 of 2 independent solvers agree.",
     "paper_under_the_microscope.py": (
         "4.4 case 2       fails      the same",
         "Of 20 statements 8 hold, 5 were mended and 7 fail. 0 are not shown by their numbers.",
@@ -56,8 +56,8 @@ SAYS = {
     "which_solver_do_you_believe.py": (
         "     OSQP  optimal   0.0",  # and not 1.0759
         " icpmodel   solved   1.0759",
-        "0 of 1 independent checks agree; 1 disagrees. The answer is not confirmed.",
-        ". The answer is confirmed.",
+        "0 of 1 independent solvers agree, 1 disagrees.",
+        "1 of 2 independent solvers agree, 1 loose.",
     ),
     "calibrate_dividends.py": (
         "0.1200   0.0501   0.0008   0.0500",

@@ -131,7 +131,7 @@ def test_the_figure_shows_every_kind_of_end_and_line_in_its_legend():
     [
         ({"plane": "theta"}, "plane is 'theta'; one of relaxation, shift"),
         ({"plane": None}, "plane is None; one of relaxation, .* or a Plane was expected"),
-        ({"plane": "relaxation", "problem": 5}, "problem is 5; an ICP, or the name of a scene, was expected"),
+        ({"plane": "relaxation", "problem": 5}, "problem is 5; an ICP, "),
         ({"plane": "units", "n": 0}, "n is 0"),
         ({"plane": "units", "n": "9"}, "n is '9'"),
         ({"plane": "condition", "n": 2}, "n is 2; the plane condition needs a ring"),
