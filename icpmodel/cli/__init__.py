@@ -87,16 +87,8 @@ def commands() -> None:
 def main(arguments: list[str] | None = None) -> None:
     """The entry point: every error is one line on standard error.
 
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Of the command; by default those of this process, which then ends without waiting for a step that has outlasted
-        its time limit.
-
-    Raises
-    ------
-    SystemExit
-        Always, with the exit code.
+    Parameters: `arguments` of the command, by default those of this process, which then ends without waiting for a step
+    that has outlasted its time limit. Raises SystemExit with the exit code.
     """
     if arguments is not None:
         sys.exit(_run(arguments))
