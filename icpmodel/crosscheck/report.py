@@ -27,9 +27,9 @@ _OTHERWISE = [verdict for verdict in Verdict if verdict not in (Verdict.AGREES, 
 class Report(Shown, Tabular):
     """What the independent solvers say of an answer; print it, or let a notebook show it.
 
-    `rows`; `problem` and `answer` as texts; `n` unknowns; `status` of the run that gave the answer, empty for a vector;
-    `residual` = Res(z) of the answer under test and `holds`, whether it is a solution; `error_bound` of its entries, or
-    None and the `reason`; `tolerance` of the differences.
+    `rows`; `problem` and `answer` as texts; `n` unknowns; `status` of the run that gave the answer, empty for a vector.
+    `residual` = Res(z) of the answer under test; `holds`: whether it is a solution; `error_bound` with |z − z*| ≤ it,
+    or None and the `reason`; `tolerance` of the differences.
 
     >>> report = icp.crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"])
     >>> report.agrees, report.rows[0].verdict.value
