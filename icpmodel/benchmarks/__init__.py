@@ -9,7 +9,6 @@ from .constants import constants
 from .costs import dominant_cost, impulse_cost, reading_cost, small_cost, solve_cost
 from .families.gallery import drawn, family_names, gallery
 from .hindsight import choice, summary_of
-from .honesty.audit import honesty
 from .iterations import grid_order, sweep_cost, tuned_and_automatic
 from .members import member_runs
 from .memory import memory
@@ -31,7 +30,6 @@ __all__ = [
     "faster_peers",
     "gallery",
     "grid_order",
-    "honesty",
     "impulse_cost",
     "member_runs",
     "memory",

@@ -143,7 +143,6 @@ _COMMANDS: dict[str, Callable[..., Table]] = {
     "certificate": benchmarks.certificate_cost,
     "derivative": benchmarks.derivative_cost,
     "limit": benchmarks.solve_cost,
-    "honesty": benchmarks.honesty,
     "modelling": benchmarks.reading_cost,
     "programs": benchmarks.program_cost,
     "distributed": benchmarks.distributed_cost,
@@ -177,11 +176,7 @@ def _faster(table: Table) -> list[str]:
 
 
 #: command → what is said below its table
-_BELOW: dict[str, Callable[[Any], list[str]]] = {
-    "peers": _faster,
-    "choice": benchmarks.summary_of,
-    "honesty": lambda audit: [f"{text}\n" for text in audit.reproductions],
-}
+_BELOW: dict[str, Callable[[Any], list[str]]] = {"peers": _faster, "choice": benchmarks.summary_of}
 
 
 def _command(name: str, function: Callable[..., Table]) -> click.Command:

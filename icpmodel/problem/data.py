@@ -218,7 +218,7 @@ class ProblemData(Shown):
             raise InputError(f"{fault}; a finite number was expected")
         return vector
 
-    @np.errstate(under="ignore")
+    @np.errstate(over="ignore", under="ignore")
     def p(self, z: Any) -> Vector:
         """p(z) = Az + q, shape (n,).
 
@@ -227,7 +227,7 @@ class ProblemData(Shown):
         """
         return self.product(self.vector(z)) + self.q
 
-    @np.errstate(under="ignore")
+    @np.errstate(over="ignore", under="ignore")
     def r(self, z: Any) -> Vector:
         """r(z) = z − ψ(z), shape (n,); +inf where there is no obstacle.
 
@@ -237,7 +237,7 @@ class ProblemData(Shown):
         z = self.vector(z)
         return z - self.psi.value(z)
 
-    @np.errstate(under="ignore")
+    @np.errstate(over="ignore", under="ignore")
     def r_upper(self, z: Any) -> Vector | None:
         """z − ψ̄(z) ≤ 0, shape (n,), −inf where there is no obstacle above; None where there is none in any row.
 

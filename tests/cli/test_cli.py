@@ -594,7 +594,7 @@ def test_a_race_is_printed_and_written(capsys, tmp_path):
 def test_every_measurement_is_a_command(capsys):
     """What the README tells to type is there: each has a help page with a sentence of its own."""
     names = "bounds certificate choice constants derivative distributed"
-    names += " distributed-counts distributed-model dominant honesty impulse limit members memory modelling order"
+    names += " distributed-counts distributed-model dominant impulse limit members memory modelling order"
     names += " peers programs small sweep tuning"
     listed = call(capsys, "benchmark", "--help")[1]
     assert [line.split()[0] for line in listed.split("Commands:")[1].splitlines() if line.strip()] == names.split()

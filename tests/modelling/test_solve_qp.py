@@ -5,12 +5,12 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from exact import optimum
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import icpmodel as icp
-from icpmodel.benchmarks.honesty.exactly import optimum
 from icpmodel.modelling.quadratic import kkt
 from icpmodel.modelling.quadratic.program import Program
 from icpmodel.modelling.quadratic.proofs import VERIFIED, contradiction
@@ -271,7 +271,7 @@ def test_what_floats_leave_open_is_decided_in_fractions(P, q, rows, equal, right
     rows, right = np.array(rows, float), np.array(right, float)
     parts = rows[equal:], right[equal:], rows[:equal], right[:equal]
     found = icp.solve_qp(P, q, *parts, raise_on_failure=False)
-    least = optimum(np.asarray(P, float), np.asarray(q, float), rows, right, equal)
+    least = optimum(np.asarray(P, float), np.asarray(q, float), rows, right, equal).value
     if least is None:
         assert found.status in ("infeasible", "unbounded")
         assert "in exact arithmetic" in found.message
