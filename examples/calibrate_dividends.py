@@ -72,7 +72,7 @@ def thresholds(solution: icp.Solution) -> list[tuple[float, np.ndarray]]:
 def slopes(solution: icp.Solution, volatility: float) -> list[list[float]]:
     """The derivative of both thresholds in the cost and in the volatility."""
     dA, dq = operator(0.0, volatility, 0.0)
-    derivative = icp.Derivative(solution)  # factorised once
+    derivative = solution.derivative()  # factorised once
     by = [derivative.adjoint(zbar) for _, zbar in thresholds(solution)]
     return [[-WORTH * one.psi.sum(), one.A.multiply(dA).sum() + one.q @ dq] for one in by]
 
@@ -123,7 +123,7 @@ for name, *numbers in rows:
 free = 2 * len(DRIFTS) - 2
 if free:
     print(f"misfit per degree of freedom {2 * found.cost / free:.2f}, after {len(path)} Jacobians")
-certain = [icp.Derivative(one).certain for one in firms(found.x)]
+certain = [one.derivative().certain for one in firms(found.x)]
 print(f"at the answer the derivative is certain for {sum(certain)} of {len(certain)} firms")
 
 # %%
@@ -231,7 +231,7 @@ while high - low > 1e-14:
     middle = (low + high) / 2
     low, high = (middle, high) if target(middle) == here else (low, middle)
 solution = value(low, TRUE[1], 0.5)
-kink, zbar = icp.Derivative(solution), thresholds(solution)[0][1]
+kink, zbar = solution.derivative(), thresholds(solution)[0][1]
 left, right = (zbar @ dz for dz in kink.one_sided(dpsi=WORTH))  # gains fall where c rises
 print(f"at c = {low:.9f}: certain {kink.certain}; dx*/dc is {-left:.4f} to the left, {-right:.4f} to the right")
 assert not kink.certain

@@ -59,7 +59,7 @@ def shortfall(theta: np.ndarray) -> tuple[float, np.ndarray]:
     one = membrane(theta)
     missing = np.abs(side) * np.maximum(1 - side * (one.p / cell / PUSH - one.r / GAP), 0.0)
     by_p, by_r = -side * missing / (M * M * cell * PUSH), side * missing / (M * M * GAP)
-    by_q = icp.Derivative(one).adjoint(A.T @ by_p + by_r).q + by_p
+    by_q = one.derivative().adjoint(A.T @ by_p + by_r).q + by_p
     return 0.5 * np.mean(missing**2), cell * (B.T @ by_q)
 
 
@@ -92,7 +92,7 @@ for words, solution in (("uniform load", before), ("chosen load", after)):
 strongest = np.sum(np.abs(found.x) == MOST)
 print(f"after {found.nit} iterations and {found.nfev} adjoints; ", end="")
 print(f"{strongest} of {found.x.size} pistons at their strongest")
-print(f"the derivative at the chosen load is certain: {icp.Derivative(after).certain}")
+print(f"the derivative at the chosen load is certain: {after.derivative().certain}")
 
 # %%
 # The pressure on the floor before and after, where it is touched, and the load; the line is the wanted shape.

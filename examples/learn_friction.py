@@ -49,7 +49,7 @@ def motion(mu: float) -> dict:
             q = [-g * np.cos(alpha) * dt, v + (g * np.sin(alpha) - a) * dt]
             below, above = icp.Affine(-mu * G), icp.Affine(mu * G, [np.inf, 0.0])
             solution = icp.ICP(np.eye(2) / m, q, below, upper=above).solve(rtol=1e-12)
-            derivative = icp.Derivative(solution)
+            derivative = solution.derivative()
             dz = derivative.forward(dq=[0.0, dv], dpsi=(-G, [0.0, 0.0]), dupper=(G, [0.0, 0.0]))
             v, dv = solution.p[1], dz[1] / m + dv
             track.append((v, dv))

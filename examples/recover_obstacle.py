@@ -60,7 +60,7 @@ def misfit(theta: np.ndarray, problem: icp.ICP, measured: np.ndarray) -> tuple[f
     """What is to be least, and its gradient."""
     solution = problem.with_psi(TABLE + B @ theta).solve(rtol=1e-12)
     error, rough = (solution.z - measured) / NOISE, D @ theta
-    by_psi = icp.Derivative(solution).adjoint(error / NOISE).psi
+    by_psi = solution.derivative().adjoint(error / NOISE).psi
     return 0.5 * (error @ error + rough @ rough), B.T @ by_psi + D.T @ rough
 
 
@@ -81,7 +81,7 @@ def recover(pressure: float):
 
 def expected_error(solution: icp.Solution) -> np.ndarray:
     """Of every height: from the curvature of what was made least, by one forward derivative per spline."""
-    derivative = icp.Derivative(solution)
+    derivative = solution.derivative()
     dz = np.column_stack([derivative.forward(dpsi=spline) for spline in B.T.toarray()])
     curvature = dz.T @ dz / NOISE**2 + (D.T @ D).toarray()
     return np.sqrt((B.toarray() * np.linalg.solve(curvature, B.toarray().T).T).sum(axis=1))
@@ -106,7 +106,7 @@ for words, where in parts.items():
     if where.any():
         rms = [np.sqrt(np.mean(error[where] ** 2)) for error in (expected, psi - truth)]
         print(f"{words:>24} {where.sum():7d} {rms[0]:15.4f} {rms[1]:11.4f}")
-print(f"\nThe derivative is certain: {icp.Derivative(solution).certain}")
+print(f"\nThe derivative is certain: {solution.derivative().certain}")
 
 # %%
 # Left the data, in the middle the recovered obstacle, right a section along the diagonal with two expected errors.
@@ -182,7 +182,7 @@ assert np.isclose(up_value - down_value, slope, rtol=1e-2)
 free = problem.solve(rtol=1e-12)
 away = int(np.argmax(free.r))
 raised = problem.with_psi(truth + 0.01 * (np.arange(n) == away)).solve(rtol=1e-12)
-change = np.abs(icp.Derivative(free).forward(dpsi=(np.arange(n) == away).astype(float))).max()
+change = np.abs(free.derivative().forward(dpsi=(np.arange(n) == away).astype(float))).max()
 largest = np.abs(raised.z - free.z).max()
 print(f"gap there {free.r[away]:.3f}; largest change of z {largest:.0e}, derivative {change:.0e}")
 assert change == 0

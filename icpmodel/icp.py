@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .crosscheck import check
+from .derivatives.derivative import Derivative
 from .explain import explanation
 from .problem.data import ProblemData
 from .solve import driver
@@ -47,6 +48,10 @@ class ICP(ProblemData):
     error_bound = bounds.error_bound
     to_pyomo = pyomo.to_pyomo
     to_cvxpy = cvxpy.to_cvxpy
+
+    def derivative(self, solution: Any) -> Derivative:
+        """The derivative of z* in A, q and ψ at a `solution`, which `solution.derivative()` asks for."""
+        return Derivative(solution)
 
     # The rooms of these verbs stand above this one and know it, so that each is imported when it is called.
 

@@ -1,8 +1,10 @@
 # For type checkers and editors: the verbs of ICP with their signatures, those of the rooms above it included.
 from .crosscheck import check
+from .derivatives.derivative import Derivative
 from .explain import explanation
 from .problem.data import ProblemData
 from .solve import driver
+from .solve.solution import Solution
 from .solvers import cvxpy, pyomo
 from .study import html_report
 from .study.planes import Plane
@@ -22,6 +24,7 @@ class ICP(ProblemData):
     report = html_report.report
     to_pyomo = pyomo.to_pyomo
     to_cvxpy = cvxpy.to_cvxpy
+    def derivative(self, solution: Solution) -> Derivative: ...
     def stability(
         self,
         plane: str | Plane = "relaxation",

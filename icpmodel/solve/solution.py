@@ -236,6 +236,17 @@ class Solution(ReadOnly, Plotted):
             return self
         return better._with(message=f"{self.message}; polished to a residual of {residual:.3g}")
 
+    def derivative(self) -> Any:
+        """The derivative of z* in A, q and ψ at this answer: see `icpmodel.Derivative`.
+
+        It is the verb of the problem, which a row of `solve_many` does not have: `icpmodel.Derivative(row)` takes that.
+
+        >>> ICP([[2.0]], [-2.0]).solve().derivative().forward(dq=[1.0])
+        array([-0.5])
+        """
+        problem: Any = self.problem
+        return problem.derivative(self)
+
     def _closer(self, z: Vector) -> bool:
         """Whether `z` has an error bound that is smaller enough than that of this answer."""
         known = self.error_bound
