@@ -35,7 +35,7 @@ class Report(Shown, Tabular):
     >>> report.agrees, report.rows[0].verdict.value
     (True, 'agrees')
     >>> report.conclusion()
-    'Solved; no entry off by more than 0; 1 of 1 independent solvers agree.'
+    'Solved; no entry off by more than ...; 1 of 1 independent solvers agree.'
     >>> report.coverage()
     'Solved alike: the whole problem by osqp.'
     """
