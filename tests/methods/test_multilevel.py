@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from benchmarks.families import drawn
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -409,5 +410,5 @@ def test_units_in_which_a_length_underflows_are_no_foreign_exception():
 
 def test_krylov_steps_go_on_from_where_sweeps_left_z_though_the_active_set_is_the_one_before():
     """They went on with the residual from before the sweeps, and ended at five times the tolerance."""
-    problem = icp.benchmarks.drawn("option-cross", 1200, np.random.default_rng(4))
+    problem = drawn("option-cross", 1200, np.random.default_rng(4))
     assert problem.solve("multilevel", rtol=1e-10).solved

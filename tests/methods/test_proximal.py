@@ -6,12 +6,12 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from benchmarks.families import problem_of
 from hypothesis import given, settings
 
 import icpmodel as icp
 from icpmodel import Status
 from icpmodel.algebra.equations import ShiftedEquations
-from icpmodel.benchmarks.families.gallery import problem_of
 from icpmodel.methods.proximal import ProximalPath
 from icpmodel.numerics import work
 

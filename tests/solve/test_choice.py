@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from benchmarks.families import drawn, family_names
 
 import icpmodel as icp
 from icpmodel import methods, scenes
-from icpmodel.benchmarks import drawn, family_names
 from icpmodel.numerics import work
 from icpmodel.numerics.threads import threads_for
 from icpmodel.solve.choice import FAMILIES, WEIGHTS

@@ -15,6 +15,7 @@ import numba
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from benchmarks.families import drawn
 
 import icpmodel as icp
 from icpmodel import Status
@@ -504,7 +505,7 @@ def test_a_python_psi_is_called_once_per_sweep():
 def test_a_psi_that_moves_with_its_own_unknown_alone_is_asked_for_the_obstacle_and_by_the_judge():
     """Not in every sweep, nor in every step of Newton's: it is a fixed obstacle."""
     for family, n in (("grid-2d-constant", 900), ("plate", 300)):
-        fixed, asked = icp.benchmarks.drawn(family, n, np.random.default_rng(2)), []
+        fixed, asked = drawn(family, n, np.random.default_rng(2)), []
 
         def f(z, asked=asked):
             asked.append(z)
@@ -524,7 +525,7 @@ def test_a_psi_that_moves_with_its_own_unknown_alone_is_asked_for_the_obstacle_a
 def test_an_untrue_lipschitz_constant_leaves_what_sweeps_with_psi_itself_solve():
     rng, shapes, found = np.random.default_rng(0), (np.sin, lambda t: -np.arctan(t), lambda t: np.sqrt(1.0 + t * t)), 0
     for k in range(24):
-        A, steep, scale = icp.benchmarks.drawn("graph-expander", 20, rng).A, *rng.uniform(0.5, 2.0, 2)
+        A, steep, scale = drawn("graph-expander", 20, rng).A, *rng.uniform(0.5, 2.0, 2)
         psi = icp.Elementwise(lambda t, f=shapes[k % 3], s=steep, w=scale: s * f(w * t), lipschitz=0.5)
         problem = icp.ICP(A, rng.normal(size=A.shape[0]), psi)
         if problem.solve("mnmgs", raise_on_failure=False).solved:

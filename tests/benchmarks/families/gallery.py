@@ -1,28 +1,23 @@
 """Families of problems, random within each and drawn anew for every seed: a gallery that nobody can tune to."""
 
-from __future__ import annotations
-
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import InputError
-from ...icp import ICP
-from ...numerics.arrays import Vector, as_number
-from ...problem.affine import Affine
-from ...problem.elementwise import Elementwise
+import icpmodel as icp
+
 from . import bodies, finite_differences, graphs, markets, optimality
-from .draw import Draw, scattered
+from .draw import scattered
 
 
 class _Family(NamedTuple):
     """`build`(n, rng); whether A is an M-matrix; the largest n that there is."""
 
-    build: Callable[[int, np.random.Generator], Draw]
+    build: Callable
     is_m: bool = False
     most: int = 10**6
 
@@ -38,7 +33,7 @@ _GRIDS = {
     for kind in ("constant", "jumping", "anisotropic")
     if (k, kind) != (1, "anisotropic")
 }
-_FAMILIES: dict[str, _Family] = {
+_FAMILIES = {
     **_GRIDS,
     "plate": _Family(finite_differences.plate),
     "convection": _Family(finite_differences.convection, True),
@@ -67,22 +62,27 @@ _FAMILIES: dict[str, _Family] = {
 _KINDS = ("", "+affine", "+elementwise", "+box")
 
 
-def family_names(beginnings: Sequence[str] = ()) -> list[str]:
-    """The families whose names begin with one of these, all without any: A's name, and what ψ is if not constant.
+def family_names(beginnings=()):
+    """Names of the families: what A is, and what ψ is if not constant.
 
-    Raises InputError where there is none.
+    Parameters
+    ----------
+    beginnings : sequence of str
+        Only families whose names begin with one of these; by default all.
 
-    >>> icp.benchmarks.family_names(["plate"])
-    ['plate', 'plate+affine', 'plate+elementwise', 'plate+box']
+    Raises
+    ------
+    ValueError
+        If no family begins with one of them.
     """
     known = [name + kind for name in _FAMILIES for kind in _KINDS]
     for one in beginnings:
         if not any(name.startswith(one) for name in known):
-            raise InputError(f"there is no family {one!r}; the families are: {', '.join(_FAMILIES)}")
+            raise ValueError(f"there is no family {one!r}; the families are: {', '.join(_FAMILIES)}")
     return [name for name in known if not beginnings or name.startswith(tuple(beginnings))]
 
 
-def drawn(family: str, n: int, rng: np.random.Generator) -> ICP:
+def drawn(family, n, rng):
     """A random problem of `family` with about `n` unknowns, which has a solution.
 
     Why one exists with a fixed obstacle c is said where A is made; what ψ is else keeps that:
@@ -93,29 +93,41 @@ def drawn(family: str, n: int, rng: np.random.Generator) -> ICP:
     "+elementwise": ψ_i(c_i) = c_i and |ψ'| < 1, so r_i and z_i − c_i have one sign: the solutions are the same.
     "+box": an obstacle above as well, at a height of a tenth to a hundred times what a row alone would move by. Where
     c is finite z is in a compact set, on which there is a solution; a row without c has none above either.
-    Parameters: `family` one of `family_names()`; `n` ≥ 3; `rng` a NumPy generator, whose state decides everything.
-    Returns the problem. Raises InputError for an unknown family and for an n that is too large for it.
 
-    >>> icp.benchmarks.drawn("graph-expander+affine", 12, np.random.default_rng(1)).n
-    12
+    Parameters
+    ----------
+    family : str
+        One of `family_names()`.
+    n : int
+        Wanted number of unknowns, at least 3.
+    rng : numpy.random.Generator
+        Its state decides everything.
+
+    Returns
+    -------
+    ICP
     """
-    one, kind = _family(family)
-    A, c, q = one.build(int(as_number(n, "n", least=3, most=one.most, whole=True)), rng)
+    base, _, kind = family.partition("+")
+    if family not in family_names():
+        raise ValueError(f"family is {family!r}; one of {', '.join(family_names())} was expected")
+    one = _FAMILIES[base]
+    if not 3 <= n <= one.most:
+        raise ValueError(f"n is {n}; an integer from 3 to {one.most} was expected for {family}")
+    A, c, q = one.build(n, rng)
     if kind == "box":
-        return ICP(A, q, c, upper=_above(A, c, q, rng))
+        return icp.ICP(A, q, c, upper=_above(A, c, q, rng))
     if kind == "affine":
-        psi: Any = _leaning(A, c, rng) if one.is_m else _giving_way(A, c, q, rng)
+        psi = _leaning(A, c, rng) if one.is_m else _giving_way(A, c, q, rng)
     else:
         psi = _bending(c, rng) if kind else c
-    return ICP(A, q, psi)
+    return icp.ICP(A, q, psi)
 
 
-def drawn_sizes(family: str, seed: int, sizes: tuple[int, int, int]) -> list[int]:
-    """Sizes for `family` from `sizes` = (low, high, count): one at random in each of so many geometric steps.
+def drawn_sizes(family, seed, low, high, count):
+    """`count` sizes from `low` to `high`, one at random in each of so many geometric steps.
 
-    None is above the largest of the family; the name of a scene has no such bound.
+    None is above the largest size of the family; a name that is no family has no such bound.
     """
-    low, high, count = sizes
     if (one := _FAMILIES.get(family.partition("+")[0])) is not None:
         high = min(high, one.most)
     if high < low:
@@ -125,58 +137,32 @@ def drawn_sizes(family: str, seed: int, sizes: tuple[int, int, int]) -> list[int
     return list(dict.fromkeys(n + (n % 10 == 0) * (1 if n < high else -1) for n in found))
 
 
-def problem_of(family: str, seed: int, n: int) -> ICP:
+def problem_of(family, seed, n):
     """The problem that `seed` stands for, whatever else is drawn."""
     return drawn(family, n, _generator(seed, family, n))
 
 
-def gallery(
-    seed: int, sizes: tuple[int, int, int] = (10, 1_000_000, 6), families: Sequence[str] = ()
-) -> Iterator[tuple[str, ICP]]:
-    """(label, problem) for every family and size, each made when it is its turn.
-
-    Parameters: `seed` an integer ≥ 0; `sizes` the smallest, the largest, and how many between them; `families` the
-    beginnings of names.
-
-    >>> next(icp.benchmarks.gallery(1, (10, 20, 1), ["plate"]))[0]
-    'plate, n = 15'
-    """
-    for family in family_names(families):
-        for n in drawn_sizes(family, seed, sizes):
-            problem = problem_of(family, seed, n)
-            yield f"{family}, n = {problem.n}", problem
-
-
-def _family(name: str) -> tuple[_Family, str]:
-    base, plus, kind = name.partition("+")
-    if base not in _FAMILIES or plus + kind not in _KINDS:
-        raise InputError(
-            f"family is {name!r}; one of {', '.join(_FAMILIES)} with +affine, +elementwise, +box or none was expected"
-        )
-    return _FAMILIES[base], kind
-
-
-def _generator(seed: int, family: str, n: int = 0) -> np.random.Generator:
+def _generator(seed, family, n=0):
     return np.random.default_rng([seed, zlib.crc32(family.encode()), n])
 
 
-def _leaning(A: Any, c: Vector, rng: np.random.Generator) -> Affine:
+def _leaning(A, c, rng):
     W = sp.csr_array(sp.diags_array(A.diagonal()) - A)
     W.eliminate_zeros()
     sums = W.sum(axis=1)
     G = sp.diags_array(rng.uniform(0.3, 0.9) / np.where(sums > 0, sums, 1.0)) @ W
-    return Affine(G, c - G @ c)
+    return icp.Affine(G, c - G @ c)
 
 
-def _giving_way(A: Any, c: Vector, q: Vector, rng: np.random.Generator) -> Affine:
+def _giving_way(A, c, q, rng):
     A = sp.csr_array(A)
     s = float(abs(A).sum(axis=1).max())
     B = sp.eye_array(A.shape[0]) - A / s
     gamma = rng.uniform(0.3, 0.9) / max(1.0, float(abs(B).sum(axis=1).max()))
-    return Affine(gamma * B, (1.0 - gamma) * c - (gamma / s) * q)
+    return icp.Affine(gamma * B, (1.0 - gamma) * c - (gamma / s) * q)
 
 
-def _above(A: Any, c: Vector, q: Vector, rng: np.random.Generator) -> Vector:
+def _above(A, c, q, rng):
     A, held = sp.csr_array(A), np.isfinite(c)
     diagonal = np.abs(A.diagonal())
     moves = np.abs(A @ np.where(held, c, 0.0) + q) / np.where(diagonal > 0, diagonal, 1.0)
@@ -184,12 +170,12 @@ def _above(A: Any, c: Vector, q: Vector, rng: np.random.Generator) -> Vector:
     return np.where(held, c + height * rng.uniform(0.5, 1.5, c.size), np.inf)
 
 
-def _bending(c: Vector, rng: np.random.Generator) -> Elementwise:
+def _bending(c, rng):
     held = np.isfinite(c)
     spread = float(c[held].std()) or 1.0
     steep, scale, kind = rng.uniform(0.2, 0.9), scattered(rng, 0.3, 3.0) * spread, rng.integers(3)
     f, slope = (partial(one, steep, scale) for one in (_SHAPES[kind], _SLOPES[kind]))
-    return Elementwise(f, slope, lipschitz=steep, c=np.where(held, c - f(np.where(held, c, 0.0)), c))
+    return icp.Elementwise(f, slope, lipschitz=steep, c=np.where(held, c - f(np.where(held, c, 0.0)), c))
 
 
 #: f(t) = scale·steep·g(t/scale), |g'| ≤ 1, and its derivative

@@ -3,15 +3,13 @@
 A is monotone, its rows without obstacle have one solution for all others, and in these the program is bounded.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 
-from .draw import Draw, scattered, some
+from .draw import scattered, some
 
 
-def control(n: int, rng: np.random.Generator) -> Draw:
+def control(n, rng):
     """States x⁺ = Mx + Bu near where they ought to be, and pushes u ≥ 0 that cost something: (x, u, ν)."""
     states, pushes = min(some(rng, 2, 12), max(2, n // 4)), some(rng, 1, 4)
     steps = max(1, round(n / (2 * states + pushes)))
@@ -25,7 +23,7 @@ def control(n: int, rng: np.random.Generator) -> Draw:
     return sp.block_array([[P, -F.T], [F, None]], format="csr"), np.repeat([-np.inf, 0.0, -np.inf], [x, u, x]), q
 
 
-def flow(n: int, rng: np.random.Generator) -> Draw:
+def flow(n, rng):
     """Flows ≥ 0 between places that are near, at a cost for the way, and prices there; demand gives way to these."""
     from scipy.spatial import cKDTree
 
@@ -40,7 +38,7 @@ def flow(n: int, rng: np.random.Generator) -> Draw:
     return sp.block_array([[None, -B.T], [B, E]], format="csr"), np.repeat([0.0, -np.inf], [arcs, places]), q
 
 
-def regression(n: int, rng: np.random.Generator) -> Draw:
+def regression(n, rng):
     """The values of a convex function at places that are as near to one another as chance has it, and multipliers."""
     knots = max(3, round(n / 2))
     gaps = np.diff(np.sort(rng.random(knots)) * knots) + scattered(rng, 1e-3, 1.0)

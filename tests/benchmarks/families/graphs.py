@@ -5,27 +5,20 @@ a Z-matrix: an M-matrix. Dense: Gram matrices and kernels with a nugget are posi
 skew-symmetric part. So there is one solution for every q and fixed obstacle.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from .draw import Draw, loaded, scattered, some
-
-_Ends = NDArray[np.int64]
+from .draw import loaded, scattered, some
 
 
-def expander(n: int, rng: np.random.Generator) -> Draw:
+def expander(n, rng):
     """A random regular graph: some random permutations, each row coupled with its image."""
     rows = np.arange(n)
     images = [rng.permutation(n) for _ in range(some(rng, 2, 6))]
     return _graph(n, np.tile(rows, len(images)), np.concatenate(images), rng)
 
 
-def geometric(n: int, rng: np.random.Generator) -> Draw:
+def geometric(n, rng):
     """Random points in the square or the cube, coupled where they are near."""
     from scipy.spatial import cKDTree
 
@@ -35,7 +28,7 @@ def geometric(n: int, rng: np.random.Generator) -> Draw:
     return _graph(n, pairs[:, 0], pairs[:, 1], rng)
 
 
-def scale_free(n: int, rng: np.random.Generator) -> Draw:
+def scale_free(n, rng):
     """Preferential attachment: each new vertex takes a few neighbours, any as probable as its degree is large.
 
     The ends of all edges stand in one list, those of edge e at 2e and 2e + 1: the second one is any that is before it.
@@ -48,14 +41,14 @@ def scale_free(n: int, rng: np.random.Generator) -> Draw:
     return _graph(n, np.arange(n * each) // each, end // 2 // each, rng)
 
 
-def directed(n: int, rng: np.random.Generator) -> Draw:
+def directed(n, rng):
     """Each row leans on a few others that need not lean on it: A is not symmetric."""
     each = some(rng, 2, 10)
     W = sp.csr_array((_weights(n * each, rng), (np.repeat(np.arange(n), each), rng.integers(0, n, n * each))), (n, n))
     return _shifted(W, rng)
 
 
-def covariance(n: int, rng: np.random.Generator) -> Draw:
+def covariance(n, rng):
     """exp(−|x − y|/ℓ) between random places in one to three dimensions, and a nugget: a portfolio's or a map's."""
     from scipy.spatial.distance import cdist
 
@@ -65,7 +58,7 @@ def covariance(n: int, rng: np.random.Generator) -> Draw:
     return loaded(A, c, load, rng)
 
 
-def definite(n: int, rng: np.random.Generator, skew: bool = False) -> Draw:
+def definite(n, rng, skew=False):
     """XXᵀ, X normal with 1.05 to 2.5 times as many columns; with `skew` a skew-symmetric part of up to that size."""
     X = rng.standard_normal((n, round(n * rng.uniform(1.05, 2.5)) + 1))
     A = X @ X.T / n
@@ -77,19 +70,19 @@ def definite(n: int, rng: np.random.Generator, skew: bool = False) -> Draw:
     return loaded(A, c, load, rng)
 
 
-def _weights(m: int, rng: np.random.Generator) -> Any:
+def _weights(m, rng):
     """All 1, or up to two decades apart."""
     return 10.0 ** (rng.uniform(0.0, 2.0) * rng.random(m)) if rng.random() < 0.7 else np.ones(m)
 
 
-def _graph(n: int, one: _Ends, other: _Ends, rng: np.random.Generator) -> Draw:
+def _graph(n, one, other, rng):
     """The problem on the graph with these edges; an edge to itself is none, those between the same two are one."""
     apart = one != other
     W = sp.csr_array((_weights(one.size, rng)[apart], (one[apart], other[apart])), (n, n))
     return _shifted(W + W.T, rng)
 
 
-def _shifted(W: Any, rng: np.random.Generator) -> Draw:
+def _shifted(W, rng):
     """diag(W1 + shift) − W."""
     n = W.shape[0]
     W = sp.csr_array(W - sp.diags_array(W.diagonal()))

@@ -5,24 +5,16 @@ Trade, prices and traffic: A is semidefinite, and there is a z ≥ 0 with p ≥ 
 with a feasible point has a solution (Cottle, Pang and Stone, 1992, theorem 3.1.2).
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from ...numerics.arrays import Vector
-from .draw import Draw, scattered, some
+from .draw import scattered, some
 
 #: so many entries a matrix has at most, which is a quarter of a gigabyte
 _ENTRIES = 2e7
 
-_Ends = NDArray[np.int64]
 
-
-def leontief(n: int, rng: np.random.Generator) -> Draw:
+def leontief(n, rng):
     """Prices z that cover the inputs, at prices z, and the wages, above floors for some: p = (I − T)z − wages.
 
     Few goods are inputs of many: their numbers follow a power law.
@@ -37,7 +29,7 @@ def leontief(n: int, rng: np.random.Generator) -> Draw:
     return sp.csr_array(sp.eye_array(n) - T), floors, -wages
 
 
-def trade(n: int, rng: np.random.Generator) -> Draw:
+def trade(n, rng):
     """Spatial price equilibrium: flows z from places of supply to those of demand near them.
 
     p = supply price + transport − demand price, prices linear in what a place sells or buys: A = SᵀbS + DᵀfD with a
@@ -53,7 +45,7 @@ def trade(n: int, rng: np.random.Generator) -> Draw:
     return sp.csr_array(A), np.zeros(sold.size), q
 
 
-def prices(n: int, rng: np.random.Generator) -> Draw:
+def prices(n, rng):
     """The same equilibrium with the prices as unknowns: flows x, prices u of supply and v of demand.
 
     Sᵀu + transport − Dᵀv ≥ 0 ⟂ x ≥ 0, supply at u − Sx ≥ 0 ⟂ u ≥ 0, Dx − demand at v ≥ 0 ⟂ v ≥ 0; places that sell or
@@ -68,7 +60,7 @@ def prices(n: int, rng: np.random.Generator) -> Draw:
     return sp.csr_array(A), np.zeros(A.shape[0]), np.concatenate(q)
 
 
-def cournot(n: int, rng: np.random.Generator) -> Draw:
+def cournot(n, rng):
     """Firms that sell in several markets: z is what one sells in one, p its marginal loss, ψ what it has promised.
 
     A = DᵀbD + diag(b) + SᵀcS: a market's price falls by b per unit, a firm's costs rise by c. Positive definite.
@@ -82,7 +74,7 @@ def cournot(n: int, rng: np.random.Generator) -> Draw:
     return sp.csr_array(A), promised, q
 
 
-def traffic(n: int, rng: np.random.Generator) -> Draw:
+def traffic(n, rng):
     """User equilibrium in a city of streets on a grid: flows x on routes, times u between the ends of journeys.
 
     time of route − u ≥ 0 ⟂ x ≥ 0, flow of journey − demand + elasticity·u ≥ 0 ⟂ u ≥ 0: A = [ΔᵀCΔ, −Γᵀ; Γ, E], Δ streets
@@ -106,7 +98,7 @@ def traffic(n: int, rng: np.random.Generator) -> Draw:
     return A, np.zeros(A.shape[0]), np.concatenate([Delta.T @ free, -demand])
 
 
-def _streets(journeys: int, each: int, longest: int, side: int, rng: np.random.Generator) -> _Ends:
+def _streets(journeys, each, longest, side, rng):
     """The streets of every route, −1 where it is shorter: a random order of the steps east and north of its journey."""
     across = rng.integers(0, longest + 1, (journeys, 2))
     across[across.sum(axis=1) == 0] = 1
@@ -120,7 +112,7 @@ def _streets(journeys: int, each: int, longest: int, side: int, rng: np.random.G
     return np.where(kind == 2, -1, 2 * (x * (side + 2 * longest) + y) + kind)
 
 
-def _routes(n: int, rng: np.random.Generator) -> tuple[_Ends, _Ends, Vector]:
+def _routes(n, rng):
     """Of about n pairs of places near each other the first, the second, and the distance, about 1."""
     from scipy.spatial import cKDTree
 
@@ -136,7 +128,7 @@ def _routes(n: int, rng: np.random.Generator) -> tuple[_Ends, _Ends, Vector]:
     return near.ravel(), np.repeat(np.arange(second), degree), distance
 
 
-def _incidence(place: _Ends) -> Any:
+def _incidence(place):
     """Places × routes: 1 where the route has the place."""
     n = place.size
     return sp.csr_array((np.ones(n), (place, np.arange(n))), (int(place.max()) + 1, n))

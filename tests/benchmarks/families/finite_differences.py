@@ -6,25 +6,18 @@ fixed obstacle. Plates: A = L diag(d) L with d > 0 and L symmetric and regular i
 see `option`.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from functools import partial, reduce
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import Vector
-from .draw import Draw, in_regions, loaded, scattered, some, waves
+from .draw import in_regions, loaded, scattered, some, waves
 
 #: wavelengths in grid spacings: obstacles that a grid resolves, of which large grids have many
 _WAVES, _PLATE_WAVES = (8.0, 300.0), (8.0, 60.0)
-#: from what a diffusion is made
-_Coefficient = Callable[[Vector], Any]
 
 
-def grid(dimensions: int, coefficients: str, n: int, rng: np.random.Generator) -> Draw:
+def grid(dimensions, coefficients, n, rng):
     """−∇·(a∇z) + bed·z ≥ −load above an obstacle, a constant, jumping by up to four decades between random regions, or
     of one size per axis, up to three decades apart; half of the draws lie on an elastic bed."""
     sides = _sides(n, dimensions, rng)
@@ -40,7 +33,7 @@ def grid(dimensions: int, coefficients: str, n: int, rng: np.random.Generator) -
     return _on(sides, A, _WAVES, rng)
 
 
-def plate(n: int, rng: np.random.Generator) -> Draw:
+def plate(n, rng):
     """Δ(dΔz) ≥ −load above an obstacle: a simply supported plate whose stiffness d varies."""
     sides = _sides(n, 2, rng)
     L = _diffusion(sides, np.ones(2), _constant)
@@ -48,7 +41,7 @@ def plate(n: int, rng: np.random.Generator) -> Draw:
     return _on(sides, sp.csr_array(L @ sp.diags_array(stiffness) @ L), _PLATE_WAVES, rng)
 
 
-def convection(n: int, rng: np.random.Generator) -> Draw:
+def convection(n, rng):
     """−Δz + v·∇z ≥ −load above an obstacle, upwind differences, v of any direction, Péclet number .1 to 1000 a cell."""
     sides, angle = _sides(n, 2, rng), rng.uniform(0.0, 2.0 * np.pi)
     flow = scattered(rng, 0.1, 1e3) * np.array([np.cos(angle), np.sin(angle)])
@@ -59,7 +52,7 @@ def convection(n: int, rng: np.random.Generator) -> Draw:
     return _on(sides, sp.csr_array(A), _WAVES, rng)
 
 
-def option(factors: int, cross: bool, n: int, rng: np.random.Generator) -> Draw:
+def option(factors, cross, n, rng):
     """One time step, of any length, of an American put on the mean of one or two prices, in their logarithms.
 
     z is the value, ψ the payoff, which is also the value of the step before and that on the faces. With `cross` the
@@ -72,7 +65,7 @@ def option(factors: int, cross: bool, n: int, rng: np.random.Generator) -> Draw:
     width, yields, sigma = rng.uniform(1.0, 2.5), rng.uniform(0.0, 0.08, factors), rng.uniform(0.1, 0.5, factors)
     lines = [np.linspace(-width, width, m + 2) for m in sides]
     points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
-    inner: Any = np.zeros(points.shape[:-1], dtype=bool)
+    inner = np.zeros(points.shape[:-1], dtype=bool)
     inner[(slice(1, -1),) * factors] = True
     payoff, inner = np.maximum(1.0 - np.exp(points).mean(axis=-1), 0.0).ravel(), inner.reshape(-1)
     z = [sp.eye_array(m, m + 2, k=1) for m in sides]
@@ -99,33 +92,33 @@ def option(factors: int, cross: bool, n: int, rng: np.random.Generator) -> Draw:
     return sp.csr_array(B[:, inner]), V, B[:, ~inner] @ payoff[~inner] - V / step
 
 
-def _in_place(others: list[Any], k: int, one: Any) -> Any:
+def _in_place(others, k, one):
     return reduce(sp.kron, [one if i == k else other for i, other in enumerate(others)])
 
 
-def _sides(n: int, dimensions: int, rng: np.random.Generator) -> tuple[int, ...]:
+def _sides(n, dimensions, rng):
     """The sides of a box of about n points, up to e times as long one way as the other."""
     stretched = np.exp(rng.uniform(-0.5, 0.5, dimensions - 1)) * n ** (1.0 / dimensions)
     sides = [max(1, round(m)) for m in stretched]
     return (*sides, max(1, round(n / int(np.prod(sides)))))
 
 
-def _points(sides: tuple[int, ...]) -> Vector:
+def _points(sides):
     """Coordinates in grid spacings, shape (n, k)."""
     return np.indices(sides, dtype=np.float64).reshape(len(sides), -1).T
 
 
-def _along(sides: tuple[int, ...], k: int, operator: Any) -> Any:
+def _along(sides, k, operator):
     """The `operator` on the k-th axis of the box."""
     before, after = int(np.prod(sides[:k])), int(np.prod(sides[k + 1 :]))
     return sp.kron(sp.kron(sp.eye_array(before), operator), sp.eye_array(after), format="csr")
 
 
-def _constant(points: Vector) -> Any:
+def _constant(points):
     return np.ones(len(points))
 
 
-def _diffusion(sides: tuple[int, ...], factors: Vector, coefficient: _Coefficient) -> sp.csr_array:
+def _diffusion(sides, factors, coefficient):
     """ΣDᵀ diag(a) D over the axes, a the coefficient in the middle of each pair of neighbours."""
     A = sp.csr_array((int(np.prod(sides)),) * 2)
     for k, m in enumerate(sides):
@@ -136,6 +129,6 @@ def _diffusion(sides: tuple[int, ...], factors: Vector, coefficient: _Coefficien
     return sp.csr_array(A)
 
 
-def _on(sides: tuple[int, ...], A: Any, lengths: tuple[float, float], rng: np.random.Generator) -> Draw:
+def _on(sides, A, lengths, rng):
     points, length = _points(sides), min(scattered(rng, *lengths), 1.5 * max(*sides, 3))
     return loaded(A, waves(points, length, rng), waves(points, length, rng), rng)

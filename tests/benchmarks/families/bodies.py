@@ -6,21 +6,16 @@ Ay ≤ 0 and qᵀy < 0, but then yᵀAy = 0, Jᵀy = 0 and qᵀy = yᵀgap/Δt �
 Reference: Stewart and Trinkle, Int. J. Numer. Methods Eng. 39 (1996); Cottle, Pang and Stone (1992), theorem 3.1.2.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import Vector
-from .draw import Draw, scattered
+from .draw import scattered
 
 #: a body that does not move
 _WORLD = -1
 
 
-def chain(n: int, rng: np.random.Generator) -> Draw:
+def chain(n, rng):
     """Boxes in a row, one or more contacts between two neighbours, a wall at one end or both; some are pushed."""
     gaps = max(1, round(n / 2))
     count = rng.integers(1, 4, gaps)
@@ -37,7 +32,7 @@ def chain(n: int, rng: np.random.Generator) -> Draw:
     return _touching(left, right, normal, -height, -height, v, rng)
 
 
-def pile(n: int, rng: np.random.Generator) -> Draw:
+def pile(n, rng):
     """A wall of bricks under gravity, each on the ground or on the ends of two others; some are hit."""
     across = max(1, round(np.sqrt(n / 4) * np.exp(rng.uniform(-0.7, 0.7))))
     rows = 1 + max(0, round((n - 2 * across) / (4 * across - 2)))
@@ -59,7 +54,7 @@ def pile(n: int, rng: np.random.Generator) -> Draw:
     return _touching(a, b, normal, np.where(a < 0, 0.0, where - x[a]), where - x[b], v, rng)
 
 
-def redundant(n: int, rng: np.random.Generator) -> Draw:
+def redundant(n, rng):
     """A random packing whose contacts are patches, of two or three points each, some not quite closed."""
     from scipy.spatial import cKDTree
 
@@ -79,9 +74,7 @@ def redundant(n: int, rng: np.random.Generator) -> Draw:
     return _touching(a, b, normal, arm, arm, v, rng, gap)
 
 
-def _touching(
-    a: Any, b: Any, normal: Vector, arm_a: Vector, arm_b: Vector, v: Vector, rng: np.random.Generator, gap: Any = 0.0
-) -> Draw:
+def _touching(a, b, normal, arm_a, arm_b, v, rng, gap=0.0):
     """The problem of contacts between bodies `a` and `b`, whose `normal`s, (2, n), point from a to b, and lever arms.
 
     `v` has shape (3, bodies): two velocities and a rotation. Masses are up to a hundredfold apart.

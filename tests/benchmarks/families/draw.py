@@ -1,28 +1,22 @@
-"""What all families share: how numbers are drawn, and how A, the obstacle and the load are brought to one scale."""
+"""What all families share: how numbers are drawn, and how A, the obstacle and the load are brought to one scale.
 
-from __future__ import annotations
-
-from typing import Any
+A family is a function (n, rng) ↦ (A, c, q): A as `ICP` takes it, the obstacle c and q of shape (n,).
+"""
 
 import numpy as np
 
-from ...numerics.arrays import Vector
 
-#: A as `ICP` takes it, the obstacle c and q, both of shape (n,)
-Draw = tuple[Any, Vector, Vector]
-
-
-def scattered(rng: np.random.Generator, low: float, high: float) -> float:
+def scattered(rng, low, high):
     """A number between two positive ones, its logarithm uniform."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def some(rng: np.random.Generator, low: float, high: float) -> int:
+def some(rng, low, high):
     """The same as an integer."""
     return max(1, round(scattered(rng, low, high)))
 
 
-def loaded(A: Any, c: Vector, load: Vector, rng: np.random.Generator) -> Draw:
+def loaded(A, c, load, rng):
     """A so scaled that its forces Ac on the obstacle are about as large as the `load`, and q that load about a mean,
     which presses: else A that is nearly singular would lift all rows off.
     Where p and r have like sizes a residual says something of both; in units of a fine grid p would be all rounding.
@@ -31,9 +25,9 @@ def loaded(A: Any, c: Vector, load: Vector, rng: np.random.Generator) -> Draw:
     return A * strength, c, load + rng.uniform(0.1, 1.0)
 
 
-def waves(points: Vector, length: float, rng: np.random.Generator) -> Vector:
+def waves(points, length, rng):
     """A sum of six plane waves of about this `length` in any direction, of mean square 1; `points` has shape (n, k)."""
-    total: Vector = np.zeros(len(points))
+    total = np.zeros(len(points))
     for _ in range(6):
         direction = rng.standard_normal(points.shape[1])
         steep = 2.0 * np.pi / (np.linalg.norm(direction) * length * rng.uniform(0.7, 1.5))
@@ -41,7 +35,7 @@ def waves(points: Vector, length: float, rng: np.random.Generator) -> Vector:
     return total / np.sqrt(3.0)
 
 
-def in_regions(points: Vector, values: Vector, rng: np.random.Generator) -> Vector:
+def in_regions(points, values, rng):
     """At each of the `points` the value of the region that it is in: those nearest to one of so many random places."""
     from scipy.spatial import cKDTree
 

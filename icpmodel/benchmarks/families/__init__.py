@@ -1,1 +1,0 @@
-"""Random families of problems, one file per field, for `icpmodel benchmark choice`."""

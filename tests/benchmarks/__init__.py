@@ -1,0 +1,1 @@
+"""The measurements of the documentation, one module per table: `python tests/benchmarks NAME`."""
