@@ -1,4 +1,3 @@
-from . import benchmarks as benchmarks
 from . import derivatives as derivatives
 from . import distributed as distributed
 from . import methods as methods

@@ -17,7 +17,6 @@ import icpmodel
 
 #: the rooms that have public names of their own
 ROOMS = (
-    "benchmarks",
     "cli",
     "crosscheck",
     "derivatives",

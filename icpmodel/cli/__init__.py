@@ -36,7 +36,7 @@ _RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
 #: command → the file that it is in, which is imported when the command is asked for
 _FILES = {
     **dict.fromkeys(("solve", "crosscheck", "explain", "scenes"), "solving"),
-    **dict.fromkeys(("race", "stability", "report", "benchmark"), "charting"),
+    **dict.fromkeys(("race", "stability", "report"), "charting"),
     "distributed": "distributing",
 }
 
@@ -51,7 +51,6 @@ _EXAMPLES = {
     "stability units -o map.png": "where a method converges, how fast, and where it fails",
     "report membrane -o page.html": "all of that, and pictures, on one page",
     "distributed membrane --n 1e6": "on the ranks of mpiexec, with petsc4py",
-    "benchmark sweep": "the numbers of the documentation, measured on this machine",
 }
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import math
 import os
-import re
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
@@ -28,16 +27,6 @@ in {", ".join(SUFFIXES)}."""
 
 Decorator = Callable[[Any], Any]
 
-#: what a command sets itself
-_SET_HERE = ("progress", "command", "entrants")
-#: options that are called otherwise than the parameter
-_OPTIONS = {"sizes": "--n", "sides": "--m"}
-#: what is one of several, where the s is not all
-_SINGULAR = {"families": "family"}
-#: the annotation of three numbers in one option
-_TRIPLE = "tuple[int, int, int]"
-#: parameters that are arguments without a name
-_ARGUMENTS = ("scenes", "scene")
 _PAIR: dict[str, Any] = {"multiple": True, "metavar": "NAME=VALUE"}
 
 
@@ -126,52 +115,17 @@ def command(*decorators: Decorator) -> Decorator:
     return lambda run: click.command(epilog=SOURCE_HELP)(options(*decorators)(run))
 
 
-def documented(name: str, function: Callable[..., Any], *more: Decorator) -> Decorator:
-    """The command `name` that takes what `function` takes, and says of it what its docstring says."""
-    return lambda run: click.command(name, help=summary(function))(options(*parameters(function), *more)(run))
-
-
 def from_signature(function: Callable[..., Any], told: dict[str, str]) -> list[Decorator]:
     """An option for each parameter that is `told` of, with the type and the default that `function` gives it."""
     known = inspect.signature(function).parameters
     return [_option(known[name], text) for name, text in told.items()]
 
 
-def parameters(function: Callable[..., Any]) -> list[Decorator]:
-    """Options for all parameters of `function`, in their order, with its defaults and what its docstring says of them.
-    That is the section "Parameters: `name` text; `name` text; …"."""
-    known = inspect.signature(function).parameters
-    text = " ".join((inspect.getdoc(function) or "").split())
-    section = re.search(r"Parameters: (.*?)(?: Returns| Raises|$)", text)
-    pieces = re.split(rf"`({'|'.join(known)})`", section.group(1) if section else "")
-    told = {name: said.strip(" ,;.").replace("`", "") for name, said in zip(pieces[1::2], pieces[2::2], strict=True)}
-    return [_option(one, told.get(name)) for name, one in known.items() if name not in _SET_HERE]
-
-
-def _option(parameter: inspect.Parameter, said: str | None) -> Decorator:
-    """A tuple as default makes an option that can be repeated, called as one of its values: `methods` is --method."""
-    name, default = parameter.name, parameter.default
-    many = isinstance(default, tuple)
-    if name in _ARGUMENTS:
-        metavar = "[NAME[,PARAMETER=NUMBER]]..." if "PARAMETER" in (said or "") else None
-        return click.argument(name, metavar=metavar, type=SCENE, **({"nargs": -1} if many else {"default": default}))
-    if parameter.annotation == _TRIPLE:
-        shown = {"nargs": 3, "type": _WHOLE, "default": default, "show_default": True, "help": said}
-        return click.option(f"--{name}", name, metavar="LOW HIGH COUNT", **shown)
-    if isinstance(default, bool):
-        return click.option(f"--{name}/--no-{name}", name, default=default, show_default=True, help=said)
-    singular = _SINGULAR.get(name, name.removesuffix("s"))
-    option = _OPTIONS.get(name, "--" + (singular if many else name).replace("_", "-"))
-    of_default = str if default is None or default == () else type(default[0] if many else default)
-    kind = _KINDS.get(str(parameter.annotation).split(" ")[0], _WHOLE if of_default is int else of_default)
-    kind = {"method": METHOD, "methods": METHOD, "solvers": SOLVER}.get(name, kind)
-    shown = {"default": default, "show_default": default is not None, "multiple": many, "help": said}
-    return click.option(option, name, type=kind, **shown)
-
-
-def summary(function: Callable[..., Any]) -> str:
-    """The first paragraph of the docstring."""
-    return (inspect.getdoc(function) or "").split("\n\n")[0]
+def _option(parameter: inspect.Parameter, said: str) -> Decorator:
+    default = parameter.default
+    kind = _KINDS.get(str(parameter.annotation).split(" ")[0], type(default))
+    shown = {"default": default, "show_default": default is not None, "help": said}
+    return click.option("--" + parameter.name.replace("_", "-"), parameter.name, type=kind, **shown)
 
 
 class Named(NamedTuple):

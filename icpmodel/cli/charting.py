@@ -1,23 +1,19 @@
-"""`icpmodel race`, `icpmodel stability`, `icpmodel report`, and `icpmodel benchmark`: what the documentation claims."""
+"""`icpmodel race`, `icpmodel stability` and `icpmodel report`."""
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from .. import benchmarks
 from ..errors import InputError
-from ..present.table import Table
 from ..solve.progress import status_line
 from ..study import race as run_race
 from ..study import report as make_report
 from ..study import stability as map_stability
-from ..study.charts.figures import Figure, data_file, figure, picture_file, save
-from ..study.charts.table_charts import benchmark_figures, choice_figure, memory_figure
+from ..study.charts.figures import data_file, figure, picture_file, save
 from ..study.html_report import said_of
 from ..study.planes import PLANES
 from .arguments import (
@@ -28,12 +24,11 @@ from .arguments import (
     SOURCE_OPTIONS,
     Completed,
     command,
-    documented,
     from_signature,
     named_method,
     named_problem,
 )
-from .output import FORMS, TO_FIGURE, exit_code, make_folder, measured, must_be_writable, print_table, typed, wrote
+from .output import FORMS, TO_FIGURE, exit_code, measured, must_be_writable, print_table, typed, wrote
 from .solving import unsolved
 
 _RUNS = {
@@ -132,77 +127,3 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     Path(output).write_text(page, encoding="utf-8")
     wrote(output)
     return exit_code(solution.solved, unsolved(solution))
-
-
-_COMMANDS: dict[str, Callable[..., Table]] = {
-    "sweep": benchmarks.sweep_cost,
-    "members": benchmarks.member_runs,
-    "constants": benchmarks.constants,
-    "order": benchmarks.grid_order,
-    "bounds": benchmarks.bound_ratios,
-    "certificate": benchmarks.certificate_cost,
-    "derivative": benchmarks.derivative_cost,
-    "limit": benchmarks.solve_cost,
-    "modelling": benchmarks.reading_cost,
-    "programs": benchmarks.program_cost,
-    "distributed": benchmarks.distributed_cost,
-    "distributed-counts": benchmarks.distributed_counts,
-    "distributed-model": benchmarks.distributed_model,
-    "dominant": benchmarks.dominant_cost,
-    "impulse": benchmarks.impulse_cost,
-    "small": benchmarks.small_cost,
-    "peers": benchmarks.benchmark,
-    "choice": benchmarks.choice,
-    "tuning": benchmarks.tuned_and_automatic,
-    "memory": benchmarks.memory,
-}
-#: command → the figures of its table, by file name, with their data; no name for the file that --output is
-_FIGURES: dict[str, Callable[[Table], dict[str, tuple[Figure, Table]]]] = {
-    "peers": benchmark_figures,
-    "choice": lambda table: {"": (choice_figure(table), table)},
-    "memory": lambda table: {"": (memory_figure(table), table)},
-}
-_FOLDER = click.option("-o", "--output", type=click.Path(), help="Write the CSV file and the figures to this folder.")
-
-
-@click.group()
-def benchmark() -> None:
-    """Measure what the documentation claims, on this machine."""
-
-
-def _faster(table: Table) -> list[str]:
-    faster = benchmarks.faster_peers(table)
-    return ["A peer is faster than solve():" if faster else "No peer is faster.", *faster]
-
-
-#: command → what is said below its table
-_BELOW: dict[str, Callable[[Any], list[str]]] = {"peers": _faster, "choice": benchmarks.summary_of}
-
-
-def _command(name: str, function: Callable[..., Table]) -> click.Command:
-    into_folder = name == "peers"
-    settings = {"progress": True} if "progress" in inspect.signature(function).parameters else {}
-
-    def run(form: str | None, output: str | None = None, **arguments: Any) -> int:
-        if not into_folder:
-            must_be_a_picture(output)
-        elif output is not None:
-            make_folder(output)
-        asked = {key: value for key, value in arguments.items() if value != ()}  # no scenes: the default ones
-
-        def show(table: Table) -> None:
-            print_table(table, table, form)
-            if output is not None:
-                for file, (drawn, data) in _FIGURES[name](table).items():
-                    save(drawn, Path(output) / f"{file}.png" if file else output, data, typed())
-            if name in _BELOW and not form:
-                click.echo("\n".join(["", *_BELOW[name](table)]))
-
-        return measured(lambda: function(**asked, **settings), show, "this is what was measured before")
-
-    output = [_FOLDER if into_folder else TO_FIGURE] if name in _FIGURES else []
-    return documented(name, function, *FORMS, *output)(run)
-
-
-for _name, _function in _COMMANDS.items():
-    benchmark.add_command(_command(_name, _function))

@@ -17,9 +17,6 @@ import numpy as np
 from ..errors import FileError, InputError, Interrupted
 from ..present.table import Table
 
-#: what the name of a folder does not end in
-_FILES = (".png", ".svg", ".pdf", ".csv", ".npz", ".npy", ".html", ".json", ".txt", ".mat")
-
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 #: one of them for a table; the last one that is typed counts
 FORMS = (
@@ -110,16 +107,6 @@ def must_be_writable(path: str | None, *suffixes: str, option: str = "--output")
         raise FileError(f"{path}: the folder {folder} does not exist")
     if not os.access(path if os.path.exists(path) else folder, os.W_OK):
         raise FileError(f"{path}: cannot be written (Permission denied)")
-
-
-def make_folder(path: str) -> None:
-    """Make the folder now, before the work. Raises FileError."""
-    if Path(path).suffix.lower() in _FILES:
-        raise FileError(f"{path}: ends as a file does; several are written, and the name of a folder was expected")
-    try:
-        Path(path).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be made a folder: {error.strerror}") from None
 
 
 def _in_json(value: Any) -> str:

@@ -26,9 +26,8 @@ class ColdActiveSet(ForeignSolver):
 
     name = "active set, cold"
     forms = ("mpec",)
-    asked_by = ("race", "benchmark")
+    asked_by = ("race",)
     # its tolerance is of Res itself, if in other units
-    ladder = (1e-8, 1e-10, 1e-12)
 
     def why_not(self, target: Target) -> str | None:
         return super().why_not(target) if target.problem.psi.is_constant else "psi is not constant"

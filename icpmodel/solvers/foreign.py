@@ -62,9 +62,9 @@ class ForeignSolver(Shown, ABC):
       this package that brings it;
     - `forms`, the formulations that it can take, best first, of "energy" and "gap" (convex QPs) and "mpec" (as it
       stands; see `icpmodel.solvers.formulations`);
-    - `asked_by`, who asks it where no solvers are named, of "crosscheck", "race" and "benchmark";
-    - `tight`, the tolerances that a cross-check asks for, the next one where it does not claim success, and `ladder`,
-      those that a benchmark asks for until the answer is good enough; each solver takes them in its own sense;
+    - `asked_by`, who asks it where no solvers are named, of "crosscheck" and "race";
+    - `tight`, the tolerances that a cross-check asks for, the next one where it does not claim success; each solver
+      takes them in its own sense;
     - `largest`, the n beyond which it is not asked, or None, and `too_large`, what would happen there; with `size`
       another number counts instead of n.
 
@@ -82,9 +82,8 @@ class ForeignSolver(Shown, ABC):
     package: ClassVar[str | None] = None
     extra: ClassVar[str | None] = None
     forms: ClassVar[tuple[str, ...]] = ("energy", "gap")
-    asked_by: ClassVar[tuple[str, ...]] = ("crosscheck", "race", "benchmark")
+    asked_by: ClassVar[tuple[str, ...]] = ("crosscheck", "race")
     tight: ClassVar[tuple[float, ...]] = (1e-10,)
-    ladder: ClassVar[tuple[float, ...]] = tuple(10.0**-k for k in range(3, 13))
     largest: ClassVar[int | None] = None
     too_large: ClassVar[str] = "it takes minutes"
 
@@ -193,8 +192,8 @@ def foreign_solvers() -> dict[str, ForeignSolver]:
 def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | None = None) -> list[ForeignSolver]:
     """The solvers that are meant, each once.
 
-    Parameters: `solvers` names, or objects of one's own; None for all that `asker`, "crosscheck", "race" or
-    "benchmark", asks of itself. Raises InputError for an unknown name, with the known ones.
+    Parameters: `solvers` names, or objects of one's own; None for all that `asker`, "crosscheck" or "race",
+    asks of itself. Raises InputError for an unknown name, with the known ones.
 
     >>> [solver.name for solver in icp.solvers.chosen_solvers(["osqp", "osqp"])]
     ['osqp']

@@ -19,7 +19,6 @@ class Highs(ForeignSolver):
 
     name, package = "highs", "highspy"
     asked_by = ("race",)
-    ladder = tuple(10.0**-k for k in range(3, 11))
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         import highspy

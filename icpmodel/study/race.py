@@ -26,7 +26,7 @@ from ..solve.goal import RTOL
 from ..solve.progress import status_line
 from ..solvers.foreign import ForeignSolver, chosen_solvers
 from .cases import Case, fresh, unbroken
-from .competitors import Competitor, Entry, Foreign, Own, limits, own_methods
+from .competitors import Competitor, Entry, Foreign, Limit, Own, own_methods
 from .timing import clocked, interleaved, machine, timed
 
 #: the tolerances that each competitor is asked for
@@ -78,7 +78,7 @@ class Race(Plotted, Tabular):
             said = (one.error, one.residual, one.claim, "wrong" if one.wrong else "")
             rows.append((one.name, one.kind, one.tolerance, *times, *said))
         if self.limit is not None:
-            rows.append(("PyAMG, one solve", "limit", RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
+            rows.append((Limit.name, Limit.kind, RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
         return Table(self.title, (*heads, self.measure, "Res(z) / Res(0)", "claim", "is"), tuple(rows))
 
     def notes(self) -> list[str]:
@@ -183,7 +183,7 @@ def race(
             measure, error = _measure(case, z_exact)
             found = replace(found, measure=measure)
             say("one linear solve")
-            linear = partial(limits()[-1].run, case, RTOL, limit)
+            linear = partial(Limit().run, case, RTOL, limit)
             if linear().solved:
                 measured = timed({"solve": lambda: linear().seconds}, repeats, warm=False)
                 found = replace(found, limit=measured.median("solve"))

@@ -12,10 +12,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from ..numerics.arrays import Vector, as_number
-
-#: short runs are timed in up to so many times as many rounds, while all of them take less than so many seconds
-MORE, BRIEFLY = 7, 2.0
+from ..numerics.arrays import Vector
 
 Name = TypeVar("Name", bound=Hashable)
 Run = TypeVar("Run")
@@ -58,21 +55,17 @@ def interleaved(
     *,
     most: int = 0,
     within: float = 0.0,
-    brief: Mapping[Name, bool] | None = None,
     say: Callable[[int], None] = lambda done: None,
 ) -> Iterator[tuple[Name, Run]]:
     """(name, run) of all `calls`, `rounds` times in turn, each round beginning with another one.
 
-    While all of them took less than `within` seconds, there are up to `most` rounds. A call that is `brief` is slower
-    after another code than after itself: it is run twice, and the second run counts. `say` is told the round, from 1.
+    While all of them took less than `within` seconds, there are up to `most` rounds. `say` is told the round, from 1.
     """
     names, begin, done = list(calls), time.perf_counter(), 0
     while names and (done < rounds or (done < most and time.perf_counter() - begin < within)):
         first, done = done % len(names), done + 1
         say(done)
         for name in names[first:] + names[:first]:
-            if brief and brief[name]:
-                calls[name]()
             yield name, calls[name]()
 
 
@@ -101,11 +94,6 @@ def timed(
             call()
     runs = list(interleaved(calls, rounds, most=most, within=within))
     return Timings({name: np.array([seconds for one, seconds in runs if one == name]) for name in calls})
-
-
-def as_repeats(repeats: int) -> int:
-    """How many pairs of timings: below three a median says nothing. Raises InputError."""
-    return int(as_number(repeats, "repeats", least=3, whole=True))
 
 
 def spread(ratios: Vector) -> tuple[float, float, float]:

@@ -154,7 +154,6 @@ def test_whole_numbers_may_have_an_exponent(capsys):
         (["race", "membrane", "--solver", "osq"], {"osqp", "osqp, not polished"}),
         (["stability", "rel"], {"relaxation"}),
         (["stability", "units", "memb"], {"membrane"}),
-        (["benchmark", "memory", "memb"], {"membrane"}),
         (["scenes", "memb"], {"membrane"}),
         (["solve", "./A"], {"./A"}),
         (["solve", "--polish", "--upp"], {"--upper"}),
@@ -368,7 +367,6 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["solve", "membrane", "-o", "answer.txt"], "ends in .npz, .npy or .csv"),
         (["solve", "membrane", "-o", ""], "--output is empty"),
         (["solve", "membrane", "--save-problem", "p.mat"], "p.mat: a file whose name ends in .npz was expected"),
-        (["benchmark", "peers", "-o", "peers.png"], "peers.png: ends as a file does"),
         (["stability", "unit"], "did you mean units?"),
         (["report", "membrane", "-o", "page.pdf"], "ends in .html"),
         (["solve", "membrane", "-o", "no/such/answer.npz"], "the folder no/such does not exist"),
@@ -386,10 +384,8 @@ def test_a_size_the_scene_cannot_have_is_noted(capsys):
         (["crosscheck", "hand-lcp", "--solver", "osqb"], "did you mean osqp?"),
         (["scenes", "moon"], "there is no scene 'moon'"),
         (["scenes", "dividends"], "did you mean dividend?"),
-        (["benchmark", "order", "manufactured-affine", "--n", "4", "--n", "9"], "has no grid"),
-        (["benchmark", "order", "dividend", "--n", "61", "--n", "61"], "at least two different ones"),
         (["solve", "membrane", "--set", "name=3"], "membrane has no parameter 'name'"),
-        (["benchmark", "sweep", "--repeats", "1"], "repeats is 1"),
+        (["race", "hand-lcp", "--repeats", "0"], "repeats is 0"),
     ],
 )
 def test_errors_are_one_line_on_standard_error(capsys, arguments, words):
@@ -401,27 +397,11 @@ def test_errors_are_one_line_on_standard_error(capsys, arguments, words):
     assert words in err
 
 
-@pytest.mark.parametrize(
-    "arguments", [[], ["solve"], ["crosscheck"], ["scenes"], ["benchmark"], ["benchmark", "sweep"]]
-)
+@pytest.mark.parametrize("arguments", [[], ["solve"], ["crosscheck"], ["scenes"], ["race"]])
 def test_help_explains_every_command(capsys, arguments):
     code, out, _ = call(capsys, *arguments, "--help")
     assert code == 0
     assert "Usage: icpmodel" in out
-
-
-def test_benchmark_prints_tables_and_csv(capsys):
-    asked = ("benchmark", "members", "bai-symmetric,mu=4", "--m", "10", "--method", "mnmsor,theta1=1.1", "--phi", "1")
-    assert "m = 10" in call(capsys, *asked)[1]
-    out = call(capsys, *asked, "--latex")[1]
-    assert out.startswith("\\begin{table}\n")
-    assert "\nMNMSOR(theta1=1.1, phi=1) & IT & 18 \\\\\n& CPU & " in out
-    assert call(capsys, *asked, "--latex", "--csv")[1].startswith("problem,method,,m = 10\n")
-    code, out, _ = call(capsys, "benchmark", "sweep", "--n", "400", "--repeats", "3", "--csv")
-    assert code == 0
-    assert out.splitlines()[0].startswith("method,n,")
-    assert len(out.splitlines()) == 4
-    assert "V(1)" in call(capsys, "benchmark", "order", "dividend", "--n", "61", "--n", "121")[1]
 
 
 METHOD = """
@@ -518,38 +498,6 @@ def test_solve_to_an_accuracy_and_polish(capsys):
     assert "give accuracy alone" in err
 
 
-def test_benchmark_modelling(capsys):
-    code, out, _ = call(capsys, "benchmark", "modelling", "--cvxpy-n", "16", "--pyomo-n", "9", "--csv")
-    assert code == 0
-    assert [line.split(",")[:3] for line in out.splitlines()[1:]] == [
-        ["CVXPY", "fixed obstacle", "16"],
-        ["Pyomo", "fixed obstacle", "9"],
-        ["Pyomo", "affine psi", "9"],
-        ["Pyomo", "nonlinear psi", "9"],
-    ]
-
-
-def test_benchmark_dominant_impulse_and_small(capsys):
-    for command, options in (
-        ("dominant", ["--n", "100"]),
-        ("impulse", ["--n", "61"]),
-        ("small", ["--n", "8", "--k", "2"]),
-    ):
-        code, out, _ = call(capsys, "benchmark", command, *options, "--repeats", "3", "--csv")
-        assert code == 0
-        assert len(out.splitlines()) == (10 if command == "small" else 2)
-
-
-def test_benchmark_bounds_certificate_and_limit(capsys):
-    code, out, _ = call(capsys, "benchmark", "bounds", "--n", "16", "--trials", "1", "--csv")
-    assert code == 0
-    assert out.startswith("scene,n,z,")
-    for command in ("certificate", "limit"):
-        code, out, _ = call(capsys, "benchmark", command, "--n", "400", "--repeats", "3")
-        assert code == 0
-        assert "linear solve" in out
-
-
 def test_stability_prints_counts_and_writes_figure_and_data(capsys, tmp_path):
     target = tmp_path / "map.png"
     code, out, err = call(capsys, "stability", "units", "--points", "3", "--n", "9", "-o", str(target))
@@ -589,18 +537,6 @@ def test_a_race_is_printed_and_written(capsys, tmp_path):
     assert target.exists()
     assert target.with_suffix(".csv").read_text().startswith("# icpmodel")
     assert call(capsys, "race", "hand-lcp", "--solver", "nonsense")[0] == 2
-
-
-def test_every_measurement_is_a_command(capsys):
-    """What the README tells to type is there: each has a help page with a sentence of its own."""
-    names = "bounds certificate choice constants derivative distributed"
-    names += " distributed-counts distributed-model dominant impulse limit members memory modelling order"
-    names += " peers programs small sweep tuning"
-    listed = call(capsys, "benchmark", "--help")[1]
-    assert [line.split()[0] for line in listed.split("Commands:")[1].splitlines() if line.strip()] == names.split()
-    code, out, _ = call(capsys, "benchmark", "memory", "membrane", "--n", "400", "--csv")
-    assert code == 0
-    assert out.splitlines()[1].startswith("membrane,400,accelerated,")
 
 
 @pytest.mark.parametrize("command", [["race", "--repeats", "1", "-o", "q.png"], ["crosscheck", "--csv", "q.csv"]])

@@ -39,7 +39,6 @@ ROOMS = [
     "modelling",
     "distributed",
     "study",
-    "benchmarks",
     "cli",
     "__main__",
 ]
@@ -254,7 +253,7 @@ def test_solving_loads_numba_only():
     assert loaded_by("import icpmodel as icp; icp.scenes.hand_lcp().problem.solve()") & HEAVY == {"numba"}
 
 
-@pytest.mark.parametrize("room", ["solvers", "crosscheck", "study", "benchmarks"])
+@pytest.mark.parametrize("room", ["solvers", "crosscheck", "study"])
 def test_the_rooms_of_foreign_solvers_load_them_at_first_use(room):
     assert loaded_by(f"import icpmodel.{room}") & HEAVY == set()
 

@@ -90,7 +90,7 @@ def test_a_plane_is_the_same_there(name):
 
 
 def test_every_public_name_is_found_there():
-    for name in set(dir(icp)) - {"study", "benchmarks", "methods", "scenes", "solvers", "theory"}:
+    for name in set(dir(icp)) - {"study", "methods", "scenes", "solvers", "theory"}:
         if not name.startswith("_") and callable(getattr(icp, name)):
             assert again(getattr(icp, name)) is getattr(icp, name)
     assert all(repr(again(icp.methods.named(name))) == repr(icp.methods.named(name)) for name in icp.methods.names())

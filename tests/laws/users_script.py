@@ -92,7 +92,6 @@ assert_type(icp.report(solution, title="mine"), str)
 assert_type(problem.report(title="mine"), str)
 assert_type(race.table(), Table)
 assert_type(race.table().to_latex(), str)
-assert_type(icp.benchmarks.member_runs(["bai-symmetric"], [10], methods=["mnmgs,phi=1", icp.MNMJ()]), Table)
 race.plot("race.pdf")
 race.to_dataframe()
 solution.plot(Path("z.png"), points=z0)
@@ -105,7 +104,7 @@ assert_type(derivative.certain, bool)
 axes: Any = icp.study.figure(solution).axes
 problem.stability().plot(ax=axes[0])
 
-# the gallery, theory, foreign solvers, benchmarks
+# the gallery, theory, foreign solvers
 scene = icp.scenes.membrane(n=900, mu=4.0)
 assert_type(scene, icp.scenes.Scene)
 scene.plot(solution=solution)
@@ -117,7 +116,6 @@ assert_type(rows.local_rows(0, 9), icp.LocalRows)
 print(icp.distributed.by_rows(rows))
 assert_type(icp.theory.check("4.1", problem, icp.MNMGS()).holds, bool | None)
 assert_type(icp.solvers.foreign_solvers()["osqp"], icp.solvers.ForeignSolver)
-assert_type(icp.benchmarks.benchmark(["membrane"], [100]), Table)
 
 # modelling languages and files
 z = cp.Variable(2)

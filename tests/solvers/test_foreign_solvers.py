@@ -99,7 +99,6 @@ def test_every_solver_of_the_room_is_found_by_name_and_asked_by_those_that_it_na
 
     through = {name for name in NAMES if name.startswith(("cvxpy", "pyomo"))}
     assert asked("crosscheck") == {"osqp", "ipopt", "path", *through}
-    assert asked("benchmark") == {"osqp", "clarabel", "piqp", "scs", "active set, cold", "path"}
     assert asked("race") == {*NATIVE} - {"ipopt"}
 
 

@@ -9,11 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.benchmarks import memory
-from icpmodel.present.table import Table
 from icpmodel.solvers import Claim, ForeignSolver
 from icpmodel.study.charts.figures import save
-from icpmodel.study.charts.table_charts import profile_figure, profiles
 from icpmodel.study.competitors import Entry
 from icpmodel.study.race import Race
 
@@ -243,56 +240,10 @@ def test_wrong_wishes_are_named(arguments, words):
         icp.race(BAI.problem, **arguments)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("membrane", [9]), "scenes is 'membrane'; a list"),
-        ((["nonsense"], [9]), "^there is no scene 'nonsense'"),
-        ((["membrane"], [0]), "^sizes is 0"),
-        ((["membrane"], [9], "nonsense"), "^method is 'nonsense'"),
-    ],
-)
-def test_wrong_wishes_of_memory_are_named_before_a_process_starts(arguments, words):
-    with pytest.raises(icp.InputError, match=words):
-        memory(*arguments)
-
-
 @pytest.mark.parametrize("path", [5, ""])
 def test_a_figure_needs_a_file_name(path):
     with pytest.raises(icp.InputError, match="a file name was expected"):
         icp.race(BAI.problem, [], [], tolerances=[0.1], repeats=1).plot(path)
-
-
-def test_memory_is_measured_in_a_process_of_its_own():
-    (row,) = memory(["membrane"], [10_000]).rows
-    name, n, method, size, peak, ratio, note = row
-    assert (name, n, method in icp.methods.names(), note) == ("membrane", 10_000, True, "")
-    assert size == pytest.approx((49_600 * 12 + 10_001 * 4) / 2**20)
-    assert peak > 0
-    assert ratio == pytest.approx(peak / size)
-    with pytest.raises(icp.InputError, match="there is no scene"):
-        memory(["nonsense"], [10])
-
-
-HEADS = ("scene", "n", "method", "kind", "time, s")
-
-
-def test_a_profile_is_the_share_of_problems_within_a_factor_of_the_best():
-    """Two problems; x is the best on one and fails on the other, y is solved on both, the limit does not count."""
-    rows = (
-        ("a", 4, "solve()", "solve", 4.0),
-        ("a", 4, "x", "own", 2.0),
-        ("a", 9, "solve()", "solve", 3.0),
-        ("a", 9, "x", "own", None),
-        ("a", 9, "PyAMG, one solve", "limit", 0.1),
-        ("b", 9, "x", "own", None),
-    )
-    found = profiles(Table("", HEADS, rows))
-    assert {name: factors.tolist() for name, factors in found.items()} == {"solve()": [1.0, 2.0], "x": [1.0, np.inf]}
-    (axes,) = profile_figure(Table("", HEADS, rows)).axes
-    drawn = {line.get_label(): line for line in axes.lines}
-    assert drawn["x"].get_ydata()[-1] == 0.5
-    assert drawn["solve()"].get_ydata()[-1] == 1.0
 
 
 def entry(name, seconds, residual=1e-9, tolerance=1e-8):

@@ -36,12 +36,6 @@ def test_a_first_run_that_compiles_does_not_count():
     assert taken.seconds["x"].tolist() == [1.0, 1.0]
 
 
-def test_of_a_brief_call_the_second_run_counts():
-    calls = {"brief": told([], "brief", 9.0, 1.0, 9.0, 2.0), "long": told([], "long", 5.0, 6.0)}
-    runs = [(name, seconds) for name, seconds in interleaved(calls, 2, brief={"brief": True, "long": False})]
-    assert runs == [("brief", 1.0), ("long", 5.0), ("long", 6.0), ("brief", 2.0)]
-
-
 def test_short_calls_are_run_in_more_rounds():
     assert len(list(interleaved({"x": told([], "x", *[0.0] * 9)}, 2, most=7, within=60.0))) == 7
     assert len(list(interleaved({"x": told([], "x", *[0.0] * 9)}, 2, most=7, within=0.0))) == 2

@@ -1,1 +1,1 @@
-"""How studies and benchmarks are drawn."""
+"""How studies are drawn."""

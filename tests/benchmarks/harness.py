@@ -1,0 +1,78 @@
+"""What the benchmarks share: fresh problems, scenes by their text, one linear solve, and pairs of timings."""
+
+import inspect
+import time
+from functools import partial
+
+import numpy as np
+import scipy.sparse as sp
+
+import icpmodel as icp
+from icpmodel.study.timing import clocked, timed
+
+
+def fresh(problem):
+    """The problem, of which nothing is known yet."""
+    return icp.ICP(problem.A, problem.q, problem.psi)
+
+
+def scene(text, n):
+    """The scene NAME or NAME,PARAMETER=NUMBER with about `n` unknowns, if it has a size."""
+    has_size = "n" in icp.scenes.parameters(text.partition(",")[0])
+    return icp.scenes.scene(text, n if has_size else None)
+
+
+def on_new(problem, call):
+    """A timed `call` of the problem, each time of a new object."""
+    return clocked(call, partial(fresh, problem))
+
+
+def linear_solve(A, b):
+    """Solve Ax = b to 1e-8 by PyAMG: Ruge–Stüben with CG, or BiCGSTAB where A is not symmetric, set-up included."""
+    import pyamg
+
+    symmetric = abs(A - A.T).sum() == 0
+    hierarchy = pyamg.ruge_stuben_solver(sp.csr_matrix(A))
+    return hierarchy.solve(b, tol=1e-8, maxiter=100, accel="cg" if symmetric else "bicgstab")
+
+
+def pair(ours, other, repeats, unit=1.0):
+    """Medians of two timed calls in turn, then the median, lowest and highest ratio, pair by pair."""
+    return compared(timed({"ours": ours, "other": other}, repeats), "ours", "other", unit)
+
+
+def compared(taken, ours, other, unit=1.0):
+    """The same of two of the calls of `taken`."""
+    return taken.median(ours, unit), taken.median(other, unit), *taken.ratio(ours, other)
+
+
+def relaxed(problem, omega):
+    """MNMAOR with X = 2(D/ω − L) and Ω = (2 − ω)D."""
+    share = 2.0 - omega
+    theta1 = 1.0 / (2.0 / omega - share)
+    return icp.MNMAOR(theta1=theta1, theta2=2.0 * theta1, phi2=share * problem.A.diagonal())
+
+
+def affine(problem):
+    """The problem on a square grid with a quarter of each of two neighbours added to its fixed obstacle."""
+    m = int(np.sqrt(problem.n))
+    G = sp.kron(sp.eye_array(m), sp.diags_array([0.25, 0.25], offsets=[-1, 1], shape=(m, m)))
+    return problem.with_psi(icp.Affine(G, problem.psi.value(problem.q)))
+
+
+def elementwise(problem, steep):
+    """The problem with `steep`·sin(z_i) added to its fixed obstacle."""
+    c = problem.psi.value(problem.q)
+    psi = icp.Elementwise(lambda z: steep * np.sin(z), lambda z: steep * np.cos(z), lipschitz=steep, c=c)
+    return problem.with_psi(psi)
+
+
+def run(problem, method, **limits):
+    """Seconds of one solve of a new object, by a method or a function that makes it of the problem; the solution."""
+    new = fresh(problem)
+    begin = time.perf_counter()
+    made = method(new) if inspect.isfunction(method) else method
+    solution = new.solve(made, raise_on_failure=False, **limits)
+    if solution.status is icp.Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return time.perf_counter() - begin, solution
