@@ -6,7 +6,8 @@ python docs/record.py benchmarks.md --only limit --only memory
 python docs/record.py examples              all scripts of examples/, for the gallery
 python docs/record.py membrane.py           one of them
 
-A command is the line that begins with "$ " in a block of the kind "console"; it runs in a shell, in an empty folder.
+A command is the line that begins with "$ " in a block of the kind "console"; it runs in a shell, in a folder that has
+nothing but tests/.
 """
 
 import argparse
@@ -41,6 +42,7 @@ def recorded(text, words=()):
             return block[0]
         print("$", block["command"], flush=True)
         with tempfile.TemporaryDirectory() as folder:
+            Path(folder, "tests").symlink_to(DOCS.parent / "tests")
             output = printed(["bash", "-c", block["command"]], folder)
         return f"```console\n$ {block['command']}\n{output}```"
 
