@@ -118,6 +118,32 @@ def test_one_that_exceeds_its_time_is_not_asked_for_more():
     assert asked == [1e-2]
 
 
+def test_an_answer_is_judged_in_the_units_of_the_problem():
+    problem = icp.ICP([[2e80, 0.0], [0.0, 2e80]], [-1e160, 1e160])
+    found = icp.race(problem, [], ["active set, cold"], tolerances=[1e-8], repeats=1)
+    assert {one.name: one.residual < 1e-8 for one in found.entries} == {"solve()": True, "active set, cold": True}
+
+
+def test_a_linear_solve_that_fails_is_no_limit():
+    singular = icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [-1.0, 2.0])
+    assert icp.race(singular, [], [], tolerances=[0.1], repeats=1).limit is None
+
+
+@pytest.mark.parametrize("z", [None, [np.nan, 0.0], [0.5], "text"])
+def test_what_is_no_z_is_no_answer(z):
+    class Odd(ForeignSolver):
+        name, asked_by = "odd", ()
+
+        def set_up(self, target, tolerance, time_limit):
+            return None
+
+        def run(self, model):
+            return Claim(z, "optimal", True)
+
+    found = icp.race(icp.scenes.hand_lcp(), [], [Odd()], tolerances=[0.1], repeats=1)
+    assert [one.residual for one in found.entries if one.name == "odd"] == [None]
+
+
 def test_what_cannot_take_part_is_left_out_with_the_reason():
     found = icp.race(icp.scenes.dividend(n=31).problem, ["lemke", "newton"], ["osqp"], tolerances=[1e-4], repeats=1)
     assert dict(found.skipped).keys() == {"lemke", "osqp"}
