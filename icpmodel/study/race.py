@@ -185,8 +185,8 @@ def race(
             say("one linear solve")
             linear = partial(Limit().run, case, RTOL, limit)
             if linear().solved:
-                measured = timed({"solve": lambda: linear().seconds}, repeats, warm=False)
-                found = replace(found, limit=measured.median("solve"))
+                seconds = timed({"solve": lambda: linear().seconds}, repeats, warm=False)["solve"]
+                found = replace(found, limit=float(np.median(seconds)))
             for entry in _run(case, entered, sorted(asked, reverse=True), repeats, limit, error, say):
                 entries[entry.name, entry.tolerance] = entry
             for one in entered:
@@ -234,7 +234,7 @@ def _run(
         say(f"{one.name}: warming up")
         one.run(case, asked[0], limit)  # imports and compiles
     built = timed({one.name: clocked(partial(one.build, case)) for one in entered}, _BUILDS, warm=False)
-    builds = {one.name: built.median(one.name) for one in entered}
+    builds = {name: float(np.median(seconds)) for name, seconds in built.items()}
     enough = dict.fromkeys(builds, 1.0)  # tolerances from this one on need no run of their own, 0 for none at all
     again, entries = {}, {}
     for tolerance in asked:

@@ -26,16 +26,16 @@ def measured(name, **options):
     module = import_module(f"benchmarks.{name}")
     rows = module.table(**options)
     heads = next(rows)
-    found = []
+    printed = []
     try:
         for row in rows:
-            found.append(row)
+            printed.append(row)
             if sys.stderr.isatty():
                 print(*row[:3], file=sys.stderr)
     except KeyboardInterrupt:
         print("interrupted: the rows so far", file=sys.stderr)
     title = module.__doc__.partition("\n")[0].rstrip(".")
-    table = Table(f"{title} ({machine()})", heads, tuple(found))
+    table = Table(f"{title} ({machine()})", heads, tuple(printed))
     return table, module.below(table) if hasattr(module, "below") else []
 
 
@@ -74,9 +74,9 @@ def main(arguments):
     parser.add_argument("names", nargs="+", choices=NAMES, metavar="NAME", help=", ".join(NAMES))
     parser.parse_args(names or arguments)
     for name in names:
-        asked = vars(parser_of(name).parse_args(arguments[first:]))
-        form = asked.pop("form")
-        table, lines = measured(name, **asked)
+        options = vars(parser_of(name).parse_args(arguments[first:]))
+        form = options.pop("form")
+        table, lines = measured(name, **options)
         made = {"csv": table.to_csv, "latex": table.to_latex, "text": table.__str__}
         print(made[form](), end="\n" if form == "text" else "")
         for line in lines if form == "text" else []:

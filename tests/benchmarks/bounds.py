@@ -40,11 +40,11 @@ def table(n=900, trials=10):
 
 def ratios(problem, exact, points):
     """Medians of the plain and of the sharp ratio, the lowest of all, the highest sharp one; None without a bound."""
-    found = []
+    both = []
     for z in points:
         bounds = [icp.error_bound(problem, z, sharp=sharp).value for sharp in (False, True)]
         if None in bounds:
             return (None,) * 4
-        found.append(np.array(bounds) / np.abs(z - exact).max())
-    plain, sharp = np.median(found, axis=0)
-    return float(plain), float(sharp), float(np.min(found)), float(np.max(found, axis=0)[1])
+        both.append(np.array(bounds) / np.abs(z - exact).max())
+    plain, sharp = np.median(both, axis=0)
+    return float(plain), float(sharp), float(np.min(both)), float(np.max(both, axis=0)[1])

@@ -41,6 +41,6 @@ def table(n=1_000_000, repeats=5):
     linear = clocked(partial(linear_solve, problem.A, np.ones(problem.n)))
     taken = timed({name: call for name, (_, call) in calls.items()} | {"linear": linear}, repeats)
     for name, (bound, _) in calls.items():
-        found = bound(problem)
-        decided = 1.0 - icp.theory.active_set(problem, z, found).undecided.mean()
-        yield problem.n, name, *compared(taken, name, "linear"), found.value / error, f"{100 * decided:.4g} %"
+        certified = bound(problem)
+        decided = 1.0 - icp.theory.active_set(problem, z, certified).undecided.mean()
+        yield problem.n, name, *compared(taken, name, "linear"), certified.value / error, f"{100 * decided:.4g} %"

@@ -9,7 +9,7 @@ from icpmodel.solvers import Target, ask, foreign_solvers
 from icpmodel.study.timing import timed
 
 from .families import drawn_sizes, family_names, problem_of
-from .harness import relaxed, run, scene
+from .harness import compared, relaxed, run, scene
 
 #: a proximal and an interior point method, operator splitting, an active set
 PEERS = ("piqp", "clarabel", "osqp", "highs")
@@ -21,12 +21,10 @@ OWN, PEER = 2.0, 1.5
 PATIENCE, LEAST = 3.0, 0.3
 #: who takes longer than so many times the best, and than so many seconds, is not timed again
 NEAR, BRIEF = 1.3, 0.01
-#: short runs are timed up to so many times as often, for so many seconds
-MORE, BRIEFLY = 7, 2.0
 GALLERY = "gallery-"
 
 
-def table(seed=1, families=(), low=100, high=10_000, count=1, most=60, time_limit=2.0, repeats=3, own=(), peers=PEERS):
+def table(seed=1, families=(), low=100, high=10_000, count=1, most=60, time_limit=2.0, repeats=7, own=(), peers=PEERS):
     """`solve()` against its best own method in hindsight and against QP solvers, on problems drawn anew.
 
     Own methods run at their default options, relaxed for the Jacobi radius, or with θ₁ chosen. Peers take part where
@@ -62,10 +60,10 @@ def table(seed=1, families=(), low=100, high=10_000, count=1, most=60, time_limi
 
 
 def named(beginnings):
-    asked = tuple(one for one in beginnings if one.startswith("gallery"))
-    others = [one for one in beginnings if one not in asked]
-    found = [GALLERY + name for name in icp.scenes.names() if (GALLERY + name).startswith(asked)]
-    return [*(family_names(others) if others or not asked else []), *found]
+    of_scenes = tuple(one for one in beginnings if one.startswith("gallery"))
+    others = [one for one in beginnings if one not in of_scenes]
+    scenes = [GALLERY + name for name in icp.scenes.names() if (GALLERY + name).startswith(of_scenes)]
+    return [*(family_names(others) if others or not of_scenes else []), *scenes]
 
 
 def own_methods():
@@ -75,12 +73,12 @@ def own_methods():
         radius = min(problem.matrix.jacobi_radius, 1.0 - 1e-6)
         return 2.0 / (1.0 + np.sqrt(1.0 - radius**2))
 
-    found = {name: lambda problem, name=name: icp.methods.named(name) for name in icp.methods.names()}
-    found["psor, tuned"] = lambda problem: icp.PSOR(omega=omega(problem))
-    found["mnmaor, tuned"] = lambda problem: relaxed(problem, omega(problem))
+    makers = {name: lambda problem, name=name: icp.methods.named(name) for name in icp.methods.names()}
+    makers["psor, tuned"] = lambda problem: icp.PSOR(omega=omega(problem))
+    makers["mnmaor, tuned"] = lambda problem: relaxed(problem, omega(problem))
     for name in ("mnmaor", "mnmmod"):
-        found[f"{name}, auto"] = lambda problem, name=name: icp.methods.named(name, theta1="auto")
-    return found
+        makers[f"{name}, auto"] = lambda problem, name=name: icp.methods.named(name, theta1="auto")
+    return makers
 
 
 def contest(problem, makers, solvers, limit, repeats):
@@ -104,22 +102,20 @@ def contest(problem, makers, solvers, limit, repeats):
     for name, seconds in first.items():
         if seconds > max(NEAR * quickest, BRIEF):
             del calls[name]
-    asked = {solver.name: peer(problem, solver, min(limit, max(PATIENCE * mine, LEAST))) for solver in solvers}
-    calls |= {name: call for name, call in asked.items() if call is not None}
+    rivals = {solver.name: peer(problem, solver, min(limit, max(PATIENCE * mine, LEAST))) for solver in solvers}
+    calls |= {name: call for name, call in rivals.items() if call is not None}
     brief = {name: (lambda call=call: twice(call)[0]) for name, call in calls.items()}
-    taken = timed(brief, repeats, warm=False, most=MORE * repeats, within=BRIEFLY)
-    single = [name for name in makers if name in calls]
-    best = min(single, key=taken.median, default=None)
-    ratios = [taken.ratio("solve()", name)[0] if name in calls else None for name in (best, *asked)]
-    bad = [ratio is not None and ratio > (PEER if k else OWN) for k, ratio in enumerate(ratios)]
-    told = (best, None if best is None else taken.median(best))
-    return solution.method.name, taken.median("solve()"), *told, *ratios, "slow" if any(bad) else ""
+    taken = timed(brief, repeats, warm=False)
+    medians = {name: float(np.median(seconds)) for name, seconds in taken.items()}
+    best = min((name for name in makers if name in calls), key=medians.get, default=None)
+    ratios = [compared(taken, "solve()", name)[2] if name in calls else None for name in (best, *rivals)]
+    return solution.method.name, medians["solve()"], best, medians.get(best), *ratios, ""
 
 
 def twice(call):
     """(seconds, answer) of a call; where it is short, of a second one, as the first compiles and has cold caches."""
-    found = call()
-    return found if found[0] > 1.0 else call()
+    first = call()
+    return first if first[0] > 1.0 else call()
 
 
 def peer(problem, solver, limit):
@@ -141,13 +137,13 @@ def below(table):
     """The ratios, by which kind of method, and what was not solved, in sentences."""
     rows = table.records()
     for head in ("ratio", *(head for head in table.heads if head.startswith("to "))):
-        found = sorted((row[head], f"{row['family']}, n = {row['n']}") for row in rows if row[head] is not None)
+        cases = sorted((row[head], f"{row['family']}, n = {row['n']}") for row in rows if row[head] is not None)
         against = "the best own method" if head == "ratio" else head.removeprefix("to ")
-        if found:
+        if cases:
             bound = OWN if head == "ratio" else PEER
-            ratios = np.array([ratio for ratio, _ in found])
-            worst = f"worst {ratios[-1]:.2f} ({found[-1][1]})"
-            above = f"above {bound:g} in {int((ratios > bound).sum())} of {len(found)} cases"
+            ratios = np.array([ratio for ratio, _ in cases])
+            worst = f"worst {ratios[-1]:.2f} ({cases[-1][1]})"
+            above = f"above {bound:g} in {int((ratios > bound).sum())} of {len(cases)} cases"
             yield f"{against}: median {np.median(ratios):.2f}, {worst}, {above}"
     kinds = Counter(icp.methods.named(row["solve() by"]).family or "other" for row in rows if row["solve() by"])
     yield "solves by family of method: " + ", ".join(f"{k} {v / kinds.total():.0%}" for k, v in kinds.most_common())

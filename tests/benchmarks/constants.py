@@ -5,7 +5,6 @@ from itertools import islice
 
 import numpy as np
 import pyamg
-import scipy.linalg
 import scipy.sparse as sp
 from scipy.optimize import nnls
 
@@ -20,9 +19,9 @@ TOGETHER = 8
 def table(sizes=(100, 1_000, 10_000, 100_000), repeats=9):
     """What `solve()` counts an entry, a row, a multiplication for, and what they cost here, in nanoseconds.
 
-    Fitted to the times of products, sweeps, vector operations, sparse products and sums, dense factorisations and
-    hierarchies, with the least relative errors; a time is the least of all repeats. The other prices of the table
-    belong to steps inside the package, which no public call makes alone.
+    Fitted to the times of products, sweeps, vector operations, sparse products and sums, and hierarchies, with the
+    least relative errors; a time is the least of all repeats. The other prices of the table belong to steps inside
+    the package, which no public call makes alone.
 
     Parameters
     ----------
@@ -46,7 +45,7 @@ def least(call, repeats):
 
 
 def tasks(n):
-    """(how many units of each constant, the call), on a square grid, its square, and a dense matrix."""
+    """(how many units of each constant, the call), on a square grid and its square."""
     grid = icp.scenes.membrane(n=n, mu=0.01).problem.A
     for A in (grid, sp.csr_array(grid @ grid)):
         n, z = A.shape[0], np.ones(A.shape[0])
@@ -58,6 +57,3 @@ def tasks(n):
         yield {"sparse_flop": float(np.diff(A.indptr)[A.indices].sum())}, partial(A.__matmul__, A)
         yield {"built": 1, "built_entry": A.nnz}, partial(A.__add__, A)
     yield {"hierarchy": 1, "hierarchy_entry": grid.nnz}, partial(pyamg.ruge_stuben_solver, sp.csr_matrix(grid))
-    dense = grid[:1000, :1000].toarray()
-    k = dense.shape[0]
-    yield {"dense_entry": k**2, "dense_flop": k**3 / 3.0}, partial(scipy.linalg.lu_factor, dense)

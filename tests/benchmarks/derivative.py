@@ -7,9 +7,9 @@ from importlib.util import find_spec
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import clocked, middle, timed
+from icpmodel.study.timing import clocked, timed
 
-from .harness import compared, linear_solve, pair
+from .harness import compared, linear_solve, pair, warm
 
 
 def table(sizes=(10_000, 100_000, 1_000_000), layers=(400, 1600), repeats=5):
@@ -48,7 +48,7 @@ def table(sizes=(10_000, 100_000, 1_000_000), layers=(400, 1600), repeats=5):
             yield problem.n, name, other, *compared(taken, name, other)
     for n in layers if find_spec("cvxpylayers") else ():
         problem = icp.scenes.membrane(n=n).problem
-        times = pair(middle(partial(once, problem)), middle(layer(problem)), repeats)
+        times = pair(warm(partial(once, problem)), warm(layer(problem)), repeats)
         yield problem.n, "solve and adjoint", "cvxpylayers", *times
 
 

@@ -31,7 +31,7 @@ ENVIRONMENT = {
 #: a problem of so many unknowns is solved before anything is measured
 WARM = 400
 HEADS = ("scene", "n", "method", "ranks", "solve, s", "lowest", "highest", "iterations", "Krylov steps")
-MORE = ("memory a rank, MiB", "beyond the programs, MiB", "time / serial", "note")
+HEADS += ("memory a rank, MiB", "beyond the programs, MiB", "time / serial", "note")
 
 
 def table(
@@ -55,7 +55,7 @@ def table(
     """
     if not (find_spec("petsc4py") and find_spec("mpi4py") and which("mpiexec")):
         raise SystemExit("petsc4py, mpi4py and mpiexec are needed: docs/distributed.md says how to get them")
-    yield HEADS + MORE
+    yield HEADS
     for name in scenes:
         for n in sizes:
             keys = [("serial multilevel", 0), *(("distributed", one) for one in ranks)]
@@ -69,7 +69,7 @@ def table(
             for (method, count), many in runs.items():
                 good = [run for run in many if run["note"] == "solved"]
                 if not good:
-                    yield name, n, method, count or None, *[None] * (len(HEADS + MORE) - 5), many[-1]["note"]
+                    yield name, n, method, count or None, *[None] * 8, many[-1]["note"]
                     continue
                 seconds = [run["seconds"] for run in good]
                 times = np.median(seconds), min(seconds), max(seconds)
@@ -88,9 +88,9 @@ def launched(method, ranks, name, n, limit):
     environment = os.environ | {"PYTHONPATH": path} | (ENVIRONMENT | polite if ranks else {})
     command = [*start, sys.executable, "-m", "benchmarks.distributed", job]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-    told = done.stdout[done.stdout.find("{") : done.stdout.rfind("}") + 1]  # mpiexec may print something around it
-    if done.returncode == 0 and told:
-        return json.loads(told)
+    result = done.stdout[done.stdout.find("{") : done.stdout.rfind("}") + 1]  # mpiexec may print something around it
+    if done.returncode == 0 and result:
+        return json.loads(result)
     late = "Timeout (" in done.stderr
     errors = [line for line in done.stderr.splitlines() if "Error" in line]
     return {"note": f"not done in {limit:g} s" if late else (errors or ["killed"])[-1]}
@@ -108,9 +108,9 @@ def measured(make, solve, wait):
     problem = make(None)
     wait()
     begin = time.perf_counter()
-    told = solve(problem)
+    result = solve(problem)
     seconds = time.perf_counter() - begin
-    return told | {"n": problem.n}, {"seconds": seconds, "memory": peak(), "beyond": peak() - before}
+    return result | {"n": problem.n}, {"seconds": seconds, "memory": peak(), "beyond": peak() - before}
 
 
 def by_serial(problem):
@@ -157,17 +157,17 @@ def main(job):
     # what waits for another rank inside of MPI hears no signal
     faulthandler.dump_traceback_later(limit, exit=True)
     if method == "serial multilevel":
-        told, most = measured(lambda small: scene(name, small or n).problem, by_serial, lambda: None)
+        result, most = measured(lambda small: scene(name, small or n).problem, by_serial, lambda: None)
     else:
         from mpi4py import MPI
 
         comm = MPI.COMM_WORLD
         make = lambda small: icp.distributed.by_rows(icp.scenes.by_rows(name, small or n))  # noqa: E731
-        told, mine = measured(make, on_ranks if method == "distributed" else by_snesvi, comm.Barrier)
+        result, mine = measured(make, on_ranks if method == "distributed" else by_snesvi, comm.Barrier)
         most = {key: comm.allreduce(one, MPI.MAX) for key, one in mine.items()}
         if comm.rank:
             return
-    print(json.dumps(told | most))
+    print(json.dumps(result | most))
 
 
 if __name__ == "__main__":

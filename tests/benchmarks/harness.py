@@ -37,13 +37,28 @@ def linear_solve(A, b):
 
 
 def pair(ours, other, repeats, unit=1.0):
-    """Medians of two timed calls in turn, then the median, lowest and highest ratio, pair by pair."""
+    """The numbers of `compared` of two calls, timed in turn."""
     return compared(timed({"ours": ours, "other": other}, repeats), "ours", "other", unit)
 
 
 def compared(taken, ours, other, unit=1.0):
-    """The same of two of the calls of `taken`."""
-    return taken.median(ours, unit), taken.median(other, unit), *taken.ratio(ours, other)
+    """Medians of two of the calls of `taken`, then the median, lowest and highest ratio, pair by pair."""
+    ratios = taken[ours] / taken[other]
+    medians = (float(np.median(taken[name])) / unit for name in (ours, other))
+    return *medians, float(np.median(ratios)), float(ratios.min()), float(ratios.max())
+
+
+def warm(call, times=5, seconds=0.2):
+    """A timed `call`: the median of those in a row, so often and so long that its caches are warm."""
+
+    def run():
+        marks = [time.perf_counter()]
+        while len(marks) <= times or marks[-1] - marks[0] < seconds:
+            call()
+            marks.append(time.perf_counter())
+        return float(np.median(np.diff(marks)))
+
+    return run
 
 
 def relaxed(problem, omega):

@@ -89,5 +89,5 @@ def column(text, m, methods, atol, repeats):
             if found[k].solved:
                 calls[k] = clocked(partial(run, method=method, **limits), partial(fresh, problem))
     taken = timed(calls, repeats, warm=False)
-    cells = {k: (found[k].iterations, taken.median(k), found[k].residual) for k in calls}
+    cells = {k: (found[k].iterations, float(np.median(taken[k])), found[k].residual) for k in calls}
     return [cells.get(k, (None, None, None)) for k in range(len(methods))]

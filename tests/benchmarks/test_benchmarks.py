@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from benchmarks.__main__ import NAMES, main, measured
-from benchmarks.families import drawn, drawn_sizes, family_names
+from benchmarks.families import drawn, family_names
 
 #: the smallest that each can be asked for, its first heads, and the number of its rows
 SMALLEST = {
     "bounds": ({"n": 31, "trials": 1}, ("scene", "n", "z"), None),
     "certificate": ({"n": 100, "repeats": 1}, ("n", "bound", "s"), 3),
     "choice": ({"families": ("plate",), "low": 20, "high": 30, "most": 1, "own": ("psor",)}, ("family", "n"), 1),
-    "constants": ({"sizes": (100,), "repeats": 1}, ("constant", "in the table, ns"), 13),
+    "constants": ({"sizes": (100,), "repeats": 1}, ("constant", "in the table, ns"), 11),
     "derivative": ({"sizes": (100,), "layers": (), "repeats": 1}, ("n", "derivative"), 3),
     "distributed": ({"sizes": (900,), "ranks": (1, 2), "repeats": 1}, ("scene", "n", "method", "ranks"), 5),
     "limit": ({"sizes": (100,), "repeats": 1}, ("problem", "n", "method"), 7),
@@ -59,4 +59,3 @@ def test_a_family_draws_problems_with_a_solution_by_its_seed_alone(family):
     least = np.linalg.eigvalsh(A + A.T)[0] / abs(A).max()
     if not family.startswith(("convection", "graph-directed", "market-leontief", "option")):
         assert least > (-1e-12 if family.startswith(SEMIDEFINITE) else 0.0)
-    assert all(20 <= n <= 40 for n in drawn_sizes(family, 1, 20, 40, 2))

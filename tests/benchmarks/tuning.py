@@ -44,7 +44,7 @@ def table(scenes=(), n=900, repeats=5):
         steps = [None if method is None else solved_in(one, method)[1] for method in compared]
         calls = {k: partial(seconds_of, one, compared[k]) for k in range(5) if steps[k] is not None}
         taken = timed(calls, repeats, warm=False)
-        seconds = [taken.median(k, 1e-3) if k in calls else None for k in range(5)]
+        seconds = [1e3 * float(np.median(taken[k])) if k in calls else None for k in range(5)]
         yield name, one.problem.n, theta, omega, *steps, *seconds
 
 
