@@ -47,11 +47,6 @@ class TestEstimates:
             if method.why_not(problem) is None and (found := method.estimate(problem.facts, 1e-10)) is not None:
                 assert method.estimate(problem.facts, 1e-3).total <= found.total
 
-
-
-
-
-
     def test_every_method_that_may_be_picked_has_a_family(self):
         for name in methods.names():
             method = methods.named(name)
@@ -75,9 +70,6 @@ class TestFamilies:
                 solution, ran = solved_by(PROBLEMS[name], family=family)
                 assert solution.solved
                 assert {kind.family for kind in ran if kind is not ReducedTo} <= kinds
-
-
-
 
 
 class TestTheSameWay:
@@ -115,9 +107,3 @@ def test_every_family_of_the_generator_is_solved(family):
         solution = problem.solve(raise_on_failure=False)
         assert solution.solved, solution.message
         assert problem.residual(solution.z) <= solution.tolerance
-
-
-
-
-
-

@@ -97,15 +97,6 @@ def test_nobody_is_told_anything_unasked(capsys, notebook):
     assert (capsys.readouterr().err, notebook) == ("", [])
 
 
-def test_a_closed_log_does_not_end_a_run(monkeypatch):
-    clock, log = Clock(), io.StringIO()
-    monkeypatch.setattr("sys.stderr", log)
-    with progress_bar(True, clock) as bar:
-        clock.now = 2.0
-        log.close()
-        bar.update(1, 0.5, 1e-8)
-
-
 def test_the_logger_says_who_begins_and_why_how_he_ends_and_at_debug_who_else_was_considered(caplog):
     with caplog.at_level(logging.DEBUG, "icpmodel"):
         solution = icp.scenes.membrane(n=100).problem.solve()
@@ -119,8 +110,3 @@ def test_the_logger_says_who_begins_and_why_how_he_ends_and_at_debug_who_else_wa
     with caplog.at_level(logging.INFO, "icpmodel"):
         icp.solve_many([[2.0]], [[-2.0], [3.0]])
     assert caplog.messages == ["2 rows, n = 1: 2 are solved at once by Lemke(), the others one by one"]
-
-
-def test_the_package_has_no_handler_of_its_own_but_the_one_of_every_library():
-    assert [type(one) for one in logging.getLogger("icpmodel").handlers] == [logging.NullHandler]
-    assert logging.getLogger("icpmodel").level == logging.NOTSET

@@ -56,10 +56,6 @@ def landscape(m, seed, share=0.05):
     return icp.ICP(five_point(m, 0.0), q.ravel(), rng.uniform(-1.0, 1.0))
 
 
-
-
-
-
 def against_the_sweeps(n, near=-1.5, far=-0.5):
     """Upper triangular, z* = 1: the unknowns come in the order in which sweeps do not run, and errors grow before."""
     A = sp.csr_array(sp.diags_array([np.ones(n), np.full(n - 1, near), np.full(n - 2, far)], offsets=[0, 1, 2]))
@@ -81,7 +77,6 @@ class TestBlocks:
         assert solution.solved
         assert solution.problem is problem
         assert np.abs(solution.z - plain(problem)).max() <= 1e-6 * (1.0 + np.abs(solution.z).max())
-
 
     @pytest.mark.parametrize("seed", range(6))
     def test_rows_that_follow_one_by_one_are_exact(self, seed):
@@ -165,8 +160,6 @@ class TestBlocks:
         assert wider.core > found.core
         assert problem.solve(Reduced()).solved
 
-
-
     def test_no_solution_is_never_called_one(self):
         """A block without a solution, above others that have one."""
         A = np.eye(80)
@@ -185,14 +178,6 @@ class TestRest:
         assert solution.solved
         assert "rest on the obstacle" in repr(rows_at_rest(problem))
         assert np.abs(solution.z - problem.solve(Multilevel(), rtol=1e-11).z).max() <= 1e-6
-
-
-
-
-
-
-
-
 
 
 class TestTheRun:
@@ -224,15 +209,12 @@ class TestTheRun:
         assert stopped.residual == problem.residual(stopped.z) < problem.residual(np.zeros(problem.n))
         assert problem.solve(max_iter=1, raise_on_failure=False).iterations == 1
 
-
-
     def test_a_certified_error_is_that_of_the_whole_problem(self):
         A = np.tril(np.full((100, 100), -0.01), -1) + np.eye(100)
         solution = icp.ICP(A, np.linspace(-1.0, 1.0, 100)).solve(icp.Reduced(), accuracy=1e-9)
         assert repr(solution.method) == "Reduced()"
         assert solution.error_bound <= 1e-9
         assert solution.certificate.bound.componentwise.shape == (100,)
-
 
 
 def test_a_restricted_problem_has_the_p_and_r_of_the_whole_one():
@@ -245,12 +227,6 @@ def test_a_restricted_problem_has_the_p_and_r_of_the_whole_one():
         part = restricted(problem, rows, z)
         assert np.allclose(part.p(z[rows]), problem.p(z)[rows])
         assert np.allclose(part.r(z[rows]), problem.r(z)[rows])
-
-
-
-
-
-
 
 
 def exact_value(problem, y, low, high):
@@ -267,14 +243,8 @@ def exact_value(problem, y, low, high):
     return total
 
 
-
-
 class TestParts:
     """A part goes through the same run as a whole problem."""
-
-
-
-
 
     def test_the_limits_of_the_run_hold_inside_blocks(self):
         rng = np.random.default_rng(2)
@@ -317,11 +287,6 @@ class TestChains:
         assert np.abs(solution.z - plain(problem)).max() <= 1e-6 * (1.0 + np.abs(solution.z).max())
 
 
-
-
-
-
-
 class TestInfeasible:
     """A block without a solution is one of the whole, where that is proved of the whole; else nothing is claimed."""
 
@@ -339,7 +304,6 @@ class TestInfeasible:
         assert set(order[np.flatnonzero(y)]) == {0, 1}
         assert min(y) >= 0
         assert exact_value(problem, y, np.zeros(n), np.full(n, np.inf)) < 0
-
 
     @pytest.mark.parametrize("n", [3, 60, 80])
     @pytest.mark.parametrize(("b", "solvable"), [(-1.25, False), (-0.75, True), (-1.0, True)])
@@ -406,8 +370,6 @@ def solves(problem, free):
         bounds=[(0, None if is_free else 0) for is_free in free],
     )
     return found.status == 0
-
-
 
 
 def test_a_small_block_without_a_solution_behind_a_large_one():

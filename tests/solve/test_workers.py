@@ -43,14 +43,6 @@ def test_the_answers_are_those_without_workers_bit_by_bit(kind):
         assert repr(found[7].method) == repr(expected[7].method)
 
 
-def test_rows_in_compiled_code_stay_together_in_each_share():
-    B = RNG.normal(size=(64, 64))
-    large, Q = B @ B.T / 64 + np.eye(64), RNG.normal(size=(2500, 64))
-    found = icp.solve_many(large, Q, executor=TWO)
-    assert_same(found, icp.solve_many(large, Q))
-    assert "2500 problems that share A were solved in compiled code" in found[2400].why
-
-
 def test_the_share_of_a_worker_that_dies_is_done_again(tmp_path):
     psi = [workers.sine] * 40
     psi[20] = workers.dying(str(tmp_path / "died"))
