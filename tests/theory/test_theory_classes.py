@@ -9,11 +9,9 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import icpmodel as icp
-from icpmodel.errors import InputError
 from icpmodel.theory import p_matrix
 from icpmodel.theory.matrices import p_matrix as pmatrix
-from icpmodel.theory.matrices.classes import MatrixClasses, classify
+from icpmodel.theory.matrices.classes import classify
 from icpmodel.theory.matrices.h_matrix import row_sum_signs
 
 CYCLE = [[1, 0, 2], [2, 1, 0], [0, 2, 1]]
@@ -96,28 +94,25 @@ def check(A, complete=True):
     return c
 
 
+#: a matrix, and whether it is P, H, definite, semidefinite; the last ones have entries of extreme sizes
+KNOWN = [
+    (CYCLE, "Ps"),
+    ([[1.0, -1.0], [-1.0, 1.0]], "s"),  # singular, so no M, no P and not definite
+    ([[0.0, 1.0], [0.0, 0.0]], ""),
+    ([[-1.0, 0.5], [0.0, -2.0]], "H"),
+    ([[-1.0]], "H"),
+    ([[0.0]], "s"),
+    ([[5e-324]], "PHds"),
+    ([[1.7e308]], "PHds"),
+]
+
+
 class TestKnownMatrices:
-    def test_the_cyclic_matrix_is_p_and_nothing_that_would_show_it(self):
-        c = check(CYCLE)
-        assert (c.p.holds, c.h.holds, c.definite.holds, c.z.holds) == (True, False, False, False)
-        assert c.z.witness == (0, 2)
-
-    def test_two_rows_that_cancel(self):
-        """[1, −1; −1, 1]: singular, so no M, no P and not definite; semidefinite all the same."""
-        c = check([[1.0, -1.0], [-1.0, 1.0]])
-        assert (c.m.holds, c.p.holds, c.definite.holds, c.semidefinite.holds) == (False, False, False, True)
-        assert c.p.witness.tolist() == [0, 1]
-
-    def test_a_nilpotent_matrix(self):
-        c = check([[0.0, 1.0], [0.0, 0.0]])
-        assert (c.h.holds, c.p.holds, c.semidefinite.holds) == (False, False, False)
-        assert c.p.witness.tolist() == [0]
-        assert c.reducible.number == 2
-
-    def test_one_number(self):
-        for a in (-1.0, 0.0, 1.0, 5e-324, 1.7e308):
-            check([[a]])
-        assert not classify([[3.0]]).reducible.holds
+    @pytest.mark.parametrize(("A", "kinds"), KNOWN)
+    def test_small_ones(self, A, kinds):
+        c = check(A)
+        found = zip("PHds", (c.p, c.h, c.definite, c.semidefinite), strict=True)
+        assert "".join(letter for letter, answer in found if answer.holds) == kinds
 
     def test_laplacian_and_upwind(self):
         """Weak dominance with one strict row a block is enough; without a strict row the matrix is singular."""
@@ -172,20 +167,6 @@ class TestKnownMatrices:
         assert c.h.holds
         assert A.nnz == 4
 
-    def test_membrane_and_scenes(self):
-        c = classify(icp.scenes.membrane(n=900).problem.A)
-        assert all(getattr(c, name).holds for name in ("m", "p", "definite", "symmetric", "generalised_dominant"))
-
-    def test_a_negative_or_missing_diagonal(self):
-        c = check([[-1.0, 0.5], [0.0, -2.0]])
-        assert (c.h.holds, c.h_plus.holds, c.p.holds, c.h_plus.witness) == (True, False, False, 0)
-
-    def test_wrong_input_is_refused(self):
-        with pytest.raises(InputError, match="square"):
-            p_matrix([[1.0, 2.0]])
-        with pytest.raises(InputError, match="finite"):
-            classify([[np.nan]])
-
 
 class TestAgainstBruteForce:
     @pytest.mark.parametrize("n", [2, 3, 4, 5])
@@ -195,15 +176,6 @@ class TestAgainstBruteForce:
             A = rng.integers(-2, 3, size=(n, n)) + np.diag(rng.integers(0, 4, size=n))
             check(A.tolist())
             check((np.tril(A) + np.tril(A, -1).T).tolist())
-
-    @pytest.mark.parametrize("n", [3, 4, 5])
-    def test_z_matrices(self, n):
-        rng = np.random.default_rng(10 + n)
-        for _ in range(40):
-            A = -rng.integers(0, 3, size=(n, n)) * (rng.random((n, n)) < 0.6)
-            np.fill_diagonal(A, rng.integers(1, 6, size=n))
-            c = check(A.tolist())
-            assert c.p.holds is c.m.holds
 
     def test_matrices_that_are_p_and_not_h_plus(self):
         """Products of P-matrices 1 + skew and the like: the pivots have to do the work."""
@@ -243,14 +215,6 @@ class TestInvariance:
             if b.p.holds is False:
                 assert minor(scaled, b.p.witness) <= 0
 
-    def test_large_sparse_matrices_in_random_units(self):
-        rng = np.random.default_rng(6)
-        A = icp.scenes.membrane(n=400).problem.A
-        for sign in (1.0, -1.0):
-            B = A + sign * 0.1 * sp.eye_array(400)
-            D = [sp.diags_array(10.0 ** rng.uniform(-60, 60, size=400)) for _ in range(2)]
-            assert classify(D[0] @ B @ D[1]).h.holds is classify(B).h.holds is (sign > 0)
-
     def test_block_triangular_matrices_are_decided_block_by_block(self):
         """Beyond LIMIT rows, with huge entries between the blocks, in a random order."""
         rng = np.random.default_rng(7)
@@ -270,16 +234,6 @@ class TestInvariance:
         assert classify(good).reducible.number == 15
 
 
-def test_two_blocks_that_stay_open_leave_the_whole_open():
-    """n = 30, not H₊, not definite, no small minor ≤ 0."""
-    rng = np.random.default_rng(0)
-    A = np.eye(30) + 0.3 * np.triu(rng.normal(size=(30, 30)), 1) + 0.02 * rng.normal(size=(30, 30))
-    np.fill_diagonal(A, 1.0)
-    for found in (p_matrix(A), p_matrix(sp.block_diag([A, A]))):
-        assert found.holds is None
-        assert "beyond the exact test" in found.reason
-
-
 class TestSoundness:
     def test_one_unit_in_the_last_place_around_singularity(self):
         """Entries moved by one ulp from an exactly singular matrix: never a wrong answer, and here always one."""
@@ -294,16 +248,6 @@ class TestSoundness:
             np.fill_diagonal(Z, 0.0)
             np.fill_diagonal(Z, -Z.sum(axis=1))
             check(np.nextafter(Z, Z + rng.integers(-1, 2, size=(n, n))).tolist())
-
-    def test_dominance_on_the_edge(self):
-        """0.1 + 0.2 > 0.3 in floats; 0.3 − 0.1 − 0.2 is not 0 either: the sums are taken without rounding."""
-        rng = np.random.default_rng(9)
-        for _ in range(200):
-            off = rng.random(4)
-            d = np.nextafter(off.sum(), rng.choice([0.0, 1e3]))
-            A = np.eye(5) * 9
-            A[0] = [d, *off]
-            assert classify(A).dominant.holds is (Fraction(d) > sum(map(Fraction, off)))
 
     def test_extreme_magnitudes(self):
         for A in (
@@ -329,29 +273,6 @@ class TestSoundness:
         assert c.p.holds is (xy < -52)
         check(A.tolist())
 
-    @pytest.mark.parametrize("place", [(0, 0), (0, 1), (1, 0), (1, 1)])
-    def test_a_radius_in_any_place_reaches_the_last_pivot(self, place):
-        """1.05 − 1·1/1 is positive, and negative somewhere within ±0.1 of any entry."""
-        rad = np.zeros((2, 2))
-        rad[place] = 0.1
-        found, undecided = pmatrix.search_minors(np.array([[1.0, 1.0], [1.0, 1.05]]), rad, 4)
-        assert (found, undecided.tolist()) == (0, [3])
-
-    def test_both_radii_of_a_product_count(self):
-        """1.205 − (1 ± 0.1)² may be negative, and only just."""
-        rad = np.array([[0.0, 0.1], [0.1, 0.0]])
-        found, undecided = pmatrix.search_minors(np.array([[1.0, 1.0], [1.0, 1.205]]), rad, 4)
-        assert (found, undecided.tolist()) == (0, [3])
-
-    def test_overflow_is_undecided(self):
-        mid = np.array([[1.0, 1e200], [1e200, 1.0]])
-        assert pmatrix.search_minors(mid, np.zeros((2, 2)), 4)[0] == 0
-
-    def test_perrons_vector_spares_the_linear_solve(self):
-        answer = check([[1.0, -0.5, 0.0], [-3.0, 1.0, -3.0], [0.0, -0.5, 1.0]]).h
-        assert answer.holds is False
-        assert "Perron" in answer.reason
-
     def test_beyond_the_exact_test_the_answer_is_unknown_and_says_so(self):
         n = pmatrix.LIMIT + 5
         rng = np.random.default_rng(10)
@@ -375,20 +296,6 @@ class TestSoundness:
         assert answer.holds is False
         assert minor(A, answer.witness) <= 0
 
-    def test_definite_beyond_rational_arithmetic(self):
-        rng = np.random.default_rng(11)
-        B = rng.normal(size=(50, 50))
-        K = rng.normal(size=(50, 50))
-        good = B @ B.T + 0.1 * np.eye(50) + K - K.T
-        assert classify(good).definite.holds is True
-        assert p_matrix(good).holds is True
-        low = B[:, :40] @ B[:, :40].T + K - K.T
-        assert classify(low).definite.holds is None
-        bad = classify(low - 0.01 * np.eye(50))
-        assert bad.semidefinite.holds is False
-        x = [Fraction(e) for e in bad.semidefinite.witness]
-        assert sum(a * b for a, b in zip(x, times(rational(bad.A), x), strict=True)) < 0
-
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.lists(st.floats(-1.7e308, 1.7e308), min_size=1, max_size=5), min_size=1), st.data())
@@ -401,23 +308,3 @@ def test_the_signs_of_row_sums_are_those_of_fractions(rows, data):
     found = row_sum_signs(sp.csr_array((np.concatenate(mixed), columns, indptr), shape=(len(mixed), 10)))
     exact = [sum(map(Fraction, row)) for row in mixed]
     assert found.tolist() == [(x > 0) - (x < 0) for x in exact]
-
-
-def test_nothing_is_computed_that_is_not_asked_for():
-    classes = classify(CYCLE)
-    assert set(vars(classes)) == {"A"}
-    assert classes.triangular.holds is False
-    assert set(vars(classes)) == {"A", "triangular"}
-    assert isinstance(classes, MatrixClasses)
-
-
-def test_classify_leaves_its_argument_alone():
-    A = sp.csr_array((np.array([1.0, 0.0, 1.0]), [0, 1, 1], [0, 2, 3]), shape=(2, 2))
-    before = A.copy()
-    classes = MatrixClasses(A)
-    assert classes.p.holds
-    assert classes.definite.holds
-    assert classes.generalised_dominant.holds
-    assert (A.indices == before.indices).all()
-    assert (A.data == before.data).all()
-    assert A.nnz == 3

@@ -6,12 +6,14 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from exact import rational
+from known_answers import around, inverse
 
 import icpmodel as icp
 from icpmodel.numerics.arrays import as_csr
 from icpmodel.numerics.rational import curvature, rationals
 from icpmodel.theory.convergence.conditions import StepMatrices, theorem_43
-from icpmodel.theory.convergence.contraction import Comparison, MonotoneMap, absolute_inverse, radius
+from icpmodel.theory.convergence.contraction import absolute_inverse, radius
 from icpmodel.theory.convergence.rates import Rate, predicted_rate
 from icpmodel.theory.convergence.structural import contraction_factor
 from icpmodel.theory.convergence.theorems import check, check_all, holding, theorems
@@ -60,11 +62,8 @@ def random_case(seed):
     if rng.random() < 0.6:
         rows, columns = 10.0 ** rng.uniform(-2, 2, n), 10.0 ** rng.uniform(-2, 2, n)
         A, slope = rows[:, None] * A * columns, slope * columns / columns[:, None]
-    z, active = rng.normal(size=n), rng.random(n) < 0.5
-    p = np.where(active, rng.random(n) * np.abs(np.diag(A)), 0.0)
-    c = z - np.where(active, 0.0, rng.random(n)) - slope @ z
-    problem = icp.ICP(A, p - A @ z, icp.Affine(slope, c) if slope.any() else c)
-    return problem, z, random_member(rng, A), A, slope
+    z = rng.normal(size=n)
+    return around(rng, A, z, slope, np.abs(np.diag(A))), z, random_member(rng, A), A, slope
 
 
 def matrices(problem, member):
@@ -93,11 +92,11 @@ def spectral_radius(M):
 
 
 class TestEveryTheoremIsTrue:
-    @pytest.mark.parametrize("block", range(5))
+    @pytest.mark.parametrize("block", range(2))
     def test_where_one_holds_every_error_matrix_contracts_and_the_iterates_obey_the_rate(self, block):
         counted = dict.fromkeys(theorems(), 0)
         del counted["rowwise"], counted["h-plus"]  # of the other degree of implicitness: test_theory_rowwise.py
-        for seed in range(500 * block, 500 * (block + 1)):
+        for seed in range(300 * block, 300 * (block + 1)):
             problem, exact, member, A, slope = random_case(seed)
             found = check_all(problem, member)
             for name in counted:
@@ -121,7 +120,7 @@ class TestEveryTheoremIsTrue:
                     assert (size[1:] <= size[:-1] + rounding).all(), (seed, name)
                     if name == "sharper":
                         assert (size[1:] <= found[name].number * size[:-1] + rounding).all(), seed
-        assert min(counted.values()) >= 10, counted
+        assert min(counted.values()) >= 5, counted
 
     def test_those_that_hold_are_the_same_where_their_numbers_are_not_asked_for(self):
         of_the_paper = ("4.1", "4.2", "4.3", "4.4")
@@ -134,7 +133,7 @@ class TestEveryTheoremIsTrue:
     def test_the_radius_is_right_on_both_sides(self):
         """ρ(L) of Theorem 4.1 from eigenvalues: the answer is never wrong, the number never below, and close."""
         decided = 0
-        for seed in range(5000, 5600):
+        for seed in range(5000, 5200):
             problem, _, member, A, slope = random_case(seed)
             M, omega, X = matrices(problem, member)
             if not (omega > 0).all() or np.linalg.cond(X) > 1e10:
@@ -147,12 +146,12 @@ class TestEveryTheoremIsTrue:
                 decided += 1
             assert found.number >= rho * (1 - 1e-9)
             assert found.number <= rho + 0.05 * max(abs(1 - rho), 0.2 * rho)
-        assert decided >= 500
+        assert decided >= 150
 
     def test_the_error_after_k_steps_is_bounded_by_the_first_step(self):
         """|zᵏ − z*| ≤ Lᵏ(I − L)⁻¹|z¹ − z⁰| wherever 4.1 is said to hold."""
         held = 0
-        for seed in range(6000, 6300):
+        for seed in range(6000, 6100):
             problem, exact, member, A, slope = random_case(seed)
             if not check("4.1", problem, member).holds:
                 continue
@@ -166,154 +165,13 @@ class TestEveryTheoremIsTrue:
             for iterate in z:
                 assert (np.abs(iterate - exact) <= bound * (1 + 1e-7) + 1e-11 * (1 + np.abs(exact).max())).all(), seed
                 bound = L @ bound
-        assert held >= 100
-
-
-class TestCounterexamples:
-    """By name: the printed statement says one thing, the corrected one another."""
-
-    def test_41_the_componentwise_decrease(self):
-        A = np.array([[2.0, -1.0], [-0.5, 2.0]])
-        problem = icp.ICP(A, -A @ np.ones(2))
-        printed, corrected = (check("4.1", problem, icp.MNMGS(), as_printed=flag) for flag in (True, False))
-        assert printed.holds is corrected.holds is True
-        assert corrected.number == pytest.approx(0.283, abs=5e-4)
-        assert "decrease" in printed.false_as_printed
-        assert "< |zᵏ − z*|" in printed.sentence
-        assert "< |zᵏ − z*|" not in corrected.sentence
-        path = icp.MNMGS().iterates(problem, np.array([1.0, 3.0]))
-        errors = [np.abs(next(path)[0] - 1.0) for _ in range(2)]
-        assert errors[1][0] > errors[0][0]
-        # the decrease that is true
-        v = corrected.vector
-        assert (errors[1] / v).max() <= corrected.number * (errors[0] / v).max()
-
-    @pytest.mark.parametrize(
-        ("problem", "member", "words"),
-        [
-            (
-                icp.ICP([[0.1]], [1.0], icp.Affine([[-5.0]], 6.0)),
-                icp.MNMGS(phi1=1.0, phi2=0.1),
-                "at least 1, and at most 5",
-            ),
-            (icp.ICP([[1.0]], [-1.0]), icp.MNMGS(phi=-1.5), "phi has the negative entry -1.5"),
-            (
-                icp.ICP([[1.0, -0.5], [-0.5, 1.0]], [-0.5, -0.5]),
-                icp.MNMAOR(theta1=1.0, theta2=-4.0),
-                "theta2 = -4 is negative",
-            ),
-        ],
-        ids=["(a) the parenthesis", "(b) phi < 0", "(c) theta2 < 0"],
-    )
-    def test_43_as_printed_is_false(self, problem, member, words):
-        printed, corrected = check("4.3", problem, member, as_printed=True), check("4.3", problem, member)
-        assert printed.holds is True
-        assert printed.false_as_printed
-        assert corrected.holds is False
-        assert words in corrected.reason
-        assert check("sharper", problem, member).holds is not True  # the method does not converge
-
-    def test_43_numbers_of_the_parenthesis(self):
-        problem, member = icp.ICP([[0.1]], [1.0], icp.Affine([[-5.0]], 6.0)), icp.MNMGS(phi1=1.0, phi2=0.1)
-        assert check("4.3", problem, member, as_printed=True).number == pytest.approx(0.5)
-        assert check("4.3", problem, member).number == pytest.approx(5.0)
-
-    def test_44_case_one_as_printed_is_false(self):
-        problem = icp.ICP([[1.0]], [5.0], icp.Affine([[-0.9]], 1.9))
-        member = icp.Modulus(splitting=[[0.1]], phi=0.5, phi1=0.1, phi2=0.1)
-        printed, corrected = check("4.4", problem, member, as_printed=True), check("4.4", problem, member)
-        assert printed.holds is True
-        assert "case (1)" in printed.false_as_printed
-        assert corrected.holds is False
-        assert printed.number == pytest.approx(0.5 / 0.51)  # 1 - .01/.51
-        assert corrected.number == pytest.approx(0.13 / 0.06)  # 1 + .07/.06
-        assert check("sharper", problem, member).holds is False
-
-    def test_44_case_two_as_printed(self):
-        """φ₁ = I: then the printed case (2) is right, and says what the corrected theorem says."""
-        A = [[4.0, -1.0], [1.0, 4.0]]
-        member = icp.MNMGS(phi2=3.5)
-        for flag in (True, False):
-            assert check("4.4", icp.ICP(A, [0.0, 0.0]), member, as_printed=flag).holds
-            assert not check("4.4", icp.ICP(A, [0.0, 0.0]), icp.MNMGS(phi2=0.9), as_printed=flag).holds
-        mixed = check("4.4", icp.ICP(A, [0.0, 0.0]), icp.MNMGS(phi2=[3.5, 5.0]), as_printed=True)
-        assert mixed.holds is False
-        assert "neither" in mixed.reason
-        assert check("4.4", icp.ICP(A, [0.0, 0.0]), icp.MNMGS(phi2=[3.5, 5.0])).holds
-
-    def test_44_needs_a_positive_diagonal(self):
-        """A = M₁ = −1, Ω = 1: (⟨M̂⟩ − |N̂| + min(Ω, D) − D)v = v > 0, yet X = 0."""
-        found = check("4.4", icp.ICP([[-1.0]], [0.0]), icp.Modulus(splitting="whole", phi2=1.0))
-        assert found.holds is False
-        assert "A[0, 0] = -1 is not positive" in found.reason
-        assert "singular" in check("4.1", icp.ICP([[-1.0]], [0.0]), icp.Modulus(splitting="whole", phi2=1.0)).reason
-
-    def test_where_splittings_differ(self):
-        scene = icp.scenes.hand_splittings()
-        assert check("sharper", scene.problem, icp.MNMJ()).holds is True
-        assert check("sharper", scene.problem, icp.MNMJ()).number == pytest.approx(0.9)
-        for member in (icp.MNMJ(), icp.MNMGS(), icp.MNMOD()):
-            assert check("4.1", scene.problem, member).holds is False
-        assert check("4.3", scene.problem, icp.MNMJ()).number == pytest.approx(1.8)
-        for member in (icp.MNMGS(), icp.MNMOD()):
-            assert check("sharper", scene.problem, member).holds is False
-
-    def test_monotone_on_the_dividend_scene(self):
-        """φ ≥ |D − Ω|: Ω = .25D fails with φ = 0 and holds with φ = .75D; no other theorem can speak."""
-        problem = icp.scenes.dividend(n=31).problem
-        D = problem.A.diagonal()
-        bare, shifted = icp.MNMJ(phi2=0.25 * D), icp.MNMJ(phi2=0.25 * D, phi=0.75 * D)
-        assert check("monotone", problem, bare).holds is False
-        assert "phi >= |D - Omega|" in check("monotone", problem, bare).reason
-        assert check("monotone", problem, shifted).holds is True
-        assert check("monotone", problem, icp.MNMJ(phi2=0.3 * D, phi=np.abs(D - 0.3 * D))).holds is True
-        for name in BY_NORM:
-            assert check(name, problem, shifted).holds is None
-
-    @pytest.mark.parametrize("member", [icp.MNMGS(), icp.MNMJ(), icp.MNMSOR(theta1=0.5), icp.MNMMOD(theta1=2.0)])
-    def test_on_the_cyclic_p_matrix_nothing_holds(self, member):
-        problem = icp.scenes.hand_cyclic().problem
-        assert not any(found.holds for found in check_all(problem, member).values())
-        assert all(check(name, problem, member).holds is False for name in BY_NORM)
-
-    @pytest.mark.parametrize(
-        "member", [icp.MNMOD(), icp.MNMMOD(theta1=9.0), icp.MNMJ(), icp.MNMGS(), icp.MNMSOR(theta1=0.8)], ids=repr
-    )
-    def test_42_as_printed_holds_for_nonzero_g_almost_never(self, member):
-        """The bounds on g_ij force G = 0; the useful form takes a small G of any pattern."""
-        A = np.array([[1.0, -0.2, 0.1], [0.1, 1.0, 0.3], [-0.2, 0.1, 1.0]])
-        for entry in itertools.product(range(3), repeat=2):
-            G = np.zeros((3, 3))
-            G[entry] = 1e-6
-            problem = icp.ICP(A, np.zeros(3), icp.Affine(G))
-            printed = check("4.2", problem, member, as_printed=True)
-            assert printed.holds is False
-            assert f"g[{entry[0]}, {entry[1]}] = 1e-06" in printed.reason
-            assert printed.false_as_printed == ""
-            if not isinstance(member, icp.MNMOD):  # there |N| + |A| counts A twice, and Ω is not D
-                assert check("4.2", problem, member).holds is True
-        assert check("4.2", icp.ICP(A, np.zeros(3)), member, as_printed=True).holds is True
-
-    def test_42_as_printed_is_true(self):
-        """Where the printed hypotheses hold so do the corrected ones (random cases, θ₂ > θ₁ lets G be nonzero)."""
-        held = 0
-        for seed in range(400):
-            rng = np.random.default_rng(seed)
-            A = rng.normal(size=(3, 3)) * 0.3
-            A += np.diag(np.abs(A).sum(axis=1) + 0.5)
-            G = np.tril(np.abs(rng.normal(size=(3, 3))) * 0.05, -1) * (seed % 2)
-            problem = icp.ICP(A, np.zeros(3), icp.Affine(G) if G.any() else 0.0)
-            member = icp.MNMAOR(theta1=rng.uniform(0.6, 1.1), theta2=rng.uniform(0.5, 1.5), phi=rng.normal() * 0.2)
-            if check("4.2", problem, member, as_printed=True).holds:
-                held += 1
-                assert check("4.2", problem, member).holds
-        assert held >= 40
+        assert held >= 30
 
 
 class TestMonotone:
     def test_where_it_holds_the_step_is_isotone(self):
         held = dict.fromkeys(range(3), 0)
-        for seed in range(600):
+        for seed in range(200):
             rng = np.random.default_rng(seed)
             n, kind = 4, seed % 3
             A = -np.abs(rng.normal(size=(n, n))) * (rng.random((n, n)) < 0.6)
@@ -334,18 +192,7 @@ class TestMonotone:
                 y = x + rng.random(n) * (rng.random(n) < 0.5) * 3
                 low, high = ([*itertools.islice(member.iterates(problem, s), 2)][1][0] for s in (x, y))
                 assert (low <= high + 1e-12).all(), seed
-        assert min(held.values()) >= 50
-
-    def test_from_a_supersolution_the_iterates_go_down_to_the_solution(self):
-        problem = icp.scenes.dividend(n=31).problem
-        D = problem.A.diagonal()
-        member = icp.MNMJ(phi2=0.25 * D, phi=0.75 * D)
-        above = 6.0 + 2.0 * np.linspace(0, 1.5, 31)
-        assert (problem.natural_map(above) >= 0).all()
-        previous = above
-        for z, _ in itertools.islice(member.iterates(problem, above), 3000):
-            assert (z <= previous + 1e-12).all()
-            previous = z
+        assert min(held.values()) >= 15
 
     @pytest.mark.parametrize(
         ("problem", "member", "holds"),
@@ -381,33 +228,10 @@ def proves_contraction(A, omega, sigma):
 
 
 class TestDefinite:
-    def test_the_number_is_a_rate_for_every_positive_diagonal_omega(self):
-        """‖y⁺‖₂ ≤ σ‖y‖₂ for y = (A' − I)Ω^½(z − z*), A' = Ω^(−½)AΩ^(−½); A symmetric or not, free rows included."""
-        for seed in range(300):
-            rng = np.random.default_rng(seed)
-            n = int(rng.integers(1, 6))
-            B, K = rng.normal(size=(n, n)), rng.normal(size=(n, n)) * rng.choice([0, 1, 3])
-            A = B @ B.T + rng.choice([0.01, 0.5]) * np.eye(n) + K - K.T
-            omega = np.full(n, 10.0 ** rng.uniform(-1, 1)) if seed % 2 else 10.0 ** rng.uniform(-1, 1, n)
-            z, active = rng.normal(size=n), rng.random(n) < 0.5
-            p, c = np.where(active, rng.random(n), 0.0), z - np.where(active, 0.0, rng.random(n))
-            c[~active & (rng.random(n) < 0.3)] = -np.inf
-            problem, member = icp.ICP(A, p - A @ z, c), icp.Modulus(splitting="whole", phi2=omega)
-            found = check("definite", problem, member)
-            assert found.holds is True
-            root = np.sqrt(omega)
-            scaled = A / root[:, None] / root
-            sigma = np.linalg.norm((scaled - np.eye(n)) @ np.linalg.inv(scaled + np.eye(n)), 2)
-            assert sigma - 1e-15 <= found.number <= sigma + 1e-9
-            path = member.iterates(problem, z + rng.normal(size=n))
-            y = [(scaled - np.eye(n)) @ (root * (next(path)[0] - z)) for _ in range(10)]
-            sizes = np.linalg.norm(y, axis=1)
-            assert (sizes[1:] <= found.number * sizes[:-1] + 1e-12 * (1 + sizes[0])).all()
-
     @pytest.mark.parametrize("kind", ["symmetric", "nearly skew", "small", "near the largest", "random"])
     def test_sigma_is_proved_and_sharp_in_rational_arithmetic(self, kind):
         """σ² ≥ 1 − 4τ is Ω^½(H − τKᵀK)Ω^½ = (A + Aᵀ)/2 − τ(A + Ω)ᵀΩ⁻¹(A + Ω) ≥ 0, free of roots."""
-        for seed in range(40):
+        for seed in range(15):
             rng = np.random.default_rng(seed)
             n = int(rng.integers(1, 6))
             B, K = rng.normal(size=(n, n)), rng.normal(size=(n, n))
@@ -442,7 +266,7 @@ class TestDefinite:
             A = sp.block_diag([A, omega * np.eye(60)])
             return contraction_factor(StepMatrices(icp.ICP(A, np.zeros(A.shape[0])), icp.MNMMOD(theta1=omega)), work)
 
-        for seed in range(20):
+        for seed in range(8):
             rng = np.random.default_rng(seed)
             n, omega = int(rng.integers(5, 20)), 10.0 ** rng.uniform(-0.5, 0.5)
             B = -rng.random((n, n)) * (rng.random((n, n)) < 0.3)
@@ -477,7 +301,7 @@ class TestRounding:
     def test_the_absolute_inverse_encloses_the_exact_one(self):
         """Integer matrices in exact rational arithmetic; units may be anything."""
         kinds = set()
-        for seed in range(400):
+        for seed in range(100):
             rng = np.random.default_rng(seed)
             n = int(rng.integers(1, 4))
             X = rng.integers(-4, 5, size=(n, n)).astype(float)
@@ -488,20 +312,20 @@ class TestRounding:
             X[np.diag_indices(n)] = rng.choice([-1, 1] if seed % 4 != 1 else [1], n) * rng.integers(1, 12, size=n)
             rows = 2.0 ** rng.integers(-300, 300, size=n) if seed % 3 == 0 else np.ones(n)
             X = rows[:, None] * X
-            exact = exact_inverse(X)
+            exact = inverse(rational(X))
             if exact is None:
                 continue
             w = rng.integers(1, 5, size=n) * rows
-            inverse = absolute_inverse(as_csr(X, "X", keep_diagonal=True))
-            above, below = inverse.upper(w), inverse.lower(w)
+            found = absolute_inverse(as_csr(X, "X", keep_diagonal=True))
+            above, below = found.upper(w), found.lower(w)
             true = [sum(abs(entry) * Fraction(value) for entry, value in zip(row, w, strict=True)) for row in exact]
             for low, value, high in zip(below, true, above, strict=True):
                 assert Fraction(low) <= value
                 assert not np.isfinite(high) or value <= Fraction(high)
-                if inverse.exact and np.isfinite(high):
+                if found.exact and np.isfinite(high):
                     assert float(value) * (1 - 1e-9) <= low
                     assert high <= float(value) * (1 + 1e-9)
-            kinds.add((type(inverse).__name__, inverse.exact))
+            kinds.add((type(found).__name__, found.exact))
         assert {("Comparison", True), ("Dense", True)} <= kinds
 
     @pytest.mark.parametrize("kind", ["any signs", "M"])
@@ -516,9 +340,9 @@ class TestRounding:
                 X = -np.abs(X)
                 X[np.diag_indices(3)] = 0.0
                 X[np.diag_indices(3)] = -X.sum(axis=1) + 10.0 ** rng.uniform(-9, -1, 3)
-            exact, w = exact_inverse(X), rng.random(3)
-            inverse = absolute_inverse(sp.csr_array(X))
-            above, below = inverse.upper(w), inverse.lower(w)
+            exact, w = inverse(rational(X)), rng.random(3)
+            found = absolute_inverse(sp.csr_array(X))
+            above, below = found.upper(w), found.lower(w)
             for low, row, high in zip(below, exact, above, strict=True):
                 value = sum(abs(entry) * Fraction(x) for entry, x in zip(row, w, strict=True))
                 assert Fraction(low) <= value
@@ -528,8 +352,7 @@ class TestRounding:
 
     def test_a_lower_bound_survives_zeros_of_w(self):
         X = sp.csr_array(np.array([[1349.5, 0.0, 0.0], [-440.6, 3.2, 0.0], [0.0, 0.0, 2.65]]))
-        inverse = absolute_inverse(X)
-        assert inverse.lower(np.array([0.0, 3.2, 0.0])) == pytest.approx([0.0, 1.0, 0.0], rel=1e-9)
+        assert absolute_inverse(X).lower(np.array([0.0, 3.2, 0.0])) == pytest.approx([0.0, 1.0, 0.0], rel=1e-9)
 
     @pytest.mark.parametrize("n", [2, 5, 400])
     def test_a_radius_of_exactly_one_is_never_called_less(self, n):
@@ -542,11 +365,6 @@ class TestRounding:
                 for name, found in check_all(icp.ICP(ring, np.zeros(n)), member).items()
                 if name != "monotone"
             )
-
-    @pytest.mark.parametrize("gap", [2.0**-30, -(2.0**-30)])
-    def test_either_side_of_one_is_told_apart(self, gap):
-        A = [[1.0, -1.0], [-1.0, 1.0 + gap]]
-        assert check("4.3", icp.ICP(A, [0.0, 0.0]), icp.MNMGS()).holds is (gap > 0)
 
     def test_the_answers_do_not_depend_on_the_units(self):
         """Rows times 10^±100, columns times 10^±100: the triangular members keep every answer."""
@@ -565,16 +383,6 @@ class TestRounding:
                 for name in BY_NORM:
                     assert before[name].holds is after[name].holds, (seed, name)
 
-    def test_a_radius_of_blocks_is_that_of_the_largest(self):
-        """Reducible maps, whose Perron vectors have zeros: both sides of 1."""
-        F = sp.csr_array([[0.5, 1.0, 0.0], [0.0, 0.25, 0.0], [0.0, 0.0, 0.125]])
-        one = absolute_inverse(sp.csr_array(np.eye(3)))
-        below = radius(MonotoneMap(one, (F,), F), [np.ones(3)])
-        assert below.holds is True
-        assert 0.5 <= below.upper < 0.56
-        above = radius(MonotoneMap(one, (sp.csr_array(3 * F),), sp.csr_array(3 * F)), [np.ones(3)])
-        assert above.holds is False
-
     def test_too_slow_to_be_decided_is_unknown_and_never_no(self):
         """ρ = cos(π/(n + 1)), n = 30000, from v = 1 alone: the quotient stays 1."""
         chain = sp.diags_array([np.full(29_999, -1.0), np.full(30_000, 2.0), np.full(29_999, -1.0)], offsets=(-1, 0, 1))
@@ -582,65 +390,17 @@ class TestRounding:
         assert radius(T, [np.ones(30_000)]).holds is None
         assert check("4.3", icp.ICP(chain, np.zeros(30_000)), icp.MNMJ()).holds is True  # the certificate's v serves
 
-    @pytest.mark.parametrize("exponent", [10, 30, 40, 46, 50, 52])
-    def test_ill_conditioned_m_matrices_are_enclosed_or_given_up(self, exponent):
-        X = np.array([[1.0, -1.0], [-1.0, 1.0 + 2.0**-exponent]])
-        inverse = Comparison(sp.csr_array(X), sp.csr_array(np.abs(X)))
-        above, below = inverse.upper(np.ones(2)), inverse.lower(np.ones(2))
-        for low, row, high in zip(below, exact_inverse(X), above, strict=True):
-            assert Fraction(low) <= sum(row)
-            assert not np.isfinite(high) or sum(row) <= Fraction(high)
-        assert np.isfinite(above).all() == (exponent <= 40)
-
-    def test_the_maximum_of_two_maps_is_not_their_sum(self):
-        """T(v) = max(v₂, v₁)/2 row by row from two linear maps of radius 0: ρ(T) = 1/2."""
-        F1, F2 = sp.csr_array([[0.0, 0.5], [0.0, 0.0]]), sp.csr_array([[0.0, 0.0], [0.5, 0.0]])
-        T = MonotoneMap(absolute_inverse(sp.csr_array(np.eye(2))), (F1, F2), sp.csr_array(F1 + F2))
-        assert radius(T, [np.array([1.0, 3.0])]).upper == pytest.approx(0.5, rel=1e-3)
-
 
 class TestAnswers:
-    def test_without_a_lipschitz_matrix_the_answer_is_unknown(self):
-        found = check("4.1", icp.ICP([[1.0]], [0.0], np.sin), icp.MNMGS())
-        assert found.holds is None
-        assert "no Lipschitz matrix" in found.reason
-
-    def test_a_negative_omega_is_refused_by_every_theorem(self):
-        assert all(found.holds is False for found in check_all(icp.ICP([[-1.0]], [0.0]), icp.MNMGS()).values())
-
     def test_names_and_sentences(self):
         assert set(theorems()) == {*BY_NORM, "rowwise", "h-plus", "monotone", "definite"}
         with pytest.raises(icp.InputError, match=r"theorem is '4\.5'"):
             check("4.5", icp.ICP([[1.0]], [0.0]), icp.MNMGS())
         with pytest.raises(icp.InputError, match="does not print"):
             check("sharper", icp.ICP([[1.0]], [0.0]), icp.MNMGS(), as_printed=True)
-        with pytest.raises(icp.InputError, match="theorem is a list; one of"):
-            check(["4.3"], icp.ICP([[1.0]], [0.0]), icp.MNMGS())
-        for member, words in (("mnmgs", "member is 'mnmgs'"), (icp.MNMGS, "member is the class MNMGS")):
-            with pytest.raises(icp.InputError, match=f"{words}; a Method object was expected, such as MNMGS()"):
+        for member in ("mnmgs", icp.MNMGS, icp.MMS()):
+            with pytest.raises(icp.InputError, match=r"^member is "):
                 check("4.3", icp.ICP([[1.0]], [0.0]), member)
-        with pytest.raises(icp.InputError, match=r"member is MMS\("):
-            check_all(icp.ICP([[1.0]], [0.0]), icp.MMS())
-        for name in ("4.1", "4.3", "4.4"):
-            assert check(name, icp.ICP([[1.0]], [0.0]), icp.MNMGS()).false_as_printed
-
-    @pytest.mark.parametrize("name", ["4.1", "4.2", "4.3", "4.4"])
-    def test_what_a_false_statement_promises_is_marked_where_it_is_printed(self, name):
-        problem = icp.ICP([[1.0]], [0.0])
-        promise = check(name, problem, icp.MNMGS(), as_printed=True)
-        assert promise.holds
-        assert str(promise).endswith("(but the theorem as printed is false)") == (name != "4.2")
-        assert "as printed" not in str(check(name, problem, icp.MNMGS()))
-        refusal = check(name, problem, icp.MNMGS(phi2=0.1, phi=-3), as_printed=True)
-        assert refusal.holds is False
-        assert "as printed is false" not in str(refusal)
-
-    def test_43_is_about_aor_splittings(self):
-        assert "AOR" in check("4.3", icp.ICP([[1.0]], [0.0]), icp.MNMOD()).reason
-
-    def test_a_row_without_couplings_and_n_one(self):
-        assert check("sharper", icp.ICP([[3.0]], [1.0]), icp.MNMJ()).number < 1e-12
-        assert check("4.3", icp.ICP(np.diag([1.0, 1e-200]), [1.0, 1.0]), icp.MNMGS()).holds
 
     def test_many_unknowns_without_any_dense_matrix(self):
         """Both answers at n = 90000: 4.1 holds on the LCP, not with G = .9/4 times the adjacency."""
@@ -655,19 +415,3 @@ class TestAnswers:
         found = check("4.1", icp.ICP(A, np.zeros(1000)), icp.MNMGS())
         assert found.holds is True
         assert not absolute_inverse(StepMatrices(icp.ICP(A, np.zeros(1000)), icp.MNMGS()).X).exact
-
-
-def exact_inverse(X):
-    """X⁻¹ in fractions, by Gauss and Jordan; None where X is singular."""
-    n = len(X)
-    rows = [[Fraction(float(x)) for x in row] + [Fraction(int(i == j)) for j in range(n)] for i, row in enumerate(X)]
-    for k in range(n):
-        pivot = next((i for i in range(k, n) if rows[i][k]), None)
-        if pivot is None:
-            return None
-        rows[k], rows[pivot] = rows[pivot], rows[k]
-        rows[k] = [x / rows[k][k] for x in rows[k]]
-        for i in range(n):
-            if i != k and rows[i][k]:
-                rows[i] = [x - rows[i][k] * y for x, y in zip(rows[i], rows[k], strict=True)]
-    return [row[n:] for row in rows]

@@ -11,14 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.problem.between import Between, mid
-from icpmodel.theory import active_set, check, check_all, error_bound, predicted_rate, proximal_point
-from icpmodel.theory.certificates.bounds import may_cross, never_cross, proofs_of
+from icpmodel.theory import active_set, check, error_bound, predicted_rate
+from icpmodel.theory.certificates.bounds import may_cross, proofs_of
 from icpmodel.theory.certificates.infeasible import infeasible, multipliers
 from icpmodel.theory.convergence.rates import PeacemanRachford, Rate
 
 SEEDS = st.integers(0, 2**32 - 1)
-NUMBERS = st.integers(-1000, 1000)
 MEMBERS = {
     "mnmj": lambda D: icp.MNMJ(),
     "mnmgs": lambda D: icp.MNMGS(phi2=1.2 * D),
@@ -61,17 +59,7 @@ def in_units(problem, rows, columns):
     return icp.ICP(A, problem.q * rows, moved(problem.psi), upper=moved(problem.upper))
 
 
-@given(*[st.tuples(NUMBERS, NUMBERS, NUMBERS)] * 2)
-def test_the_median_is_a_mean(one, other):
-    """mid(a, b, c) − mid(a′, b′, c′) is between the least and the largest of the three differences."""
-    one, other = ([*np.sort([x[0], x[2]]).tolist(), x[1]] for x in (one, other))
-    first, second = (mid(*(np.array([float(y)]) for y in (x[2], x[1], x[0])))[0] for x in (one, other))
-    assert first == sorted(one)[1]
-    differences = [a - b for a, b in zip(one, other, strict=True)]
-    assert min(differences) <= first - second <= max(differences)
-
-
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(SEEDS)
 def test_the_natural_map_is_zero_exactly_at_the_solutions(seed):
     """In whole numbers, nothing of which is rounded, for every Ω; and nowhere in a row where the obstacles cross."""
@@ -113,23 +101,19 @@ def test_no_bound_is_below_the_true_error_and_what_is_unique_is(seed, kind):
                     assert not exceeds(z, exact.solutions[0], delta)
 
 
-def test_each_kind_of_obstacle_has_bounds_and_crossing_ones_none():
-    """So that the test above is not about nothing: most problems have a bound where no row may cross."""
-    rng = np.random.default_rng(5)
-    for kind, least in (("constant", 15), ("alike", 8), ("own", 2)):
-        problems = [drawn(rng, kind) for _ in range(25)]
-        bounds = [error_bound(one, one.solve(raise_on_failure=False).z) for one in problems]
-        assert sum(bound.value is not None for bound in bounds) >= least
-        assert all(never_cross(one.psi) == (kind != "own") for one in problems if one.n > 1)
-    crossing = icp.ICP([[2.0]], [-9.0], icp.Affine([[0.5]], [0.0]), upper=icp.Affine([[-0.5]], [-3.0]))
-    bound = error_bound(crossing, [-2.0])
+def test_obstacles_that_may_cross_leave_no_bound():
+    problem = icp.ICP([[2.0]], [-9.0], icp.Affine([[0.5]], [0.0]), upper=icp.Affine([[-0.5]], [-3.0]))
+    bound = error_bound(problem, [-2.0])
     assert not bound.unique
     assert "psi <= upper is not proved" in bound.reason
-    assert "row 0" in bound.reason
-    assert crossing.solve(raise_on_failure=False).status is icp.Status.CROSSED
+    assert problem.solve(raise_on_failure=False).status is icp.Status.CROSSED
+    jumps = icp.Intervention(sp.csr_array([[0.0, -1.0], [-1.0, 0.0]]))
+    control = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0], jumps)
+    assert error_bound(control, np.zeros(2)).unique
+    assert not error_bound(control.with_upper(5.0), np.zeros(2)).unique
 
 
-@pytest.mark.parametrize("decades", [40, 150, 300])
+@pytest.mark.parametrize("decades", [40, 300])
 def test_units_of_any_size_leave_the_bounds_true(decades):
     rng = np.random.default_rng(decades)
     bounded = 0
@@ -195,14 +179,6 @@ def test_no_run_is_slower_than_its_rate(seed, kind, name):
     if steps < 2000:
         last = next(itertools.islice(member.iterates(problem, z0), steps, None))[0]
         assert (np.abs(last - zero) <= 1e-6 + rounding * rate.v).all()
-
-
-def test_rates_are_proved_for_each_kind_and_each_member():
-    rng = np.random.default_rng(8)
-    for kind, name in itertools.product(("constant", "alike", "own"), MEMBERS):
-        problems = [drawn(rng, kind, 2) for _ in range(6)]
-        rates = [predicted_rate(one, MEMBERS[name](one.A.diagonal())) for one in problems]
-        assert any(isinstance(rate, Rate) for rate in rates), (kind, name)
 
 
 @settings(max_examples=15, deadline=None)
@@ -292,37 +268,6 @@ def test_infeasible_boxes_are_found():
     assert infeasible(moving, np.array([1.0, 0.0])).holds is None
 
 
-def test_the_side_without_a_lipschitz_matrix_is_named():
-    for psi, upper, name in ((0.0, np.exp, "upper"), (np.sin, 5.0, "psi"), (np.sin, np.exp, "psi")):
-        problem = icp.ICP([[2.0]], [1.0], psi, upper=upper)
-        told = f"no Lipschitz matrix of {name} is known: give `lipschitz`"
-        assert error_bound(problem, [0.0]).reason == told
-        assert check("4.1", problem, icp.MNMGS()).reason == told
-
-
-def test_supersolutions_say_nothing_of_two_obstacles():
-    jumps = icp.Intervention(sp.csr_array([[0.0, -1.0], [-1.0, 0.0]]))
-    control = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0], jumps)
-    assert error_bound(control, np.zeros(2)).unique
-    assert not error_bound(control.with_upper(5.0), np.zeros(2)).unique
-
-
-def test_the_proximal_theorem_covers_a_box():
-    turn = [[0.0, -1.0], [1.0, 0.0]]
-    assert proximal_point(icp.ICP(turn, [1.0, -1.0], 0.0, upper=[2.0, np.inf])).holds is True
-    assert proximal_point(icp.ICP(turn, [1.0, -1.0], 0.0, upper=icp.Affine(np.eye(2), 1.0))).holds is False
-
-
-def test_obstacles_that_never_cross_are_known():
-    one = icp.Affine([[0.5, 0.0], [0.2, 0.0]], [0.0, -np.inf]).bind(2)
-    assert Between(one, icp.Affine(one.G, [0.0, 3.0]).bind(2)).parallel
-    assert not Between(one, icp.Affine(one.G, [-1.0, 3.0]).bind(2)).parallel
-    assert not Between(one, icp.Constant(9).bind(2)).parallel
-    assert not Between(icp.Function(np.sin).bind(2), icp.Function(np.exp).bind(2)).parallel
-    touching = icp.ICP(np.eye(2), [1.0, 1.0], [0.0, 1.0], upper=[0.0, 1.0])
-    assert error_bound(touching, [0.0, 1.0]).value < 1e-15
-
-
 def test_a_sign_of_p_is_wrong_where_no_obstacle_pushes_that_way():
     """p < 0 asks for an obstacle above, p > 0 for one below; and z may be beyond either."""
     problem = icp.ICP(np.eye(4), np.zeros(4), [0.0, -np.inf, -np.inf, 0.0], upper=[np.inf, 5.0, np.inf, 5.0])
@@ -336,13 +281,6 @@ def test_a_sign_of_p_is_wrong_where_no_obstacle_pushes_that_way():
     ):
         found = icp.certify(problem, z, bound=False)
         assert (found.violation_p, found.violation_r) == (of_p, of_r)
-
-
-def test_all_theorems_are_decided_with_an_obstacle_above():
-    problem = icp.ICP([[4.0, -1.0], [-1.0, 4.0]], [1.0, -9.0], -1.0, upper=1.0)
-    holds = [name for name, found in check_all(problem, icp.MNMGS()).items() if found.holds]
-    assert holds == ["4.1", "4.2", "4.3", "4.4", "sharper"]
-    assert "if ψ ≤ ψ̄ at the limit" in check("4.1", problem, icp.MNMGS()).sentence
 
 
 def test_bounds_of_many_unknowns_are_true_and_close():

@@ -1,0 +1,168 @@
+"""Positive (semi)definite or not: decided for certain, with a witness, in any units, next to singularity, for any n."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel.numerics.arrays import as_csr
+from icpmodel.theory import check, classify
+from icpmodel.theory.certificates.bounds import proofs_of
+from icpmodel.theory.matrices import definiteness, eigenvalue
+
+SEEDS = st.integers(0, 10**9)
+drawn = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@pytest.fixture(params=[0, 40, 100], ids=["fractions", "dense", "sparse"])
+def padded(request):
+    """S with so many rows of the identity: up to 30 are decided by fractions, from 65 on sparse ones by SuperLU."""
+    return lambda S: sp.block_diag([S, sp.eye_array(request.param)]).toarray()
+
+
+def decided(S):
+    """(definite, semidefinite, semidefinite up to rounding); a witness is one in fractions."""
+    S = as_csr(S, "S", keep_diagonal=True)
+    definite, semidefinite = definiteness.definiteness(S)
+    if semidefinite.holds is False:
+        x = [Fraction(entry) for entry in semidefinite.witness]
+        entries = sp.coo_array(S)
+        rows, columns = entries.coords
+        terms = zip(rows, columns, entries.data, strict=True)
+        assert sum(x[i] * x[j] * Fraction(float(value)) for i, j, value in terms) < 0
+    return definite.holds, semidefinite.holds, classify(S).semidefinite_up_to_rounding.holds
+
+
+@drawn
+@given(seed=SEEDS, decades=st.sampled_from([0, 6, 30]), whole=st.booleans())
+def test_the_signs_are_those_of_the_eigenvalues_in_any_units(padded, seed, decades, whole):
+    """Sylvester: DSD has the signs of S for every positive diagonal D."""
+    rng = np.random.default_rng(seed)
+    B = rng.integers(-2, 3, size=(5, 5)) if whole else rng.normal(size=(5, 5)) * (rng.random((5, 5)) < 0.5)
+    S = B + B.T + (0.0 if whole else rng.uniform(-2, 6)) * np.eye(5)
+    d = 10.0 ** rng.uniform(-decades, decades, 5)
+    smallest, found = np.linalg.eigvalsh(S)[0], decided(padded(S * np.outer(d, d)))
+    if smallest > 1e-9:
+        assert found == (True, True, True)
+    elif smallest < -1e-9:
+        assert found == (False, False, False)
+    else:
+        assert found[2] is True
+
+
+@drawn
+@given(seed=SEEDS, n=st.integers(2, 12))
+def test_a_singular_matrix_is_never_called_definite(padded, seed, n):
+    """A pivot is no eigenvalue: the last pivot of a graph Laplacian is far larger than its zero eigenvalue."""
+    B = np.random.default_rng(seed).integers(-3, 4, size=(n, n - 1)).astype(float)
+    definite, semidefinite, nearly = decided(padded(B @ B.T))
+    assert definite is not True
+    assert semidefinite is not False
+    assert nearly is True
+    ring = 2 * np.eye(n) - np.roll(np.eye(n), 1, 0) - np.roll(np.eye(n), -1, 0)
+    assert decided(padded(ring)) == (False, True, True)
+
+
+@drawn
+@given(seed=SEEDS, decades=st.sampled_from([0, 30]))
+def test_a_gram_matrix_of_low_rank_is_semidefinite_up_to_rounding(padded, seed, decades):
+    """What rounding makes of BᵀB may be definite: fractions see that."""
+    rng = np.random.default_rng(seed)
+    B = rng.normal(size=(3, 7)) * 10.0 ** rng.uniform(-decades, decades, 7)
+    S = padded(B.T @ B)
+    found = decided(S)
+    assert found[2] is True
+    assert len(S) <= 30 or found[0] is not True
+
+
+HIDDEN = [[1.0, 0.9, 0.9], [0.9, 1.0, -0.9], [0.9, -0.9, 1.0]]
+SKEW = np.array([[0.0, 50.0, -3.0], [-50.0, 0.0, 7.0], [3.0, -7.0, 0.0]])
+PLAIN = np.array([[2.0, 1.9, 0.0], [1.9, 2.0, 0.5], [0.0, 0.5, 3.0]])
+
+
+@pytest.mark.parametrize(
+    "S",
+    [
+        np.ones((3, 3)) - 1e-8 * np.eye(3),  # more than rounding
+        sp.block_diag([[[1e20, 0.9e20], [0.9e20, 1e20]], [[1.0, 2.0], [2.0, 1.0]]]),  # large rows hide nothing
+        [[0.0, 1.0], [1.0, 0.0]],
+        [[5e-324, 2.0], [2.0, 5.0]],
+        [[5.0, 2.0], [2.0, 1e-200]],
+        [[1.0, 0.0, 1e-100], [0.0, 1.0, 0.0], [1e-100, 0.0, 0.0]],  # beside a zero on the diagonal
+        # ±1e200 beside a diagonal of 1e-300 cancel in the symmetric part; the indefinite block is elsewhere
+        sp.block_diag([[[1e-300, 1e200], [-1e200, 1e-300]], HIDDEN]),
+        [[2.3e-308, 1.1, 0.0], [1.1, 2.3e-308, 0.7], [0.0, 0.7, 1.0]],
+        HIDDEN,
+        PLAIN - 0.2 * np.eye(3) + SKEW,
+    ],
+)
+def test_what_is_indefinite_by_any_amount_is_neither(padded, S):
+    assert decided(padded(S)) == (False, False, False)
+
+
+def test_what_floats_cannot_tell_is_left_open_or_decided_right(padded):
+    """[1, 1; 1, 1 + 2u] is definite, [1, 1; 1, 1 − u] and [2, −2 − 2⁻⁶⁰; …, 2] are not; a skew part does not matter."""
+    for last, true in ((1 + 2.0**-52, True), (1 - 2.0**-53, False)):
+        S = padded([[1.0, 1.0], [1.0, last]])
+        found = decided(S)
+        assert found[0] in ({true} if len(S) <= 30 else {true, None})
+        assert found[2] is True
+    assert decided(padded([[1.0, -2.0], [-(2.0**-60), 1.0]]))[1] is not True
+    assert decided(padded(PLAIN + SKEW)) == (True, True, True)
+
+
+def test_pivots_that_prove_nothing(padded):
+    """[0, 1; 1, 0] = P·I has pivots 1 and eigenvalues ±1; LAPACK runs on where one is NaN; products may overflow."""
+    assert eigenvalue.above(sp.csr_array(padded([[0.0, 1.0], [1.0, 0.0]])), 0.0) == -np.inf
+    assert not eigenvalue.above(sp.csr_array(np.diag([1.0, np.nan])), 0.0) > -np.inf
+    assert eigenvalue.smallest_below(sp.csr_array(np.diag([1.0, np.inf]))) == -np.inf
+    large = icp.ICP([[1.0, 1e200], [1e200, 1.0]], [0.0, 0.0], icp.Affine([[0.0, 1e200], [1e200, 0.0]]))
+    assert isinstance(proofs_of(large).definite, str)
+
+
+def test_the_form_of_a_null_vector_is_not_called_negative():
+    """Its floats are of either sign."""
+    negative = 0
+    for seed in range(100):
+        B = np.random.default_rng(seed).integers(-9, 10, size=(5, 4)) / 8.0
+        S, x = B @ B.T, np.linalg.svd(B.T)[2][-1]
+        negative += x @ (S @ x) < 0
+        assert not definiteness.proves_negative(sp.csr_array(S), x)
+    assert negative > 5
+
+
+def test_a_shift_below_rounding_is_raised():
+    """n = 400, dense, λ_min = 1e-7: the backward error, about 1e-11, is above the first shift."""
+    rng = np.random.default_rng(0)
+    Q, _ = np.linalg.qr(rng.normal(size=(400, 400)))
+    S = (Q * np.r_[1e-7, rng.uniform(0.5, 1.5, 399)]) @ Q.T
+    assert definiteness.definiteness(as_csr(S, "S"))[0].holds is True
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_grid_that_is_not_dominant(sign):
+    """(L − λ₁I)² ± 1e-3 I, L the five-point matrix: both answers by one sparse factorisation or two."""
+    L = icp.scenes.membrane(n=1600).problem.A
+    smallest = 8 * np.sin(np.pi / 82) ** 2 * (L.diagonal()[0] / 4)
+    M = L - smallest * sp.eye_array(1600)
+    assert decided(M @ M + sign * 1e-3 * sp.eye_array(1600)) == (sign > 0, sign > 0, sign > 0)
+
+
+def test_large_matrices_are_decided_by_dominance_or_as_bands_and_else_left_open():
+    """Neighbours at random: no order of the rows makes a narrow band of them. The pentadiagonal one is in disorder."""
+    assert classify(icp.scenes.bai_nonsymmetric(n=90_000, mu=0).problem.A).definite.holds is True
+    n, rng = 20_000, np.random.default_rng(0)
+    rows, columns = rng.integers(0, n, size=(2, 4 * n))
+    S = sp.csr_array((np.full(4 * n, 0.5), (rows, columns)), shape=(n, n))
+    S = sp.csr_array(S + S.T + 3 * sp.eye_array(n))
+    found = classify(S)
+    assert [found.definite.holds, found.semidefinite.holds, found.semidefinite_up_to_rounding.holds] == [None] * 3
+    assert isinstance(proofs_of(icp.ICP(S, np.zeros(n))).definite, str)
+    assert check("definite", icp.ICP(S, np.zeros(n)), icp.MNMOD()).number is None
+    band = sp.diags_array([-np.ones(n - 2), -np.ones(n - 1), 3.0 + 3e-6 * np.ones(n)], offsets=[-2, -1, 0])
+    order = rng.permutation(n)
+    assert classify(sp.csr_array(sp.csr_array(band @ band.T)[order][:, order])).definite.holds is True
