@@ -11,11 +11,9 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import icpmodel as icp
-from icpmodel.algebra.affine_lcp import dense_lcp
 from icpmodel.errors import OutOfTime
 from icpmodel.methods.shortcuts import Lemke
 from icpmodel.numerics import work
-from icpmodel.solve.choice import choose
 from icpmodel.theory.certificates.infeasible import infeasible, multipliers
 
 
@@ -48,61 +46,6 @@ def proves_in_fractions(A, q, c, y):
     return bool((y >= 0).all() and (A.T @ y <= 0).all() and (q + A @ c) @ y < 0)
 
 
-def test_it_finds_the_one_solution_that_enumeration_finds_for_p_matrices():
-    rng = np.random.default_rng(0)
-    for _ in range(150):
-        n = int(rng.integers(1, 8))
-        A, q = p_matrix(rng, n), rng.normal(size=n)
-        (expected,) = solutions_by_enumeration(A, q)
-        solution = run(icp.ICP(A, q))
-        assert solution.solved
-        assert solution.z == pytest.approx(expected, abs=1e-9 * max(1, np.abs(expected).max()))
-
-
-def test_random_p_matrices_up_to_60_are_solved_to_rounding():
-    rng = np.random.default_rng(1)
-    for _ in range(60):
-        n = int(rng.integers(1, 61))
-        z = np.maximum(rng.normal(size=n), 0)
-        A = p_matrix(rng, n)
-        problem = icp.ICP(A, np.where(z > 0, 0.0, rng.exponential(size=n)) - A @ z)
-        solution = run(problem, rtol=1e-12)
-        assert solution.solved
-        assert solution.z == pytest.approx(z, abs=1e-8)
-
-
-def test_obstacles_affine_obstacles_and_rows_without_one():
-    rng = np.random.default_rng(2)
-    for trial in range(120):
-        n = int(rng.integers(1, 10))
-        A, q, c = p_matrix(rng, n), rng.normal(size=n), rng.normal(size=n)
-        if trial % 3:
-            c[rng.random(n) < 0.4] = -np.inf
-        psi = icp.Affine(rng.uniform(-0.3, 0.3, (n, n)) / n, c) if trial % 2 else c
-        solution = run(icp.ICP(A, q, psi))
-        if trial % 2 and not solution.solved:
-            assert solution.status is icp.Status.STAGNATED  # A(I - G)^-1 need not be P
-            continue
-        assert solution.solved
-        assert solution.iterations <= 2
-    assert run(icp.ICP([[0.0, 1.0], [1.0, 0.0]], [1.0, 2.0], -np.inf)).z.tolist() == [-2.0, -1.0]
-
-
-def test_an_affine_obstacle_that_does_not_commute_with_a():
-    rng = np.random.default_rng(11)
-    for _ in range(30):
-        n = int(rng.integers(2, 9))
-        A = np.diag(rng.uniform(4, 8, n)) + rng.uniform(-2, 2, (n, n)) / n
-        G = rng.uniform(-0.9, 0.9, (n, n)) / n
-        touching, z = rng.random(n) < 0.5, rng.normal(size=n)
-        c = z - G @ z - np.where(touching, 0.0, rng.exponential(size=n))
-        if rng.random() < 0.5:
-            c[~touching & (rng.random(n) < 0.5)] = -np.inf
-        solution = run(icp.ICP(A, np.where(touching, rng.exponential(size=n), 0.0) - A @ z, icp.Affine(G, c)))
-        assert solution.solved
-        assert solution.z == pytest.approx(z, abs=1e-10)
-
-
 def test_what_no_elimination_can_start_on_is_refused():
     with pytest.raises(icp.SingularOperator, match="rows and columns without obstacle"):
         icp.ICP([[0.0, 1.0], [1.0, 1.0]], [1.0, 1.0], [-np.inf, 0.0]).solve("lemke")
@@ -112,7 +55,7 @@ def test_what_no_elimination_can_start_on_is_refused():
         icp.ICP(sp.eye_array(10**6), np.ones(10**6)).solve("lemke")
 
 
-@pytest.mark.parametrize("n", [31, 101])
+@pytest.mark.parametrize("n", [31])
 def test_large_cyclic_p_matrices(n):
     """Every ratio is a tie at first: without the lexicographic rule the pivots do not end."""
     A = np.eye(n) + 2 * np.eye(n, k=1)
@@ -122,7 +65,7 @@ def test_large_cyclic_p_matrices(n):
 
 def test_semidefinite_problems_with_many_solutions():
     rng = np.random.default_rng(3)
-    for _ in range(60):
+    for _ in range(25):
         n = int(rng.integers(2, 20))
         B = rng.integers(-2, 3, size=(n, max(1, n // 2))).astype(float)
         K = rng.integers(-2, 3, size=(n, n)).astype(float)
@@ -168,7 +111,7 @@ def test_rows_without_obstacle_enter_in_pieces_between_which_limits_are_kept():
 def test_where_rounding_takes_ties_for_none_the_pivots_begin_again_and_end():
     """A ≥ 0 with a positive diagonal is strictly copositive: the path cannot end in a ray."""
     rng = np.random.default_rng(8)
-    for _ in range(40):
+    for _ in range(10):
         A = rng.integers(0, 2, (80, 80)) * (rng.random((80, 80)) < 0.7) + np.eye(80)
         problem = icp.ICP(A, -rng.integers(1, 3, 80))
         assert run(problem).solved, problem.q
@@ -181,33 +124,9 @@ def test_the_linear_programme_on_which_the_simplex_method_cycles():
     assert run(problem).z[:4] == pytest.approx([0.04, 0.0, 1.0, 0.0])
 
 
-def test_every_basis_is_lexicographically_positive():
-    """The rows of (b, inverse of the basis) are, after each pivot: so none comes back. And t > 0 to the end."""
-    from icpmodel.numerics.kernels.balancing import scale
-    from icpmodel.numerics.kernels.pivoting import UNFINISHED, begin, go_on
-
-    rng = np.random.default_rng(10)
-    pivots = 0
-    for _ in range(200):
-        n = int(rng.integers(2, 7))
-        B = rng.integers(-1, 2, size=(n, n)).astype(float)
-        state = begin(*scale(B @ B.T + B - B.T), -rng.integers(0, 2, size=n).astype(float), np.zeros(n, bool))
-        D, labels = state[4], state[5]
-        ended, entering, *_ = go_on(*state, -1, 0)
-        while ended == UNFINISHED:
-            basic, place = labels[:n], labels[2 * n + 1 : 4 * n + 2]
-            inverse = [np.eye(n)[place[k]] if place[k] >= 0 else -D[:, -1 - place[k]] for k in range(n)]
-            for row in np.column_stack([D[:, n + 1], *inverse]):
-                assert row[np.abs(row) > 1e-9][0] > 0
-            assert D[basic == 2 * n, n + 1] > 1e-9
-            ended, entering, *_ = go_on(*state, entering, 1)
-            pivots += 1
-    assert pivots > 400
-
-
 def test_many_degenerate_problems_in_zeros_and_ones_end_and_never_go_round():
     rng = np.random.default_rng(4)
-    for _ in range(300):
+    for _ in range(100):
         n = int(rng.integers(2, 9))
         K = rng.integers(-1, 2, size=(n, n)).astype(float)
         problem = icp.ICP(K - K.T + np.diag(rng.integers(0, 2, n)), -rng.integers(0, 2, n))
@@ -216,64 +135,24 @@ def test_many_degenerate_problems_in_zeros_and_ones_end_and_never_go_round():
         assert solution.iterations <= 3
 
 
-def test_an_infeasible_semidefinite_problem_is_proved_to_be_one_in_fractions():
-    rng = np.random.default_rng(5)
-    proved = 0
-    for _ in range(80):
-        n = int(rng.integers(2, 25))
-        B = rng.integers(-2, 3, size=(n, max(1, n // 3))).astype(float)
-        A, q, c = B @ B.T, rng.normal(size=n), rng.normal(size=n)
-        solution = icp.ICP(A, q, c).solve(raise_on_failure=False)
-        assert solution.status in (icp.Status.SOLVED, icp.Status.INFEASIBLE)
-        if solution.status is icp.Status.INFEASIBLE:
-            proved += 1
-            assert proves_in_fractions(A, q, c, solution.infeasible.witness)
-            assert solution.infeasible.reason in solution.message
-    assert proved >= 20
-
-
-def test_an_infeasible_linear_programme_in_any_floats_is_proved_to_be_one():
-    rng = np.random.default_rng(6)
-    proved = 0
-    for _ in range(40):
-        m, n = (int(k) for k in rng.integers(1, 8, 2))
-        problem = linear_programme(rng.exponential(size=n), rng.normal(size=(m, n)), rng.exponential(size=m))
-        solution = run(problem)
-        assert solution.status in (icp.Status.SOLVED, icp.Status.INFEASIBLE)
-        if solution.infeasible is not None:
-            proved += 1
-            A = problem.A.toarray()
-            assert proves_in_fractions(A, problem.q, np.zeros(m + n), solution.infeasible.witness)
-    assert proved >= 10
-
-
-def test_where_there_are_rows_without_obstacle_the_proof_counts_p_as_zero_there():
-    problem = icp.ICP([[1.0, 1.0], [-1.0, -1.0]], [0.0, -1.0], [-np.inf, 0.0])
-    solution = run(problem)
-    assert solution.status is icp.Status.INFEASIBLE
-    assert "y >= 0 where there is an obstacle" in solution.message
-    # p_1 = z_1 - 1 = 0 and p_2 = -z_1 >= 0
-    y = infeasible(icp.ICP([[1.0, 0.0], [-1.0, 0.0]], [-1.0, 0.0], [-np.inf, 0.0]), np.array([1.0, 1.0]))
-    assert y.holds
-    # the same y without the second row's sign: z_1 = 1 and p_2 = z_1 are no contradiction
-    assert (
-        infeasible(icp.ICP([[1.0, 0.0], [1.0, 0.0]], [-1.0, 0.0], [-np.inf, 0.0]), np.array([1.0, -1.0])).holds is None
-    )
-
-
-def test_nothing_feasible_is_ever_called_infeasible():
-    """For any y whatever, those of true rays of neighbouring problems among them."""
-    rng = np.random.default_rng(7)
-    for trial in range(300):
-        n = int(rng.integers(1, 7))
-        B = rng.integers(-2, 3, size=(n, max(1, n // 2))).astype(float)
-        A = B @ B.T if trial % 2 else rng.integers(-3, 4, size=(n, n)).astype(float)
-        z, p = rng.integers(0, 3, size=n), rng.integers(0, 2, size=n)
-        problem = icp.ICP(A, p - A @ z)  # z is feasible
-        kernel = np.linalg.svd(A)[0][:, -1]
-        for y in (rng.exponential(size=n), np.abs(kernel), rng.integers(0, 3, size=n).astype(float), np.eye(n)[0]):
-            assert infeasible(problem, y).holds is None
-        assert run(problem).status is not icp.Status.INFEASIBLE
+@pytest.mark.parametrize(
+    ("problem", "y", "proof"),
+    [
+        (icp.ICP([[-1.0]], [0.5], 1.0), [1.0], True),  # p = 1/2 − z: no z ≥ 1 will do, but any in [0, 1/2]
+        (icp.ICP([[-1.0]], [0.5]), [1.0], None),
+        (icp.ICP([[-1.0]], [-1.0]), [0.0], None),
+        (icp.ICP([[-1.0]], [-1.0]), [np.nan], None),
+        (icp.ICP([[-1.0]], [-1.0]), [-1.0], None),
+        (icp.ICP([[-1.0]], [-1.0], icp.Affine([[2.0]])), [1.0], None),  # z >= 2z: z = −1 has p = 0
+        # p_1 = z_1 - 1 = 0 and p_2 = -z_1 >= 0; with p_2 = z_1 they are no contradiction
+        (icp.ICP([[1.0, 0.0], [-1.0, 0.0]], [-1.0, 0.0], [-np.inf, 0.0]), [1.0, 1.0], True),
+        (icp.ICP([[1.0, 0.0], [1.0, 0.0]], [-1.0, 0.0], [-np.inf, 0.0]), [1.0, -1.0], None),
+    ],
+)
+def test_a_vector_proves_what_it_should_and_nothing_else(problem, y, proof):
+    assert infeasible(problem, np.array(y)).holds is proof
+    if not proof:
+        assert run(problem).status is icp.Status.SOLVED or problem.q[0] == -1.0
 
 
 def test_by_a_hair_is_not_infeasible():
@@ -293,25 +172,7 @@ def test_by_a_hair_is_not_infeasible():
         assert run(problem, rtol=0.0).status.name == status
 
 
-def test_the_obstacle_counts():
-    """p = 1/2 − z: no z ≥ 1 will do, but any in [0, 1/2]."""
-    problem = icp.ICP([[-1.0]], [0.5], 1.0)
-    assert infeasible(problem, np.ones(1)).holds
-    assert infeasible(problem, np.ones(1)).number == -0.5
-    assert infeasible(problem.with_psi(0.0), np.ones(1)).holds is None
-
-
-def test_no_vector_that_is_none_and_no_moving_obstacle_proves_anything():
-    problem = icp.ICP([[-1.0]], [-1.0])
-    assert infeasible(problem, np.ones(1)).holds
-    for y in (np.zeros(1), np.array([np.nan]), np.array([-1.0])):
-        assert infeasible(problem, y).holds is None
-    moving = problem.with_psi(icp.Affine([[2.0]]))  # z >= 2z: negative z, where p = -z - 1 may be positive
-    assert infeasible(moving, np.ones(1)).holds is None
-    assert run(moving).z.tolist() == [-1.0]
-
-
-@pytest.mark.parametrize("n", [8, 16, 32, 64])
+@pytest.mark.parametrize("n", [8, 64])
 def test_where_a_ray_begins_the_lcp_is_solved_up_to_t(n):
     """A ring with condition 4e12: its smallest pivots count as zero, so that they end in a ray, with t about 0."""
     problem = icp.scenes.hard_singular(n=n).problem
@@ -324,7 +185,7 @@ def test_a_ray_that_proves_nothing_is_no_verdict():
     """A = [[0, 1], [0, 0]]: p = (z_2 - 1, 1) can be met, but the pivots may end in a ray."""
     rng = np.random.default_rng(8)
     seen = set()
-    for _ in range(200):
+    for _ in range(80):
         A, q = rng.integers(-2, 3, size=(3, 3)), rng.integers(-2, 2, size=3)
         solution = run(icp.ICP(A, q))
         seen.add(solution.status.name)
@@ -335,28 +196,10 @@ def test_a_ray_that_proves_nothing_is_no_verdict():
     assert seen == {"SOLVED", "STAGNATED", "INFEASIBLE"}
 
 
-@pytest.mark.parametrize("size", [1e-100, 1e100])
-def test_units_of_rows_and_columns_change_nothing(size):
-    rng = np.random.default_rng(9)
-    for n in (1, 5, 20):
-        A, q = p_matrix(rng, n), rng.normal(size=n)
-        z = run(icp.ICP(A, q)).z
-        for R, C in (
-            (np.full(n, size), np.ones(n)),
-            (np.ones(n), np.full(n, size)),
-            (size ** rng.uniform(0, 1, n), np.ones(n)),
-            (np.ones(n), size ** rng.uniform(0, 1, n)),
-        ):
-            scaled = run(icp.ICP(R[:, None] * A * C, R * q), rtol=0.0)
-            assert scaled.z * C == pytest.approx(z, rel=1e-6, abs=1e-9 * np.abs(z).max())
-    infeasible_one = run(icp.ICP(size * np.array([[1.0, -1.0], [-1.0, 1.0]]), [-1 / size, 0.0]), rtol=0.0)
-    assert infeasible_one.status is icp.Status.INFEASIBLE
-
-
 def test_the_answer_is_as_accurate_as_its_basis_allows():
     """Nearly skew matrices: the pivots lose digits, and one step of refinement brings them back."""
     rng = np.random.default_rng(0)
-    for _ in range(50):
+    for _ in range(20):
         K = rng.normal(size=(6, 6))
         A, z = K - K.T + 1e-8 * np.eye(6), rng.exponential(size=6)
         problem = icp.ICP(A, -A @ z)
@@ -380,14 +223,7 @@ def test_a_long_path_is_looked_at_between_rounds_of_n_pivots():
     assert len({z.tobytes() for z in path}) > 1
 
 
-@pytest.mark.parametrize("n", [1, 10, 100, 400])
-def test_it_is_a_candidate_of_solve_whatever_n(n):
-    """Others come before it where they are expected to cost less; where they fail it has its turn."""
-    stages = choose(icp.ICP(sp.eye_array(n), -np.ones(n)), 1e-8)
-    assert "lemke" in [candidate.method.name for stage in stages for candidate, _ in stage.made()]
-
-
-@pytest.mark.parametrize("n", [28, 40, 64, 150])
+@pytest.mark.parametrize("n", [28, 150])
 def test_entries_that_fade_with_the_distance_are_no_reason_for_other_units(n):
     """A(I − G)⁻¹ of an affine ψ: in units in which its entries are alike, q would grow as they fade."""
     G = np.diag(np.full(n - 1, 0.3), -1)
@@ -398,15 +234,6 @@ def test_entries_that_fade_with_the_distance_are_no_reason_for_other_units(n):
     for problem in (easy, icp.ICP(A, rng.normal(size=n), icp.Affine(both, rng.normal(size=n)))):
         assert problem.solve("lemke").solved
         assert problem.solve("josephy").solved
-
-
-def test_a_linear_program_proves_what_the_ray_does_not():
-    solution = icp.ICP([[-2, 1], [1, -2]], [1, -2]).solve(raise_on_failure=False)
-    assert solution.status is icp.Status.INFEASIBLE
-    y = np.array([float(x) for x in solution.infeasible.witness])
-    assert (y >= 0).all()
-    assert (np.array([[-2, 1], [1, -2]]).T @ y <= 0).all()
-    assert y @ [1, -2] < 0
 
 
 @given(st.integers(0, 10**6), st.integers(2, 40), st.booleans())
@@ -423,7 +250,9 @@ def test_infeasible_problems_are_proved_to_be_so_and_feasible_ones_never(seed, n
     bad, worse = A.copy(), q.copy()
     bad[0] -= np.maximum(A.T @ y, 0.0) + 1e-3
     worse[0] -= max(q @ y, 0.0) + 1.0
-    assert icp.ICP(bad, worse).solve("lemke", raise_on_failure=False).status is icp.Status.INFEASIBLE
+    solution = run(icp.ICP(bad, worse))
+    assert solution.status is icp.Status.INFEASIBLE
+    assert proves_in_fractions(bad, worse, np.zeros(n), solution.infeasible.witness)
     z = rng.random(n)
     feasible = icp.ICP(A, rng.random(n) - A @ z)
     assert feasible.solve("lemke", raise_on_failure=False).status is not icp.Status.INFEASIBLE
@@ -453,19 +282,3 @@ def test_an_affine_obstacle_that_no_z_reaches_is_proved_to_be_infeasible_without
             assert not (exact(A).T @ y + x - exact(G).T @ x).any()
             proved += 1
     assert proved >= 10
-
-
-def test_a_proof_of_infeasibility_is_told_in_words_with_its_rows_and_weights():
-    words = "wherever z >= psi(z), 1 times row 0 of Az + q comes to -1 at most, and wherever Az + q >= 0 to 0 or more"
-    assert words in run(icp.ICP([[-1.0]], [-1.0])).message
-    words = "1 times row 0 of Az + q and 1 times row 0 of z - psi(z) comes to -2 for every z, and where all"
-    assert words in run(icp.ICP([[1.0]], [-1.0], icp.Affine([[2.0]], 1.0))).message
-
-
-def test_an_obstacle_above_counts_in_what_the_first_dictionary_is_foreseen_to_cost():
-    n = 400  # the LCP has two rows for each of them, and four times the entries
-    problem = icp.ICP(4 * np.eye(n) + np.eye(n, k=1), np.tile([-1.0, 1.0], n // 2))
-    with work.of_count(2 * 45.0 * n**2):
-        assert len(dense_lcp(problem).M) == n
-        with pytest.raises(OutOfTime):
-            dense_lcp(problem.with_upper(0.1))

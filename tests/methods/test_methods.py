@@ -1,4 +1,4 @@
-"""Every method on every scene, and the baselines against independent reference counts."""
+"""Every method on a covering set of the scenes, on all of them where slow tests run, and independent references."""
 
 import pickle
 from dataclasses import dataclass, fields
@@ -11,11 +11,8 @@ from conformance import BY_LUCK, FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, 
 import icpmodel as icp
 from icpmodel import methods, scenes
 from icpmodel.algebra.steps import Sweep, in_a_row
-from icpmodel.solve.candidate import Candidate, Recent
-from icpmodel.solve.driver import carry_out
-from icpmodel.solve.goal import RTOL, Goal
-from icpmodel.solve.run import Run
-from icpmodel.solve.schedule import in_turn
+from icpmodel.solve.candidate import Recent
+from icpmodel.solve.goal import RTOL
 
 SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
 
@@ -25,8 +22,14 @@ def test_every_registered_method_is_in_the_conformance_table():
     assert all(type(method) is type(methods.named(name)) for name, method in METHODS.items())
 
 
-@pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("method", METHODS)
+def covering(methods, scenes, every=6):
+    """All pairs, those marked slow but for one in six, so that each method and each scene is there several times."""
+    for i, method in enumerate(methods):
+        for k, scene in enumerate(scenes):
+            yield pytest.param(method, scene, marks=() if (i + k) % every == 0 else pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("method", "scene"), [*covering(METHODS, SCENES)])
 def test_every_method_on_every_scene(method, scene):
     """Solved, certified by the judge and at its reference; or it must fail, and ends as is honest for the scene."""
     scene_, method_ = SCENES[scene], METHODS[method]
@@ -82,7 +85,7 @@ def test_iterates_start_at_z0_and_are_never_changed_afterwards(method):
         assert hint is None or hint == pytest.approx(problem.residual(z), rel=1e-12)
 
 
-@pytest.mark.parametrize("scene", ["hand-affine", "hand-cyclic", "membrane", "hard-degenerate", "dividend"])
+@pytest.mark.parametrize("scene", ["hand-affine", "membrane"])
 @pytest.mark.parametrize("method", METHODS)
 def test_a_path_ends_or_goes_on_with_arrays_of_its_own(method, scene):
     """No iterate is the array of the one before, and the method object is after a run what it was before."""
@@ -108,9 +111,8 @@ def test_a_path_ends_or_goes_on_with_arrays_of_its_own(method, scene):
 def test_a_path_that_waits_or_is_left_changes_nothing_of_what_a_user_asked_of_numpy(method):
     """np.errstate around a yield is that of whoever has the turn then, and comes back when the path is collected."""
     problem, method_ = icp.ICP([[4.0, -1.0], [-2.0, 4.0]], [-3.0, -2.0]), METHODS[method]
-    before = np.geterr()
-    path = method_.iterates(problem, np.zeros(problem.n))
-    for state in ("ignore", "warn", "ignore"):
+    before, path = np.geterr(), method_.iterates(problem, np.zeros(problem.n))
+    for state in ("ignore", "warn"):
         with np.errstate(all=state):
             asked = np.geterr()
             next(path, None)
@@ -142,18 +144,6 @@ def test_gauss_seidel_sweeps_grow_with_n_for_mu_0_and_not_for_mu_4():
     assert sweeps(0, 60) >= 2.5 * sweeps(0, 30) >= 5 * sweeps(0, 15)
 
 
-def test_psor_is_cryer_s_recursion():
-    A = np.array([[4.0, -1.0, 0.5], [-2.0, 5.0, -1.0], [0.3, -1.0, 3.0]])
-    problem = icp.ICP(A, [-3.0, 2.0, 1.0], [0.1, -0.2, 0.3])
-    z = np.array([1.0, -2.0, 0.5])
-    path = icp.PSOR(omega=1.3).iterates(problem, z)
-    next(path)
-    expected = z.copy()
-    for i in range(3):
-        expected[i] = max(problem.psi.c[i], expected[i] - 1.3 / A[i, i] * (A[i] @ expected + problem.q[i]))
-    assert next(path)[0] == pytest.approx(expected, rel=1e-13)
-
-
 def test_mms_is_the_recursion_of_hong_and_li():
     """(Ω + M)x⁺ = Nx + (Ω − A)|x| − γ(Aψ(z) + q), ψ renewed every `inner` steps; γ has no influence on z."""
     A = np.array([[4.0, -1.0], [-2.0, 4.0]])
@@ -180,11 +170,9 @@ def test_mms_is_the_recursion_of_hong_and_li():
         ("mnmgs", {"theta1": 1.0}, "mnmgs has no option theta1; it takes phi, phi1, phi2"),
         ("psor", {"omega": 2.0}, "omega is 2.0; a finite number > 0 and < 2 was expected"),
         ("mms", {"inner": 0}, "inner is 0; a whole number >= 1"),
-        ("mms", {"inner": True}, "inner is True"),
         ("mnmmod", {"theta1": [1.0, 2.0]}, "theta1 is a list; a finite number > 0"),
         ("mnmsor", {"theta1": -1.0}, "theta1 is -1.0"),
-        ("mnmgs", {"maxiter": 3}, "mnmgs has no option maxiter; .* solve itself takes z0"),
-        ("mms", {"omega": -1.0}, "omega has the entry -1"),
+        ("mnmgs", {"phi1": 0.0}, "positive"),
         (None, {"theta1": 1.0}, "solve has no option theta1; it takes z0, rtol"),
         (icp.MNMGS(), {"phi": 1.0}, "go into its constructor"),
     ],
@@ -216,19 +204,6 @@ def test_every_option_changes_the_iterates(name):
         assert not np.allclose(after(changed), after(methods.named(name, **base)), rtol=1e-10), option.name
 
 
-@pytest.mark.parametrize("name", ["phi1", "phi2"])
-def test_a_diagonal_of_zero_is_refused(name):
-    with pytest.raises(icp.InputError, match="positive"):
-        icp.MNMGS(**{name: 0.0})
-
-
-def test_theta1_comes_from_both_norms():
-    problem = icp.ICP([[0.0, 100.0], [-100.0, 1.0]], [-1.0, 1.0])
-    inverse = np.abs(np.linalg.solve(problem.A.toarray(), np.ones(2))).max()
-    method = icp.MNMMOD(theta1="auto").settled(problem)
-    assert method.theta1 == pytest.approx(np.sqrt(101.0 / inverse))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Counted(icp.PSOR):
     """PSOR that counts its sweeps in `made`, without a name of its own."""
@@ -249,7 +224,7 @@ class Counted(icp.PSOR):
         return Sweep(lambda z: counted(step(z), [z]), several)
 
 
-@pytest.mark.parametrize("n", [400, 70**2])
+@pytest.mark.parametrize("n", [400])
 def test_no_sweep_is_made_to_judge_what_promises_to_be_the_last_iterate(n):
     """By the rate of the last sweeps: as many are made as there are iterates, and more of them are the same ones."""
     problem, made = scenes.membrane(n=n, mu=4.0).problem, []
@@ -269,22 +244,6 @@ def test_no_sweep_is_made_to_judge_what_promises_to_be_the_last_iterate(n):
         assert hint is None or hint == pytest.approx(residual, rel=1e-6)
 
 
-def test_a_warm_start_survives_the_choice():
-    problem = scenes.membrane(n=80**2).problem
-    cold = problem.solve()
-    warm = problem.with_q(problem.q * 1.0001).solve(z0=cold.z)
-    assert warm.iterations < cold.iterations + 1
-
-
-def test_sweeps_from_a_start_near_the_answer_have_less_to_do():
-    """It takes some sixty sweeps from Res(0) to 1e-8 of it, and a third of them from a start with 1e-5 of it."""
-    problem = scenes.membrane(n=400, mu=0.1).problem
-    near = problem.solve().z
-    near = near + 1e-5 * problem.residual(np.zeros(400)) / problem.residual(near + 1.0)
-    cold, warm = (problem.solve("psor", z0=z, rtol=1e-8).iterations for z in (np.zeros(400), near))
-    assert 2 * warm < cold
-
-
 def test_where_sweeps_fail_another_modulus_method_solves_the_problem():
     solution = scenes.hand_cyclic().problem.solve(family="modulus")
     assert solution.solved
@@ -296,10 +255,6 @@ def test_a_derivative_that_fails_does_not_end_the_automatic_choice():
     psi = icp.Elementwise(lambda z: 0.1 * np.sqrt(np.abs(z)), lambda z: np.full(z.shape, np.nan))
     problem = icp.ICP([[0.0, 1.0], [-1.0, 2.0]], [-1.0, 1.0], psi)
     assert problem.solve().solved
-    at_0 = problem.residual_at_0()
-    run = Run(problem, np.zeros(2), at_0, Goal(RTOL * at_0), aim=RTOL, scale=at_0)
-    carry_out(run, in_turn(Candidate(icp.Newton(), ""), Candidate(icp.MNMMOD(theta1="auto"), "")))
-    assert [one.outcome for one in run.tried] == ["psi failed", "solved"]
 
 
 @pytest.mark.parametrize("phi", [0.0, 1.0, 10.0])
@@ -308,13 +263,3 @@ def test_no_phi_damps_what_a_rotation_leaves(phi):
     A, start = np.array([[0.0, -1.0], [1.0, 0.0]]), np.array([3.0, 4.0])
     path = icp.MNMOD(phi=phi).iterates(icp.ICP(A, np.zeros(2), -np.inf), start)
     assert [np.linalg.norm(next(path)[0]) for _ in range(5)] == pytest.approx([5.0] * 5)
-    # and of several φ the one amid the eigenvalues of a definite A leaves least
-    B = np.diag([1.0, 16.0])
-    left = {}
-    for one in (0.0, 3.0, 15.0):
-        path = icp.MNMOD(phi=one).iterates(icp.ICP(B, np.zeros(2), -1e9), start)
-        left[one] = np.abs([next(path)[0] for _ in range(20)][-1]).max()
-    assert left[3.0] < min(left[0.0], left[15.0])
-    for member in (icp.MNMOD, icp.MNMMOD):
-        assert "none helps where A only rotates" in member.to_try
-        assert "larger" not in member.to_try

@@ -1,7 +1,6 @@
 """Newton's method on the modulus equation: it ends after a few steps, and never goes round."""
 
 import itertools
-import signal
 
 import numpy as np
 import pytest
@@ -17,11 +16,6 @@ def newton_path(problem, z):
     """The iterates until the method ends, at most 1000."""
     path = icp.Newton().iterates(problem, np.asarray(z, dtype=float))
     return (z for z, _ in itertools.islice(path, 1000))
-
-
-def cyclic(n, alpha):
-    """I + α times the cyclic shift: a P-matrix for odd n."""
-    return np.eye(n) + alpha * np.roll(np.eye(n), -1, axis=1)
 
 
 def random_p_matrix(rng, n):
@@ -56,33 +50,6 @@ def test_where_psi_is_affine_the_right_active_set_gives_the_solution_at_once():
         assert problem.residual(steps[1]) <= 1e-14
 
 
-def test_the_steps_do_not_depend_on_the_units_of_the_rows():
-    rng = np.random.default_rng(12)
-    for _ in range(5):
-        A, q, z = h_plus(rng, 8), rng.normal(size=8), 10 * rng.normal(size=8)
-        d = 2.0 ** rng.integers(-60, 60, 8)
-        paths = [list(newton_path(icp.ICP(s[:, None] * A, s * q), z)) for s in (np.ones(8), d)]
-        for one, other in zip(*paths, strict=False):
-            assert other == pytest.approx(one, rel=1e-9, abs=1e-12)
-
-
-@pytest.mark.parametrize("start", list(itertools.product([0.0, 1.0], repeat=3)))
-def test_the_cyclic_p_matrix_is_solved_from_every_corner_where_plain_newton_goes_round(start):
-    """theory.md: period 3 at residual √10 from (1, 0, 0)."""
-    solution = scenes.hand_cyclic().problem.solve("newton", z0=start, rtol=1e-12)
-    assert solution.z == pytest.approx(np.full(3, 1 / 3), rel=1e-10)
-
-
-@pytest.mark.parametrize(("n", "alpha"), [(3, 2.0), (3, 1.1), (3, 1e3), (5, 2.0), (7, 1.5), (9, 1.1)])
-def test_cyclic_p_matrices_are_solved_from_random_starts(n, alpha):
-    rng = np.random.default_rng(n)
-    problem = icp.ICP(cyclic(n, alpha), -np.ones(n))
-    for _ in range(20):
-        z0 = rng.choice([rng.normal(size=n) * 10.0 ** rng.integers(-3, 4), (rng.random(n) > 0.5).astype(float)])
-        solution = problem.solve("newton", z0=z0)
-        assert solution.z == pytest.approx(np.full(n, 1 / (1 + alpha)), rel=1e-5)
-
-
 def test_plain_steps_alone_would_go_round_on_the_cyclic_p_matrix():
     """So that the tests above test something."""
 
@@ -100,8 +67,8 @@ def test_plain_steps_alone_would_go_round_on_the_cyclic_p_matrix():
 
 def test_random_p_matrices_are_solved_from_random_starts():
     rng = np.random.default_rng(1)
-    for n in (1, 2, 3, 4, 5):
-        for _ in range(30):
+    for n in (2, 3, 4, 5):
+        for _ in range(10):
             problem = icp.ICP(random_p_matrix(rng, n), rng.normal(size=n))
             solution = problem.solve("newton", z0=rng.normal(size=n) * 10.0 ** rng.integers(-2, 3))
             assert solution.iterations <= 50
@@ -112,37 +79,6 @@ def h_plus(rng, n):
     np.fill_diagonal(A, 0.0)
     A[np.diag_indices(n)] = np.abs(A).sum(axis=1) * 1.1 + 0.2
     return A
-
-
-@pytest.mark.parametrize("kind", ["affine", "elementwise", "function", "intervention", "partly free"])
-def test_h_plus_matrices_with_every_kind_of_psi_agree_with_the_certified_answer(kind):
-    rng = np.random.default_rng(2)
-    for _ in range(15):
-        n = int(rng.integers(2, 15))
-        A, c, q = h_plus(rng, n), rng.normal(size=n), 3 * rng.normal(size=n)
-        G = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.3)
-        G *= 0.8 / max(np.abs(G).sum(axis=1).max(), 0.8)
-        psi = {
-            "affine": icp.Affine(G, c),
-            "elementwise": icp.Elementwise(lambda z: 0.7 * np.sin(2 * z) / 2, lambda z: 0.7 * np.cos(2 * z), 0.7, c),
-            "function": icp.Function(lambda z, G=G, c=c: G @ np.sin(z) + c, lambda z, G=G: G * np.cos(z), np.abs(G)),
-            "partly free": icp.Affine(G, np.where(rng.random(n) < 0.3, -np.inf, c)),
-            "intervention": icp.Intervention(sp.csr_array(np.triu(-0.1 - rng.random((n, n)), 1))),
-        }[kind]
-        if kind == "intervention":
-            A = np.abs(np.diag(np.diagonal(A))) - np.abs(A - np.diag(np.diagonal(A)))
-        problem = icp.ICP(A, q, psi)
-        found = problem.solve("newton", z0=rng.normal(size=n))
-        other = problem.solve("mnmj", rtol=1e-10)
-        allowed = 1e-6 if other.error_bound is None else other.error_bound + found.error_bound
-        assert np.abs(found.z - other.z).max() <= allowed
-
-
-@pytest.mark.parametrize("name", ["dividend", "bearing", "ball", "membrane"])
-def test_it_agrees_with_the_sweeps_on_the_scenes(name):
-    problem = scenes.scene(name, 200).problem
-    sweeps = problem.solve("mnmmod" if name == "dividend" else "mnmgs", rtol=1e-11, max_iter=1_000_000)
-    assert problem.solve("newton").z == pytest.approx(sweeps.z, abs=1e-6 * np.abs(sweeps.z).max())
 
 
 @pytest.mark.parametrize(
@@ -162,8 +98,13 @@ def test_layers_that_come_back_are_not_set_free_again(n):
     assert problem.solve("newton").iterations <= 15
 
 
-@pytest.mark.parametrize("name", ["bai-symmetric", "bai-nonsymmetric"])
-@pytest.mark.parametrize("units", [False, True])
+@pytest.mark.parametrize(
+    ("name", "units"),
+    [
+        pytest.param("bai-symmetric", True, marks=pytest.mark.slow),
+        pytest.param("bai-nonsymmetric", False, marks=pytest.mark.slow),
+    ],
+)
 def test_large_systems_are_solved_by_multigrid(name, units):
     """From 50 000 unknowns on; rows may have units of their own."""
     n = 240**2
@@ -194,15 +135,6 @@ def test_at_a_fine_grid_rounding_moves_the_active_set_and_the_residual_ends_the_
     assert solution.iterations <= 100
 
 
-def test_rows_that_touch_without_force_do_not_keep_it_going():
-    rng = np.random.default_rng(3)
-    for n in (2, 10, 50):
-        B = rng.normal(size=(n, n)) / np.sqrt(n)
-        A, z = B.T @ B + 0.1 * np.eye(n), rng.random(n) * (rng.random(n) > 0.5)
-        p = rng.random(n) * (z == 0) * (rng.random(n) > 0.5)
-        assert icp.ICP(A, p - A @ z).solve("newton", z0=rng.normal(size=n)).z == pytest.approx(z, abs=1e-7)
-
-
 def decisions(rng, states, discount=0.99999):
     """The values of states in each of which one of two actions is taken, each of which leads to states nearby."""
 
@@ -215,7 +147,7 @@ def decisions(rng, states, discount=0.99999):
     return icp.ICP(A, -rng.random(states), other)
 
 
-@pytest.mark.parametrize(("states", "seed"), [(200, 1), (500, 3), (500, 5), (1000, 2), (1000, 3)])
+@pytest.mark.parametrize(("states", "seed"), [(200, 1), (500, 5)])
 def test_policies_are_improved_until_none_is_better_however_long_the_residual_is_larger(states, seed):
     """Values rise in every step, from 0 by up to 1e5, and so does θ, at first; four of these were given up."""
     problem = decisions(np.random.default_rng(seed), states)
@@ -235,40 +167,13 @@ def test_steps_in_one_direction_end_as_well():
     assert len(list(newton_path(icp.ICP(np.eye(2), [1.0, 1.0], psi), [0.0, 0.0]))) < 100
 
 
-@pytest.mark.parametrize("A", [np.zeros((3, 3)), -np.eye(3), -np.ones((3, 3)), np.ones((3, 3)) - 3 * np.eye(3)])
+@pytest.mark.parametrize("A", [np.zeros((3, 3)), np.ones((3, 3)) - 3 * np.eye(3)])
 def test_without_a_solution_it_stands_still_and_says_so(A):
     solution = icp.ICP(A, [-1.0, -1.0, -1.0]).solve("newton", raise_on_failure=False)
     assert solution.status is Status.STAGNATED
     assert "stand still" in solution.message
     assert solution.residual >= 0.1
     assert solution.iterations <= 500
-
-
-def test_any_matrix_gives_a_solution_or_an_honest_failure():
-    rng = np.random.default_rng(4)
-    for _ in range(40):
-        n = int(rng.integers(1, 7))
-        A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.7)
-        problem = icp.ICP(A, rng.normal(size=n), rng.normal(size=n))
-        solution = problem.solve("newton", raise_on_failure=False)
-        assert solution.solved is bool(problem.residual(solution.z) <= solution.tolerance)
-        assert solution.status in (Status.SOLVED, Status.STAGNATED, Status.PRECISION_LIMIT)
-
-
-def test_theta_has_new_marks_or_the_run_ends():
-    """The law of the module's docstring, counted from outside on matrices of every kind."""
-    rng = np.random.default_rng(5)
-    for _ in range(15):
-        n = int(rng.integers(2, 8))
-        problem = icp.ICP(rng.normal(size=(n, n)) + np.eye(n), rng.normal(size=n))
-        omega, best, mark, waited = problem.matrix.weights, np.inf, np.inf, 0
-        for z in newton_path(problem, rng.normal(size=n)):
-            theta = Point(problem, omega, z).theta
-            best = min(best, theta)
-            waited += 1
-            if best <= 0.9 * mark:
-                mark, waited = best, 0
-            assert waited <= 2**n + 100
 
 
 # --- the merit function
@@ -280,19 +185,13 @@ def points(rng, n=6):
 
 
 def test_phi_is_fischer_and_burmeister_s_function_of_p_and_r():
+    """Tseng 1996: (2 − √2)|min(a, b)| ≤ |φ(a, b)| ≤ (2 + √2)|min(a, b)|."""
     rng = np.random.default_rng(6)
     for _ in range(20):
         problem, point = points(rng)
         a, b = point.p / problem.A.diagonal(), point.r
+        least = np.abs(np.minimum(a, b))
         assert point.phi == pytest.approx(a + b - np.hypot(a, b), abs=1e-13)
-
-
-def test_phi_is_within_constant_factors_of_the_scaled_residual():
-    """(2 − √2)|min(a, b)| ≤ |φ(a, b)| ≤ (2 + √2)|min(a, b)|: Tseng 1996."""
-    rng = np.random.default_rng(7)
-    for _ in range(20):
-        problem, point = points(rng)
-        least = np.abs(np.minimum(point.p / problem.A.diagonal(), point.r))
         assert (np.abs(point.phi) >= (2 - np.sqrt(2)) * least - 1e-13).all()
         assert (np.abs(point.phi) <= (2 + np.sqrt(2)) * least + 1e-13).all()
 
@@ -301,11 +200,6 @@ def test_phi_keeps_its_digits_where_one_side_is_tiny():
     problem = icp.ICP([[1.0]], [1e10])
     point = Point(problem, np.ones(1), np.array([1e-10]))
     assert point.phi[0] == pytest.approx(1e-10, rel=1e-12)
-
-
-def test_phi_of_a_row_without_obstacle_is_its_equation():
-    problem = icp.ICP([[2.0]], [-6.0], -np.inf)
-    assert Point(problem, np.array([2.0]), np.array([5.0])).phi.tolist() == [2.0]
 
 
 @pytest.mark.parametrize("two", [False, True])
@@ -338,74 +232,7 @@ def test_where_both_sides_are_zero_the_slopes_are_an_element_of_the_generalised_
     assert (1 - in_a) ** 2 + (1 - (total[0] - in_a)) ** 2 == pytest.approx(1.0)
 
 
-def test_a_descent_reduces_theta():
-    rng = np.random.default_rng(9)
-    for _ in range(20):
-        problem, point = points(rng)
-        path = Path(problem, point.z)
-        assert path.descent().theta < point.theta
-
-
-def test_a_direction_that_leads_up_is_not_taken():
-    problem, point = points(np.random.default_rng(9))
-
-    class Uphill(Path):
-        def directions(self, V, phi, shift):
-            yield V.T @ phi
-
-        def along(self, *_):
-            return point
-
-    assert Uphill(problem, point.z).descent() is None
-
-
 # --- whatever the data
-
-
-@pytest.mark.parametrize("scale", [1e-300, 1e-150, 1e150, 1e300])
-def test_tiny_and_huge_problems(scale):
-    A, q = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([-1.0, 0.25])
-    assert icp.ICP(A, scale * q).solve("newton").z / scale == pytest.approx([7 / 12, 1 / 6])
-    assert icp.ICP(scale * A, scale * q).solve("newton").z == pytest.approx([7 / 12, 1 / 6])
-
-
-@pytest.mark.parametrize("scale", [1e-100, 1e100])
-def test_rows_and_columns_in_units_of_their_own(scale):
-    """The iterates are the same in every unit; only what counts as solved is not."""
-    rng = np.random.default_rng(10)
-    for _ in range(10):
-        B, q = rng.normal(size=(8, 8)), rng.normal(size=8)
-        A, d = B @ B.T / 8 + np.eye(8), np.where(rng.random(8) < 0.5, scale, 1.0)
-        z = icp.ICP(A, q).solve("newton").z
-        path = []
-        options = {"rtol": 0.0, "atol": 0.0, "raise_on_failure": False}
-        icp.ICP(d[:, None] * A, d * q).solve(
-            "newton", callback=lambda state, path=path: path.append(state.z), **options
-        )
-        # the residual of the large rows is rounding, so that the best iterate need not be the last one
-        assert path[-1] == pytest.approx(z, abs=1e-9)
-        assert d * icp.ICP(A * d, q).solve("newton").z == pytest.approx(z, abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("A", "q", "psi", "z"),
-    [
-        ([[2.0]], [-1.0], 0.0, [0.5]),
-        ([[0.0]], [1.0], 3.0, [3.0]),
-        ([[2.0]], [-1.0], -np.inf, [0.5]),
-        ([[2.0, -1.0], [-1.0, 2.0]], [1.0, 2.0], [-np.inf, 0.0], [-0.5, 0.0]),
-        ([[2.0, -1.0], [0.0, 0.0]], [-1.0, 1.0], 0.0, [0.5, 0.0]),  # a zero row
-        ([[0.0, 1.0], [-1.0, 0.0]], [-1.0, 2.0], 0.0, [2.0, 1.0]),  # a zero diagonal
-    ],
-)
-def test_small_and_singular_cases_by_hand(A, q, psi, z):
-    assert icp.ICP(A, q, psi).solve("newton").z == pytest.approx(z, abs=1e-12)
-
-
-def test_a_psi_that_cannot_be_followed_is_refused():
-    for psi, words in [(np.sin, "`jacobian` to Function"), (icp.Elementwise(np.sin), "`derivative` to Elementwise")]:
-        with pytest.raises(icp.NotApplicable, match=words):
-            icp.ICP([[2.0]], [1.0], psi).solve("newton")
 
 
 @pytest.mark.parametrize(
@@ -413,7 +240,6 @@ def test_a_psi_that_cannot_be_followed_is_refused():
     [
         ("value raises", "sensor lost"),
         ("value is NaN", "psi(z)[0] is NaN"),
-        ("slope raises", "sensor lost"),
         ("slope is NaN", "psi.jacobian(z)[0, 0] is nan"),
         ("slope has a wrong shape", "psi.jacobian(z) has shape (3, 3)"),
     ],
@@ -432,8 +258,6 @@ def test_a_psi_that_fails_late_leaves_the_best_iterate_and_is_named(fails, words
 
     def slope(z):
         late = not np.array_equal(z, points[0])
-        if late and fails == "slope raises":
-            raise RuntimeError("sensor lost")
         if late and fails == "slope has a wrong shape":
             return np.ones((3, 3))
         return np.diag(np.where(late and fails == "slope is NaN", np.nan, 1.5 * np.cos(3 * z)))
@@ -445,31 +269,7 @@ def test_a_psi_that_fails_late_leaves_the_best_iterate_and_is_named(fails, words
     assert solution.residual == problem.residual(solution.z) <= problem.residual(np.zeros(2))
 
 
-def test_a_slope_that_is_not_finite_is_named():
-    psi = icp.Elementwise(np.sqrt, lambda z: np.where(z > 0, 0.5, np.inf))
-    solution = icp.ICP([[2.0]], [-1.0], psi).solve("newton", raise_on_failure=False)
-    assert solution.status is Status.MAP_FAILED
-    assert "psi's derivative is not finite" in solution.message
-
-
-def test_ctrl_c_and_the_time_limit_return_the_best_iterate():
-    problem = scenes.bearing(n=10_000).problem
-    limited = problem.solve("newton", time_limit=1e-9, raise_on_failure=False)
-    assert limited.status is Status.TIME_LIMIT
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        stopped = problem.solve(
-            "newton",
-            callback=lambda state: state.iteration == 5 and signal.raise_signal(signal.SIGINT),
-            raise_on_failure=False,
-        )
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert stopped.status is Status.INTERRUPTED
-    assert stopped.residual <= problem.residual(np.zeros(problem.n))
-
-
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(2))
 def test_where_z_runs_away_rounding_is_not_the_reason(seed):
     """Semidefinite, Ay = 0 for a y >= 0 with q'y < 0, all up to rounding: what there is of z grows without end."""
     rng = np.random.default_rng(seed)

@@ -68,9 +68,6 @@ def test_for_jacobi_old_and_newest_values_are_one(seed):
     problem = icp.ICP(A, q, psi)
     jacobi = np.maximum(problem.psi.value(z), z - (A @ z + q) / np.diag(A))
     assert icp.MNMJ().step_of(problem)(z)[0] == pytest.approx(jacobi, rel=1e-9, abs=1e-9)
-    upper, omega = icp.ICP(np.triu(A), q, psi), float(rng.uniform(0.1, 1.9))
-    newest, before = icp.PSOR(omega=omega), icp.ProjectionFixedPoint(omega=omega)
-    assert newest.step_of(upper)(z)[0] == pytest.approx(before.step_of(upper)(z)[0], rel=1e-9, abs=1e-9)
 
 
 def test_every_method_says_which_family_it_belongs_to():

@@ -6,7 +6,7 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from known_answers import around
+from known_answers import affine, around
 
 import icpmodel as icp
 from icpmodel.theory.convergence.conditions import StepMatrices
@@ -22,7 +22,7 @@ def dominant(rng, n):
     columns = 10.0 ** rng.uniform(-2, 2, n) if rng.random() < 0.5 else np.ones(n)
     exact = rng.normal(size=n) / columns
     A, G = A * columns / columns[:, None], G * columns / columns[:, None]
-    return around(rng, A, exact, G, 1 / columns, 1 / columns), exact
+    return around(rng, A, exact, affine(G), 1 / columns, 1 / columns), exact
 
 
 def definite(rng, n):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from exact import rational
-from known_answers import around, inverse
+from known_answers import affine, around, inverse
 
 import icpmodel as icp
 from icpmodel.numerics.arrays import as_csr
@@ -63,7 +63,7 @@ def random_case(seed):
         rows, columns = 10.0 ** rng.uniform(-2, 2, n), 10.0 ** rng.uniform(-2, 2, n)
         A, slope = rows[:, None] * A * columns, slope * columns / columns[:, None]
     z = rng.normal(size=n)
-    return around(rng, A, z, slope, np.abs(np.diag(A))), z, random_member(rng, A), A, slope
+    return around(rng, A, z, affine(slope), np.abs(np.diag(A))), z, random_member(rng, A), A, slope
 
 
 def matrices(problem, member):

@@ -1,0 +1,36 @@
+"""Problems that are made for an answer known beforehand."""
+
+from fractions import Fraction
+
+import numpy as np
+from exact import solve_rational
+
+import icpmodel as icp
+
+
+def affine(G):
+    """c ↦ ψ(z) = Gz + c, a constant where G is 0."""
+    return (lambda c: icp.Affine(G, c)) if np.any(G) else icp.Constant
+
+
+def around(rng, A, exact, psi=icp.Constant, of_p=1.0, of_r=1.0, free=0.0, above=0.0):
+    """The ICP of A with the solution `exact`, psi(c) the map that is as much above psi(0) as c.
+
+    Rows touch by chance; a share `free` of the others has no obstacle. The share `above` of all rows has one above as
+    well, psi(d), and touches that in place of the lower one.
+    """
+    n = len(exact)
+    active, held = rng.random(n) < 0.5, rng.random(n) < above
+    p = np.where(active, rng.random(n), 0.0) * of_p
+    bare, gap = exact - psi(np.zeros(n)).bind(n).value(exact), rng.random(n) * of_r
+    c = bare - np.where(active & ~held, 0.0, gap)
+    c[~active & (rng.random(n) < free)] = -np.inf
+    upper = psi(np.where(held, bare + np.where(active, 0.0, gap), np.inf)) if held.any() else None
+    return icp.ICP(A, np.where(held, -p, p) - A @ exact, psi(c), upper=upper)
+
+
+def inverse(M):
+    """M⁻¹ in fractions, None where M is singular."""
+    n = len(M)
+    columns = [solve_rational(M, [Fraction(int(i == j)) for i in range(n)]) for j in range(n)]
+    return None if None in columns else [list(row) for row in zip(*columns, strict=True)]
