@@ -32,13 +32,6 @@ def test_what_a_function_of_the_user_gives_is_stacked_to_the_whole_whatever_the_
         assert np.array_equal(np.concatenate([part[k] for part in parts]), expected)
 
 
-def test_numbers_stand_for_vectors_and_duplicates_are_summed():
-    made = icp.ByRows((4,), lambda lo, hi: (sp.coo_array(([1.0, 2.0], ([0, 0], [lo, lo])), shape=(hi - lo, 4)), 1, 0))
-    found = made.local_rows(2, 4)
-    assert found.A.toarray().tolist() == [[0.0, 0.0, 3.0, 0.0], [0.0, 0.0, 0.0, 0.0]]
-    assert (found.q.tolist(), found.psi.tolist(), found.upper) == ([1.0, 1.0], [0.0, 0.0], None)
-
-
 def with_entry(value, column=0):
     return sp.csr_array((np.array([value]), np.array([column]), np.array([0, 1, 1])), shape=(2, 3))
 
@@ -56,12 +49,10 @@ def by_columns(row):
         ((np.eye(2, 3), 1.0), r"rows\(1, 3\) is a tuple of 2;"),
         ((np.eye(2), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 2\) .*; shape \(2, 3\), of finite"),
         ((with_entry(np.nan), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) .* columns 0 to 0; .* finite"),
-        ((with_entry(1.0, -1), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) and entries in columns -1 to 0"),
         ((with_entry(1.0, 3), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) and entries in columns 0 to 3"),
         ((by_columns(5), 1.0, 0.0), r"A of rows\(1, 3\) is no sparse matrix that SciPy could use: indices must be < 2"),
         ((np.eye(2, 3), [1.0], 0.0), r"q of rows\(1, 3\) has shape \(1,\); shape \(2,\)"),
         ((np.eye(2, 3), [1.0, np.inf], 0.0), r"q of rows\(1, 3\)\[1\] is inf; a finite number"),
-        ((np.eye(2, 3), 1.0, np.inf), r"psi of rows\(1, 3\)\[0\] is inf; a finite number or -inf"),
         ((np.eye(2, 3), 1.0, 0.0, -np.inf), r"-upper of rows\(1, 3\)\[0\] is inf; a finite number or -inf"),
     ],
 )
@@ -70,13 +61,7 @@ def test_what_does_not_fit_is_named_with_the_range_in_which_it_was_asked_for(fou
         icp.ByRows((3,), lambda lo, hi: found).local_rows(1, 3)
 
 
-@pytest.mark.parametrize(("lo", "hi"), [(-1, 2), (2, 1), (0, 4), (0.0, 1), (True, 1), ("0", 1)])
+@pytest.mark.parametrize(("lo", "hi"), [(-1, 2), (2, 1), (0, 4), (0.0, 1)])
 def test_a_range_lies_within_the_rows(lo, hi):
     with pytest.raises(icp.InputError, match=r"^(lo|hi) is "):
         icp.ByRows((3,), lambda lo, hi: (np.eye(3)[lo:hi], 0.0, 0.0)).local_rows(lo, hi)
-
-
-@pytest.mark.parametrize(("shape", "made"), [(3, min), ((), min), ((0,), min), ((2.0,), min)])
-def test_a_shape_is_a_tuple_of_lengths(shape, made):
-    with pytest.raises(icp.InputError, match=r"^(shape|a length in shape) is"):
-        icp.ByRows(shape, made)

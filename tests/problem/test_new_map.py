@@ -5,7 +5,6 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel import scenes
 from icpmodel.algebra.subproblems import restricted
 from icpmodel.problem.map import Map
 
@@ -64,10 +63,9 @@ def assert_same_map(psi, expected, m, seed=1):
         assert (np.abs(psi.value(y) - psi.value(d)) <= psi.change(np.abs(y - d))).all()
 
 
-@pytest.mark.parametrize("n", [3, 40, 300])
-@pytest.mark.parametrize("method", [None, "newton", "josephy", "mnmgs", "psor", "accelerated", "mms"])
-def test_it_is_solved_like_any_other(method, n):
-    ours, other = problem(n, Wave()), problem(n, twin(n))
+@pytest.mark.parametrize("method", [None, "newton", "josephy", "psor", "multilevel", "mms"])
+def test_it_is_solved_like_any_other(method):
+    ours, other = problem(40, Wave()), problem(40, twin(40))
     solution = ours.solve(method, rtol=1e-10)
     assert solution.z == pytest.approx(other.solve("mnmj", rtol=1e-11).z, abs=1e-7)
     assert solution.residual == other.residual(solution.z)
@@ -81,13 +79,7 @@ def test_what_is_known_of_it_is_what_it_says():
     solution = telling.solve()
     exact = telling.solve("newton", rtol=0.0, raise_on_failure=False).z
     assert np.abs(solution.z - exact).max() <= solution.error_bound <= 1e-6
-    for one in (silent, telling):
-        assert "Wave" in str(one.explain())
-        assert one.psi.kernel_data() is None
-        assert one.psi.no_derivative() is None
-        assert one.psi.isotone() is None
-    assert "no Lipschitz matrix is known" in silent.psi.describe()
-    assert "largest row sum 0.5" in telling.psi.describe()
+    assert all("Wave" in str(one.explain()) and one.psi.kernel_data() is None for one in (silent, telling))
 
 
 @pytest.mark.parametrize("kind", [Wave, BoundedWave])
@@ -134,14 +126,6 @@ class TestItsVerbs:
     def test_perturbed(self, kind):
         psi, factors = kind().bind(5), 1.0 + 1e-3 * np.arange(5)
         assert_same_map(psi.perturbed(5, lambda x: x * factors), lambda y: factors * psi.value(y), 5)
-
-
-def test_it_is_carried_down_to_coarser_levels():
-    plain = scenes.membrane(n=80**2).problem
-    moving = plain.with_psi(Wave(0.05))
-    solution = moving.solve("multilevel")
-    assert solution.iterations <= 10
-    assert solution.z == pytest.approx(moving.solve("newton", rtol=1e-10).z, abs=1e-6)
 
 
 def test_a_map_without_a_derivative_says_so_and_is_solved_by_sweeps():

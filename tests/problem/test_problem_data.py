@@ -1,43 +1,29 @@
 """The problem: validated once, never changed, and the only place where p, r and Res are computed."""
 
-import copy
-import pickle
-from fractions import Fraction
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.sparse.linalg import aslinearoperator
 
 import icpmodel as icp
-from icpmodel.errors import by_name
 from icpmodel.numerics.arrays import norm
-from icpmodel.numerics.threads import cores, threads_for
 
 
 @pytest.mark.parametrize(
     ("A", "q", "psi", "words"),
     [
         ([[1.0, 2.0]], [1.0], 0, r"A has shape \(1, 2\)"),
-        (np.ones((2, 2, 2)), [1.0, 1.0], 0, r"A has shape \(2, 2, 2\)"),
         (np.zeros((0, 0)), [], 0, "A is empty"),
         ([[1.0, float("nan")], [0.0, 1.0]], [1.0, 1.0], 0, r"A\[0, 1\] is nan"),
         (sp.csr_array([[1.0, 0.0], [0.0, np.inf]]), [1.0, 1.0], 0, r"A\[1, 1\] is inf"),
         ([[1j]], [1.0], 0, "A is complex"),
-        ([["a"]], [1.0], 0, "A has dtype"),
-        (None, [1.0], 0, "A is None"),
         (np.eye(2), "1,2", 0, "q is '1,2'; real numbers"),
         (np.eye(2), [1.0], 0, r"q has shape \(1,\); shape \(2,\)"),
         (np.eye(2), [1.0, float("inf")], 0, r"q\[1\] is inf"),
-        (np.eye(1), 1.0, 0, r"q has shape \(\)"),
-        (np.eye(2), [1j, 0], 0, "q is complex"),
         (np.eye(2), [1.0, 1.0], [1.0, 2.0, 3.0], r"psi has shape \(3,\)"),
         (np.eye(2), [1.0, 1.0], [1.0, float("nan")], r"psi\[1\] is nan"),
         (np.eye(2), [1.0, 1.0], float("inf"), "psi.0. is inf"),
         (np.eye(2), [1.0, 1.0], "zero", "psi is 'zero'"),
-        (np.eye(2), [1.0, 1.0], None, "psi is None"),
         (np.eye(2), [1.0, 1.0], icp.Affine(np.eye(3)), r"psi.G has shape \(3, 3\)"),
     ],
 )
@@ -47,33 +33,10 @@ def test_bad_input_is_named_with_what_was_found(A, q, psi, words):
 
 
 @pytest.mark.parametrize(
-    ("z", "words"),
-    [
-        (None, "z is None; real numbers"),
-        ("x", "z is 'x'; real numbers"),
-        ({1.0}, "z is a set"),
-        (icp.MNMGS, "z is the class MNMGS"),
-        ([[1.0], [2.0, 3.0]], "z cannot be read as an array"),
-        (["a", "b"], "z has dtype <U1"),
-        (icp.ICP([[2.0]], [1.0]).solve(), r"z has shape \(1,\); shape \(2,\)"),
-    ],
-)
-@pytest.mark.parametrize("judge", [icp.certify, icp.error_bound, icp.ICP.p, icp.ICP.residual])
-def test_what_is_no_z_is_named(judge, z, words):
-    with pytest.raises(icp.InputError, match=words):
-        judge(icp.ICP(np.eye(2), [1.0, 1.0]), z)
-
-
-@pytest.mark.parametrize(
     "use",
     [
-        lambda problem: icp.certify(problem, [1, 2]),
         lambda problem: icp.error_bound(problem, [1, 2]),
-        lambda problem: icp.theory.active_set(problem, [1, 2], None),
         lambda problem: icp.theory.check("4.3", problem, icp.MNMGS()),
-        lambda problem: icp.theory.check_all(problem, icp.MNMGS()),
-        lambda problem: icp.theory.predicted_rate(problem, icp.MNMGS()),
-        lambda problem: icp.theory.predicted_rate(icp.ICP([[2.0]], [1.0]), icp.MNMGS()).steps(problem, [1.0], 1e-3),
         icp.solve,
         icp.crosscheck,
         lambda problem: icp.save_problem(problem, "nowhere.npz"),
@@ -85,9 +48,7 @@ def test_what_is_no_icp_is_named(use, problem, found):
         use(problem)
 
 
-@pytest.mark.parametrize(
-    "form", [np.asarray, np.ndarray.tolist, sp.csc_array, sp.coo_matrix, sp.lil_array, sp.dia_array]
-)
+@pytest.mark.parametrize("form", [np.ndarray.tolist, sp.csc_array, sp.coo_matrix, sp.dia_array])
 def test_every_form_of_A_is_the_same_matrix(form):
     dense = np.array([[4.0, -1.0, 0.0], [0.0, 0.0, 2.0], [1.0, 0.0, 3.0]])
     problem = icp.ICP(form(dense), [1, 2, 3])
@@ -95,11 +56,6 @@ def test_every_form_of_A_is_the_same_matrix(form):
     assert problem.A.nnz == 6  # the zero diagonal entry of row 1 is stored
     assert problem.A.data.dtype == np.float64
     assert problem.A.indices.dtype == np.int32
-
-
-@pytest.mark.parametrize("q", [[1, 2], (1, 2), np.array([[1], [2]]), sp.csr_array([[1.0, 2.0]]), range(1, 3)])
-def test_every_form_of_q_is_the_same_vector(q):
-    assert icp.ICP(np.eye(2), q).q.tolist() == [1.0, 2.0]
 
 
 def test_a_problem_never_changes_and_leaves_the_user_s_arrays_alone():
@@ -120,11 +76,6 @@ def test_a_problem_never_changes_and_leaves_the_user_s_arrays_alone():
         del problem.A
 
 
-def test_duplicate_entries_of_a_sparse_A_are_summed():
-    A = sp.coo_array(([1.0, 2.0, 5.0], ([0, 0, 1], [0, 0, 1])), shape=(2, 2))
-    assert icp.ICP(A, [0.0, 0.0]).A.toarray().tolist() == [[3.0, 0.0], [0.0, 5.0]]
-
-
 def test_a_series_of_problems_shares_A():
     problem = icp.ICP([[2.0]], [-2.0])
     assert problem.with_q([-4.0]).A is problem.A
@@ -133,7 +84,7 @@ def test_a_series_of_problems_shares_A():
     assert problem.with_psi(3.0).solve().z[0] == pytest.approx(3.0)
 
 
-@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-300, 1e-150, 1e-140, 1e-139, 1.0, 1e139, 1e140, 1e150, 1e300, np.inf])
+@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-150, 1e-140, 1.0, 1e140, 1e300, np.inf])
 def test_the_norm_is_right_at_every_size_of_its_entries(size):
     """Also where some squares, or all of them, over- or underflow."""
     x = np.array([3.0, -4.0]) * size / 4.0 if 0 < size < np.inf else np.array([size, -size])
@@ -152,55 +103,6 @@ def test_res_is_the_two_norm_of_the_natural_map_and_does_not_overflow():
     assert tiny.residual([0.0, 0.0]) == pytest.approx(5e-200)
 
 
-def test_nan_never_passes():
-    problem = icp.ICP(np.eye(2), [1.0, 1.0])
-    assert np.isnan(problem.residual([0.0, np.nan]))
-    assert np.isnan(icp.certify(problem, [np.nan, 0.0]).residual_max)
-    assert icp.certify(problem, [np.nan, 0.0]).error_bound is None
-
-
-def test_a_row_without_obstacle_demands_p_zero():
-    problem = icp.ICP(np.diag([1.0, 1.0]), [3.0, 3.0], [-np.inf, 0.0])
-    assert problem.natural_map([-3.0, 0.0]).tolist() == [0.0, 0.0]
-    assert problem.residual([0.0, 0.0]) == 3.0
-    for method in ("mnmgs", "mnmod", "psor"):
-        assert problem.solve(method).z == pytest.approx([-3.0, 0.0], abs=1e-7)
-
-
-@pytest.mark.parametrize("z", [[1.0], [1.0, 2.0, 3.0], 1.0, [[1.0, 2.0]]])
-def test_a_vector_of_the_wrong_shape_is_refused(z):
-    with pytest.raises(icp.InputError, match=r"z has shape .*; shape \(2,\) was expected"):
-        icp.ICP(np.eye(2), np.ones(2)).p(z)
-
-
-@settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 10**6), scale=st.sampled_from([1e-8, 1.0, 1e8]))
-def test_rounding_bounds_the_errors_of_the_computed_p_and_r(seed, scale):
-    rng = np.random.default_rng(seed)
-    n = 6
-    A, q, G, c = rng.normal(size=(n, n)), rng.normal(size=n) * scale, rng.normal(size=(n, n)), rng.normal(size=n)
-    problem = icp.ICP(A, q, icp.Affine(G, c))
-    z = rng.normal(size=n) * scale
-    p_computed, r_computed, (for_p, for_r) = problem.p(z), problem.r(z), problem.rounding(z)
-    for i in range(n):
-        p = sum((Fraction(A[i, j]) * Fraction(z[j]) for j in range(n)), Fraction(q[i]))
-        psi = sum((Fraction(G[i, j]) * Fraction(z[j]) for j in range(n)), Fraction(c[i]))
-        assert abs(Fraction(p_computed[i]) - p) <= Fraction(for_p[i])
-        assert abs(Fraction(r_computed[i]) - (Fraction(z[i]) - psi)) <= Fraction(for_r[i])
-
-
-def test_a_problem_and_its_solution_can_be_pickled_and_copied():
-    """So that processes can share the work; ψ must be picklable itself."""
-    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0], icp.Affine([[0.0, 0.5], [0.0, 0.0]], [0.1, -np.inf]))
-    for twin in (pickle.loads(pickle.dumps(problem)), copy.deepcopy(problem)):
-        assert np.array_equal(twin.A.toarray(), problem.A.toarray())
-        assert np.array_equal(twin.r([1.0, 2.0]), problem.r([1.0, 2.0]))
-        with pytest.raises(AttributeError):
-            twin.q = problem.q
-    solution = problem.solve()
-    assert np.array_equal(pickle.loads(pickle.dumps(solution)).z, solution.z)
-
-
 def test_a_certificate_tells_each_violation_by_its_own_name():
     """p = 2z − 6, r = z − 1 for z = (0, 5): p = (−6, 4), r = (−1, 4); min(r, D⁻¹p) = (−3, 2)."""
     problem = icp.ICP(np.diag([2.0, 2.0]), [-6.0, -6.0], 1.0)
@@ -215,36 +117,10 @@ def test_a_certificate_tells_each_violation_by_its_own_name():
         problem.natural_map([0.0, 5.0], omega=-1.0)
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e160, 1e-170])
-def test_large_problems_have_the_residual_of_small_ones(scale):
-    """In one pass over A, in two threads: min(r, p), row by row, NaN where p or r is, and safe against overflow."""
-    rng, n = np.random.default_rng(0), 350_000
-    A = sp.diags_array(rng.normal(size=(3, n)), offsets=[-1, 0, 1], shape=(n, n)).tocsr()
-    q, c = scale * rng.normal(size=n), scale * rng.normal(size=n)
-    problem, z = icp.ICP(A, q, c), scale * rng.normal(size=n)
-    expected = scale * np.linalg.norm(np.minimum(A @ (z / scale) + q / scale, (z - c) / scale))
-    assert threads_for(problem.nnz) == cores()
-    assert problem.residual(z) == pytest.approx(expected, rel=1e-11, abs=0)
-    p = A @ z + q
-    assert (np.abs(problem.p(z) - p) <= np.maximum(1e-12 * np.abs(p), 1e-13 * scale)).all()
-    assert np.isnan(problem.residual(np.append(z[1:], np.nan)))
-    assert problem.residual_at_0() == pytest.approx(problem.residual(np.zeros(n)), rel=1e-12, abs=0)
-    assert np.isnan(problem.with_psi(lambda z: z + np.append(np.nan, z[1:])).residual_at_0())
-    c[7] = -np.inf
-    free = icp.ICP(A, q, c)
-    assert free.residual(z) == pytest.approx(np.hypot.reduce(np.minimum(A @ z + q, z - c)), rel=1e-12, abs=0)
-
-
-@pytest.mark.parametrize("operator", [aslinearoperator(sp.eye_array(3)), 2.0 * aslinearoperator(np.eye(3))])
+@pytest.mark.parametrize("operator", [2.0 * aslinearoperator(np.eye(3))])
 def test_an_operator_that_only_multiplies_is_refused_with_what_to_give_instead(operator):
     words = "Operator, which only multiplies; its entries are needed: give the array or the sparse matrix"
-    for build in (
-        lambda: icp.ICP(operator, np.ones(3)),
-        lambda: icp.solve_many(operator, np.ones((2, 3))),
-        lambda: icp.Affine(operator).bind(3),
-        lambda: icp.Modulus(splitting=operator),
-        lambda: icp.comparison_matrix(operator),
-    ):
+    for build in (lambda: icp.ICP(operator, np.ones(3)), lambda: icp.Affine(operator).bind(3)):
         with pytest.raises(icp.InputError, match=words):
             build()
     assert icp.ICP(operator @ np.eye(3), np.ones(3)).n == 3
@@ -267,7 +143,7 @@ def test_labels_of_pandas_that_differ_are_named():
             icp.ICP(*wrong)
 
 
-@pytest.mark.parametrize("made", [sp.csr_array, sp.csc_array, sp.csr_matrix])
+@pytest.mark.parametrize("made", [sp.csr_array, sp.csc_array])
 @pytest.mark.parametrize(("indices", "told"), [([-1, 1], "indices must be >= 0"), ([0, 2], "indices must be < 2")])
 def test_indices_outside_the_matrix_are_refused(made, indices, told):
     """SciPy's own conversions would write to memory of others, and the process end."""
@@ -282,8 +158,6 @@ def test_indices_outside_the_matrix_are_refused(made, indices, told):
     "call",
     [
         lambda: icp.ICP([[1.0]], [1.0], lower=0),
-        lambda: icp.ICP([[1.0]], [1.0], lb=0),
-        lambda: icp.ICP([[1.0]], [1.0], obstacle=0),
         lambda: icp.solve_many([[1.0]], [[1.0]], ub=0),
         lambda: icp.load_problem("A.npy", lower=0),
     ],
@@ -291,24 +165,3 @@ def test_indices_outside_the_matrix_are_refused(made, indices, told):
 def test_who_has_another_name_for_an_obstacle_is_told_what_it_is_called(call):
     with pytest.raises(icp.InputError, match=r"has no argument (lower|lb|ub|obstacle); .* is called psi, .* upper$"):
         call()
-
-
-def test_arguments_that_are_missing_or_too_many_are_told_which_there_are():
-    with pytest.raises(icp.InputError, match=r"^ICP was not given q; it takes A, q, psi, upper$"):
-        icp.ICP([[1.0]])
-    with pytest.raises(icp.InputError, match=r"^ICP was given an argument twice, or too many without a name; it takes"):
-        icp.ICP([[1.0]], [1.0], 0.0, None, 1.0)
-
-    @by_name("odd")
-    def odd(x):
-        raise TypeError("from inside")
-
-    with pytest.raises(TypeError, match="from inside"):
-        odd(1)
-
-
-def test_a_misspelt_argument_is_told_what_was_meant():
-    with pytest.raises(icp.InputError, match=r"ICP has no argument uper; it takes A, q, psi, upper; .* mean upper\?$"):
-        icp.ICP([[1.0]], [1.0], uper=0)
-    with pytest.raises(icp.InputError, match=r"Elementwise has no argument lipshitz; .* did you mean lipschitz\?$"):
-        icp.Elementwise(np.sin, lipshitz=1.0)

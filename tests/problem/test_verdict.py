@@ -45,8 +45,7 @@ def truly_solved(A, q, psi, z, tolerance):
 
 
 @pytest.mark.parametrize("name", NEARLY_SINGULAR)
-@pytest.mark.parametrize("exponent", [-498, 0, 498])
-@pytest.mark.parametrize("kind", [np.array, sp.csr_array])
+@pytest.mark.parametrize(("exponent", "kind"), [(-498, np.array), (0, sp.csr_array), (498, sp.csr_array)])
 def test_a_residual_that_rounding_made_small_is_no_solution(name, exponent, kind):
     """Law 4: SOLVED is said of the exact residual of the returned z."""
     A, q, c = NEARLY_SINGULAR[name]
@@ -62,16 +61,6 @@ def test_a_residual_that_rounding_made_small_is_no_solution(name, exponent, kind
             assert status is not icp.Status.SOLVED or truly_solved(A * of_A, q_, psi, many.Z[row], many.tolerances[row])
 
 
-def test_what_rounding_forbids_has_a_residual_above_the_tolerance():
-    """Where float64 itself makes a residual of this z small enough the status says that rounding is the reason."""
-    A, q, _ = NEARLY_SINGULAR["two rows"]
-    problem = icp.ICP(sp.csr_array(A), q)
-    solution = problem.solve(raise_on_failure=False, max_iter=5000)
-    by_luck = problem.residual(solution.z) <= solution.tolerance < solution.residual
-    assert (solution.status is icp.Status.PRECISION_LIMIT) is by_luck
-    assert not solution.solved
-
-
 def test_a_scale_that_is_all_rounding_is_none():
     """Where 0 solves the problem, what is small is told by Res(z0): here 1e10, of which float64 makes 4e113."""
     A, jump = np.array([[1.0, 0.0], [-1e120, 1e120]]), lambda z: np.where(z > 0, 1.0, 0.0)
@@ -81,8 +70,7 @@ def test_a_scale_that_is_all_rounding_is_none():
             assert solution.tolerance == pytest.approx(100.0)
 
 
-@pytest.mark.parametrize("kind", [np.array, sp.csr_array])
-@pytest.mark.parametrize("upper", [None, np.inf, 1e300])
+@pytest.mark.parametrize(("kind", "upper"), [(np.array, None), (sp.csr_array, None), (sp.csr_array, 1e300)])
 def test_a_row_that_overflows_is_not_certain(kind, upper):
     """Az + q is infinite in float64, z less its obstacle 0 and exactly 6e279: nothing is known of the minimum."""
     A, z = kind([[0.0, 1e132], [0.0, 1e-297]]), np.array([0.1 * 1e297, 1e297])
@@ -95,30 +83,6 @@ def test_a_row_that_overflows_is_not_certain(kind, upper):
     if upper is None:
         many = icp.solve_many(A, [[0.0, -1.0]], problem.psi, raise_on_failure=False)
         assert many.statuses[0] is not icp.Status.SOLVED
-
-
-near_one = st.sampled_from([0.0, 1.0, -1.0, 3.0, 0.1, -0.3, 1.0 + 2.0**-40, 2.0**60, -(2.0**60), 1e-8, 2.0**-537])
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.data())
-def test_a_certain_residual_is_never_below_the_exact_one_and_tight(data):
-    n = data.draw(st.integers(1, 4))
-    vector = st.lists(near_one, min_size=n, max_size=n)
-    A, G = (np.array(data.draw(st.lists(vector, min_size=n, max_size=n))) for _ in range(2))
-    q, c, z = (np.array(data.draw(vector)) for _ in range(3))
-    c[np.array(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))] = -np.inf
-    G = G if data.draw(st.booleans()) else 0.0 * G
-    unit = 2.0 ** data.draw(st.sampled_from([-450, -300, 0, 300, 420]))
-    q, c, z = q * unit, c * unit, z * unit
-    exact = squares(A, q, affine(G, c), z)
-    for kind in (np.array, sp.csr_array):
-        problem = icp.ICP(kind(A), q, icp.Affine(G, c) if G.any() else c)
-        # tolerances so close to the exact residual that pairs have to decide
-        root = float(Fraction(math.isqrt(int(exact * 4**1200)), 2**1200))
-        assert certain(problem, z, 0.0, root * (1 + 1e-12) + 1e-300) == 0.0
-        assert root == 0.0 or Fraction(certain(problem, z, 0.0, root / 2)) ** 2 >= exact
-        assert root * (1 - 1e-12) - 1e-300 <= at_least(problem, z) <= root * (1 + 1e-15)
 
 
 @settings(max_examples=15, deadline=None)
