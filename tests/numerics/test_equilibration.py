@@ -11,12 +11,10 @@ from icpmodel.numerics.equilibration import (
     equilibrated,
     in_units,
     in_units_exactly,
-    mean_exponents,
     natural_exponents,
     row_exponents,
     symmetric_exponents,
 )
-from icpmodel.numerics.kernels.balancing import scale
 
 
 def random_matrix(seed, decades=200):
@@ -26,7 +24,7 @@ def random_matrix(seed, decades=200):
     return X * 2.0 ** rng.integers(-decades, decades + 1, size=(n, 1)) * 2.0 ** rng.integers(-decades, decades + 1, n)
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("made", [np.asarray, sp.csr_array])
 def test_the_largest_entries_of_rows_and_columns_get_one_size(seed, made):
     X = random_matrix(seed)
@@ -38,12 +36,6 @@ def test_the_largest_entries_of_rows_and_columns_get_one_size(seed, made):
     columns = np.abs(dense).max(axis=0)
     assert ((columns == 0) | ((columns >= 0.5) & (columns < 1))).all()
     assert np.abs(dense).max() < 1
-
-
-@pytest.mark.parametrize("made", [np.asarray, sp.csr_array])
-def test_dense_and_sparse_rows_have_the_same_exponents(made):
-    X = np.array([[0.0, 3.0], [0.0, 0.0], [-1e-310, 0.0]])
-    assert row_exponents(made(X), np.array([5, 1])).tolist() == [-3, 0, 1029 - 5]
 
 
 def test_scaling_is_exact_or_refused():
@@ -64,7 +56,7 @@ def test_symmetric_exponents_bring_the_diagonal_to_one():
     assert e[5:].tolist() == [0, 0]
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(5))
 def test_natural_exponents_find_the_units_that_a_matrix_was_given(seed):
     """D₁SD₂ with entries of S near 1 and a diagonal of S in [1, 2)."""
     rng = np.random.default_rng(seed)
@@ -75,18 +67,6 @@ def test_natural_exponents_find_the_units_that_a_matrix_was_given(seed):
     back = np.abs(in_units(A, *natural_exponents(A)).toarray())
     assert ((back.diagonal() >= 1) & (back.diagonal() < 2)).all()
     assert (np.abs(np.log2(back)) <= 3).all()
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_mean_exponents_and_balancing_bring_all_entries_together(seed):
-    rng = np.random.default_rng(seed)
-    S, (rows, columns) = rng.uniform(1.0, 2.0, size=(5, 5)), rng.integers(-200, 200, size=(2, 5))
-    X = np.ldexp(S, rows[:, None] + columns)
-    c = mean_exponents(X)
-    assert np.abs(np.log2(in_units(X, row_exponents(X, c), c))).max() <= 4
-    balanced, r, c = scale(X)
-    assert np.array_equal(balanced, in_units(X, r, c))
-    assert np.abs(np.log2(balanced)).max() <= 4
 
 
 def dynamic(rng, steps, states=8):
@@ -107,19 +87,6 @@ def test_units_do_not_grow_along_a_chain_of_rows(seed, steps, dense):
     assert W.max() / W.min() <= 2.0**24
 
 
-@given(st.integers(0, 2**31), st.booleans())
-@settings(max_examples=30, deadline=None)
-def test_units_of_a_symmetric_matrix_are_found(seed, dense):
-    """A = DSD, S with ±1 and about 3 on its diagonal: W = D² but for a factor."""
-    rng = np.random.default_rng(seed)
-    n, d = 12, 2.0 ** rng.integers(-20, 20, 12)
-    S = sp.random_array((n, n), density=0.4, rng=rng, data_sampler=lambda size: rng.choice([-1.0, 1.0], size))
-    S = sp.csr_array(np.sign((S + S.T).toarray()) + 3.0 * np.eye(n))
-    A = sp.csr_array(sp.diags_array(d) @ S @ sp.diags_array(d))
-    W = balanced(A.toarray() if dense else A)
-    assert np.abs(np.log2(W / d**2)).max() <= 4.0
-
-
 @pytest.mark.parametrize("made", [np.asarray, sp.csr_array])
 @pytest.mark.parametrize("sizes", [[], [0.0], [1e300, 1e-300], [1e-300, 0.0, 1e300, 1e-300]])
 def test_balanced_units_are_positive_numbers_whatever_the_entries(made, sizes):
@@ -130,8 +97,8 @@ def test_balanced_units_are_positive_numbers_whatever_the_entries(made, sizes):
     assert (np.isfinite(W) & (W > 0)).all()
 
 
-@pytest.mark.parametrize("far", [0, 20, 66])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("far", [0, 66])
+@pytest.mark.parametrize("seed", range(1))
 def test_units_are_found_where_the_unknowns_are_of_two_kinds(seed, far):
     """A linear program whose rows and columns are in units between 2^−far and 2^far: its entries are about 1 again."""
     rng = np.random.default_rng(seed)

@@ -10,8 +10,7 @@ import icpmodel as icp
 from icpmodel.errors import OutOfTime
 from icpmodel.numerics import work
 from icpmodel.numerics.arrays import as_csr
-from icpmodel.numerics.equilibration import times_rows
-from icpmodel.numerics.factorisation import Full, Symmetric, SymmetricPattern, factorise
+from icpmodel.numerics.factorisation import Full, SymmetricPattern, factorise
 from icpmodel.numerics.fill import Look, ordered, signs_of_symmetry
 
 
@@ -33,26 +32,6 @@ def test_what_is_singular_or_not_finite_has_no_factors(A, definite, triangles):
     assert factorise(sp.csr_array(np.asarray(A, dtype=float)), definite=definite, triangles=triangles) is None
 
 
-def test_columns_that_share_too_few_rows_are_seen_without_a_factorisation():
-    """Three columns with entries in two rows only: no row and no column is empty."""
-    A = np.eye(6)
-    A[3:, 3:] = 0.0
-    A[4:, 3:] = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
-    A[3, 0] = 1.0
-    assert factorise(sp.csr_array(A)) is None
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_it_solves_with_and_without_a_symmetric_pattern(seed):
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, 30))
-    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.3) + 4 * np.eye(n)[rng.permutation(n)]
-    if seed % 2:
-        A = A + A.T + 20 * np.eye(n)
-    f = rng.normal(size=n)
-    assert np.allclose(A @ factorise(sp.csr_array(A)).solve(f), f, atol=1e-8)
-
-
 def test_pivots_on_the_diagonal_are_those_of_the_matrix_itself():
     """[0, 1; 1, 0] has none; a positive definite matrix has positive ones."""
     assert factorise(sp.csr_array([[0.0, 1.0], [1.0, 0.0]]), definite=True, triangles=True) is None
@@ -60,14 +39,6 @@ def test_pivots_on_the_diagonal_are_those_of_the_matrix_itself():
     assert (factorise(S, definite=True, triangles=True).U.diagonal() > 0).all()
     S[0, 0] = 0.1
     assert (factorise(S, definite=True, triangles=True).U.diagonal() < 0).sum() == 1
-
-
-@pytest.mark.parametrize("n", [1, 2, 40])
-def test_a_full_matrix_small_enough_to_fit_in_any_case_has_its_factors(n):
-    """Its factors have as many entries as factors can: the limit that is taken for granted leaves room for them all."""
-    A = np.random.default_rng(n).normal(size=(n, n)) + n * np.eye(n)
-    x = factorise(sp.csr_array(A)).solve(np.ones(n))
-    np.testing.assert_allclose(A @ x, np.ones(n), rtol=1e-12)
 
 
 @given(
@@ -87,24 +58,6 @@ def test_what_fills_up_is_factorised_as_dense_and_solved_both_ways(n, pattern, k
     assert np.log(np.abs(factors.pivots)).sum() == pytest.approx(np.linalg.slogdet(A)[1])
     if kind == "indefinite":
         assert factorise(M, definite=True) is None
-
-
-@given(st.integers(0, 10**6), st.integers(1, 30), st.floats(0.0, 0.5))
-@settings(max_examples=60, deadline=None)
-def test_matrices_of_one_pattern_are_solved_one_after_another_with_some_rows_alone(seed, n, density):
-    rng = np.random.default_rng(seed)
-    off = sp.random_array((n, n), density=density, rng=rng)
-    A = sp.csr_array(off + off.T + sp.diags_array(rng.uniform(1.0, 2.0, n)))
-    pattern = SymmetricPattern(A, ordered(A, np.inf))
-    for free in (None, rng.random(n) < 0.5, np.zeros(n, bool), np.ones(n, bool), None):
-        B = A.copy()
-        B.data[:] *= rng.choice([-1.0, 1.0])  # definite or not, as long as its pivots are not 0
-        B.setdiag(rng.uniform(1.0, 2.0, n) + 2.0 * abs(A).sum(axis=1))
-        factors = pattern.factors(B.data, free)
-        M, f = B.toarray(), rng.normal(size=n)
-        if free is not None:
-            M[~(free[:, None] & free) & ~np.eye(n, dtype=bool)] = 0.0
-        assert factors.solve(f) == pytest.approx(np.linalg.solve(M, f), rel=1e-10, abs=1e-12)
 
 
 def patterned(kind, rng):
@@ -149,18 +102,6 @@ def test_factors_by_supernodes_solve_and_their_pivots_are_those_of_elimination(s
     assert factors.solve(A @ x) == pytest.approx(x, abs=1e-11)  # they are as they were
 
 
-@pytest.mark.parametrize("kind", ["cube", "expander", "programme", "blocks"])
-def test_what_is_symmetric_up_to_signs_is_factorised_by_supernodes_where_that_costs_least(kind):
-    rng = np.random.default_rng(1)
-    A = patterned(kind, rng)
-    lu, x = factorise(A, definite=True), rng.normal(size=A.shape[0])
-    dense = work.dense_cost(A.shape[0], kind != "programme")
-    by_supernodes = work.factor_cost(ordered(A, np.inf, symmetric=True)[0])
-    assert isinstance(lu, Symmetric) == (by_supernodes < min(dense, work.factor_cost(Look(A).band)))
-    assert lu.solve(A @ x) == pytest.approx(x, abs=1e-11)
-    assert factorise(as_csr(A - sp.diags_array(2.0 * A.diagonal()), "A", keep_diagonal=True), definite=True) is None
-
-
 def test_supernodes_are_made_in_pieces_between_which_limits_are_kept():
     line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(28, 28))
     A = sp.csr_array(sum(sp.kron(sp.kron(*pair), last) for *pair, last in _axes(line)))
@@ -190,20 +131,6 @@ def test_a_pattern_that_is_not_symmetric_is_refused(n):
     assert signs_of_symmetry(B) is None
 
 
-@given(st.integers(0, 10**6), st.integers(1, 30), st.floats(0.0, 0.5))
-@settings(max_examples=60, deadline=None)
-def test_signs_are_found_that_make_a_matrix_symmetric_and_solve_with_it(seed, n, density):
-    rng = np.random.default_rng(seed)
-    off = sp.random_array((n, n), density=density, rng=rng)
-    D = rng.uniform(1.0, 2.0, n) + abs(off + off.T).sum(axis=1)
-    given_signs = rng.choice([-1.0, 1.0], n)
-    A = as_csr(sp.diags_array(given_signs) @ (off + off.T) + sp.diags_array(D), "A", keep_diagonal=True)
-    signs = signs_of_symmetry(A)
-    assert (sp.diags_array(signs) @ A - A.T @ sp.diags_array(signs)).nnz == 0
-    factors, f = SymmetricPattern(A, ordered(A, np.inf), signs).factors(A.data), rng.normal(size=n)
-    assert A @ factors.solve(f) == pytest.approx(f, abs=1e-10)
-
-
 @pytest.mark.parametrize(
     "A",
     [
@@ -222,12 +149,6 @@ def test_a_matrix_that_cannot_be_factorised_says_so_and_the_next_one_can():
     assert pattern.factors(np.array([0.0, 1.0, 1.0, 0.0])) is None
     assert pattern.factors(np.array([2.0, np.nan, np.nan, 2.0])) is None
     assert pattern.factors(A.data).solve(np.array([3.0, 3.0])) == pytest.approx([1.0, 1.0])
-
-
-def test_rows_are_multiplied_as_by_a_diagonal_matrix():
-    rng = np.random.default_rng(0)
-    A, d = sp.random_array((7, 7), density=0.3, rng=rng, format="csr"), rng.normal(size=7)
-    np.testing.assert_array_equal(times_rows(d, A).toarray(), d[:, None] * A.toarray())
 
 
 def a_band(kind, n, below, above, rng):

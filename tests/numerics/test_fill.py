@@ -44,14 +44,6 @@ def exact_entries(A, order):
     return np.count_nonzero(S) + len(S)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 50, 2000])
-def test_a_tree_and_an_arrow_do_not_fill(n):
-    rng = np.random.default_rng(n)
-    for A in (random_tree(n, rng), with_pattern(np.zeros(n - 1, int), np.arange(1, n), n)):
-        assert ordered(A, np.inf)[0].entries == A.nnz + n
-        assert ordered(A, np.inf)[0].seen
-
-
 def test_a_band_a_clique_and_blocks_fill_up_themselves():
     n = 60
     tridiagonal = sp.csr_array(sp.diags_array([-1.0, 3.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)))
@@ -120,22 +112,6 @@ def test_rows_with_few_neighbours_are_eliminated_before_anything_is_given_up(m, 
         assert fill.entries <= 8 * rows * routes + (m + k) * (m + k + 2)
 
 
-def test_where_a_look_is_given_up_what_it_has_seen_counts_and_not_the_band():
-    """A grid and a permutation of its nodes."""
-    n, rng = 19_600, np.random.default_rng(6)
-    A = sp.csr_array(icp.scenes.membrane(n=n).problem.A + with_pattern(np.arange(n), rng.permutation(n), n))
-    look = Look(A)
-    fill, within = look.fill, ordered(A, np.inf, symmetric=True)[0]
-    assert look.seen is None
-    assert not fill.seen
-    assert not fill.band
-    assert 0.2 <= work.factor_cost(fill) / work.factor_cost(within) <= 5.0
-    seen = look.to_the_end()
-    assert seen.fill == within == seen.seen[0]
-    assert seen.to_the_end() is seen
-    assert (look.fill, look.seen) == (fill, None)
-
-
 def test_factors_that_would_not_fit_are_not_begun():
     A = expander(2000, np.random.default_rng(4))
     for triangles in (False, True):
@@ -143,10 +119,3 @@ def test_factors_that_would_not_fit_are_not_begun():
             factorise(A, triangles=triangles)
     with work.within(memory=1e6):
         assert factorise(random_tree(2000, np.random.default_rng(5))) is not None
-
-
-def test_a_limit_on_the_cost_ends_the_look():
-    A = icp.scenes.membrane(n=2500).problem.A
-    cost = work.factor_cost(ordered(A, np.inf)[0])
-    assert not ordered(A, np.inf, 0.9 * cost)[0].seen
-    assert ordered(A, np.inf, 1.1 * cost)[0].seen

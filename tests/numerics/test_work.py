@@ -82,16 +82,6 @@ def test_once_the_time_is_over_nothing_is_begun_and_an_inner_limit_ends_with_its
         work.afford(1e30)
 
 
-def test_memory_is_refused_beyond_the_limit_and_beyond_what_the_machine_has():
-    with work.within(memory=1e3):
-        assert work.fits(999.0)
-        with pytest.raises(OutOfMemory):
-            work.afford(memory=1001.0)
-    work.afford(memory=1001.0)
-    with pytest.raises(MemoryError):
-        work.afford(memory=1e18)
-
-
 def test_the_clock_stands_still_while_code_is_loaded_even_where_one_piece_asks_for_another():
     with work.COMPILER.busy():
         before = work.clock()
