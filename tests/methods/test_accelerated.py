@@ -5,16 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from conformance import FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
+from conformance import SIZES
 
 import icpmodel as icp
-from icpmodel import methods, scenes
-from icpmodel.algebra import relaxation as parameters
+from icpmodel import scenes
 from icpmodel.methods.accelerated import Differences
 from icpmodel.methods.contract import FixedPoint
 
 SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
-ACCELERABLE = [name for name, method in METHODS.items() if isinstance(method, FixedPoint)]
 
 
 def newest(history):
@@ -160,40 +158,6 @@ def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one():
         assert spoil or solution.iterations < plain / 3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("of", [*ACCELERABLE, "auto", "default"])
-def test_it_solves_every_scene_that_its_method_solves(of, scene):
-    method = {"auto": icp.MNMAOR(theta1="auto"), "default": None, **METHODS}[of]
-    like = of if of in METHODS else "mnmaor"
-    if (like, scene) in MUST_FAIL or SCENES[scene].why_no_solution:
-        return
-    scene_ = SCENES[scene]
-    solution = scene_.problem.solve(icp.Accelerated(of=method), z0=scene_.z0, raise_on_failure=False, max_iter=20_000)
-    assert solution.solved or solution.status.value in HONEST.get(scene, ()), solution.message
-    if solution.solved and scene_.z_exact is not None and scene not in FAR_THOUGH_SOLVED:
-        assert np.abs(solution.z - scene_.z_exact).max() <= 1e-5
-
-
-def test_units_that_are_powers_of_two_scale_the_iterates_exactly():
-    problem = scenes.bearing(n=30).problem
-    method, zero, steps = icp.Accelerated(of="mnmgs"), np.zeros(problem.n), 60
-    expected = path(method, problem, zero, steps)
-    for k in (-60, 300):
-        unit = 2.0**k
-        of_z = icp.ICP(problem.A, unit * problem.q, unit * problem.psi.c)
-        assert np.array_equal(path(method, of_z, zero, steps), unit * np.array(expected))
-    # Res adds p and r up, so that the safeguard, though not the combinations, depends on the unit of p
-    problem = scenes.bai_symmetric(n=100).problem
-    zero, expected = np.zeros(100), path(method, problem, np.zeros(100), 8)
-    for k in (-60, -3, 10):
-        of_p = icp.ICP(2.0**k * problem.A, 2.0**k * problem.q)
-        assert np.array_equal(path(method, of_p, zero, 8), expected)
-    s = 2.0 ** np.random.default_rng(0).integers(-3, 4, problem.n)
-    both = icp.ICP(sp.diags_array(s) @ problem.A @ sp.diags_array(s), s * problem.q)
-    assert np.array_equal(s * np.array(path(method, both, zero, 8)), expected)
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -206,33 +170,6 @@ def test_units_that_are_powers_of_two_scale_the_iterates_exactly():
 def test_a_wrong_option_is_named(options, words):
     with pytest.raises(icp.InputError, match=words):
         icp.Accelerated(**options)
-
-
-def test_it_takes_what_its_method_takes():
-    problem = icp.ICP([[0.0, 1.0], [1.0, 2.0]], [1.0, 1.0])
-    assert icp.Accelerated(of="psor").why_not(problem) == icp.PSOR().why_not(problem) is not None
-    assert icp.Accelerated(of="mnmod").why_not(problem) is None
-    assert repr(icp.Accelerated(of="mnmsor", history_size=3)) == "Accelerated(of=MNMSOR(), history_size=3)"
-    assert repr(methods.named("accelerated")) == "Accelerated()"
-    solution = scenes.hand_lcp().problem.solve("accelerated", of="mnmgs", mixing_frequency=1)
-    assert solution.solved
-    assert repr(solution.method) == "Accelerated(of=MNMGS(), mixing_frequency=1)"
-
-
-def test_the_default_keeps_rows_at_a_fixed_obstacle_and_begins_with_jacobi():
-    """Diagonal problems take one step; a moving obstacle gets MNMAOR, and a diagonal of A that is not positive none."""
-    diagonal = icp.ICP(np.diag([2.0, 4.0]), [-2.0, 4.0])
-    assert diagonal.solve("accelerated").iterations == 1
-    problem, zero = scenes.membrane(n=100).problem, np.zeros(100)
-    first, second = path(icp.Accelerated(), problem, zero, 2)[1:]
-    assert (first == path(icp.MNMAOR(theta1="auto"), problem, zero, 2)[1]).all()
-    relaxed = icp.PSOR(omega=parameters.relaxation(problem))
-    assert (second == path(relaxed, problem, first, 2)[1]).all()
-    moving = scenes.scene("manufactured-affine", 100).problem
-    same = icp.Accelerated(of=icp.MNMAOR(theta1="auto"))
-    for one, other in zip(path(icp.Accelerated(), moving, zero, 9), path(same, moving, zero, 9), strict=True):
-        assert (one == other).all()
-    assert icp.Accelerated().why_not(icp.ICP([[0.0]], [1.0])) == icp.MNMGS().why_not(icp.ICP([[0.0]], [1.0]))
 
 
 def test_a_step_of_length_zero_is_not_divided_by():

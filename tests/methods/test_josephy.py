@@ -1,11 +1,9 @@
 """Josephy's steps: the affine problems are those of ψ's derivative, and the last one has the answer."""
 
-import numba
 import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.algebra.affine_lcp import AffineLcp
 from icpmodel.methods.shortcuts import Josephy, Lemke
 
 
@@ -70,28 +68,3 @@ def test_steps_that_would_wander_are_shortened(seed):
     solution = run(icp.ICP(spd(rng, 40, 3.0), rng.normal(size=40), psi), history=True)
     assert solution.solved
     assert (np.diff(solution.history.residual) < 0).all()
-
-
-def test_a_compiled_psi_gives_what_the_same_function_in_python_gives():
-    f, slope = numba.njit(lambda t: 0.3 * np.sin(t)), numba.njit(lambda t: 0.3 * np.cos(t))
-    rng = np.random.default_rng(4)
-    for method in ("josephy", "psor", "mnmgs", "mnmj"):
-        A, q, c = spd(rng, 7) + 2 * np.eye(7), rng.normal(size=7), rng.normal(size=7)
-        compiled = icp.ICP(A, q, icp.Elementwise(f, slope, lipschitz=0.3, c=c))
-        python = icp.ICP(A, q, icp.Elementwise(f.py_func, slope.py_func, lipschitz=0.3, c=c))
-        found = [problem.solve(method) for problem in (compiled, python)]
-        assert found[0].iterations == found[1].iterations
-        assert found[0].z == pytest.approx(found[1].z, rel=1e-13)
-
-
-@pytest.mark.parametrize("G", [np.array([0.5, -0.2]), np.array([[0.1, 0.3], [-0.4, 0.2]]), None])
-def test_the_lcp_behind_an_affine_obstacle(G):
-    """w = My + q and z(y) give the p and the r of the ICP, for any y."""
-    rng = np.random.default_rng(5)
-    A, q, c, y = rng.normal(size=(2, 2)), rng.normal(size=2), np.array([0.7, -np.inf]), rng.normal(size=2)
-    lcp = AffineLcp(A, q, c, G)
-    z = lcp.z(y)
-    full = np.zeros((2, 2)) if G is None else np.diag(G) if G.ndim == 1 else G
-    assert lcp.M @ y + lcp.q == pytest.approx(A @ z + q)
-    assert z - full @ z - np.array([0.7, 0.0]) == pytest.approx(y)
-    assert lcp.free.tolist() == [False, True]

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import Status, scenes
-from icpmodel.methods.newton import Path, Point
+from icpmodel.methods.newton import Point
 
 
 def newton_path(problem, z):
@@ -35,34 +35,6 @@ def test_one_step_from_the_right_active_set_is_the_solution():
     near = scene.z_exact + 1e-3
     steps = list(newton_path(scene.problem, near))
     assert np.abs(steps[1] - scene.z_exact).max() <= 1e-13
-
-
-def test_where_psi_is_affine_the_right_active_set_gives_the_solution_at_once():
-    """Rows at the obstacle with a slope of their own (A), or coupled (B), and free rows."""
-    q = np.array([1.0, -4.0, 5.0])
-    A = np.array([[2.0, -1.0, 0.0], [-1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
-    for G in (np.diag([0.5, 0.5, 0.25]), np.array([[0.5, 0.2, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.25]])):
-        problem = icp.ICP(A, q, icp.Affine(G, [0.3, -3.0, 0.1]))
-        steps = list(newton_path(problem, np.array([0.5, 2.0, 0.5])))
-        active = problem.r(steps[1]) < problem.p(steps[1])
-        assert active.any()
-        assert not active.all()
-        assert problem.residual(steps[1]) <= 1e-14
-
-
-def test_plain_steps_alone_would_go_round_on_the_cyclic_p_matrix():
-    """So that the tests above test something."""
-
-    class Plain(Path):
-        def descent(self):
-            return None
-
-    class PlainNewton(icp.Newton):
-        def path(self, problem, z):
-            return Plain(problem, z)
-
-    solution = scenes.hand_cyclic().problem.solve(PlainNewton(), z0=[1.0, 0.0, 0.0], raise_on_failure=False)
-    assert solution.status is Status.STAGNATED
 
 
 def test_random_p_matrices_are_solved_from_random_starts():

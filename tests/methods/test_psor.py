@@ -8,34 +8,12 @@ from hypothesis import strategies as st
 import icpmodel as icp
 from icpmodel import methods
 
-SIZE = st.floats(1e-3, 1e3)
-NUMBER = st.floats(-1e3, 1e3)
-
 FAMILIES = {
     "paper": {"modulus", "nmms", "mnmod", "mnmmod", "mnmaor", "mnmsor", "mnmgs", "mnmj"},
     "modulus": {"psor", "newton", "multilevel", "proximal", "accelerated"},
     "shortcut": {"lemke", "josephy", "tridiagonal"},
     "": {"mms", "projection-fixed-point"},
 }
-
-
-@settings(max_examples=50, deadline=None)
-@given(diagonal=SIZE, Omega=SIZE, omega=st.floats(0.05, 1.95), z=NUMBER, p=NUMBER, psi=NUMBER, away=SIZE)
-def test_for_every_omega_the_row_s_modulus_equation_has_one_solution_the_projected_step(
-    diagonal, Omega, omega, z, p, psi, away
-):
-    """(m + Ω)t = |(m − Ω)t + c + Ωψ| − c + Ωψ, m = a/ω, c = p − mz: only t = max(ψ, z − (ω/a)p), for it falls in t."""
-    m = diagonal / omega
-    c, t = p - m * z, max(psi, z - omega / diagonal * p)
-
-    def defect(t):
-        return abs((m - Omega) * t + c + Omega * psi) - c + Omega * psi - (m + Omega) * t
-
-    rounding = 1e-12 * ((m + Omega) * (abs(t) + abs(z) + abs(psi) + away) + abs(p))
-    assert abs(defect(t)) <= rounding
-    # |m − Ω| < m + Ω: on either side it is off by 2 min(m, Ω) times the distance, or more
-    assert defect(t + away) <= -2 * min(m, Omega) * away + rounding
-    assert defect(t - away) >= 2 * min(m, Omega) * away - rounding
 
 
 @settings(max_examples=50, deadline=None)
@@ -56,26 +34,7 @@ def test_a_sweep_solves_the_modulus_equation_of_every_row_with_the_newest_values
     assert M1 @ new + Omega * new == pytest.approx(right, rel=1e-9, abs=1e-9 * (1 + np.abs(new).max()) * 10 / omega)
 
 
-@settings(max_examples=50, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_for_jacobi_old_and_newest_values_are_one(seed):
-    """M₁ = D uses no newest value: with Ω = D the step is max(ψ(z), z − D⁻¹(Az + q)), and PSOR where A has no L."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, 6))
-    A = rng.normal(size=(n, n))
-    np.fill_diagonal(A, rng.uniform(0.5, 5, n))
-    psi, q, z = icp.Affine(rng.normal(size=(n, n))), rng.normal(size=n), rng.normal(size=n)
-    problem = icp.ICP(A, q, psi)
-    jacobi = np.maximum(problem.psi.value(z), z - (A @ z + q) / np.diag(A))
-    assert icp.MNMJ().step_of(problem)(z)[0] == pytest.approx(jacobi, rel=1e-9, abs=1e-9)
-
-
 def test_every_method_says_which_family_it_belongs_to():
     own = {name: type(methods.named(name)) for name in methods.names()}
     found = {name: kind.family for name, kind in own.items() if kind.__module__.startswith("icpmodel.methods.")}
     assert found == {name: family for family, names in FAMILIES.items() for name in names}
-
-
-def test_only_psor_sees_the_newest_values():
-    members = [methods.named(name) for name in (*FAMILIES["paper"], "psor", "projection-fixed-point")]
-    assert [member.name for member in members if member.sees_newest] == ["psor"]

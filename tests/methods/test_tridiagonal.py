@@ -34,35 +34,6 @@ def scaled_residual(problem, z):
     return float((np.abs(np.minimum(p, r)) - for_p / problem.A.diagonal() - for_r).max())
 
 
-def test_one_pass_finds_the_active_set_of_an_m_matrix():
-    """Newton's steps, which follow, have nothing left to correct where the problem is not degenerate."""
-    from icpmodel.numerics.kernels.thomas import SETTLED, bands, newton, release
-
-    rng = np.random.default_rng(1)
-    for _ in range(80):
-        n = int(rng.integers(1, 60))
-        A, q, c = m_matrix(rng, n, 1e-3), rng.normal(size=n), rng.normal(size=n)
-        matrix = bands(A.indptr, A.indices, A.data)
-        free = release(*matrix, q, c)
-        z, ended = newton(*matrix, q, c, None, c, free.copy(), 1)
-        assert ended == SETTLED
-        assert np.array_equal(free, A @ z + q < A.diagonal() * (z - c))
-
-
-def test_one_load_that_opens_row_after_row_upwards_and_runs_that_meet():
-    """Only the last row is loaded and the slack of those above it small; then loads at both ends that meet."""
-    n = 200
-    A = tridiagonal(-np.ones(n), np.full(n, 2.0), -np.ones(n))
-    for q in (np.full(n, 1e-4), np.full(n, 1e-6)):
-        for loads in ([n - 1], [0], [0, n - 1], [50, 60, 150]):
-            q[:] = abs(q[1])
-            q[loads] = -1.0
-            problem = icp.ICP(A, q)
-            solution = run(problem)
-            assert solution.iterations == 1
-            assert solution.z == pytest.approx(problem.solve(Lemke()).z, rel=1e-9, abs=1e-9)
-
-
 @pytest.mark.parametrize("n", [2, 100_000])
 def test_large_ones_are_solved_in_one_step_to_rounding(n):
     rng = np.random.default_rng(n)

@@ -6,7 +6,6 @@ import scipy.sparse as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-import icpmodel as icp
 from icpmodel.errors import OutOfTime
 from icpmodel.numerics import work
 from icpmodel.numerics.arrays import as_csr
@@ -183,21 +182,3 @@ def test_a_band_is_solved_both_ways_as_the_dense_matrix_is(kind, reach, units, s
             assert factors.solve(of_rows * f[:, 0], trans) == pytest.approx(x[:, 0], rel=1e-9, abs=0)
     if kind == "indefinite" and np.linalg.eigvalsh(A).min() < -1e-8:
         assert factorise(M, definite=True) is None
-
-
-def test_whether_it_is_a_band_hangs_on_what_both_would_cost():
-    """A small grid is one, the same in another order is none, and a tree is none."""
-    rng = np.random.default_rng(0)
-    grid = icp.scenes.membrane(n=900).problem.A
-    order = rng.permutation(900)
-    child = np.arange(1, 900)
-    half = sp.csr_array((-np.ones(899), (child, (rng.random(899) * child).astype(int))), shape=(900, 900))
-    tree = sp.csr_array(half + half.T + 30.0 * sp.eye_array(900))
-    for A, is_band in ((grid, True), (sp.csr_array(grid[order][:, order]), False), (tree, False)):
-        look, f = Look(A), rng.normal(size=900)
-        cost = work.factor_cost(look.fill)
-        assert look.is_band is is_band
-        assert cost <= min(work.factor_cost(look.band), work.factor_cost(ordered(A, np.inf)[0]))
-        assert look.costs_more(0.5 * cost)
-        assert not look.costs_more(1.01 * cost)
-        assert A @ factorise(A).solve(f) == pytest.approx(f, abs=1e-9)

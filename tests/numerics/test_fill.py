@@ -94,24 +94,6 @@ def test_an_expander_is_given_up_within_some_tens_of_products():
     assert work.done() - before <= 100 * work.product(A.shape[0], A.nnz)
 
 
-@settings(deadline=None, max_examples=20)
-@given(m=st.integers(40, 80), k=st.integers(40, 80), rows=st.integers(1, 3))
-def test_rows_with_few_neighbours_are_eliminated_before_anything_is_given_up(m, k, rows):
-    """Routes from m places to k others, of so many rows each: they leave the places alone, however many they are."""
-    routes = m * k
-    first = rows * np.arange(routes)
-    ends = np.concatenate([first, first + rows - 1])
-    places = rows * routes + np.concatenate([np.arange(routes) // k, m + np.arange(routes) % k])
-    within = np.setdiff1d(np.arange(rows * routes - 1), first + rows - 1)  # from a row of a route to its next one
-    i, j = np.concatenate([ends, within]), np.concatenate([places, within + 1])
-    n = rows * routes + m + k
-    half = sp.csr_array((-np.ones(i.size), (i, j)), shape=(n, n))
-    for diagonal in (10.0, 0.0):
-        fill = Look(sp.csr_array(half + half.T + diagonal * sp.eye_array(n))).fill
-        assert fill.seen
-        assert fill.entries <= 8 * rows * routes + (m + k) * (m + k + 2)
-
-
 def test_factors_that_would_not_fit_are_not_begun():
     A = expander(2000, np.random.default_rng(4))
     for triangles in (False, True):

@@ -27,20 +27,6 @@ def test_jacobi_radius_of_the_five_point_matrix():
     assert Matrix(dominant).jacobi_radius == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_couplings_are_the_geometric_means_of_opposite_entries(seed):
-    """Any pattern, with entries without opposite ones and rows without neighbours; transposing changes nothing."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, 30))
-    A = np.where(rng.random((n, n)) < 0.3, rng.standard_normal((n, n)), 0.0)
-    np.fill_diagonal(A, rng.uniform(1.0, 2.0, n) * rng.choice([-1.0, 1.0], n))
-    d = np.abs(np.diag(A))
-    expected = np.sqrt(np.abs(A * A.T) / np.outer(d, d))
-    np.fill_diagonal(expected, 0.0)
-    assert np.allclose(couplings(sp.csr_array(A)).toarray(), expected, rtol=1e-12)
-    assert np.allclose(couplings(sp.csr_array(A.T)).toarray(), expected, rtol=1e-12)
-
-
 def scattered(seed, n=2000, few=5):
     """Not symmetric, on a graph without geometry, which fills up; the symmetric part is definite."""
     rng = np.random.default_rng(seed)

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.numerics import work
-from icpmodel.numerics.arrays import is_symmetric
 from icpmodel.numerics.fill import Look, ordered
 from icpmodel.numerics.linear import solver_of
 
@@ -152,20 +151,6 @@ def test_a_band_with_a_few_full_rows_is_solved(rows, within):
     solve = solver_of(M)
     assert M @ solve(f, 1e-12) == pytest.approx(f, abs=1e-10)
     assert M.T @ solve(f, 1e-12, transposed=True) == pytest.approx(f, abs=1e-10)
-
-
-@pytest.mark.parametrize("form", [sp.csr_array, sp.csc_array, sp.coo_array])
-def test_symmetry_is_seen_entry_by_entry_whatever_is_stored(form):
-    """Zeros that are stored, and rows that are not sorted, are no asymmetry."""
-    M = np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 3.0], [0.0, 3.0, 2.0]])
-    stored = sp.csr_array((np.array([0.0, 1.0, 2.0]), np.array([2, 1, 0]), np.array([0, 3, 3, 3])), shape=(3, 3))
-    assert is_symmetric(form(M))
-    assert not is_symmetric(form(M + np.eye(3, k=1)))
-    assert not is_symmetric(form(np.triu(M)))
-    assert is_symmetric(form(stored + sp.csr_array(M.T) - stored))
-    assert not is_symmetric(stored)
-    stored.data[1] = 0.0
-    assert is_symmetric(stored)
 
 
 def laplacian(m, power):

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.numerics.arrays import row_of
-from icpmodel.numerics.kernels.vcycle import largest_of, split_off
+from icpmodel.numerics.kernels.vcycle import split_off
 from icpmodel.numerics.multigrid import KrylovMultigrid, linear_solve
 
 
@@ -50,23 +49,3 @@ def test_rows_are_split_into_their_own_columns_and_those_of_others(seed, n, low,
     beyond[at, columns] = others
     beyond[:, low:high] = whole[:, low:high]
     np.testing.assert_array_equal(beyond, whole)
-
-
-@settings(deadline=None)
-@given(seed=st.integers(0, 10**6), n=st.integers(0, 12), m=st.integers(1, 12), share=st.floats(0.0, 1.0))
-def test_the_largest_entry_of_a_column_is_the_first_of_those(seed, n, m, share):
-    rng = np.random.default_rng(seed)
-    P = sp.csr_array(
-        sp.random_array((n, m), density=share, rng=rng, data_sampler=lambda size: rng.integers(-2, 3, size))
-    )
-    places, rows = largest_of(P.indptr, P.indices, P.data, m)
-    stored = np.zeros((n, m), dtype=bool)
-    stored[row_of(P), P.indices] = True
-    for j in range(m):
-        if not stored[:, j].any():
-            assert places[j] == -1
-            continue
-        sizes = np.where(stored[:, j], np.abs(P.toarray()[:, j]), -1)
-        assert rows[j] == np.argmax(sizes)
-        assert P.indices[places[j]] == j
-        assert abs(P.data[places[j]]) == sizes.max()

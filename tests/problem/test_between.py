@@ -9,6 +9,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from known_answers import exact_sides, exact_squares
 
 import icpmodel as icp
 from icpmodel.problem.between import Between, chosen, mid
@@ -141,17 +142,6 @@ def test_problems_share_what_they_have_in_common():
     assert again.solve().z.tolist() == problem.solve().z.tolist()
 
 
-def test_obstacles_are_frozen_at_a_point_though_rounding_parts_them_where_they_touch():
-    moving = icp.ICP(np.eye(2), np.ones(2), icp.Affine(np.eye(2) / 2), upper=icp.Affine(np.eye(2) / 4, 1.0))
-    frozen = moving.frozen([0.5, 1.0])
-    assert frozen.psi.value(np.zeros(2)).tolist() == [0.25, 0.5]
-    assert frozen.upper.value(np.zeros(2)).tolist() == [1.125, 1.25]
-    touching = icp.ICP(np.eye(1), [-9.0], lambda z: 0.1 * z + 0.2, upper=lambda z: 0.3 + (z - 1) * 0.1)
-    assert touching.frozen([-2.0]).solve().z.tolist() == touching.psi.value(np.array([-2.0])).tolist()
-    with pytest.raises(icp.InputError, match="cross in row 0"):
-        touching.with_upper(lambda z: z - 1e-9).frozen([0.2])
-
-
 def test_fixed_obstacles_are_found_on_both_sides():
     """Where each moves with its own z_i, and by less: z_i = ψ_i(z_i) and z_i = ψ̄_i(z_i), +inf where there is none."""
     low = icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), lipschitz=0.5, c=[0.0, -np.inf, 1.0])
@@ -165,33 +155,6 @@ def test_fixed_obstacles_are_found_on_both_sides():
     fails = icp.Elementwise(lambda z: np.where(z > 1, np.nan, 0.9 * z), lipschitz=0.9, c=1.0)
     with pytest.raises(icp.MapError, match="upper_0"):
         _ = icp.ICP(np.eye(1), np.ones(1), -1.0, upper=fails).facts.upper_obstacle
-
-
-def exact_sides(problem, z):
-    """p, z − ψ and z − ψ̄ in fractions, infinite where there is no obstacle."""
-    z = [Fraction(float(x)) for x in z]
-
-    def dot(row, last):
-        return sum((Fraction(float(a)) * x for a, x in zip(row, z, strict=True) if a), Fraction(float(last)))
-
-    p = [dot(row, last) for row, last in zip(problem.A.toarray(), problem.q, strict=True)]
-    sides = []
-    for psi in (problem.psi, problem.upper):
-        if psi is None:
-            sides.append([-math.inf] * problem.n)
-            continue
-        G, c = psi.linear[0].toarray(), psi.linear[1]
-        sides.append([x - dot(g, b) if np.isfinite(b) else -b for x, g, b in zip(z, G, c, strict=True)])
-    return p, *sides
-
-
-def exact_squares(problem, z):
-    """Res(z)²; the larger one of the two distances where the obstacles cross."""
-    total = Fraction(0)
-    for p, below, above in zip(*exact_sides(problem, z), strict=True):
-        value = max(abs(below), abs(above)) if above > below else max(above, min(p, below))
-        total += Fraction(value) ** 2
-    return total
 
 
 near_one = st.sampled_from([0.0, 1.0, -1.0, 3.0, 0.1, -0.3, 1.0 + 2.0**-40, 2.0**60, -(2.0**60), 1e-8])

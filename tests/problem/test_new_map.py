@@ -108,24 +108,10 @@ class TestItsVerbs:
         assert_same_map(once, lambda y: psi.value(P @ y + shift)[kept], 6)
         twice = once.coarsened(Q, further, fewer)
         assert_same_map(twice, lambda y: psi.value(P @ (Q @ y + further) + shift)[kept][fewer], 3)
-        # a part of a level, and a level in other units
+        # a part of a level
         rows, z = np.array([0, 2]), rng.normal(size=3)
         part = twice.restricted(rows, z)
         assert part.value(z[rows]) == pytest.approx(twice.value(z)[rows])
-        assert_same_map(
-            once.in_units(4.0).coarsened(Q, further, fewer), lambda y: once.value(4.0 * (Q @ y + further))[fewer] / 4, 3
-        )
-
-    def test_in_units(self, kind):
-        psi = kind().bind(5)
-        assert_same_map(psi.in_units(8.0), lambda y: psi.value(8.0 * y) / 8.0, 5)
-        small, scaled = problem(5, kind()), problem(5, kind())
-        scaled = icp.ICP(scaled.A, scaled.q / 8.0, scaled.psi.in_units(8.0))
-        assert 8.0 * scaled.solve(rtol=1e-11).z == pytest.approx(small.solve(rtol=1e-11).z, abs=1e-9)
-
-    def test_perturbed(self, kind):
-        psi, factors = kind().bind(5), 1.0 + 1e-3 * np.arange(5)
-        assert_same_map(psi.perturbed(5, lambda x: x * factors), lambda y: factors * psi.value(y), 5)
 
 
 def test_a_map_without_a_derivative_says_so_and_is_solved_by_sweeps():

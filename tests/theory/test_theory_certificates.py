@@ -125,31 +125,15 @@ def test_p_and_definite_matrices_are_proved_exactly_where_they_are_in_any_units(
 
 
 @both
-@settings(max_examples=60, deadline=None)
-@given(seed=SEEDS, distance=st.sampled_from([0.0, 0.125]))
-def test_the_solution_of_every_problem_within_the_errors_of_p_and_r_is_covered(prove, seed, distance):
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, 4))
-    true, exact, c = manufactured(definite_matrix(rng, n), rng.integers(-4, 5, size=(n, n)) / 64, rng)
-    dq, dc = (rng.integers(0, 2) * rng.integers(-2, 3, size=n) / 8 for _ in range(2))
-    problem = icp.ICP(true.A, true.q + dq, icp.Affine(true.psi.jacobian(exact), c + dc))
-    z = exact + distance * rng.integers(-2, 3, size=n)
-    proof, (for_p, for_r) = prove(problem), problem.rounding(z)
-    if not isinstance(proof, str):
-        delta, euclidean = proof.bound(
-            problem, z, for_p + np.abs(dq), np.where(np.isfinite(c), for_r + np.abs(dc), 0.0)
-        )
-        assert (np.abs(z - exact) <= delta).all()
-        assert np.linalg.norm(z - exact) <= euclidean * (1 + 1e-15)
-
-
-@both
-def test_an_error_of_r_counts_where_p_balances(prove):
+def test_errors_of_p_and_of_r_count_where_the_other_balances_too(prove):
     """A = [1, 10; −10, 1], q = (−1, 0), z = 0: with ψ₁ = 1 instead of 0 the solution is (1, 10)."""
     problem, z = icp.ICP([[1.0, 10.0], [-10.0, 1.0]], [-1.0, 0.0]), np.zeros(2)
     assert icp.ICP(problem.A, problem.q, [1.0, 0.0]).residual([1.0, 10.0]) == 0.0
     delta, _ = prove(problem).bound(problem, z, np.zeros(2), np.array([1.0, 0.0]))
     assert (delta >= [1.0, 10.0]).all()
+    problem, nothing, eighth = icp.ICP([[1.0]], [0.0]), np.zeros(1), np.full(1, 0.125)
+    for errors in ((eighth, nothing), (nothing, eighth)):
+        assert 0.125 <= prove(problem).bound(problem, nothing, *errors)[0][0] <= 0.3
 
 
 @both
@@ -207,13 +191,11 @@ def test_a_wrong_inverse_makes_no_wrong_bound(factor):
 @pytest.mark.parametrize(
     ("prove", "problem", "words"),
     [
-        (definite_of, icp.ICP([[1.0, 4.0], [0.0, 1.0]], [0.0, 0.0]), "not proved positive definite"),
         (definite_of, icp.ICP([[1.0]], [0.0], icp.Function(np.sin, lipschitz=2.0)), "psi is too steep"),
         (definite_of, icp.ICP(sp.eye_array(50_001), np.zeros(50_001)), "too large"),
         (definite_of, icp.ICP([[1e300, 0.0], [1e-300, 1e300]], [0.0, 0.0]), "underflow"),
         (representatives_of, icp.ICP(np.eye(13), np.zeros(13)), "too large"),
         (representatives_of, icp.ICP([[1.0, 2.0], [2.0, 1.0]], [0.0, 0.0]), "A is not a P-matrix"),
-        (representatives_of, icp.ICP([[-1.0]], [0.0]), "opposite signs"),
         (representatives_of, icp.ICP([[1.0, 1.0], [1.0, 1.0]], [0.0, 0.0]), "singular to working precision"),
         (representatives_of, icp.ICP([[2.0]], [0.0], icp.Affine([[3.0]])), "do not have the row W-property"),
         (representatives_of, icp.ICP([[0.0]], [0.0]), "a row is zero"),
@@ -230,27 +212,6 @@ def test_rows_without_obstacle_are_rows_of_a_linear_system():
     assert not icp.error_bound(problem.with_psi([-np.inf, 0.0]), [1.5, 1.0]).unique
 
 
-def test_the_inverses_are_never_below_the_exact_ones():
-    """K_ij and H_ij in their units, for matrices that are singular to all but a few digits."""
-    rng, n, proved = np.random.default_rng(0), 2, 0
-    for exponent in rng.uniform(2, 13, 40):
-        A = np.outer(rng.uniform(1, 2, n), rng.uniform(1, 2, n)) + 10.0**-exponent * np.eye(n)
-        proof = representatives_of(icp.ICP(A, np.zeros(n)))
-        if isinstance(proof, str):
-            continue
-        proved += 1
-        unit = fractions(np.eye(n))
-        for from_B in product((False, True), repeat=n):
-            V = [unit[i] if from_B[i] else fractions(A)[i] for i in range(n)]
-            for j in range(n):
-                column = solve_rational(V, unit[j])
-                size, row = (proof.H, proof.row_r) if from_B[j] else (proof.K, proof.row_p)
-                for i in range(n):
-                    scale = Fraction(2) ** int(row[j] + proof.column[i])
-                    assert abs(column[i]) <= Fraction(size[i, j]) * scale
-    assert proved >= 20
-
-
 def test_a_determinant_that_rounding_made_is_no_proof():
     """[a, b; c, bc/a]: the determinant is some 1e-17 of either sign, or zero."""
     rng = np.random.default_rng(0)
@@ -262,27 +223,6 @@ def test_a_determinant_that_rounding_made_is_no_proof():
         assert isinstance(proof, str) or exact > 0
         if isinstance(proof, str) and "opposite signs" in proof:
             assert exact < 0
-
-
-@settings(max_examples=60, deadline=None)
-@given(seed=SEEDS, shift=st.sampled_from([2.0**-40, 2.0**-20, 1.0]))
-def test_bounds_of_eigenvalues_are_bounds_and_close(seed, shift):
-    """S − cI has positive pivots in fractions, c the lower bound; and c is no less than half of the eigenvalue."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, 6))
-    B, K = rng.integers(-2, 3, size=(n, n - 1 if n > 1 else 1)), rng.integers(-2, 3, size=(n, n))
-    S = B @ B.T + shift * np.eye(n)
-    c = smallest_below(sp.csr_array(S + K - K.T))
-    assert c > 0.45 * np.linalg.eigvalsh(S)[0]
-    T = [[x - (Fraction(c) if i == j else 0) for j, x in enumerate(row)] for i, row in enumerate(fractions(S))]
-    for k in range(n):
-        assert T[k][k] > 0
-        for i in range(k + 1, n):
-            factor = T[i][k] / T[k][k]
-            T[i] = [x - factor * y for x, y in zip(T[i], T[k], strict=True)]
-    assert smallest_below(sp.csr_array(B @ B.T / n)) <= (0 if n > 1 else 4)
-    N = rng.random((6, 6)) * (rng.random((6, 6)) < 0.4)
-    assert np.linalg.eigvalsh((N + N.T) / 2)[-1] <= largest_above(sp.csr_array(N)) * (1 + 1e-14)
 
 
 @pytest.mark.parametrize("n", [1, 3, 65, 1000])
@@ -361,15 +301,6 @@ class TestSupersolution:
         z = np.array([float(x) for x in exact]) + distance * rng.integers(-8, 9, size=q.size) / 8
         assert holds(proof, problem, z, exact)
 
-    def test_the_margin_counts_the_rounding_of_a_jump(self):
-        """s of 1e8 against jumps at the cost of 0.1: the difference is computed to 1e-8."""
-        rng = np.random.default_rng(0)
-        for _ in range(40):
-            s, cost = 1e8 * rng.random(2), rng.random()
-            s[0] = s[1] + 2 * rng.random()
-            m = supersolution._margin(jumping([-cost], ONE, q=[1e9, 1e9]), np.ones(2), s)
-            assert Fraction(m) <= Fraction(s[0]) - Fraction(s[1]) + Fraction(cost)
-
     @pytest.mark.parametrize("side", [-1.0, 1.0])
     def test_the_rounding_of_p_counts_on_either_side(self, side):
         """Without couplings and jumps the bound is attained: what rounding hides from p is missing at once."""
@@ -418,11 +349,9 @@ class TestSupersolution:
         ("problem", "words"),
         [
             (jumping([-1.0], ONE, best="min"), 'best="max"'),
-            (jumping([-1.0], ONE, [[1.0, 0.5], [0.0, 1.0]]), "no Z-matrix: A[0, 1] = 0.5"),
             (jumping([-1.0], ONE, [[1.0, -1.0 - 2.0**-52], [0.0, 1.0]]), "A1 >= 0 is needed"),
             (jumping([-1.0], ONE, [[1.0, -1.0], [-1.0, 1.0]]), "not proved to be a nonsingular M-matrix"),
             (jumping([0.0, 0.0], CIRCLE), "no strict supersolution"),  # what costs nothing lets every level of z stand
-            (jumping([-1.0], ONE).with_upper(5.0), 'best="max"'),
         ],
     )
     def test_without_a_proof_the_reason_is_given(self, problem, words):

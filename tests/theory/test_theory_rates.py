@@ -5,7 +5,6 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from known_answers import affine, around
 
 import icpmodel as icp
@@ -14,7 +13,7 @@ from icpmodel.theory.convergence.rates import Contraction, PeacemanRachford, Rat
 
 
 def dominant(rng, n):
-    """A of any signs, ψ affine with slopes of any sign, often in units of all sizes; and z*."""
+    """A of any signs, ψ affine with slopes of any sign, often in units of all sizes, or two of them; and z*."""
     A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.6) * 0.4
     np.fill_diagonal(A, 0.0)
     A += np.diag(np.abs(A).sum(axis=1) * rng.uniform(1.05, 3) + 0.1)
@@ -22,7 +21,7 @@ def dominant(rng, n):
     columns = 10.0 ** rng.uniform(-2, 2, n) if rng.random() < 0.5 else np.ones(n)
     exact = rng.normal(size=n) / columns
     A, G = A * columns / columns[:, None], G * columns / columns[:, None]
-    return around(rng, A, exact, affine(G), 1 / columns, 1 / columns), exact
+    return around(rng, A, exact, affine(G), 1 / columns, 1 / columns, above=rng.choice([0.0, 0.4])), exact
 
 
 def definite(rng, n):
@@ -31,7 +30,7 @@ def definite(rng, n):
     units = 10.0 ** rng.uniform(-1, 1, n) if rng.random() < 0.5 else np.ones(n)
     A = (B @ B.T / n + rng.choice([0.02, 0.3]) * np.eye(n) + K - K.T) * np.outer(units, units)
     exact = rng.normal(size=n)
-    return around(rng, A, exact, free=0.3), exact
+    return around(rng, A, exact, free=0.3, above=rng.choice([0.0, 0.4])), exact
 
 
 #: the kind of problem, and a member for its A and D
@@ -105,25 +104,19 @@ def test_no_run_is_slower_than_its_bound(name):
     assert held >= 12
 
 
-@pytest.mark.parametrize(
-    ("A", "member", "factor"),
-    [
-        ([[2.0, -1.0], [-1.0, 2.0]], icp.MNMJ(), 0.5),
-        ([[2.0, 1.5, 0.0], [1.5, 2.0, 1.5], [0.0, 1.5, 3.0]], icp.MNMMOD(theta1=2.0), None),
-    ],
-)
-def test_it_is_sharp_for_a_linear_equation(A, member, factor):
+def test_it_is_sharp_for_linear_equations():
     """An eigenvector of the extreme eigenvalue falls by σ itself, and so many steps are told and no more."""
+    A = np.array([[2.0, 1.5, 0.0], [1.5, 2.0, 1.5], [0.0, 1.5, 3.0]])
     values, vectors = np.linalg.eigh(A)
-    problem = icp.ICP(A, np.zeros(len(A)), psi=-np.inf)
-    rate, z = predicted_rate(problem, member), vectors[:, 0] / np.abs(vectors[:, 0]).max()
-    expected = max(abs(values - 2) / (values + 2)) if factor is None else factor
-    assert rate.factor == pytest.approx(expected, rel=1e-9)
-    path = [x for x, _ in itertools.islice(member.iterates(problem, z), 5)]
-    assert np.linalg.norm(path[4]) == pytest.approx(rate.factor**4 * np.linalg.norm(z))
-    if factor is not None:
-        assert rate.distance(problem, z) == pytest.approx(1.0, rel=1e-9)
-        assert [rate.steps(problem, z, 0.0625 * (1 + sign * 1e-9)) for sign in (1, -1)] == [4, 5]
+    problem = icp.ICP(A, np.zeros(3), psi=-np.inf)
+    rate = predicted_rate(problem, icp.MNMMOD(theta1=2.0))
+    assert rate.factor == pytest.approx(max(abs(values - 2) / (values + 2)), rel=1e-9)
+    path = [z for z, _ in itertools.islice(icp.MNMMOD(theta1=2.0).iterates(problem, vectors[:, 0]), 3)]
+    assert np.linalg.norm(path[2]) == pytest.approx(rate.factor**2)
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0], psi=-np.inf)
+    rate = predicted_rate(problem, icp.MNMJ())  # halves the error of (1, 1) in each step
+    assert rate.factor == pytest.approx(0.5, abs=1e-12)
+    assert [rate.steps(problem, [1.0, 1.0], 0.0625 * (1 + sign * 1e-9)) for sign in (1, -1)] == [4, 5]
 
 
 @pytest.mark.parametrize(("member", "radius"), [(icp.MNMJ(), 1), (icp.PSOR(), 2)], ids=["jacobi", "gauss-seidel"])
@@ -166,22 +159,6 @@ def test_many_unknowns():
     assert steps <= 40
 
 
-@pytest.mark.slow
-def test_definite_problems_of_many_unknowns():
-    """n = 20 000, neither dominant nor symmetric: σ by sparse factorisations; the prediction holds for the run."""
-    grid = icp.scenes.bai_symmetric(n=19_600, mu=4).problem.A
-    A = sp.csr_array(grid + 6.0 * sp.triu(grid, 1) - 6.0 * sp.tril(grid, -1))
-    problem, member = icp.ICP(A, -np.ones(19_600)), icp.MNMMOD(theta1=8.0)
-    rate = predicted_rate(problem, member)
-    assert isinstance(rate, PeacemanRachford)
-    z0 = np.zeros(19_600)
-    steps = rate.steps(problem, z0, 1e-3)
-    assert steps <= 2000
-    z = next(itertools.islice(member.iterates(problem, z0), min(steps, 100), None))[0]
-    reached = rate.error_after(min(steps, 100), rate.distance(problem, z0)).max()
-    assert icp.error_bound(problem, z).value <= 10 * reached
-
-
 @pytest.mark.parametrize("factor", [0.5, 1 - 1e-9, 1 - 2.0**-52])
 def test_the_number_of_steps_is_enough_in_exact_arithmetic(factor):
     """factorᵏ·distance ≤ accuracy, where the logarithms of the two cancel but for their last digits."""
@@ -201,13 +178,3 @@ def test_the_number_of_steps_is_enough_in_exact_arithmetic(factor):
                 reached = Decimal(size * ratio) * (Decimal(factor).ln() * steps).exp()
                 assert reached <= Decimal(size), (size, ratio)
                 assert factor > 0.9 or (reached * 4 > Decimal(size) * Decimal(factor))
-
-
-def test_the_maximum_norm_needs_fewer_steps_where_v_is_uneven():
-    """Both numbers are proved; the norm of v has the smaller factor, the maximum norm loses nothing at its ends."""
-    problem, member = icp.scenes.bai_symmetric(n=900, mu=4).problem, icp.MNMGS()
-    rate, start = predicted_rate(problem, member), np.zeros(900)
-    steps = rate.steps(problem, start, 1e-6)
-    assert steps < Rate.steps(rate, problem, start, 1e-6)
-    z = next(itertools.islice(member.iterates(problem, start), steps, None))[0]
-    assert icp.certify(problem, z).bound.value <= 1.01e-6

@@ -53,7 +53,7 @@ def points(rng, problem, exact):
     n = problem.n
     near = nearest_floats(exact) if all(abs(x) < Fraction(10) ** 308 for x in exact) else np.zeros(n)
     with np.errstate(all="ignore"):
-        found = [near, np.zeros(n), near * (1 + 1e-10 * rng.normal(size=n))]
+        found = [near, np.zeros(n), *(near * (1 + 10.0**-k * rng.normal(size=n)) for k in (16, 12, 8, 4))]
         found += [near + rng.choice([-1, 0, 1], n) * units(rng, n) for _ in range(3)]
     return [z for z in found if np.isfinite(z).all()]
 
@@ -61,7 +61,7 @@ def points(rng, problem, exact):
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 4))])
 def test_no_bound_is_below_the_error_at_any_scale(seed):
     rng, trials, bad = np.random.default_rng(seed), dict.fromkeys(PROOFS, 0), []
-    for problem in filter(None, (drawn(rng) for _ in range(30))):
+    for problem in filter(None, (drawn(rng) for _ in range(60 if seed == 0 else 600))):
         found = solutions(problem)
         for name in PROOFS:
             proof = getattr(proofs_of(problem), name)
@@ -69,7 +69,7 @@ def test_no_bound_is_below_the_error_at_any_scale(seed):
                 continue
             assert len(found) == 1, (name, problem.A.toarray(), problem.psi)
             for z in points(rng, problem, found[0]):
-                bound = icp.error_bound(problem, z, rigorous=True)
+                bound = icp.error_bound(problem, z, rigorous=True, sharp=[None, False, True][rng.integers(3)])
                 for delta in (proof.bound(problem, z, *problem.rounding(z))[0], bound.componentwise):
                     if delta is not None and np.isfinite(delta).all():
                         trials[name] += 1
@@ -79,15 +79,14 @@ def test_no_bound_is_below_the_error_at_any_scale(seed):
     assert bad == []
 
 
-@pytest.mark.parametrize("rigorous", [False, True])
-@pytest.mark.parametrize("size", [1.0, 1e-150, 1e-200, 1e-300])
-def test_a_small_error_beside_a_far_obstacle_does_not_underflow_when_it_is_squared(size, rigorous):
+@pytest.mark.parametrize("size", [1.0, 1e-150, 1e-300])
+def test_a_small_error_beside_a_far_obstacle_does_not_underflow_when_it_is_squared(size):
     n = 13
     problem = icp.ICP(np.ones((n, n)) + 1e-3 * np.eye(n), np.zeros(n), -np.ones(n))
     z = np.zeros(n)
     z[:2] = size, -size
     for sharp in (None, False):
-        bound = icp.error_bound(problem, z, sharp=sharp, rigorous=rigorous)
+        bound = icp.error_bound(problem, z, sharp=sharp)
         assert "positive definite" in bound.proof
         assert size <= bound.value <= 40 * size
 
