@@ -46,9 +46,9 @@ class Exact:
         if "two" in kind:
             upper = self.z + above
         if "affine" in kind:
-            self.slope = G
+            self.slope = np.where((self.sides == ABOVE)[:, None], -G, G)
             psi = icp.Affine(G, psi - G @ self.z)
-            upper = None if upper is None else icp.Affine(G, upper - G @ self.z)
+            upper = None if upper is None else icp.Affine(-G, upper + G @ self.z)
         if kind == "elementwise":  # z²/64, and straight on from |z| = 8
             self.slope = np.diag(bent_slope(self.z))
             psi = icp.Elementwise(bent, bent_slope, 0.25, psi - bent(self.z))

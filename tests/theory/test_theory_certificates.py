@@ -81,7 +81,7 @@ def in_units(problem, exact, c, e, rows):
 
 
 @both
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(seed=SEEDS, distance=DISTANCES, decades=st.sampled_from([0, 8, 300]), steep=st.sampled_from([0, 1, 16, "bent"]))
 def test_the_bound_is_never_below_the_true_error(prove, seed, distance, decades, steep):
     rng = np.random.default_rng(seed)
@@ -99,7 +99,7 @@ def test_the_bound_is_never_below_the_true_error(prove, seed, distance, decades,
     assert isinstance(proof, str) or holds(proof, problem, z, exact)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(seed=SEEDS)
 def test_uniqueness_is_claimed_only_where_there_is_one_solution(seed):
     rng = np.random.default_rng(seed)
@@ -110,7 +110,7 @@ def test_uniqueness_is_claimed_only_where_there_is_one_solution(seed):
         assert isinstance(prove(problem), str) or len(solutions(problem)) == 1
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(seed=SEEDS, decades=st.sampled_from([0, 8, 200]))
 def test_p_and_definite_matrices_are_proved_exactly_where_they_are_in_any_units(seed, decades):
     rng = np.random.default_rng(seed)
@@ -282,7 +282,7 @@ ONE, CIRCLE = ([0], [1]), ([0, 1], [1, 0])
 
 
 class TestSupersolution:
-    @settings(max_examples=80, deadline=None)
+    @settings(max_examples=40, deadline=None)
     @given(seed=SEEDS, distance=st.sampled_from([0.0, 1e-15, 1e-6, 1e-2, 1.0, 1e6]), rows=st.sampled_from([0, 300]))
     def test_the_bound_is_never_below_the_true_error_and_one_solution_exists(self, seed, distance, rows):
         """And each s has p(s) ≥ m·weight and r(s) ≥ m."""

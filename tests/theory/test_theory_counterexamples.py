@@ -102,7 +102,7 @@ def test_42_as_printed_holds_for_nonzero_g_almost_never(member):
 def test_42_as_printed_is_true():
     """Where the printed hypotheses hold so do the corrected ones (random cases, θ₂ > θ₁ lets G be nonzero)."""
     held = 0
-    for seed in range(200):
+    for seed in range(80):
         rng = np.random.default_rng(seed)
         A = rng.normal(size=(3, 3)) * 0.3
         A += np.diag(np.abs(A).sum(axis=1) + 0.5)
@@ -112,7 +112,7 @@ def test_42_as_printed_is_true():
         if check("4.2", problem, member, as_printed=True).holds:
             held += 1
             assert check("4.2", problem, member).holds
-    assert held >= 20
+    assert held >= 8
 
 
 def test_44_case_two_as_printed():

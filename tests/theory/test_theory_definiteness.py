@@ -15,7 +15,7 @@ from icpmodel.theory.certificates.bounds import proofs_of
 from icpmodel.theory.matrices import definiteness, eigenvalue
 
 SEEDS = st.integers(0, 10**9)
-drawn = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+drawn = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @pytest.fixture(params=[0, 40, 100], ids=["fractions", "dense", "sparse"])

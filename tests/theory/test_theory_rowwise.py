@@ -44,7 +44,7 @@ def swept(problem, omega, z):
     return icp.PSOR(omega=omega).step_of(problem)(z)[0]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(SEEDS)
 def test_two_sweeps_never_part_by_more_than_the_bound(seed):
     """|z − y| ≤ v gives |z⁺ − y⁺| ≤ T(v), whatever the kind of ψ and the ω."""
@@ -58,7 +58,7 @@ def test_two_sweeps_never_part_by_more_than_the_bound(seed):
         assert (moved <= w + 1e-12 * size.max()).all()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(SEEDS)
 def test_for_omega_up_to_one_the_factor_is_below_one_exactly_where_the_certificate_exists(seed):
     """Theorem h-plus, with the factor that its proof gives in closed form; and rowwise with ω ≤ 1 implies it."""

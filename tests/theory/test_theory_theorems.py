@@ -90,11 +90,11 @@ def spectral_radius(M):
 
 
 class TestEveryTheoremIsTrue:
-    @pytest.mark.parametrize("block", range(2))
+    @pytest.mark.parametrize("block", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 5))])
     def test_where_one_holds_every_error_matrix_contracts_and_the_iterates_obey_the_rate(self, block):
         counted = dict.fromkeys(theorems(), 0)
         del counted["rowwise"], counted["h-plus"]  # of the other degree of implicitness: test_theory_rowwise.py
-        for seed in range(300 * block, 300 * (block + 1)):
+        for seed in range(250 * block, 250 * (block + 1)):
             problem, exact, member, A, slope = random_case(seed)
             found = check_all(problem, member)
             for name in counted:
@@ -118,11 +118,11 @@ class TestEveryTheoremIsTrue:
                     assert (size[1:] <= size[:-1] + rounding).all(), (seed, name)
                     if name == "sharper":
                         assert (size[1:] <= found[name].number * size[:-1] + rounding).all(), seed
-        assert min(counted.values()) >= 5, counted
+        assert min(counted.values()) >= 4, counted
 
     def test_those_that_hold_are_the_same_where_their_numbers_are_not_asked_for(self):
         of_the_paper = ("4.1", "4.2", "4.3", "4.4")
-        for seed in range(7000, 7060):
+        for seed in range(7000, 7025):
             problem, _, member, *_ = random_case(seed)
             corrected = {name for name, found in check_all(problem, member).items() if found.holds}
             printed = {name for name in of_the_paper if check(name, problem, member, as_printed=True).holds}
@@ -131,7 +131,7 @@ class TestEveryTheoremIsTrue:
     def test_the_radius_is_right_on_both_sides(self):
         """ρ(L) of Theorem 4.1 from eigenvalues: the answer is never wrong, the number never below, and close."""
         decided = 0
-        for seed in range(5000, 5200):
+        for seed in range(5000, 5080):
             problem, _, member, A, slope = random_case(seed)
             M, omega, X = matrices(problem, member)
             if not (omega > 0).all() or np.linalg.cond(X) > 1e10:
@@ -144,7 +144,7 @@ class TestEveryTheoremIsTrue:
                 decided += 1
             assert found.number >= rho * (1 - 1e-9)
             assert found.number <= rho + 0.05 * max(abs(1 - rho), 0.2 * rho)
-        assert decided >= 150
+        assert decided >= 60
 
 
 TWO = [[2.0, 1.0], [1.0, 2.0]]
@@ -194,7 +194,7 @@ class TestDefinite:
     @pytest.mark.parametrize("kind", ["symmetric", "nearly skew", "small", "near the largest", "random"])
     def test_sigma_is_proved_and_sharp_in_rational_arithmetic(self, kind):
         """σ² ≥ 1 − 4τ is Ω^½(H − τKᵀK)Ω^½ = (A + Aᵀ)/2 − τ(A + Ω)ᵀΩ⁻¹(A + Ω) ≥ 0, free of roots."""
-        for seed in range(15):
+        for seed in range(10):
             rng = np.random.default_rng(seed)
             n = int(rng.integers(1, 6))
             B, K = rng.normal(size=(n, n)), rng.normal(size=(n, n))
@@ -294,7 +294,7 @@ class TestRounding:
 
     def test_the_answers_do_not_depend_on_the_units(self):
         """Rows times 10^±100, columns times 10^±100: the triangular members keep every answer."""
-        for seed in range(40):
+        for seed in range(12):
             problem, _, _, A, slope = random_case(seed)
             n, rng = problem.n, np.random.default_rng(seed)
             if not (np.diag(A) > 0).all():
