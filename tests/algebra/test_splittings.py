@@ -150,20 +150,6 @@ class TestSingularOperatorNamesTheRow:
         assert X @ FactorisedOperator(X).solve(X @ np.ones(n)) == pytest.approx(X @ np.ones(n), rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"splitting": "gauss"}, "one of jacobi"),
-        ({"splitting": np.ones((2, 3))}, r"shape \(2, 3\)"),
-        ({"phi2": [1.0, -1.0]}, "phi2"),
-        ({"phi": float("nan")}, "phi"),
-    ],
-)
-def test_wrong_options_are_named(options, words):
-    with pytest.raises(icp.InputError, match=words):
-        icp.Modulus(**options)
-
-
 class TestEquilibration:
     def test_a_diagonal_that_cancels_to_rounding_is_singular(self):
         with pytest.raises(icp.SingularOperator):

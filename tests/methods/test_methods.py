@@ -179,12 +179,6 @@ def test_every_option_changes_the_iterates(name):
         assert not np.allclose(after(changed), after(methods.named(name, **base)), rtol=1e-10), option.name
 
 
-def test_where_sweeps_fail_another_modulus_method_solves_the_problem():
-    solution = scenes.hand_cyclic().problem.solve(family="modulus")
-    assert solution.solved
-    assert solution.method.family in ("paper", "modulus")
-
-
 def test_a_derivative_that_fails_does_not_end_the_automatic_choice():
     """sqrt has none at the start, where Newton stops; MNMMOD needs none."""
     psi = icp.Elementwise(lambda z: 0.1 * np.sqrt(np.abs(z)), lambda z: np.full(z.shape, np.nan))

@@ -1,4 +1,4 @@
-"""Projected SOR as the member of the modulus family whose modulus sees the newest values, and the families by name."""
+"""Projected SOR as the member of the modulus family whose modulus sees the newest values."""
 
 import numpy as np
 import pytest
@@ -6,14 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel import methods
-
-FAMILIES = {
-    "paper": {"modulus", "nmms", "mnmod", "mnmmod", "mnmaor", "mnmsor", "mnmgs", "mnmj"},
-    "modulus": {"psor", "newton", "multilevel", "proximal", "accelerated"},
-    "shortcut": {"lemke", "josephy", "tridiagonal"},
-    "": {"mms", "projection-fixed-point"},
-}
 
 
 @settings(max_examples=50, deadline=None)
@@ -32,9 +24,3 @@ def test_a_sweep_solves_the_modulus_equation_of_every_row_with_the_newest_values
     inside = M1 @ new - Omega * new - N1 @ z + q + Omega * psi
     right = N1 @ z + np.abs(inside) - q + Omega * psi
     assert M1 @ new + Omega * new == pytest.approx(right, rel=1e-9, abs=1e-9 * (1 + np.abs(new).max()) * 10 / omega)
-
-
-def test_every_method_says_which_family_it_belongs_to():
-    own = {name: type(methods.named(name)) for name in methods.names()}
-    found = {name: kind.family for name, kind in own.items() if kind.__module__.startswith("icpmodel.methods.")}
-    assert found == {name: family for family, names in FAMILIES.items() for name in names}

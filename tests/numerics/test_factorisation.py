@@ -113,18 +113,14 @@ def test_supernodes_are_made_in_pieces_between_which_limits_are_kept():
     assert pattern.factors(A.data).solve(A @ x) == pytest.approx(x)
 
 
-@pytest.mark.parametrize("n", [4, 60, 3000])
+@pytest.mark.parametrize("n", [60, 3000])
 def test_a_pattern_that_is_not_symmetric_is_refused(n):
     """Its entries would go where there is no place for them."""
     rng = np.random.default_rng(0)
     A = sp.csr_array(sp.random_array((n, n), density=3.0 / n, rng=rng) + sp.eye_array(n))
-    seen = ordered(A, np.inf)
-    if n == 4:
-        A = sp.csr_array([[1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0], [0.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 2.0]])
-        seen = ordered(A, np.inf)[0], np.array([1, 3, 0, 2], np.int32)
     assert signs_of_symmetry(A) is None
     with pytest.raises(ValueError, match="not symmetric"):
-        SymmetricPattern(A, seen)
+        SymmetricPattern(A, ordered(A, np.inf))
     B = A + A.T
     B.data[B.indices == n // 2] *= 1.0 + 1e-9
     assert signs_of_symmetry(B) is None

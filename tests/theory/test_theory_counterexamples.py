@@ -99,22 +99,6 @@ def test_42_as_printed_holds_for_nonzero_g_almost_never(member):
     assert check("4.2", icp.ICP(A, np.zeros(3)), member, as_printed=True).holds is True
 
 
-def test_42_as_printed_is_true():
-    """Where the printed hypotheses hold so do the corrected ones (random cases, θ₂ > θ₁ lets G be nonzero)."""
-    held = 0
-    for seed in range(80):
-        rng = np.random.default_rng(seed)
-        A = rng.normal(size=(3, 3)) * 0.3
-        A += np.diag(np.abs(A).sum(axis=1) + 0.5)
-        G = np.tril(np.abs(rng.normal(size=(3, 3))) * 0.05, -1) * (seed % 2)
-        problem = icp.ICP(A, np.zeros(3), icp.Affine(G) if G.any() else 0.0)
-        member = icp.MNMAOR(theta1=rng.uniform(0.6, 1.1), theta2=rng.uniform(0.5, 1.5), phi=rng.normal() * 0.2)
-        if check("4.2", problem, member, as_printed=True).holds:
-            held += 1
-            assert check("4.2", problem, member).holds
-    assert held >= 8
-
-
 def test_44_case_two_as_printed():
     """φ₁ = I: then the printed case (2) is right, and says what the corrected theorem says, but for mixed rows."""
     problem = icp.ICP([[4.0, -1.0], [1.0, 4.0]], [0.0, 0.0])

@@ -99,14 +99,6 @@ class TestLargeA:
         assert known.active.any()
         assert known.undecided.sum() <= 3
 
-    def test_a_bound_that_is_tight_already_costs_no_step(self):
-        problem = icp.scenes.scene("bai-symmetric", 4000).problem
-        z = problem.solve("mnmgs", rtol=1e-3).z
-        before = work.done()
-        bound = icp.error_bound(problem, z)
-        assert work.done() - before < 20 * problem.matrix.unit
-        assert bound.componentwise.tobytes() == icp.error_bound(problem, z, sharp=False).componentwise.tobytes()
-
     def test_where_the_steps_are_not_affordable_the_plain_bound_stays(self):
         problem = icp.scenes.scene("membrane", 3000).problem
         z = problem.solve("multilevel").z
