@@ -1,6 +1,5 @@
 """Problems that are made for an answer known beforehand."""
 
-import math
 from fractions import Fraction
 
 import numpy as np
@@ -35,30 +34,3 @@ def inverse(M):
     n = len(M)
     columns = [solve_rational(M, [Fraction(int(i == j)) for i in range(n)]) for j in range(n)]
     return None if None in columns else [list(row) for row in zip(*columns, strict=True)]
-
-
-def exact_sides(problem, z):
-    """p, z − ψ and z − ψ̄ in fractions, infinite where there is no obstacle."""
-    z = [Fraction(float(x)) for x in z]
-
-    def dot(row, last):
-        return sum((Fraction(float(a)) * x for a, x in zip(row, z, strict=True) if a), Fraction(float(last)))
-
-    p = [dot(row, last) for row, last in zip(problem.A.toarray(), problem.q, strict=True)]
-    sides = []
-    for psi in (problem.psi, problem.upper):
-        if psi is None:
-            sides.append([-math.inf] * problem.n)
-            continue
-        G, c = psi.linear[0].toarray(), psi.linear[1]
-        sides.append([x - dot(g, b) if np.isfinite(b) else -b for x, g, b in zip(z, G, c, strict=True)])
-    return p, *sides
-
-
-def exact_squares(problem, z):
-    """Res(z)² as a fraction; the larger one of the two distances where the obstacles cross."""
-    total = Fraction(0)
-    for p, below, above in zip(*exact_sides(problem, z), strict=True):
-        value = max(abs(below), abs(above)) if above > below else max(above, min(p, below))
-        total += Fraction(value) ** 2
-    return total

@@ -7,9 +7,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from exact import ExactProblem, fractions
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_answers import exact_sides, exact_squares
 
 import icpmodel as icp
 from icpmodel.problem.between import Between, chosen, mid
@@ -189,7 +189,7 @@ def given_problems(draw):
 @given(given_problems())
 def test_a_certain_residual_is_never_below_the_exact_one_and_tight(drawn):
     problem, z = drawn
-    exact = exact_squares(problem, z)
+    exact = ExactProblem(problem).residual(z)
     root = float(Fraction(math.isqrt(int(exact * 4**1200)), 2**1200))
     assert certain(problem, z, 0.0, root * (1 + 1e-12) + 1e-300) <= root * (1 + 1e-12) + 1e-300
     assert root == 0.0 or Fraction(certain(problem, z, 0.0, root / 2)) ** 2 >= exact
@@ -200,11 +200,13 @@ def test_a_certain_residual_is_never_below_the_exact_one_and_tight(drawn):
 @given(given_problems())
 def test_the_rounding_errors_of_p_and_of_both_r_are_bounded(drawn):
     problem, z = drawn
-    p, below, above = exact_sides(problem, z)
+    known, at = ExactProblem(problem), fractions(z)
+    sides = known.obstacles(at)
+    p, below = known.p(at), [x - low for x, (low, _) in zip(at, sides, strict=True)]
     for_p, for_r = problem.rounding(z)
     found = [(p, problem.p(z), for_p), (below, problem.r(z), for_r)]
     if problem.upper is not None:
-        found.append((above, problem.r_upper(z), for_r))
+        found.append(([x - top for x, (_, top) in zip(at, sides, strict=True)], problem.r_upper(z), for_r))
     for exact, computed, bound in found:
         for x, y, b in zip(exact, computed, bound, strict=True):
             assert x == y if isinstance(x, float) else abs(x - Fraction(float(y))) <= Fraction(float(b))
