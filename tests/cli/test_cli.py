@@ -2,20 +2,14 @@
 
 import json
 import shlex
-from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from installed import announce, run
-from scipy.io import mmwrite, savemat
+from scipy.io import savemat
 from shell import call, said
 
 import icpmodel as icp
-from icpmodel.cli.arguments import pairs
-from icpmodel.cli.solving import at_their_size, confirmed
-from icpmodel.crosscheck.judge import Row, Verdict
-from icpmodel.solvers import Claim, ForeignSolver, foreign_solvers
 
 
 def test_solve_prints_a_card_and_the_distance_to_the_reference(capsys):
@@ -24,12 +18,6 @@ def test_solve_prints_a_card_and_the_distance_to_the_reference(capsys):
     assert "solved after" in out
     assert "reference z: off by" in out
     assert err == ""
-
-
-def test_solve_with_a_method_and_its_options(capsys):
-    code, out, _ = call(capsys, "solve", "membrane", "--n", "100", "--method", "mnmsor", "--option", "theta1=1.1")
-    assert code == 0
-    assert "MNMSOR(theta1=1.1)" in out
 
 
 def test_solve_as_json_is_json(capsys):
@@ -62,32 +50,12 @@ def test_problem_and_solution_travel_through_files(capsys, tmp_path):
     assert "agrees" in out
 
 
-def test_an_obstacle_above_is_read_from_a_folder_or_a_file_and_printed(capsys, tmp_path):
-    problem = str(tmp_path / "p.npz")
-    for name, part in {"A": [[2.0, -1], [-1, 2]], "q": [[-8.0], [3]], "upper_c": [[1.0], [5]]}.items():
-        mmwrite(tmp_path / f"{name}.mtx", np.array(part))
-    (tmp_path / "psi.json").write_text('{"psi": "zero", "upper": "constant"}')
-    for source, more in ((str(tmp_path), ["--save-problem", problem]), (problem, [])):
-        code, out, _ = call(capsys, "solve", source, *more)
-        assert code == 0
-        assert "upper=Constant(1 ... 5)" in out
-        assert "1 at the upper" in out
-
-
 def test_a_foreign_file_in_the_way_is_told_before_the_work(capsys, tmp_path):
     foreign = tmp_path / "data.npz"
     np.savez(foreign, x=np.ones(3))
     code, out, err = call(capsys, "solve", "membrane", "-o", str(foreign))
     assert (code, out) == (2, "")
     assert "is in the way; remove it" in err
-
-
-def test_matrix_market_files_are_an_lcp(capsys, tmp_path):
-    mmwrite(tmp_path / "A.mtx", np.array([[2.0, -1.0], [-1.0, 2.0]]))
-    mmwrite(tmp_path / "q.mtx", np.array([[-1.0], [3.0]]))
-    code, out, _ = call(capsys, "solve", str(tmp_path / "A.mtx"), "--q", str(tmp_path / "q.mtx"), "--json")
-    assert code == 0
-    assert json.loads(out)["n"] == 2
 
 
 def test_a_and_q_and_the_obstacles_are_files_or_numbers(capsys, tmp_path):
@@ -105,44 +73,6 @@ def test_a_and_q_and_the_obstacles_are_files_or_numbers(capsys, tmp_path):
     variables = {"A": [[2.0, -1.0], [-1.0, 2.0]], "q": [-1.0, 3.0], "psi": -0.25, "upper": 0.3}
     savemat(tmp_path / "p.mat", variables)
     assert json.loads(call(capsys, "solve", str(tmp_path / "p.mat"), "--json")[1])["z"] == pytest.approx(told["z"])
-
-
-def test_the_file_that_is_wrong_is_named_and_no_other(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    np.save("A.npy", np.eye(2))
-    np.save("q.npy", [1.0, np.nan])
-    np.save("z.npy", np.ones(3))
-    for arguments, words in (
-        (["--A", "A.npy", "--q", "q.npy"], "q.npy: q[1] is nan"),
-        (["--A", "A.npy", "--q", "b.csv"], "b.csv: no such file or folder"),
-        (["--A", "a.npy", "--q", "q.npy"], "a.npy: no such file or folder"),
-        (["--A", "z.npy", "--q", "q.npy"], "z.npy: A has shape (3,)"),
-        (["--A", "A.npy", "--q", "z.npy"], "z.npy: q has shape (3,); shape (2,) was expected"),
-        (["--A", "A.npy", "--q", "A.npy"], "A.npy: q has shape (2, 2); shape (2,) was expected"),
-        (["--A", "A.npy"], "A.npy: holds A alone; a problem needs its q as well"),
-        (["--q", "q.npy"], "SOURCE or --A names the problem; neither is given"),
-        (["hand-lcp", "--z0", "z.npy"], "z.npy: z has shape (3,); shape (2,) was expected"),
-        (["hand-lcp", "--z0", "q.npy"], "q.npy: z[1] is nan"),
-    ):
-        code, out, err = call(capsys, "solve", *arguments)
-        assert (code, out) == (2, "")
-        assert err.startswith(f"icpmodel: {words}")
-
-
-@pytest.mark.parametrize("name", ["answer.npz", "answer.npy", "answer.csv"])
-def test_an_answer_in_any_form_is_a_start(capsys, tmp_path, name):
-    answer = str(tmp_path / name)
-    assert call(capsys, "solve", "membrane", "--method", "psor", "-o", answer)[0] == 0
-    code, out, _ = call(capsys, "solve", "membrane", "--method", "psor", "--z0", answer, "--json")
-    assert (code, json.loads(out)["iterations"]) == (0, 0)
-
-
-def test_whole_numbers_may_have_an_exponent(capsys):
-    code, out, _ = call(capsys, "solve", "membrane", "--n", "1e2", "--max-iter", "1e4", "--set", "mu=1e0", "--json")
-    assert code == 0
-    assert json.loads(out)["n"] == 100
-    for number in ("2.5", "1e99", "nan", "many"):
-        assert f"'{number}' is not a valid integer" in call(capsys, "solve", "membrane", "--n", number)[2]
 
 
 @pytest.mark.parametrize(
@@ -169,13 +99,6 @@ def test_a_shell_completes_commands_scenes_methods_and_solvers(capsys, monkeypat
     code, out, _ = call(capsys)
     assert code == 0
     assert {line.partition(",")[2] for line in out.splitlines()} == known
-
-
-def test_the_shell_is_given_its_completion(capsys, monkeypatch):
-    monkeypatch.setenv("_ICPMODEL_COMPLETE", "bash_source")
-    code, out, _ = call(capsys)
-    assert code == 0
-    assert "_ICPMODEL_COMPLETE=bash_complete" in out
 
 
 def test_a_command_loads_what_it_needs(tmp_path):
@@ -210,14 +133,6 @@ def test_crosscheck_reports_and_exits_0_only_when_confirmed(capsys, tmp_path):
     assert "not confirmed" in err
 
 
-def test_crosscheck_as_json(capsys):
-    code, out, _ = call(capsys, "crosscheck", "hand-negative", "--solver", "osqp", "--json")
-    told = json.loads(out)
-    assert code == 0
-    assert told["solution"]["status"] == "solved"
-    assert told["report"]["agrees"] is True
-
-
 def test_a_run_goes_on_from_a_saved_answer(capsys, tmp_path):
     first = str(tmp_path / "first.npz")
     arguments = ["solve", "bai-symmetric", "--set", "mu=0", "--method", "mnmgs", "--json"]
@@ -226,68 +141,6 @@ def test_a_run_goes_on_from_a_saved_answer(capsys, tmp_path):
     code, out, _ = call(capsys, *arguments, "--z0", first)
     assert code == 0
     assert json.loads(out)["iterations"] == cold - 500
-
-
-def test_the_error_bound_can_be_left_out(capsys):
-    code, out, _ = call(capsys, "solve", "membrane", "--no-bound")
-    assert code == 0
-    assert "it was not computed" in out
-
-
-def test_crosscheck_of_an_unsolved_problem_asks_nobody(capsys):
-    code, out, err = call(capsys, "crosscheck", "membrane", "--max-iter", "2")
-    assert code == 1
-    assert "agrees" not in out
-    assert "iteration limit" in err
-
-
-def test_a_disagreement_at_the_smaller_size_counts():
-    report = icp.scenes.hand_lcp().problem.crosscheck(solvers=["osqp"])
-    disagrees = replace(report, rows=tuple(replace(row, verdict=Verdict.DISAGREES) for row in report.rows))
-    nobody = replace(report, rows=(Row("osqp", "", Verdict.SKIPPED, note="too large"),))
-    assert confirmed([report])
-    assert confirmed([report, report, nobody])
-    assert not confirmed([])
-    assert not confirmed([nobody, report])
-    assert not confirmed([disagrees])
-    assert not confirmed([report, report, disagrees])
-
-
-def test_the_smaller_size_is_the_largest_that_the_solver_takes():
-    def row(name, note):
-        return Row(name, "", Verdict.SKIPPED if note else Verdict.AGREES, note=note)
-
-    def asked(scene, *rows):
-        return [(problem.n, names) for problem, names in at_their_size(scene, SimpleNamespace(rows=rows), {})]
-
-    large = [row(name, f"{foreign_solvers()[name].too_large} beyond") for name in ("pyomo-highs", "path", "ipopt")]
-    assert asked(icp.scenes.bearing(n=300), large[0], row("osqp", "")) == [(250, ("pyomo-highs",))]
-    assert asked(icp.scenes.bearing(n=1200), *large) == [(250, ("pyomo-highs",)), (1000, ("path", "ipopt"))]
-    # one that is not there is not asked again, and one that took the frozen obstacle alone is asked for the whole
-    assert asked(icp.scenes.bearing(n=1200), row("path", "gamspy_base is not installed")) == []
-    assert asked(icp.scenes.manufactured_affine(n=900), row("path", "")) == [(484, ("path",))]
-
-
-def test_crosscheck_ends_with_what_covers_what_at_every_size(capsys):
-    class Small(ForeignSolver):
-        name, forms, asked_by, largest = "test-small", ("mpec",), (), 30
-
-        def set_up(self, target, tolerance, time_limit):
-            return target.problem
-
-        def run(self, model):
-            return Claim(icp.solve(model, rtol=1e-12).z, "solved", True)
-
-    code, out, _ = call(capsys, "crosscheck", "bearing", "--n", "50", "--solver", "test-small", "--solver", "osqp")
-    assert code == 0
-    assert " ".join(out.split("\n\n")[-1].split()) == (
-        "Solved alike: the whole problem by osqp; the same scene at n = 30, which says nothing of this answer, "
-        "by test-small."
-    )
-
-
-def test_a_whole_number_stays_whole():
-    assert isinstance(pairs(("seed=3",))["seed"], int)
 
 
 def test_limits_and_the_start_of_a_scene_reach_the_solver(capsys):
@@ -303,14 +156,6 @@ def test_limits_and_the_start_of_a_scene_reach_the_solver(capsys):
     assert told["iterations"] == 0
 
 
-def test_a_solver_that_passes_only_at_a_smaller_size_is_asked_there(capsys):
-    code, out, _ = call(capsys, "crosscheck", "membrane", "--n", "400", "--solver", "pyomo-highs", "--solver", "osqp")
-    assert code == 0
-    assert "not asked" in out
-    assert "the same scene at n = 225" in out
-    assert out.count("agrees") >= 2
-
-
 def test_scenes_are_listed_and_described(capsys):
     code, out, _ = call(capsys, "scenes")
     assert code == 0
@@ -321,18 +166,6 @@ def test_scenes_are_listed_and_described(capsys):
     assert "solution none: r < 0 below 3/4" in " ".join(call(capsys, "scenes", "hard-jump")[1].split())
     for name in icp.scenes.names():
         assert json.loads(call(capsys, "scenes", name, "--json")[1])["name"] == name
-
-
-def test_a_parameter_of_a_scene_can_be_set(capsys):
-    code, out, _ = call(capsys, "solve", "bai-symmetric", "--n", "100", "--set", "mu=0", "--method", "mnmgs", "--json")
-    assert code == 0
-    assert json.loads(out)["iterations"] > 100  # with mu = 4 some thirty
-
-
-def test_a_size_the_scene_cannot_have_is_noted(capsys):
-    code, _, err = call(capsys, "solve", "membrane", "--n", "90")
-    assert code == 0
-    assert err == "note: membrane has no size 90; the nearest is 81\n"
 
 
 @pytest.mark.parametrize(
@@ -550,13 +383,6 @@ def test_what_is_written_takes_the_place_of_nothing_else(capsys, tmp_path, monke
     assert (code, out) == (2, "")
     assert "q.csv: is there, and was not written by this command; give another name" in err
     assert (tmp_path / "q.csv").read_bytes() == before
-
-
-def test_problem_and_answer_in_one_file_are_refused_before_the_work(capsys, tmp_path):
-    path = str(tmp_path / "x.npz")
-    code, out, err = call(capsys, "solve", "hand-lcp", "--save-problem", path, "-o", path)
-    assert (code, out) == (2, "")
-    assert "two files were expected" in err
 
 
 COMPILES = """

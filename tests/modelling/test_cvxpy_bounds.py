@@ -3,10 +3,8 @@
 import cvxpy as cp
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.modelling.matching import arranged
 
 
 def clamped(F, x, low, high):
@@ -79,27 +77,3 @@ def test_equations_alone_and_in_any_order_are_solved():
     icp.Problem([K @ u + p == [1, 2, 3], cp.sum(u) == 0]).solve()
     assert u.value == pytest.approx([-0.5, 0, 0.5])
     assert p.value == pytest.approx(2)
-
-
-def test_equations_are_arranged_by_their_entries_and_signs():
-    """The order and the signs: a diagonal without zeros, or opposite entries on both sides of it; rows with an
-    obstacle stay."""
-    for A, free, expected in (
-        ([[0, -2.0, 0], [0, 0, 4], [3, 0, 0]], [1, 1, 1], [[3, 0, 0], [0, 2, 0], [0, 0, 4]]),
-        ([[2.0, 1], [1, 0]], [0, 1], [[2, 1], [-1, 0]]),
-        ([[-2.0, 1], [1, -1]], [0, 1], [[-2, 1], [-1, 1]]),
-        ([[1.0, 0], [1, 0]], [0, 1], [[1, 0], [1, 0]]),
-    ):
-        order, sign = arranged(sp.csr_array(A), np.array(free, dtype=bool))
-        assert (np.diag(sign) @ np.array(A)[order]).tolist() == expected
-
-
-def test_what_is_known_is_kept_while_bounds_stay():
-    load, high, z = cp.Parameter(2, value=[5, -1]), cp.Parameter(value=1.0), cp.Variable(2)
-    model = icp.Problem(icp.complements(z - load, z, upper=high))
-    first = model.icp()
-    load.value = [0.5, 7]
-    assert model.icp().facts is first.facts
-    high.value = 2.0
-    assert model.icp().A is first.A
-    assert model.solve().z == pytest.approx([0.5, 2])

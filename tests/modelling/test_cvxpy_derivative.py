@@ -1,7 +1,5 @@
 """`Problem.backward` and `Problem.derivative` are as those of `cp.Problem`: the derivative by the parameters."""
 
-import warnings
-
 import cvxpy as cp
 import numpy as np
 import pytest
@@ -177,20 +175,6 @@ def test_both_are_those_of_a_program_that_cvxpy_differentiates_itself(seed):
     assert z.delta == pytest.approx(x.delta, abs=1e-5)
 
 
-def test_gradients_have_the_shapes_and_structures_that_cvxpy_gives_them():
-    problem = icp.Problem(stiffness())
-    problem.solve(requires_grad=True)
-    problem.backward()
-    symmetric, diagonal, sparse, scale = (one.gradient for one in problem.parameters())
-    assert (symmetric == symmetric.T).all()
-    assert isinstance(diagonal, sp.dia_array)
-    assert (diagonal.toarray() == np.diag(diagonal.diagonal())).all()
-    assert np.count_nonzero(sparse) <= 3
-    assert scale.shape == ()
-    # z = 0 but for its first entry: p₀ = sum of all A₀₀ times z₀
-    assert symmetric[0, 0] == diagonal.diagonal()[0]
-
-
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=3), st.floats(0.5, 2))
 def test_the_derivative_of_z_where_it_is_known(load, a):
@@ -209,29 +193,6 @@ def test_the_derivative_of_z_where_it_is_known(load, a):
         assert A.gradient == pytest.approx(-(z.gradient * q.value / a**2)[free].sum())
 
 
-def test_where_both_sides_are_possible_it_is_one_of_them_and_says_so():
-    z, load = cp.Variable(), cp.Parameter(value=0.0)
-    problem = icp.Problem(icp.complements(z - load, z))
-    problem.solve(requires_grad=True)
-    problem.backward()
-    derivative = icp.Derivative(problem.solution)
-    assert not derivative.certain
-    assert derivative.undecided.tolist() == [0]
-    assert load.gradient in (0, 1)
-
-
-def test_it_is_that_of_the_solve_whatever_the_parameters_are_now():
-    z, a = cp.Variable(), cp.Parameter(value=2.0)
-    problem = icp.Problem(icp.complements(cp.square(a) * z - 8, z))
-    problem.solve(requires_grad=True)
-    a.value = 5.0
-    problem.backward()
-    assert a.gradient == pytest.approx(-2.0)
-    problem.solve()
-    with pytest.raises(icp.InputError, match=r"backward\(\) was called without a solve\(requires_grad=True\)"):
-        problem.backward()
-
-
 def test_inequalities_have_a_part_in_the_answer_but_none_in_its_derivative():
     z, high = cp.Variable(3), cp.Parameter(value=9.0)
     load = cp.Parameter(3, value=[3.0, -2.0, 1.0])
@@ -240,15 +201,6 @@ def test_inequalities_have_a_part_in_the_answer_but_none_in_its_derivative():
     problem.backward()
     assert high.gradient == 0
     assert np.abs(load.gradient).max() > 0.1
-
-
-def test_a_model_without_parameters_stands_still():
-    z = cp.Variable(2)
-    problem = icp.Problem(icp.complements(2 * z - 1, z - cp.exp(-z) / 9))
-    problem.solve(requires_grad=True)
-    problem.backward()
-    problem.derivative()
-    assert z.delta.tolist() == [0, 0]
 
 
 @pytest.mark.parametrize("verb", ["backward", "derivative"])
@@ -291,30 +243,3 @@ def test_what_is_misused_is_named():
     problem = icp.Problem(icp.complements(z - cp.real(twisted), z))
     with pytest.raises(icp.InputError, match="the parameter twisted is complex"):
         problem.solve(requires_grad=True)
-
-
-@pytest.mark.parametrize(
-    ("atom", "found"),
-    [
-        (lambda z, a: cp.power(z, a), r"of Power\w*\(z, 0.5\) in the parameter a, which is none of its arguments"),
-        (lambda z, a: cp.huber(z, a), r"of huber\(.*\) in the parameter a, which is none of its arguments"),
-        (lambda z, a: a * cp.norm_inf(z), r"of norm_inf\(z\) in the variable z, or a wrong one"),
-        (lambda z, a: 0.1 * cp.cumprod(a * z)[1], r"of cumprod\(.*\) in the variable z, or a wrong one"),
-    ],
-)
-def test_an_atom_without_a_gradient_is_named_and_the_answer_stays(atom, found):
-    z, a = cp.Variable(2, name="z"), cp.Parameter(pos=True, name="a", value=0.5)
-    problem = icp.Problem(icp.complements(2 * z - 1, z - 0.1 * atom(z, a)))
-    z.value = np.ones(2)
-    with pytest.raises(icp.InputError, match=found):
-        problem.solve(requires_grad=True)
-    assert problem.status == "optimal"
-    assert z.value == pytest.approx([0.5, 0.5])
-
-
-def test_a_sparse_parameter_is_read_without_a_warning():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        problem = icp.Problem(stiffness())
-        problem.solve(requires_grad=True)
-        problem.solve()

@@ -1,20 +1,16 @@
 """`icp.Problem` has what CVXPY's user expects of a problem: status, value, statistics, dual values, copies, a log."""
 
 import copy
-import logging
 import pickle
-import threading
 
 import cvxpy as cp
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.modelling.cvxpy.cvxpy_problem import STATUSES
-from icpmodel.modelling.cvxpy.side_constraints import multiples
 
 A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 
@@ -49,31 +45,12 @@ def test_status_and_value_are_those_of_a_problem_with_the_objective_0():
     assert (lost.status, lost.value) == (cp.SOLVER_ERROR, None)
 
 
-def test_no_status_of_an_earlier_solve_stays_where_the_next_one_cannot_begin():
-    load = cp.Parameter(2, value=[1.0, 1.0])
-    problem, _, _ = contact(load)
-    problem.solve()
-    with pytest.raises(icp.InputError, match="no option"):
-        problem.solve(nonsense=1)
-    assert (problem.status, problem.value, problem.solver_stats) == (None, None, None)
-
-
 def test_every_end_of_a_run_has_a_word_that_cvxpy_knows():
     known = {*cp.settings.SOLUTION_PRESENT, *cp.settings.INF_OR_UNB, *cp.settings.ERROR}
     assert set(STATUSES) == set(icp.Status)
     assert set(STATUSES.values()) <= known
     assert [status for status, word in STATUSES.items() if word == cp.OPTIMAL] == [icp.Status.SOLVED]
     assert [status for status, word in STATUSES.items() if word == cp.INFEASIBLE] == [icp.Status.INFEASIBLE]
-
-
-def test_the_statistics_have_cvxpys_names():
-    problem, _, _ = contact(1.0)
-    solution = problem.solve("mnmgs")
-    found = problem.solver_stats
-    assert (found.solver_name, found.num_iters) == ("ICPMODEL", solution.iterations)
-    assert found.solve_time == solution.seconds
-    assert found.setup_time > 0
-    assert found.extra_stats is solution is problem.solution
 
 
 def test_variables_parameters_and_constraints_are_asked_for_as_in_cvxpy():
@@ -106,52 +83,6 @@ def test_the_start_is_the_last_answer_unless_a_warm_one_is_not_wanted():
     assert solve(warm_start=False, z0=[3, 4]) == [3, 4]
     with pytest.raises(icp.InputError, match="warm_start is 'no'; True or False was expected"):
         problem.solve(warm_start="no")
-
-
-def test_a_verbose_run_prints_who_begins_how_far_it_is_and_how_it_ended(capsys):
-    problem, _, _ = contact(1.0)
-    logger = logging.getLogger("icpmodel")
-    before = logger.level, list(logger.handlers)
-    problem.solve("mnmgs")
-    assert capsys.readouterr() == ("", "")
-    shown, lines = [], []
-    solution = problem.solve("mnmgs", verbose=True, warm_start=False, callback=lambda state: shown.append(state))
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "icpmodel: ICP(n=2, nnz=4, psi=Constant(0))"
-    assert lines[1] == "n = 2: MNMGS() begins: it was named"
-    assert lines[2].startswith("iteration 0: residual 1.41 after ")
-    assert f"n = 2: solved, z is from MNMGS(); {solution.iterations} iterations" in lines[-2]
-    assert lines[-1].startswith(f"icpmodel: optimal after {solution.iterations} iterations, ")
-    numbers = [int(line.split(":")[0].split()[1]) for line in lines if line.startswith("iteration")]
-    assert numbers == [k for k in range(solution.iterations + 1) if str(k).rstrip("0") in ("", "1", "2", "5")]
-    assert len(shown) == solution.iterations + 1
-    assert (logger.level, list(logger.handlers)) == before
-    with pytest.raises(icp.InputError, match="callback is a int; a function was expected"):
-        problem.solve(verbose=True, callback=3)
-
-
-def test_a_verbose_run_tells_nothing_of_other_threads(capsys):
-    problem, _, _ = contact(1.0)
-    elsewhere = icp.ICP(np.eye(5), np.ones(5))
-
-    def look(state):
-        thread = threading.Thread(target=elsewhere.solve)
-        thread.start()
-        thread.join()
-
-    problem.solve("mnmgs", verbose=True, callback=look)
-    out = capsys.readouterr().out
-    assert "n = 2: " in out
-    assert "n = 5: " not in out
-
-
-def test_the_name_of_a_solver_is_answered_with_what_there_is_instead():
-    problem, _, _ = contact(1.0)
-    for call in (lambda: problem.solve(cp.CLARABEL), lambda: problem.solve(solver="CLARABEL")):
-        with pytest.raises(icp.InputError, match=r"the solver CLARABEL was named, but .* such as \"newton\""):
-            call()
-    with pytest.raises(icp.InputError, match="the solver a IcpSolver was named"):
-        problem.solve(solver=icp.cvxpy_solver())
 
 
 def test_a_failed_run_leaves_its_best_iterate_where_it_does_not_raise_and_nothing_where_it_does():
@@ -202,50 +133,6 @@ def test_dual_values_are_cvxpys_wherever_the_conditions_are_those_of_an_optimum(
     assert pair.dual_value == pytest.approx(bounds[0].dual_value - bounds[1].dual_value, abs=1e-4)
 
 
-def test_a_block_of_equations_has_a_dual_value_of_its_shape_also_behind_turned_rows():
-    """2 − x ≥ 0 is a row of −x with −p: the multipliers are those of p in the direction of x all the same."""
-    x, y = cp.Variable(3), cp.Variable((2, 1))
-    E = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, -1.0]])
-    balance = cp.reshape(E @ x, (2, 1), order="F") == np.array([[2.0], [0.0]])
-    pushed = x - [3, 1, 1] + (E.T @ y)[:, 0]
-    icp.Problem([icp.complements(-pushed, 2 - x), balance]).solve()
-    assert balance.dual_value == pytest.approx(y.value)
-    assert balance.dual_value.shape == (2, 1)
-
-
-def test_an_equation_that_holds_by_no_force_in_p_has_no_dual_value():
-    """One that determines a variable, one whose transpose is not there, and one that contains its own partner."""
-    x, u, v, w = cp.Variable(2), cp.Variable(), cp.Variable(), cp.Variable()
-    rows = [u == 3, x[0] - 2 * x[1] + v == 1, x[0] + x[1] + w == 1]
-    pair = icp.complements(x - 1 + u * np.array([1, 3]) + w * np.ones(2), x)
-    icp.Problem([pair, *rows]).solve()
-    assert [one.dual_value for one in rows] == [None, None, None]
-
-
-def test_a_new_matrix_has_new_dual_values():
-    slope, x, force = cp.Parameter(value=1.0), cp.Variable(2), cp.Variable()
-    total = slope * cp.sum(x) == 2
-    problem = icp.Problem([icp.complements(x - 3 + slope * force * np.ones(2), x), total])
-    for slope.value in (1.0, 2.0):
-        problem.solve()
-        assert total.dual_value == pytest.approx(force.value)
-    crooked = icp.Problem([icp.complements(x - 3 + slope * force * np.ones(2), x), cp.sum(x) == 2])
-    for slope.value, times in ((1.0, 1.0), (2.0, 2.0)):
-        crooked.solve()
-        assert crooked.constraints[1].dual_value == pytest.approx(times * force.value)
-
-
-def test_every_row_that_is_a_multiple_of_another_is_found():
-    random = np.random.default_rng(0)
-    E = random.normal(size=(300, 40)) * (random.random((300, 40)) < 0.3)
-    of, factor = random.integers(0, 300, 500), random.choice([-1, 1], 500) * 10.0 ** random.uniform(-6, 6, 500)
-    others = np.vstack([np.zeros(40), random.normal(size=(20, 40)), E[0] + 1e-6])
-    found, times = multiples(sp.csr_array(E), sp.csr_array(np.vstack([factor[:, None] * E[of], others])))
-    assert (found[:500] == of).all()
-    assert times[:500] == pytest.approx(factor)
-    assert (found[500:] == -1).all()
-
-
 # ---------------------------------------------------------------------------------------------------- inequalities
 
 
@@ -294,30 +181,6 @@ def test_a_violated_inequality_proves_nothing_where_there_may_be_other_solutions
     assert problem.status == cp.OPTIMAL
 
 
-def test_what_the_tolerance_allows_is_no_violation():
-    _, z, pair = contact(np.array([1.0, 3.0]))
-    for unit in (1.0, 1e-9, 1e9):
-        problem = icp.Problem([pair, unit * z[1] <= unit * 7 / 3])
-        found = problem.solve("mnmgs", z0=[5 / 3 - 1e-3, 7 / 3 + 1e-3], atol=5e-3)
-        assert found.z[1] > 7 / 3
-        assert problem.status == cp.OPTIMAL
-
-
-def test_nothing_is_proved_where_the_error_may_be_larger_than_the_violation():
-    """A small residual and a large error: a better answer satisfies what this one violates."""
-    z = cp.Variable(2)
-    stiff = icp.complements(np.array([[1, -0.999], [-0.999, 1]]) @ z - 0.001, z)  # z = (1, 1)
-    problem = icp.Problem([stiff, z[0] <= 1.1])
-    found = problem.solve("mnmgs", z0=[1.5, 1.5], atol=1e-3, raise_on_failure=False)
-    assert found.certificate.unique
-    assert problem.status == cp.SOLVER_ERROR
-    assert "or a more accurate one: start elsewhere, or lower rtol" in found.message
-    assert problem.solve(rtol=1e-12).z == pytest.approx([1, 1])
-    strict = icp.Problem([stiff, z[0] <= 0.9])
-    strict.solve(rtol=1e-12, raise_on_failure=False)
-    assert strict.status == cp.INFEASIBLE
-
-
 # ---------------------------------------------------------------------------------------------- copies and printing
 
 
@@ -336,39 +199,3 @@ def test_a_copy_is_a_problem_of_its_own_in_the_same_variables():
         with pytest.raises(TypeError, match=r"a Problem cannot be; problem.icp\(\) can"):
             again(problem)
     assert pickle.loads(pickle.dumps(problem.icp())).solve().z == pytest.approx(there.solution.z, abs=1e-6)
-
-
-def test_long_problems_print_in_few_characters_and_all_of_it_as_text():
-    x = cp.Variable(300, name="x")
-    problem = icp.Problem([icp.complements(x[i] - 1, x[i]) for i in range(300)])
-    assert repr(problem).startswith("Problem([complements(x[0] + -1.0, x[0]), ")
-    assert repr(problem).endswith(", and 297 more])")
-    names = [cp.Variable(name="a_rather_long_name_" + str(k)) for k in range(50)]
-    long = icp.complements(np.random.default_rng(0).random((50, 50)) @ cp.hstack(names), cp.hstack(names), upper=1)
-    assert max(len(repr(one)) for one in (problem, long, icp.Problem([long, sum(names) <= 1]))) < 500
-    lines = str(problem).splitlines()
-    assert lines[:2] == ["find x", "  with complements(x[0] + -1.0, x[0])"]
-    assert len(lines) == 301
-
-
-def test_each_obstacle_is_called_what_it_is():
-    z = cp.Variable(2)
-    problem = icp.Problem(icp.complements(z - 3, z - 0.1 * cp.exp(-z), upper=cp.exp(-z) + 4)).icp()
-    assert repr(problem) == "ICP(n=2, nnz=2, psi=Function(psi of CVXPY), upper=Function(upper of CVXPY))"
-
-
-def test_a_verbose_run_sends_no_more_than_before_to_the_handlers_of_others(caplog):
-    problem, _, _ = contact(1.0)
-    caplog.set_level(logging.WARNING)
-    problem.solve("mnmgs", verbose=True)
-    assert caplog.records == []
-    caplog.set_level(logging.INFO)
-    problem.solve("mnmgs", verbose=True)
-    assert len([one for one in caplog.records if "begins" in one.getMessage()]) == 1
-    assert logging.getLogger("icpmodel").propagate
-
-
-def test_an_objective_before_the_constraints_is_named():
-    z = cp.Variable()
-    with pytest.raises(icp.InputError, match="no objective: give the list of constraints alone"):
-        icp.Problem(cp.Minimize(0), [icp.complements(z - 1, z)])

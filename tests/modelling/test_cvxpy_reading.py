@@ -65,32 +65,6 @@ def test_A_q_and_psi_are_those_that_were_written():
     assert read.psi.c.tolist() == [4, 5, 6]
 
 
-def test_rows_of_r_in_another_order_take_the_rows_of_p_along():
-    A, z = np.array([[2.0, -1.0], [0.5, 3.0]]), cp.Variable(2)
-    turned = cp.hstack([z[1] - 5, z[0] - 4])
-    read = icp.Problem(icp.complements((A @ z + [1, 2])[::-1], turned)).icp()
-    assert (read.A.toarray() == A).all()
-    assert read.q.tolist() == [1, 2]
-    assert read.psi.c.tolist() == [4, 5]
-
-
-def test_a_multiple_of_z_is_divided():
-    z = cp.Variable(2)
-    read = icp.Problem(icp.complements(z - 1, np.diag([2.0, 0.5]) @ z - [6, 1])).icp()
-    assert read.psi.c.tolist() == [3, 2]
-    assert read.is_lcp
-
-
-def test_rows_with_bent_parts_are_put_in_order_and_divided_as_well():
-    z = cp.Variable(2)
-    r = cp.hstack([2 * z[1] - cp.exp(z[0]), z[0] - 0.25 * cp.square(z[1])])
-    read = icp.Problem(icp.complements((np.diag([3.0, 4.0]) @ z - 1)[::-1], r)).icp()
-    assert read.psi.value(np.array([0.5, 3.0])) == pytest.approx([0.25 * 9, np.exp(0.5) / 2])
-    slope = read.psi.jacobian(np.array([0.5, 3.0])).toarray()
-    assert slope == pytest.approx(np.array([[0, 1.5], [np.exp(0.5) / 2, 0]]))
-    assert read.A.diagonal().tolist() == [3, 4]
-
-
 def test_the_sides_may_be_swapped_where_only_one_is_r():
     A, z = np.array([[4.0, -1.0], [-1.0, 4.0]]), cp.Variable(2)
     for p, r in ((A @ z - 1, z - 0.5), (A @ z - 1, z - 0.3 * cp.exp(-z)), (A @ z - 1, z - 0.3 * z[::-1])):
@@ -100,26 +74,6 @@ def test_the_sides_may_be_swapped_where_only_one_is_r():
         assert swapped.p == pytest.approx(straight.p)
         assert swapped.r == pytest.approx(straight.r)
         assert straight.p == pytest.approx(p.value)
-
-
-def test_a_constant_p_and_an_unbounded_row_are_read():
-    z = cp.Variable(2)
-    obstacle = cp.Parameter(2, value=[-np.inf, 1.0])
-    model = icp.Problem([icp.complements(cp.hstack([z[0] - 7, cp.Constant(1)]), z - obstacle)])
-    model.solve()
-    assert z.value == pytest.approx([7, 1])
-    assert np.isneginf(model.icp().psi.c[0])
-
-
-@pytest.mark.parametrize(("shape", "axis"), [((4,), 0), ((2, 3), 0), ((2, 3), 1), ((2, 3), None), ((2, 2, 3), -2)])
-def test_running_sums_are_read(shape, axis):
-    """CVXPY compiles them with variables of its own, which are no unknowns of the ICP."""
-    x = cp.Variable(shape, name="x")
-    total = cp.cumsum(2 * x, axis=axis)
-    flat = cp.vec(total, order="F") if axis is not None else total
-    read = icp.Problem(icp.complements(3 * flat - 1, cp.vec(x, order="F"))).icp()
-    x.value = np.random.default_rng(0).normal(size=shape)
-    assert read.p(np.ravel(x.value, order="F")) == pytest.approx(3 * flat.value - 1)
 
 
 NONLINEAR = {
@@ -180,14 +134,6 @@ def test_psi_has_cvxpys_values_and_derivatives(name):
     assert np.abs(first.p * first.r).max() <= 1e-8
 
 
-def test_without_a_gradient_of_cvxpys_a_model_is_solved_all_the_same():
-    """CVXPY 1.9 has none of norm_inf."""
-    model, z, y, _ = model_with(lambda z, y: 0.1 * cp.multiply(z, 1 / (1 + cp.norm_inf(z))))
-    z.value, y.value = np.array([0.5, 0.7, 0.9]), np.array([0.75, 0.5, 0.6])
-    assert model.icp().psi.jacobian(np.ones(6)) is None
-    assert model.solve().solved
-
-
 def count_compilations(monkeypatch):
     calls = []
     compile_ = ConeMatrixStuffing.apply
@@ -215,44 +161,6 @@ def test_a_series_is_compiled_once_and_gives_the_answers_of_new_models(monkeypat
     assert counts == [1, 2, 3, 4]  # the first one, and the new models
 
 
-def test_a_model_that_is_not_dpp_is_compiled_for_each_value():
-    a, b, z = cp.Parameter(value=2.0), cp.Parameter(value=3.0), cp.Variable()
-    model = icp.Problem(icp.complements(a * (b * z) - 12, z))
-    assert model.solve().z == pytest.approx(2)
-    a.value = 1.0
-    assert model.solve().z == pytest.approx(4)
-
-
-def test_an_icp_once_read_does_not_change_with_the_parameters():
-    """Also where the parameter is an exponent, which is no argument of the expression."""
-    a, b, z = cp.Parameter(value=1.0), cp.Parameter(nonneg=True, value=2.0), cp.Variable(2)
-    model = icp.Problem(icp.complements(4 * z - a, z - a * cp.exp(-a * z) - 0.1 * cp.power(z, b)))
-    z.value = np.ones(2)
-    before, point = model.icp(), np.array([0.5, 0.75])
-    value, slope = before.psi.value(point), before.psi.jacobian(point).toarray()
-    a.value, b.value = 5.0, 3.0
-    after = model.icp()
-    assert (before.psi.value(point) == value).all()
-    assert (before.psi.jacobian(point).toarray() == slope).all()
-    assert not np.allclose(after.psi.value(point), value)
-    assert after.q.tolist() == [-5, -5]
-
-
-def test_what_is_known_of_A_and_psi_is_kept_for_a_new_q():
-    load, z = cp.Parameter(2, value=[1, 2]), cp.Variable(2)
-    model = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.1))
-    first = model.icp()
-    load.value = [3, -4]
-    assert model.icp().A is first.A
-    assert model.icp().facts is first.facts
-    bound = cp.Parameter(2, value=[1, 2])
-    model = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - bound))
-    first = model.icp()
-    bound.value = [0, 0]
-    assert model.icp().A is first.A
-    assert model.icp().psi.c.tolist() == [0, 0]
-
-
 def test_a_million_unknowns_stay_sparse():
     """Reading costs memory in proportion to the entries, and a matrix that would not fit is never made."""
     n = 200_000
@@ -262,19 +170,6 @@ def test_a_million_unknowns_stay_sparse():
     assert read.A.nnz == A.nnz
     assert read.psi.jacobian(np.ones(n)).nnz <= n
     assert icp.Problem(icp.complements(A @ z + 1, z)).icp().is_lcp
-
-
-def test_the_start_is_what_the_variables_have():
-    z, y = cp.Variable(2), cp.Variable()
-    model = icp.Problem([icp.complements(4 * z - y, z), icp.complements(2 * y - 1, y)])
-    starts = []
-    z.value = [3, 4]
-    model.solve("mnmgs", callback=lambda state: starts.append(state.z))
-    assert sorted(starts[0]) == [0, 3, 4]
-    model.solve("mnmgs", callback=lambda state: starts.append(state.z))
-    assert starts[-1] == pytest.approx(model.solution.z)
-    model.solve("mnmgs", z0=[9, 9, 9], callback=lambda state: starts.append(state.z) or True, raise_on_failure=False)
-    assert starts[-1].tolist() == [9, 9, 9]
 
 
 def test_an_expression_without_a_value_is_named():
@@ -289,20 +184,6 @@ def test_an_expression_without_a_value_is_named():
     z.value = [1, 1]
     assert model.solve().solved
     assert z.value == pytest.approx([0.5, 0.5])
-
-
-def test_crosscheck_asks_about_the_answer_or_solves_first():
-    load, z = cp.Parameter(2, value=[1, -1]), cp.Variable(2)
-    model = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.1 * cp.exp(-z)))
-    report = model.crosscheck(["osqp"])
-    assert report.agrees
-    assert model.solution is not None
-    kept = model.solution
-    model.crosscheck(["osqp"])
-    assert model.solution is kept
-    load.value = [3, 3]
-    assert model.crosscheck(["osqp", "cvxpy-clarabel"]).agrees
-    assert model.solution is not kept
 
 
 x, X, s, i = cp.Variable(2, name="x"), cp.Variable((2, 2), name="X"), cp.Variable(name="s"), cp.Variable(2, name="i")
@@ -421,17 +302,3 @@ def test_what_is_no_icp_is_refused_with_the_expression_and_the_reason(name):
     make, sentence = REFUSED[name]
     with pytest.raises(icp.InputError, match=sentence):
         make()
-
-
-def test_the_entry_of_a_matrix_is_named_by_its_place():
-    r = cp.vstack([X[0], X[0]])
-    with pytest.raises(icp.InputError, match=r"while no row belongs to X\[1, 0\]"):
-        icp.Problem(icp.complements(2 * X, r - cp.square(X))).icp()
-
-
-def test_a_label_and_not_a_long_text_names_an_expression():
-    y = cp.Variable(100, name="y")
-    with pytest.raises(icp.InputError, match=r"r = an expression of shape \(100,\) in y is not z"):
-        icp.Problem(icp.complements(y, cp.exp(np.eye(100) @ y) - 1)).icp()
-    with pytest.raises(icp.InputError, match=r"r = gap is not z"):
-        icp.Problem(icp.complements(y, (cp.exp(np.eye(100) @ y) - 1).set_label("gap"))).icp()

@@ -1,9 +1,6 @@
 """The answer of a problem as a function that JAX differentiates, compiles and maps."""
 
-import gc
 import logging
-import multiprocessing
-import warnings
 
 import numpy as np
 import pytest
@@ -25,12 +22,6 @@ D = np.array([1.5, 0.6, np.inf, 0.4, 0.7, 0.9])
 G = sp.csr_array(sp.diags_array([0.2, 0.1], offsets=[-1, 2], shape=(N, N)))
 JUMPS = sp.csr_array((np.array([-0.4, -0.3, -0.5, -0.2, -0.6]), ([1, 1, 3, 3, 5], [0, 2, 2, 4, 4])), shape=(N, N))
 THETA = np.array([0.3, 0.2])
-
-
-@pytest.fixture(autouse=True)
-def doubles():
-    with jax.enable_x64(True):
-        yield
 
 
 def sine(theta):
@@ -102,13 +93,6 @@ def test_jacobians_are_the_same_in_both_modes_and_those_of_differences(kind):
     np.testing.assert_allclose(forward, np.transpose(differences), rtol=1e-6, atol=1e-7)
 
 
-def test_compiled_or_not_a_call_gives_the_bits_of_solve():
-    problem = icp.ICP(A, Q, C)
-    layer, z = solution_of(problem), problem.with_q(Q + 1.0).solve().z
-    for call in (layer, jax.jit(layer)):
-        np.testing.assert_array_equal(call(q=Q + 1.0), z)
-
-
 MAPPED = {
     "right-hand sides and obstacles": (icp.ICP(A, Q, C), {"q": [Q, -Q], "psi": [C, C - 0.5]}),
     "matrices by data": (icp.ICP(A, Q, C), {"A": [A.data, 1.5 * A.data]}),
@@ -140,53 +124,6 @@ def test_gradients_are_mapped_too_over_some_arguments_or_all():
                 np.testing.assert_allclose(mapped[i, j], one, rtol=1e-12, atol=1e-13)
 
 
-def test_the_derivative_costs_no_second_solve(caplog):
-    layer = solution_of(icp.ICP(A, Q, C))
-    with caplog.at_level(logging.INFO, "icpmodel"):
-        _, back = jax.vjp(lambda q: layer(q=q), Q)
-        first = back(np.ones(N))
-        np.testing.assert_array_equal(back(np.ones(N)), first)
-    assert len([record for record in caplog.messages if "z is from" in record]) == 1
-
-
-def test_an_answer_that_is_kept_no_longer_has_its_derivative_all_the_same():
-    layer = solution_of(icp.ICP(A, Q, C))
-    derivatives = [jax.vjp(lambda q: layer(q=q), scale * Q)[1] for scale in (1.0, -1.0)]
-    for scale, back in zip((1.0, -1.0), derivatives, strict=True):
-        expected = icp.Derivative(icp.ICP(A, scale * Q, C).solve()).adjoint(np.arange(N)).q
-        np.testing.assert_allclose(back(np.arange(float(N)))[0], expected, rtol=1e-13, atol=1e-15)
-
-
-def test_the_gradient_of_an_entry_that_happens_to_be_zero_is_not_lost():
-    data = A.data.copy()
-    data[1] = 0.0
-    gradient = jax.grad(lambda a: solution_of(icp.ICP(A, Q, -9.0))(A=a).sum())(data)
-    z, w = np.linalg.solve(with_data(data), -Q), np.linalg.solve(with_data(data).T, np.ones(N))
-    assert gradient[1] == pytest.approx(-w[0] * z[1])
-
-
-def with_data(data):
-    return sp.csr_array((data, A.indices, A.indptr), shape=A.shape).toarray()
-
-
-def test_the_start_is_an_argument_on_which_nothing_depends(caplog):
-    problem = icp.ICP(A, Q, SLOPE)
-    layer, z = solution_of(problem), problem.solve().z
-    with caplog.at_level(logging.INFO, "icpmodel"):
-        gradients = jax.grad(lambda q, z0: layer(q=q, z0=z0).sum(), argnums=(0, 1))(Q, z)
-    assert " 0 iterations" in caplog.text
-    np.testing.assert_array_equal(gradients[1], np.zeros(N))
-    assert np.abs(gradients[0]).max() > 0.1
-
-
-def test_what_jax_sets_in_its_own_threads_does_not_touch_the_rounding_of_a_solve():
-    """They flush subnormal numbers to zero, on which proofs count, and of which the package warns."""
-    layer = solution_of(icp.ICP([[1.0]], [0.0]))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        np.testing.assert_array_equal(jax.jit(lambda q: layer(q=q))(np.array([-3e-310])), [3e-310])
-
-
 def test_a_map_may_compute_with_jax_in_double_precision_and_by_another_layer():
     inner = solution_of(icp.ICP(A, Q, C))
     height = jax.jit(lambda q: 0.1 * jnp.sin(inner(q=q)))
@@ -203,19 +140,6 @@ def test_a_map_may_compute_with_jax_in_double_precision_and_by_another_layer():
     np.testing.assert_allclose(z, icp.ICP(A, Q, np.asarray(height(0.3 + Q))).solve().z, rtol=1e-9)
     h = 1e-5
     np.testing.assert_allclose(dz, (layer(psi=[0.3 + h]) - layer(psi=[0.3 - h])) / (2 * h), rtol=1e-6, atol=1e-9)
-
-
-@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork on this system")
-@pytest.mark.filterwarnings("ignore:os.fork")
-def test_what_is_compiled_works_in_a_forked_process():
-    layer, q = solution_of(icp.ICP(A, Q, C)), jnp.asarray(Q)
-    compiled = jax.jit(lambda q: layer(q=q))
-    jax.block_until_ready(compiled(q))
-    child = multiprocessing.get_context("fork").Process(target=lambda: jax.block_until_ready(compiled(q)))
-    child.start()
-    child.join(20)
-    child.kill()
-    assert child.exitcode == 0
 
 
 def test_without_a_solution_notsolved_is_raised_and_its_message_comes_out_of_compiled_code():
@@ -236,14 +160,6 @@ def test_where_nothing_is_to_be_raised_rows_without_a_solution_are_nan_with_thei
     np.testing.assert_array_equal(gradient, [[0.0], [np.nan]])
     np.testing.assert_array_equal(jax.vmap(lambda d: layer(upper=d))(np.array([[-1.0], [3.0]]))[0], [np.nan])
     np.testing.assert_array_equal(layer(q=np.array([np.nan])), [np.nan])
-
-
-def test_singular_equations_of_the_active_set_are_an_error_or_nan():
-    problem = icp.ICP([[0.0]], [0.0], -1.0)
-    with pytest.raises(jax.errors.JaxRuntimeError, match="singular"):
-        jax.grad(lambda q: solution_of(problem)(q=q)[0])(np.zeros(1))
-    quiet = solution_of(problem, raise_on_failure=False)
-    np.testing.assert_array_equal(jax.grad(lambda q: quiet(q=q)[0])(np.zeros(1)), [np.nan])
 
 
 def test_a_second_derivative_is_refused():
@@ -272,38 +188,7 @@ def test_a_wrong_array_is_named_when_it_is_traced(what):
             call(**given)
 
 
-def test_a_map_that_is_made_of_no_array_needs_a_function_that_makes_it():
-    layer = solution_of(icp.ICP(A, Q, lambda z: 0.1 * z))
-    with pytest.raises(icp.InputError, match="give solution_of a function psi= that makes the map of parameters"):
-        layer(psi=C)
-    with pytest.raises(icp.NotApplicable, match="psi has no derivative: give `jacobian` to Function"):
-        jax.grad(lambda q: layer(q=q).sum())(Q)
-    with pytest.raises(icp.InputError, match=r"psi is 0\.3; a function of parameters that returns a map was expected"):
-        solution_of(icp.ICP(A, Q), psi=0.3)
-    with pytest.raises(icp.InputError, match="an Elementwise with its parameter_derivative was expected"):
-        solution_of(icp.ICP(A, Q), psi=lambda theta: icp.Constant(theta))(psi=C)
-    with pytest.raises(icp.InputError, match=r"psi has shape \(\); a vector of parameters was expected"):
-        solution_of(icp.ICP(A, Q), psi=sine)(psi=0.3)
-    with pytest.raises(jax.errors.JaxRuntimeError, match="psi has 3 parameters, its parameter_derivative 2 columns"):
-        jax.grad(lambda theta: solution_of(icp.ICP(A, Q), psi=sine)(psi=theta).sum())(np.append(THETA, 1.0))
-
-
-def test_a_layer_that_is_made_while_something_is_compiled_works_as_long_as_that():
-    problem = icp.ICP(A, Q, C)
-    gradient = jax.jit(jax.grad(lambda q: solution_of(problem)(q=q).sum()))
-    for scale in (1.0, -1.0):
-        expected = jax.grad(lambda q: solution_of(problem)(q=q).sum())(scale * Q)
-        np.testing.assert_allclose(gradient(scale * Q), expected, rtol=1e-13, atol=1e-15)
-        gc.collect()
-
-
 def test_without_float64_an_answer_is_refused():
     layer = solution_of(icp.ICP(A, Q, C))
     with jax.enable_x64(False), pytest.raises(icp.InputError, match="jax_enable_x64"):
         layer(q=Q)
-
-
-def test_single_precision_is_widened_and_its_gradient_comes_back_as_it_was():
-    layer, q = solution_of(icp.ICP(A, Q, C)), jnp.asarray(Q, dtype=jnp.float32)
-    assert layer(q=q).dtype == np.float64
-    assert jax.grad(lambda q: layer(q=q).sum())(q).dtype == np.float32

@@ -9,9 +9,7 @@ from pyomo_models import linear, random_problem, violation, written
 
 import icpmodel as icp
 from icpmodel.modelling.pyomo import read_pyomo
-from icpmodel.modelling.pyomo.condition_rows import ConditionRows
 from icpmodel.modelling.pyomo.nonlinear import NonlinearRows, flattened
-from icpmodel.problem.affine import Constant
 
 KINDS = ("constant", "affine", "nonlinear")
 
@@ -37,14 +35,6 @@ def test_order_sign_blocks_params_and_fixed_variables_change_nothing(kind, seed)
     assert (reading.signs == 1).all()
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_is_constant_is_constant_and_what_is_affine_affine(kind):
-    random = np.random.default_rng(1)
-    problem, G = random_problem(random, 5, kind)
-    psi = read_pyomo(written(problem, G, random, kind)).problem.psi
-    assert isinstance(psi, {"constant": Constant, "affine": icp.Affine, "nonlinear": icp.Function}[kind])
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_the_rows_may_come_in_any_order_and_the_variables_have_any_names(seed):
     """A permutation of conditions against variables is found again: z keeps the order of the conditions."""
@@ -65,31 +55,6 @@ def test_the_rows_may_come_in_any_order_and_the_variables_have_any_names(seed):
 
 def permuted(problem, order):
     return icp.ICP(problem.A[order][:, order], problem.q[order], problem.psi.c[order])
-
-
-@pytest.mark.parametrize("exponent", [-100, 100])
-def test_the_units_of_the_variables_do_not_change_who_owns_what(exponent):
-    """psi_i = x_j / 2 in units that differ by 1e100: the product of the coefficients decides."""
-    unit = [1.0, 10.0**exponent, 1.0]
-    model = pyo.ConcreteModel()
-    model.x = pyo.Var(range(3))
-    y = [model.x[i] * unit[i] for i in range(3)]
-    model.rows = Complementarity(
-        range(3), rule=lambda _, i: complements(4 * y[i] - y[i - 1] - y[i - 2] >= 1, y[i] - y[i - 1] / 2 >= -1)
-    )
-    assert [variable.index() for variable in read_pyomo(model).variables] == [0, 1, 2]
-
-
-def test_one_sign_on_both_sides_counts_more_than_size():
-    """x + y with 2y - 3x and with 2x - 3y: larger coefficients would make the diagonal of A negative."""
-    model = pyo.ConcreteModel()
-    model.x, model.y = pyo.Var(), pyo.Var()
-    both = model.x + model.y
-    model.c = Complementarity(expr=complements(both >= 0, 2 * model.y - 3 * model.x >= 1))
-    model.d = Complementarity(expr=complements(both >= 1, 2 * model.x - 3 * model.y >= 1))
-    reading = read_pyomo(model)
-    assert reading.variables == (model.y, model.x)
-    assert (reading.problem.A.diagonal() > 0).all()
 
 
 def test_upper_bounds_turn_the_variable_and_keep_the_diagonal():
@@ -135,43 +100,6 @@ def test_a_nonlinear_equation_is_a_row_with_p_equal_to_one():
     assert other**2 == pytest.approx(2 * x)
 
 
-@pytest.mark.parametrize(
-    ("bounds", "first", "second", "implied"),
-    [
-        ((1, None), lambda x: x >= 1, lambda x: 2 * x >= 5, True),
-        ((0.5, None), lambda x: 2 * x >= 1, lambda x: x >= -3, True),
-        ((1, None), lambda x: x >= 0.5, lambda x: 2 * x >= 0.5, False),
-        ((None, 3), lambda x: -2 * x >= -6, lambda x: x <= 7, True),
-        ((None, 3), lambda x: x <= 4, lambda x: x <= 5, False),
-        ((1, 4), lambda x: x >= 1, lambda x: x <= 4, True),
-        ((1, 4), lambda x: x >= 1, lambda x: x <= 5, False),
-        ((2, 2), lambda x: 3 * x == 6, lambda x: x, True),
-        ((2, 2), lambda x: -3 * x == -6, lambda x: x, True),
-        ((1, 2), lambda x: 2 * x == 6, lambda x: x, False),
-        ((0, None), lambda x: x - pyo.sin(x) >= 0, lambda x: x >= -1, False),
-        ((0, None), lambda x: x, lambda x: x**3 == 1, False),
-        ((None, None), lambda x: x >= 0, lambda x: x >= 1, True),
-    ],
-)
-def test_only_bounds_that_no_condition_implies_are_looked_at(bounds, first, second, implied):
-    model = pyo.ConcreteModel()
-    model.x = pyo.Var(bounds=bounds)
-    model.c = Complementarity(expr=complements(first(model.x), second(model.x)))
-    limits = tuple(end if end is not None else sign * np.inf for end, sign in zip(bounds, (-1, 1), strict=True))
-    assert read_pyomo(model).bounds == (() if implied else ((0, *limits),))
-
-
-def test_what_stands_beside_an_equation_bounds_nothing():
-    """In complements(x + 0, y = 3) the x is only named, also where y is bounded by it."""
-    model = pyo.ConcreteModel()
-    model.x, model.y = pyo.Var(bounds=(0, None)), pyo.Var(bounds=(3, 3))
-    model.c = Complementarity(expr=complements(model.x, model.y == 3))
-    model.d = Complementarity(expr=complements(model.y, model.x + model.y == 1))
-    reading = read_pyomo(model)
-    assert [(reading.variables[row].name, low, high) for row, low, high in reading.bounds] == [("x", 0, np.inf)]
-    assert reading.out_of_bounds(reading.problem.solve().z, 1e-9).startswith("x = -2 is not in its bounds [0, inf]")
-
-
 def test_a_variable_that_r_bends_takes_its_sign_from_p():
     """x^2 >= y with 3 - 2x - y >= 0 owns x = -z, so that the diagonal of A is positive; r is as it was written."""
     model = pyo.ConcreteModel()
@@ -188,15 +116,6 @@ def test_a_variable_that_r_bends_takes_its_sign_from_p():
     assert again.problem.r(again.signs * [-3.0, 1.0]) == pytest.approx(reading.problem.r([-3.0, 1.0]))
 
 
-def test_nonlinear_terms_on_both_ends_of_an_inequality_count():
-    model = pyo.ConcreteModel()
-    model.x = pyo.Var()
-    model.c = Complementarity(expr=complements(3 * model.x + pyo.sin(model.x) >= pyo.cos(model.x), model.x >= 1))
-    reading = read_pyomo(model)
-    assert 3 * reading.problem.r([0.7]) == pytest.approx(2.1 + np.sin(0.7) - np.cos(0.7))
-    assert reading.problem.psi.jacobian(np.array([0.7])).toarray() == pytest.approx(-(np.cos(0.7) + np.sin(0.7)) / 3)
-
-
 def read(expr):
     """The ICP of one condition of x and y, and of y = 1."""
     model = pyo.ConcreteModel()
@@ -204,21 +123,6 @@ def read(expr):
     model.c = Complementarity(expr=expr(model.x, model.y))
     model.other = pyo.Constraint(expr=model.y == 1)
     return read_pyomo(model).problem
-
-
-def test_a_bound_on_one_variable_is_a_fixed_obstacle():
-    """Even where x is missing on the other side: 0 <= x <= 1 with F(y) are two fixed obstacles, and no row more."""
-    model = pyo.ConcreteModel()
-    model.x = pyo.Var([1, 2])
-    model.rows = Complementarity(
-        [1, 2], rule=lambda m, i: complements(pyo.inequality(0, m.x[i], 1), m.x[3 - i] - i / 2 - 0.2)
-    )
-    problem = read_pyomo(model).problem
-    assert problem.n == 2
-    assert problem.psi.value(np.zeros(2)).tolist() == [0, 0]
-    assert problem.upper.value(np.zeros(2)).tolist() == [1, 1]
-    assert problem.residual([0.0, 1.0]) == 0
-    assert problem.residual([1.0, 0.7]) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -241,34 +145,6 @@ def test_two_bounds_are_two_obstacles_in_the_units_of_z(sign):
         assert problem.upper.value(z)[0] == pytest.approx(upper)
         assert np.isinf(problem.upper.value(z)[1])
         assert problem.p(z)[0] == pytest.approx(sign * (2 * sign * 0.3 - 0.8 + 7))
-
-
-def test_a_range_with_an_infinite_end_is_the_condition_without_it():
-    inf = float("inf")
-    below = read(lambda x, y: complements(pyo.inequality(1, x, inf), 2 * x - y))
-    assert below.upper is None
-    assert below.psi.value(np.zeros(2)).tolist() == [1, -inf]
-    above = read(lambda x, y: complements(2 * x - y, pyo.inequality(-inf, x, -1)))  # in z = -x
-    assert above.psi.value(np.zeros(2)).tolist() == [1, -inf]
-    assert above.solve("newton").z == pytest.approx([1, 1])
-    free = read(lambda x, y: complements(pyo.inequality(-inf, x, inf), 2 * x - y))
-    assert free.solve("newton").z == pytest.approx([0.5, 1])
-
-
-def test_bounds_at_infinity_are_none():
-    model = pyo.ConcreteModel()
-    model.x = pyo.Var()
-    model.c = Complementarity(expr=complements(pyo.inequality(1, model.x, float("inf")), 2 * model.x >= 0))
-    assert read_pyomo(model).problem.psi.c.tolist() == [1]
-
-
-def test_conditions_of_fixed_variables_that_hold_are_left_out():
-    model = pyo.ConcreteModel()
-    model.x = pyo.Var([1, 2], initialize=0.0)
-    model.rows = Complementarity([1, 2], rule=lambda m, i: complements(m.x[i] >= 0, m.x[i] >= -3 + i))
-    model.x[2].fix(0.0)  # the sides of its condition are 0 and 1
-    reading = read_pyomo(model)
-    assert reading.owners == (model.rows[1],)
 
 
 EXPRESSIONS = {
@@ -344,18 +220,3 @@ def test_mixed_and_double_bounded_conditions_hold_at_the_answer(seed):
     for owner, force in reading.multipliers(solution.z):
         if owner.index() in on_x:
             assert force == pytest.approx(pyo.value(on_x[owner.index()]), abs=1e-9)
-
-
-def test_the_rows_and_their_owners_belong_together():
-    model = pyo.ConcreteModel()
-    model.x = pyo.Var([1, 2])
-    model.c = Complementarity(expr=complements(pyo.inequality(0, model.x[1], 1), model.x[1] - model.x[2]))
-    model.e = pyo.Constraint(expr=model.x[2] == 3)
-    rows = ConditionRows(model)
-    assert rows.owners == [model.c, model.e]
-    assert rows.equation == [False, True]
-    reading = read_pyomo(model)
-    solution = reading.problem.solve("newton")
-    assert {one.name: value for one, value in reading.values(solution.z)} == {"x[1]": 1.0, "x[2]": 3.0}
-    assert reading.multipliers(solution.z) == [(model.c, -2.0)]
-    assert reading.marginals(solution.z) == [(model.x[1], -2.0)]

@@ -1,9 +1,6 @@
 """`SolverFactory("icpmodel")` as Pyomo knows solvers: both interfaces, statuses, suffixes, starts, entry points."""
 
-import io
 import json
-import pickle
-import sys
 import tomllib
 
 import numpy as np
@@ -18,8 +15,6 @@ from pyomo_models import random_problem, violation, written
 
 import icpmodel as icp
 from icpmodel.modelling.pyomo import read_pyomo
-from icpmodel.modelling.pyomo.solver_interface import ENDS
-from icpmodel.solve.solution import Status
 
 NEW = NewFactory("icpmodel")
 
@@ -88,41 +83,6 @@ def test_one_import_registers_the_solver_and_none_is_needed_on_pyomos_own_comman
         assert run("-c", script, folder=tmp_path).stdout == "1.5\n"
 
 
-def test_without_the_import_pyomo_is_told_what_to_import(tmp_path):
-    """Pyomo takes a command of that name on the PATH for a solver of .nl files, and leaves a rewritten model behind."""
-    command = tmp_path / "icpmodel"
-    command.write_text(f"#!{sys.executable}\nfrom icpmodel.cli import main\nmain()\n")
-    command.chmod(0o755)
-    script = (
-        "import os; os.environ['PATH'] = os.getcwd() + os.pathsep + os.environ['PATH']\n"
-        "import icpmodel, pyomo.environ as pyo\n"
-        "from pyomo.mpec import Complementarity, complements\n"
-        "model = pyo.ConcreteModel()\n"
-        "model.x = pyo.Var()\n"
-        "model.c = Complementarity(expr=complements(model.x >= 0, 2 * model.x >= 3))\n"
-        "solver = pyo.SolverFactory('icpmodel')\n"
-        "print(solver.available(False))\n"
-        "try: solver.solve(model)\n"
-        "except Exception as error: print(type(error).__name__)\n"
-        "try: icpmodel.pyomo_solver().solve(model)\n"
-        "except Exception as error: print(error)\n"
-    )
-    done = run("-c", script, folder=tmp_path)
-    unavailable, *told, failed, rewritten = done.stdout.splitlines()
-    assert (unavailable, failed) == ("False", "ApplicationError")
-    assert rewritten.startswith("c was a Complementarity until a transformation")
-    words = (
-        'In Pyomo, `import icpmodel.modelling.pyomo` before SolverFactory("icpmodel"), or take icpmodel.pyomo_solver()'
-    )
-    assert words in " ".join(" ".join(told).split())
-
-
-def test_it_is_available_and_has_our_version():
-    assert pyo.SolverFactory("icpmodel").available()
-    assert NEW.available()
-    assert ".".join(map(str, NEW.version())) == icp.__version__
-
-
 def test_options_reach_the_solve_and_wrong_ones_are_answered():
     model = pair()
     results = NEW.solve(model, solver_options={"method": "mnmsor", "theta1": 1.1, "rtol": 1e-12})
@@ -170,49 +130,6 @@ def test_a_failed_solve_loads_nothing_and_says_how_to_get_the_best_iterate(name)
     assert model.z[0].stale
 
 
-def test_the_best_iterate_of_a_failed_solve_is_loaded_when_that_is_asked():
-    model = icp.scenes.membrane(n=100).problem.to_pyomo()
-    results = NEW.solve(model, solver_options=TOO_FEW, load_solutions=False, raise_exception_on_nonoptimal_result=False)
-    assert results.termination_condition is TerminationCondition.iterationLimit
-    assert results.solution_status is SolutionStatus.infeasible
-    assert results.incumbent_objective is None
-    assert results.solution_loader.get_number_of_solutions() == 0
-    assert model.z[0].value is None
-    results.solution_loader.load_vars()
-    z = np.array([variable.value for variable in model.z.values()])
-    assert z.tolist() == results.extra_info.solution.z.tolist()
-    assert np.abs(z).max() > 0
-
-
-@pytest.mark.parametrize(
-    ("limits", "end", "status"),
-    [
-        ({"options": TOO_FEW}, "maxIterations", "aborted"),
-        ({"timelimit": 0}, "maxTimeLimit", "aborted"),
-        ({"options": {"callback": lambda state: state.iteration == 2}}, "resourceInterrupt", "aborted"),
-        ({}, "infeasible", "warning"),
-    ],
-)
-def test_the_legacy_results_hand_the_best_iterate_out(limits, end, status):
-    """`load_from` takes it whatever the end was, with the forces."""
-    model = icp.scenes.membrane(n=100).problem.to_pyomo()
-    if end == "infeasible":
-        model = pyo.ConcreteModel()
-        model.z = pyo.Var([0])
-        model.c = Complementarity(expr=complements(model.z[0] >= 0, -model.z[0] - 1 >= 0))
-    model.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
-    before = [variable.value for variable in model.z.values()]
-    results = old(model, load_solutions=False, **limits)
-    assert [variable.value for variable in model.z.values()] == before
-    assert str(results.solver.termination_condition) == end
-    assert str(results.solver.status) == status
-    assert results.problem.number_of_solutions == 0
-    assert (len(results.solution), str(results.solution(0).status)) == (1, "bestSoFar")
-    model.solutions.load_from(results)
-    assert all(variable.value is not None for variable in model.z.values())
-    assert len(model.dual) == len(model.z)
-
-
 def test_what_is_proved_infeasible_is_said_to_be():
     model = pyo.ConcreteModel()
     model.x = pyo.Var()
@@ -221,13 +138,6 @@ def test_what_is_proved_infeasible_is_said_to_be():
     assert results.solver.termination_condition == pyo.TerminationCondition.infeasible
     results = NEW.solve(model, raise_exception_on_nonoptimal_result=False, load_solutions=False)
     assert results.termination_condition is TerminationCondition.provenInfeasible
-
-
-def test_only_a_solved_run_is_optimal():
-    assert set(ENDS) == set(Status)
-    good = TerminationCondition.convergenceCriteriaSatisfied, SolutionStatus.optimal
-    assert [status for status, end in ENDS.items() if end[0] is good[0] or end[1] is good[1]] == [Status.SOLVED]
-    assert ENDS[Status.SOLVED] == good
 
 
 @pytest.mark.parametrize("unique", [True, False])
@@ -266,40 +176,6 @@ def test_the_values_are_the_start():
     assert read_pyomo(model).start().tolist() == [0.0, -3.0]
 
 
-def test_a_start_without_value_is_answered_with_the_condition():
-    model = pair()
-    model.odd = Complementarity(expr=complements(model.y - 1 >= 0, pyo.log(model.y) >= model.x))
-    model.d.deactivate()
-    with pytest.raises(icp.InputError, match="odd has no finite value at the start, where y = 0"):
-        NEW.solve(model)
-    model.y.set_value(float("nan"), skip_validation=True)
-    with pytest.raises(icp.InputError, match="odd has no finite value at the start, where y = nan"):
-        NEW.solve(model)
-
-
-def test_values_that_were_not_loaded_are_stale():
-    model = pair()
-    model.other = pyo.Var(initialize=1.0)
-    model.other.set_value(2.0)
-    assert not model.other.stale
-    old(model)
-    assert (model.other.value, model.other.stale, model.x.stale) == (2.0, True, False)
-
-
-def test_values_can_be_kept_out_of_the_model():
-    model = pair()
-    results = NEW.solve(model, load_solutions=False)
-    assert model.x.value is None
-    assert results.solution_loader.get_vars()[model.x] == pytest.approx(8 / 7)
-    results.solution_loader.load_vars()
-    assert violation(model) <= 1e-6
-    model = pair()
-    results = old(model, load_solutions=False)
-    assert model.x.value is None
-    model.solutions.load_from(results)
-    assert violation(model) <= 1e-6
-
-
 def test_declared_suffixes_get_the_forces():
     """`dual` has p by condition, `rc` the marginal by variable, negative at an upper bound; nothing is made unasked."""
     model = pyo.ConcreteModel()
@@ -321,65 +197,6 @@ def test_declared_suffixes_get_the_forces():
         assert model.x[3] not in model.rc
 
 
-def test_results_count_and_show_no_nan():
-    """A constant objective is the value; there are as many conditions as variables."""
-    model = pair()
-    model.constant = pyo.Objective(expr=3.0)
-    results = old(model)
-    told = str(results)
-    assert "nan" not in told
-    assert "Number of solutions: 1\n" in told
-    assert (results.problem.number_of_variables, results.problem.number_of_constraints) == (2, 2)
-    assert (results.problem.lower_bound, results.problem.upper_bound) == (3.0, 3.0)
-    assert (results.solver.message, str(results.solver.status)) == ("solved", "ok")
-    assert results.extra_info["solution"].certificate.unique
-    assert pickle.loads(pickle.dumps(results)).problem.number_of_solutions == 1
-    model.rc = pyo.Suffix(direction=pyo.Suffix.IMPORT)
-    told = str(old(model, load_solutions=False))
-    assert "number of solutions: 1\n" in told
-    assert "x:\n      Rc: 0\n      Value: 1.14" in told
-    results = NEW.solve(model)
-    assert results.incumbent_objective == 3.0
-    assert results.extra_info.iteration_count == results.extra_info.solution.iterations
-    assert results.solution_loader.get_number_of_solutions() == 1
-    told = io.StringIO()
-    results.display(ostream=told)
-    assert "nan" not in told.getvalue()
-
-
-def test_loading_twice_does_no_harm():
-    """Old scripts load what solve() has loaded; Pyomo's other results leave the model alone then, too."""
-    model = pair()
-    model.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
-    results = old(model)
-    dual = dict(model.dual.items())
-    model.solutions.load_from(results)
-    assert model.x.value == pytest.approx(8 / 7)
-    assert not model.x.stale
-    assert dict(model.dual.items()) == dual
-
-
-def test_options_of_a_call_end_with_it():
-    """Those of the solver stay, and so do those of `set_options`; a call that fails leaves nothing behind either."""
-    model, solver = pair(), icp.pyomo_solver(rtol=1e-3)
-    out = io.StringIO()
-    with pytest.raises(NoFeasibleSolutionError):
-        solver.solve(model, options={"method": "mnmgs", "max_iter": 0}, timelimit=7, tee=[out], report_timing=True)
-    solver.solve(model, solver_options={"method": "newton"}, timelimit=8)
-    assert solver.options.value() == {"rtol": 1e-3}
-    assert solver.config.time_limit is None
-    assert solver.config.tee == []
-    out.truncate(0)
-    solver.solve(model)
-    assert out.getvalue() == ""
-    solver.set_options("method=mnmgs timelimit=9")
-    solver.options["max_iter"] = 50
-    for _ in range(2):
-        solver.solve(model)
-        assert solver.options.value() == {"rtol": 1e-3, "method": "mnmgs", "max_iter": 50}
-        assert solver.config.time_limit == 9
-
-
 def test_what_has_no_use_here_is_refused_with_a_sentence(tmp_path):
     model = pair()
     for keyword in ("keepfiles", "solnfile", "solver_io", "suffixes", "writer_config"):
@@ -395,32 +212,6 @@ def test_what_has_no_use_here_is_refused_with_a_sentence(tmp_path):
     pyo.assert_optimal_termination(
         solver.solve(model, warmstart=True, keepfiles=False, suffixes=None, symbolic_solver_labels=True)
     )
-
-
-def test_tee_prints_while_it_runs_and_then_the_card(tmp_path):
-    """Who begins and how far he is, to every stream; the user's own callback is called as well and may stop the run."""
-    model, out, seen = icp.scenes.membrane(n=100).problem.to_pyomo(), io.StringIO(), []
-
-    def look(state):
-        seen.append(out.getvalue().count("iteration "))
-
-    old(model, tee=out, options={"method": "mnmgs", "callback": look}, logfile=tmp_path / "solve.log")
-    text = out.getvalue()
-    version, problem, begins, first, second, *_ = text.splitlines()
-    assert version == f"icpmodel {icp.__version__}"
-    assert problem.startswith("ICP(n=100, ")
-    assert begins == "n = 100: MNMGS() begins: it was named"
-    assert first.startswith("iteration 0: residual ")
-    assert second.startswith("iteration 1: residual ")
-    assert seen[:2] == [1, 2]
-    assert 5 < seen[-1] < len(seen)
-    assert "z* is the only solution" in text
-    assert (tmp_path / "solve.log").read_text() == text
-    model = icp.scenes.membrane(n=100).problem.to_pyomo()
-    with pytest.raises(NoFeasibleSolutionError, match="stopped by callback"):
-        old(model, tee=out, options={"callback": lambda state: True})
-    NEW.solve(pair(bounds=(2, None)), tee=out, load_solutions=False, raise_exception_on_nonoptimal_result=False)
-    assert "is not in its bounds" in out.getvalue()
 
 
 def test_a_block_is_solved_alone():
@@ -454,17 +245,6 @@ def test_a_round_trip_gives_the_same_problem_or_at_least_the_same_answer(name):
     assert problem.residual(z) <= 1e-9
     if icp.certify(problem, z).unique:
         assert np.abs(z - problem.solve(rtol=1e-12).z).max() <= 1e-8
-
-
-def test_a_nonlinear_round_trip():
-    random = np.random.default_rng(5)
-    problem, G = random_problem(random, 6, "nonlinear")
-    read = read_pyomo(written(problem, G, random, "nonlinear")).problem
-    back = read_pyomo(read.to_pyomo()).problem
-    z = random.uniform(-1, 1, 6)
-    assert abs(back.A - read.A).max() == 0
-    assert back.psi.value(z) == pytest.approx(read.psi.value(z), abs=1e-14)
-    assert back.psi.jacobian(z).toarray() == pytest.approx(read.psi.jacobian(z).toarray(), abs=1e-14)
 
 
 MIX = np.array([[0.0, 0.2, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, -0.3]])
@@ -504,13 +284,6 @@ def test_python_code_is_written_as_expressions(name):
         for j, step in enumerate(np.diag([1e-6] * 3)):
             ahead, behind = (reading.problem.psi.value(z[order] + turn * step)[held] for turn in (1, -1))
             assert slope[:, j] == pytest.approx((ahead - behind) / 2e-6, abs=1e-8)
-
-
-def test_code_compiled_by_numba_is_written_as_well():
-    from numba import njit
-
-    problem = icp.ICP([[2.0]], [1.0], icp.Elementwise(njit(lambda z: 0.3 * np.sin(z) + 0.1)))
-    assert "0.3*sin(z[0])" in str(problem.to_pyomo().complementarity[0]._args[1])
 
 
 @pytest.mark.parametrize("name", NO_EXPRESSION)

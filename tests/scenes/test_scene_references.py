@@ -13,8 +13,6 @@ from scipy.sparse.linalg import splu, spsolve
 
 import icpmodel.scenes as scenes
 from icpmodel.problem.affine import Affine
-from icpmodel.problem.intervention import Intervention
-from icpmodel.scenes import impulse_control as control
 from icpmodel.scenes import lubrication
 
 WITH_Z = [name for name in scenes.names() if scenes.scene(name).z_exact is not None]
@@ -125,11 +123,6 @@ def test_by_hand_trying_every_set_of_rows_finds_this_solution_and_no_other(name)
         np.testing.assert_allclose(z, scene.z_exact, rtol=0, atol=1e-15)
 
 
-def test_hand_degenerate_has_a_row_without_force_and_without_gap():
-    scene = scenes.hand_degenerate()
-    assert scene.problem.p(scene.z_exact)[1] == scene.problem.r(scene.z_exact)[1] == 0.0
-
-
 def test_hand_cyclic_sends_newton_in_a_circle_of_three():
     scene = scenes.hand_cyclic()
     A, q, z = scene.problem.A.toarray(), scene.problem.q, scene.z0
@@ -193,16 +186,6 @@ def test_bai_gives_the_known_step_counts_of_the_modulus_gauss_seidel_method(name
 # --- contact
 
 
-@pytest.mark.parametrize(("mu", "skew"), [(0.0, 0.0), (0.3, 0.0), (0.0, 0.5), (0.2, -1.0)])
-def test_the_five_point_stencil_is_exact_for_quadratics(mu, skew):
-    scene = scenes.membrane(n=144, mu=mu, skew=skew)
-    x, y = scene.points.T
-    h, u = scene.h, x * (1 - x) * y * (1 - y)
-    minus_laplace = 2 * (x * (1 - x) + y * (1 - y))
-    flow = (1 - 2 * x) * y * (1 - y) + (1 - 2 * y) * x * (1 - x)
-    np.testing.assert_allclose(scene.problem.A @ u, h**2 * minus_laplace + 2 * skew * h * flow + mu * u, atol=1e-15)
-
-
 @pytest.mark.parametrize("n", [100, 900, 2500])
 def test_the_membrane_touches_in_a_disc_and_has_the_symmetries_of_the_square(n):
     problem = scenes.membrane(n=n).problem
@@ -216,14 +199,6 @@ def test_the_membrane_touches_in_a_disc_and_has_the_symmetries_of_the_square(n):
     assert (z > 0).all()
     distance = ((scenes.membrane(n=n).points - 0.5) ** 2).sum(axis=1)
     assert distance[touches].max() <= distance[~touches].min() + 3 / n**0.5
-
-
-def test_the_obstacle_around_the_ball_is_out_of_reach():
-    scene = scenes.ball(n=900)
-    z, outside = newton(scene.problem), np.hypot(*scene.points.T) >= 1
-    assert z.min() > -0.25
-    lower = scene.problem.with_psi(np.where(outside, -np.inf, scene.problem.psi.value(z)))
-    np.testing.assert_allclose(newton(lower), z, atol=1e-14)
 
 
 def test_the_ball_is_of_second_order():
@@ -267,53 +242,10 @@ def test_the_oil_film_is_whole_up_to_the_cavitation_angle_and_empty_behind():
 # --- impulse control
 
 
-def test_the_dividend_rows_are_exact_for_quadratics_with_the_right_slope_at_the_end():
-    # the solution does not depend on the last row, so no other test would see a slip there
-    scene = scenes.dividend(n=61)
-    x, bend = scene.points, -0.3
-    slope = control.WORTH + 2 * bend * (x - x[-1])
-    V = (control.WORTH - 2 * bend * x[-1]) * x + bend * x**2
-    p = control.DISCOUNT * V - control.VOLATILITY**2 * bend - control.DRIFT * slope
-    p[0] = 0.0
-    np.testing.assert_allclose(scene.problem.p(V), p, atol=1e-12)
-
-
 def test_the_dividend_is_of_second_order_on_three_grids():
     h, error = errors_on_grids("dividend", [121, 241, 481])
     for name in ("V(1)", "x*", "target"):
         assert 1.8 < order(h, error[name]) < 2.25, (name, error[name])
-
-
-def test_the_dividend_errors_stay_between_two_parabolas():
-    h, error = errors_on_grids("dividend", [30 * k + 1 for k in (2, 3, 5, 6, 10, 16, 20)])
-    for name, low, high in (("V(1)", 2.1, 3.2), ("x*", 2.5, 3.8), ("target", 2.3, 3.1)):
-        factor = error[name] / h**2
-        assert ((low <= factor) & (factor <= high)).all(), (name, factor)
-
-
-def test_the_package_itself_finds_the_free_boundary_with_second_order():
-    built = [scenes.dividend(n=n) for n in (121, 241, 481)]
-    errors = [scene.errors(scene.problem.solve().z) for scene in built]
-    for name in ("V(1)", "x*"):
-        assert 1.8 < order([scene.h for scene in built], [error[name] for error in errors]) < 2.25, (name, errors)
-
-
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**32), k=st.integers(1, 3), ties=st.booleans())
-def test_the_best_payment_in_one_pass_is_the_best_of_all_payments(seed, k, ties):
-    scene = scenes.dividend(n=30 * k + 1)
-    x, n = scene.points, scene.problem.n
-    z = np.random.default_rng(seed).normal(size=n) if not ties else control.WORTH * x
-    i, j = np.nonzero(np.tril(np.ones((n, n)), -k))
-    gains = control.WORTH * (x[i] - x[j] - control.COST)
-    listed = Intervention(sp.csr_array((gains, (i, j)), shape=(n, n))).bind(n)
-    value, target = scene.problem.psi.best_jump(z)
-    np.testing.assert_allclose(value, listed.value(z), atol=1e-14)
-    jumps = np.flatnonzero(target >= 0)
-    np.testing.assert_array_equal(jumps, np.arange(k, n))
-    assert (target[jumps] <= jumps - k).all()
-    paid = z[target[jumps]] + control.WORTH * (x[jumps] - x[target[jumps]] - control.COST)
-    np.testing.assert_allclose(paid, value[jumps], atol=1e-14)
 
 
 @pytest.mark.parametrize("n", [31, 241])
@@ -345,9 +277,3 @@ def test_the_block_slips_exactly_if_the_slope_is_steeper_than_the_friction(alpha
     assert z[0] > 0
     assert 1e-12 * mass >= z[1] >= -mu * z[0] - 1e-12 * mass
     assert isinstance(scene.problem.psi, Affine)
-
-
-def test_the_top_of_the_film_may_be_the_last_but_one_point():
-    top = scenes.bearing(n=10).quantities["p_max"].measure
-    assert top(np.r_[np.zeros(7), 3.0, 4.0, 3.0]) == pytest.approx(4.0)
-    assert top(np.r_[np.zeros(8), 1.0, 0.5]) == pytest.approx(1.02, rel=0.2)

@@ -1,6 +1,5 @@
 """Scenes whose rows can be assembled alone: they are those of the whole, bit by bit, and nothing else is formed."""
 
-import pickle
 import tracemalloc
 from itertools import pairwise
 
@@ -15,10 +14,6 @@ from icpmodel import scenes
 from icpmodel.scenes.registry import ASSEMBLIES
 
 NAMES = sorted(ASSEMBLIES)
-
-
-def test_the_scenes_that_many_machines_want_are_among_them():
-    assert {"membrane", "ball", "bearing", "obstacle-3d", "torsion"} <= set(NAMES)
 
 
 def stacked(made, cuts):
@@ -61,14 +56,6 @@ def test_a_range_of_a_problem_that_no_machine_holds_takes_the_memory_of_that_ran
         assert found.A.sum(axis=1).min() > -1e-14
     assert peaks[3] < 5 * min(peaks[:3])
     assert max(peaks[:3]) < 1000 * 1000
-
-
-def test_what_assembles_a_scene_can_be_sent_to_where_it_is_wanted():
-    for name in NAMES:
-        made = scenes.by_rows(name)
-        there = pickle.loads(pickle.dumps(made))
-        assert there.shape == made.shape
-        assert np.array_equal(there.local_rows(3, 9).psi, made.local_rows(3, 9).psi)
 
 
 def test_a_scene_by_rows_takes_the_parameters_of_the_scene_and_refuses_as_it_does():

@@ -41,16 +41,6 @@ def test_a_manufactured_solution_between_two_obstacles_has_every_kind_of_row_and
     assert np.abs(newton(problem) - z).max() <= 1e-11
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_pinned_rows_are_where_they_are_pinned_whichever_way_they_are_pushed(seed):
-    scene = scenes.hard_pinned(seed=seed)
-    problem, z = scene.problem, scene.problem.solve(rtol=1e-12).z
-    pinned = problem.psi.value(z) == problem.upper.value(z)
-    assert pinned.sum() == 40
-    assert {*np.sign(problem.p(z)[pinned])} == {-1.0, 1.0}
-    np.testing.assert_allclose(z, scene.z_exact, atol=1e-11)
-
-
 def test_three_walls_have_three_solutions_and_whichever_is_found_is_not_called_unique():
     scene = scenes.hard_three()
     found = [z for z in np.linspace(-1.0, 1.0, 801) if scene.problem.residual(np.array([z])) == 0.0]
@@ -95,26 +85,6 @@ def test_the_value_of_the_cancellable_put_is_that_of_the_game_on_a_lattice():
     np.testing.assert_allclose(V[0, to_strike], value(np.exp(y[to_strike])), atol=2e-4)
     exercised = np.exp(y[to_strike & (V[0] == first)])
     assert abs(np.log(exercised.max() / k)) <= step
-
-
-@pytest.mark.parametrize("delta", [0.01, 0.05, 0.2, 0.25, 1.0])
-def test_the_value_fits_smoothly_where_the_holder_exercises_and_jumps_in_slope_where_the_writer_cancels(delta):
-    value, k = options.game_put_value(delta)
-    eps = 1e-6
-
-    def slope(s):
-        return float((value(np.array([s + eps])) - value(np.array([s])))[0] / eps)
-
-    s = np.linspace(0.3, 3.0, 500)
-    payoff = np.maximum(1.0 - s, 0.0)
-    assert (value(s) >= payoff - 1e-15).all()
-    assert (value(s) <= payoff + delta + 1e-15).all()
-    assert slope(k) == pytest.approx(-1.0, abs=1e-5)
-    g = options.DECAY
-    american = (1 / (1 + g)) * (g / (1 + g)) ** g
-    cancels = delta < american
-    assert float(value(np.array([1.0]))[0]) == pytest.approx(min(delta, american), rel=1e-12)
-    assert (slope(1.0) > slope(1.0 - 2 * eps) + 0.01) is cancels
 
 
 def test_the_cancellable_put_is_of_second_order_and_cancelled_in_one_row():

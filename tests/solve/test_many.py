@@ -6,17 +6,10 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import Status
-from icpmodel.solve.goal import Limits
 from icpmodel.solve.many import solve_many
 from icpmodel.solve.many.batch import ROWS_A_THREAD, UNKNOWNS_A_THREAD
 
 SMALL = [[2.0, -1.0], [-1.0, 2.0]]
-LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=0, time_limit=None)
-
-
-def answers(batch):
-    batch.run()
-    return batch.solutions()
 
 
 def spd(rng, n):

@@ -1,9 +1,5 @@
 """One way to see a picture: it is shown, or written as its suffix says, or drawn into axes that are given."""
 
-import builtins
-import types
-
-import matplotlib
 import numpy as np
 import pytest
 from matplotlib import pyplot
@@ -77,13 +73,6 @@ def test_a_suffix_that_no_picture_has_is_refused(path, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_has_no_picture_is_named():
-    with pytest.raises(
-        icp.InputError, match="a Constant has no picture; a Solution, History, Scene, Race or StabilityMap"
-    ):
-        icp.study.plot(icp.Constant(1.0))
-
-
 @pytest.mark.parametrize(
     "of", [SQUARE.problem, SQUARE.problem.with_q(2 * SQUARE.problem.q), SQUARE.problem.with_psi(0.1)]
 )
@@ -97,64 +86,9 @@ def test_what_lives_in_the_plane_is_a_field_without_being_told_its_points(of):
     assert icp.study.figure(again, SQUARE.points).axes[0].get_title().startswith("z, ")
 
 
-def test_a_scene_draws_the_solution_that_it_is_given():
-    page = Figure()
-    other = LINE.problem.with_psi(0.25).solve()
-    LINE.plot(ax=(axes := page.subplots()), solution=other)
-    drawn = {line.get_label(): line.get_ydata() for line in axes.lines}
-    assert np.array_equal(drawn["z"], other.z)
-    assert (drawn["obstacle ψ(z)"] == 0.25).all()
-
-
-def test_points_of_no_grid_are_dots_and_no_outline_is_promised():
-    moved = SQUARE.points + 0.01 * np.random.default_rng(0).standard_normal(SQUARE.points.shape)
-    axes = icp.study.figure(SOLUTION, moved).axes[0]
-    assert axes.get_title() == "z"
-    assert np.array_equal(axes.collections[0].get_offsets(), moved)
-    assert len(axes.collections) == 1
-
-
-def test_a_picture_has_the_name_of_the_scene_that_people_use():
-    assert (
-        icp.study.figure(SQUARE).get_suptitle() == icp.study.figure(SOLUTION).get_suptitle() == "membrane, 100 unknowns"
-    )
-    assert icp.study.figure(LINE).get_suptitle() == "bearing, 50 unknowns"
-    other = SQUARE.problem.with_q(2 * SQUARE.problem.q).solve("psor")  # no longer that scene
-    assert icp.study.figure(other).get_suptitle() == "100 unknowns"
-    assert icp.study.figure(icp.ICP([[2.0]], [1.0]).solve()).get_suptitle() == "1 unknown"
-
-
-def test_the_way_of_a_run_says_where_it_ended():
-    texts = [text.get_text() for text in icp.study.figure(SOLUTION.history).axes[0].texts]
-    assert texts == [f"{SOLUTION.residual:.2g} after {SOLUTION.iterations} steps"]
-
-
-def test_a_history_that_ends_at_0_is_drawn_to_its_end():
-    history = icp.ICP([[2.0]], [-2.0]).solve("mnmgs", history=True).history
-    axes = icp.study.figure(history).axes[0]
-    assert history.residual[-1] == 0.0 < axes.lines[0].get_ydata()[-1]
-    assert "0 at the lower end" in axes.get_ylabel()
-
-
 def test_where_there_is_no_window_it_is_said_what_to_do_instead():
     with pytest.warns(UserWarning, match=r"nothing is shown, .*plot\(\"picture.png\"\) writes") as warned:
         figure = SOLUTION.plot()
     assert isinstance(figure, Figure)
     assert warned[0].filename == __file__
-    assert pyplot.get_fignums() == []
-
-
-def test_in_a_window_it_is_shown(monkeypatch):
-    shown = []
-    monkeypatch.setattr(pyplot, "show", lambda: shown.append(pyplot.gcf()))
-    monkeypatch.setattr(matplotlib, "get_backend", lambda: "qtagg")
-    monkeypatch.setattr(pyplot, "get_backend", lambda: "qtagg")
-    assert [SOLUTION.plot()] == shown
-    pyplot.close("all")
-
-
-def test_a_notebook_gets_the_figure_to_show_it_once(monkeypatch):
-    monkeypatch.setattr(builtins, "get_ipython", lambda: types.SimpleNamespace(kernel=object()), raising=False)
-    monkeypatch.setattr(pyplot, "get_backend", lambda: "inline")
-    assert isinstance(SOLUTION.plot(), Figure)
     assert pyplot.get_fignums() == []

@@ -1,18 +1,14 @@
 """Races: one measure of error for all, claims that are wrong are marked, what was measured is never lost."""
 
 import csv
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.solvers import Claim, ForeignSolver
 from icpmodel.study.charts.figures import save
 from icpmodel.study.competitors import Entry
-from icpmodel.study.race import Race
 
 BAI = icp.scenes.bai_symmetric(n=100)
 TOLERANCES = (1e-2, 1e-6, 1e-10)
@@ -67,12 +63,6 @@ def test_between_two_obstacles_everyone_who_takes_part_reaches_the_same_answer()
         assert one.error <= 1e-5, one
     mms = icp.race(box.problem, ["mms"], [], z_exact=box.z_exact, tolerances=[1e-2], repeats=1)
     assert dict(mms.skipped)["mms"].startswith("MMS has one |x| for each row")
-
-
-def test_without_a_certificate_the_measure_is_the_residual():
-    found = icp.race(icp.ICP([[2.0]], [-3.0], np.sin), ["mnmgs"], [], tolerances=[1e-4], repeats=1)
-    assert found.measure == "Res(z) / Res(0)"
-    assert all(entry.error == entry.residual <= 1e-4 for entry in found.entries)
 
 
 def test_a_path_ends_where_its_run_ended_and_never_goes_back_in_time(bai):
@@ -163,15 +153,6 @@ def test_ctrl_c_keeps_what_was_measured():
     assert icp.study.figure(stopped.value.report).axes
 
 
-def test_ctrl_c_while_the_measure_is_found_is_the_end_of_the_race():
-    def interrupted(z):
-        raise KeyboardInterrupt
-
-    with pytest.raises(icp.Interrupted) as stopped:
-        icp.race(icp.ICP([[2.0]], [-3.0], interrupted), [], [])
-    assert stopped.value.report.entries == ()
-
-
 def test_a_race_is_written_with_its_data(bai, tmp_path):
     picture, data = save(icp.study.figure(bai), tmp_path / "race.png", bai.table(), "icpmodel race bai-symmetric")
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -180,70 +161,6 @@ def test_a_race_is_written_with_its_data(bai, tmp_path):
     rows = list(csv.DictReader(lines))
     assert len(rows) == len(bai.entries) + 1
     assert float(rows[0]["max |z - z*|"]) == bai.entries[0].error
-
-
-def test_the_chart_names_its_axes_and_everyone(bai):
-    figure = icp.study.figure(bai)
-    left, right = figure.axes
-    assert (left.get_xlabel(), left.get_ylabel()) == ("max |z - z*|   (more accurate →)", "time, s")
-    assert sorted(named(left)) == ["mnmgs", "one linear solve", "osqp", "solve()"]
-    assert left.xaxis_inverted()
-    assert len(right.get_yticklabels()) == 3
-    assert figure.get_suptitle().startswith("bai-symmetric, 100 unknowns")
-
-
-def named(axes):
-    """What is written at the lines."""
-    return [text.get_text() for text in axes.texts if text.get_text()]
-
-
-def test_bars_are_logarithmic_and_have_their_numbers(bai):
-    bars = icp.study.figure(bai).axes[1]
-    first = {}
-    for run in bai.entries:
-        if run.residual is not None and run.residual <= 1e-8:
-            first.setdefault(run.name, run.median)
-    assert bars.get_xscale() == "log"
-    assert [label.get_text() for label in bars.get_yticklabels()] == sorted(first, key=first.get)
-    assert bars.yaxis_inverted()
-    told = [float(text.split()[0]) * {"s": 1.0, "ms": 1e-3, "µs": 1e-6}[text.split()[1]] for text in named(bars)]
-    assert told == pytest.approx(sorted(first.values()), rel=0.06)
-
-
-@pytest.mark.parametrize(
-    ("own", "peers", "panels"), [(6, 0, 1), (3, 3, 1), (7, 0, 2), (6, 6, 2), (12, 1, 3), (0, 0, 1)]
-)
-def test_a_panel_has_at_most_seven_competitors_each_with_a_colour_and_a_marker_of_its_own(own, peers, panels):
-    kinds = {"solve()": "solve"} | {f"own {k}": "own" for k in range(own)} | {f"peer {k}": "peer" for k in range(peers)}
-    entries = tuple(
-        Entry(name, kind, 1e-3, seconds=(1e-3 * (k + 1),), error=0.1, residual=0.1)
-        for k, (name, kind) in enumerate(kinds.items())
-    )
-    found = icp.study.figure(Race(title="", measure="error", entries=entries)).axes
-    times = [axes for axes in found if "more accurate →" in axes.get_xlabel()]
-    assert len(found) == len(times) + 1
-    assert len(times) == panels
-    assert {name for axes in times for name in named(axes)} == {*kinds}
-    for axes in times:
-        assert len(axes.containers) <= 7
-        assert "solve()" in named(axes)
-        assert len({bar[0].get_color() for bar in axes.containers}) == len(axes.containers)
-        assert len({bar[0].get_marker() for bar in axes.containers}) == len(axes.containers)
-
-
-@settings(max_examples=15, deadline=None)
-@given(st.lists(st.integers(1, 10**6), min_size=1, max_size=6, unique=True))
-def test_names_at_lines_are_in_the_order_of_their_lines_and_do_not_overlap(times):
-    entries = tuple(
-        Entry(str(k), "own" if k else "solve", 1e-3, seconds=(t,), error=0.1, residual=0.1) for k, t in enumerate(times)
-    )
-    axes = icp.study.figure(Race(title="", measure="error", entries=entries)).axes[0]
-    heights = {text.get_text(): text.get_position()[1] for text in axes.texts if text.get_text()}
-    assert all(-1e-9 <= height <= 1.0 + 1e-9 for height in heights.values())
-    by_height = sorted(heights, key=heights.get)
-    assert [times[int(name)] for name in by_height] == sorted(times)
-    gaps = np.diff(sorted(heights.values()))
-    assert (gaps * axes.bbox.height / axes.figure.dpi * 72 > 8).all()
 
 
 @pytest.mark.parametrize(
@@ -266,40 +183,5 @@ def test_wrong_wishes_are_named(arguments, words):
         icp.race(BAI.problem, **arguments)
 
 
-@pytest.mark.parametrize("path", [5, ""])
-def test_a_figure_needs_a_file_name(path):
-    with pytest.raises(icp.InputError, match="a file name was expected"):
-        icp.race(BAI.problem, [], [], tolerances=[0.1], repeats=1).plot(path)
-
-
 def entry(name, seconds, residual=1e-9, tolerance=1e-8):
     return Entry(name, "own", tolerance, seconds, residual=residual)
-
-
-@pytest.mark.parametrize(
-    ("entries", "said"),
-    [
-        ([entry("a", (1.0, 1.1)), entry("b", (2.0, 2.3))], "a, in 1.05 s; next b, 2.05 times as long."),
-        ([entry("a", (1.0, 1.3)), entry("b", (1.2, 1.4))], "a, in 1.15 s; level with it, as the times overlap: b."),
-        ([entry("a", (1.0,)), entry("b", (2.0,), residual=1e-7)], "a, in 1 s, timed once, and nobody else."),
-        ([entry("a", (9.0,), residual=None), entry("b", (2.0,))], "b, in 2 s, timed once, and nobody else."),
-    ],
-)
-def test_the_race_says_who_came_first(entries, said):
-    found = Race(title="", measure="error", entries=tuple(entries))
-    assert found.winner == f"First to Res(z) <= 1e-08 Res(0): {said}"
-    assert str(found).endswith(found.winner)
-
-
-def test_the_bars_show_the_very_times_of_which_the_race_speaks():
-    runs = (entry("a", (9.0,)), entry("a", (2.0,), tolerance=1e-10), entry("b", (3.0,)))
-    found = Race(title="", measure="error", entries=tuple(replace(run, error=0.1) for run in runs))
-    assert found.winner.endswith("a, in 2 s, timed once; next b, 1.5 times as long.")
-    assert [text.get_text() for text in icp.study.figure(found).axes[-1].texts] == ["2 s (0%)", "3 s (0%)"]
-
-
-def test_a_race_that_stops_short_has_a_winner_where_somebody_came_somewhere():
-    rough = entry("a", (1.0, 2.0), residual=5e-3, tolerance=1e-2)
-    assert Race(title="", measure="", entries=(rough,)).winner.startswith("First to Res(z) <= 0.01 Res(0): a")
-    lost = entry("a", (1.0, 2.0), residual=0.5)
-    assert Race(title="", measure="", entries=(lost,)).winner == "Nobody reached any of the tolerances."

@@ -7,11 +7,9 @@ import shutil
 import subprocess
 from html.parser import HTMLParser
 
-import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.study.charts.interactive_charts import answer_charts, race_charts
 
 SECTIONS = [
     "The answer",
@@ -110,30 +108,6 @@ def test_first_of_all_it_is_said_in_short_what_there_is_to_know(membrane):
     assert membrane.index("<dl>") < membrane.index(STILL)
 
 
-def test_contents_captions_and_what_pictures_show_are_there(membrane):
-    """For who cannot see the pictures, reads in the dark, or on a phone."""
-    page = Page(membrane)
-    assert set(page.links) >= set(page.ids) & {re.sub(r"\W+", "-", one.lower()) for one in SECTIONS}
-    assert len(page.links) == len(SECTIONS)
-    assert set(page.links) <= set(page.ids)
-    assert len(page.told) == membrane.count(STILL)
-    assert len(page.charts) == len(page.captions) == len(page.told) + 1  # the residuals over θ never stand still
-    assert all(len(one) > 20 for one in page.told + page.captions + page.charts)
-    assert "prefers-color-scheme: dark" in membrane
-    assert 'name="viewport"' in membrane
-    still = re.findall(f"{STILL}.*?</svg>", membrane, re.DOTALL)
-    assert not any("#000000" in one for one in still)  # what is black has the colour of the text
-    assert membrane.count("<details") >= len(SECTIONS)
-
-
-def test_a_page_has_the_name_that_people_use_and_a_map_on_which_something_converges():
-    """On a line of 60 cells few θ get there in the steps that do for most problems, so the map takes more of them."""
-    page = icp.report(icp.scenes.bearing(n=60), time_limit=5)
-    assert "<h1>bearing, 60 unknowns</h1>" in page
-    counted = re.search(r"<td>solved</td><td[^>]*>(\d+)</td>", page)
-    assert int(counted.group(1)) >= 0.25 * 7 * 7
-
-
 def test_what_cannot_be_shown_is_said():
     solution = icp.scenes.hard_jump().problem.solve(raise_on_failure=False)
     page = icp.report(solution, title="jump", time_limit=5)
@@ -150,71 +124,6 @@ def test_wrong_wishes_are_named(wrong):
     arguments = {"problem": icp.scenes.hand_lcp().problem.solve(), "title": "x"} | wrong
     with pytest.raises(icp.InputError, match=f"^{next(iter(wrong))} is "):
         icp.report(**arguments)
-
-
-def test_the_slider_goes_through_few_iterates_up_to_the_solution(membrane):
-    """From the start, where all is contact or nothing, to the answer itself, to the digits that a page needs."""
-    scene = icp.scenes.membrane(n=100)
-    solution = scene.problem.solve()
-    iterates, thetas = Page(membrane).sliders
-    found, sweeps = iterates["runs"]
-    assert "which found the answer" in found["name"]
-    assert sweeps["name"] == "MNMGS(), sweeps as in the paper"
-    assert iterates["start"] == len(found["frames"]) - 1
-    for run in (found, sweeps):
-        first, last = run["frames"][0]["data"]["points"], run["frames"][-1]["data"]["points"]
-        assert first["z"] == [0.0] * 100
-        assert np.allclose(last["z"], solution.z, atol=1e-4)
-        assert sum(last["below"]) == np.count_nonzero(scene.problem.r(solution.z) < 1e-8)
-    assert 5 < len(sweeps["frames"]) < 40
-    contact = [sum(frame["data"]["points"]["below"]) for frame in sweeps["frames"]]
-    assert len({*contact}) > 2  # one sees it close in
-    steps = [int(re.search(r"(\d+) steps", frame["says"]).group(1)) for frame in thetas["runs"][0]["frames"]]
-    middle = thetas["runs"][0]["frames"][thetas["start"]]
-    assert middle["data"]["theta"] == {"x": [pytest.approx(1.0)], "y": [pytest.approx(1.0)]}
-    assert steps[thetas["start"]] == scene.problem.solve("mnmsor").iterations
-    assert len({*steps}) > 5
-
-
-def test_of_large_problems_so_many_unknowns_are_drawn_as_a_page_has_room_for():
-    """On a line, in the plane, and of both kinds of obstacles; what is not finite has no number."""
-    for scene in (icp.scenes.membrane(n=10_000), icp.scenes.bearing(n=5000)):
-        charts, slider = answer_charts(scene.problem.solve(), scene.points, None, 0.2)
-        assert len(charts) == 3
-        drawn = {len(frame["data"]["points"]["z"]) for run in slider["runs"] for frame in run["frames"]}
-        assert drawn <= set(range(300, 901))
-        assert len(drawn) == 1
-        # two runs of 35 frames, beside 1.3 MB of Bokeh and half a MB of figures that stand still
-        assert 2 * 35 * max(len(json.dumps(one)) for run in slider["runs"] for one in run["frames"]) < 3_000_000
-    charts, slider = answer_charts(icp.scenes.hand_box().problem.solve(), None, None, 5.0)
-    assert slider["runs"][0]["frames"][-1]["data"]["points"] == {
-        "z": [0.0, 0.5, 1.0],
-        "p": [1.0, 0.0, -1.0],
-        "psi": [0.0, 0.0, 0.0],
-        "upper": [1.0, 1.0, 1.0],
-        "below": [1, 0, 0],
-        "above": [0, 0, 1],
-    }
-    free = answer_charts(icp.ICP([[2.0]], [-1.0], psi=-np.inf).solve(), None, None, 5.0)[1]
-    assert free["runs"][0]["frames"][-1]["data"]["points"]["psi"] == [None]
-
-
-def test_a_name_that_is_clicked_is_hidden_in_every_panel():
-    """Of seven solvers at the most in a panel, each with its own colour and marker, beside one linear solve."""
-    *panels, bars = race_charts(icp.race(icp.scenes.membrane(n=100), repeats=1, tolerances=[1e-4, 1e-8]))
-    names = [[item.label.value for item in panel.legend[0].items] for panel in panels]
-    assert all(len([name for name in one if name != "one linear solve"]) <= 7 for one in names)
-    for panel in [*panels, bars]:
-        assert panel.legend[0].click_policy == "hide"
-    assert all(panel.x_range is panels[0].x_range for panel in panels)
-    for panel in panels:
-        runs = [one.glyph for one in panel.renderers if one.name == "runs"]
-        assert len({(one.marker, one.line_color) for one in runs}) == len(runs)
-    solve = [one for panel in panels for one in panel.renderers if one.name == "runs" and "ink" in one.glyph.tags]
-    assert len(solve) == len(panels)
-    followers = solve[0].js_property_callbacks["change:visible"][0].args["alike"]
-    assert {*solve} <= {*followers}
-    assert any(one in followers for one in bars.renderers)
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium on the PATH")
