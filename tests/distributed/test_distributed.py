@@ -65,20 +65,6 @@ def test_levels_that_are_left_to_fewer_ranks_lead_to_the_same_answers():
 
 
 @with_petsc
-@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted as Linux shows them")
-def test_a_rank_takes_one_thread_for_its_levels_whatever_openmp_is_told():
-    told = """
-import os, icpmodel as icp
-problem = icp.distributed.by_rows(icp.scenes.by_rows("membrane", n=2500))
-before = set(os.listdir("/proc/self/task"))
-icp.distributed.solve(problem)
-print(len(set(os.listdir("/proc/self/task")) - before))
-"""
-    run = on_ranks(1, "-c", told, OMP_NUM_THREADS="3")
-    assert run.stdout.split() == ["0"], run.stderr
-
-
-@with_petsc
 @pytest.mark.parametrize(
     ("way", "codes", "said"),
     [
@@ -143,15 +129,6 @@ def test_wrong_arguments_are_one_line_and_exit_code_2(capsys, arguments, said):
     assert (code, out) == (2, "")
     assert said in err
     assert err.count("\n") == 1
-
-
-@with_petsc
-def test_of_wrong_arguments_only_one_rank_tells():
-    run = on_ranks(2, "-m", "icpmodel", "distributed", "membrane", "--size", "9")
-    assert run.returncode == 2
-    told = [line for line in run.stderr.splitlines() if line.startswith("icpmodel: ")]
-    assert len(told) == 1
-    assert "--size" in told[0]
 
 
 @pytest.mark.skipif("petsc4py" not in MISSING, reason="petsc4py is installed")

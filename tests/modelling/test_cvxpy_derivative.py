@@ -152,29 +152,6 @@ def program(seed):
     return theirs, ours, x, z
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_both_are_those_of_a_program_that_cvxpy_differentiates_itself(seed):
-    pytest.importorskip("diffcp", reason="CVXPY differentiates its own programs by diffcp")
-    theirs, ours, x, z = program(seed)
-    random = np.random.default_rng(seed)
-    theirs.solve(requires_grad=True, eps=1e-12)
-    ours.solve(requires_grad=True)
-    assert z.value == pytest.approx(x.value, abs=1e-6)
-    for gradient in (None, random.normal(size=5), 2.0):
-        x.gradient = z.gradient = gradient
-        theirs.backward()
-        expected = [one.gradient for one in ours.parameters()]
-        ours.backward()
-        for one, wanted in zip(ours.parameters(), expected, strict=True):
-            assert one.gradient.shape == wanted.shape
-            assert one.gradient == pytest.approx(wanted, abs=1e-5)
-    for one in ours.parameters():
-        one.delta = a_direction(one, random)
-    theirs.derivative()
-    ours.derivative()
-    assert z.delta == pytest.approx(x.delta, abs=1e-5)
-
-
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=3), st.floats(0.5, 2))
 def test_the_derivative_of_z_where_it_is_known(load, a):
@@ -219,27 +196,3 @@ def test_both_ask_for_a_solve_that_prepares_them_and_that_has_succeeded(verb):
         never.solve(requires_grad=True)
     with pytest.raises(icp.NotSolved, match="infeasible"):
         getattr(never, verb)()
-
-
-def test_what_is_misused_is_named():
-    z, load = cp.Variable(2, name="z"), cp.Parameter(2, name="load")
-    problem = icp.Problem(icp.complements(z - load, z))
-    with pytest.raises(icp.InputError, match="the parameter load has no value"):
-        problem.solve(requires_grad=True)
-    load.value = [1.0, -1.0]
-    with pytest.raises(icp.InputError, match="requires_grad is 'yes'; True or False was expected"):
-        problem.solve(requires_grad="yes")
-    problem.solve(requires_grad=True)
-    z.gradient = np.ones(3)
-    with pytest.raises(icp.InputError, match=r"the gradient of z has shape \(3,\); \(2,\), or a number"):
-        problem.backward()
-    z.gradient, load.delta = None, [1.0, np.nan]
-    with pytest.raises(icp.InputError, match=r"the delta of load\[1\] is nan; finite numbers were expected"):
-        problem.derivative()
-    load.delta = "much"
-    with pytest.raises(icp.InputError, match="the delta of load is 'much'; real numbers were expected"):
-        problem.derivative()
-    twisted = cp.Parameter(complex=True, name="twisted", value=1 + 2j)
-    problem = icp.Problem(icp.complements(z - cp.real(twisted), z))
-    with pytest.raises(icp.InputError, match="the parameter twisted is complex"):
-        problem.solve(requires_grad=True)

@@ -88,34 +88,6 @@ def test_an_equality_is_a_row_without_obstacle_whatever_its_sign():
         assert problem.psi.c[rows].tolist() == [0, -np.inf]
 
 
-def test_a_nonlinear_equation_is_a_row_with_p_equal_to_one():
-    """p = 1 > 0 makes r = 0: x exp(x) = 2 is solved."""
-    model = pyo.ConcreteModel()
-    model.x, model.y = pyo.Var(initialize=1.0), pyo.Var(initialize=1.0)
-    model.equation = pyo.Constraint(expr=model.x * pyo.exp(model.x) == 2)
-    model.other = Complementarity(expr=complements(model.y, model.y**2 == 2 * model.x))
-    solution = read_pyomo(model).problem.solve("newton", z0=[1.0, 1.0], rtol=1e-12)
-    other, x = solution.z
-    assert x * np.exp(x) == pytest.approx(2)
-    assert other**2 == pytest.approx(2 * x)
-
-
-def test_a_variable_that_r_bends_takes_its_sign_from_p():
-    """x^2 >= y with 3 - 2x - y >= 0 owns x = -z, so that the diagonal of A is positive; r is as it was written."""
-    model = pyo.ConcreteModel()
-    model.x, model.y = pyo.Var(), pyo.Var()
-    model.c = Complementarity(expr=complements(model.x**2 + pyo.exp(model.x) >= 1, 3 - 2 * model.x - model.y >= 0))
-    model.d = Complementarity(expr=complements(model.y >= 0, model.x + 2 * model.y >= 1))
-    reading = read_pyomo(model)
-    assert reading.variables == (model.x, model.y)
-    assert reading.signs.tolist() == [-1, 1]
-    assert reading.problem.A.toarray().tolist() == [[2, -1], [-1, 2]]
-    assert reading.problem.r([-3.0, 1.0]) == pytest.approx([3.0**2 + np.exp(3.0) - 1, 1.0])
-    assert reading.problem.psi.jacobian(np.array([-3.0, 1.0])).toarray()[0] == pytest.approx([1 + 6 + np.exp(3.0), 0])
-    again = read_pyomo(reading.problem.to_pyomo())
-    assert again.problem.r(again.signs * [-3.0, 1.0]) == pytest.approx(reading.problem.r([-3.0, 1.0]))
-
-
 def read(expr):
     """The ICP of one condition of x and y, and of y = 1."""
     model = pyo.ConcreteModel()

@@ -1,22 +1,14 @@
 """`solve_qp`: the program's own units, signs and multipliers, proofs, arguments; and the ways to its linear systems."""
 
-from fractions import Fraction
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from exact import optimum
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import icpmodel as icp
-from icpmodel.modelling.quadratic import kkt
 from icpmodel.modelling.quadratic.program import Program
-from icpmodel.modelling.quadratic.proofs import VERIFIED, contradiction
-from icpmodel.modelling.quadratic.rational_pivots import lemke
-from icpmodel.modelling.quadratic.reduction import ProgramLcp
-from icpmodel.numerics.rational import rationals
 
 
 def a_program(seed, n=6):
@@ -96,83 +88,6 @@ def test_wrong_arguments_are_named(arguments, sentence):
         icp.solve_qp(*arguments)
 
 
-@pytest.mark.parametrize("n", [60, 150])
-def test_contradicting_rows_are_proved_without_rational_arithmetic(n):
-    """Twice as many random equations as unknowns; x ≥ 0 with a positive row below 0; rows with a negative sum."""
-    random = np.random.default_rng(n)
-    A, G, square = random.normal(size=(2 * n, n)), random.normal(size=(n, n)), np.eye(n)
-    rows = np.concatenate([G, -G.sum(axis=0, keepdims=True)])
-    cases = (
-        {"A": A, "b": random.normal(size=2 * n)},
-        {"G": np.abs(G), "h": np.full(n, -1.0), "lb": 0.0},
-        {"A": G, "b": random.normal(size=n), "lb": 1.0, "ub": 1.5},
-        {"G": rows, "h": np.append(np.zeros(n), -1.0), "lb": -1e6, "ub": 1e6},
-    )
-    for case in cases:
-        found = icp.solve_qp(square, np.zeros(n), **case, raise_on_failure=False)
-        assert found.status == "infeasible"
-
-
-def test_no_proof_is_verified_of_rows_that_some_x_far_away_fulfils():
-    """x + y = 1 and x + (1 + 2⁻⁵²)y = 2 have a solution; y = (1, −1) says otherwise up to rounding alone."""
-    none = sp.csr_array((0, 2))
-    A = np.array([[1.0, 1.0], [1.0, 1.0 + 2.0**-52]])
-    lcp = ProgramLcp(Program.of(np.eye(2), np.zeros(2), A, np.array([1.0, 2.0]), none, np.zeros(0)))
-    found = contradiction(lcp, np.array([0.0, 0.0, 1.0, -1.0]) / lcp.unit)
-    assert found is not None
-    assert found == ("primal", "up to rounding")
-    robust = np.concatenate([np.eye(2), [[1.0, 1.0 + 2.0**-52]]])
-    lcp = ProgramLcp(Program.of(np.eye(2), np.zeros(2), robust, np.array([1.0, 1.0, 3.0]), none, np.zeros(0)))
-    assert contradiction(lcp, np.array([0.0, 0.0, 1.0, 1.0, -1.0]) / lcp.unit) == ("primal", VERIFIED)
-
-
-def test_dense_sparse_and_softened_systems_have_one_solution():
-    """[[P + ρ + W₀, Eᵀ, Aᵀ], [E, −W⁻¹, 0], [A, 0, −δ]], variables of one row alone eliminated before, and w = 0."""
-    random = np.random.default_rng(0)
-    n, m, k = 9, 5, 2
-    P, E, A = np.zeros((n, n)), np.zeros((m, n)), np.zeros((k, n))
-    L = random.normal(size=(4, 4))
-    P[:4, :4], E[:, :4], A[:, :4] = L.T @ L, random.normal(size=(m, 4)), random.normal(size=(k, 4))
-    E[np.arange(m), 4 + np.arange(m)] = -1.0
-    blocks = kkt.KktBlocks(P, E, A)
-    soft, rows = kkt.soft(blocks)
-    assert soft.tolist() == [4, 5, 6, 7, 8]
-    w, of_x = 10.0 ** random.uniform(-2, 2, m), random.random(n)
-    w[1] = 0.0
-    right = random.normal(size=n), random.normal(size=m), random.normal(size=k)
-    ways = kkt.DenseSystems(blocks), kkt.SparseSystems(blocks, np.inf), kkt.SoftRows(blocks, soft, rows)
-    one, *others = [np.concatenate(way.factorised(w, of_x)(*right)) for way in ways]
-    dx, d_multiplier, dnu = np.split(one, [n, n + m])
-    assert P @ dx + of_x * dx + E.T @ d_multiplier + A.T @ dnu == pytest.approx(right[0], abs=1e-6)
-    assert A @ dx == pytest.approx(right[2], abs=1e-6)
-    assert (E @ dx - right[1])[w > 0] == pytest.approx((d_multiplier / np.where(w > 0, w, 1.0))[w > 0], abs=1e-6)
-    for other in others:
-        assert other == pytest.approx(one, abs=1e-6)
-
-
-def test_sparse_systems_take_p_that_is_symmetric_up_to_rounding_and_other_ways_where_pivots_vanish():
-    """Entries of 1e-17 on one side alone; the pivots 1e-9, −1e9 + 1e9 and what is left of 1 after that; and flows
-    around a ring, of which each node has an equation: more on the diagonal, or rows exchanged."""
-    random = np.random.default_rng(3)
-    n, m, k = 300, 40, 30
-    B, E, A = (sp.random_array((rows, n), density=0.02, rng=random) for rows in (n, m, k))
-    P = sp.lil_array(B.T @ B)
-    P[3, 200], P[290, 7] = 1e-17, -1e-18
-    for blocks in (
-        kkt.KktBlocks(sp.csr_array(P), sp.csr_array(E), sp.csr_array(A)),
-        kkt.KktBlocks(sp.csr_array((2, 2)), sp.csr_array([[1.0, 1.0]]), sp.csr_array([[1.0, 1.0 + 1e-12]])),
-        kkt.KktBlocks(sp.csr_array((n, n)), sp.csr_array((0, n)), sp.csr_array(sp.eye_array(n) - sp.eye_array(n, k=1))),
-    ):
-        w, of_x = np.full(blocks.m, 1e9), np.full(blocks.n, 1e-7)
-        e, a, f = (random.normal(size=size) for size in (blocks.m, blocks.k, blocks.n))
-        dx, d_multiplier, dnu = kkt.SparseSystems(blocks, np.inf).factorised(w, of_x)(f, e, a)
-        of_rows = blocks.P @ dx + 1e-9 * dx + of_x * dx + blocks.E.T @ d_multiplier + blocks.A.T @ dnu
-        size = np.abs(np.concatenate([dx, dnu, d_multiplier])).max()
-        np.testing.assert_allclose(of_rows, f, atol=1e-9 * size)
-        np.testing.assert_allclose(blocks.E @ dx - d_multiplier / w, e, atol=1e-9 * size)
-        np.testing.assert_allclose(blocks.A @ dx - 1e-9 * dnu, a, atol=1e-9 * size)
-
-
 def test_qpsolvers_finds_us_by_name():
     """In its own signs; where there is no solution it says so, and a program that is not convex is its ProblemError."""
     qpsolvers = pytest.importorskip("qpsolvers", reason="qpsolvers is not installed")
@@ -246,53 +161,6 @@ def test_column_numbers_outside_of_a_sparse_matrix_are_refused():
     G.indices[1] = 7
     with pytest.raises(icp.InputError, match="G is no sparse matrix that SciPy could use"):
         icp.solve_qp(np.eye(2), np.ones(2), G, [1.0])
-
-
-#: P, q, the rows, which of them are equations, their right-hand sides
-HARD = [
-    (np.zeros((3, 3)), [-2e-4, 2e-4, 0], [[2e8, 0, 1e8], [1e8, -1e8, 2e8], [-2e-8, 1e-8, 1e-8]], 0, [-2.0, 3.0, 3.0]),
-    (np.zeros((2, 2)), [0, 0], [[-1e-8, -2e-8], [2, -1], [-2e7, 1e7]], 0, [1.0, 0.0, -3.0]),
-    (1e6 * np.eye(2), [-3e-4, -1e-4], [[0, 0], [2e-8, 1e-8], [-2e-8, -1e-8]], 1, [-3.0, 4.0, -1.0]),
-    (1e-10 * np.eye(2), [1, -1], [[0.02, 0.01], [-0.01, 0.01], [-0.01, 0.01]], 0, [-3.0, -1.0, 4.0]),
-    (
-        1e-10 * np.eye(3),
-        [-3, 3, 1],
-        [[0, -2e6, 0], [0, 2e6, -1e6], [-2e6, 0, -1e6], [-1e6, 2e6, 1e6]],
-        1,
-        [0, -1, 4, -1],
-    ),
-    ([[4, 2], [2, 2]], [-1e4, 3e4], [[0, 2e8], [0, 2e8]], 1, [2.0, 3.0]),
-]
-
-
-@pytest.mark.parametrize(("P", "q", "rows", "equal", "right"), HARD)
-def test_what_floats_leave_open_is_decided_in_fractions(P, q, rows, equal, right):
-    """Rows whose sizes are 16 powers of ten apart: the optimum to the last digits, or a proof that there is none."""
-    rows, right = np.array(rows, float), np.array(right, float)
-    parts = rows[equal:], right[equal:], rows[:equal], right[:equal]
-    found = icp.solve_qp(P, q, *parts, raise_on_failure=False)
-    least = optimum(np.asarray(P, float), np.asarray(q, float), rows, right, equal).value
-    if least is None:
-        assert found.status in ("infeasible", "unbounded")
-        assert "in exact arithmetic" in found.message
-    else:
-        assert found.status == "optimal"
-        assert found.objective == pytest.approx(float(least), rel=1e-6)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_pivots_in_fractions_end_in_a_solution_or_a_ray(seed):
-    """For a positive semidefinite M, degenerate or not; a ray y has y ≥ 0, My ≥ 0, yᵀMy = 0 and qᵀy < 0."""
-    random = np.random.default_rng(seed)
-    n = int(random.integers(1, 7))
-    B, K = random.integers(-1, 2, (n, max(1, n // 2))), random.integers(-1, 2, (n, n))
-    M, q = rationals(B @ B.T + K - K.T), [Fraction(int(one)) for one in random.integers(-1, 2, n)]
-    solved, y = lemke(M, q)
-    p = [sum(a * b for a, b in zip(row, y, strict=True)) + solved * one for row, one in zip(M, q, strict=True)]
-    assert min(*y, *p) >= 0
-    assert sum(a * b for a, b in zip(y, p, strict=True)) == 0
-    assert solved or sum(a * b for a, b in zip(y, q, strict=True)) < 0
 
 
 @pytest.mark.parametrize("steps", [5, 25])

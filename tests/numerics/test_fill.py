@@ -6,7 +6,6 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import icpmodel as icp
 from icpmodel.errors import OutOfMemory
 from icpmodel.numerics import work
 from icpmodel.numerics.factorisation import factorise
@@ -70,19 +69,6 @@ def test_the_fill_is_that_of_elimination_in_the_order_that_comes_with_it(n, shar
     assert exact <= fill.entries <= 1.5 * exact + 4
     lu = factorise(A, triangles=True)
     assert lu.L.nnz + lu.U.nnz <= fill.entries
-
-
-@pytest.mark.parametrize("power", [1, 2])
-def test_grids_are_seen_to_the_end_at_a_share_of_what_their_factorisation_costs(power):
-    """The Laplacian, and its square, which is that of a plate, in an order in which they are no bands."""
-    A, order = icp.scenes.membrane(n=3600).problem.A, np.random.default_rng(power).permutation(3600)
-    A = sp.csr_array((A @ A if power == 2 else A)[order][:, order])
-    before = work.done()
-    fill = Look(A).fill
-    looked, lu = work.done() - before, factorise(A, triangles=True)
-    assert fill.seen
-    assert 0.7 <= fill.entries / (lu.L.nnz + lu.U.nnz) <= 1.5
-    assert looked <= 0.5 * work.factor_cost(fill)
 
 
 def test_an_expander_is_given_up_within_some_tens_of_products():

@@ -7,8 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.numerics import work
-from icpmodel.numerics.fill import Look, ordered
 from icpmodel.numerics.linear import solver_of
 
 
@@ -104,22 +102,6 @@ def test_a_sparse_matrix_that_is_nearly_singular_is_solved_as_well_as_any(seed, 
     assert np.abs(M @ found - M @ x).max() <= 1e-15 * (abs(M) @ np.abs(found) + np.abs(M @ x)).max()
 
 
-@settings(max_examples=10, deadline=None)
-@given(st.integers(0, 100), st.sampled_from([0.0, 1e-18, 1e-12, 1e-9, 1e-3]), st.booleans())
-def test_zeros_on_the_diagonal_take_no_more_work_than_foreseen_and_no_digits(seed, size, transposed):
-    """[L + I, Cᵀ; −C, δI], as in optimality conditions: no rows are exchanged to bring C onto the diagonal."""
-    L, rng = network(seed), np.random.default_rng(seed)
-    n, m = L.shape[0], 500
-    C = sp.random_array((m, n), density=6.0 / n, rng=rng)
-    C = sp.csr_array(C + sp.eye_array(m, n))
-    M = sp.csr_array(sp.block_array([[L + sp.eye_array(n), C.T], [-C, size * sp.eye_array(m) if size else None]]))
-    f, before = rng.normal(size=n + m), work.done()
-    x = solver_of(M)(f, 1e-8, transposed)
-    whole = M.T if transposed else M
-    assert work.done() - before <= 2.0 * work.factor_cost(ordered(M, np.inf)[0])
-    assert np.abs(whole @ x - f).max() <= 1e-14 * (abs(whole) @ np.abs(x) + np.abs(f)).max()
-
-
 @pytest.mark.parametrize("size", [1e-250, 1e-180, 1e180, 1e250])
 def test_right_hand_sides_whose_squares_are_no_floats_are_solved(size):
     M, rng = sp.csr_array(network(0) + sp.eye_array(3000)), np.random.default_rng(0)
@@ -151,33 +133,3 @@ def test_a_band_with_a_few_full_rows_is_solved(rows, within):
     solve = solver_of(M)
     assert M @ solve(f, 1e-12) == pytest.approx(f, abs=1e-10)
     assert M.T @ solve(f, 1e-12, transposed=True) == pytest.approx(f, abs=1e-10)
-
-
-def laplacian(m, power):
-    line, M = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(m, m)), sp.csr_array((1, 1))
-    for _ in range(power):
-        M = sp.kron(M, sp.eye_array(m)) + sp.kron(sp.eye_array(M.shape[0]), line)
-    return sp.csr_array(M)
-
-
-def random_tree(n):
-    child = np.arange(1, n)
-    half = sp.csr_array(
-        (-np.ones(n - 1), (child, (np.random.default_rng(0).random(n - 1) * child).astype(int))), (n, n)
-    )
-    return sp.csr_array(half + half.T + sp.diags_array(0.1 - (half + half.T).sum(axis=1)))
-
-
-@pytest.mark.parametrize(
-    ("M", "by_multigrid"),
-    [(laplacian(25, 3), True), (laplacian(76, 2), False), (random_tree(30_000), False), (-laplacian(12, 3), False)],
-    ids=["space", "plane", "tree", "not an M-matrix"],
-)
-def test_what_is_foreseen_to_cost_more_to_factorise_goes_to_multigrid(M, by_multigrid):
-    """Not what is large: a small grid in space fills up, a large tree does not. Only multigrid minds the tolerance."""
-    f = np.random.default_rng(1).normal(size=M.shape[0])
-    before = work.done()
-    x = solver_of(M)(f, 1e-2)
-    counted, factors = work.done() - before, work.factor_cost(Look(M).fill)
-    assert bool(np.linalg.norm(M @ x - f) > 1e-9 * np.linalg.norm(f)) is by_multigrid
-    assert (counted < factors) is by_multigrid

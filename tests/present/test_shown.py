@@ -1,10 +1,8 @@
 """What users see of an object: a short repr, a view in a notebook that folds, a width that fits."""
 
-import builtins
 import importlib
 import inspect
 import pkgutil
-import types
 from dataclasses import replace
 from enum import Enum
 
@@ -16,10 +14,8 @@ import icpmodel as icp
 from icpmodel.modelling.jax import SolutionFunction
 from icpmodel.present import Card, Table
 from icpmodel.present.shown import Shown
-from icpmodel.present.table import width
 from icpmodel.solvers import Target
 from icpmodel.study.competitors import Entry
-from icpmodel.study.planes import plane
 
 SCENE = icp.scenes.membrane(n=400)
 SOLUTION = SCENE.problem.solve("mnmgs", history=True)
@@ -121,31 +117,3 @@ def test_a_notebook_shows_it_in_lines_that_fold(thing):
     assert page.count("<pre") == page.count('<pre style="white-space: pre-wrap; overflow-wrap: anywhere"')
     assert "<pre" in page or "<table" in page
     assert " object at 0x" not in page
-
-
-def test_a_notebook_prints_in_the_columns_of_its_cell(monkeypatch):
-    monkeypatch.setattr(builtins, "get_ipython", lambda: types.SimpleNamespace(kernel=object()), raising=False)
-    assert width(10_000) == 115
-    monkeypatch.setenv("JUPYTER_COLUMNS", "80")
-    for text in (str(RACE), str(MAP), str(SOLUTION), str(EXPLAINED)):
-        assert max(map(len, text.splitlines())) <= 80
-    monkeypatch.setattr(builtins, "get_ipython", types.SimpleNamespace)  # IPython on a terminal
-    assert width(10_000) == 10_000
-
-
-def test_a_map_and_a_solver_of_a_user_are_shown_by_their_names():
-    class Mine(icp.Map):
-        def bind(self, n):
-            return self
-
-        def value(self, z):
-            return 0.5 * z
-
-        def jacobian(self, z):
-            return None
-
-    assert repr(icp.ICP([[2.0]], [-1.0], Mine())) == "ICP(n=1, nnz=1, psi=Mine())"
-
-
-def test_a_plane_of_the_users_does_not_print_its_arrays():
-    assert "values" in repr(plane("shift", 30, 9, None, None).x)

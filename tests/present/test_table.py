@@ -10,7 +10,6 @@ import pytest
 
 import icpmodel as icp
 from icpmodel.present import Card, Table
-from icpmodel.present.table import width
 
 TABLE = Table(
     "Times [s] of <all>",
@@ -41,12 +40,6 @@ def test_numbers_end_and_texts_begin_in_one_column():
     assert rows[2].startswith("[bold]x[/bold]")
 
 
-def test_in_a_file_no_line_is_wrapped():
-    long = Table("t", ("a", "b"), (("x" * 500, "y " * 500),))
-    assert len(str(long).splitlines()) == 3
-    assert "x" * 500 in str(long)
-
-
 def test_on_a_terminal_lines_fit_and_nothing_is_lost(monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     monkeypatch.setattr("sys.stdout", Screen())
@@ -57,15 +50,6 @@ def test_on_a_terminal_lines_fit_and_nothing_is_lost(monkeypatch):
             assert any(word in line for line in lines)
     assert any("0.1235" in line for line in lines)
     assert max(map(len, str(Card({"row": "word " * 80})).splitlines())) <= 60
-
-
-def test_where_the_numbers_alone_are_too_wide_the_other_columns_stand_below(monkeypatch):
-    """Each block begins with the first column, and no number is cut."""
-    table = Table("", ("who", *(f"time {k}, s" for k in range(12))), (("psor", *(k + 0.1234 for k in range(12))),))
-    text = table.to_text(50)
-    assert max(map(len, text.splitlines())) <= 50
-    assert text.split().count("psor") == text.split().count("who") > 1
-    assert [word for word in text.split() if "." in word] == [f"{k + 0.1234:.4g}" for k in range(12)]
 
 
 def test_a_table_is_a_data_frame_with_the_numbers_in_full():
@@ -87,12 +71,6 @@ def test_without_pandas_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(icp.NotApplicable, match="pip install pandas"):
         TABLE.to_dataframe()
-
-
-def test_where_there_is_no_standard_output_texts_are_still_made(monkeypatch):
-    monkeypatch.setattr("sys.stdout", None)
-    assert width(77) == 77
-    assert str(TABLE)
 
 
 def test_html_has_all_cells_escaped():
@@ -130,24 +108,3 @@ def test_latex_escapes_texts_and_sets_numbers_as_formulas():
     ]
     assert r"\addlinespace" not in lines
     assert [line for line in lines if "rule" in line] == [r"\toprule", r"\midrule", r"\bottomrule"]
-
-
-def test_latex_tells_once_what_stands_for_several_rows():
-    """In the form of the literature: a float for each problem, and a method beside its first quantity."""
-    rows = tuple(
-        (problem, method, of, 1) for problem in ("p", "q") for method in ("newton", "psor") for of in ("IT", "RES")
-    )
-    first, second = Table("T", ("problem", "method", "", "m = 10"), rows).to_latex().split("\n\n")
-    assert r"\caption{T: p}" in first
-    assert r"\caption{T: q}" in second
-    body = first.split("\\midrule\n")[1].split("\n\\bottomrule")[0].splitlines()
-    assert body == [r"newton & IT & 1 \\", r"& RES & 1 \\", r"\addlinespace", r"psor & IT & 1 \\", r"& RES & 1 \\"]
-    uneven = Table("T", ("problem", "n"), (("p", 1), ("p", 2), ("q", 1))).to_latex()
-    assert uneven.count(r"\begin{table}") == 1
-    assert "p & 1 \\\\\n& 2 \\\\\n\\addlinespace\nq & 1" in uneven
-
-
-def test_a_table_without_rows_and_a_card_without_text_are_shown():
-    assert str(Table("", ("a", "b"), ())).split() == ["a", "b"]
-    assert "\\midrule\n\\bottomrule" in Table("", ("a", "b"), ()).to_latex()
-    assert str(Card({"empty": ""})) == "empty"

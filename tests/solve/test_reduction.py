@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.algebra.resting import rows_at_rest
-from icpmodel.algebra.subproblems import blocks, restricted, with_fixed_obstacle
+from icpmodel.algebra.subproblems import blocks, restricted
 from icpmodel.methods.multilevel import Multilevel
 from icpmodel.scenes.grid import five_point
 from icpmodel.solve.choice import choose
@@ -17,7 +17,6 @@ from icpmodel.solve.driver import carry_out, solution_of
 from icpmodel.solve.goal import Goal, Limits
 from icpmodel.solve.reduced import Reduced
 from icpmodel.solve.run import Run
-from icpmodel.theory.certificates.infeasible import Known, infeasible
 
 LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=1000, time_limit=None)
 
@@ -145,21 +144,6 @@ class TestBlocks:
         solution = problem.solve(Reduced())
         assert np.abs(solution.z[:6400] - membrane.solve().z).max() <= 1e-6
 
-    def test_blocks_that_pivots_do_not_solve_go_to_the_core(self):
-        """Rows without a unique answer, and blocks in units of their own, are left to the other methods."""
-        rng = np.random.default_rng(1)
-        wild = np.diag(10.0 ** np.array([-9, 9, 0])) @ p_matrix(rng, 3) @ np.diag(10.0 ** np.array([9, -9, 2]))
-        A = sp.csr_array(sp.block_diag([wild, [[-1.0]], p_matrix(rng, 70)]))
-        problem = icp.ICP(
-            A, np.concatenate([10.0 ** np.array([-9, 9, 0]) * [-1, -2, 1], [2.0], rng.standard_normal(70)])
-        )
-        found = blocks(problem)
-        _, solved = found.forward(np.zeros(74), found.before)
-        assert not solved.all()
-        wider = found.with_core(found.before & ~solved)
-        assert wider.core > found.core
-        assert problem.solve(Reduced()).solved
-
     def test_no_solution_is_never_called_one(self):
         """A block without a solution, above others that have one."""
         A = np.eye(80)
@@ -243,29 +227,6 @@ def exact_value(problem, y, low, high):
     return total
 
 
-class TestParts:
-    """A part goes through the same run as a whole problem."""
-
-    def test_the_limits_of_the_run_hold_inside_blocks(self):
-        rng = np.random.default_rng(2)
-        A, _ = block_triangular(rng, [90, 1, 4, 85, 1])
-        problem = icp.ICP(A, rng.standard_normal(len(A)))
-        told = {"raise_on_failure": False, "rtol": 1e-13}
-        for k in range(problem.solve(Reduced(), **told).iterations):
-            limited = problem.solve(Reduced(), max_iter=k, **told)
-            assert limited.status is icp.Status.ITERATION_LIMIT
-            assert limited.iterations == k
-        at_once = problem.solve(Reduced(), time_limit=0, **told)
-        assert at_once.status is icp.Status.TIME_LIMIT
-        assert at_once.iterations == 0
-        seen = []
-        stopped = problem.solve(
-            Reduced(), callback=lambda state: seen.append(state.iteration) or len(seen) == 3, **told
-        )
-        assert stopped.status is icp.Status.STOPPED
-        assert seen == [0, 1, 2]
-
-
 class TestChains:
     """Large blocks that follow one another."""
 
@@ -344,17 +305,6 @@ class TestInfeasible:
         if other.solve(**few).status is icp.Status.INFEASIBLE:
             assert not any(solves(other, free) for free in itertools.product([False, True], repeat=n))
 
-    def test_an_interval_counts_with_its_worse_end(self):
-        """p_1 = z_0 - 2 < 0 for z_0 in [1, 2), and for -z_0 + 2 it takes the lower end."""
-        below, at = np.array([1.0, -np.inf]), np.array([2.0, np.inf])
-        y = np.array([0.0, 1.0])
-        up = icp.ICP([[1.0, 0.0], [1.0, 0.0]], [-1.0, -2.0])
-        assert infeasible(up, y, Known(below, np.array([1.5, np.inf]), "")).holds
-        assert infeasible(up, y, Known(below, at, "")).holds is None
-        down = icp.ICP([[1.0, 0.0], [-1.0, 0.0]], [-1.0, 0.5])
-        assert infeasible(down, y, Known(below, at, "")).holds
-        assert infeasible(down, y, Known(np.array([0.5, -np.inf]), at, "")).holds is None
-
 
 def solves(problem, free):
     """Whether some z with z_i = 0 off `free` and p_i = 0 on it has z >= 0, p >= 0: by HiGHS."""
@@ -370,22 +320,3 @@ def solves(problem, free):
         bounds=[(0, None if is_free else 0) for is_free in free],
     )
     return found.status == 0
-
-
-def test_a_small_block_without_a_solution_behind_a_large_one():
-    ring = 3.0 * np.eye(70) - np.roll(np.eye(70), 1, axis=0)
-    A, q = np.eye(72), np.full(72, -1.0)
-    A[:70, :70], A[70:, 70:], A[70, 5] = ring, [[1.0, -1.0], [-1.0, 1.0]], 10.0
-    q[70:] = [-5.5, 0.0]  # z = 1/2 in the ring
-    solution = icp.ICP(A, q).solve(Reduced(), raise_on_failure=False)
-    assert solution.status is icp.Status.INFEASIBLE
-    assert "70 unknowns are proved" in solution.infeasible.reason
-
-
-def test_a_psi_that_is_nan_on_the_way_to_its_obstacle_fails_as_a_map_does():
-    psi = icp.Elementwise(lambda t: np.where(np.abs(t) < 1e-9, 1e-9, np.nan), lipschitz=0.9)
-    A = 4 * np.eye(40) - np.eye(40, k=7) - np.eye(40, k=13)
-    with pytest.raises(icp.MapError, match="leads to nan where z_0 = psi_0"):
-        with_fixed_obstacle(icp.ICP(A, np.ones(40), psi))
-    solution = icp.ICP(A, np.ones(40), psi).solve(raise_on_failure=False)
-    assert solution.status in (icp.Status.SOLVED, icp.Status.MAP_FAILED)

@@ -56,16 +56,6 @@ def test_what_has_no_solution_is_not_called_solved(name: str) -> None:
     assert claim.words in ("infeasible", "Diverging_Iterates")
 
 
-@BOTH
-def test_every_row_free_and_a_row_without_entries(name: str) -> None:
-    solver = foreign_solvers()[name]
-    pytest.importorskip(solver.package or "")
-    free = ask(solver, Target(icp.ICP([[2.0, 1.0], [0.0, 2.0]], [-3.0, -2.0], -np.inf)), 1e-10, 20.0)
-    assert np.asarray(free.z) == pytest.approx([1.0, 1.0])
-    empty = icp.scenes.hard_empty_row().problem
-    assert icp.crosscheck(empty, None, [name]).agrees
-
-
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32), kind=st.sampled_from(["symmetric", "skew", "alike", "apart"]))
 def test_the_mixed_problem_has_the_solution_with_the_multipliers_of_what_moves(seed: int, kind: str) -> None:
@@ -79,17 +69,6 @@ def test_the_mixed_problem_has_the_solution_with_the_multipliers_of_what_moves(s
     assert np.abs(np.median([M @ x + b, x - least, x - most], axis=0)) == pytest.approx(0.0, abs=1e-9)
     x[0] += 1.0
     assert np.abs(np.median([M @ x + b, x - least, x - most], axis=0)).max() > 1e-6
-
-
-def test_the_licence_counts_the_multipliers_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "gamspy_base", SimpleNamespace(directory="nowhere"))
-    path = foreign_solvers()["path"]
-    assert path.why_not(Target(icp.ICP(4.0 * np.eye(1000), np.ones(1000)))) is None
-    assert path.why_not(Target(icp.ICP(4.0 * np.eye(1001), np.ones(1001)))) == (
-        "the demo licence of GAMS takes no model beyond n = 1000; this n is 1001"
-    )
-    moving = icp.ICP(4.0 * np.eye(600), np.ones(600), icp.Affine(0.1 * np.eye(600), 0.0))
-    assert str(path.why_not(Target(moving))).endswith("this n is 600, and 600 further unknowns count as well")
 
 
 def fake_gams(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> Path:
@@ -112,14 +91,6 @@ def test_a_success_of_path_at_a_wrong_answer_is_recorded_and_not_believed(tmp_pa
 
 
 @posix
-def test_what_stops_gams_is_told(tmp_path, monkeypatch) -> None:
-    fake_gams(tmp_path, monkeypatch, "echo '*** The licence has expired'; exit 7")
-    row = icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["path"]).rows[0]
-    told = "it ended with: The licence has expired, and the answer under test is a solution"
-    assert (row.verdict.value, row.note) == ("failed", told)
-
-
-@posix
 def test_at_the_time_limit_gams_is_killed_and_its_folder_removed(tmp_path, monkeypatch) -> None:
     folder = fake_gams(tmp_path, monkeypatch, "exec sleep 60")
     claim = ask(foreign_solvers()["path"], Target(icp.ICP([[2.0]], [-1.0])), 1e-10, 0.5)
@@ -127,18 +98,6 @@ def test_at_the_time_limit_gams_is_killed_and_its_folder_removed(tmp_path, monke
     assert list(folder.iterdir()) == []
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)
-
-
-def test_ctrl_c_that_casadi_swallows_is_raised_again() -> None:
-    class Interrupted:
-        def __call__(self, **data: object) -> dict[str, object]:
-            return {"x": [0.0]}
-
-        def stats(self) -> dict[str, object]:
-            return {"return_status": "NonIpopt_Exception_Thrown", "success": False}
-
-    with pytest.raises(KeyboardInterrupt):
-        foreign_solvers()["ipopt"].run((Interrupted(), {}, 1))
 
 
 def test_ipopt_keeps_its_time_limit() -> None:
