@@ -24,6 +24,12 @@ JUMPS = sp.csr_array((np.array([-0.4, -0.3, -0.5, -0.2, -0.6]), ([1, 1, 3, 3, 5]
 THETA = np.array([0.3, 0.2])
 
 
+@pytest.fixture(autouse=True)
+def doubles():
+    with jax.enable_x64(True):
+        yield
+
+
 def sine(theta):
     """ψ(z) = θ₀ sin z + θ₁, entry by entry."""
     return icp.Elementwise(

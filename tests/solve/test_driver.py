@@ -27,6 +27,14 @@ from icpmodel.solve.schedule import Stage, in_turn
 LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=1000, time_limit=None)
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c_raises():
+    """Python's own handler: a shell may start the tests with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture
 def slow():
     """A problem on which the sweeps need thousands of steps."""
