@@ -162,7 +162,6 @@ def test_a_violated_inequality_is_infeasible_where_the_conditions_have_one_solut
     assert z.value == pytest.approx([5 / 3, 7 / 3])
     assert [one.dual_value for one in rows] == [None, None]
     assert problem.crosscheck(["osqp"]).agrees  # the ICP has an answer
-    assert "solved" in str(problem.crosscheck(["osqp"])).splitlines()[1]
     cap.value = [9, 3]
     assert problem.solve().solved
     assert rows[0].dual_value.tolist() == [0, 0]
