@@ -94,31 +94,6 @@ def test_collapse_identity_the_paper_s_modulus_step_is_one_preconditioned_step(k
     assert residual == pytest.approx(problem.residual(z), rel=1e-12)
 
 
-@pytest.mark.parametrize("theta", [(1.0, 1.0), (1.3, 0.7)])
-@settings(max_examples=10, deadline=None)
-@given(seed=st.integers(0, 10**6), n=st.integers(65, 100))
-def test_entries_side_by_side_are_summed_as_others_are(theta, seed, n):
-    """Full rows, wide bands, blocks at either end, scattered ones, and some of them with a gap."""
-    rng = np.random.default_rng(seed)
-    i, j = np.indices((n, n))
-    width, low = rng.integers(3, 40), rng.integers(0, 30, n)[:, None]
-    kinds = np.array([j >= 0, np.abs(i - j) <= width, j >= low, j < n - low, rng.random((n, n)) < 0.2])
-    pattern = kinds[rng.integers(len(kinds), size=n), np.arange(n)] & (rng.random((n, n)) < rng.choice([0.95, 1.0]))
-    A = sp.csr_array(np.where(pattern, rng.normal(size=(n, n)), 0.0) + 2 * n * np.eye(n))
-    G = sp.csr_array(np.where(pattern, rng.normal(size=(n, n)) / n, 0.0))
-    problem, z = icp.ICP(A, rng.normal(size=n), icp.Affine(G, rng.normal(size=n))), rng.normal(size=n)
-    p, r, D, ones = A @ z + problem.q, problem.r(z), A.diagonal(), np.ones(n)
-    assert problem.residual(z) == pytest.approx(np.linalg.norm(np.minimum(p, r)), rel=1e-12)
-    splitting = AOR(*theta)
-    step = icp.Modulus(splitting=splitting, phi2=D).step_of(problem)
-    M1 = splitting.matrix(A).toarray()
-    assert step(z)[0] == pytest.approx(printed_step(problem, z, M1, 0.0 * D, ones, D), rel=1e-11, abs=1e-11)
-    new, psi = z.copy(), problem.psi.value(z)
-    for k in range(n):
-        new[k] = max(psi[k], new[k] - (A[[k]] @ new + problem.q[k])[0] / D[k])
-    assert icp.PSOR().step_of(problem)(z)[0] == pytest.approx(new, rel=1e-11, abs=1e-11)
-
-
 def test_triangular_members_do_not_factorise():
     A = random_problem(0, "zero")[0].A
     shift = np.ones(A.shape[0])

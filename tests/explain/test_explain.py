@@ -264,21 +264,3 @@ def test_a_page_leaves_no_trace_on_a_thorough_one():
     used, fresh = MatrixClasses(A), MatrixClasses(A)
     assert used.decided(few).m.holds is None
     assert str(used) == str(fresh)
-
-
-def test_two_obstacles_are_named_and_said_to_cross_or_not():
-    A, q, G = [[4.0, -1.0], [-1.0, 4.0]], [1.0, -9.0], [[0.0, 0.3], [0.1, 0.0]]
-    box = icp.ICP(A, q, -1.0, upper=[1.0, np.inf]).explain()
-    alike = icp.ICP(A, q, icp.Affine(G, -1.0), upper=icp.Affine(G, 0.5)).explain()
-    own = icp.ICP(A, q, icp.Affine(G, -1.0), upper=icp.Affine(-np.array(G), -0.8)).explain()
-    assert "map psi" not in box.sections()
-    assert box.sections()["obstacles"].endswith("neither moves: a problem with bounds on both sides")
-    assert alike.sections()["obstacles"].endswith("they never cross")
-    assert own.sections()["obstacles"].endswith("they may cross")
-    assert [page.bound.unique for page in (box, alike, own)] == [True, True, False]
-    assert "psi <= upper is not proved" in own.sections()["solution"]
-    crossing = "the obstacles may cross for some z"
-    assert [crossing in page.sections()["methods"] for page in (box, alike, own)] == [False, False, True]
-    several = icp.ICP([[1.0, 3.0], [3.0, 1.0]], [1.0, 1.0], -1.0, upper=1.0).explain()
-    assert several.sections()["solution"].startswith("exists, as every row has a fixed obstacle on both sides; that")
-    assert "definite" in next(one for one in box.forecasts if one.title.startswith("MNMOD")).proved_by

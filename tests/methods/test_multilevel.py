@@ -114,26 +114,6 @@ class TestCoarserLevels:
             assert level.P @ below + shift == pytest.approx(z, rel=1e-9, abs=1e-9)
             problem = coarse
 
-    @pytest.mark.parametrize("kind", ["affine", "function", "intervention"])
-    def test_psi_is_carried_down_to_the_points_that_are_kept(self, kind):
-        """ψ_c(z) = ψ(Pz + s) there, through all levels, and so is its derivative."""
-        rng, n = np.random.default_rng(1), 20**2
-        G = sp.random_array((n, n), density=0.01, rng=rng).tocsr()
-        psi = {
-            "affine": icp.Affine(G, rng.normal(size=n)),
-            "function": icp.Function(lambda z: G @ np.sin(z), lambda z: G * np.cos(z)),
-            "intervention": icp.Intervention(-G),
-        }[kind]
-        problem = fine = icp.ICP(membrane(n).A, rng.normal(size=n), psi)
-        up, kept = (lambda z: z), np.arange(n)
-        for level, coarser in pairwise(Hierarchy(fine).levels):
-            problem, shift = coarse_problem(problem, level, coarser)
-            z, h = rng.normal(size=(2, problem.n))
-            kept, up = kept[level.kept], lambda z, up=up, level=level, shift=shift: up(level.P @ z + shift)
-            assert problem.psi.value(z) == pytest.approx(fine.psi.value(up(z))[kept], abs=1e-12)
-            moved = fine.psi.jacobian(up(z)) @ (up(z + h) - up(z))
-            assert problem.psi.jacobian(z) @ h == pytest.approx(moved[kept], abs=1e-10)
-
 
 class TestImpulseControl:
     def test_the_start_from_the_coarser_levels_needs_few_steps_at_any_size(self):

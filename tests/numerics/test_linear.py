@@ -22,44 +22,6 @@ def skewed(n):
     return sp.csr_array(A)
 
 
-@pytest.mark.parametrize(
-    ("kind", "wild"),
-    [
-        ("band", "rows"),
-        ("band", "both"),
-        ("tridiagonal", "columns"),
-        ("border", "both"),
-        ("dense", "rows"),
-        ("dense", "both"),
-        ("sparse", "both"),
-        ("multigrid", "rows"),
-        ("skewed multigrid", "both"),
-    ],
-)
-def test_the_transposed_system_is_solved_whatever_the_units_of_rows_and_columns(kind, wild):
-    """And ⟨w, M⁻¹d⟩ = ⟨M⁻ᵀw, d⟩: both are solved with the same factors, levels, or band."""
-    rng, by_multigrid = np.random.default_rng(2), "multigrid" in kind
-    M = {
-        "band": sp.diags_array([-1.0, -2.0, 4.0, -0.5], offsets=[-5, -1, 0, 2], shape=(200, 200)),
-        "tridiagonal": sp.diags_array([-1.0, 3.0, -0.5], offsets=[-1, 0, 1], shape=(200, 200)),
-        "border": skewed(300),
-        "dense": rng.normal(size=(20, 20)),
-        "sparse": icp.scenes.bai_nonsymmetric(n=900).problem.A,
-        "multigrid": icp.scenes.membrane(n=900).problem.A,
-        "skewed multigrid": icp.scenes.membrane(n=900, skew=0.3).problem.A,
-    }[kind]
-    n = M.shape[0]
-    rows, columns = (
-        np.ldexp(1.0, rng.integers(-30, 30, n) if wild in (one, "both") else np.zeros(n, int))
-        for one in ("rows", "columns")
-    )
-    scaled = sp.csr_array(sp.diags_array(rows) @ sp.csr_array(M) @ sp.diags_array(columns))
-    x, y = rng.normal(size=(2, n))
-    solve = solver_of(scaled, by_multigrid=by_multigrid)
-    assert columns * solve(rows * (M @ x), 1e-12) == pytest.approx(x, abs=1e-8)
-    assert rows * solve(columns * (M.T @ y), 1e-12, True) == pytest.approx(y, abs=1e-8)
-
-
 def network(seed, n=3000):
     """BᵀB for the n arcs of a random network and some more, each row of B 1 and −1: only constants have BᵀBx = 0."""
     rng = np.random.default_rng(seed)

@@ -1,6 +1,5 @@
 """The HTML page: in short first, self-contained, with every section, honest where something cannot be shown."""
 
-import importlib.util
 import json
 import re
 import shutil
@@ -136,42 +135,3 @@ def test_a_browser_opens_it_offline(membrane, tmp_path):
     assert seen.count(STILL) == membrane.count(STILL)
     assert '<html lang="en" class="script">' in seen
     assert seen.count('class="bk-Figure"') == len(Page(membrane).charts)
-
-
-@pytest.mark.skipif(importlib.util.find_spec("playwright") is None, reason="playwright is not installed")
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium on the PATH")
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_sliders_move_the_figures_without_a_request_or_an_error(membrane, tmp_path, scheme):
-    """On a phone, where nothing is wider than the page, in the light and in the dark."""
-    from playwright.sync_api import sync_playwright
-
-    path = tmp_path / "page.html"
-    path.write_text(membrane, encoding="utf-8")
-    errors, asked = [], []
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 390, "height": 844}, color_scheme=scheme)
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
-        page.on("request", lambda request: asked.append(request.url))
-        page.goto(path.as_uri())
-        page.wait_for_function("window.Bokeh && Bokeh.documents.length")
-        page.wait_for_timeout(500)
-        assert page.evaluate("document.documentElement.scrollWidth") == 390
-        ink = page.evaluate("getComputedStyle(document.body).color")
-        models = "[...Bokeh.documents[0].all_models].map((one) => one.axis_label_text_color)"
-        assert {one for one in page.evaluate(models) if one} == {ink}
-        for form, chart in ((0, 0), (1, -1)):
-            slider = page.locator("form.slider").nth(form)
-            if form == 0:
-                slider.locator("select").select_option(index=1)
-            figure = page.locator(".chart").nth(chart)
-            before, said = figure.screenshot(), slider.locator("output").inner_text()
-            slider.locator("input").focus()
-            page.keyboard.press("Home")
-            page.wait_for_timeout(300)
-            assert slider.locator("output").inner_text() != said
-            assert figure.screenshot() != before
-        browser.close()
-    assert errors == []
-    assert asked == [path.as_uri()]
