@@ -1,10 +1,6 @@
 """What is added outside the package is found by its name: a method, a foreign solver, a scene, a kind of psi."""
 
-import subprocess
-import sys
-from textwrap import dedent
-
-import pytest
+from installed import announce, run
 
 PLUGIN = '''
 from dataclasses import dataclass
@@ -71,52 +67,34 @@ def spring() -> Scene:
 '''
 
 
-@pytest.fixture(scope="module")
-def plugin(tmp_path_factory):
-    """A folder with a module and the metadata of an installed package that announces it."""
-    folder = tmp_path_factory.mktemp("plugin")
-    (folder / "springs.py").write_text(PLUGIN)
-    metadata = folder / "springs-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: springs\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text("[icpmodel]\nsprings = springs\n")
-    return folder
+SCRIPT = """
+import contextlib, io, icpmodel as icp
+from icpmodel.cli import main
+problem = icp.scenes.scene("spring").problem
+solution = problem.solve("steps", length=0.25)
+print(solution.status.value, problem.residual(solution.z) < 1e-6)
+print(problem.solve("newton").solved, abs(problem.solve("newton").z - solution.z).max() < 1e-6)
+report = problem.crosscheck(solution, ["oracle"])
+print([row.verdict.value for row in report.rows], report.agrees)
+race = icp.race(icp.ICP([[2.0]], [-3.0]), ["steps"], ["oracle"], repeats=1, tolerances=[1e-3])
+print(sorted({entry.name for entry in race.entries}))
+for command in ("scenes", "solve spring --method steps --option length=0.25", "crosscheck spring --solver oracle"):
+    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.suppress(SystemExit):
+        main(command.split())
+    print([word for word in ("spring", "solved", "agrees") if word in said.getvalue().lower()])
+"""
 
 
-def run(plugin, *command):
-    environment = {"PYTHONPATH": str(plugin)}
-    import os
-
-    found = subprocess.run(
-        [sys.executable, *command], capture_output=True, text=True, check=False, env={**os.environ, **environment}
-    )
-    return found.stdout + found.stderr
-
-
-def test_they_are_found_by_name_in_solve_crosscheck_and_race(plugin):
-    code = """
-        import icpmodel as icp
-        problem = icp.scenes.scene("spring").problem
-        solution = problem.solve("steps", length=0.25)
-        print(solution.status.value, problem.residual(solution.z) < 1e-6)
-        print(problem.solve("newton").solved, abs(problem.solve("newton").z - solution.z).max() < 1e-6)
-        report = problem.crosscheck(solution, ["oracle"])
-        print([row.verdict.value for row in report.rows], report.agrees)
-        race = icp.race(icp.ICP([[2.0]], [-3.0]), ["steps"], ["oracle"], repeats=1, tolerances=[1e-3])
-        print(sorted({entry.name for entry in race.entries}))
-    """
-    assert run(plugin, "-c", dedent(code)) == dedent("""\
-        solved True
-        True True
-        ['agrees'] True
-        ['oracle', 'solve()', 'steps']
-    """)
-
-
-def test_they_are_found_by_name_on_the_command_line(plugin):
-    command = ("-m", "icpmodel")
-    assert "spring" in run(plugin, *command, "scenes")
-    told = run(plugin, *command, "solve", "spring", "--method", "steps", "--option", "length=0.25")
-    assert "solved" in told, told
-    told = run(plugin, *command, "crosscheck", "spring", "--solver", "oracle")
-    assert "agrees" in told, told
+def test_they_are_found_by_name_in_solve_crosscheck_race_and_on_the_command_line(tmp_path):
+    (tmp_path / "springs.py").write_text(PLUGIN)
+    announce(tmp_path, "springs", {"icpmodel": {"springs": "springs"}})
+    ran = run("-c", SCRIPT, folder=tmp_path)
+    assert ran.stdout.splitlines() == [
+        "solved True",
+        "True True",
+        "['agrees'] True",
+        "['oracle', 'solve()', 'steps']",
+        "['spring']",
+        "['solved']",
+        "['solved', 'agrees']",
+    ], ran.stderr

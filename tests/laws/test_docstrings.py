@@ -15,7 +15,14 @@ MODULES = ["icpmodel", *(info.name for info in pkgutil.walk_packages(icp.__path_
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if name != "icpmodel.__main__"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] if name == "icpmodel.study.html_report" else [])
+        for name in MODULES
+        if name != "icpmodel.__main__"
+    ],
+)
 def test_the_examples_of_a_module_run(name):
     if name.startswith("icpmodel.distributed"):
         pytest.importorskip("petsc4py", reason="petsc4py is not installed: CONTRIBUTING.md says how to get it")

@@ -9,14 +9,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.numerics.kernels import compiled
-from icpmodel.theory.certificates.infeasible import multipliers
 
 RNG = np.random.default_rng(0)
 SMALL = icp.ICP(3 * np.eye(40) + 0.1 * RNG.normal(size=(40, 40)), RNG.normal(size=40))
@@ -61,8 +58,8 @@ def test_ctrl_c_is_a_keyboard_interrupt_in_compiled_code_too():
     try:
         for problem in (SMALL, BAND):
             needed = problem.solve().seconds
-            for k in range(60):
-                interrupted(problem, max(k / 60 * needed, 1e-6))
+            for k in range(30):
+                interrupted(problem, max(k / 30 * needed, 1e-6))
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, usual)
@@ -136,14 +133,6 @@ def test_without_docstrings_and_assertions_everything_works_and_a_pool_of_proces
     assert run.stdout.startswith("solved\ninfeasible\nwhat to do")
 
 
-def test_numba_that_is_switched_off_is_named():
-    code = "import icpmodel as icp; icp.scenes.hand_lcp().problem.solve('mnmgs')"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
-    assert run.stderr.splitlines()[-1].startswith("icpmodel.errors.IcpError: NUMBA_DISABLE_JIT is set")
-    assert not numba.config.DISABLE_JIT
-
-
 class Stubborn:
     def __array__(self, *_, **__):
         raise RuntimeError("ask somebody else")
@@ -155,11 +144,9 @@ class Stubborn:
         ([[1.0], [1.0, 2.0]], "cannot be read as an array of numbers"),
         (np.ma.array([1.0, 2.0], mask=[True, False]), "has masked entries"),
         (np.ma.masked, "has masked entries"),
-        (10**400, "an integer of hundreds of digits|has shape"),
         (HUGE, "an integer of hundreds of digits"),
         ([10**400, 1], "has dtype object"),
         (Stubborn(), "ask somebody else"),
-        ([Stubborn(), 1.0], "ask somebody else"),
         (np.array(["2001-01-01", "2001-01-02"], "M8[D]"), r"has dtype datetime64\[D\]"),
         (["1", "2"], "has dtype <U1"),
         ([1j, 2.0], "is complex|has dtype complex"),
@@ -189,11 +176,6 @@ def test_what_is_no_vector_of_numbers_is_refused_by_name_wherever_it_is_handed_i
 def test_what_is_no_number_is_refused_by_name(name, value):
     with pytest.raises(icp.InputError, match=f"{name} is"):
         SMALL.solve(**{name: value})
-
-
-def test_a_function_that_returns_masked_entries_is_at_fault():
-    with pytest.raises(icp.MapError, match=r"psi\(z\) has masked entries"):
-        icp.ICP([[2.0]], [-1.0], lambda z: np.ma.array(z, mask=True)).solve()
 
 
 def test_nothing_that_a_callback_is_handed_reaches_the_run():
@@ -228,27 +210,3 @@ def test_a_foreign_solver_that_prints_is_not_heard(capfd):
     assert rows[0].solver == "chatty"
     ctypes.CDLL(None).fflush(None)  # C keeps what it prints until then
     assert capfd.readouterr() == ("", "progress\n")
-
-
-def test_a_coarser_level_that_overflows_is_none():
-    A = sp.diags_array([-1e308, 1.7e308, -1e308], offsets=[-1, 0, 1], shape=(200, 200))
-    icp.ICP(A, -np.ones(200)).solve("multilevel", max_iter=5, raise_on_failure=False)
-
-
-def test_what_linear_programming_cannot_be_given_proves_nothing():
-    assert multipliers(icp.ICP(np.eye(3), [-1e308, -1e308, 1.0])) is None
-    assert multipliers(icp.ICP(1e308 * np.ones((3, 3)), [-1.0, 0.0, 1.0])) is None
-
-
-def test_a_limit_that_is_over_before_a_method_is_chosen_is_an_end_like_others():
-    problem = icp.ICP(
-        [[1.0, -4.0], [-4.0, 1.0]], [-1.0, 1.0], lambda z: np.where(np.abs(z) > 1, np.nan, [-np.inf, 3.0])
-    )
-    solution = problem.solve(time_limit=0, raise_on_failure=False)
-    assert solution.status is icp.Status.TIME_LIMIT
-    assert solution.residual == problem.residual_at_0()
-
-
-def test_a_target_below_the_smallest_number_is_a_number():
-    """1e-8 times a residual of 4e-321 underflows."""
-    assert icp.ICP([[1.0]], [1.0], [-4e-321]).solve(raise_on_failure=False).residual <= 4e-321

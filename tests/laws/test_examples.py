@@ -1,6 +1,5 @@
 """Every example runs as written, in an empty folder, and says what it should."""
 
-import functools
 import re
 import sys
 
@@ -83,88 +82,60 @@ def test_every_example_is_run():
     assert sorted(path.name for path in EXAMPLES.glob("*.py")) == sorted(SAYS)
 
 
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory):
-    """The name of an example → (what it said, the names of the files that it left in its empty folder), run once.
-
-    Cell by cell in one namespace, with the `sys.argv` of a kernel: that runs the script and its notebook at once, since
-    both are the same statements.
-    """
-
-    @functools.cache
-    def of(name):
-        folder = tmp_path_factory.mktemp("empty")
-        ran = run(str(HOUSE / "docs" / "lesson.py"), str(EXAMPLES / name), folder=folder)
-        return ran, {path.name for path in folder.iterdir()}
-
-    return of
+def phrases(name):
+    return [SAYS[name]] if isinstance(SAYS[name], str) else SAYS[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SAYS)
-def test_an_example_runs_as_written_and_as_a_notebook(name, runs):
-    ran, files = runs(name)
-    assert ran.returncode == 0, ran.stderr
-    assert ran.stderr == ""
-    for phrase in [SAYS[name]] if isinstance(SAYS[name], str) else SAYS[name]:
+def test_an_example_runs_as_written_and_as_a_notebook(name, tmp_path):
+    """Cell by cell in one namespace, with the `sys.argv` of a kernel: both are the same statements."""
+    ran = run(str(HOUSE / "docs" / "lesson.py"), str(EXAMPLES / name), folder=tmp_path)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    for phrase in phrases(name):
         assert phrase in ran.stdout
     stem = name.removesuffix(".py")
-    figures = {f"{stem}.png", f"{stem}.svg"}
-    assert files == figures | MORE_FIGURES.get(name, set())
+    assert {path.name for path in tmp_path.iterdir()} == {f"{stem}.png", f"{stem}.svg"} | MORE_FIGURES.get(name, set())
 
 
 @pytest.mark.parametrize("name", SAYS)
-def test_what_the_gallery_shows_says_it_as_well(name):
+def test_the_gallery_shows_the_right_answer_of_each_script_as_it_is_now(name):
     kept = (EXAMPLES / "output" / name.replace(".py", ".txt")).read_text(encoding="utf-8")
-    for phrase in [SAYS[name]] if isinstance(SAYS[name], str) else SAYS[name]:
+    assert kept.startswith(gallery.digest(EXAMPLES / name)), f"python docs/record.py {name}"
+    for phrase in phrases(name):
         assert phrase in kept, f"python docs/record.py {name}"
 
 
 #: the parts of a lesson after its question, in this order
 PARTS = ["The model", "What is seen", "Vary one thing", "Exercises"]
-LESSONS = sorted(EXAMPLES / name for name in SAYS if name != "paper_under_the_microscope.py")
-each_lesson = pytest.mark.parametrize("lesson", LESSONS, ids=lambda path: path.stem)
+PAPER = EXAMPLES / "paper_under_the_microscope.py"
+each_lesson = pytest.mark.parametrize(
+    "lesson", sorted({EXAMPLES / name for name in SAYS} - {PAPER}), ids=lambda x: x.stem
+)
 
 
 def cells_by_part(path):
-    """{part: [(its prose, its code, what was recorded of it, the pictures)]}"""
+    """{part: [(its prose, its code, what was recorded of it)]}"""
     found, part, (_, outputs) = {}, "", gallery.recorded(path)
     outputs = iter(outputs)
     for prose, code in gallery.cells(gallery.parts(path)[1]):
         heading = re.match(r"## (.*)\n", prose)
         part = heading[1] if heading else part
-        found.setdefault(part, []).append((prose, code, *(next(outputs) if code else ("", []))))
+        found.setdefault(part, []).append((prose, code, next(outputs)[0] if code else ""))
     assert not list(outputs)
     return found
 
 
 @each_lesson
-def test_a_lesson_has_a_question_a_model_what_is_seen_one_thing_to_vary_and_exercises(lesson):
-    """The thing to vary is a constant of the model, and there is a table of what it does."""
+def test_a_lesson_has_its_parts_and_exercises_whose_answers_are_computed(lesson):
     assert gallery.question(lesson).endswith("?")
     parts = cells_by_part(lesson)
     assert [one for one in parts if one] == PARTS
-    model, seen, vary, _ = (parts[one] for one in PARTS)
-    assert "$$" in model[0][0]
-    assert any(pictures for *_, pictures in seen)
-    assert any(output.strip() for _, _, output, _ in seen)
-    [name] = re.findall(r"^`([A-Z][A-Z0-9]*)`[.,]", vary[0][0].split("\n\n")[1])
-    assert re.search(rf"^{name}\b.* = ", "\n".join(code for _, code, *_ in model), re.MULTILINE)
-    assert f"`{name}`" in "".join(prose for prose, *_ in model)
-    assert len(vary[0][2].strip().splitlines()) >= 4
-
-
-@each_lesson
-def test_the_answers_of_exercises_are_folded_and_computed(lesson):
-    """Two or more; below each answer is code that asserts it or prints it."""
-    exercises = cells_by_part(lesson)["Exercises"]
-    assert len(exercises) >= 2
-    for k, (prose, code, output, _) in enumerate(exercises, start=1):
-        question, _, answer = prose.partition("\n\nAnswer: ")
-        assert re.match(rf"(## Exercises\n\n)?\*\*{k}\.\*\* ", question), question
-        assert "?" in question or "." in question
-        assert answer
-        assert output.strip()
+    assert len(parts["Exercises"]) >= 2
+    for prose, code, output in parts["Exercises"]:
+        assert "\n\nAnswer: " in prose
         assert "print(" in code
+        assert output.strip()
 
 
 def numbers(text):
@@ -175,49 +146,10 @@ def numbers(text):
 def test_every_number_of_a_lessons_prose_is_in_its_code_or_printed_by_it(lesson):
     """But for rounding: no sentence can say another number than what is computed beside it."""
     cells = [cell for part in cells_by_part(lesson).values() for cell in part]
-    there = [float(one) for _, code, output, _ in cells for one in numbers(code + output)]
+    there = [float(one) for _, code, output in cells for one in numbers(code + output)]
     for number in numbers(gallery.parts(lesson)[0] + "".join(prose for prose, *_ in cells)):
         digits = len(number.partition(".")[2])
         assert any(f"{one:.{digits}f}" == number for one in there), number
-
-
-@each_lesson
-def test_fractions_have_braces(lesson):
-    """docutils takes `frac12` for a fraction of 12 and whatever comes next, and says nothing."""
-    assert not re.findall(r"frac\d", lesson.read_text(encoding="utf-8"))
-
-
-@each_lesson
-def test_a_lesson_asks_for_nothing_that_a_notebook_has_not(lesson):
-    """No words of the command line, no file of its own, no choice of where pictures appear."""
-    code = gallery.parts(lesson)[1]
-    for word in ("sys.argv", "argparse", "__file__", "matplotlib.use", "plt.show"):
-        assert word not in code
-
-
-PAPER = EXAMPLES / "paper_under_the_microscope.py"
-
-
-def test_the_paper_is_judged_by_numbers_that_are_computed(runs):
-    """Every verdict is shown by every line, and the counterexamples have the numbers of the theory."""
-    text = runs(PAPER.name)[0].stdout
-    assert not re.search("^NO ", text, re.MULTILINE)
-    assert "NOT SHOWN" not in text
-    for number in (
-        "the limit is 0.250000\n",
-        "with only the + restored 0.500000\n",
-        "the limit is [0.75 0.5 ]\n",
-        "rho(L) is at most 0.283196, below 1\n",
-        "|e0| = [0. 2.], |e1| = [1.    0.125]",
-        "is at most 0.500001, below 1 (but the theorem as printed is false)\n",
-        "[ 56. -10.  56.]\n",
-        "multiplies the error by -3\n",
-        "the spectral radius 1.1514\n",
-        "the condition as printed: 0.01 > 0; corrected: -0.07 < 0\n",
-        "multiplies the error by -1.375\n",
-        "multiplies the error by -1.85714\n",
-    ):
-        assert number in text, number
 
 
 def statements(source):
@@ -234,8 +166,9 @@ def statements(source):
     return found
 
 
-def test_a_heading_says_the_verdict_that_is_computed(runs):
-    text = runs(PAPER.name)[0].stdout
+def test_the_headings_of_the_paper_say_the_verdicts_that_are_computed():
+    text = (EXAMPLES / "output" / PAPER.name.replace(".py", ".txt")).read_text(encoding="utf-8")
+    assert not re.search("^NO |NOT SHOWN", text, re.MULTILINE)
     found = statements(gallery.parts(PAPER)[1])
     assert len(found) == 20
     for name, (heading, _) in found.items():
@@ -246,21 +179,10 @@ def test_a_heading_says_the_verdict_that_is_computed(runs):
     ("right", "wrong", "name"),
     [
         ("phi1 * phi if corrected", "phi if corrected", "4.4 case 1"),
-        ("- phi2 * G", "+ phi2 * G", "4.4 case 1"),
         ("min(phi2, phi1 * A) - phi1", "min(phi2, phi1 * A) + phi1", "4.4 case 2"),
-        ("phi=-1.5", "phi=1.5", "4.3 shift"),
         ("theta2=-4.0", "theta2=4.0", "4.3 sign"),
-        ("icp.Affine([[-5.0]], 6.0)", "icp.Affine([[-0.5]], 1.5)", "4.3 parentheses"),
         ("np.array([1.0, 3.0])", "np.array([3.0, 1.0])", "Proof of 4.1"),
-        ("- P1 @ q + P2", "- P1 @ q - P2", "Method 3.1"),
-        ("z4 - 2 * np", "z4 + 2 * np", "Method 3.1"),
-        ("two * z4 + one", "two * z4 - one", "Theorem 3.1"),
-        ("[[1e-6]], [-1e-6]", "[[2.0]], [-2.0]", "Residual"),
-        ("q + psi) - q + psi", "q + theta * psi) - q + theta * psi", "MNMMOD"),
         ("- np.tril(A, -1), np.triu", "+ np.tril(A, -1), -np.triu", "L and U"),
-        ("x + y == np.abs(x - y)", "x - y == np.abs(x - y)", "Lemma 2.1"),
-        ("a * U4) / a", "a * U4 + phi4) / a", "Members"),
-        ("two / one), z4)", "two * one), z4)", "Remark"),
         ("[[-1.0]], [1.0])", "[[1.0]], [1.0])", "4.4 clauses"),
     ],
 )

@@ -11,16 +11,12 @@ from icpmodel import scenes
 
 SCENES = {
     "bai-nonsymmetric": 400,
-    "ball": 400,
-    "bearing": 40,
     "dividend": 211,
     "hand-affine": None,
     "hand-cyclic": None,
     "hard-degenerate": 400,
     "hard-singular": None,
-    "hard-steep": None,
     "manufactured-affine": 900,
-    "manufactured-elementwise": 400,
     "membrane": 2500,
 }
 
@@ -84,12 +80,12 @@ def test_a_used_scene_is_solved_like_a_fresh_one(name):
     check(lambda: scenes.scene(name, SCENES[name]).problem)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(8))
 def test_a_used_problem_is_solved_like_a_fresh_one(seed):
     check(lambda: random_problem(seed))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_options_make_no_difference_to_that(seed):
     check(lambda: random_problem(seed), rtol=1e-12)
     check(lambda: random_problem(seed), method="accelerated", rtol=1e-6)

@@ -16,29 +16,6 @@ def again(value):
     return pickle.loads(pickle.dumps(value))
 
 
-def failed():
-    with pytest.raises(icp.NotSolved) as caught:
-        PROBLEM.solve("mnmgs", max_iter=1)
-    return caught.value
-
-
-def test_an_error_carries_the_solution_there_too():
-    error = failed()
-    assert str(again(error)) == str(error)
-    assert np.array_equal(again(error).solution.z, error.solution.z)
-    assert again(error).solution.status is icp.Status.ITERATION_LIMIT
-
-
-def test_a_singular_operator_tells_its_row_there_too():
-    with pytest.raises(icp.SingularOperator) as caught:
-        icp.ICP([[1.0]], [1.0]).solve("mnmgs", phi=-2.0)
-    assert (str(again(caught.value)), again(caught.value).row) == (str(caught.value), 0)
-
-
-def test_a_report_that_was_interrupted_is_sent_along():
-    assert again(icp.Interrupted({"rows": 1})).report == {"rows": 1}
-
-
 @pytest.mark.parametrize(
     "psi", [0.0, [1.0, -np.inf], icp.Affine(np.eye(2) / 4, 1.0), icp.Elementwise(np.tanh, lipschitz=1)]
 )
@@ -51,6 +28,18 @@ def test_a_problem_and_its_solution_are_the_same_there(psi):
     assert np.array_equal(there.problem.solve(raise_on_failure=False).z, solution.z)
     assert repr(there.method) == repr(solution.method)
     assert there.certificate.error_bound == solution.certificate.error_bound
+
+
+def test_errors_carry_there_what_they_hold():
+    with pytest.raises(icp.NotSolved) as caught:
+        PROBLEM.solve("mnmgs", max_iter=1)
+    there = again(caught.value)
+    assert str(there) == str(caught.value)
+    assert np.array_equal(there.solution.z, caught.value.solution.z)
+    with pytest.raises(icp.SingularOperator) as singular:
+        icp.ICP([[1.0]], [1.0]).solve("mnmgs", phi=-2.0)
+    assert again(singular.value).row == 0
+    assert again(icp.Interrupted({"rows": 1})).report == {"rows": 1}
 
 
 def arrays(value):
@@ -78,15 +67,6 @@ def test_a_scene_is_the_same_there(name):
     there, z = again(scene), np.zeros(scene.problem.n)
     assert np.array_equal(there.problem.natural_map(z), scene.problem.natural_map(z), equal_nan=True)
     assert str(there.errors(z)) == str(scene.errors(z))
-
-
-@pytest.mark.parametrize("name", ["relaxation", "shift", "coupling", "transport", "condition", "units"])
-def test_a_plane_is_the_same_there(name):
-    found = icp.stability(name, points=2, n=9, max_iter=2)
-    problem, method = again(found).plane.at(0.5, 0.5)
-    assert again(found).table() == found.table()
-    assert repr(method) == repr(found.plane.at(0.5, 0.5)[1])
-    assert np.array_equal(problem.q, found.plane.at(0.5, 0.5)[0].q)
 
 
 def test_every_public_name_is_found_there():

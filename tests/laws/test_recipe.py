@@ -47,9 +47,3 @@ def test_the_recipe_makes_the_package_that_pyproject_describes(said):
     assert recipe["about"]["license"] == project["license"]
     assert [recipe["about"]["license_file"]] == project["license-files"]
     assert (RECIPE.parent / recipe["source"]["path"]).resolve() == HOUSE
-
-
-def test_the_recipe_is_one_for_rattler_build():
-    stage0 = pytest.importorskip("rattler_build.stage0", reason="py-rattler-build, 27 MB, is not installed")
-    [variant] = stage0.Stage0Recipe.from_file(RECIPE).render()
-    assert variant.recipe.package.name == "icpmodel"

@@ -42,7 +42,7 @@ def large():
     return icp.ICP(A, np.sin(np.arange(n)), np.where(np.arange(n) % 7, 0.0, -np.inf))
 
 
-@pytest.mark.parametrize("method", [None, "mnmgs", "psor", "multilevel"])
+@pytest.mark.parametrize("method", [None, "psor", "multilevel"])
 def test_one_core_gives_the_bits_of_all(large, method):
     with one_core():
         alone = numbers(icp.ICP(large.A, large.q, large.psi), method)
@@ -60,7 +60,7 @@ def test_products_and_norms_are_the_same_on_one_core(large):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("n", [1, 2, 16, 64, 65, 90])
+@pytest.mark.parametrize("n", [1, 16, 65])
 def test_dense_and_sparse_input_give_the_same_bits(method, n):
     """Also where zeros are stored, and on an object that was used before."""
     rng = np.random.default_rng(n)

@@ -21,9 +21,11 @@ VERBS = {
     "error_bound": (lambda verb, of: verb(of, Z), lambda found: found.value),
     "race": (lambda verb, of: verb(of, ["mnmgs"], [], **QUICK), lambda found: [one.residual for one in found.entries]),
     "stability": (lambda verb, of: verb("relaxation", of, points=2), lambda found: found.steps),
+    # a page draws a race and maps
     "report": (lambda verb, of: verb(of, title="x", time_limit=1e-3), lambda found: "<h2>Answer</h2>" in found),
 }
 PROBLEM = SCENE.problem
+SLOW = [pytest.mark.slow]
 
 
 def model():
@@ -47,7 +49,7 @@ def test_a_verb_takes_what_holds_or_makes_a_problem(verb, like):
     np.testing.assert_allclose(result(call(function, LIKE[like]())), result(call(function, PROBLEM)))
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", [pytest.param(verb, marks=SLOW if verb == "report" else []) for verb in VERBS])
 def test_a_verb_is_a_method_of_the_problem(verb):
     call, result = VERBS[verb]
     method, function = getattr(PROBLEM, verb), getattr(icp, verb)
@@ -78,8 +80,7 @@ def test_a_text_that_names_no_scene_says_why(text, words):
         icp.scenes.scene(text)
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_a_name_is_no_problem(verb):
-    call, _ = VERBS[verb]
-    with pytest.raises(icp.InputError, match=r"'hand-lcp'.*scene"):
-        call(getattr(icp, verb), "hand-lcp")
+def test_a_name_is_no_problem():
+    for verb, (call, _) in VERBS.items():
+        with pytest.raises(icp.InputError, match=r"'hand-lcp'.*scene"):
+            call(getattr(icp, verb), "hand-lcp")
