@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +10,10 @@ import scipy.sparse as sp
 import icpmodel as icp
 from icpmodel import scenes
 from icpmodel.explain.explanation import _NANOSECONDS, _PRODUCTS, explain
+from icpmodel.explain.forecasts import forecasts_of
 from icpmodel.numerics import work
 from icpmodel.theory.answers import Allowance
+from icpmodel.theory.convergence.theorems import check_all
 from icpmodel.theory.matrices.classes import MatrixClasses
 
 SIZES = {name: {"dividend": 31}.get(name, 49) for name in scenes.names() if "n" in scenes.parameters(name)}
@@ -28,22 +29,13 @@ def page(request):
 
 
 def test_every_section_of_every_scene_says_something(page):
-    sections = page.sections()
-    told = "map psi" if page.problem.upper is None else "obstacles"
-    assert list(sections) == ["what to do", "problem", "matrix A", told, "solution", "methods", "best proved"]
-    assert all(sections.values())
-    shown = " ".join(str(page).split())  # long sentences are broken into lines
-    for title, text in sections.items():
-        assert f"{title} {' '.join(text.split())}" in shown
-    assert max(map(len, str(page).splitlines())) <= 116
+    assert all(page.sections().values())
     assert not re.search(r"\bnan\b", str(page))
-
-
-def test_the_page_is_plain_data_for_json(page):
     told = json.loads(json.dumps(page.about()))
     assert told["n"] == page.problem.n
     assert len(told["methods"]) == len(page.forecasts)
-    assert "<pre" in page._repr_html_()
+    steps = [one.steps for one in page.forecasts if one.steps is not None]
+    assert page.recommended is None or not steps or page.recommended.steps == min(steps)
 
 
 #: the theorems speak of exact arithmetic; with entries of 1e±150, or a rate of 1 − 1e-12, there is none
@@ -100,7 +92,7 @@ def test_the_classes_are_the_known_ones(name, facts):
 
 
 @pytest.mark.parametrize("name", ["membrane", "bai-nonsymmetric", "manufactured-elementwise"])
-@pytest.mark.parametrize("n", [16, 100, 900])
+@pytest.mark.parametrize("n", [16, 900])
 def test_the_method_that_solve_begins_with_is_named_with_its_reason(name, n):
     problem = scenes.scene(name, n=n).problem
     page, begun = problem.explain(), problem.solve(max_iter=1, raise_on_failure=False)
@@ -112,37 +104,30 @@ def test_the_method_that_solve_begins_with_is_named_with_its_reason(name, n):
     )
 
 
-def test_a_page_without_a_first_method_says_why():
-    page = replace(icp.ICP([[2.0]], [-1.0]).explain(), picked=None, why="solve() has no method for this problem")
-    assert page.sections()["what to do"] == page.why
-
-
-def test_the_recommended_method_is_proved_to_need_the_fewest_steps():
-    page = scenes.bai_symmetric(n=100).problem.explain()
-    assert page.recommended.steps == min(forecast.steps for forecast in page.forecasts if forecast.steps is not None)
-    assert page.sections()["best proved"].startswith(f"{page.recommended.title}: each step leaves at most")
-
-
-def test_where_splittings_differ_only_the_right_one_is_proved():
-    page = scenes.hand_splittings().problem.explain()
-    proved = [forecast.title for forecast in page.forecasts if forecast.factor]
-    assert proved == ["MNMJ(), Omega = D", "PSOR(), newest values"]
-
-
-def test_a_strict_supersolution_makes_the_monotone_theorem_global():
-    page = built("dividend").explain()
-    assert "strict supersolution" in page.bound.proof
-    assert page.forecasts[0].proved_by == ["monotone"]
-
-
 def test_one_method_can_be_asked_for():
     problem = scenes.membrane(n=25).problem
     for page in (problem.explain("mnmsor", theta1=0.9), problem.explain(icp.MNMSOR(theta1=0.9))):
         assert [forecast.title for forecast in page.forecasts] == ["MNMSOR(theta1=0.9)"]
-    with pytest.raises(icp.InputError, match="modulus family only"):
-        problem.explain("mms")
-    with pytest.raises(icp.InputError, match="accuracy is 0"):
-        problem.explain(accuracy=0)
+    assert [one.title for one in scenes.hand_splittings().problem.explain().forecasts if one.factor] == [
+        "MNMJ(), Omega = D",
+        "PSOR(), newest values",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "words"),
+    [
+        ("mms", {}, "modulus family only"),
+        (icp.MNMGS, {}, "method is the class MNMGS"),
+        (None, {"theta1": 0.9}, "theta1: the options of a method"),
+        (icp.MNMSOR(), {"theta1": 0.9}, "theta1: the options of a method"),
+        (None, {"thorough": "yes"}, "thorough"),
+        *((None, {"accuracy": bad}, "accuracy is") for bad in (0.0, -1.0, np.nan, np.inf, "x", None, True, [1.0, 2.0])),
+    ],
+)
+def test_wrong_arguments_are_named(method, options, words):
+    with pytest.raises(icp.InputError, match=words):
+        icp.ICP([[2.0]], [-1.0]).explain(method, **options)
 
 
 def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
@@ -188,16 +173,18 @@ def test_data_at_the_edge_of_the_floats_has_a_page(size):
         assert all(page.sections().values())
 
 
-@pytest.mark.parametrize("accuracy", [0.0, -1.0, np.nan, np.inf, "x", None, True, [1.0, 2.0]])
-def test_the_accuracy_is_a_positive_number(accuracy):
-    with pytest.raises(icp.InputError, match="accuracy is"):
-        icp.ICP([[2.0]], [-1.0]).explain(accuracy=accuracy)
+def jumping(A, *jumps):
+    rows, columns = zip(*jumps, strict=True)
+    cost = (np.full(len(jumps), -1.0), (np.array(rows), np.array(columns)))
+    return icp.ICP(A, [-1.0, 1.0], icp.Intervention(sp.csr_array(cost, shape=(2, 2))))
 
 
-@pytest.mark.parametrize("method", [None, icp.MNMSOR()])
-def test_options_without_a_named_method_are_refused(method):
-    with pytest.raises(icp.InputError, match="theta1: the options of a method"):
-        icp.ICP([[2.0]], [-1.0]).explain(method, theta1=0.9)
+def test_monotone_convergence_is_advised_only_where_its_theorem_holds():
+    cycle = ((0, 1), (1, 0))
+    for coupling, words in ((-1.0, "converges monotonically"), (1.0, "A is no Z-matrix")):
+        page = jumping([[1.0, coupling], [coupling, 1.0]], *cycle).explain()
+        assert words in page.sections()["what to do"]
+        assert page.forecasts[0].checks["monotone"].holds == (coupling < 0)
 
 
 def test_what_is_said_to_be_at_most_is_rounded_upwards(page):
@@ -212,10 +199,20 @@ def test_what_is_said_to_be_at_most_is_rounded_upwards(page):
         assert 1 > float(told) >= best.factor
 
 
-def test_theory_forecasts_members_of_the_family_only_and_the_advice_names_what_solve_begins_with():
-    page = scenes.membrane(n=100).problem.explain()
-    assert not [forecast.title for forecast in page.forecasts if "first choice of solve()" in forecast.title]
-    assert f"it will run {page.picked!r} first, because it is {page.why}" in page.sections()["what to do"]
+def test_rounding_noise_decides_nothing():
+    """On the coulomb scene several factors are zero but for rounding: the simplest method is taken."""
+    page = scenes.coulomb().problem.explain()
+    factors = {forecast.title: forecast.factor for forecast in page.forecasts}
+    assert factors["MNMAOR(theta2=2), Omega = D"] < factors["MNMJ(), Omega = D"] < 1e-12
+    assert page.recommended.title == "MNMJ(), Omega = D"
+    assert "theta1=1, theta2=0 (mnmj): with Omega = D" in page.sections()["best proved"]
+
+
+def test_an_accuracy_below_rounding_is_remarked():
+    problem = icp.ICP([[2, -1], [-1, 2]], [-2, -2])
+    assert "the accuracy 1e-30 may be out of reach" in problem.explain(accuracy=1e-30).sections()["what to do"]
+    assert "out of reach" not in problem.explain().sections()["what to do"]
+    assert "out of reach" not in icp.ICP([[2.0]], [1e-40]).explain(accuracy=1e-30).sections()["what to do"]
 
 
 def expander(n):
@@ -252,15 +249,39 @@ def test_a_thorough_page_leaves_nothing_open_for_want_of_work():
     problem = expander(1200)
     assert "not decided within" in str(explain(problem, "mnmod"))
     assert "not decided" not in str(explain(problem, "mnmod", thorough=True))
-    with pytest.raises(icp.InputError, match="thorough"):
-        problem.explain(thorough="yes")
 
 
-def test_a_page_leaves_no_trace_on_a_thorough_one():
-    """Law 6: what rests on a question that a limit left open is asked anew by whoever has no limit."""
-    problem = expander(300)
-    few = Allowance(10.0, problem.matrix.unit)
-    A = sp.csr_array(abs(problem.A) * -1.0 + 2.0 * sp.diags_array(problem.A.diagonal()) - 1e-3 * sp.eye_array(300))
-    used, fresh = MatrixClasses(A), MatrixClasses(A)
-    assert used.decided(few).m.holds is None
-    assert str(used) == str(fresh)
+def test_what_overflows_in_an_eigenvalue_iteration_is_no_foreign_exception_and_prints_nothing(capfd):
+    """LAPACK, below ARPACK, prints what it thinks of infinities; ARPACK raises where it cannot begin."""
+    assert "solution" in str(built("hard-scaled").explain())
+    assert capfd.readouterr() == ("", "")
+
+
+class Full(Allowance):
+    """Where the system itself has no more memory, which nobody foresaw."""
+
+    def kept(self):
+        raise MemoryError("Unable to allocate 8. TiB")
+
+
+def test_a_memory_error_that_nobody_foresaw_leaves_a_question_open():
+    """Law 12: it is no exception of the package's own, and escapes no more than those are allowed to."""
+    problem, limit = icp.ICP([[2.0]], [-2.0]), Full(1.0, 1.0)
+    assert MatrixClasses(problem.A).decided(limit).m.reason == "not decided: Unable to allocate 8. TiB"
+    assert {one.holds for one in check_all(problem, icp.MNMJ(), limit).values()} == {None}
+    assert next(forecasts_of(problem, {"mnmj": icp.MNMJ()}, 1e-6, limit)).rate is None
+
+
+def test_two_obstacles_are_named_and_said_to_cross_or_not():
+    A, q, G = [[4.0, -1.0], [-1.0, 4.0]], [1.0, -9.0], [[0.0, 0.3], [0.1, 0.0]]
+    box = icp.ICP(A, q, -1.0, upper=[1.0, np.inf]).explain()
+    alike = icp.ICP(A, q, icp.Affine(G, -1.0), upper=icp.Affine(G, 0.5)).explain()
+    own = icp.ICP(A, q, icp.Affine(G, -1.0), upper=icp.Affine(-np.array(G), -0.8)).explain()
+    assert "map psi" not in box.sections()
+    assert box.sections()["obstacles"].endswith("neither moves: a problem with bounds on both sides")
+    assert alike.sections()["obstacles"].endswith("they never cross")
+    assert own.sections()["obstacles"].endswith("they may cross")
+    assert [page.bound.unique for page in (box, alike, own)] == [True, True, False]
+    assert "psi <= upper is not proved" in own.sections()["solution"]
+    crossing = "the obstacles may cross for some z"
+    assert [crossing in page.sections()["methods"] for page in (box, alike, own)] == [False, False, True]

@@ -135,19 +135,6 @@ def test_hand_cyclic_sends_newton_in_a_circle_of_three():
     assert not np.allclose(seen[0], seen[1])
 
 
-@pytest.mark.parametrize(
-    ("X", "omega", "converges"),
-    [([[2, 0], [0, 2]], 1, True), ([[2, 0], [-0.9, 2]], 1, False), ([[2, -0.9], [-0.9, 2]], 1, False)],
-    ids=["MNMJ", "MNMGS", "MNMOD"],
-)
-def test_hand_splittings_tells_the_splittings_apart(X, omega, converges):
-    scene = scenes.hand_splittings()
-    z = scene.z0
-    for _ in range(2000):
-        z = z - 2 * np.linalg.solve(X, scene.problem.natural_map(z, omega))
-    assert (scene.problem.residual(z) < 1e-12) is converges
-
-
 @settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32),

@@ -71,6 +71,17 @@ def test_the_mixed_problem_has_the_solution_with_the_multipliers_of_what_moves(s
     assert np.abs(np.median([M @ x + b, x - least, x - most], axis=0)).max() > 1e-6
 
 
+def test_the_licence_counts_the_multipliers_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gamspy_base", SimpleNamespace(directory="nowhere"))
+    path = foreign_solvers()["path"]
+    assert path.why_not(Target(icp.ICP(4.0 * np.eye(1000), np.ones(1000)))) is None
+    assert path.why_not(Target(icp.ICP(4.0 * np.eye(1001), np.ones(1001)))) == (
+        "the demo licence of GAMS takes no model beyond n = 1000; this n is 1001"
+    )
+    moving = icp.ICP(4.0 * np.eye(600), np.ones(600), icp.Affine(0.1 * np.eye(600), 0.0))
+    assert str(path.why_not(Target(moving))).endswith("this n is 600, and 600 further unknowns count as well")
+
+
 def fake_gams(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> Path:
     """A program in the place of GAMS; returns the folder where temporary ones are made."""
     gams, folder = tmp_path / "gams", tmp_path / "temporary"

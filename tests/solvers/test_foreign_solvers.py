@@ -64,7 +64,7 @@ def test_a_solver_finds_what_was_found_by_hand(solver: str, name: str) -> None:
 @pytest.mark.parametrize("unit", [1.0, 1e80])
 def test_a_solver_finds_the_solution_by_construction_in_any_units(solver: str, symmetric: bool, unit: float) -> None:
     """Free rows, obstacles of any sign; A times u, q times u² and ψ times u have the solution uz."""
-    for seed in range(3):
+    for seed in range(2):
         problem, z = random_lcp(seed, symmetric=symmetric)
         found = solved(solver, icp.ICP(unit * problem.A, unit**2 * problem.q, unit * problem.psi.c))
         assert not isinstance(found, str)
@@ -108,9 +108,7 @@ def test_a_solver_from_outside_is_found_by_its_name() -> None:
     assert "test-exact" not in {row.solver for row in icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5]).rows}
 
 
-@pytest.mark.parametrize(
-    "name", ["osqp", "clarabel", "scs", "piqp", "highs", "cvxpy-clarabel", "pyomo-highs", "ipopt", "path"]
-)
+@pytest.mark.parametrize("name", ["osqp", "highs", "cvxpy-clarabel", "pyomo-highs", "ipopt", "path"])
 def test_a_missing_package_is_a_sentence(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     solver = foreign_solvers()[name]
     assert solver.package is not None
@@ -118,21 +116,6 @@ def test_a_missing_package_is_a_sentence(name: str, monkeypatch: pytest.MonkeyPa
     reason = solver.why_not(Target(icp.ICP([[2.0]], [-1.0])))
     brings = solver.package if solver.extra is None else f'"icpmodel[{name}]"'
     assert reason == f"{solver.package} is not installed: pip install {brings}"
-
-
-def test_what_a_solver_raises_becomes_its_words_and_an_interruption_passes() -> None:
-    class Broken(Exact):
-        error: BaseException = KeyError("no such key")
-
-        def run(self, model: object) -> Claim:
-            raise self.error
-
-    target = Target(icp.ICP([[2.0]], [-1.0]))
-    claim = ask(Broken(), target, 1e-3, 1.0)
-    assert (claim.z, claim.words, claim.solved) == (None, "KeyError: 'no such key'", False)
-    Broken.error = KeyboardInterrupt()
-    with pytest.raises(KeyboardInterrupt):
-        ask(Broken(), target, 1e-3, 1.0)
 
 
 class Picky(Exact):

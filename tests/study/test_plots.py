@@ -50,21 +50,6 @@ def test_a_picture_is_drawn_into_axes_that_are_given(name):
     assert first.get_xlabel()
 
 
-def test_axes_that_are_none_are_refused_before_anything_is_drawn():
-    page = Figure()
-    three = page.subplots(1, 3)
-    for ax, words in (
-        (three, "ax is 3 of them; one matplotlib axes, or 2"),
-        (pyplot, "ax is a module"),
-        ("x", "ax is 'x'"),
-    ):
-        with pytest.raises(icp.InputError, match=words):
-            SOLUTION.plot(ax=ax)
-    with pytest.raises(icp.InputError, match="path and ax are both given"):
-        SOLUTION.plot("x.png", ax=three[0])
-    assert not any(one.has_data() for one in three)
-
-
 @pytest.mark.parametrize("path", ["picture", "picture.doc", "picture.mat", "picture.png.old"])
 def test_a_suffix_that_no_picture_has_is_refused(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

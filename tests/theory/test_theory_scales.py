@@ -4,13 +4,10 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from exact import exceeds, nearest_floats, rational, solutions
-from known_answers import inverse
+from exact import exceeds, nearest_floats, solutions
 
 import icpmodel as icp
 from icpmodel.theory.certificates.bounds import proofs_of
-from icpmodel.theory.convergence.conditions import StepMatrices
-from icpmodel.theory.convergence.theorems import check_all
 
 #: powers of ten; the last but one is below the normal floats
 SCALES = (0, 0, 0, -150, 150, -200, 200, -320, 300)
@@ -100,32 +97,3 @@ def test_a_matrix_below_the_normal_floats_has_a_bound_that_holds():
             delta, _ = proof.bound(problem, np.array([z]), *problem.rounding([z]))
             assert exceeds([z], exact, delta) == []
     assert 28.6 < icp.error_bound(problem, [0.0], rigorous=True).value < 28.8
-
-
-@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 4))])
-def test_the_factor_of_theorem_sharper_holds_at_any_scale(seed):
-    """|X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v) ≤ σv, for the numbers v and σ that the check tells."""
-    rng, checked = np.random.default_rng(seed), 0
-    for problem in filter(None, (drawn(rng) for _ in range(20))):
-        n = problem.n
-        for member in (icp.MNMGS(), icp.MNMJ(), icp.MNMOD()):
-            if member.why_not(problem) is not None:
-                continue
-            found = check_all(problem, member)["sharper"]
-            if not found.holds:
-                continue
-            step, checked = StepMatrices(problem, member), checked + 1
-            A, X, G = (rational(M.toarray()) for M in (problem.A, step.M1, step.G))
-            omega, v, sigma = rational(step.omega)[0], rational(found.vector)[0], Fraction(found.number)
-            for i in range(n):
-                X[i][i] += omega[i]
-            w = []
-            for i in range(n):
-                own = [2 * omega[i] if i == j else 0 for j in range(n)]
-                of_p = sum(abs(X[i][j] - 2 * A[i][j]) * v[j] for j in range(n))
-                of_r = sum((abs(X[i][j] - own[j]) + 2 * omega[i] * G[i][j]) * v[j] for j in range(n))
-                w.append(max(of_p, of_r))
-            image = [sum(abs(x) * y for x, y in zip(row, w, strict=True)) for row in inverse(X)]
-            assert sigma < 1
-            assert all(x <= sigma * y for x, y in zip(image, v, strict=True)), (member, problem.A.toarray())
-    assert checked > 3
