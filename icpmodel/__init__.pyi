@@ -26,6 +26,7 @@ from .methods.aor import MNMSOR as MNMSOR
 from .methods.contract import Method as Method
 from .methods.factorised import MNMMOD as MNMMOD
 from .methods.factorised import MNMOD as MNMOD
+from .methods.interior import Interior as Interior
 from .methods.mms import MMS as MMS
 from .methods.modulus import NMMS as NMMS
 from .methods.modulus import Modulus as Modulus

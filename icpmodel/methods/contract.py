@@ -30,8 +30,27 @@ _REGISTRY: dict[str, type[Method]] = {}
 #: outside this range the squares that a sweep sums for its hint over- or underflow; `ICP.residual` does not
 SAFE_HINT = (1e-140, 1e140)
 
+#: what is less than this share of the least one so far counts as reduced
+_REDUCED = 0.9
+
 #: z with Res(z), or None where that does not fall out of the step for free
 Iterate = tuple[Vector, float | None]
+
+
+class Least:
+    """The `least` of the values so far, and how many have come since it was last reduced by a tenth: `waited`."""
+
+    def __init__(self, least: float = np.inf) -> None:
+        self.least = least
+        self.waited = 0
+
+    def add(self, value: float) -> int:
+        """`waited` with another value."""
+        self.waited += 1
+        if value < _REDUCED * self.least:
+            self.least = value
+            self.waited = 0
+        return self.waited
 
 
 class Infeasible(Exception):

@@ -1,26 +1,42 @@
-"""Newton's steps through the interior, for proximal problems on which the signs of the modulus wander or creep."""
+"""The interior method: Newton's steps on the modulus equation with the modulus rounded off.
+
+With √(x² + 4ε²) for |x| both r = z − ψ(z) and s = p are positive and rs = ε², and ε falls. s comes to p as z does to
+the solution. r is z − ψ(z) where ψ is fixed, and comes to it where ψ moves. With an obstacle above, r and s have a
+second column for it, for ψ̄(z) − z, and s₁ − s₂ comes to p. Each step is a proximal one with its own z for centre: to A
+a multiple of W is added, which falls as far as the factors remain accurate. As soon as the signs of s − Wr stand still,
+a step with these signs, r = 0 or p = 0 in every row, is tried as the answer.
+Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε; Friedlander and Orban, Math. Program. Comput. 4
+(2012), for the proximal terms.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..algebra.equations import derivative
+from ..algebra.equations import Pattern, derivative
+from ..algebra.proximal_steps import ProximalSteps
+from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, inner, norm, row_of
 from ..numerics.factorisation import SymmetricPattern, factorise
 from ..numerics.fill import Look
 from ..problem.affine import zero
+from ..problem.between import mid
 from ..problem.data import ProblemData
+from ..problem.facts import Facts
+from ..theory.certificates.infeasible import Recession
+from .contract import Estimate, Infeasible, Iterate, Least, Method
 
 #: so many steps in a row may reduce neither the residual nor the way to where it is one
 _PATIENCE = 20
-#: what is less than this share of the least one so far counts as reduced
-_REDUCED = 0.9
 #: what of W is added to A at first, and where A is not symmetric: entries are then not bounded by those of the
 #: diagonal, and the square of what is added has to be above rounding, or pivots may come to 0; and the least that is
 #: added where factors have been accurate with more, next to rounding
@@ -32,58 +48,106 @@ _ACCURATE, _ROUGH, _LESS, _MORE = 2.0**-26, 2.0**-13, 0.1, 100.0
 _NEARLY_ALL = 0.995
 #: the least room between two obstacles, as a share of what rows with one have
 _LEAST = 1e-12
+#: the solves in a step
+_SOLVES = 4.0
 
 
-class Least:
-    """The `least` of the values so far, and how many have come since it was last reduced by a tenth: `waited`."""
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Interior(Method):
+    """Newton's steps with √(x² + 4ε²) for |x|, ε falling: all rows count, and no signs are sought.
 
-    def __init__(self, least: float = np.inf) -> None:
-        self.least, self.waited = least, 0
+    For the problems that `Proximal` is for, where its signs wander or are found one by one: redundant contacts in two
+    and three dimensions, plates, programs and equilibria. The number of steps, 10 to 40 as a rule, hardly depends on n.
+    Where A is monotone and there is no solution the iterates run away, their direction is tried as a proof, and the
+    method raises `Infeasible` or ends. That the steps lead to a solution is not proved. The start has no influence
+    where the obstacle is fixed.
+    References: Mehrotra, SIAM J. Optim. 2 (1992); Wright, Primal-Dual Interior-Point Methods (1997).
 
-    def add(self, value: float) -> int:
-        """`waited` with another value."""
-        self.waited += 1
-        if value < _REDUCED * self.least:
-            self.least, self.waited = value, 0
-        return self.waited
-
-
-class Interior:
-    """Newton's steps with the modulus rounded off, √(x² + 4ε²) for |x|: then r, s > 0 and rs = ε², and ε falls.
-
-    s comes to p as z does to the solution. r is z − ψ(z) where ψ is fixed, and comes to it, by `gap`, where ψ moves.
-    With an obstacle above, r and s have a second column for it, for ψ̄(z) − z, and s₁ − s₂ comes to p. Every row counts,
-    but there is no sign pattern to be found; each step is a proximal one with its own z for centre, and creeps where A
-    is small against what of W is added: so this falls as far as the factors remain accurate. That they lead on is not
-    proved: where they do not, the others go on.
-    Parameters: `problem`; W, the `weights` of p/z, shape (n,); the `obstacles` (c, c̄) where it begins, c̄ None where
-    there is none; `resting` = (c, Ac + q), with what is nearest to 0 for c in the rows that have no obstacle below;
-    for matrices with the `pattern` of A what factorises them repeatedly, or a look at it, None where each is a new one.
-    Raises MapError where ψ fails at the first place.
-    Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε.
+    >>> ICP([[1, 1], [1, 1]], [-1, -1]).solve(Interior()).z.round(6)
+    array([0.5, 0.5])
     """
 
-    def __init__(
-        self,
-        problem: ProblemData,
-        weights: Vector,
-        obstacles: tuple[Vector, Vector | None],
-        resting: tuple[Vector, Vector],
-        pattern: SymmetricPattern | Look | None,
-    ) -> None:
-        self.problem, self.weights, self.pattern = problem, weights, pattern
-        self.diagonal, self.row = problem.matrix.rows.diag, row_of(problem.A)
+    name: ClassVar[str] = "interior"
+    family: ClassVar[str] = "modulus"
+    memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+
+    def why_not(self, problem: ProblemData) -> str | None:
+        return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
+
+    def estimate(self, facts: Facts, aim: float) -> Estimate:
+        # medians of 13, 16 and 20 steps were measured at n = 120, 500 and 2000, on the draws that `Proximal` names
+        steps = 3.0 + 1.5 * math.log2(max(facts.bounded, 1))
+        matrix = facts.matrix
+        fill = matrix.fill
+        factors = matrix.again_cost if facts.has_fixed_obstacle else matrix.unsymmetric_cost
+        step = facts.newton_cost + factors + _SOLVES * work.solve_cost(fill)
+        step /= matrix.unit
+        return Estimate(step, step, steps, 24.0 * fill.entries)
+
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        # never raises SingularOperator
+        yield z, None
+        simple = with_fixed_obstacle(problem)
+        try:
+            path = InteriorPath(simple, z)
+        except MapError:
+            return
+        recession = Recession(simple)
+        while path.leads_on():
+            yield path.z, None
+            if (answer := recession.proof(path.z - path.resting[0])).holds:
+                raise Infeasible(answer)
+            if path.settled() and (found := path.by_signs()) is not None:
+                yield found, None
+            if not path.advance():
+                return
+
+
+class InteriorPath:
+    """The run: z with p and z − ψ(z), and r and s with the obstacles in columns.
+
+    Parameters
+    ----------
+    problem
+        The problem, its obstacles fixed where they can be.
+    start
+        Where obstacles that move are at first, shape (n,).
+
+    Raises
+    ------
+    MapError
+        Where ψ fails at the first place.
+    """
+
+    @np.errstate(all="ignore")
+    def __init__(self, problem: ProblemData, start: Vector) -> None:
+        self.problem = problem
+        self.steps = ProximalSteps(problem, start)
+        self.weights = problem.matrix.proximal_weights
+        self.diagonal = problem.matrix.rows.diag
+        self.row = row_of(problem.A)
+        self.moves = self.steps.moves
+        self.pattern: SymmetricPattern | Look | None = None
+        if not self.moves:
+            self.pattern = self.steps.equations.repeated or self.steps.equations.look
         self.steady = self.first_steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
-        self.least_steady, self.lost = _STEADY_LEAST, 0.0
-        self.moves = not problem.facts.has_fixed_obstacle
-        (c, p), (below, top) = resting, obstacles
-        self.root = root = np.sqrt(weights)
+        self.least_steady = _STEADY_LEAST
+        self.lost = 0.0
+        self.root = np.sqrt(self.weights)
+        self.residuals = Least()
+        self.ways = Least()
+        self.signs = np.zeros(0, bool)
+        self.same = 0
+        below, top = self.steps.obstacles
+        c = np.where(np.isneginf(below), 0.0 if top is None else np.minimum(top, 0.0), below)
+        p = problem.p(c)
+        #: c with 0, or what is nearest to it and not above, for the rows without obstacle below, and p there
+        self.resting = c, p
         bounded = ~np.isneginf(below)
-        size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / root).max())
+        size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / self.root).max())
         if self.moves:  # where nothing pulls at c, c is no solution as yet
-            size = max(size, float(np.max((root * np.abs(problem.r(c)))[bounded], initial=0.0))) or 1.0
-        self.residuals, self.ways = Least(), Least()
-        self.signs, self.same = np.zeros(0, bool), 0
+            size = max(size, float(np.max((self.root * np.abs(problem.r(c)))[bounded], initial=0.0))) or 1.0
         self._start(c, size, bounded, top)
         one = self.bounded & (self.bounded.sum(axis=1, keepdims=True) == 1)
         if self.moves or not one.any():
@@ -98,7 +162,8 @@ class Interior:
 
     def _start(self, c: Vector, size: float, bounded: Mask, top: Vector | None) -> None:
         """So far from the obstacles, in the units of W, which is where p/W comes to."""
-        r, s = size / self.root, size * self.root
+        r = size / self.root
+        s = size * self.root
         z = c + np.where(bounded, r, 0.0)
         sides = [(bounded, r)]
         if top is not None:
@@ -111,7 +176,8 @@ class Interior:
         self.r = np.where(self.bounded, np.column_stack([r for _, r in sides]), 1.0)
         self.s = np.where(self.bounded, s[:, None], 0.0)
         self.sign = np.array([1.0, -1.0])[: len(sides)]
-        self.gap, self.slopes = np.zeros_like(self.r), [zero(self.problem.n)] * len(sides)
+        self.gap = np.zeros_like(self.r)
+        self.slopes = [zero(self.problem.n)] * len(sides)
         self._arrive(z)
 
     @property
@@ -124,10 +190,13 @@ class Interior:
         """How far s is from p."""
         return np.asarray(self.s @ self.sign - self.point[1])
 
-    def leads_on(self, whole: float) -> bool:
-        """Whether the residual, now `whole`, or the way of r and s to z − ψ(z) and p has been reduced not long ago."""
+    @np.errstate(all="ignore")
+    def leads_on(self) -> bool:
+        """Whether the residual, or the way of r and s to z − ψ(z) and p, was reduced not long ago, and is not 0."""
+        _, p, below, above = self.point
+        whole = norm(mid(p / self.root, self.root * below, None if above is None else self.root * above))
         way = norm(self.rest / self.root) + norm((self.root[:, None] * self.gap).ravel())
-        return min(self.residuals.add(whole), self.ways.add(way)) < _PATIENCE
+        return whole > 0.0 and min(self.residuals.add(whole), self.ways.add(way)) < _PATIENCE
 
     def settled(self) -> bool:
         """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
@@ -136,8 +205,21 @@ class Interior:
         self.signs = signs
         return self.same > 0 and not self.same & (self.same + 1)
 
+    @np.errstate(all="ignore")
+    def by_signs(self) -> Vector | None:
+        """z after a step with the signs of the modulus at z, None where its equations are not solved."""
+        z, p, below, above = self.point
+        pattern = Pattern.of(below, above, p / self.weights)
+        with suppress(MapError):
+            found = self.steps.step(z, p, pattern, z, self.steady * self.weights, briefly=True)
+            if found is not None and np.isfinite(found[1]).all():
+                return found[0]
+        return None
+
+    @np.errstate(all="ignore")
     def advance(self) -> bool:
         """One step, False where it fails."""
+        work.add(self.problem.facts.newton_cost)
         r, s = self.r, self.s
         both = max(int(np.count_nonzero(self.bounded)), 1)
         size = inner(r.ravel(), s.ravel()) / both
@@ -154,7 +236,8 @@ class Interior:
         target = r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0)
         dz, dr, ds, longest = self._direction(solve, target)
         t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
-        self.r, self.s = np.where(self.bounded, r + t * dr, 1.0), s + t * ds
+        self.r = np.where(self.bounded, r + t * dr, 1.0)
+        self.s = s + t * ds
         try:
             self._arrive(self.z + t * dz)
         except MapError:
@@ -181,7 +264,8 @@ class Interior:
             self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 
     def _solver(self) -> Callable[[Vector], Vector]:
-        A, slopes = self.problem.A, np.where(self.bounded, self.s / self.r, 0.0)
+        A = self.problem.A
+        slopes = np.where(self.bounded, self.s / self.r, 0.0)
         data = A.data.copy()
         data[self.diagonal] += slopes.sum(axis=1) + self.steady * self.weights
         M = sp.csr_array((data, A.indices, A.indptr), shape=A.shape)

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric, locked
+from ..numerics.equilibration import balanced
 from ..numerics.fill import Look
 from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
 from ..numerics.linear import is_for_multigrid
@@ -222,6 +223,11 @@ class Matrix(ReadOnly):
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             mean = float(self.couplings.data.sum()) / self.n
         return mean if mean < np.inf else np.inf
+
+    @cached_property
+    def proximal_weights(self) -> Vector:
+        """W with p/W in the units of z, entries being about 1 beside it: D where A is symmetric, else `balanced`."""
+        return self.weights if self.is_nearly_symmetric else balanced(self.sparse)
 
     @cached_property
     def weights(self) -> Vector:

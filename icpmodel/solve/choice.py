@@ -18,6 +18,7 @@ from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD
+from ..methods.interior import Interior
 from ..methods.multilevel import Multilevel
 from ..methods.newton import Newton
 from ..methods.proximal import Proximal
@@ -83,7 +84,7 @@ def choose(
     if sweeps:
         yield stage(100.0, 40.0, lambda: _relaxed(problem))
     factorised = 2.0 * min(work.least_factor_cost(matrix.n, matrix.nnz), work.dense_cost(matrix.n))
-    yield stage(30.0, 80.0 * graph, lambda: [Newton()], lambda: [Proximal()], least=factorised)
+    yield stage(30.0, 80.0 * graph, lambda: [Newton()], lambda: [Proximal()], lambda: [Interior()], least=factorised)
     # where others are there it was best once on 430 random problems, but it needs neither a diagonal nor a derivative
     yield stage(30.0, 80.0 * graph, lambda: [MNMMOD(theta1=AUTO)], least=factorised if family == "paper" else math.inf)
 

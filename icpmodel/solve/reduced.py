@@ -22,6 +22,7 @@ from typing import ClassVar, cast
 
 import numpy as np
 
+from ..algebra.redundant import without_redundant_rows
 from ..algebra.resting import WORTH, Border, rows_at_rest
 from ..algebra.subproblems import Blocks, Rows, blocks, resting, restricted, with_fixed_obstacle
 from ..errors import MapError
@@ -164,10 +165,10 @@ class ReducedTo(Reduced):
 
 def posed(problem: ProblemData) -> ProblemData:
     """What methods that `solve` picks are given: where every ψ_i moves with z_i alone, by less than it, one with fixed
-    obstacles, so that sweeps and Newton's steps need not ask for ψ. If ψ fails on the way to these it is the problem
-    itself, as ψ may have values where the iterates are."""
+    obstacles, so that sweeps and Newton's steps need not ask for ψ, and without redundant rows. If ψ fails on the way
+    to these it is the problem itself, as ψ may have values where the iterates are."""
     with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
-        return with_fixed_obstacle(problem)
+        return without_redundant_rows(with_fixed_obstacle(problem))
     return problem
 
 

@@ -11,6 +11,7 @@ from icpmodel.solve.reduced import Reduced
 #: a method that is a special case of another by default is given options of its own
 METHODS = {
     "accelerated": icp.Accelerated(of="mnmgs"),
+    "interior": icp.Interior(),
     "josephy": icp.Josephy(),
     "lemke": Lemke(),
     "mms": icp.MMS(),
@@ -141,7 +142,11 @@ MUST_FAIL = {
     **dict.fromkeys([(m, "hard-three") for m in (*_BY_DIAGONAL, "tridiagonal")], "why_not: the diagonal is negative"),
     ("mnmod", "hard-three"): "A + Omega = 0",
     ("mnmmod", "hard-three"): "X = A + Omega = 1 and Omega = 2: at either obstacle the step overshoots threefold",
-    ("proximal", "hard-jump"): "why_not: psi has no derivative",
+    **dict.fromkeys([(m, "hard-jump") for m in ("interior", "proximal")], "why_not: psi has no derivative"),
+    **dict.fromkeys(
+        [("interior", s) for s in ("hand-negative", "hard-three")], "A is not monotone: a pivot is negative"
+    ),
+    ("interior", "hard-overflow"): "p and r at the first iterate, far from the obstacle, overflow",
     ("lemke", "dividend"): "why_not: psi is neither constant nor affine",
     ("mms", "dividend"): "why_not: a row without obstacle",
     ("mms", "hand-free"): "why_not: a row without obstacle",

@@ -76,6 +76,7 @@ methods: list[icp.Method] = [
     icp.Newton(),
     icp.PSOR(omega=1.3),
     icp.ProjectionFixedPoint(),
+    icp.Interior(),
     icp.Proximal(),
     icp.Reduced(),
     icp.Tridiagonal(),

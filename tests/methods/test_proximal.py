@@ -63,17 +63,6 @@ def test_redundant_and_degenerate_contacts_are_solved_with_the_velocities_that_a
     assert problem.p(solution.z) == pytest.approx(problem.p(problem.solve("lemke").z), abs=1e-8)
 
 
-def test_where_the_interior_leads_nowhere_the_path_goes_on_from_its_centre():
-    problem = chain(np.random.default_rng(7), 60, 80)
-    path = ProximalPath(problem, np.zeros(problem.n))
-    assert path.advance()
-    path.inside = path.interior()
-    path.inside.s[:] = np.nan
-    while path.advance() and path.residual > 1e-8 * problem.residual_at_0():
-        assert path.inside is None
-    assert path.residual <= 1e-8 * problem.residual_at_0()
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_a_linear_program_and_its_dual_come_to_the_value_that_is_known(seed):
     problem, _, c, exact = linear_program(np.random.default_rng(seed), 15, 20)
@@ -113,33 +102,6 @@ def test_obstacles_that_move_are_followed_where_a_is_monotone(seed, above):
     assert run(moving(np.random.default_rng(seed), above)).solved
 
 
-def comes_inside(problem, wanted, most):
-    """Whether so many steps through the interior come to this residual, and none of them fails."""
-    interior = ProximalPath(problem, np.zeros(problem.n)).interior()
-    for _ in range(most):
-        if problem.residual(interior.z) <= wanted:
-            break
-        assert interior.advance()
-    return problem.residual(interior.z) <= wanted
-
-
-@pytest.mark.parametrize("above", [False, True])
-def test_obstacles_that_move_are_followed_through_the_interior(above):
-    """Nothing is proved of that either; 6 to 26 steps were measured."""
-    for seed in range(5):
-        problem = moving(np.random.default_rng(seed), above)
-        assert comes_inside(problem, 1e-8 * problem.residual_at_0(), most=40)
-
-
-@pytest.mark.parametrize("q", [5.0, -1.0 - 1e-9])
-@pytest.mark.parametrize("above", [False, True])
-def test_the_interior_begins_with_room_where_nothing_pulls_at_an_obstacle_that_moves(q, above):
-    """p at ψ(0) is positive there, or as good as 0, and ψ(0) not yet ψ at itself."""
-    G = [[0.0, 0.5], [0.5, 0.0]]
-    problem = icp.ICP(np.eye(2), [q, q], icp.Affine(G, [1.0, 1.0]), upper=icp.Affine(G, [3.0, 3.0]) if above else None)
-    assert comes_inside(problem, 1e-9, most=12)
-
-
 def failing(value):
     """A problem whose ψ, which moves with the other unknown, is `value`, or raises where that is None, once for every
     entry of the list that comes with it."""
@@ -155,16 +117,6 @@ def failing(value):
 
     moves = icp.Function(psi, lambda z: sp.csr_array(np.fliplr(np.diag(-0.3 * np.sin(z[::-1])))))
     return icp.ICP([[1.0, 0.5], [0.5, 1.0]], [-1.0, 0.2], moves), fails
-
-
-@pytest.mark.parametrize("value", [np.nan, None])
-def test_the_interior_ends_at_a_step_at_which_psi_fails(value):
-    problem, fails = failing(value)
-    interior = ProximalPath(problem, np.array([2.0, -1.0])).interior()
-    assert interior.advance()
-    fails.append(True)
-    assert not interior.advance()
-    assert not fails
 
 
 @pytest.mark.parametrize("value", [np.nan, None])
@@ -204,13 +156,3 @@ def test_what_is_not_monotone_may_fail_but_ends():
         problem = icp.ICP(A + A.T, rng.normal(size=20))
         path = icp.Proximal().iterates(problem, np.zeros(20))
         assert sum(1 for _ in itertools.islice(path, 5000)) < 5000
-
-
-def test_the_interior_steps_of_a_problem_without_any_obstacle_are_newton_steps():
-    """Nothing is bounded, so that there is no longest step and no complementarity to measure."""
-    A = [
-        [48321256.05119265, -136944226.83382624, 102118537.92098375],
-        [-136944226.83382624, 441599818.28677034, -304245947.0949065],
-        [102118537.92098375, -304245947.0949065, 219925488.61771172],
-    ]
-    assert run(icp.ICP(A, [-0.3597688079966724, 0.2148426585980065, 0.9585910347869577], -np.inf)).solved

@@ -28,7 +28,7 @@ def test_fixed_obstacles_that_cross_are_found_before_any_method_is_tried():
     assert "psi_1 and upper_1 are fixed, and cross" in solution.why
 
 
-def test_the_interior_steps_of_the_proximal_method_know_both_sides():
+def test_the_interior_method_knows_both_sides():
     """A linear program with its dual, z between 0 and 1: no pattern is found by Newton's steps alone."""
     rng = np.random.default_rng(5)
     m, n = 60, 90
@@ -37,6 +37,6 @@ def test_the_interior_steps_of_the_proximal_method_know_both_sides():
     x, y = rng.random(n), rng.random(m) * (rng.random(m) < 0.5)
     q = np.concatenate([K.T @ y + rng.normal(size=n), -(K @ x) + 0.1])
     upper = np.concatenate([np.ones(n), np.full(m, np.inf)])
-    solution = ICP(A, q, upper=upper).solve("proximal")
+    solution = ICP(A, q, upper=upper).solve("interior")
     assert solution.residual <= solution.tolerance
     assert 0 < (solution.z[:n] > 1.0 - 1e-6).sum() < n

@@ -22,10 +22,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
-from ...numerics.arrays import Vector
+from ...numerics import work
+from ...numerics.arrays import Mask, Vector, inner
 from ...numerics.rational import as_witness, nearest, rationals
-from ...numerics.rounding import UNIT_ROUNDOFF
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ...problem.data import ProblemData
 from ..answers import Answer
 
@@ -35,6 +37,13 @@ _RATIONAL = 30  #: rows up to which a system is solved in rational arithmetic
 _ZERO = 1e-9  #: what is smaller than this share of the largest entry of a computed y counts as zero
 _DENOMINATOR = 1000  #: denominators that are tried first: the rays of problems in small whole numbers have them
 _SECONDS = 1.0  #: for a linear program
+#: nanoseconds for an entry of A in fractions, by cProfile; how many are too many
+_FRACTION, _LONG = 3000.0, 4e8
+#: nanoseconds for k²m of a factorisation with pivoting of an m × k matrix, 7 s at m = 2600 and k = 1700 were measured;
+#: and how many are too many
+_PIVOTED, _LONGEST = 1.0, 2e9
+#: a direction is tried as a proof if what is wrong with it is so small a share of what it shows, and a tenth each time
+_SHOWN = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +55,14 @@ class Known:
     proof: str
 
 
-def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> Answer:
+def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, bounded: bool = True) -> Answer:
     """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale says nothing.
 
     Often Aᵀy is 0 in many rows, which floats seldom hold: tried are the simple fractions next to `y`, `y` itself, and
     where up to 30 of its entries are not 0 the exact solution of these equations. All is checked in rational
-    arithmetic. Returns True with the witness y, floats or fractions, and `number`, which (Az + q)ᵀy is at most, without
-    an obstacle above (q + Ac)ᵀy; else None. For an affine ψ `y` and the witness are (y, x), shape (2n,).
+    arithmetic, or, where that is not to be had and `bounded`, in floats with a bound on every rounding error. Returns
+    True with the witness y, floats or fractions, and `number`, which (Az + q)ᵀy is at most, without an obstacle above
+    (q + Ac)ᵀy; else None. For an affine ψ `y` and the witness are (y, x), shape (2n,).
     """
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
     if not problem.psi.is_constant:
@@ -71,7 +81,11 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None) -> A
         if exact is not None:
             break
     else:
-        return unknown
+        number = _bounded(problem, rows, y) if bounded else None
+        if number is None:
+            return unknown
+        said = f"{_weighted(y)} of Az + q, or a combination next to that, comes to {number:.3g} at most"
+        return Answer(True, f"no z is a solution: {said}, every rounding error being bounded", y, number)
     witness, number = [found.get(i, Fraction(0)) for i in range(problem.n)], nearest(exact)
     sign = "y >= 0 where there is an obstacle" if free.any() else "y >= 0"
     sums = f"{_weighted(witness)} of Az + q comes to {number:.3g} at most"
@@ -141,11 +155,83 @@ class _Rows(NamedTuple):
 
 
 def _tried(problem: ProblemData, y: Vector, support: np.ndarray, rows: _Rows) -> Iterator[Combination]:
+    cost = _FRACTION * float(np.diff(problem.A.indptr)[support].sum())
+    if cost > min(_LONG, work.nanoseconds_left()):
+        return
     yield {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
     yield {int(i): Fraction(float(y[i])) for i in support}
     if support.size <= _RATIONAL:
         yield _exact(problem, support, y, rows, support)  # a ray has zeros there, a linear program need not
         yield _exact(problem, support, y, rows, np.flatnonzero(np.isneginf(rows.low) & np.isposinf(rows.high)))
+
+
+class Recession:
+    """Directions along which iterates run away, tried as proofs that there is no solution.
+
+    Where A is monotone and no z has p ≥ 0 and r ≥ 0, the iterates z of a proximal or interior method grow, and their
+    direction y tends to a combination as in `infeasible`. What is wrong with y is how far Aᵀy is from the signs that it
+    needs, in the units of W; what it shows is −(q + Ac)ᵀy. Each y whose quotient is a tenth of the last one is tried.
+
+    Parameters
+    ----------
+    problem
+        The problem; where its obstacles are not constant no proof is tried.
+    """
+
+    def __init__(self, problem: ProblemData) -> None:
+        self.problem = problem
+        self.share = _SHOWN
+
+    def proof(self, y: Vector) -> Answer:
+        """What is proved by the direction `y`, shape (n,)."""
+        unknown = Answer(None, "the iterates do not run away")
+        problem = self.problem
+        if not problem.psi.is_constant:
+            return unknown
+        share = _share(problem, y)
+        if not share < self.share:
+            return unknown
+        self.share = 0.1 * share
+        return infeasible(problem, y, bounded=share < _ZERO)
+
+
+def contradicts(problem: ProblemData, y: Vector) -> bool:
+    """Whether `y`, shape (n,), is a combination as in `infeasible` up to rounding; constant obstacles."""
+    return _share(problem, y) < _ZERO
+
+
+@np.errstate(all="ignore")
+def _share(problem: ProblemData, y: Vector) -> float:
+    """What is wrong with `y` as a share of what it shows."""
+    rows = _Rows.of(problem)
+    root = np.sqrt(problem.matrix.proximal_weights)
+    y = np.where((rows.rises & (y > 0.0)) | (rows.falls & (y < 0.0)), y, 0.0)
+    columns = (problem.A.T @ y) / root
+    ends = root * np.where(columns > 0.0, rows.high, rows.low)
+    open_ = np.isinf(ends)
+    ends = np.where(open_, 0.0, ends)
+    shown = -(inner(problem.q, y) + inner(columns, ends))
+    if not shown > _ZERO * (inner(np.abs(problem.q), np.abs(y)) + inner(np.abs(columns), np.abs(ends))):
+        return np.inf
+    return float(np.abs(columns[open_]).max(initial=0.0)) / shown if shown > 0.0 else np.inf
+
+
+def least_violation(problem: ProblemData) -> tuple[ProblemData, Mask]:
+    """The ICP whose solution shows whether there is a z with p ≥ 0 and r ≥ 0, and which rows of p are asked for.
+
+    min ½‖(p)⁻‖² over ψ ≤ z ≤ ψ̄, constant obstacles, always has a solution, whether A is monotone or not. Its conditions
+    of optimality are an ICP in (z, y), y = (p)⁻ being what p ≥ 0 is violated by: −Aᵀy ⟂ ψ ≤ z ≤ ψ̄ and
+    y + Az + q ⟂ y ≥ 0, where p = 0 is asked for y of any sign, where p ≤ 0 is y ≤ 0. Where y is not 0 it is the y of
+    `infeasible`.
+    """
+    rows = _Rows.of(problem)
+    asked = rows.rises | rows.falls
+    K = problem.A[asked]
+    A = sp.block_array([[None, -K.T], [K, sp.eye_array(K.shape[0])]], format="csr")
+    low = np.where(rows.falls, -np.inf, 0.0)[asked]
+    high = np.where(rows.rises, np.inf, 0.0)[asked]
+    q = np.concatenate([np.zeros(problem.n), problem.q[asked]])
+    return ProblemData(A, q, np.concatenate([rows.low, low]), np.concatenate([rows.high, high])), asked
 
 
 def multipliers(problem: ProblemData) -> Vector | None:
@@ -242,3 +328,70 @@ def _exact(problem: ProblemData, support: np.ndarray, y: Vector, bounds: _Rows, 
     for top, column in enumerate(done):
         x[column] = -sum((rows[top][j] * x[j] for j in left), Fraction(0)) / rows[top][column]
     return dict(zip(map(int, support), x, strict=True))
+
+
+@np.errstate(all="ignore")
+def _bounded(problem: ProblemData, rows: _Rows, y: Vector) -> float | None:
+    """What (Az + q)ᵀx is at most, for some x next to `y`, where that is negative, all rounding being bounded."""
+    used = np.flatnonzero(y)
+    y, right, K = y[used], problem.q[used], problem.A[used]
+    signed = ~(rows.rises & rows.falls)[used]
+    size = abs(K)
+    # two more than the operations of a sum, twice, as for all sums here
+    loss = 2.0 * (K.shape[0] + problem.n + 4) * UNIT_ROUNDOFF
+    tiny = (K.shape[0] + problem.n) * SMALLEST
+    columns = K.T @ y
+    off = loss * (size.T @ np.abs(y)) + tiny
+    has_low, has_high, empty = np.isfinite(rows.low), np.isfinite(rows.high), size.sum(axis=0) == 0
+
+    def sure() -> Any:
+        return ((columns - off >= 0) & has_high) | ((columns + off <= 0) & has_low) | (has_low & has_high) | empty
+
+    open_ = np.flatnonzero(~sure())
+    moved = np.zeros(y.size)
+    if open_.size:
+        found = _moved(K, y, signed, open_, np.abs(columns[open_]) + off[open_], loss)
+        if found is None:
+            return None
+        basis, by = found
+        moved[basis] = by
+        if (signed[basis] & (np.abs(y[basis]) < by)).any():
+            return None
+        off += 1.01 * (size.T @ moved)
+        if not np.delete(sure(), open_).all():
+            return None
+        columns[open_] = off[open_] = 0.0
+    # the most that wᵀz can be, w anywhere within `off` of the columns, and that qᵀx can be
+    low, high = (np.where(np.isfinite(end), end, 0.0) for end in (rows.low, rows.high))
+    reach = np.maximum(np.abs(low), np.abs(high))
+    ends = np.where(columns > 0, high, low)
+    most = columns @ ends + off @ reach + right @ y + np.abs(right) @ moved
+    terms = (np.abs(columns) + 2.0 * off) @ reach + np.abs(right) @ (np.abs(y) + moved)
+    most += 4.0 * loss * terms + tiny
+    return float(most) if most < 0.0 else None
+
+
+def _moved(
+    K: Any, y: Vector, signed: Mask, open_: NDArray[np.intp], wrong: Vector, loss: float
+) -> tuple[NDArray[np.intp], float] | None:
+    """Which entries of y are moved, and by how much at the most, so that these columns of Kᵀy are exactly 0."""
+    from scipy.linalg import qr
+
+    k = open_.size
+    cost = _PIVOTED * float(k) * k * y.size
+    if k > y.size or cost > min(_LONGEST, work.nanoseconds_left()) or not work.fits(24.0 * k * y.size):
+        return None
+    work.add(cost)
+    N = K[:, open_].toarray().T
+    weights = np.where(signed, np.abs(y), np.abs(y).max())
+    basis = qr(N * weights, mode="r", pivoting=True)[1][:k]
+    N = N[:, basis]
+    try:
+        R = np.linalg.inv(N)
+    except np.linalg.LinAlgError:
+        return None
+    rounded = loss * (np.abs(R) @ np.abs(N)).sum(axis=1).max()
+    alpha = 1.01 * (np.abs(np.eye(k) - R @ N).sum(axis=1).max() + rounded)
+    if not alpha < 0.5:
+        return None
+    return basis, float(1.01 * np.abs(R).sum(axis=1).max() * wrong.max() / (1.0 - alpha))

@@ -1,0 +1,141 @@
+"""The interior method: monotone problems with one obstacle or two, fixed or moving; proofs; and what is redundant."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import icpmodel as icp
+from icpmodel import Status
+from icpmodel.algebra.redundant import without_redundant_rows
+
+
+def run(problem, **options):
+    return problem.solve("interior", raise_on_failure=False, **options)
+
+
+def pile(rng, m, decades=1.0):
+    """m × m bodies that move in two directions, each in contact with three neighbours in any direction: p = J·velocity.
+
+    At rest nothing penetrates, so that there is a solution; the rows of J are dependent. Masses differ by `decades`.
+    """
+    index = np.arange(m * m).reshape(m, m)
+    pairs = [(index[:, :-1], index[:, 1:]), (index[:-1], index[1:]), (index[:-1, :-1], index[1:, 1:])]
+    i, j = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
+    angle, rows = rng.uniform(0, 2 * np.pi, i.size), np.arange(i.size)
+    x, y = np.cos(angle), np.sin(angle)
+    places = np.tile(rows, 4), np.concatenate([2 * i, 2 * i + 1, 2 * j, 2 * j + 1])
+    J = sp.csr_array(sp.coo_array((np.concatenate([-x, -y, x, y]), places)))
+    mass = np.repeat(10.0 ** (decades * rng.uniform(-0.5, 0.5, m * m)), 2)
+    return icp.ICP(J @ sp.diags_array(1.0 / mass) @ J.T, J @ rng.normal(size=2 * m * m))
+
+
+def convex_regression(rng, knots):
+    """min ½‖x − y‖² with slopes that do not fall, and its multipliers, which move x next to nothing."""
+    gaps = np.diff(np.sort(rng.random(knots)) * knots) + 1e-3
+    slopes = sp.diags_array(1 / gaps, offsets=0, shape=(knots - 1, knots - 1)) @ np.diff(np.eye(knots), axis=0)
+    G, at = np.diff(slopes, axis=0), np.append(0.0, np.cumsum(gaps)) / knots
+    y = 3.0 * (at - 0.5) ** 2 + 0.3 * rng.standard_normal(knots)
+    A = sp.block_array([[sp.eye_array(knots), -G.T], [G, None]])
+    return icp.ICP(A, np.append(-y, np.zeros(knots - 2)), np.repeat([-np.inf, 0.0], [knots, knots - 2]))
+
+
+def shortest_path(rng, n):
+    """A path of n arcs and back: the residual creeps for 35 steps, while s comes to p in all of them."""
+    low, arcs = np.arange(n), np.arange(2 * n)
+    start, end = np.concatenate([low, low + 1]), np.concatenate([low + 1, low])
+    B = sp.csr_array((np.repeat([-1.0, 1.0], 2 * n), (np.concatenate([start, end]), np.tile(arcs, 2))))
+    demand = np.zeros(n + 1)
+    demand[[0, -1]] = -1.0, 1.0
+    return icp.ICP(sp.block_array([[None, -B.T], [B, None]]), np.append(rng.uniform(1.0, 3.0, 2 * n), -demand))
+
+
+def dependent_equations(rng, n):
+    """Equations without a diagonal of their own, one of them twice."""
+    B = rng.integers(-3, 4, (n, 2 * n)).astype(float)
+    B[0] = B[-1]
+    A = np.block([[np.zeros((2 * n, 2 * n)), -B.T], [B, np.zeros((n, n))]])
+    q = np.append(rng.random(2 * n) + 1.0, -B @ rng.random(2 * n))
+    return icp.ICP(A, q, np.repeat([0.0, -np.inf], [2 * n, n]))
+
+
+CASES = {
+    "pile": lambda rng: pile(rng, 10),
+    "masses": lambda rng: pile(rng, 14, decades=8.0),
+    "regression": lambda rng: convex_regression(rng, 500),
+    "path": lambda rng: shortest_path(rng, 1000),
+    "dependent": lambda rng: dependent_equations(rng, 8),
+}
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("name", CASES)
+def test_semidefinite_problems_take_few_steps(name, seed):
+    solution = run(CASES[name](np.random.default_rng(seed)))
+    assert solution.solved
+    assert solution.iterations <= 60
+
+
+def moving(rng, above):
+    """A solvable problem with a monotone A and affine obstacles that move with all unknowns."""
+    n = int(rng.integers(5, 40))
+    B = rng.normal(size=(n, int(rng.integers(1, n + 1))))
+    G = rng.uniform(-1.0, 1.0, (n, n))
+    G *= 0.8 / np.abs(G).sum(axis=1, keepdims=True)
+    r, p = rng.random((2, n)) * (rng.random(n) < 0.5) * [[1.0], [0.0]] + rng.random((2, n)) * [[0.0], [1.0]]
+    z = rng.normal(size=n)
+    p[r > 0] = 0.0
+    upper = icp.Affine(G, z + 1.0 - G @ z) if above else None
+    return icp.ICP(B @ B.T, p - B @ (B.T @ z), icp.Affine(G, z - r - G @ z), upper=upper)
+
+
+@pytest.mark.parametrize("above", [False, True])
+def test_obstacles_that_move_are_followed(above):
+    for seed in range(10):
+        assert run(moving(np.random.default_rng(seed), above)).solved
+
+
+def test_equations_alone_are_solved_by_newton_steps():
+    """Nothing is bounded: there is no longest step and no complementarity to measure."""
+    B = np.array([[7e3, 1.0, 2.0], [-2e4, 3.0, 1.0], [1.5e4, 1.0, 0.0]])
+    assert run(icp.ICP(B @ B.T, [-0.36, 0.21, 0.96], -np.inf)).solved
+
+
+@pytest.mark.parametrize("method", ["interior", None])
+@pytest.mark.parametrize("boxed", [False, True])
+def test_what_has_no_solution_ends_with_a_proof(method, boxed):
+    """x ≥ 0 with eᵀx ≤ −1, in a program and its dual; with an upper bound on x the proof takes it into account."""
+    rng = np.random.default_rng(1)
+    B = np.vstack([rng.integers(-2, 3, (30, 40)), np.full(40, -1.0)])
+    A = sp.block_array([[None, -sp.csr_array(B).T], [sp.csr_array(B), None]])
+    q = np.concatenate([rng.random(40), rng.random(30), [-1.0]])
+    upper = np.append(np.full(40, 5.0), np.full(31, np.inf)) if boxed else None
+    solution = icp.ICP(A, q, upper=upper).solve(method, raise_on_failure=False)
+    assert solution.status is Status.INFEASIBLE
+    y = np.array([float(x) for x in solution.infeasible.witness])
+    columns = A.T @ y
+    assert (y >= 0).all()
+    assert q @ y + 5.0 * np.maximum(columns[:40], 0.0).sum() * boxed < 0
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_what_redundant_rows_are_left_out_changes_no_solution(seed):
+    """Fixed unknowns, empty rows, rows that repeat others with any factor, in a program with its multipliers."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(1, 6)), int(rng.integers(1, 6))
+    P, G = np.diag(rng.integers(0, 3, n)).astype(float), rng.integers(-2, 3, (m, n)).astype(float)
+    rows = rng.integers(0, m, m)
+    G = np.vstack([G, rng.integers(1, 4, (m, 1)) * G[rows], np.zeros((1, n))])
+    x = rng.integers(-2, 3, n).astype(float)
+    slack = rng.integers(0, 2, 2 * m + 1).astype(float)
+    A = np.block([[P, G.T], [-G, np.zeros((2 * m + 1, 2 * m + 1))]])
+    q = np.append(rng.integers(-2, 3, n), G @ x + slack)
+    low = np.append(x - rng.integers(0, 2, n), np.where(rng.random(2 * m + 1) < 0.3, -np.inf, 0.0))
+    upper = np.append(x + rng.integers(0, 2, n), np.full(2 * m + 1, np.inf))
+    problem = icp.ICP(A, q, low, upper=upper)
+    smaller = icp.solve(without_redundant_rows(problem), "proximal", raise_on_failure=False)
+    whole = problem.solve("proximal", raise_on_failure=False)
+    assert not whole.solved or smaller.solved
+    assert not smaller.solved or problem.residual(smaller.z) <= 1e-6 * max(problem.residual_at_0(), 1.0)
