@@ -44,10 +44,14 @@ from .modelling.cvxpy.cvxpy_problem import Problem as Problem
 from .modelling.cvxpy.qp_solver import cvxpy_solver as cvxpy_solver
 from .modelling.files import load_problem as load_problem
 from .modelling.files import save_problem as save_problem
+from .modelling.programs.least_squares import LeastSquares as LeastSquares
+from .modelling.programs.least_squares import solve_lsq as solve_lsq
+from .modelling.programs.least_squares import solve_nnls as solve_nnls
+from .modelling.programs.qpsolvers_interface import qpsolvers_solver as qpsolvers_solver
+from .modelling.programs.solve_qp import ProgramSolution as ProgramSolution
+from .modelling.programs.solve_qp import solve_avi as solve_avi
+from .modelling.programs.solve_qp import solve_qp as solve_qp
 from .modelling.pyomo.legacy_interface import pyomo_solver as pyomo_solver
-from .modelling.quadratic.qpsolvers_interface import qpsolvers_solver as qpsolvers_solver
-from .modelling.quadratic.solve_qp import QpSolution as QpSolution
-from .modelling.quadratic.solve_qp import solve_qp as solve_qp
 from .modelling.solution_files import load_solution as load_solution
 from .modelling.solution_files import save_solution as save_solution
 from .problem.affine import Affine as Affine

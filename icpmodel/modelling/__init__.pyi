@@ -4,10 +4,14 @@ from .cvxpy.cvxpy_problem import Problem as Problem
 from .cvxpy.qp_solver import cvxpy_solver as cvxpy_solver
 from .files import load_problem as load_problem
 from .files import save_problem as save_problem
+from .programs.least_squares import LeastSquares as LeastSquares
+from .programs.least_squares import solve_lsq as solve_lsq
+from .programs.least_squares import solve_nnls as solve_nnls
+from .programs.qpsolvers_interface import qpsolvers_solver as qpsolvers_solver
+from .programs.solve_qp import ProgramSolution as ProgramSolution
+from .programs.solve_qp import solve_avi as solve_avi
+from .programs.solve_qp import solve_qp as solve_qp
 from .pyomo.legacy_interface import pyomo_solver as pyomo_solver
 from .pyomo.models import read_pyomo as read_pyomo
-from .quadratic.qpsolvers_interface import qpsolvers_solver as qpsolvers_solver
-from .quadratic.solve_qp import QpSolution as QpSolution
-from .quadratic.solve_qp import solve_qp as solve_qp
 from .solution_files import load_solution as load_solution
 from .solution_files import save_solution as save_solution

@@ -5,18 +5,10 @@ from fractions import Fraction
 import cvxpy as cp
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from cvxpy.reductions.dcp2cone.cone_matrix_stuffing import ConeMatrixStuffing
 from cvxpy_programs import PROGRAMS
 
 import icpmodel as icp
-from icpmodel.modelling.cvxpy.qp_solver import program_of
-from icpmodel.modelling.quadratic.central_path import CentralPath
-from icpmodel.modelling.quadratic.kkt import DenseSystems, SoftRows
-from icpmodel.modelling.quadratic.program import Program
-from icpmodel.modelling.quadratic.proofs import EXACTLY, VERIFIED
-from icpmodel.modelling.quadratic.reduction import ProgramLcp
-from icpmodel.modelling.quadratic.solve_program import solve_program
 
 TIGHT = {
     "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
@@ -116,7 +108,7 @@ def test_infeasible_and_unbounded_are_proved(name):
     assert np.isinf(problem.value)
     assert all(v.value is None for v in problem.variables())
     if name != "zero row":
-        assert problem.solver_stats.extra_stats.message.endswith((EXACTLY, VERIFIED))
+        assert "up to rounding" not in problem.solver_stats.extra_stats.message
 
 
 def many_bounds(n=300):
@@ -137,24 +129,6 @@ def test_units_do_not_matter(unit):
         assert x.value * size == pytest.approx([1, 0, 0], abs=1e-8)
     no_value = cp.Problem(cp.Minimize(cp.sum_squares(unit * x)), [unit * x >= 1, cp.sum(x) <= 2 / unit])
     assert solve(no_value).status == cp.INFEASIBLE
-
-
-def test_bounds_only_are_an_lcp_in_x_alone():
-    """Lower bounds, upper ones, or none, on different variables; no row is left."""
-    y = cp.Variable(4)
-    S = np.array([[4.0, 1, 0, 1], [1, 3, 1, 0], [0, 1, 3, 1], [1, 0, 1, 4]])
-    rows = [2 * y[0] >= 1, y[0] >= 0.25, y[1] <= -1, -3 * y[2] >= -0.3]
-    objective = cp.Minimize(0.5 * cp.quad_form(y, S) - np.array([0, 3, 4, 1]) @ y)
-    problem = solve(cp.Problem(objective, rows))
-    theirs = cp.Problem(objective, [2 * y[0] >= 1, y[0] >= 0.25, y[1] <= -1, -3 * y[2] >= -0.3])
-    values, duals = y.value, [row.dual_value for row in rows]
-    theirs.solve(solver="CLARABEL", **TIGHT["CLARABEL"])
-    program = program_of(problem.get_problem_data(icp.cvxpy_solver())[0])
-    assert ProgramLcp(program).only_bounds
-    assert ProgramLcp(program).problem.n == 4
-    assert problem.solver_stats.extra_stats.residual <= 1e-9
-    assert values == pytest.approx(y.value, abs=1e-7)
-    assert duals == pytest.approx([row.dual_value for row in theirs.constraints], abs=1e-6)
 
 
 def test_bounds_of_variables_and_parameters_arrive():
@@ -180,31 +154,6 @@ def test_a_series_is_compiled_once(monkeypatch):
     assert len(calls) == 1
 
 
-def test_support_vectors_and_dense_programs_need_few_steps():
-    """And no search for an order of the rows: soft constraints leave a small dense matrix."""
-    random = np.random.default_rng(1)
-    G, L = random.normal(size=(300, 100)), random.normal(size=(40, 100))
-    dense = cp.Variable(100)
-    objective = cp.Minimize(0.5 * cp.quad_form(dense, cp.psd_wrap(L.T @ L)) + random.normal(size=100) @ dense)
-    for problem in (PROGRAMS[3](rows=500, n=5), cp.Problem(objective, [G @ dense <= 1])):
-        data = program_of(problem.get_problem_data(icp.cvxpy_solver())[0])
-        path = CentralPath(ProgramLcp(data))
-        systems = path.systems
-        assert isinstance(systems.inner if isinstance(systems, SoftRows) else systems, DenseSystems)
-        assert solve(problem).status == cp.OPTIMAL
-        assert problem.solver_stats.num_iters <= 30
-    assert isinstance(CentralPath(ProgramLcp(Program.of(*a_soft_program()))).systems, SoftRows)
-
-
-def a_soft_program(rows=200, n=3):
-    """min ½|x|² + Σs subject to Xx + s ≥ 1, s ≥ 0."""
-    X, one = np.random.default_rng(2).normal(size=(rows, n)), sp.eye_array(rows)
-    F = sp.csr_array(sp.block_array([[-X, -one], [None, -one]]))
-    P = sp.diags_array(np.append(np.ones(n), np.zeros(rows)))
-    sides = np.append(-np.ones(rows), np.zeros(rows))
-    return P, np.append(np.zeros(n), np.ones(rows)), sp.csr_array((0, n + rows)), np.zeros(0), F, sides
-
-
 def test_the_options_are_checked_and_work(capsys):
     problem = cp.Problem(cp.Minimize(cp.sum_squares(x - 1)), [cp.sum(x) == 1])
     for option, value, sentence in (
@@ -215,7 +164,7 @@ def test_the_options_are_checked_and_work(capsys):
         with pytest.raises(icp.InputError, match=sentence):
             solve(problem, **{option: value})
     assert solve(problem, tolerance=1e-3, time_limit=60).status == cp.OPTIMAL
-    assert solve(problem).solver_stats.solver_name == "ICPMODEL"
+    assert solve(problem, warm_start=False).solver_stats.solver_name == "ICPMODEL"
     assert problem.solver_stats.num_iters >= 1
     problem.solve(solver=icp.cvxpy_solver(), verbose=True)
     assert "icpmodel: optimal after" in capsys.readouterr().out
@@ -227,7 +176,7 @@ def test_out_of_time_is_a_status_of_this_solve():
     problem = solve(PROGRAMS[0]())
     value = problem.value
     for _ in range(2):
-        assert solve(problem, time_limit=1e-9).status == cp.USER_LIMIT
+        assert solve(problem, time_limit=1e-9, warm_start=False).status == cp.USER_LIMIT
         assert all(np.isfinite(v.value).all() for v in problem.variables())
     assert solve(problem).status == cp.OPTIMAL
     assert problem.value == pytest.approx(value)
@@ -245,8 +194,7 @@ def test_what_is_no_quadratic_program_is_refused_by_cvxpy():
 def test_ctrl_c_is_not_swallowed(make, monkeypatch):
     """By a step, or where there are bounds only."""
     program = make()
-    monkeypatch.setattr(icp.ICP, "residual", lambda *_: interrupt())
-    monkeypatch.setattr(CentralPath, "advance", lambda *_: interrupt())
+    monkeypatch.setattr(icp.ICP, "p", lambda *_: interrupt())
     with pytest.raises(KeyboardInterrupt):
         solve(program)
 
@@ -299,10 +247,12 @@ def terms_of(row, x, others):
 @pytest.mark.parametrize("seed", range(40))
 def test_optimal_is_said_of_what_is_optimal_in_the_units_of_the_user(seed):
     """Rows, gradient, signs and gap hold to 1e-6 of their terms, whatever the units; judged in fractions."""
-    data = a_wild_program(seed)
-    found = solve_program(Program.of(*(sp.csr_array(a) if np.ndim(a) == 2 else a for a in data)), time_limit=0.5)
-    if found.status == cp.OPTIMAL:
-        for wrong, size in faults(data, *found.values):
+    P, q, A, b, F, g = data = a_wild_program(seed)
+    rows = {"A": A, "b": b} if b.size else {}
+    rows |= {"G": F, "h": g} if g.size else {}
+    found = icp.solve_qp(P, q, **rows, time_limit=2.0, raise_on_failure=False)
+    if found.found:
+        for wrong, size in faults(data, found.x, found.y, found.z):
             assert abs(wrong) <= 1e-6 * size
 
 

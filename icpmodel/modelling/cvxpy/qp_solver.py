@@ -1,4 +1,4 @@
-"""icpmodel as a solver of CVXPY: convex quadratic programs as ICPs, with proofs where there is no answer."""
+"""icpmodel as a solver of CVXPY: convex quadratic programs as ICPs, with proofs where there is no solution."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ from typing import Any
 
 import cvxpy as cp
 import numpy as np
+import scipy.sparse as sp
 from cvxpy import settings as s
 from cvxpy.reductions.solution import Solution as CvxpySolution
 from cvxpy.reductions.solution import failure_solution
 from cvxpy.reductions.solvers import utilities
 from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
 
-from ...errors import InputError, OutOfMemory
+from ...errors import InputError
 from ...numerics.arrays import as_number
-from ..quadratic.program import Matrices, Program
-from ..quadratic.reduction import Frame
-from ..quadratic.solve_program import ProgramOutcome, solve_program
+from ..programs.program import Program
+from ..programs.solve_program import Outcome, solve_program
 
-_ADVICE = "a solver that needs no factors may take it: solver=cp.SCS, solver=cp.PDLP"
 _OPTIONS = ("tolerance", "time_limit")
 
 
@@ -40,36 +39,29 @@ class IcpSolver(QpSolver):
 
     def solve_via_data(
         self, data: Any, warm_start: bool, verbose: bool, solver_opts: Any, solver_cache: Any = None
-    ) -> ProgramOutcome:
+    ) -> Outcome:
         """Solve what CVXPY has compiled. Raises InputError for a wrong option, SolverError where nothing is found."""
         for option in solver_opts:
             if option not in _OPTIONS:
                 raise InputError(f"the solver ICPMODEL has no option {option}; it takes {', '.join(_OPTIONS)}")
         limits: dict[str, Any] = {name: as_number(value, name, above=0) for name, value in solver_opts.items()}
         before = solver_cache.get(self.name()) if warm_start and solver_cache is not None else None
-        frame, active = before if before is not None else (None, None)
-        program = program_of(data, frame)
-        if frame is None or not frame.is_of(program):
-            frame = Frame(program.matrices, program.g < np.inf)
-        try:
-            outcome = solve_program(program, frame=frame, active=active, **limits)
-        except OutOfMemory as error:
-            raise cp.SolverError(f"icpmodel: {error}; {_ADVICE}") from error
+        outcome = solve_program(program_of(data), before=before, **limits)
         if solver_cache is not None:
-            solver_cache[self.name()] = frame, outcome.active
+            solver_cache[self.name()] = outcome
         if verbose:
-            print(f"icpmodel: {outcome.status} after {outcome.steps} steps: {outcome.message}")
+            print(f"icpmodel: {outcome.status} after {outcome.iterations} steps: {outcome.message}")
         if outcome.status == s.SOLVER_ERROR:
             raise cp.SolverError(f"icpmodel: {outcome.message}")
         return outcome
 
-    def invert(self, solution: ProgramOutcome, inverse_data: Any) -> CvxpySolution:
-        attributes = {s.SOLVE_TIME: solution.seconds, s.NUM_ITERS: solution.steps, s.EXTRA_STATS: solution}
+    def invert(self, solution: Outcome, inverse_data: Any) -> CvxpySolution:
+        attributes = {s.SOLVE_TIME: solution.seconds, s.NUM_ITERS: solution.iterations, s.EXTRA_STATS: solution}
         if solution.values is None:
             return failure_solution(solution.status, attributes)
         duals: dict[Any, Any] = {}
-        x, *multipliers = solution.values
-        for values, key in zip(multipliers, (self.EQ_CONSTR, self.NEQ_CONSTR), strict=True):
+        x, equality, inequality, _ = solution.values
+        for values, key in ((equality, self.EQ_CONSTR), (inequality, self.NEQ_CONSTR)):
             duals |= utilities.get_dual_values(values, utilities.extract_dual_value, inverse_data[key])
         value = solution.objective + inverse_data[s.OFFSET]
         return CvxpySolution(solution.status, value, {self.VAR_ID: x}, duals, attributes)
@@ -79,13 +71,12 @@ class IcpSolver(QpSolver):
 def cvxpy_solver() -> IcpSolver:
     """icpmodel as a solver for CVXPY's `Problem.solve(solver=…)`: convex quadratic and linear programs.
 
-    Large programs with bounds only go to `icpmodel.solve`; others by Newton's method for the modulus equation of their
-    KKT system, see `icpmodel.modelling.quadratic`. P is taken as semidefinite, which CVXPY has checked. Duals are
-    returned. "infeasible" and "unbounded" are proved, "infeasible_inaccurate" and "unbounded_inaccurate" up to
-    rounding. `Problem.solve` takes the options `tolerance` (1e-9, of the residual of the ICP, in units in which its
-    data are about 1) and `time_limit` in seconds, after which the status is "user_limit" and the variables have the
-    best iterate. With `warm_start`, as by default, a problem that is solved again begins with the constraints that were
-    active in the last answer.
+    The conditions of optimality are an ICP, which `icpmodel.solve` solves. P is taken as semidefinite, which CVXPY has
+    checked. Duals are returned. "infeasible" and "unbounded" are proved, "infeasible_inaccurate" and
+    "unbounded_inaccurate" up to rounding. `Problem.solve` takes the options `tolerance` (1e-9: in the units of the
+    program nothing is wrong by more than that) and `time_limit` in seconds, after which the status is
+    "user_limit" and the variables have the best iterate. With `warm_start`, as by default, a problem that is solved
+    again begins with the last solution, and with what is known of its matrices.
     Returns always the same object, by which CVXPY knows that a problem with parameters need not be compiled again.
 
     >>> import cvxpy as cp
@@ -97,8 +88,12 @@ def cvxpy_solver() -> IcpSolver:
     return IcpSolver()
 
 
-def program_of(data: Any, like: Frame | None = None) -> Program:
-    """What CVXPY has compiled, by its own names for the parts, with the matrices of one `like` it if they are its."""
-    parts = tuple(data[key] for key in (s.P, s.A, s.F))
-    matrices = Matrices(*parts) if like is None or not like.matrices.is_of(parts) else like.matrices
-    return Program(matrices, *(np.asarray(data[key], dtype=np.float64) for key in (s.Q, s.B, s.G)))
+def program_of(data: Any) -> Program:
+    """What CVXPY has compiled, by its own names for the parts."""
+    P, A, F = (sp.csr_array(data[key], dtype=np.float64) for key in (s.P, s.A, s.F))
+    for M in (P, A, F):
+        M.sum_duplicates()
+        M.eliminate_zeros()
+    q, b, g = (np.asarray(data[key], dtype=np.float64) for key in (s.Q, s.B, s.G))
+    none = np.full(q.size, np.inf)
+    return Program(P, q, F, g, A, b, -none, none)

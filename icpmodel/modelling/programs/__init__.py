@@ -1,0 +1,1 @@
+"""Quadratic programs, affine variational inequalities and least squares as complementarity problems."""

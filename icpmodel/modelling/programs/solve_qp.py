@@ -1,0 +1,269 @@
+"""`solve_qp` and `solve_avi`: quadratic programs and affine variational inequalities from their arrays."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...crosscheck import crosscheck
+from ...crosscheck.report import Report
+from ...errors import NotSolved, by_name
+from ...icp import ICP
+from ...numerics.arrays import Vector, as_number, as_truth, as_vector
+from ...numerics.rounding import sheltered
+from ...present.shown import Shown
+from ...theory.certificates.bounds import ErrorBound
+from .distance import distance
+from .program import Program, Values, conditions_of
+from .program_arguments import check_convex, read
+from .solve_program import solve_program
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProgramSolution(Shown):
+    """The result of `solve_qp` and of `solve_avi`, H being P and g being q in a quadratic program.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        The best iterate; NaN where it is proved that there is no solution.
+    y, z, z_box : ndarray
+        The multipliers of Ax = b, of any sign, of Gx ≤ h, ≥ 0, and of the bounds, ≥ 0 where x_i = ub_i and ≤ 0 where
+        x_i = lb_i: Hx + g + Gᵀz + Aᵀy + z_box = 0.
+    objective : float
+        ½xᵀHx + gᵀx; NaN where H is not symmetric.
+    status : str
+        "optimal"; "optimal_inaccurate"; "infeasible", "unbounded", which are proved, or with "_inaccurate" proved up to
+        rounding; "infeasible_or_unbounded"; "user_limit" or "solver_error".
+    message : str
+        What the status rests on.
+    violation : float
+        How far x and the multipliers are from the conditions of optimality: the largest of what is wrong in a row of
+        Ax = b, Gx ≤ h, the bounds, stationarity or complementarity, as a share of the sum of its |terms|, and of the
+        gap, as a share of its own.
+    iterations : int
+        Steps of all methods.
+    seconds : float
+
+    Examples
+    --------
+    >>> icp.solve_qp([[2.0]], [-2.0])
+    ProgramSolution(optimal: x = [1.], objective = -1)
+    """
+
+    x: Vector
+    y: Vector
+    z: Vector
+    z_box: Vector
+    objective: float
+    status: str
+    message: str
+    violation: float
+    iterations: int
+    seconds: float
+    _program: Program = field(repr=False)
+
+    @property
+    def found(self) -> bool:
+        """Whether x is optimal.
+
+        >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).found
+        True
+        """
+        return self.status == "optimal"
+
+    @property
+    def conditions(self) -> ICP:
+        """The conditions of optimality as an ICP, in the unknowns (x, y, z).
+
+        >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).conditions
+        ICP(n=1, nnz=1, psi=Constant(-inf), upper=Constant(0.5))
+        """
+        return conditions_of(self._program)
+
+    @cached_property
+    def error_bound(self) -> ErrorBound:
+        """How far x can be from the solution, where H is strongly monotone, and whether there is only one.
+
+        >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).error_bound.value < 1e-14
+        True
+        """
+        return distance(self._program, Values(self.x, self.y, self.z, self.z_box))
+
+    def crosscheck(
+        self, solvers: Any = None, *, atol: float | None = None, time_limit: float = 60.0, progress: bool = False
+    ) -> Report:
+        """Independent solvers on the same conditions: see `icpmodel.crosscheck`, which has these options.
+
+        >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).crosscheck(["osqp"]).agrees
+        True
+        """
+        z = np.concatenate([self.x, self.y, self.z])
+        return crosscheck(self.conditions, z, solvers, atol=atol, time_limit=time_limit, progress=progress)
+
+    def __repr__(self) -> str:
+        if not self.found:
+            return f"ProgramSolution({self.status}: {self.message})"
+        value = "" if np.isnan(self.objective) else f", objective = {self.objective:.6g}"
+        with np.printoptions(threshold=8, precision=6):
+            return f"ProgramSolution({self.status}: x = {self.x}{value})"
+
+
+@sheltered
+@by_name("solve_qp")
+def solve_qp(
+    P: Any,
+    q: Any,
+    G: Any = None,
+    h: Any = None,
+    A: Any = None,
+    b: Any = None,
+    lb: Any = None,
+    ub: Any = None,
+    *,
+    initvals: Any = None,
+    tolerance: float = 1e-9,
+    time_limit: float | None = None,
+    raise_on_failure: bool = True,
+) -> ProgramSolution:
+    """Minimise ½xᵀPx + qᵀx subject to Gx ≤ h, Ax = b and lb ≤ x ≤ ub.
+
+    The arguments are those of qpsolvers. The conditions of optimality are an ICP with a positive semidefinite matrix,
+    which `solve` solves; where there is no solution that is proved.
+
+    Parameters
+    ----------
+    P : array or sparse matrix, shape (n, n)
+        Symmetric and positive semidefinite.
+    q : array, shape (n,)
+    G, A : array or sparse matrix, shape (m, n) and (k, n), optional
+    h, b : array, shape (m,) and (k,), optional
+        h is +inf where a row says nothing.
+    lb, ub : array, shape (n,), or float, optional
+        −inf and +inf where there is no bound.
+    initvals : array, shape (n,), optional
+        An x near the solution.
+    tolerance : float
+        In the units of the program nothing is wrong by more than that, see `ProgramSolution.violation`.
+    time_limit : float, optional
+        In seconds, kept to within a tenth and .2 s.
+    raise_on_failure : bool
+
+    Returns
+    -------
+    ProgramSolution
+
+    Raises
+    ------
+    InputError
+        Where an argument is wrong, or P is not symmetric or certainly not semidefinite.
+    NotSolved
+        Where no optimum is found, with the `solution`, unless `raise_on_failure` is False.
+
+    References
+    ----------
+    Cottle, Pang and Stone, The Linear Complementarity Problem (2009), section 1.2.
+
+    Examples
+    --------
+    >>> solution = icp.solve_qp([[2, 0], [0, 2]], [-2, -6], G=[[1, 1]], h=[2], lb=0)
+    >>> solution.x, solution.z, round(solution.objective, 9)
+    (array([0., 2.]), array([2.]), -8.0)
+    >>> icp.solve_qp([[1.0]], [0.0], lb=1, ub=0, raise_on_failure=False).status
+    'infeasible'
+    """
+    begin = time.perf_counter()
+    program = read(P, q, G, h, A, b, lb, ub, ("P", "q"))
+    check_convex(program.H)
+    return _solved(program, initvals, tolerance, time_limit, raise_on_failure, begin)
+
+
+@sheltered
+@by_name("solve_avi")
+def solve_avi(
+    H: Any,
+    g: Any,
+    G: Any = None,
+    h: Any = None,
+    A: Any = None,
+    b: Any = None,
+    lb: Any = None,
+    ub: Any = None,
+    *,
+    initvals: Any = None,
+    tolerance: float = 1e-9,
+    time_limit: float | None = None,
+    raise_on_failure: bool = True,
+) -> ProgramSolution:
+    """Find x in C = {Gx ≤ h, Ax = b, lb ≤ x ≤ ub} with (Hx + g)ᵀ(y − x) ≥ 0 for all y in C.
+
+    This affine variational inequality is the conditions of a quadratic program where H is symmetric, and those of a
+    game or an equilibrium where it is not. An x that is returned as "optimal" solves it, whatever H is. That one is
+    found is certain where H is monotone (xᵀHx ≥ 0) and there is one; else the methods may fail.
+
+    Parameters
+    ----------
+    H : array or sparse matrix, shape (n, n)
+        It need not be symmetric.
+    g : array, shape (n,)
+    G, h, A, b, lb, ub, initvals, tolerance, time_limit, raise_on_failure
+        As in `solve_qp`.
+
+    Returns
+    -------
+    ProgramSolution
+        "infeasible" where C is empty or no x in C solves the inequality, both with a proof.
+
+    Raises
+    ------
+    InputError
+        Where an argument is wrong.
+    NotSolved
+        Where no solution is found, with the `solution`, unless `raise_on_failure` is False.
+
+    References
+    ----------
+    Facchinei and Pang, Finite-Dimensional Variational Inequalities and Complementarity Problems (2003), section 1.2.
+
+    Examples
+    --------
+    >>> solution = icp.solve_avi([[2, 1], [-1, 2]], [-3, -3], G=[[1, 1]], h=[1], lb=0)
+    >>> solution.x.round(9), solution.z.round(9), solution.error_bound.unique
+    (array([0.25, 0.75]), array([1.75]), True)
+    """
+    begin = time.perf_counter()
+    program = read(H, g, G, h, A, b, lb, ub, ("H", "g"))
+    return _solved(program, initvals, tolerance, time_limit, raise_on_failure, begin)
+
+
+def _solved(
+    program: Program, initvals: Any, tolerance: Any, time_limit: Any, raise_on_failure: Any, begin: float
+) -> ProgramSolution:
+    as_truth(raise_on_failure, "raise_on_failure")
+    as_number(tolerance, "tolerance", above=0)
+    if time_limit is not None:
+        time_limit = as_number(time_limit, "time_limit", above=0)
+        time_limit = max(time_limit - (time.perf_counter() - begin), 0.0)
+    n = program.g.size
+    start = None if initvals is None else as_vector(initvals, n, "initvals")
+    found = solve_program(program, tolerance=tolerance, time_limit=time_limit, start=start)
+    sizes = n, program.b.size, program.h.size, n
+    values = found.values or Values(*(np.full(size, np.nan) for size in sizes))
+    objective = program.objective(values.x) if program.is_symmetric else np.nan
+    solution = ProgramSolution(
+        *values,
+        objective=objective,
+        status=found.status,
+        message=found.message,
+        violation=found.violation,
+        iterations=found.iterations,
+        seconds=time.perf_counter() - begin,
+        _program=program,
+    )
+    if raise_on_failure and not solution.found:
+        raise NotSolved(solution)
+    return solution

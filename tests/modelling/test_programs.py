@@ -1,0 +1,112 @@
+"""`solve_avi`, `solve_lsq`, `solve_nnls`: known answers, bounds that hold, and what SciPy says."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear, nnls
+
+import icpmodel as icp
+
+
+def planted(seed):
+    """A monotone inequality with a known solution: rows, equations, bounds, degenerate or not."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(2, 8)), int(rng.integers(1, 8))
+    B, S = rng.normal(size=(n, n)), rng.normal(size=(n, n))
+    H = B @ B.T + 0.5 * np.eye(n) + S - S.T
+    x = rng.integers(-2, 3, n).astype(float)
+    G, A = rng.normal(size=(m, n)), rng.normal(size=(1, n))
+    tight = rng.random(m) < min(0.5, (n - 2) / m)
+    multiplier, nu = np.where(tight, rng.random(m), 0.0), rng.normal(size=1)
+    at_low = rng.random(n) < 0.2
+    box = -np.where(at_low, rng.random(n), 0.0)
+    g = -(H @ x + G.T @ multiplier + A.T @ nu + box)
+    low = np.where(at_low, x, x - 1.0)
+    return (H, g, G, G @ x + np.where(tight, 0.0, rng.random(m)), A, A @ x, low, x + 2.0), x
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_solution_of_a_monotone_inequality_is_within_its_bound(seed):
+    data, x = planted(seed)
+    found = icp.solve_avi(*data)
+    assert found.x == pytest.approx(x, abs=1e-6)
+    assert found.violation <= 1e-9
+    assert np.isnan(found.objective)
+    bound = found.error_bound
+    if bound.value is not None:  # the planted x is rounded as well
+        assert bound.unique
+        assert (np.abs(found.x - x) <= bound.componentwise + 1e-9).all()
+
+
+def test_symmetric_inequalities_are_quadratic_programs_and_others_are_checked():
+    P, q, rows = [[2.0, 1.0], [1.0, 2.0]], [-4.0, 1.0], {"G": [[1.0, 1.0]], "h": [1.0], "lb": 0}
+    game, program = icp.solve_avi(P, q, **rows), icp.solve_qp(P, q, **rows)
+    assert game.x == pytest.approx(program.x)
+    assert game.objective == pytest.approx(program.objective)
+    assert program.error_bound.value < 1e-12
+    assert icp.solve_avi([[1.0, 2.0], [-2.0, 1.0]], q, **rows).crosscheck(["osqp"]).agrees
+    with pytest.raises(icp.InputError, match="solve_avi"):
+        icp.solve_qp([[1.0, 2.0], [-2.0, 1.0]], q)
+
+
+def test_inequalities_without_solution_are_proved():
+    """No x; and no solution although there are x: the skew game x'Sy with prices that nothing bounds."""
+    skew = [[0.0, 1.0], [-1.0, 0.0]]
+    empty = icp.solve_avi(skew, [0, 0], G=[[1, 1]], h=[-1], lb=0, raise_on_failure=False)
+    falls = icp.solve_avi(skew, [-1, -1], lb=0, raise_on_failure=False)
+    assert empty.status == falls.status == "infeasible"
+    assert falls.error_bound.value is None
+
+
+def hilbert(m, n):
+    return 1.0 / (np.arange(m)[:, None] + np.arange(n) + 1.0)
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_bounded_least_squares_are_as_good_as_those_of_scipy(seed, sparse):
+    rng = np.random.default_rng(seed)
+    m, n = 30, 12
+    U, V = (np.linalg.qr(rng.normal(size=(k, n)))[0] for k in (m, n))
+    for B in (rng.normal(size=(m, n)), U * 10.0 ** -np.linspace(0, 12, n) @ V.T, hilbert(m, n), U[:, :3] @ V[:, :3].T):
+        c = B @ np.maximum(rng.normal(size=n), 0.0) + 1e-3 * rng.normal(size=m)
+        given = sp.csc_matrix(B) if sparse else B
+        for low, high in ((0.0, np.inf), (-0.5, 0.5), (-np.inf, np.inf)):
+            found = icp.solve_lsq(given, c, low, high)
+            theirs = lsq_linear(B, c, (low, high), method="bvls", tol=1e-14)
+            rounding = 1e-14 * np.linalg.norm(np.abs(B) @ np.abs(found.x))
+            assert found.success
+            assert np.linalg.norm(found.fun) <= np.linalg.norm(theirs.fun) + rounding
+            assert ((low <= found.x) & (found.x <= high)).all()
+            assert found.fun == pytest.approx(B @ found.x - c, abs=rounding)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_nonnegative_least_squares_are_never_worse_than_those_of_scipy(seed):
+    """Small whole numbers: degenerate, rank-deficient, wide, with columns that repeat or are 0."""
+    rng = np.random.default_rng(seed)
+    m, n = int(rng.integers(1, 6)), int(rng.integers(1, 9))
+    B, c = rng.integers(-2, 3, (m, n)).astype(float), rng.integers(-3, 4, m).astype(float)
+    x, rnorm = icp.solve_nnls(B, c)
+    assert (x >= 0).all()
+    assert rnorm == pytest.approx(np.linalg.norm(B @ x - c))
+    assert rnorm <= nnls(B, c, maxiter=1000)[1] + 1e-9
+
+
+def test_what_nnls_of_scipy_got_wrong_is_right():
+    """Its issue 25389."""
+    assert icp.solve_nnls([[3, 2], [1, 1]], [3, 2])[0] == pytest.approx([0, 1.6])
+
+
+def test_wrong_arguments_of_least_squares_are_named():
+    for arguments, sentence in (
+        (([[1.0, np.nan]], [1.0]), r"B\[0, 1\] is nan"),
+        (([[1.0]], [1.0, 2.0]), r"c has shape \(2,\)"),
+        (([[1.0]], [1.0], 2.0, 1.0), r"lb\[0\] = 2 is above ub\[0\] = 1"),
+    ):
+        with pytest.raises(icp.InputError, match=sentence):
+            icp.solve_lsq(*arguments)
