@@ -17,7 +17,6 @@ import numpy as np
 from ..numerics import work
 from ..numerics.arrays import Vector, norm
 from ..numerics.krylov import GCR
-from ..problem.between import mid
 from ..problem.data import ProblemData
 from .cycled_equations import LEAST_SLOPE, CycledEquations
 from .equations import Pattern, derivative
@@ -56,7 +55,7 @@ def newton_looks(
             z, newton = swept(sweep, z, SWEEPS), None  # whose rest is that of the z before, if the pattern comes back
             p = problem.p(z)
             pattern = Pattern.at(problem, z, p, omega)
-        share = (yield z, norm(mid(p, problem.r(z), problem.r_upper(z)))) or _SHARE
+        share = (yield z, problem.residual_of(p, problem.r(z), problem.r_upper(z))) or _SHARE
         if newton is None or taken is None or moves or not pattern.is_that_of(taken):
             taken, J = pattern, derivative(problem.psi, z, pattern.above) if moves else None
             equations, f = CycledEquations(hierarchy, top, pattern.active, J), -np.where(pattern.active, pattern.r, p)

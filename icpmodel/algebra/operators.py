@@ -21,10 +21,9 @@ import scipy.sparse as sp
 
 from ..errors import SingularOperator
 from ..numerics import work
-from ..numerics.arrays import Vector, diagonal_positions, norm
+from ..numerics.arrays import Vector, diagonal_positions
 from ..numerics.factorisation import factorise
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..problem.between import mid
 from ..problem.data import ProblemData
 from .steps import Step, compiled_step
 
@@ -37,15 +36,14 @@ class Operator(ABC):
         """X⁻¹f, shape (n,)."""
 
     def step(self, problem: ProblemData, omega: Vector) -> Step:
-        """The modulus step z ↦ (z − 2 X⁻¹ F_Ω(z), Res(z)) on `problem` with Ω = diag(`omega`)."""
+        """The modulus step z ↦ (z − 2 X⁻¹ F_Ω(z), Res_D(z)) on `problem` with Ω = diag(`omega`)."""
 
         def step(z: Vector) -> tuple[Vector, float]:
             p, r, above = problem.matrix.product(z) + problem.q, z - problem.psi.value(z), problem.r_upper(z)
-            if above is None:
-                residual = norm(np.minimum(p, r))
-                return z - 2.0 * self.solve(np.minimum(p, omega * r)), residual
-            moved = np.maximum(omega * above, np.minimum(p, omega * r))
-            return z - 2.0 * self.solve(moved), norm(mid(p, r, above))
+            moved = np.minimum(p, omega * r)
+            if above is not None:
+                moved = np.maximum(omega * above, moved)
+            return z - 2.0 * self.solve(moved), problem.residual_of(p, r, above)
 
         return step
 
@@ -61,7 +59,8 @@ class DiagonalOperator(Operator):
 
     def step(self, problem: ProblemData, omega: Vector) -> Step:
         A = problem.A
-        return compiled_step(problem, "diagonal", (A.indptr, A.indices, A.data, problem.q), (omega, self.inverse))
+        matrix = (A.indptr, A.indices, A.data, problem.matrix.row_weights, problem.q)
+        return compiled_step(problem, "diagonal", matrix, (omega, self.inverse))
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,8 @@ class AOROperator(Operator):
 
     def step(self, problem: ProblemData, omega: Vector) -> Step:
         A, rows = problem.A, problem.matrix.rows
-        matrix = (A.indptr, A.indices, A.data, rows.diag if self.A is A else self.diag, problem.q)
+        diag = rows.diag if self.A is A else self.diag
+        matrix = (A.indptr, A.indices, A.data, diag, problem.matrix.row_weights, problem.q)
         parameters = (omega, self.inverse, self.tau)
         return compiled_step(problem, "in_order", matrix, (parameters, True), reach=rows.above)
 
@@ -117,7 +117,8 @@ class TriangularOperator(Operator):
     def step(self, problem: ProblemData, omega: Vector) -> Step:
         A, M1 = problem.A, self.M1
         X = (*self._rows, M1.indices, M1.data, self.inverse, self.lower)
-        return compiled_step(problem, "triangular", (A.indptr, A.indices, A.data, problem.q), (omega, *X))
+        matrix = (A.indptr, A.indices, A.data, problem.matrix.row_weights, problem.q)
+        return compiled_step(problem, "triangular", matrix, (omega, *X))
 
 
 class FactorisedOperator(Operator):

@@ -63,6 +63,7 @@ class Border:
             near = rest & ((found.problem.matrix.absolute @ found.open.astype(np.float64) > 0) | (self.at_rest < 0))
         self.rows = np.flatnonzero(near)
         self.A, self.q = A[self.rows], found.problem.q[self.rows]
+        self.weights = found.problem.matrix.row_weights[self.rows]
 
     def p(self, z: Vector) -> Vector:
         """p(z) in these rows."""

@@ -20,9 +20,9 @@ _NEAR = 50_000
 _FEW = 20_000
 #: so many sweeps are made at once at the most
 AT_ONCE = 4
-#: z⁺, and Res(z) or None where it does not fall out of the step
+#: z⁺, and Res_D(z) or None where it does not fall out of the step
 Stepped = tuple[Vector, float | None]
-#: z ↦ (z⁺, Res(z))
+#: z ↦ (z⁺, Res_D(z))
 Step = Callable[[Vector], Stepped]
 #: (z, count) ↦ so many steps in a row, or what costs that
 Several = Callable[[Vector, int], list[Stepped]]
@@ -93,7 +93,7 @@ def compiled_step(
 def projected_sweep(problem: ProblemData, omega: float = 1.0, forward: bool = True) -> Step:
     """A sweep of projected SOR, from the first row to the last or from the last to the first."""
     A, rows = problem.A, problem.matrix.rows
-    matrix = (A.indptr, A.indices, A.data, rows.diag, problem.q)
+    matrix = (A.indptr, A.indices, A.data, rows.diag, problem.matrix.row_weights, problem.q)
     return compiled_step(problem, "in_order", matrix, ((omega,), forward), rows.above if forward else None)
 
 

@@ -43,7 +43,7 @@ def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
     A, psi = problem.A, problem.psi
     starts, columns, values, q = cut(A.indptr, A.indices, A.data, problem.q, rows, z)
     part = sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
-    return ProblemData.of_checked(part, q, psi.restricted(rows, z))
+    return ProblemData.of_checked(part, q, psi.restricted(rows, z), problem.matrix.row_weights[rows])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

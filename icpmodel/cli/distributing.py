@@ -24,7 +24,7 @@ from .arguments import SOURCE_OPTIONS, from_signature, named_source, note_size, 
 from .output import AS_JSON, complain, must_be_writable, show_json, wrote
 
 _LIMITS = {
-    "rtol": "Stop at the residual rtol * Res(0) ...",
+    "rtol": "Stop at the residual rtol * Res_D(0) ...",
     "atol": "... or at atol, the larger of both.",
     "max_iter": "Iterations on the finest level.",
     "time_limit": "Seconds, looked at between two iterations.",

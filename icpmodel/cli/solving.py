@@ -44,7 +44,7 @@ from .output import AS_JSON, exit_code, must_be_writable, print_told, show_json,
 _WIDTH = 118
 #: of `solve`
 _LIMITS = {
-    "rtol": "Stop at the residual rtol * Res(0), default 1e-8 ...",
+    "rtol": "Stop at the residual rtol * Res_D(0), default 1e-8 ...",
     "atol": "... or at atol, the larger of both, default 0 ...",
     "accuracy": "... or, instead, at this certified error of every entry of z.",
     "max_iter": "Iterations in all.",

@@ -5,15 +5,14 @@ A foreign status is recorded and never believed: every residual and difference i
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Self
 
 import numpy as np
 
-from ..errors import InputError, MapError
-from ..numerics.arrays import Vector
+from ..errors import InputError
+from ..numerics.arrays import Vector, norm
 from ..numerics.rounding import share_of
 from ..problem.data import ProblemData
 from ..problem.verdict import certain
@@ -22,7 +21,8 @@ from ..solvers.foreign import Claim
 from ..solvers.formulations import Target, in_handy_units, targets
 from ..theory.certificates.bounds import error_bound
 
-#: how small Res(z)/Res(0) must be for an answer under test, and for a foreign one, to count as a solution
+#: how small Res_D(z) must be, as a share of `residual_scale`, for an answer under test, and for a foreign one, to count
+#: as a solution
 OURS, THEIRS = 1e-8, 1e-7
 #: a Solution may have been stopped at a looser tolerance, but at most at this one
 LOOSEST = 1e-4
@@ -62,7 +62,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Row:
-    """One line of a report, in the user's units: `residual` = Res(z) of the foreign z on the problem it solved;
+    """One line of a report, in the user's units: `residual` = Res_D(z) of the foreign z on the problem it solved;
     `difference` = max|z_foreign − z|; None where there is none. `claim` is the foreign status; `note` says why."""
 
     solver: str
@@ -89,13 +89,10 @@ class Checked:
     def __init__(self, problem: ProblemData, solution: Any, atol: float | None = None) -> None:
         self.problem, self.z = problem, problem.vector(solution, "solution")
         handy, self.unit = in_handy_units(problem)
-        self.y, rtol = self.z / self.unit, OURS
-        if isinstance(solution, Solution) and solution.solved and solution.problem is problem:
-            start = problem.residual_at_0()
-            if start > 0:
-                rtol = min(max(OURS, solution.tolerance / start), LOOSEST)
-        # the units of A and z may make Res blind to p or to r: in handy units it must be small as well, if less so
-        self.holds = solves(problem, self.z, rtol) and solves(handy, self.y, min(100 * rtol, LOOSEST))
+        self.y, rtol, scale = self.z / self.unit, OURS, problem.residual_scale() or norm(self.z)
+        if isinstance(solution, Solution) and solution.solved and solution.problem is problem and scale > 0:
+            rtol = min(max(OURS, solution.tolerance / scale, solution.residual / scale), LOOSEST)
+        self.holds = solves(problem, self.z, rtol)
         # the unit may be far larger than z: it counts only for an answer that is known to be a solution
         default = AGREE * float(np.abs(self.z).max()) + (FLOOR * self.unit if self.holds else 0.0)
         self.tolerance = default if atol is None else float(atol)
@@ -124,7 +121,7 @@ class Checked:
             right = f"it ended with: {claim.words}; its z solves the problem all the same"
             return Verdict.FAILED, right if theirs else self._ended(claim)
         if not theirs:
-            return Verdict.LOOSE, f"claims {claim.words!r}, but its residual is above {THEIRS:g} Res(0)"
+            return Verdict.LOOSE, f"claims {claim.words!r}, but its residual is above {THEIRS:g} Res_D(0)"
         if np.isfinite(self.z).all() and difference <= self.tolerance:
             return Verdict.AGREES, claim.words
         if not self.holds:
@@ -151,19 +148,13 @@ class Checked:
 
 
 def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
-    """Whether the exact Res(y) ≤ rtol·Res(0), or rounding, which is small as well, explains what float64 makes of it;
-    false for NaN and infinities."""
-    start = 0.0
-    with contextlib.suppress(MapError):
-        start = problem.residual_at_0()
-    if not 0 < start < np.inf:
-        start = 1.0  # which suits a problem in handy units
-    residual = problem.residual(y)
-    floor = 4 * float(np.linalg.norm(np.maximum(*problem.rounding(y))))
-    tolerance = float(share_of(start, rtol))
+    """Whether the exact Res_D(y) is at most this share of `residual_scale`, or rounding, which is small as well,
+    explains what float64 makes of it; false for NaN and infinities."""
+    scale, residual = problem.residual_scale() or norm(y), problem.residual(y)
+    tolerance = float(share_of(scale, rtol))
     if certain(problem, y, residual, tolerance) <= tolerance:
         return True
-    return residual <= floor <= LOOSEST * start
+    return residual <= 4 * problem.rounding_of_residual(y) <= LOOSEST * scale
 
 
 def finite(value: float) -> float | None:

@@ -28,7 +28,7 @@ class Report(Shown, Tabular):
     """What the independent solvers say of an answer; print it, or let a notebook show it.
 
     `rows`; `problem` and `answer` as texts; `n` unknowns; `status` of the run that gave the answer, empty for a vector.
-    `residual` = Res(z) of the answer under test; `holds`: whether it is a solution; `error_bound` with |z − z*| ≤ it,
+    `residual` = Res_D(z) of the answer under test; `holds`: whether it is a solution; `error_bound` with |z − z*| ≤ it,
     or None and the `reason`; `tolerance` of the differences.
 
     >>> report = icp.crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"])

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
 from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator
-from ..numerics.arrays import Mask, ReadOnly, Vector, described
+from ..numerics.arrays import Mask, ReadOnly, Vector, described, norm
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, sheltered
 from ..present.card import Card
 from ..present.shown import Shown
@@ -140,10 +140,10 @@ class Derivative(ReadOnly, Shown):
     def _tolerance(self) -> float:
         """That of linear systems which are solved by steps: the one of z, and no larger one than by default."""
         asked = RTOL
-        with suppress(MapError):  # at 0
-            at_0 = self.problem.residual_at_0()
-            if at_0 > 0.0 and not self.solution.accuracy:
-                asked = self.solution.tolerance / at_0
+        with suppress(MapError):
+            scale = self.problem.residual_scale() or norm(self.z)
+            if scale > 0.0 and not self.solution.accuracy:
+                asked = self.solution.tolerance / scale
         return min(max(asked, _LEAST), RTOL)
 
     def solved(self, f: Vector, transposed: bool = False) -> Vector:

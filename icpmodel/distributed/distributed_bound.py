@@ -36,7 +36,7 @@ HPlusVectors = tuple[str, Vector, Vector, Vector]
 class DistributedCertificate(Shown):
     """What is true of z on ranks, recomputed from (A, q, ψ, z).
 
-    `residual` = ‖min(p, r)‖₂ (with an obstacle above the median of z − ψ̄, p and r); `bound` the `ErrorBound`, whose
+    `residual` = Res_D(z), as in `ProblemData.residual`; `bound` the `ErrorBound`, whose
     `componentwise` are the entries of the own rows; how many rows of z* are proved to be `active` (at the obstacle
     below), `inactive` (off both), at the one `above` and `undecided`, over all ranks; and of the own rows the masks
     `own_active` and `own_inactive`.
@@ -105,7 +105,7 @@ class _Point:
 
     @property
     def residual(self) -> float:
-        return norm(self.problem.comm, mid(self.p, self.below, self.above))
+        return norm(self.problem.comm, mid(self.problem.matrix.row_weights * self.p, self.below, self.above))
 
     def bound(self, proof: HPlusVectors) -> Vector:
         """δ with |z − z*| ≤ δ."""

@@ -108,7 +108,12 @@ class DistributedICP(Shown):
         return p, z.array_r - self.psi.value(z), above
 
     def residual(self, z: Any) -> float:
-        """Res(z) = ‖min(p, r)‖₂, with an obstacle above that of mid(z − ψ̄, p, z − ψ), at the `Vec` `z`."""
+        """Res_D(z) = ‖min(D⁻¹p, r)‖₂ at the `Vec` `z`, see `ProblemData.residual`."""
+        p, below, above = self.sides(z)
+        return norm(self.comm, mid(self.matrix.row_weights * p, below, above))
+
+    def paper_residual(self, z: Any) -> float:
+        """Res(z) = ‖min(p, r)‖₂ at the `Vec` `z`."""
         return norm(self.comm, mid(*self.sides(z)))
 
     def __repr__(self) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..numerics.arrays import Vector
 from ..numerics.rounding import SMALLEST, gamma
+from ..problem.matrix import weights_of
 from .ranks import largest, petsc, together, totals
 
 #: what rounding may make of xᵀAy − yᵀAx, as a share of |xᵀAy| + |yᵀAx| and of ‖x‖‖Ay‖
@@ -43,6 +44,11 @@ class DistributedMatrix:
         found: Vector = self.mat.getDiagonal().array.copy()
         found.flags.writeable = False
         return found
+
+    @property
+    def row_weights(self) -> Vector:
+        """Those of the own rows: see `problem.Matrix.row_weights`."""
+        return self.own_entries[3]
 
     @property
     def block(self) -> Block:
@@ -82,19 +88,24 @@ class DistributedMatrix:
         vars(self).pop("_parts", None)
 
     @cached_property
-    def own_entries(self) -> tuple[int, bool, bool]:
-        """(the entries of the longest own row, whether D > 0 and nothing is positive off it, whether all are finite).
+    def own_entries(self) -> tuple[int, bool, bool, Vector]:
+        """(the entries of the longest own row, whether D > 0 and nothing is positive off it, whether all are finite,
+        the weights of the own rows).
 
         Local. PETSc hands out copies, with ranks two of them: best asked for before there are levels.
         """
         indptr, _, data = self.mat.getValuesCSR()
         signs = (self.diagonal > 0).all() and np.count_nonzero(data > 0) == self.diagonal.size
-        return int(np.diff(indptr).max(initial=0)), bool(signs), bool(np.isfinite(data).all())
+        finite, entries = bool(np.isfinite(data).all()), np.diff(indptr)
+        largest_of_rows, full = np.zeros(entries.size), entries > 0
+        if full.any():
+            largest_of_rows[full] = np.maximum.reduceat(np.abs(data, out=data), indptr[:-1][full])
+        return int(entries.max(initial=0)), bool(signs), finite, weights_of(largest_of_rows)
 
     @cached_property
     def _signs(self) -> tuple[int, bool]:
         """The first two of all ranks."""
-        longest, signs, _ = self.own_entries
+        longest, signs, *_ = self.own_entries
         most, other = largest(self.comm, float(longest), float(not signs))
         return int(most), not other
 

@@ -44,7 +44,7 @@ class LookOnRanks:
             # p and r then change alike with z_i
             a = self.p / problem.matrix.diagonal * problem.psi.own_slope
             self.pattern = Pattern.of(self.below, self.above, a)
-            squares = float(np.sum(mid(self.p, self.below, self.above) ** 2))
+            squares = float(np.sum(mid(problem.matrix.row_weights * self.p, self.below, self.above) ** 2))
         moved = taken is None or not self.pattern.is_that_of(taken)
         total, changes = totals(problem.comm, squares, float(moved))
         self.residual, self.moved = float(np.sqrt(total)), changes > 0
@@ -62,7 +62,7 @@ class LookOnRanks:
         for k in range(count):
             q = matrix.with_others(problem.q, at)
             if z.size:
-                LOOPS.in_order(*matrix.block, q, psi, (1.0,), k % 2 == 0, z, out)
+                LOOPS.in_order(*matrix.block, matrix.row_weights, q, psi, (1.0,), k % 2 == 0, z, out)
                 z, out = out, z
             at.setArray(z)
         return at

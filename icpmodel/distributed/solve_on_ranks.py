@@ -27,8 +27,8 @@ from .distributed_levels import DistributedLevels
 from .newton_on_ranks import LookOnRanks, looks, simplified, start
 from .ranks import largest, norm, release, together, totals
 
-#: a start with this share of Res(0) is kept
-_NEAR = 1e-2
+#: a start with this share of Res_D(0) is kept
+_NEAR = 1e-7
 #: what counts as reduced, and how many Newton steps may fail to
 _REDUCED, _PATIENCE = 0.9, 5
 #: rounding explains nothing where it leaves more than this share of the first residual, as in `solve.run`
@@ -41,7 +41,7 @@ _ROUNDS, _SWEEPS, _RESCUES = 100, 8, 10
 class DistributedSolution(Shown):
     """An answer on ranks: the returned z, a `Vec`, why the run stopped, and, when all ranks ask, what is certain of z.
 
-    `problem`; `z`; `status`; `message` with advice; `residual` = Res(z) and the `tolerance` it was held against;
+    `problem`; `z`; `status`; `message` with advice; `residual` = Res_D(z) and the `tolerance` it was held against;
     `iterations` on the finest level, a Newton step or a round of sweeps each; `krylov_steps` on all levels; `sizes`,
     the unknowns of each level; `seconds`, set-up included.
 
@@ -138,7 +138,7 @@ def solve(
     progress: bool = False,
     raise_on_failure: bool = True,
 ) -> DistributedSolution:
-    """Solve an ICP on the ranks of A: stop at Res(z) = ‖min(p, r)‖₂ ≤ max(atol, rtol·Res(0)), as `icpmodel.solve`.
+    """Solve an ICP on the ranks of A: stop at Res_D(z) ≤ rtol·Res_D(0), or Res(z) ≤ atol, as `icpmodel.solve`.
 
     Every rank calls it at the same time with the same options. It is the multilevel modulus Newton method of
     `icpmodel.Multilevel`: PETSc's algebraic multigrid (hypre's BoomerAMG where it is built in, else GAMG) makes the
@@ -147,7 +147,7 @@ def solve(
     free rows. Where Newton's steps do not reduce the residual, sweeps take over for a while.
 
     Parameters: `A` a `DistributedICP`, or with `q`, `psi` and `upper` what makes one; `z0` the start, a `Vec` (default
-    0), which is kept where Res(z0) ≤ Res(0)/100; `rtol`, `atol`; `max_iter` iterations on the finest level;
+    0), which is kept where Res_D(z0) ≤ 1e-7·Res_D(0); `rtol`, `atol`; `max_iter` iterations on the finest level;
     `time_limit` in seconds of rank 0, looked at between two iterations: what PETSc has begun is not cut short;
     `progress` shows a line on rank 0; `raise_on_failure`.
     Returns a `DistributedSolution`, on every rank; its z is the best iterate. Ctrl-C ends the run after the iteration
@@ -209,22 +209,23 @@ class _Run:
         self, problem: DistributedICP, limits: Limits, watch: Callable[[], Status | None], say: Callable[[str], None]
     ) -> None:
         self.problem, self.limits, self.watch, self.say = problem, limits, watch, say
-        self.begin, self.iterations, self.scale, self.tolerance = time.perf_counter(), 0, np.inf, limits.atol
+        self.begin, self.iterations, self.scale, self.tolerance = time.perf_counter(), 0, np.inf, 0.0
         self.levels: DistributedLevels | None = None
-        self.best, self.least = problem.vector(), np.inf
+        self.best, self.least, self.size = problem.vector(), np.inf, np.inf
 
     def carried_out(self, z0: Any) -> tuple[Status, str]:
         """(the status, what is to be said of it)."""
         problem = self.problem
         at_0 = problem.residual(problem.vector())
         z, first = (problem.vector(), at_0) if z0 is None else (z0.copy(), problem.residual(z0))
-        scale = at_0 if np.isfinite(at_0) and at_0 else first
+        scale = at_0 if np.isfinite(at_0) else first
         if not np.isfinite(scale):
             _check_maps(problem, z, "at the start")
             raise MapError("the residual at the start is not finite")
-        self.scale, self.tolerance = scale, float(self.limits.tolerance(scale))
+        self.scale = scale or _least_term(problem)
+        self.tolerance = float(self.limits.tolerance(self.scale))
         self._seen(z, first)
-        if first <= self.tolerance:
+        if self._reached(z, first):
             return Status.SOLVED, ""
         simple = simplified(problem) if problem.calls_users else problem
         self.say("making the levels")
@@ -248,7 +249,7 @@ class _Run:
             residual = look.residual if simple is self.problem else self.problem.residual(look.z)
             self._seen(look.z, residual)
             self.say(f"iteration {self.iterations}, residual {residual:.2e} -> {self.tolerance:.2e}")
-            if residual <= self.tolerance:
+            if self._reached(look.z, residual):
                 return Status.SOLVED, ""
             if self.iterations >= self.limits.max_iter:
                 return Status.ITERATION_LIMIT, f"{self.iterations} iterations"
@@ -272,6 +273,16 @@ class _Run:
                 look = path.send(self.tolerance)
             self.iterations += 1
 
+    def _reached(self, z: Any, residual: float) -> bool:
+        """Whether `z`, with Res_D(z) = `residual`, is what was asked for. Collective."""
+        if not self.scale:  # as in `solve.goal`
+            size = norm(self.problem.comm, z.array_r)
+            self.size = min(self.size, size)
+            self.tolerance = float(self.limits.tolerance(self.size))
+        if residual <= self.tolerance or not self.limits.atol:
+            return residual <= self.tolerance
+        return self.problem.paper_residual(z) <= self.limits.atol
+
     def _swept(self, simple: DistributedICP) -> Any:
         """z from the best iterate by sweeps, with a residual that counts as reduced, or None."""
         z = self.best
@@ -288,7 +299,13 @@ class _Run:
 
     def _noise(self) -> float:
         """What rounding may make of the residual of the best iterate."""
-        return norm(self.problem.comm, np.maximum(*rounding(self.problem, self.best)))
+        return self._noises()[0]
+
+    def _noises(self) -> tuple[float, float]:
+        """What rounding may make of Res_D and of Res there. Collective."""
+        (for_p, for_r), comm = rounding(self.problem, self.best), self.problem.comm
+        weighted = np.maximum(self.problem.matrix.row_weights * for_p, for_r)
+        return norm(comm, weighted), norm(comm, np.maximum(for_p, for_r))
 
     def _seen(self, z: Any, residual: float) -> None:
         if residual < self.least or not np.isfinite(self.least):
@@ -298,8 +315,10 @@ class _Run:
         """The best iterate, judged once more, rounding included."""
         problem, residual = self.problem, self.least
         if status is Status.SOLVED:
-            luck = self._noise()
-            if not residual + luck <= self.tolerance and self.tolerance > 0:
+            luck, of_paper = self._noises()
+            atol = self.limits.atol
+            sure = residual + luck <= self.tolerance or (atol and problem.paper_residual(self.best) + of_paper <= atol)
+            if not sure and max(self.tolerance, atol) > 0:
                 status, note = Status.PRECISION_LIMIT, f"rounding may be worth {luck:.3g} of it"
         message = "solved"
         if status is not Status.SOLVED:
@@ -321,6 +340,16 @@ class _Run:
             seconds=time.perf_counter() - self.begin,
             levels=levels,
         )
+
+
+def _least_term(problem: DistributedICP) -> float:
+    """The smallest of |q_i|/d_i, |ψ_i(0)| and |ψ̄_i(0)| that is not 0, 0 where there is none: see
+    `ProblemData.residual_scale`. Collective."""
+    _, below, above = problem.sides(problem.vector())
+    sizes = np.abs(np.concatenate([problem.matrix.row_weights * problem.q, below, *([] if above is None else [above])]))
+    inverse = 1.0 / sizes[(sizes > 0.0) & (sizes < np.inf)]
+    most = largest(problem.comm, float(inverse.max(initial=0.0)))[0]
+    return 1.0 / most if most > 0.0 else 0.0
 
 
 def _check_maps(problem: DistributedICP, z: Any, when: str) -> None:

@@ -33,7 +33,7 @@ SAFE_HINT = (1e-140, 1e140)
 #: what is less than this share of the least one so far counts as reduced
 _REDUCED = 0.9
 
-#: z with Res(z), or None where that does not fall out of the step for free
+#: z with Res_D(z), or None where that does not fall out of the step for free
 Iterate = tuple[Vector, float | None]
 
 
@@ -123,7 +123,8 @@ class Method(ReadOnly, Shown, ABC):
         return None
 
     def estimate(self, facts: Facts, aim: float) -> Estimate | None:
-        """What it expects to cost on a problem with these `facts` to come to the share `aim` of Res(0); None: unknown.
+        """What it expects to cost on a problem with these `facts` to come to the share `aim` of Res_D(0); None:
+        unknown.
 
         A method whose cost is unknown is never picked by `solve`; it can be named.
         """
@@ -131,7 +132,7 @@ class Method(ReadOnly, Shown, ABC):
 
     @abstractmethod
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        """Yield (zᵏ, Res(zᵏ)) for k = 0, 1, 2, …, z⁰ = `z`, and end when nothing new will come.
+        """Yield (zᵏ, Res_D(zᵏ)) for k = 0, 1, 2, …, z⁰ = `z`, and end when nothing new will come.
 
         Each zᵏ is an array of shape (n,) that the method will not change afterwards. The residual is None where it does
         not fall out of the step for free; it is a hint, never the verdict. Where this is a generator, a run sends it
@@ -143,7 +144,7 @@ class Method(ReadOnly, Shown, ABC):
 
         >>> path = icp.MNMGS().iterates(ICP([[2.0]], [-2.0]), np.array([3.0]))
         >>> next(path), next(path)
-        ((array([3.]), 3.0), (array([1.]), 0.0))
+        ((array([3.]), 2.0), (array([1.]), 0.0))
         """
 
     def __repr__(self) -> str:
@@ -162,7 +163,7 @@ class FixedPoint(Method):
 
     @abstractmethod
     def step_of(self, problem: ProblemData) -> Step:
-        """z ↦ (g(z), Res(z)); the result is a fresh array. Raises SingularOperator."""
+        """z ↦ (g(z), Res_D(z)); the result is a fresh array. Raises SingularOperator."""
 
     def opening(self, problem: ProblemData) -> Step | None:
         """A cheaper step to begin with, which may be all there is to do; None where there is none."""

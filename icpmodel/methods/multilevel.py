@@ -32,12 +32,13 @@ from .contract import Estimate, Iterate, Method, positive_diagonal
 from .newton import Newton
 
 #: a coarser level is left at this share of the residual that it begins with, which is below what interpolation to the
-#: next one brings in, as full multigrid has it; at this one of its Res(0) at the latest; or after so many looks
+#: next one brings in, as full multigrid has it; at this one of its Res_D(0) at the latest; or after so many looks
 _COARSE, _LEAST, _LOOKS = 0.05, 1e-8, 8
 #: where ψ is an intervention, at the second one or after so many: a step there costs little against the finest level's
 _POLICIES = 30
-#: a start with this share of Res(0) is kept; a larger one may well be smooth and far away, as what sweeps leave
-_NEAR = 1e-5
+#: a start with this share of Res_D(0) is kept, ten times what is asked for by default; with more the error may be
+#: smooth and large, as what sweeps leave
+_NEAR = 1e-7
 #: where so many looks do not halve the residual, or the second number do not reduce it at all, others do better
 _PATIENCE, _SHORT_PATIENCE = 12, 5
 

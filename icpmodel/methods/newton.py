@@ -35,7 +35,6 @@ from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.linear import solver_of
-from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from .contract import Estimate, Iterate, Method
@@ -110,7 +109,7 @@ class Point:
     def __init__(self, problem: ProblemData, omega: Vector, z: Vector) -> None:
         self.problem, self.omega, self.z, self.p, below = problem, omega, z, problem.p(z), problem.r(z)
         above = problem.r_upper(z)
-        self.residual = norm(mid(self.p, below, above))
+        self.residual = problem.residual_of(self.p, below, above)
         a = self.p / omega
         pattern = Pattern.of(below, above, a if above is None else _within_reach(problem, a, below - above))
         self.r, self.active, self.above = pattern

@@ -133,8 +133,8 @@ class ProximalPath:
     @property
     @np.errstate(all="ignore")
     def residual(self) -> float:
-        """Res(z)."""
-        return norm(mid(self.p, self.r, self.above))
+        """Res_D(z)."""
+        return self.problem.residual_of(self.p, self.r, self.above)
 
     def size(self, p: Vector) -> float:
         """‖min(p, Wr)‖ in the units of W."""

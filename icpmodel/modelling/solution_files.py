@@ -21,7 +21,7 @@ from ..errors import FileError, InputError, NotApplicable
 from ..methods.contract import Iterate, Method
 from ..numerics.arrays import Vector, as_vector, described
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from ..problem.verdict import certain
+from ..solve.goal import Goal
 from ..solve.solution import Solution, Status
 from .archive import (
     as_path,
@@ -220,9 +220,9 @@ def _believed(path: Path, record: _Record, problem: ProblemData, z: Vector) -> S
     method, settled, last = (known[text] for text in called)
     accuracy = record.number("accuracy", math.inf)
     tolerance, status = record.number("tolerance", math.inf), record.status()
-    residual = problem.residual(z)
+    goal, residual = Goal(tolerance, problem, record.number("atol", 0.0)), problem.residual(z)
     if status is Status.SOLVED and accuracy == math.inf:
-        residual = certain(problem, z, residual, tolerance)
+        residual = goal.judged(z, residual)
     found = Solution(
         problem=problem,
         z=z,
@@ -234,15 +234,20 @@ def _believed(path: Path, record: _Record, problem: ProblemData, z: Vector) -> S
         why="; ".join(filter(None, [record.text("why"), f"read from {path}"])),
         residual=residual,
         tolerance=tolerance,
+        atol=goal.atol,
         iterations=int(record.number("iterations")),
         seconds=float(record.number("seconds")),
         accuracy=None if accuracy == math.inf else accuracy,
     )
     if status is Status.SOLVED:
         bound = found.error_bound if found.accuracy else None
-        if not (bound is not None and bound <= accuracy if found.accuracy else residual <= tolerance < math.inf):
+        if not (
+            bound is not None and bound <= accuracy
+            if found.accuracy
+            else tolerance < math.inf and goal.reached(z, residual)
+        ):
             wanted = f"{accuracy:.3g} was wanted" if found.accuracy else f"at most {tolerance:.3g} was expected"
-            off = f"its error bound is {bound}" if found.accuracy else f"Res(z) = {residual:.3g}"
+            off = f"its error bound is {bound}" if found.accuracy else f"Res_D(z) = {residual:.3g}"
             raise FileError(
                 f"{path}: says that it is solved, but {off} on {problem!r}, {wanted}: it is of another problem, or "
                 "was changed; icpmodel.certify(problem, z) says what is true of z"

@@ -220,6 +220,13 @@ def norm(x: Vector) -> float:
     return largest * math.sqrt(inner(x, x))
 
 
+def smallest_size(*arrays: Vector) -> float:
+    """The smallest of the absolute values that are neither 0 nor infinite; 0 where there is none."""
+    sizes = np.abs(np.concatenate(arrays))
+    sizes = sizes[(sizes > 0.0) & (sizes < np.inf)]
+    return float(sizes.min()) if sizes.size else 0.0
+
+
 def row_norms(F: NDArray[np.float64]) -> Vector:
     """The norms of the rows of `F`, safe against over- and underflow of the squares; NaN where an entry is."""
     norms = np.sqrt(np.einsum("ij,ij->i", F, F))

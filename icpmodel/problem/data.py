@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from itertools import chain
 from typing import Any, Protocol, Self
 
@@ -10,8 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import OBSTACLES, InputError, by_name
-from ..numerics.arrays import Vector, as_array, as_vector, check_labels, described, norm, not_finite
+from ..errors import OBSTACLES, InputError, MapError, by_name
+from ..numerics.arrays import Vector, as_array, as_vector, check_labels, described, norm, not_finite, smallest_size
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
@@ -29,7 +30,7 @@ _PIECE = 10_000
 
 
 class ProblemData(Shown):
-    """A, q and ψ, and what follows from them at a z: p = Az + q, r = z − ψ(z), Res(z), and their rounding errors.
+    """A, q and ψ, and what follows from them at a z: p = Az + q, r = z − ψ(z), Res_D(z), and their rounding errors.
 
     `icpmodel.ICP` is this with the verbs that users call. `matrix` is A with the facts about it, `facts` those about A
     and ψ; problems that share A, or A and ψ, share these. Where there is an obstacle above, `psi` is a `Between`, and
@@ -60,10 +61,11 @@ class ProblemData(Shown):
         object.__setattr__(self, "facts", Facts(matrix, psi) if facts is None else facts)
 
     @classmethod
-    def of_checked(cls, A: sp.csr_array, q: Vector, psi: Any) -> Self:
-        """The problem of an `A` that is known to be as the constructor would leave it, and is not copied."""
+    def of_checked(cls, A: sp.csr_array, q: Vector, psi: Any, row_weights: Vector | None = None) -> Self:
+        """The problem of an `A` that is known to be as the constructor would leave it, and is not copied; of rows that
+        have lost columns the `row_weights` are given."""
         new = object.__new__(cls)
-        new._set(Matrix.of_checked(A), q, as_map(psi, q.size), None)
+        new._set(Matrix.of_checked(A, row_weights), q, as_map(psi, q.size), None)
         return new
 
     @classmethod
@@ -269,13 +271,15 @@ class ProblemData(Shown):
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual(self, z: Any) -> float:
-        """Res(z) = ‖min(r(z), p(z))‖₂, the natural residual; safe against overflow, NaN where z or ψ(z) is.
+        """Res_D(z) = ‖min(D⁻¹p(z), r(z))‖₂ with d_i = max_j |a_ij|; safe against overflow, NaN where z or ψ(z) is.
 
-        With an obstacle above it is that of mid(z − ψ̄(z), p(z), r(z)); where ψ_i(z) > ψ̄_i(z), so that no z_i will do,
-        the larger |z_i − ψ_i|, |z_i − ψ̄_i| takes the place of the median.
+        It is a number in the units of z: to multiply a row of (A, q) by a positive number does not change it, and it is
+        multiplied by t when z, ψ and q are. In rows that are diagonally dominant d_i = |a_ii|.
+        With an obstacle above it is that of mid(z − ψ̄(z), D⁻¹p(z), r(z)); where ψ_i(z) > ψ̄_i(z), so that no z_i will
+        do, the larger |z_i − ψ_i|, |z_i − ψ̄_i| takes the place of the median.
 
-        >>> ICP([[3.0]], [-6.0]).residual([1.0])
-        3.0
+        >>> ICP([[3.0]], [-6.0]).residual([1.0]), ICP([[3e-9]], [-6e-9]).residual([1.0])
+        (1.0, 1.0)
         """
         z = self.vector(z)
         psi = self.psi.value(z)
@@ -283,24 +287,66 @@ class ProblemData(Shown):
         large = self.matrix.dense is None and self.A.nnz >= THREADS_FROM
         if large and _SAFE[0] < (squares := self._squares(z, psi, upper)) < _SAFE[1]:
             return math.sqrt(squares)
-        return norm(mid(self.product(z) + self.q, z - psi, None if upper is None else z - upper))
+        return self.residual_of(self.product(z) + self.q, z - psi, None if upper is None else z - upper)
+
+    def residual_of(self, p: Vector, below: Vector, above: Vector | None) -> float:
+        """Res_D of a z at which `p`, z − ψ `below` and z − ψ̄ `above` are known.
+
+        >>> ICP([[3.0]], [-6.0]).residual_of(np.array([-3.0]), np.array([1.0]), None)
+        1.0
+        """
+        return norm(mid(self.matrix.row_weights * p, below, above))
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual_at_0(self) -> float:
-        """Res(0) = ‖min(−ψ(0), q)‖₂, by which residuals are judged, without a product with A.
+        """Res_D(0) = ‖min(D⁻¹q, −ψ(0))‖₂, without a product with A.
 
         >>> ICP([[3.0]], [-6.0]).residual_at_0()
-        6.0
+        2.0
         """
         zero, upper = np.zeros(self.n), self.psi.upper
-        return norm(mid(self.q, -self.psi.value(zero), None if upper is None else -upper.value(zero)))
+        return self.residual_of(self.q, -self.psi.value(zero), None if upper is None else -upper.value(zero))
+
+    def residual_scale(self, at_0: float | None = None) -> float:
+        """What a relative tolerance is a share of: Res_D(0), or where 0 is a solution the smallest of the numbers
+        |q_i|/d_i, |ψ_i(0)| and |ψ̄_i(0)| that are not 0.
+
+        By Res_D(0) ≤ ‖max(D⁻¹|A|, I + G)‖₂ ‖z*‖₂ a small share of it is small beside the solution. Where all of these
+        are 0, or ψ has no value at 0, nothing is large, and it is 0: then `solve` takes the size of z. Parameters:
+        `at_0` is Res_D(0), if it is known.
+
+        >>> problem = ICP([[2, -1], [-1, 2]], [-4, 3])
+        >>> problem.residual_scale(), problem.with_q([4, 3]).residual_scale(), problem.with_q([0, 0]).residual_scale()
+        (2.0, 1.5, 0.0)
+        """
+        with suppress(MapError):
+            at_0 = self.residual_at_0() if at_0 is None else at_0
+        if at_0 is None or not math.isfinite(at_0):
+            return 0.0
+        if at_0 > 0.0:
+            return at_0
+        zero, psi = np.zeros(self.n), self.psi
+        sides = [psi.value(zero)] if psi.upper is None else [psi.value(zero), psi.upper.value(zero)]
+        with np.errstate(over="ignore", under="ignore"):
+            return smallest_size(self.matrix.row_weights * self.q, *sides)
+
+    def paper_residual(self, z: Any) -> float:
+        """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, by which `atol` is judged; see `residual`.
+
+        >>> ICP([[3.0]], [-6.0]).paper_residual([1.0])
+        3.0
+        """
+        above = self.r_upper(z)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return norm(mid(self.p(z), self.r(z), above))
 
     def _squares(self, z: Vector, psi: Vector, upper: Vector | None) -> float:
-        """Res(z)², without care for overflow, in one pass over A on all cores, of which the sum does not depend."""
+        """Res_D(z)², without care for overflow, in one pass over A on all cores, of which the sum does not depend."""
         from ..numerics.kernels.products import natural  # loads numba
 
         A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
-        given = (A.indptr, A.indices, A.data, self.q, psi, None if upper is None else np.ascontiguousarray(upper), z)
+        matrix = A.indptr, A.indices, A.data, self.matrix.row_weights
+        given = (*matrix, self.q, psi, None if upper is None else np.ascontiguousarray(upper), z)
         add(self.matrix.unit)
         pieces = -(-self.n // _PIECE)
 
@@ -313,10 +359,10 @@ class ProblemData(Shown):
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
         """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).
 
-        γ_k(|A||z| + |q|) for p and γ_k(|z| + G|z| + |ψ(z)|) for r, 0 where r is infinite, the larger one where there is
-        an obstacle above as well, with γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the entries of the row, and
-        k·2⁻¹⁰⁷⁴ for underflow. ψ itself is taken as exact to a few u, which holds for constant and affine maps.
-        Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
+        γ_k(|A||z| + |q|) for p, 0 where |A||z| is, and γ_k(|z| + G|z| + |ψ(z)|) for r, 0 where r is infinite, the
+        larger one where there is an obstacle above as well, with γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the
+        entries of the row, and k·2⁻¹⁰⁷⁴ for underflow. ψ itself is taken as exact to a few u, which holds for constant
+        and affine maps. Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
 
         >>> for_p, for_r = ICP([[3.0]], [-6.0]).rounding([2.0])
         >>> bool(0 < for_p[0] < 1e-14), bool(0 < for_r[0] < 1e-14)
@@ -331,8 +377,10 @@ class ProblemData(Shown):
         terms = np.diff(self.A.indptr) + 2
         psi[free] = 0.0
         for_p, z = self.matrix.magnitude(z), np.abs(z)  # and on in place: in large vectors new memory takes the time
+        exact = for_p == 0.0
         for_p += np.abs(self.q)
         for_p *= gamma(terms)
+        for_p[exact] = 0.0
         for_p += terms * SMALLEST
         size = z + psi
         entries: Any = 3
@@ -342,6 +390,15 @@ class ProblemData(Shown):
         size = gamma(entries) * size + entries * SMALLEST
         size[free] = 0.0
         return for_p, size
+
+    def rounding_of_residual(self, z: Any) -> float:
+        """What rounding may make of Res_D(z).
+
+        >>> ICP([[3.0]], [-6.0]).rounding_of_residual([2.0]) < 1e-14
+        True
+        """
+        for_p, for_r = self.rounding(z)
+        return norm(np.maximum(self.matrix.row_weights * for_p, for_r))
 
     @property
     def is_lcp(self) -> bool:

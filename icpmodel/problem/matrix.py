@@ -20,6 +20,8 @@ from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 _SMALL = 64
 #: Au and Aᵀu that differ by no more are the same
 _SAME = 1e-13
+#: what a row without entries counts as, and the least that 1/d_i is made of
+_EMPTY, _LEAST = 2.0**-520, 2.0**-1000
 #: a sum of a dominant row, rounding included
 _DOMINANT = 1.0 + 1e-12
 
@@ -27,17 +29,28 @@ _DOMINANT = 1.0 + 1e-12
 class Rows(NamedTuple):
     """What the sweeps and the choice of a method ask of the rows of A.
 
-    `diag` where in A.data each diagonal entry stands; `diagonal`; `rest` = Σ_{j≠i}|a_ij|, all of shape (n,); how far
-    the entries reach `below` the diagonal and `above` it, and the sums `lower` and `upper` of all |a_ij| there.
+    `diag` where in A.data each diagonal entry stands; `diagonal`; `rest` = Σ_{j≠i}|a_ij|; `largest` = max_j |a_ij|, all
+    of shape (n,); how far the entries reach `below` the diagonal and `above` it, and the sums `lower` and `upper` of
+    all |a_ij| there.
     """
 
     diag: Any
     diagonal: Vector
     rest: Vector
+    largest: Vector
     below: int
     above: int
     lower: float
     upper: float
+
+
+def weights_of(largest: Vector) -> Vector:
+    """The weights of rows whose `largest` |entries| are these, shape (n,), read-only: see `Matrix.row_weights`."""
+    if largest.size and largest.min() < _EMPTY:
+        largest = np.where(largest > 0.0, np.maximum(largest, _LEAST), _EMPTY)
+    weights: Vector = 1.0 / largest
+    weights.flags.writeable = False
+    return weights
 
 
 class Matrix(ReadOnly):
@@ -58,10 +71,13 @@ class Matrix(ReadOnly):
         self._measure(self.sparse if self.dense is None else self.dense)
 
     @classmethod
-    def of_checked(cls, A: sp.csr_array) -> Matrix:
-        """The matrix of an `A` that is known to be as the constructor would leave it, and is not copied."""
+    def of_checked(cls, A: sp.csr_array, row_weights: Vector | None = None) -> Matrix:
+        """The matrix of an `A` that is known to be as the constructor would leave it, and is not copied; of rows that
+        have lost columns the `row_weights` are given."""
         new = object.__new__(cls)
         new.dense, new.sparse = None, freeze(A)
+        if row_weights is not None:
+            new.row_weights = locked(row_weights)
         new._measure(A)
         return new
 
@@ -123,12 +139,21 @@ class Matrix(ReadOnly):
 
         A, n = self.sparse, self.n
         work.add(self.unit)
-        arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n)
+        arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n), np.empty(n)
         matrix = (A.indptr, A.indices, A.data)
         reach = in_parts(n, threads_for(self.nnz), lambda low, high: look(*matrix, low, high, *arrays))
         locked(arrays)
         below, above, lower, upper = zip(*reach, strict=True)
         return Rows(*arrays, max(below), max(above), sum(lower), sum(upper))
+
+    @cached_property
+    def row_weights(self) -> Vector:
+        """The diagonal of D⁻¹, d_i = max_j |a_ij|, which gives p the units of z: see `ProblemData.residual`.
+
+        What a row without entries says, q_i ≥ 0, has nothing to do with z. It counts as if d_i were next to 0, as all
+        units of p and z then give the same.
+        """
+        return weights_of(self.rows.largest if self.dense is None else np.abs(self.dense).max(1))
 
     @cached_property
     def has_positive_diagonal(self) -> bool:

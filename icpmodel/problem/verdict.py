@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Vector, locked, norm
+from ..numerics.arrays import Vector, locked
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.work import add
 from .affine import zero
@@ -19,27 +19,20 @@ from .matrix import Matrix
 Rows = NDArray[np.float64]
 
 
-def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float) -> float:
-    """Res(z) by which z is judged, `residual` being what float64 makes of it, see `certain_rows`."""
+def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float, weights: Vector | None = None) -> float:
+    """Res_D(z) by which z is judged, `residual` being what float64 makes of it, see `certain_rows`."""
     if not residual <= tolerance:
         return residual
     add(problem.matrix.unit)
     residuals = np.array([residual])
     rows = problem.q[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])
-    certain_rows(problem.matrix, problem.psi, *rows, _above(problem.psi, z))
+    certain_rows(problem.matrix, problem.psi, *rows, _above(problem.psi, z), weights)
     return float(residuals[0])
 
 
-def at_least(problem: ProblemData, z: Vector) -> float:
-    """What the exact Res(z) is at least, in doubled precision: 0 where it is all rounding even there."""
-    from ..numerics.kernels.products import least  # loads numba
-
-    add(problem.matrix.unit)
-    psi, rows = problem.psi, np.empty(problem.n)
-    upper = None if psi.upper is None else _side(psi.upper, _above(psi, z))
-    q, (*of_psi, C, known) = _locked(problem.q[None])[0], _side(psi, _offset(psi, z))
-    least(*_entries(problem.matrix), q, *of_psi, C[0], known, _locked(z[None])[0], upper, rows)
-    return norm(rows)
+def satisfies_paper(problem: ProblemData, z: Vector, atol: float) -> bool:
+    """Whether the exact Res(z) of the paper is at most `atol`."""
+    return certain(problem, z, problem.paper_residual(z), atol, np.ones(problem.n)) <= atol
 
 
 def _offset(psi: Map, z: Vector) -> Rows:
@@ -61,16 +54,19 @@ def certain_rows(
     residuals: Vector,
     tolerances: Vector,
     above: Rows | None = None,
+    weights: Vector | None = None,
 ) -> None:
-    """Where `residuals`[i] ≤ `tolerances`[i], but Res(Z[i]) without rounding might not be, it becomes a bound of that.
+    """Where `residuals`[i] ≤ `tolerances`[i], but Res_D(Z[i]) without rounding might not be, it becomes a bound of
+    that.
 
     Row i has `Q`[i], and ψ(z) = Gz + `C`[i] where `psi` is linear, else `C`[i] = ψ(Z[i]), taken as exact to an ulp; the
-    same of what is `above`.
+    same of what is `above`. `weights`, shape (n,), take the place of those of Res_D: with ones it is Res of the paper.
     """
     from ..numerics.kernels.products import raised  # loads numba
 
     upper = None if psi.upper is None or above is None else _side(psi.upper, above)
-    raised(*_entries(matrix), _locked(Q), *_side(psi, C), _locked(Z), tolerances, residuals, upper)
+    weights = _locked(matrix.row_weights if weights is None else weights)
+    raised(*_entries(matrix), weights, _locked(Q), *_side(psi, C), _locked(Z), tolerances, residuals, upper)
 
 
 def _entries(matrix: Matrix) -> tuple[Any, Any, Any]:

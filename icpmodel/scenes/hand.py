@@ -66,7 +66,7 @@ def hand_cyclic() -> Scene:
     """By hand: a P-matrix on which Newton's iteration runs in a circle.
 
     A = [1, 0, 2; 2, 1, 0; 0, 2, 1], q = −(1, 1, 1), ψ = 0. Every row sum is 3, so z* = (1, 1, 1)/3 has p* = 0.
-    From `z0` = (1, 0, 0) the active-set Newton iteration repeats three points at residual √10.
+    From `z0` = (1, 0, 0) the active-set Newton iteration repeats three points at Res = √10.
     Reference: Ben Gharbia and Gilbert, Math. Program. 134 (2012), doi:10.1007/s10107-010-0439-6.
     """
     A = [[1, 0, 2], [2, 1, 0], [0, 2, 1]]

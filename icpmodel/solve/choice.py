@@ -49,8 +49,8 @@ def choose(
 ) -> Iterator[Choice]:
     """The stages of candidates for `problem`: of each kind the one that is expected to cost least.
 
-    `aim` is the share of Res(0) that is asked for, `family` as in `solve`; `reduced` makes those that solve it in parts
-    from what the best of the others is expected to cost.
+    `aim` is the share of Res_D(0) that is asked for, `family` as in `solve`; `reduced` makes those that solve it in
+    parts from what the best of the others is expected to cost.
     """
     matrix, costs, cheapest = problem.matrix, work.COSTS, math.inf
 

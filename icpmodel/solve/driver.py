@@ -7,6 +7,7 @@ import inspect
 import logging
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,9 @@ from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
 from ..numerics import work
-from ..numerics.arrays import Vector, as_truth, described
+from ..numerics.arrays import Vector, as_truth, described, norm
 from ..numerics.rounding import is_ctrl_c, sheltered
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from ..problem.verdict import at_least
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
 from .goal import RTOL, AccuracyGoal, Goal, Limits
@@ -29,8 +29,8 @@ from .schedule import Stage, in_turn
 from .solution import History, Solution, Status
 
 _LOG = logging.getLogger("icpmodel")
-#: steps are forecast for this share of Res(0) where less is asked for, as rounding may not allow it, and for the second
-#: one where more would do
+#: steps are forecast for this share of Res_D(0) where less is asked for, as rounding may not allow it, and for the
+#: second one where more would do
 _LEAST_AIM, _MOST_AIM = 1e-14, 0.5
 #: ends for which rounding is a better reason, where there is one
 _NO_FURTHER = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
@@ -45,7 +45,9 @@ def _residual(run: Run, z: Vector) -> float:
 def _is_luck(run: Run, z: Vector) -> bool:
     """Whether rounding alone makes the residual of `z`, which was judged otherwise, small enough."""
     with contextlib.suppress(MapError):
-        return run.goal.problem is not None and run.problem.residual(z) <= run.goal.tolerance
+        goal, problem = run.goal, run.problem
+        if goal.problem is not None:
+            return problem.residual(z) <= goal.tolerance_at(z) or problem.paper_residual(z) <= goal.atol
     return False
 
 
@@ -68,9 +70,9 @@ def solve(
     raise_on_failure: bool = True,
     **options: Any,
 ) -> Solution:
-    """Solve an ICP: stop at Res(z) = ‖min(r, p)‖₂ ≤ max(atol, rtol·Res(0)), Res(0) being that of the vector 0
-    (of z0 where ψ has no value at 0, or 0 is a solution), or, with `accuracy`, where it is proved that
-    |z_i − z*_i| ≤ accuracy in every entry.
+    """Solve an ICP: stop at Res_D(z) = ‖min(D⁻¹p, r)‖₂ ≤ rtol·Res_D(0), d_i = max_j |a_ij|, which no change of units
+    changes, or at Res(z) = ‖min(p, r)‖₂ ≤ atol, or, with `accuracy`, where it is proved that |z_i − z*_i| ≤ accuracy in
+    every entry. `ICP.residual_scale` says what takes the place of Res_D(0) where 0 is a solution.
 
     Parameters:
     `problem` an ICP, the name of a scene, or what holds or makes an ICP: a scene, a solution, an `icpmodel.Problem` in
@@ -79,8 +81,8 @@ def solve(
     reduced where that pays (see `icpmodel.solve.reduced`), while a named one gets the whole problem;
     `family`, where no method is named: "paper" for members that the paper prints alone, "modulus" for all that grows
     out of the modulus equation, without the shortcuts (pivots, the tridiagonal pass), None for both;
-    `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε is atol),
-    by default 1e-8 and 0; `accuracy` > 0 in the units of z, instead of the two;
+    `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε),
+    by default 1e-8 and 0, whichever is reached first; `accuracy` > 0 in the units of z, instead of the two;
     `max_iter` iterations in all, a sweep or a Newton step each; `time_limit` in seconds, kept to within a tenth
     and .2 s: what is foreseen to take longer than what is left is not begun, and to compile and load loops at the first
     calls of a process does not count; `memory_limit` in bytes that may be taken beyond what is held, by default what
@@ -175,38 +177,46 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
     """The run from `start`. Raises MapError where ψ has no value there."""
     clock = work.clock()
     moved = np.count_nonzero(start)
-    at_start = scale = problem.residual(start) if moved else problem.residual_at_0()
-    if not math.isfinite(scale) and (fault := fault_of_psi(problem, start)):
+    at_start = at_0 = problem.residual(start) if moved else problem.residual_at_0()
+    if not math.isfinite(at_start) and (fault := fault_of_psi(problem, start)):
         raise MapError(f"{fault} at the start z0; a finite number, -inf in psi or inf in upper was expected")
     # a start that leads one method astray is not given to the next, unless psi has no value at 0
     restart = start
     if moved:
-        at_0 = np.nan
+        at_0 = math.nan
         with contextlib.suppress(MapError):
             at_0 = problem.residual_at_0()
         if math.isfinite(at_0):
             restart = np.zeros(problem.n)
-        if math.isfinite(at_0) and at_0:
-            scale = at_0
-        elif math.isfinite(scale):  # 0 says nothing of the scale; nor does what is rounding at the start
-            scale = at_least(problem, start)
-    known = math.isfinite(scale)
-    tolerance = float(limits.tolerance(scale)) if known else limits.atol
-    # a certified error falls about as a residual does
-    share = tolerance / scale if known and scale > 0.0 and limits.accuracy is None else RTOL
+    scale = problem.residual_scale(at_0)
+    goal = Goal(float(limits.tolerance(scale)), problem, limits.atol)
+    if not scale and limits.accuracy is None:
+        goal = replace(goal, of_z=limits.rtol, size=norm(start))
     return Run(
         problem,
         start,
         at_start,
-        Goal(tolerance, problem) if limits.accuracy is None else AccuracyGoal(problem, limits.accuracy, start),
-        aim=min(max(share, _LEAST_AIM), _MOST_AIM),
-        scale=scale if known else np.inf,
+        goal if limits.accuracy is None else AccuracyGoal(problem, limits.accuracy, start),
+        aim=min(max(_aim(problem, limits), _LEAST_AIM), _MOST_AIM),
+        scale=scale,
         restart=restart,
         max_iter=limits.max_iter,
         time_limit=limits.time_limit,
         clock=clock,
         **shown,
     )
+
+
+def _aim(problem: ProblemData, limits: Limits) -> float:
+    """The share of the first residual for which costs are forecast."""
+    if limits.accuracy is not None:
+        return RTOL  # a certified error falls about as a residual does
+    if not limits.atol:
+        return limits.rtol
+    at_0 = math.nan
+    with contextlib.suppress(MapError):
+        at_0 = problem.paper_residual(np.zeros(problem.n))
+    return max(limits.rtol, limits.atol / at_0 if 0.0 < at_0 < math.inf else 0.0)
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -278,7 +288,8 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         last_method=last.method,
         why="; ".join([best.candidate.why, *(["also tried: " + ", ".join(others)] if others else [])]),
         residual=best.residual,
-        tolerance=run.goal.tolerance,
+        tolerance=run.goal.tolerance_at(best.z),
+        atol=limits.atol,
         accuracy=limits.accuracy,
         iterations=max(run.iteration, 0),
         seconds=work.clock() - run.clock,

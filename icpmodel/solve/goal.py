@@ -12,19 +12,22 @@ import numpy as np
 
 from ..errors import MapError, NotApplicable, OutOfTime
 from ..numerics import work
-from ..numerics.arrays import Vector, as_number
+from ..numerics.arrays import Vector, as_number, norm
 from ..numerics.rounding import at_most, share_of
 from ..problem.data import ProblemData
-from ..problem.verdict import certain
+from ..problem.verdict import certain, satisfies_paper
 from ..theory.certificates.bounds import error_bound
 
 #: the default relative tolerance
 RTOL = 1e-8
+#: room for rounding where residuals are compared
+_NEAR = 1.0 + 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """When to stop: Res(z) ≤ max(`atol`, `rtol`·Res(0)), `max_iter` iterations, `time_limit` seconds,
+    """When to stop: Res_D(z) ≤ `rtol`·`residual_scale`, or Res(z) ≤ `atol`, `max_iter` iterations, `time_limit`
+    seconds,
     `memory_limit` bytes beyond what was held at the start (None: no limit but the machine's).
 
     With `accuracy`, a certified error of at most that is asked for instead of a residual.
@@ -50,8 +53,8 @@ class Limits:
             as_number(self.accuracy, "accuracy", above=0)
 
     def tolerance(self, scale: Any) -> Any:
-        """max(`atol`, `rtol`·`scale`), a number or an array of them."""
-        return np.maximum(self.atol, share_of(scale, self.rtol))
+        """`rtol`·`scale`, a number or an array of them."""
+        return share_of(scale, self.rtol)
 
     def kept(self, begun: float | None = None) -> AbstractContextManager[None]:
         """A block that keeps to the limits of time, which `begun` then or now, and memory: see `numerics.work`."""
@@ -63,18 +66,41 @@ class Limits:
 
 @dataclass
 class Goal:
-    """Res(z) ≤ `tolerance`, of the exact residual where the `problem` is given."""
+    """Res_D(z) ≤ `tolerance`, or Res(z) ≤ `atol`, of the exact residuals where the `problem` is given.
+
+    Where nothing in the problem is large, the tolerance is the share `of_z` of ‖z‖, or of the `size` of the start, if
+    that is the smaller one: what runs away makes no residual small.
+    """
 
     tolerance: float
     problem: ProblemData | None = None
+    atol: float = 0.0
+    of_z: float = 0.0
+    size: float = math.inf
+
+    def tolerance_at(self, z: Vector) -> float:
+        """The Res_D that `z` may have."""
+        return self.tolerance if not self.of_z else float(share_of(min(norm(z), self.size), self.of_z))
 
     def judged(self, z: Vector, residual: float) -> float:
-        """The residual by which `z` is judged, `residual` being what float64 makes of Res(z)."""
-        return residual if self.problem is None else certain(self.problem, z, residual, self.tolerance)
+        """The residual by which `z` is judged, `residual` being what float64 makes of Res_D(z)."""
+        return residual if self.problem is None else certain(self.problem, z, residual, self.tolerance_at(z))
+
+    def is_near(self, z: Vector, residual: float) -> bool:
+        """Whether `z`, with about this Res_D(z), may be what was asked for: Res(z) ≥ min(1, d_i) Res_D(z)."""
+        if residual <= self.tolerance_at(z):
+            return True
+        if not self.atol or self.problem is None:
+            return False
+        return residual <= _NEAR * max(float(self.problem.matrix.row_weights.max()), 1.0) * self.atol
 
     def reached(self, z: Vector, residual: float) -> bool:
-        """Whether `z`, shape (n,), with Res(z) = `residual` is what was asked for; NaN is not."""
-        return residual <= self.tolerance
+        """Whether `z`, shape (n,), with Res_D(z) = `residual` is what was asked for; NaN is not."""
+        if residual <= self.tolerance_at(z):
+            return True
+        if not self.atol or self.problem is None:
+            return False
+        return self.is_near(z, residual) and satisfies_paper(self.problem, z, self.atol)
 
     def judge(self, z: Vector, residual: float) -> bool:
         """The last word on `z`: `reached`, but for looks that were left out to save time."""
@@ -82,7 +108,7 @@ class Goal:
 
     def wanted(self, z: Vector) -> str:
         """What was asked for, in words, for the message of a run that did not get there with `z`."""
-        return f"stop at {self.tolerance:.3g}"
+        return f"stop at {self.tolerance_at(z):.3g}" + (f", or at Res(z) = {self.atol:.3g}" if self.atol else "")
 
 
 class AccuracyGoal(Goal):

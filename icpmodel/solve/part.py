@@ -22,8 +22,8 @@ class Part:
     """Unknowns that do not interact with those of other parts.
 
     Parameters: the `problem` in these unknowns; their `rows`, and `z` of shape (n,), in the whole; `aim`, the share of
-    Res(0) for which its steps are forecast, and the `family` that they are chosen from, as in `solve`. It is run until
-    nothing more is to be had: who runs it says when it is enough.
+    Res_D(0) for which its steps are forecast, and the `family` that they are chosen from, as in `solve`. It is run
+    until nothing more is to be had: who runs it says when it is enough.
     """
 
     def __init__(self, problem: ProblemData, rows: Rows, z: Vector, aim: float, family: str | None = None) -> None:

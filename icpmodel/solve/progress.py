@@ -44,7 +44,7 @@ class Bar:
         """Tell the bar who has the turn."""
 
     def update(self, iteration: int, residual: float, tolerance: float) -> None:
-        """Tell the bar how far the run is: `iteration`, Res(z) and the residual at which it may stop."""
+        """Tell the bar how far the run is: `iteration`, Res_D(z) and the residual at which it may stop."""
 
 
 class _Pace:

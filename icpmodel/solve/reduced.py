@@ -62,7 +62,7 @@ class Reduced(Method):
     name: ClassVar[str] = "reduced"
     family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
-    #: the share of Res(0) for which the steps of parts are forecast, and what these are chosen from
+    #: the share of Res_D(0) for which the steps of parts are forecast, and what these are chosen from
     aim, family_of_parts = RTOL, cast("str | None", None)
     #: a stage is left at the first share of the residual of the start, the next time at the next one
     shares = (1e-9, 1e-12, 1e-15, 0.0)
@@ -99,7 +99,7 @@ class Reduced(Method):
         border = Border(found)
         while True:
             p = border.p(z)
-            violation = norm(np.minimum(p, 0.0)) if p.size else 0.0
+            violation = norm(border.weights * np.minimum(p, 0.0)) if p.size else 0.0
             yield z, float(np.hypot(part.residual, violation)) if found.problem is problem else None
             if violation > part.residual:  # p < 0 at the border outweighs what the open rows leave
                 wider = border.opened(p) or self.left_over(found)
@@ -175,7 +175,7 @@ def posed(problem: ProblemData) -> ProblemData:
 def candidates(problem: ProblemData, aim: float = RTOL, family: str | None = None) -> Iterator[Choice]:
     """The stages of candidates for `problem`: those of `choose`, and its reduction where it has parts, or rows at rest.
 
-    `aim` is the share of Res(0) that is asked for, `family` as in `solve`.
+    `aim` is the share of Res_D(0) that is asked for, `family` as in `solve`.
     """
     if family == "paper":
         return choose(problem, aim, family)

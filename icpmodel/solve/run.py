@@ -74,11 +74,11 @@ class Refused(NamedTuple):
 class Run:
     """Candidates tried on a problem, one at a time, until one ends for a reason that no other would change.
 
-    Parameters: `problem`; `start`, shape (n,), and `at_start` = Res(start); `goal`; `scale`, a residual by which others
-    are judged, and the share `aim` of it for which costs are forecast; `restart`, where a candidate begins after one
-    that failed; `posed`, what methods are given in its place, a problem that has the same solutions; `max_iter` and
-    `time_limit`, None for none; `callback`, `history` and `progress` as in `solve`.
-    `steps` is the loop; afterwards `ended` says why it ended, `best` what it found, `tried` who did how.
+    Parameters: `problem`; `start`, shape (n,), and `at_start` = Res_D(start); `goal`; `scale`, a residual by which
+    others are judged, 0 for ‖z‖, and the share `aim` of it for which costs are forecast; `restart`, where a candidate
+    begins after one that failed; `posed`, what methods are given in its place, a problem that has the same solutions;
+    `max_iter` and `time_limit`, None for none; `callback`, `history` and `progress` as in `solve`. `steps` is the loop;
+    afterwards `ended` says why it ended, `best` what it found, `tried` who did how.
     """
 
     problem: ProblemData
@@ -111,7 +111,7 @@ class Run:
         self.refused: Refused | None = None
         self.singular: SingularOperator | None = None
         self.bar, self.told = Bar(), _LOG.isEnabledFor(logging.INFO)
-        self.target = self.aim * self.scale if self.scale < np.inf else 0.0
+        self.target = self.aim * (self.scale or self.at_start)
 
     def steps(self, stages: Iterator[Stage[Candidate]]) -> Iterator[None]:
         """The loop: a turn for each tested iterate that is not the last one of its candidate."""
@@ -253,12 +253,12 @@ class Run:
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The method's hint while it is only a hint; the judge where a decision hangs on it."""
         low, high = SAFE_HINT
-        if z is not self.start and hint is not None and low < hint < high and hint > self.goal.tolerance:
+        if z is not self.start and hint is not None and low < hint < high and not self.goal.is_near(z, hint):
             return hint
         return self.goal.judged(z, self.at_start if z is self.start else self.problem.residual(z))
 
     def _seen(self, z: Vector, residual: float, seconds: float) -> Ended | None:
-        """Who looks on sees `z`, and Res(z) itself where `residual` is that of the problem that methods are given."""
+        """Who looks on sees `z`, and Res_D(z) itself where `residual` is that of the problem that methods are given."""
         if self.posed is not None and (self.progress or self.history or self.callback is not None):
             with suppress(MapError):
                 residual = self.problem.residual(z)
@@ -293,8 +293,8 @@ class Run:
         """PRECISION_LIMIT, where rounding explains the residual of the best iterate."""
         if self.best is None:
             return None
-        floor = norm(np.maximum(*self.problem.rounding(self.best.z)))
-        if self.best.residual <= 2 * floor < _LOW * self.scale:
+        floor = self.problem.rounding_of_residual(self.best.z)
+        if self.best.residual <= 2 * floor < _LOW * (self.scale or norm(self.best.z)):
             return Ended(Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {floor:.2g} at this z")
         return None
 

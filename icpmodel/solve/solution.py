@@ -21,10 +21,10 @@ from ..present.card import Card
 from ..present.shown import Plotted, cut
 from ..present.table import Table, Tabular
 from ..problem.data import ProblemData
-from ..problem.verdict import certain
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, limited
 from ..theory.certificates.certificate import NOT_COMPUTED, ActiveSet, Certificate, active_set, certify
+from .goal import Goal
 
 
 class Status(Enum):
@@ -91,7 +91,7 @@ _BETTER = 0.99
 
 @dataclass(frozen=True, repr=False)
 class History(ReadOnly, Plotted, Tabular):
-    """The path of a run: iterate number, Res(z) and seconds since the start, one entry per tested iterate.
+    """The path of a run: iterate number, Res_D(z) and seconds since the start, one entry per tested iterate.
 
     >>> history = ICP([[2.0]], [-2.0]).solve("mnmgs", history=True).history
     >>> history.iteration
@@ -108,7 +108,7 @@ class History(ReadOnly, Plotted, Tabular):
         """One row per tested iterate."""
         columns = (self.iteration, self.residual, self.seconds)
         rows = tuple(zip(*(column.tolist() for column in columns), strict=True))
-        return Table("", ("iteration", "Res(z)", "seconds"), rows)
+        return Table("", ("iteration", "Res_D(z)", "seconds"), rows)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,11 +117,12 @@ class Solution(ReadOnly, Plotted):
 
     `problem`; `z` shape (n,); `status`; `message` with advice; `method`, the method that found z, and `why` it was
     picked; `settled`, that method with the numbers that theta1="auto" came to, else the method itself; `last_method`,
-    whose end the `status` is: another one where several were tried and the last was not the best; `residual` = Res(z),
-    judged on the returned z, and the `tolerance` it was held against; `iterations` in all; `seconds` of the run, set-up
-    included; `accuracy`, the certified error that was asked for, or None; `history` or None; `infeasible`, the proof
-    with its witness where the status is INFEASIBLE, else None; `time_limit` and `memory_limit` of the run, or None: the
-    certificate and `polish` keep to them, too, each for itself.
+    whose end the `status` is: another one where several were tried and the last was not the best; `residual` =
+    Res_D(z), judged on the returned z, and the `tolerance` it was held against, as the paper's Res(z) was against
+    `atol`; `iterations` in all; `seconds` of the run, set-up included; `accuracy`, the certified error that was asked
+    for, or None; `history` or None; `infeasible`, the proof with its witness where the status is INFEASIBLE, else None;
+    `time_limit` and `memory_limit` of the run, or None: the certificate and `polish` keep to them, too, each for
+    itself.
 
     >>> solution = ICP([[2.0]], [-2.0]).solve("mnmgs")
     >>> solution.status, solution.iterations
@@ -142,6 +143,7 @@ class Solution(ReadOnly, Plotted):
     tolerance: float
     iterations: int
     seconds: float
+    atol: float = 0.0
     accuracy: float | None = None
     history: History | None = None
     infeasible: Answer | None = None
@@ -153,12 +155,17 @@ class Solution(ReadOnly, Plotted):
 
     @property
     def solved(self) -> bool:
-        """Whether the status is SOLVED: Res(z) ≤ `tolerance` or, if asked for, a certified error ≤ `accuracy`.
+        """Whether the status is SOLVED: Res_D(z) ≤ `tolerance`, Res(z) ≤ `atol` or a certified error ≤ `accuracy`.
 
         >>> ICP([[2.0]], [-2.0]).solve().solved
         True
         """
         return self.status is Status.SOLVED
+
+    @property
+    def _goal(self) -> Goal:
+        """What was asked for, but for an accuracy."""
+        return Goal(self.tolerance, self.problem, self.atol)
 
     @cached_property
     def p(self) -> Vector:
@@ -217,7 +224,7 @@ class Solution(ReadOnly, Plotted):
                 z = solve_on(problem, self.z, *known.completed(pattern_at(problem, self.z)))
             residual = problem.residual(z)
             if not self.accuracy:
-                residual = certain(problem, z, residual, self.tolerance)
+                residual = self._goal.judged(z, residual)
         except (IcpError, MemoryError) as error:
             return self._with(why=self._and_why(f"not polished: {error}"))
         if not (residual < _BETTER * self.residual or self._closer(z)):
@@ -229,7 +236,7 @@ class Solution(ReadOnly, Plotted):
         if self.certificate.bound.reason == NOT_COMPUTED:
             better = better.without_bound()
         found = better.error_bound if self.accuracy else None
-        reached = residual <= self.tolerance if not self.accuracy else found is not None and found <= self.accuracy
+        reached = found is not None and found <= self.accuracy if self.accuracy else self._goal.reached(z, residual)
         if reached:
             return better._with(status=Status.SOLVED, message="solved")
         if self.solved or self.status is Status.CROSSED:  # which is said of this very z
@@ -303,7 +310,7 @@ class Solution(ReadOnly, Plotted):
             "problem": f"{self.problem!r}",
             "status": f"{self.status.value} after {self.iterations} iteration{plural}{last}",
             "method": f"{self.method!r}{found}" + (f"\n{self.why}" if self.why else ""),
-            "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" (stop at {self.tolerance:.3g})"),
+            "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" ({self._goal.wanted(self.z)})"),
             "error": bound.in_words(self.accuracy),
         }
         if bound.value is not None:
@@ -333,6 +340,7 @@ class Solution(ReadOnly, Plotted):
             "iterations": self.iterations,
             "seconds": self.seconds,
             "tolerance": None if self.accuracy else self.tolerance,
+            "atol": None if self.accuracy else self.atol,
             "accuracy": self.accuracy,
             **numbers,
             "error_bound": bound.value,

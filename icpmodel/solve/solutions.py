@@ -50,12 +50,13 @@ NOT_BEGUN = Found(MNMGS(), MNMGS(), MNMGS(), "no method was tried", 0, 0.0)
 @dataclass(frozen=True, eq=False)
 class Stated:
     """The problems as they were stated: `problems` with A, one for all or each its own, `Q`, and for each obstacle what
-    was given, and the list of these or None where one holds for all; the limits of all rows together."""
+    was given, and the list of these or None where one holds for all; `atol`; the limits of all rows together."""
 
     problems: list[ProblemData]
     Q: NDArray[np.float64]
     below: tuple[Any, list[Any] | None]
     above: tuple[Any, list[Any] | None]
+    atol: float
     time_limit: float | None
     memory_limit: float | None
 
@@ -76,8 +77,8 @@ class Solutions(ReadOnly, Shown, Tabular):
     """The answers of `solve_many`, one row per problem; a list of them, too: `many[0]`, `many[-1]` and what a loop over
     them gives is a `Solution`, made when it is asked for, `many[:2]` is a list of these.
 
-    `Z` shape (k, n), read-only; `statuses` k members of `Status`; `residuals` = Res(z) of the returned rows, recomputed
-    from (A, q, ψ, z), and the `tolerances` they were held against, shape (k,) each; `seconds` of the whole;
+    `Z` shape (k, n), read-only; `statuses` k members of `Status`; `residuals` = Res_D(z) of the returned rows,
+    recomputed from (A, q, ψ, z), and the `tolerances` they were held against, shape (k,) each; `seconds` of the whole;
     `messages` what went wrong, by row.
 
     >>> many = icp.solve_many([[2.0]], [[-2.0], [3.0]])
@@ -121,6 +122,7 @@ class Solutions(ReadOnly, Shown, Tabular):
             residual=float(self.residuals[k]),
             tolerance=float(self.tolerances[k]),
             **found._asdict(),
+            atol=self._stated.atol,
             time_limit=self._stated.time_limit,
             memory_limit=self._stated.memory_limit,
         )

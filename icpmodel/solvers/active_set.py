@@ -10,15 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ..numerics.arrays import norm
 from ..numerics.factorisation import factorise
-from ..problem.between import mid
 from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
 
 class ColdActiveSet(ForeignSolver):
-    """z = 0 at the start, and a factorisation for every system; its tolerance is Res(z)/Res(0).
+    """z = 0 at the start, and a factorisation for every system; its tolerance is Res_D(z)/Res_D(0).
 
     The rows with p_i ≤ a_ii r_i are taken for p_i = 0, the others for r_i = 0; those with p_i < a_ii(z_i − ψ̄_i), where
     there is an obstacle above, for z_i = ψ̄_i.
@@ -27,7 +25,7 @@ class ColdActiveSet(ForeignSolver):
     name = "active set, cold"
     forms = ("mpec",)
     asked_by = ("race",)
-    # its tolerance is of Res itself, if in other units
+    # its tolerance is of Res_D itself, if in other units
 
     def why_not(self, target: Target) -> str | None:
         return super().why_not(target) if target.problem.psi.is_constant else "psi is not constant"
@@ -43,7 +41,7 @@ class ColdActiveSet(ForeignSolver):
         z, before, start = np.zeros(q.size), np.zeros(0), 0.0
         while True:
             p, r = A @ z + q, z - c
-            residual = norm(mid(p, r, None if d is None else z - d))
+            residual = target.problem.residual_of(p, r, None if d is None else z - d)
             start = start or residual
             inactive, side = p <= weight * r, c
             rows = inactive

@@ -75,7 +75,7 @@ class ForeignSolver(Shown, ABC):
     ...     def run(self, model):
     ...         return icp.solvers.Claim(np.zeros(model.n), "zero, what else", True)
     >>> print(ICP([[2.0]], [-1.0]).crosscheck(solvers=["guess"]).rows[0].note)
-    claims 'zero, what else', but its residual is above 1e-07 Res(0)
+    claims 'zero, what else', but its residual is above 1e-07 Res_D(0)
     """
 
     name: ClassVar[str]

@@ -36,10 +36,10 @@ class Case:
 
     @cached_property
     def scale(self) -> float:
-        """Res(0), by which residuals are divided. Raises InputError where z = 0 is a solution."""
+        """Res_D(0), by which residuals are divided. Raises InputError where z = 0 is a solution."""
         scale = self.problem.residual_at_0()
         if not 0 < scale < np.inf:
-            raise InputError(f"{self.scene}: Res(0) = {scale:g}, there is nothing to measure")
+            raise InputError(f"{self.scene}: Res_D(0) = {scale:g}, there is nothing to measure")
         return scale
 
     @cached_property
@@ -51,7 +51,7 @@ class Case:
         return Target(problem), unit
 
     def judged(self, z: Any) -> float | None:
-        """Res(z)/Res(0), None where z is no finite vector of shape (n,)."""
+        """Res_D(z)/Res_D(0), None where z is no finite vector of shape (n,)."""
         try:
             ratio = self.problem.residual(np.asarray(z, dtype=np.float64)) / self.scale
         except (IcpError, TypeError, ValueError):

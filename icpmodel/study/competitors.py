@@ -27,7 +27,8 @@ from .cases import Case, fresh, unbroken
 class Entry(Shown):
     """One competitor at one `tolerance` of a race: `seconds` of each round, and among them `build` seconds to make the
     ICP or the QP and `setup` seconds of the solver (None: not known apart); `error` in the race's measure, `residual`
-    Res(z)/Res(0), its `claim`, and whether that is `wrong`: success, at a residual of ten times the tolerance or more.
+    Res_D(z)/Res_D(0), its `claim`, and whether that is `wrong`: success, at a residual of ten times the tolerance or
+    more.
     """
 
     name: str

@@ -33,7 +33,7 @@ from .timing import clocked, interleaved, machine, timed
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 #: own methods of which a chart is made where none are named
 METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
-#: a claim of success is wrong where the residual, relative to Res(0), is so many times the tolerance that was asked for
+#: a claim of success is wrong where the residual, relative to Res_D(0), is so many times what was asked for
 _WRONG = 10.0
 #: a run that takes so many seconds is timed once
 _ONCE = 1.0
@@ -79,7 +79,7 @@ class Race(Plotted, Tabular):
             rows.append((one.name, one.kind, one.tolerance, *times, *said))
         if self.limit is not None:
             rows.append((Limit.name, Limit.kind, RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
-        return Table(self.title, (*heads, self.measure, "Res(z) / Res(0)", "claim", "is"), tuple(rows))
+        return Table(self.title, (*heads, self.measure, "Res_D(z) / Res_D(0)", "claim", "is"), tuple(rows))
 
     def notes(self) -> list[str]:
         """What is said below the table, in sentences, the `winner` last."""
@@ -97,16 +97,16 @@ class Race(Plotted, Tabular):
 
     @property
     def winner(self) -> str:
-        """Who came first to Res(z) ≤ 1e-8·Res(0), or where nobody did to the smallest tolerance that somebody reached,
-        in one sentence; who is level with the first, as their times overlap, is named beside it.
+        """Who came first to Res_D(z) ≤ 1e-8·Res_D(0), or where nobody did to the smallest tolerance that somebody
+        reached, in one sentence; who is level with the first, as their times overlap, is named beside it.
 
         >>> icp.race(ICP([[2.0]], [-3.0]), methods=[], solvers=[], repeats=1).winner.split(", in")[0]
-        'First to Res(z) <= 1e-08 Res(0): solve()'
+        'First to Res_D(z) <= 1e-08 Res_D(0): solve()'
         """
-        return self.in_words("First to Res(z) <= {goal:g} Res(0)")
+        return self.in_words("First to Res_D(z) <= {goal:g} Res_D(0)")
 
     def quickest(self, goal: float) -> dict[str, Entry]:
-        """For each competitor the quickest of its runs that reached Res(z) ≤ goal·Res(0), the quickest one first."""
+        """For each competitor the quickest of its runs with Res_D(z) ≤ goal·Res_D(0), the quickest one first."""
         best: dict[str, Entry] = {}
         for one in sorted(self.entries, key=lambda one: one.median):
             if one.residual is not None and one.residual <= goal:
@@ -149,7 +149,7 @@ def race(
     A competitor whose answer is already as good as a smaller tolerance asks for is not run at that one again.
 
     The error is max|z − z*| where `z_exact` is given; else |z − ẑ| + β, a certified bound, with a polished answer ẑ and
-    its own error bound β; else, where there is no bound, Res(z)/Res(0). One measure holds for all of a race.
+    its own error bound β; else, where there is no bound, Res_D(z)/Res_D(0). One measure holds for all of a race.
     Parameters: `methods` by name ("mnmaor, tuned" and "psor, tuned" have the ω of the estimated Jacobi radius) or as
     objects, beside `solve()` itself; `solvers`, any foreign solver by name or as an object, both by default what the
     problem admits; `z_exact` shape (n,), by default that of the scene where `problem` is one;
@@ -216,7 +216,7 @@ def _measure(case: Case, z_exact: Any) -> tuple[str, _Error]:
     else:
         best = unbroken(solve(problem, rtol=1e-12, raise_on_failure=False)).polish()
         if best.error_bound is None:
-            return "Res(z) / Res(0)", case.judged
+            return "Res_D(z) / Res_D(0)", case.judged
         exact, known, words = best.z, best.error_bound, "certified bound on max |z - z*|"
 
     def error(z: Any) -> float | None:

@@ -149,7 +149,7 @@ def in_order(problem, name, **options):
     """The sweep of a method from the first row to the last, made as is asked for."""
     A, rows = problem.A, problem.matrix.rows
     own = {"psor": (1.0,), "mnmgs": (rows.diagonal, 0.5 / rows.diagonal, 1.0)}[name]
-    matrix = (A.indptr, A.indices, A.data, rows.diag, problem.q)
+    matrix = (A.indptr, A.indices, A.data, rows.diag, problem.matrix.row_weights, problem.q)
     return compiled_step(problem, "in_order", matrix, (own, True), rows.above, **options)
 
 

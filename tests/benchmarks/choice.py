@@ -29,7 +29,7 @@ def table(seed=1, families=(), low=100, high=10_000, count=1, most=60, time_limi
 
     Own methods run at their default options, relaxed for the Jacobi radius, or with θ₁ chosen. Peers take part where
     the problem is a convex QP in z, and count with the first tolerance at which the recomputed residual is at most
-    1e-8 Res(0). Ratios are times of `solve()` over those of the other, medians over rounds in turn.
+    1e-8 Res_D(0). Ratios are times of `solve()` over those of the other, medians over rounds in turn.
 
     Parameters
     ----------

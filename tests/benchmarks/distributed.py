@@ -1,4 +1,4 @@
-"""To Res(z) <= 1e-8 Res(0) on ranks, set-up included."""
+"""To Res_D(z) <= 1e-8 Res_D(0) on ranks, set-up included."""
 
 import faulthandler
 import json

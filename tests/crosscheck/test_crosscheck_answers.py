@@ -135,11 +135,11 @@ def test_psi_of_a_row_without_obstacle_does_not_spoil_the_convexity_of_the_gap()
     }
 
 
-def test_units_in_which_the_residual_is_blind_do_not_make_a_solution() -> None:
-    """With A of size 1e-100 and an obstacle of size 1, Res is tiny at every z above the obstacle."""
+def test_units_in_which_the_residual_of_the_paper_is_blind_do_not_make_a_solution() -> None:
+    """With A of size 1e-100 and an obstacle of size 1, Res is tiny at every z above the obstacle, Res_D is not."""
     problem = icp.ICP([[1e-100, 1e-100], [1e-100, 1e-100]], [-3e-100, -3e-100], psi=1.0)
     assert crosscheck(problem, [1.0, 2.0], ["osqp"]).holds
-    assert problem.residual([1.5, 2.5]) < 1e-90
+    assert problem.paper_residual([1.5, 2.5]) < 1e-90
     assert verdicts(crosscheck(problem, [1.5, 2.5], ["osqp", "cvxpy-clarabel"])) == [Verdict.DISAGREES] * 2
 
 

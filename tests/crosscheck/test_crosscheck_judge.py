@@ -9,9 +9,10 @@ from icpmodel.solvers.foreign import Claim
 
 
 def test_units_that_blind_the_residual_do_not_hold() -> None:
+    """Law 5: beside an obstacle of size 1 the paper's Res sees nothing of a p of size 1e-12."""
     problem = icp.ICP(1e-12 * np.eye(2), [1e-12, -1e-12], [1.0, -5.0])  # z* = (1, 1)
     blind = np.array([1.0, 0.0])
-    assert solves(problem, blind, 1e-8)
+    assert problem.paper_residual(blind) <= 1e-12
     assert not Checked(problem, blind).holds
 
 
@@ -23,15 +24,16 @@ def test_the_loose_tolerance_of_another_problem_does_not_count() -> None:
 
 def test_ten_times_the_rounding_is_no_solution() -> None:
     problem, z = icp.ICP([[3.0]], [-1.0]), np.array([1 / 3])
-    floor = float(np.linalg.norm(np.maximum(*problem.rounding(z))))
+    floor = problem.rounding_of_residual(z)
     assert solves(problem, z, 0.0)
     assert not solves(problem, z + 10 * floor, 0.0)
 
 
 @pytest.mark.parametrize("error", [1e-3])
 def test_a_wide_bound_proves_no_agreement(error: float) -> None:
-    checked = Checked(icp.ICP(np.diag([1, 1e-6]), [-1, -1e-6]), [1.0, 1.0 + error])
-    exact = Claim(np.ones(2) / checked.unit, "optimal", True, 0.0, 0.0)
+    A, z = np.eye(2) - (1 - 1e-6) * (1 - np.eye(2)), np.array([1.0, 2.0])
+    checked = Checked(icp.ICP(A, -A @ z, -10.0), z + error)
+    exact = Claim(z / checked.unit, "optimal", True, 0.0, 0.0)
     assert checked.judge("exact", "energy", checked.targets[0], exact).verdict is Verdict.INCONCLUSIVE
 
 

@@ -106,13 +106,37 @@ class ExactProblem:
         G, c = psi.linear
         return [x if x == none else x + dot(row, z) for row, x in zip(rational(G.toarray()), fractions(c), strict=True)]
 
+    @cached_property
+    def weights(self):
+        """1/max_j |a_ij|, the diagonal of D⁻¹; a row without entries counts as if that were 2⁻⁵²⁰."""
+        return [1 / max(map(abs, row)) if any(row) else Fraction(2) ** 520 for row in self.A]
+
+    def paper_residual(self, z):
+        """Res(z)²."""
+        return self.residual(z, [1] * self.n)
+
+    def scale(self, z, start):
+        """What a relative tolerance is a share of: Res_D(0), the smallest term at 0, or the size of `z`, at most that
+        of the `start`, None for 0."""
+        zero = [Fraction(0)] * self.n
+        at_0 = self.residual(zero)
+        if at_0:
+            return root(at_0)
+        if at_0 is not None:
+            terms = [abs(w * q) for w, q in zip(self.weights, self.q, strict=True)]
+            terms += [abs(x) for pair in self.obstacles(zero) for x in pair]
+            if terms := [x for x in terms if 0 < x < math.inf]:
+                return min(terms)
+        squares = [sum(x * x for x in fractions(x)) for x in (z, [0.0] if start is None else start)]
+        return root(min(squares))
+
     def residual(self, z, weights=None):
-        """‖mid(z − ψ̄, w·p, z − ψ)‖₂², None where ψ has no value or z is not finite."""
+        """Res_D(z)² = ‖mid(z − ψ̄, w·p, z − ψ)‖₂², None where ψ has no value or z is not finite."""
         if not isinstance(z[0], Fraction):
             if not np.isfinite(z).all():
                 return None
             z = fractions(z)
-        weights = weights or [1] * self.n
+        weights = weights or self.weights
         try:
             rows = zip(weights, self.p(z), z, self.obstacles(z), strict=True)
             return sum((natural(w * p, x, c, d) ** 2 for w, p, x, (c, d) in rows), Fraction(0))

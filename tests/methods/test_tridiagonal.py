@@ -55,7 +55,7 @@ def test_the_bearing_is_solved_in_one_step(n):
 
 
 def test_where_float64_cannot_hold_a_better_answer_the_run_ends_with_the_reason_after_few_steps():
-    """With h = 2π/100001 even z* itself, rounded, leaves a residual of more than 1e-8 Res(0)."""
+    """With h = 2π/100001 even z* itself, rounded, leaves a residual of more than 1e-8 Res_D(0)."""
     problem = scenes.bearing(n=100_000).problem
     solution = problem.solve(raise_on_failure=False)
     assert solution.status is icp.Status.PRECISION_LIMIT

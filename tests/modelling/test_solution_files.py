@@ -46,7 +46,7 @@ def test_a_solution_comes_back_as_one_whose_card_prints(tmp_path, options):
 def test_a_status_that_the_problem_does_not_bear_out_is_refused(tmp_path):
     """Whoever wrote it: SOLVED is said only of a residual, or a certified error, that was computed again."""
     path, rough = tmp_path / "s.npz", PROBLEM.solve("mnmgs", max_iter=1, raise_on_failure=False)
-    with pytest.raises(icp.FileError, match=r"s\.npz: says that it is solved, but Res\(z\) = .*icpmodel.certify"):
+    with pytest.raises(icp.FileError, match=r"s\.npz: says that it is solved, but Res_D\(z\) = .*icpmodel.certify"):
         icp.load_solution(saved(path, rough, status="solved"))
     with pytest.raises(icp.FileError, match=r"says that it is solved, but its error bound is .*1e-09 was wanted"):
         icp.load_solution(saved(path, rough, status="solved", accuracy=1e-9))

@@ -60,7 +60,7 @@ def test_a_table_is_a_data_frame_with_the_numbers_in_full():
     assert frame["time, s"].isna().tolist() == [False, True, False]
     assert frame["n"].dtype == np.int64
     history = icp.scenes.hand_lcp().problem.solve("mnmgs", history=True).history
-    assert (history.to_dataframe()["Res(z)"] == history.residual).all()
+    assert (history.to_dataframe()["Res_D(z)"] == history.residual).all()
     assert icp.solve_many([[2.0]], [[-2.0], [3.0]]).to_dataframe()["status"].tolist() == ["solved", "solved"]
     report = icp.crosscheck(icp.ICP([[3.0]], [-1.0]), [1 / 3], ["osqp"])
     assert report.to_dataframe()["seconds"].tolist() == [report.rows[0].seconds]

@@ -92,25 +92,41 @@ def test_the_norm_is_right_at_every_size_of_its_entries(size):
     assert np.isnan(norm(np.append(x, np.nan)))
 
 
-def test_res_is_the_two_norm_of_the_natural_map_and_does_not_overflow():
-    problem = icp.ICP(np.diag([1.0, 2.0]), [-3.0, 8.0])
-    assert problem.residual([0.0, 5.0]) == pytest.approx(np.hypot(3.0, 5.0))
-    huge = icp.ICP(np.eye(2) * 1e200, [-3e200, -4e200])
-    assert huge.residual([0.0, 0.0]) == pytest.approx(5e200)
-    tiny = icp.ICP(np.eye(2) * 1e-200, [-3e-200, -4e-200])
-    assert tiny.residual([0.0, 0.0]) == pytest.approx(5e-200)
+def test_both_residuals_are_two_norms_of_the_natural_map_and_do_not_overflow():
+    """Law 5: Res_D = ‖min(D⁻¹p, r)‖ with d_i = max_j |a_ij| does not know the units of p, the paper's Res does."""
+    problem = icp.ICP([[1.0, 0.0], [8.0, 4.0]], [-3.0, 8.0])
+    assert problem.residual([0.0, 5.0]) == pytest.approx(np.hypot(3.0, 28.0 / 8.0))
+    assert problem.paper_residual([0.0, 5.0]) == pytest.approx(np.hypot(3.0, 5.0))
+    for unit in (1.0, 1e200, 1e-200):
+        of_p = icp.ICP(np.eye(2) * unit, [-3.0 * unit, -4.0 * unit])
+        assert of_p.residual([0.0, 0.0]) == of_p.residual_scale() == pytest.approx(5.0)
+        assert of_p.paper_residual([0.0, 0.0]) == pytest.approx(5.0 * unit)
+        of_z = icp.ICP(np.eye(2), [-3.0 * unit, -4.0 * unit])
+        assert of_z.residual([0.0, 0.0]) == of_z.residual_scale() == pytest.approx(5.0 * unit)
+
+
+@pytest.mark.parametrize("kind", [np.array, sp.csr_array])
+def test_a_row_without_entries_counts_alike_in_all_units(kind):
+    """q_1 ≥ 0 says nothing of z: where it holds strictly z_1 is at its obstacle, where it fails there is no
+    solution."""
+    for unit in (1e-12, 1.0, 1e12):
+        problem = icp.ICP(kind([[1.0, 0.0], [0.0, 0.0]]), [-1.0, unit], [0.0, 2.0])
+        assert problem.residual([1.0, 2.0]) == 0.0
+        assert problem.residual([1.0, 2.5]) == 0.5
+        assert problem.solve().z == pytest.approx([1.0, 2.0])
+        assert not problem.with_q([-1.0, -unit]).solve(raise_on_failure=False).solved
+        assert problem.with_q([-1.0, 0.0]).residual([1.0, 2.5]) == 0.0
 
 
 def test_a_certificate_tells_each_violation_by_its_own_name():
-    """p = 2z − 6, r = z − 1 for z = (0, 5): p = (−6, 4), r = (−1, 4); min(r, D⁻¹p) = (−3, 2)."""
+    """p = 2z − 6, r = z − 1 for z = (0, 5): p = (−6, 4), r = (−1, 4); min(D⁻¹p, r) = (−3, 2)."""
     problem = icp.ICP(np.diag([2.0, 2.0]), [-6.0, -6.0], 1.0)
     certificate = icp.certify(problem, [0.0, 5.0])
     assert certificate.violation_p == 6.0
     assert certificate.violation_r == 1.0
-    assert certificate.residual_max == 6.0
-    assert certificate.residual_scaled == 3.0
-    assert certificate.residual == pytest.approx(np.hypot(6.0, 4.0))
-    assert icp.certify(icp.ICP([[0.0]], [1.0]), [0.0]).residual_scaled is None
+    assert certificate.residual_max == 3.0
+    assert certificate.residual == pytest.approx(np.hypot(3.0, 2.0))
+    assert certificate.residual_of_paper == pytest.approx(np.hypot(6.0, 4.0))
     with pytest.raises(icp.InputError, match="omega"):
         problem.natural_map([0.0, 5.0], omega=-1.0)
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.problem.verdict import at_least, certain
+from icpmodel.problem.verdict import certain
 
 
 @pytest.mark.parametrize(("kind", "upper"), [(np.array, None), (sp.csr_array, None), (sp.csr_array, 1e300)])
@@ -21,7 +21,6 @@ def test_a_row_that_overflows_is_not_certain(kind, upper):
     with np.errstate(over="ignore"):
         assert problem.residual(z) == 0.0
     assert certain(problem, z, 0.0, 1e-8) == np.inf
-    assert at_least(problem, z) < 1e-15  # the other row
     assert not problem.solve(raise_on_failure=False, max_iter=100).solved
     if upper is None:
         many = icp.solve_many(A, [[0.0, -1.0]], problem.psi, raise_on_failure=False)

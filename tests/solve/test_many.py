@@ -245,7 +245,7 @@ def test_a_row_that_was_not_begun_has_its_start():
 
 
 def test_the_row_before_is_no_measure_of_what_is_small():
-    """Res(z) ≤ rtol·Res(0): where 0 is the solution a start from the row before would put its own residual in place."""
+    """Where 0 is the solution the answer of the row before does not set the scale of this one."""
     psi = icp.Elementwise(lambda x: np.abs(x) / 2, c=np.zeros(1))
     found = icp.solve_many([[1.0]], [[-1.0], [1.0]], psi)
     assert found.Z.ravel().tolist() == [1.0, 0.0]

@@ -118,6 +118,11 @@ class AtomObstacle:
         """ψ(z). Raises ArithmeticError where an expression has no finite value at `z`."""
         return self.G @ z + self.c + self.V @ self._atoms.value(z)
 
+    def terms(self, z: Vector) -> Vector:
+        """The sums of the absolute values of the terms of z − ψ(z)."""
+        own = abs(sp.eye_array(z.size) - self.G) @ np.abs(z)
+        return np.asarray(own + np.abs(self.c) + abs(self.V) @ np.abs(self._atoms.value(z)))
+
     def jacobian(self, z: Vector) -> sp.csr_array:
         """ψ′(z) = G + Vw′(z). Raises ArithmeticError where an expression has no gradient at `z`."""
         return sp.csr_array(self.G + self.V @ self._atoms.derivative(z))

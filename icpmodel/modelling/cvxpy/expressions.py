@@ -99,6 +99,13 @@ class CvxpyReading:
     def multipliers(self, z: Vector) -> list[tuple[Any, Any]]:
         return self._by_condition(self._sign * self.problem.p(z)[self._own])
 
+    def row_name(self, row: int) -> str:
+        found = np.flatnonzero(self._own == row)
+        if not found.size:
+            return named(self._equations[0]) if len(self._equations) == 1 else "one of the equations"
+        number, place = at([p for p, _ in self._pairs], int(found[0]))
+        return f"{self._conditions[number]}" + (place and f", entry {place},")
+
     def distances(self, z: Vector) -> list[tuple[Any, Any]]:
         """The conditions without bounds, each with its r, as it was written, at `z`."""
         r, above = self.problem.r(z), self.problem.r_upper(z)

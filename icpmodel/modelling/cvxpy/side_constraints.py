@@ -77,8 +77,8 @@ def checked(solution: Solution, rows: AffineRows, name: Callable[[int], str]) ->
     values, sizes = Z @ z + constant, np.asarray(abs(Z).sum(axis=1))
     terms = abs(Z) @ np.abs(z) + np.where(np.isfinite(constant), np.abs(constant), 0.0)
     noise = gamma(np.diff(Z.indptr) + 2) * terms
-    # a residual is a step in z or an entry of p
-    wrong = values > (1.0 + sizes) * max(solution.tolerance, solution.accuracy or 0.0) + noise
+    # a residual is a step in z
+    wrong = values > sizes * max(solution.tolerance, solution.residual, solution.accuracy or 0.0) + noise
     if not wrong.any():
         return solution
     error = None

@@ -70,6 +70,9 @@ class PyomoReading:
         """The conditions, each with p at `z`: of a condition a ≤ f ≤ b ⟂ g it is g. Equations have none."""
         return [(owner, p) for owner, p, _, _ in self._forces(z)]
 
+    def row_name(self, row: int) -> str:
+        return str(self.owners[row].name)
+
     def marginals(self, z: Vector) -> list[tuple[Any, Any]]:
         """The variables of the conditions, each with p in its own direction: negative at an upper bound."""
         return [(variable, sign * p) for _, p, variable, sign in self._forces(z)]

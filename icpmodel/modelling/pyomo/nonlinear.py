@@ -208,6 +208,11 @@ class PyomoObstacle:
     def __call__(self, z: Vector) -> Vector:
         return np.asarray(self.G @ z + self.c - self.rows.value(self.signs * z) / self.scale)
 
+    def terms(self, z: Vector) -> Vector:
+        """The sums of the absolute values of the terms of z − ψ(z)."""
+        own = abs(sp.eye_array(z.size) - self.G) @ np.abs(z)
+        return np.asarray(own + np.abs(self.c) + np.abs(self.rows.value(self.signs * z) / self.scale))
+
     def jacobian(self, z: Vector) -> sp.csr_array:
         """ψ′(z) = G − s⁻¹N′(σz)σ, CSR."""
         slope = sp.diags_array(1 / self.scale) @ self.rows.jacobian(self.signs * z) @ sp.diags_array(self.signs)

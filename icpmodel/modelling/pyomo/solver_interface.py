@@ -170,7 +170,7 @@ class PyomoSolver(SolverBase):
         results.extra_info.solution, results.extra_info.iteration_count = solution, solution.iterations
         results.termination_condition, results.solution_status = ENDS[solution.status]
         results.solver_log = solution.message
-        fault = reading.out_of_bounds(solution.z, solution.tolerance) if solution.solved else ""
+        fault = reading.out_of_bounds(solution.z, max(solution.tolerance, solution.residual)) if solution.solved else ""
         if fault:
             unique = solution.certificate.unique
             results.solution_status = SolutionStatus.infeasible

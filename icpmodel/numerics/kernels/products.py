@@ -23,25 +23,26 @@ _NORMAL = 2.0**-960
 
 
 @compiled
-def look(indptr, indices, data, low, high, diag, diagonal, rest):
-    # rows low <= i < high: where the diagonal entry stands, its value, the sum of the other |entries|; returns how far
-    # the entries reach below the diagonal and above it, and the sums of those there. Rows are sorted, and every
-    # diagonal entry is stored.
+def look(indptr, indices, data, low, high, diag, diagonal, rest, largest):
+    # rows low <= i < high: where the diagonal entry stands, its value, the sum of the other |entries|, the largest of
+    # all; returns how far the entries reach below the diagonal and above it, and the sums of those there. Rows are
+    # sorted, and every diagonal entry is stored.
     below, above, lower, whole = 0, 0, 0.0, 0.0
     start = uint(indptr[low])
     for i in range(low, high):
         end = uint(indptr[i + 1])
         below = max(below, i - indices[start])
         above = max(above, indices[end - uint(1)] - i)
-        total, first, left = 0.0, 0.0, 0
+        total, first, most, left = 0.0, 0.0, 0.0, 0
         k = start
         while k < end:
             total += abs(data[k])
+            most = max(most, abs(data[k]))
             first += abs(data[k]) * (indices[k] < i)  # no branch
             left += indices[k] < i
             k += one()
         own = data[start + uint(left)]
-        diag[i], diagonal[i], rest[i] = start + uint(left), own, total - abs(own)
+        diag[i], diagonal[i], rest[i], largest[i] = start + uint(left), own, total - abs(own), most
         lower += first
         whole += rest[i]
         start = end
@@ -80,12 +81,13 @@ def magnitude(indptr, indices, data, z, low, high, out):
 
 
 @compiled
-def natural(indptr, indices, data, q, psi, upper, z, low, high):
-    # the sum of min(p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is. With
-    # `upper`, else None, of the median's square: see `between.mid`
+def natural(indptr, indices, data, weights, q, psi, upper, z, low, high):
+    # the sum of min(weight p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is.
+    # With `upper`, else None, of the median's square: see `between.mid`
     squares = 0.0
     for i in range(uint(low), uint(high)):
         p, r = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z), z[i] - psi[i]
+        p *= weights[i]
         least = r if r <= p or r != r else p
         if upper is not None:
             least = median(least, r, z[i] - upper[i])
@@ -175,6 +177,15 @@ def gap(i, indptr, indices, data, c, known, z, pairs):
 
 
 @inlined
+def weighted(weight, value, error):
+    # weight * value and a bound on its error, where `weight` is 1/d to an ulp and `error` a bound on that of the value
+    product = weight * value
+    if product == 0.0 and error == 0.0:
+        return product, error
+    return product, (1.0 + 4.0 * UNIT_ROUNDOFF) * (weight * error) + 4.0 * UNIT_ROUNDOFF * abs(product) + SMALLEST
+
+
+@inlined
 def unknown(value, error):
     # what overflowed on the way is infinite, and so is the bound on its error: their difference is no number
     return math.isnan(value - error) or math.isnan(value + error)
@@ -195,9 +206,9 @@ def worst(of_p, of_r, of_s):
 
 
 @partial(compiled, exact=True)
-def raised(indptr, indices, data, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper):
-    # residuals within their tolerances become bounds of the exact ones where rounding could lift these above them.
-    # Row by row p = Az + q and r = z - c - Gz, where c is off by up to `known` times itself; `upper` is None or
+def raised(indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper):
+    # residuals within their tolerances become bounds of the exact ones where rounding could lift these above them. Row
+    # by row p = weight (Az + q) and r = z - c - Gz, where c is off by up to `known` times itself; `upper` is None or
     # (indptr, indices, data, C, known) of the obstacle above
     for row in range(Z.shape[0]):
         q, c, z = Q[row], C[row], Z[row]
@@ -209,9 +220,10 @@ def raised(indptr, indices, data, Q, G_indptr, G_indices, G_data, C, known, Z, t
             for i in range(uint(z.size)):
                 k, stop = uint(indptr[i]), uint(indptr[i + uint(1)])
                 if pairs:
-                    of_p = twice(q[i], 0.0, k, stop, 1.0, indices, data, z)
+                    p, for_p = twice(q[i], 0.0, k, stop, 1.0, indices, data, z)
                 else:
-                    of_p = once(q[i], 0.0, k, stop, 1.0, indices, data, z)
+                    p, for_p = once(q[i], 0.0, k, stop, 1.0, indices, data, z)
+                of_p = weighted(weights[i], p, for_p)
                 of_r = gap(i, G_indptr, G_indices, G_data, c, known, z, pairs)
                 of_s = -np.inf, 0.0
                 if upper is not None:
@@ -226,22 +238,6 @@ def raised(indptr, indices, data, Q, G_indptr, G_indices, G_data, C, known, Z, t
             bound = scale * math.sqrt(squares) * rounding if scale < np.inf else np.inf
         if bound > tolerances[row]:
             residuals[row] = bound
-
-
-@partial(compiled, exact=True)
-def least(indptr, indices, data, q, G_indptr, G_indices, G_data, c, known, z, upper, out):
-    # row by row what the exact |min(p, r)|, or |the median|, is at least; as for `raised`, of which this is one row
-    for i in range(uint(z.size)):
-        p, for_p = twice(q[i], 0.0, uint(indptr[i]), uint(indptr[i + uint(1)]), 1.0, indices, data, z)
-        r, for_r = gap(i, G_indptr, G_indices, G_data, c, known, z, True)
-        s, for_s = -np.inf, 0.0
-        if upper is not None:
-            s, for_s = gap(i, upper[0], upper[1], upper[2], upper[3][0], upper[4], z, True)
-        if unknown(p, for_p) or unknown(r, for_r) or unknown(s, for_s):
-            out[i] = 0.0
-            continue
-        low, high = max(s - for_s, min(p - for_p, r - for_r)), max(s + for_s, min(p + for_p, r + for_r))
-        out[i] = low if low > 0.0 else -high if high < 0.0 else 0.0
 
 
 @partial(compiled, exact=True)

@@ -1,10 +1,10 @@
 """Sweeps over the rows of A.
 
-A sweep makes one pass over the CSR arrays of A: it writes the next iterate to `out` and returns Res(z)² of the iterate
-it started from, which falls out for free. There is no branch per stored entry: `diag[i]` splits row i of A at its
-diagonal entry, so that the loop over the strict lower triangle and the loop over the rest need no comparison of
-indices. ψ enters as `psi`, resolved when the loop is compiled: a vector ψ(z), or (c, indptr, indices, data) for Gz + c;
-with an obstacle above, `Sides` of two such.
+A sweep makes one pass over the CSR arrays of A: it writes the next iterate to `out` and returns Res_D(z)² of the
+iterate it started from, which falls out for free; `weights` are the diagonal of D⁻¹. There is no branch per stored
+entry: `diag[i]` splits row i of A at its diagonal entry, so that the loop over the strict lower triangle and the loop
+over the rest need no comparison of indices. ψ enters as `psi`, resolved when the loop is compiled: a vector ψ(z), or
+(c, indptr, indices, data) for Gz + c; with an obstacle above, `Sides` of two such.
 """
 
 from __future__ import annotations
@@ -93,8 +93,8 @@ def _moved(par, i, zi, own, obstacle, top, p, rest, old, new):
 
 
 @inlined
-def _row(i, forward, indptr, indices, data, diag, q, psi, par, z, out):
-    # sets out_i and returns the square of the natural residual. The sums over the entries that the sweep has passed,
+def _row(i, forward, indptr, indices, data, diag, weights, q, psi, par, z, out):
+    # sets out_i and returns the square of the residual of row i. The sums over the entries that the sweep has passed,
     # old and new, are kept apart, so that only one multiply-add stands between one row and the next
     d, start, end = uint(diag[i]), uint(indptr[i]), uint(indptr[i + uint(1)])
     k, last, first_left, end_left = start, d, d + uint(1), end
@@ -113,24 +113,24 @@ def _row(i, forward, indptr, indices, data, diag, q, psi, par, z, out):
     zi, own = z[i], data[d]
     rest = row_sum(q[i] + own * zi, first_left, end_left, indices, data, z)
     p, obstacle, top = rest + old, psi_entry(psi, i, z), upper_entry(psi, i, z)
-    natural = lifted(_smaller(p, zi - obstacle), zi, obstacle, top, 1.0)
+    natural = lifted(_smaller(weights[i] * p, zi - obstacle), zi, obstacle, top, 1.0)
     out[i] = _moved(par, i, zi, own, obstacle, top, p, rest, old, new)
     return natural * natural
 
 
-def in_order(indptr, indices, data, diag, q, psi, par, forward, z, out):
+def in_order(indptr, indices, data, diag, weights, q, psi, par, forward, z, out):
     # one sweep, z -> out; `par` is (Ω, the inverse diagonal of X, tau), or (ω,) for the projected one
     squares, n = 0.0, z.size
     for step in range(n):
         i = uint(step if forward else n - 1 - step)
-        squares += _row(i, forward, indptr, indices, data, diag, q, psi, par, z, out)
+        squares += _row(i, forward, indptr, indices, data, diag, weights, q, psi, par, z, out)
     return squares
 
 
 _sweep = called(in_order)
 
 
-def two_in_order(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low, high):
+def two_in_order(indptr, indices, data, diag, weights, q, psi, par, lag, z, one, two, low, high):
     # rows low <= i < high of the sweep z -> one, and rows low - lag <= i < high - lag of the next one, one -> two: no
     # row of A reaches further above its diagonal than `lag`, and a row's entries come from memory once for both. The
     # two sweeps do not wait for each other.
@@ -138,29 +138,29 @@ def two_in_order(indptr, indices, data, diag, q, psi, par, lag, z, one, two, low
     n, lag = uint(z.size), uint(lag)
     for i in range(uint(low), uint(high)):
         if i < n:
-            squares += _row(i, True, indptr, indices, data, diag, q, psi, par, z, one)
+            squares += _row(i, True, indptr, indices, data, diag, weights, q, psi, par, z, one)
         if i >= lag:
-            more += _row(i - lag, True, indptr, indices, data, diag, q, psi, par, one, two)
+            more += _row(i - lag, True, indptr, indices, data, diag, weights, q, psi, par, one, two)
     return squares, more
 
 
 _pair = called(two_in_order)
 
 
-def some_in_order(indptr, indices, data, diag, q, psi, par, forward, lag, Z, squares):
+def some_in_order(indptr, indices, data, diag, weights, q, psi, par, forward, lag, Z, squares):
     # sweeps one after the other, Z[0] -> Z[1] -> ..., for problems so small that to call one costs more than to make
     # it; two at a time, as each waits for its own rows alone
     k, n = 0, Z.shape[1]
     while forward and k + 1 < squares.size:
-        args = (indptr, indices, data, diag, q, psi, par, lag)
+        args = (indptr, indices, data, diag, weights, q, psi, par, lag)
         squares[k], squares[k + 1] = _pair(*args, Z[k], Z[k + 1], Z[k + 2], 0, n + lag)
         k += 2
     while k < squares.size:
-        squares[k] = _sweep(indptr, indices, data, diag, q, psi, par, forward, Z[k], Z[k + 1])
+        squares[k] = _sweep(indptr, indices, data, diag, weights, q, psi, par, forward, Z[k], Z[k + 1])
         k += 1
 
 
-def diagonal(indptr, indices, data, q, psi, omega, inverse, z, out):
+def diagonal(indptr, indices, data, weights, q, psi, omega, inverse, z, out):
     # X = diag(1/inverse): the rows do not wait for each other
     squares = 0.0
     start = uint(indptr[0])
@@ -168,13 +168,13 @@ def diagonal(indptr, indices, data, q, psi, omega, inverse, z, out):
         end = uint(indptr[i + uint(1)])
         low, top = psi_entry(psi, i, z), upper_entry(psi, i, z)
         p, r = row_sum(q[i], start, end, indices, data, z), z[i] - low
-        start, natural = end, lifted(_smaller(p, r), z[i], low, top, 1.0)
+        start, natural = end, lifted(_smaller(weights[i] * p, r), z[i], low, top, 1.0)
         squares += natural * natural
         out[i] = z[i] - (2.0 * inverse[i]) * pressed(_smaller(p, omega[i] * r), z[i], top, omega[i])
     return squares
 
 
-def triangular(indptr, indices, data, q, psi, omega, start, stop, x_indices, x_data, inverse, forward, z, out):
+def triangular(indptr, indices, data, weights, q, psi, omega, start, stop, x_indices, x_data, inverse, forward, z, out):
     # X = diag(1/inverse) + T with T strictly triangular, its row i at start[i] ... stop[i] of x_indices, x_data
     squares, n = 0.0, z.size
     for step in range(n):
@@ -187,7 +187,7 @@ def triangular(indptr, indices, data, q, psi, omega, start, stop, x_indices, x_d
             j = uint(x_indices[k])
             total += x_data[k] * (out[j] - z[j])
             k += one()
-        natural = lifted(_smaller(p, r), z[i], low, top, 1.0)
+        natural = lifted(_smaller(weights[i] * p, r), z[i], low, top, 1.0)
         squares += natural * natural
         moved = pressed(_smaller(p, omega[i] * r), z[i], top, omega[i])
         out[i] = z[i] - inverse[i] * (2.0 * moved + total)

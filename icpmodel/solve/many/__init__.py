@@ -59,12 +59,12 @@ def solve_many(
     Parameters: `A` as for `ICP`, or a list of k of them; `Q` shape (k, n), or (n,) where A or psi are k; `psi` as for
     `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `upper` the same of obstacles above, +inf
     for none, or None; `Z0` starts of shape (k, n) or (n,), or earlier `Solutions`; `rtol` and `atol`: row i is solved
-    where Res(z) ≤ max(atol, rtol·Res(0)); `time_limit` and `memory_limit` as for `solve`, of all rows together: one
-    that does not finish has its best iterate, one that was not begun its start, with an infinite residual; the start of
-    workers counts, whose clocks should agree, and `memory_limit` is that of each.
-    Returns `Solutions`. Raises InputError for wrong shapes, NotSolved, which carries them, where a row is not solved
-    unless `raise_on_failure` is False, and what else `solve` raises.
-    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
+    where Res_D(z) ≤ rtol·Res_D(0), or Res(z) ≤ atol; `time_limit` and `memory_limit` as for `solve`, of all rows
+    together: one that does not finish has its best iterate, one that was not begun its start, with an infinite
+    residual; the start of workers counts, whose clocks should agree, and `memory_limit` is that of each. Returns
+    `Solutions`. Raises InputError for wrong shapes, NotSolved, which carries them, where a row is not solved unless
+    `raise_on_failure` is False, and what else `solve` raises. Reference: Cottle, Pang and Stone, The Linear
+    Complementarity Problem (1992), section 4.4.
 
     >>> solve_many([[2, -1], [-1, 2]], [[-1, 3], [3, -1], [-1, -1]]).Z
     array([[0.5, 0. ],

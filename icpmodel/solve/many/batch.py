@@ -16,7 +16,7 @@ from ...errors import InputError, MapError, NotApplicable, OutOfTime, SingularOp
 from ...methods.contract import Method
 from ...methods.shortcuts import Lemke, Tridiagonal
 from ...numerics import work
-from ...numerics.arrays import Vector, as_array, as_real, axes, row_norms
+from ...numerics.arrays import Vector, as_array, as_real, axes, row_norms, smallest_size
 from ...numerics.rounding import is_ctrl_c
 from ...numerics.threads import cores, in_parts
 from ...problem.between import as_map, mid
@@ -96,7 +96,7 @@ class Batch:
         k = _common(A=matrices, Q=Q, psi=self.maps, upper=self.uppers, Z0=self.starts)
         # what is wrong in a row is said before another one is solved
         below, above = (psi, self.maps), (upper, self.uppers)
-        of_all = limits.time_limit, limits.memory_limit
+        of_all = limits.atol, limits.time_limit, limits.memory_limit
         self.stated = Stated([], np.broadcast_to(Q, (k, Q.shape[1])), below, above, *of_all)
         first = self.stated.sides(0)
         self.stated.problems.extend(ProblemData(one, Q[0], *first) for one in (matrices or [A]))
@@ -162,8 +162,8 @@ class Batch:
                 work.add(price * len(C[rows]))
                 of_rows = self.Q[rows], C[rows], None if D is None else D[rows]
                 Z = self.by_thomas(*of_rows) if lcp is None else lcp.back(self.pivoted(lcp, *of_rows))
-                residuals, tolerances = self._judged(Z, *of_rows)
-                good = self.solved[rows] = residuals <= tolerances
+                residuals, tolerances, good = self._judged(Z, *of_rows)
+                self.solved[rows] = good
                 for kept, found in ((self.Z, Z), (self.residuals, residuals), (self.tolerances, tolerances)):
                     kept[rows][good] = found[good]
 
@@ -186,21 +186,36 @@ class Batch:
             return C
         return (psi.linear[0] @ Z.T).T + psi.linear[1] if psi.linear else np.array([psi.value(z) for z in Z])
 
-    def _judged(self, Z: Matrix, Q: Matrix, C: Matrix, D: Matrix | None) -> tuple[Vector, Vector]:
-        """The residuals of the rows `Z`, which have the obstacles `C` and `D`, and what they are held against."""
+    def _judged(self, Z: Matrix, Q: Matrix, C: Matrix, D: Matrix | None) -> tuple[Vector, Vector, Any]:
+        """The residuals of the rows `Z`, which have the obstacles `C` and `D`, what they are held against, and which
+        rows are solved."""
         problem, psi, upper, zero = self.problem, self.problem.psi, self.problem.upper, np.zeros((1, self.problem.n))
         here, p, above, above_0 = self._values(psi, Z, C), (problem.A @ Z.T).T + Q, None, None
         if upper is not None and D is not None:
             above, above_0 = self._values(upper, Z, D), -self._values(upper, zero, D)
-        residuals = row_norms(mid(p, Z - here, None if above is None else Z - above))
-        at_0 = row_norms(mid(Q, -self._values(psi, zero, C), above_0))
+        weights, below, top = problem.matrix.row_weights, Z - here, None if above is None else Z - above
+        residuals = row_norms(mid(weights * p, below, top))
+        below_0 = -self._values(psi, zero, C)
+        at_0 = row_norms(mid(weights * Q, below_0, above_0))
+        at_0[~np.isfinite(at_0)] = 0.0
+        for row in np.flatnonzero(at_0 == 0.0):  # as `residual_scale` has it
+            at_0[row] = smallest_size(weights * Q[row], *(X[row % len(X)] for X in (below_0, above_0) if X is not None))
         tolerances = self.limits.tolerance(at_0)
-        of_rows = [Q, C if psi.linear is not None else here, Z, residuals, tolerances]
-        if upper is not None and D is not None and above is not None:
-            of_rows.append(D if upper.linear is not None else above)
-        look = partial(certain_rows, problem.matrix, psi)
-        in_parts(len(Q), self._threads(Q), lambda low, high: look(*(X[low:high] for X in of_rows)))
-        return residuals, tolerances
+        data = [Q, C if psi.linear is not None else here, Z]
+        beyond = [] if above is None or upper is None or D is None else [D if upper.linear is not None else above]
+
+        def raised(residuals: Vector, tolerances: Vector, weights: Vector) -> Any:
+            """Which rows are within their tolerances, by bounds of the exact residuals."""
+            of_rows = [*data, residuals, tolerances, *beyond]
+            look = partial(certain_rows, problem.matrix, psi, weights=weights)
+            in_parts(len(Q), self._threads(Q), lambda low, high: look(*(X[low:high] for X in of_rows)))
+            return residuals <= tolerances
+
+        solved = raised(residuals, tolerances, weights)
+        if self.limits.atol:
+            paper = row_norms(mid(p, below, top))
+            solved |= raised(paper, np.full(len(Q), self.limits.atol), np.ones(problem.n))
+        return residuals, tolerances, solved
 
     def pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""
@@ -266,7 +281,7 @@ class Batch:
             self.interrupted = solution.status is Status.INTERRUPTED
 
     def start(self, row: int, problem: ProblemData) -> Vector | None:
-        """Where `solve` begins: at 0 where that is a solution, else the start would be the measure of its residual."""
+        """Where `solve` begins: at 0 where that is a solution, else at the answer of the row before."""
         if self.starts is not None:
             return np.asarray(self.starts[row if len(self.starts) > 1 else 0])
         with suppress(MapError):  # ψ need not have a value at 0

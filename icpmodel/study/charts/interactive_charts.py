@@ -101,7 +101,7 @@ def answer_charts(solution: Solution, points: Any, z0: Any, time_limit: float) -
     charts = _on_line(spots, places is None) if cell is None else _in_plane(spots, cell)
     if way is not None:
         answer["data"]["at"] = now = {name: values[-1:] for name, values in way.items()}  # the end of the way
-        chart = _chart("step", "residual Res(z)", 380, y_axis_type="log")
+        chart = _chart("step", "residual Res_D(z)", 380, y_axis_type="log")
         line = chart.line("step", "residual", source=_source("way", way), color=BLUE, line_width=2)
         dot = chart.scatter("step", "residual", source=_source("at", now), color=ORANGE, size=11)
         charts.append(_finished(chart, [line, dot], {"step": "@step", "residual": "@told"}))
@@ -206,7 +206,7 @@ def _told(runs: Sequence[Entry], floor: float = 0.0) -> dict[str, list[Any]]:
 def _bars(first: dict[str, Entry], named: dict[str, list[Any]]) -> Any:
     """The time to the default accuracy, on a logarithmic axis, with numbers; `named` gets the bar of each name."""
     times, bars = [run.median for run in first.values()], []
-    axis = f"time to Res(z) ≤ {RTOL:g} Res(0), s\n(in brackets the share before the first step)"
+    axis = f"time to Res_D(z) ≤ {RTOL:g} Res_D(0), s\n(in brackets the share before the first step)"
     ranges = {"x_range": (min(times) / 3, 60.0 * max(times)), "y_range": [*first][::-1]}
     chart = _chart(axis, "", 150 + 26 * max(len(first), 4), x_axis_type="log", **ranges)
     for name, run in first.items():
@@ -234,7 +234,7 @@ def map_charts(found: StabilityMap, problem: ProblemData) -> tuple[list[Any], di
         frames.append({"says": f"θ₁ = θ₂ = {theta:.3g}: {end}", "data": data})
     start, first = int(np.abs(thetas - 1.0).argmin()), ways[0]["residual"][0]
     axes = {"x_axis_type": "log", "y_axis_type": "log", "y_range": (0.1 * found.rtol * first, 1e3 * first)}
-    falls = _chart("step", "residual Res(z)", 460, **axes)
+    falls = _chart("step", "residual Res_D(z)", 460, **axes)
     falls.multi_line([one["step"] for one in ways], [one["residual"] for one in ways], color=_BETWEEN, alpha=0.35)
     line = falls.line("step", "residual", source=_source("theta-way", ways[start]), color=ORANGE, line_width=3)
     _finished(falls, [line], {"step": "@step", "residual": "@residual{%.2g}"})

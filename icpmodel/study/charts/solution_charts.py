@@ -61,7 +61,7 @@ def _(scene: Scene, points: Any = None) -> Drawing:
 
 @drawing.register
 def _(history: History, points: Any = None) -> Drawing:
-    """Res(z) of every tested iterate."""
+    """Res_D(z) of every tested iterate."""
 
     above_0 = history.residual[history.residual > 0.0]
     shown = np.maximum(history.residual, _ZERO * above_0.min() if above_0.size else 1.0)
@@ -71,7 +71,7 @@ def _(history: History, points: Any = None) -> Drawing:
         axes.plot(history.iteration, shown, color=BLUE, linewidth=1.5, **style)
         axes.plot(history.iteration[-1:], shown[-1:], "o", color=BLUE, markersize=5)
         lowest = ", 0 at the lower end" if above_0.size < shown.size else ""
-        axes.set(yscale="log", xlabel="iteration", ylabel=f"residual Res(z){lowest}")
+        axes.set(yscale="log", xlabel="iteration", ylabel=f"residual Res_D(z){lowest}")
         where = {"textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 9}
         axes.annotate(ended, (history.iteration[-1], shown[-1]), (0, -7), **where)
         axes.locator_params(axis="x", integer=True)

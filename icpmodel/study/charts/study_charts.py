@@ -55,7 +55,7 @@ FALSE = "#C00000"
 @drawing.register
 def _(found: Race, points: Any = None) -> Drawing:
     """Time against error, more accurate to the right, for seven competitors at most in a panel; then the times to
-    Res ≤ 1e-8·Res(0) as bars."""
+    Res_D ≤ 1e-8·Res_D(0) as bars."""
     parts, limits = parts_of(found), limits_of(found)
     panels = [
         Panel(
@@ -183,7 +183,7 @@ def _bars(first: dict[str, Entry], axes: Any) -> list[Any]:
     axes.set(xscale="log", xlim=(left, _NUMBERS * max(times, default=1.0)))
     axes.set_yticks(range(len(first)), list(first), fontsize=8)
     axes.invert_yaxis()
-    axes.set_xlabel(f"time to Res(z) ≤ {RTOL:g} Res(0), s\n(in brackets the share before the first step)")
+    axes.set_xlabel(f"time to Res_D(z) ≤ {RTOL:g} Res_D(0), s\n(in brackets the share before the first step)")
     axes.grid(axis="x", alpha=0.3)
     kinds = {run.kind for run in first.values()}
     for kind, (colour, words) in KINDS.items():
@@ -233,7 +233,7 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
     norm = LogNorm(least, max(int(counts.max()) if solved.any() else 1, 10 * least))  # at least a factor of ten apart
     axes.set_facecolor(_PLATE)
     mesh = axes.pcolormesh(_edges(x), _edges(y), counts, cmap="viridis_r", norm=norm)
-    axes.figure.colorbar(mesh, ax=axes, label=f"steps to Res(z) ≤ {found.rtol:g} Res(0)", pad=0.01)
+    axes.figure.colorbar(mesh, ax=axes, label=f"steps to Res_D(z) ≤ {found.rtol:g} Res_D(0)", pad=0.01)
     handles = []
     X, Y = np.meshgrid(x.values, y.values)
     for end, (sign, words) in SIGNS.items():

@@ -28,9 +28,9 @@ NOT_COMPUTED = "it was not computed"  #: the reason of a certificate without a b
 class Certificate(Shown):
     """What is true of z, recomputed from (A, q, ψ, z) by `certify` and by nothing else.
 
-    `residual` = ‖min(r, p)‖₂; `residual_max` the max-norm of the same vector; `residual_scaled` the max-norm of
-    min(r, D⁻¹p) with D = |diag(A)|, in the units of z, or None where the diagonal has a zero; `violation_p` and
-    `violation_r` the largest negative parts of p and r; `bound` the `ErrorBound`. With an obstacle above, the median
+    `residual` = Res_D(z) = ‖min(D⁻¹p, r)‖₂, see `ICP.residual`; `residual_max` the max-norm of the same vector;
+    `residual_of_paper` = Res(z) = ‖min(p, r)‖₂; `violation_p` and `violation_r` the largest negative parts of p and
+    r; `bound` the `ErrorBound`. With an obstacle above, the median
     with z − ψ̄ takes the place of the minimum, `violation_p` is the largest of −p in rows without obstacle above and
     of p in rows without one below, and `violation_r` how far z is beyond either of them.
 
@@ -40,7 +40,7 @@ class Certificate(Shown):
 
     residual: float
     residual_max: float
-    residual_scaled: float | None
+    residual_of_paper: float
     violation_p: float
     violation_r: float
     bound: ErrorBound
@@ -91,10 +91,8 @@ def certify(
     problem, bound = as_problem(problem), as_truth(bound, "bound")
     z = problem.vector(z)
     how: Any = {"sharp": sharp, "rigorous": rigorous, "time_limit": time_limit, "memory_limit": memory_limit}
-    diagonal = np.abs(problem.A.diagonal())
     with np.errstate(over="ignore", invalid="ignore"):
         p, r, above = problem.p(z), problem.r(z), problem.r_upper(z)
-        scaled = None if (diagonal == 0).any() else float(np.abs(mid(p / diagonal, r, above)).max())
         beyond, wrong = np.maximum(-r, 0.0), np.maximum(-p, 0.0)
         if above is not None:
             # p < 0 where nothing is above, p > 0 where nothing is below
@@ -102,8 +100,8 @@ def certify(
             wrong = np.where(np.isposinf(r), np.maximum(p, wrong), wrong)
     return Certificate(
         residual=problem.residual(z),
-        residual_max=float(np.abs(mid(p, r, above)).max()),
-        residual_scaled=scaled,
+        residual_max=float(np.abs(mid(problem.matrix.row_weights * p, r, above)).max()),
+        residual_of_paper=problem.paper_residual(z),
         violation_p=float(wrong.max()),
         violation_r=float(beyond.max()),
         bound=error_bound(problem, z, **how) if bound else ErrorBound.none(NOT_COMPUTED),
