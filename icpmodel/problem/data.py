@@ -278,7 +278,7 @@ class ProblemData(Shown):
         With an obstacle above it is that of mid(z − ψ̄(z), D⁻¹p(z), r(z)); where ψ_i(z) > ψ̄_i(z), so that no z_i will
         do, the larger |z_i − ψ_i|, |z_i − ψ̄_i| takes the place of the median.
 
-        >>> ICP([[3.0]], [-6.0]).residual([1.0]), ICP([[3e-9]], [-6e-9]).residual([1.0])
+        >>> ICP([[3.0]], [-6.0]).residual([1.0]), ICP([[2**-30 * 3.0]], [2**-30 * -6.0]).residual([1.0])
         (1.0, 1.0)
         """
         z = self.vector(z)

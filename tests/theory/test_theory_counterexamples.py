@@ -133,12 +133,12 @@ def test_monotone_on_the_dividend_scene():
     assert check("monotone", problem, shifted).holds is True
     assert check("monotone", problem, icp.MNMJ(phi2=0.3 * D, phi=np.abs(D - 0.3 * D))).holds is True
     assert all(check(name, problem, shifted).holds is None for name in BY_NORM)
-    assert problem.solve(bare, raise_on_failure=False, max_iter=5_000).residual > 1.0
+    assert problem.paper_residual(problem.solve(bare, raise_on_failure=False, max_iter=5_000).z) > 1.0
     assert problem.solve(shifted, rtol=1e-6, max_iter=50_000).solved
 
 
 def test_on_the_cyclic_p_matrix_nothing_holds_newton_goes_round_and_mnmmod_converges():
-    """A = [1, 0, 2; 2, 1, 0; 0, 2, 1], q = −(1, 1, 1): period 3 at residual √10."""
+    """A = [1, 0, 2; 2, 1, 0; 0, 2, 1], q = −(1, 1, 1): period 3 at Res = √10."""
     problem = icp.scenes.hand_cyclic().problem
     for member in (icp.MNMGS(), icp.MNMMOD(theta1=2.0)):
         assert not any(found.holds for found in check_all(problem, member).values())
@@ -148,7 +148,7 @@ def test_on_the_cyclic_p_matrix_nothing_holds_newton_goes_round_and_mnmmod_conve
         z = np.linalg.solve(np.where(rows[:, None], A, np.eye(3)), np.where(rows, -q, 0.0))
         seen.append(z)
     assert np.array_equal(seen[-1], seen[-4])
-    assert problem.residual(z) == pytest.approx(np.sqrt(10))
+    assert problem.paper_residual(z) == pytest.approx(np.sqrt(10))
     assert problem.solve("mnmmod", theta1=2.0).z == pytest.approx(np.full(3, 1 / 3))
 
 

@@ -1,0 +1,110 @@
+"""Law 5: no positive scaling of rows of (A, q), and no common scaling of z, changes a verdict."""
+
+import cvxpy as cp
+import numpy as np
+import pyomo.environ as pyo
+import pytest
+import scipy.sparse as sp
+from pyomo.contrib.solver.common.factory import SolverFactory
+from pyomo.contrib.solver.common.results import SolutionStatus
+from pyomo.mpec import Complementarity, complements
+
+import icpmodel as icp
+import icpmodel.modelling.pyomo
+
+#: scenes of which a part is larger than a float once its units are changed, or whose unknowns have units of their own
+APART = ("hard-overflow", "hard-scaled")
+SCENES = {name: icp.scenes.scene(name) for name in icp.scenes.names() if name not in APART}
+#: factors of a row of (A, q): of each its own, or all of z
+ROWS, UNITS = 10.0 ** np.array([-12, -7, 0, 4, 12]), (2.0**-40, 2.0**30, 1e-12, 1e9)
+METHODS = ("mnmgs", "psor", "newton", "proximal", "accelerated")
+#: those whose weights are not changed by symmetric changes of units, S A S, and so by those of rows alone
+OF_SYMMETRIC = ("proximal", "accelerated")
+
+
+def scaled(problem, rows, unit=1.0):
+    """The problem with row i of (A, q) times `rows`[i], in other units of z."""
+    A, q = sp.csr_array(sp.diags_array(rows) @ problem.A), rows * problem.q * unit
+    return icp.ICP(A, q, problem.psi if unit == 1.0 else problem.psi.in_units(1.0 / unit))
+
+
+def alike(one, other, unit, exact):
+    """Whether two answers are the same: to rounding, or within what both leave open."""
+    assert other.status is one.status
+    if not one.solved:
+        return
+    size = float(np.abs(one.z).max())
+    if exact:
+        assert other.z / unit == pytest.approx(one.z, rel=1e-12, abs=1e-12 * size)
+    else:
+        assert other.problem.residual(one.z * unit) <= 1.01 * one.tolerance * unit
+        assert one.problem.residual(other.z / unit) <= 1.01 * one.tolerance
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_units_of_rows_and_of_z_change_no_verdict_of_solve(name):
+    problem = SCENES[name].problem
+    rng, n = np.random.default_rng(0), problem.n
+    before = problem.solve(raise_on_failure=False, max_iter=300)
+    units = UNITS if problem.psi.is_constant or problem.psi.linear else ()  # jumps in other units are a map of Python's
+    changes = [(np.full(n, 2.0**-30), 1.0), (rng.choice(ROWS, n), 1.0), *((np.ones(n), unit) for unit in units)]
+    for rows, unit in changes:
+        after = scaled(problem, rows, unit).solve(raise_on_failure=False, max_iter=300)
+        alike(before, after, unit, exact=False)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_units_change_no_step_of_a_method_that_divides_by_the_diagonal(method):
+    for name in ("membrane", "bai-nonsymmetric", "manufactured-affine", "box-manufactured", "hand-lcp"):
+        problem = icp.scenes.scene(name).problem
+        before = problem.solve(method)
+        for rows in (2.0**-30, 2.0 ** np.random.default_rng(1).integers(-40, 40, problem.n)):
+            for unit in (1.0, 2.0**30):
+                if method in OF_SYMMETRIC and np.ndim(rows):
+                    continue
+                after = scaled(problem, np.broadcast_to(rows, problem.n), unit).solve(method)
+                assert after.iterations == before.iterations
+                alike(before, after, unit, exact=True)
+                assert after.residual == pytest.approx(unit * before.residual, rel=1e-6, abs=1e-13 * unit)
+
+
+def test_a_tiny_entry_on_the_diagonal_makes_no_residual_small():
+    """d_i = a_ii would: D⁻¹q would be 1e12 in row 0, beside which nothing in row 1 is large."""
+    problem = icp.ICP([[1e-12, 1.0], [-1.0, 1.0]], [-1.0, -1.0])
+    assert problem.residual_scale() == pytest.approx(np.sqrt(2.0))
+    assert problem.solve(z0=[5.0, 5.0]).z == pytest.approx([0.0, 1.0], abs=1e-8)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_many_problems_and_a_cross_check_are_judged_in_all_units_alike(unit):
+    membrane = icp.scenes.membrane(n=400).problem
+    other = icp.ICP(membrane.A * unit, membrane.q * unit, membrane.psi)
+    solution = other.solve()
+    assert solution.iterations == membrane.solve().iterations
+    assert solution.z == pytest.approx(membrane.solve().z, rel=1e-9, abs=1e-9)
+    assert other.crosscheck(solution, ["osqp"]).agrees
+    A, Q = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([[-1.0, 3.0], [1.0, 2.0], [0.0, 0.0]])
+    for of_A, of_z in ((unit, 1.0), (1.0, unit)):
+        many = icp.solve_many(A * of_A, Q * of_A * of_z)
+        assert many.Z / of_z == pytest.approx(icp.solve_many(A, Q).Z)
+        assert many.tolerances / of_z == pytest.approx(icp.solve_many(A, Q).tolerances)
+
+
+@pytest.mark.parametrize("factor", [1e-9, 1e-6, 1.0, 1e3, 1e7])
+def test_a_factor_on_a_side_of_a_model_changes_no_answer(factor):
+    """z = .2 + exp(−z²); in a second condition y = 1e-6 is far smaller than z."""
+    for p_factor, r_factor in ((factor, 1.0), (1.0, factor)):
+        x = cp.Variable()
+        pair = icp.complements(p_factor * (5 * x - 2), r_factor * (x - (0.2 + cp.exp(-(x**2)))))
+        problem = icp.Problem(pair)
+        problem.solve()
+        assert (problem.status, x.value) == ("optimal", pytest.approx(0.76067119, abs=1e-7))
+        model = pyo.ConcreteModel()
+        model.x, model.y = pyo.Var(initialize=0.0), pyo.Var(initialize=0.0)
+        sides = p_factor * (5 * model.x - 2) >= 0, r_factor * (model.x - 0.2 - pyo.exp(-(model.x**2))) >= 0
+        model.pair = Complementarity(expr=complements(*sides))
+        model.small = Complementarity(expr=complements(model.y >= 0, r_factor * (1e6 * model.y - model.x) >= 0))
+        results = SolverFactory("icpmodel").solve(model)
+        assert results.solution_status is SolutionStatus.optimal
+        assert model.x.value == pytest.approx(0.76067119, abs=1e-7)
+        assert model.y.value == pytest.approx(0.76067119e-6, rel=1e-5)
