@@ -56,6 +56,7 @@ MADE_FOR = {
     "newton": {"H+": ALL, "definite": ("constant",)},
     "nmms": {"H+": ("affine",)},
     "projection-fixed-point": {"H+": ("constant", "affine")},
+    "interior": {"definite": ("constant",)},
     "proximal": {"definite": ("constant",), "M": ("own",)},
     "psor": {"H+": ALL},
     "tridiagonal": {"line": ("constant", "own")},

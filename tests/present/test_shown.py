@@ -73,6 +73,7 @@ OBJECTS = [
     icp.scenes.Quantity(3.0, lambda z: 0.0, None),
     CONDITION,
     icp.Problem(CONDITION),
+    icp.solve_lsq(np.eye(60), np.ones(60)),
     icp.solve_qp(np.eye(300), np.ones(300)),
     Table(LONG, ("a", "b"), (("x", LONG),) * 50),
     Card({LONG: LONG}),

@@ -76,11 +76,11 @@ def solve_program(
     if not np.isfinite(program.b).all() or np.isneginf(program.h).any():
         return Outcome("infeasible", "a right-hand side is infinite")
     with one_blas_thread():
-        outcome = _Run(program, tolerance, time_limit, begin).outcome(before, start)
+        outcome = _ProgramRun(program, tolerance, time_limit, begin).outcome(before, start)
     return replace(outcome, seconds=time.perf_counter() - begin)
 
 
-class _Run:
+class _ProgramRun:
     """One program on its way to an outcome."""
 
     def __init__(self, program: Program, tolerance: float, time_limit: float | None, begin: float) -> None:
