@@ -13,6 +13,7 @@ release = icpmodel.__version__
 
 extensions = [
     "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",  # docstrings in numpydoc sections, before those in the older form
     "sphinx.ext.viewcode",
     "myst_parser",
     "sphinx_copybutton",

@@ -29,8 +29,8 @@ def without_redundant_rows(problem: ProblemData) -> ProblemData:
     It is the problem itself where nothing is redundant. Otherwise z_i = c_i stands in the redundant rows:
 
     - ψ_i = ψ̄_i, or crossed by rounding: c_i = ψ_i, whatever p_i is.
-    - Row i of A is empty: c_i = ψ_i where q_i > 0, ψ̄_i where q_i < 0, what is nearest to 0 between them where q_i = 0 and
-      column i is empty as well.
+    - Row i of A is empty: c_i = ψ_i where q_i > 0, ψ̄_i where q_i < 0, what is nearest to 0 between them where q_i = 0
+      and column i is empty as well.
     - Row and column i are t > 0 times row and column j, and row i has no obstacle above: p_i = t·p_j + (q_i − t·q_j) is
       at least 0 wherever p_j is, if q_i ≥ t·q_j, so that c_i = ψ_i. Where row i has no obstacle at all p_i = 0 follows
       from p_j = 0, if q_i = t·q_j and so does row j, for t < 0 as well, so that c_i = 0.

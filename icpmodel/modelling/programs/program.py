@@ -25,7 +25,7 @@ from ...numerics.rounding import UNIT_ROUNDOFF, gamma
 
 #: the share of their sizes by which bounds may cross as data and quotients are rounded
 _TOUCH = 4.0 * UNIT_ROUNDOFF
-#: the share of the largest right-hand side up to which rounding is what is wrong with a row
+#: the share of the largest entry of g up to which rounding is what is wrong with the gradient
 _SAID = 1e-3
 #: the share of its terms up to which a row is tight at a start
 _TIGHT = 1e-6
@@ -79,7 +79,7 @@ class Program:
         rows = [np.diff(M.indptr).max(initial=0) for M in (G, E)]
         loss = float(gamma(3 + max(int(columns.max()), *map(int, rows))))
         Gt, Et = sp.csr_array(G.T), sp.csr_array(E.T)
-        sums = (M @ np.ones(M.shape[1]) for M in (H, G, E, Gt, Et))
+        sums = (M @ np.ones(M.shape[1]) for M in (H, Gt, Et))
         return H, G, E, Gt, Et, sp.csr_array(self.G.T), sp.csr_array(self.E.T), loss, [loss * one for one in sums]
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -94,7 +94,7 @@ class Program:
         i by as much as is in it. What rounding explains, the largest |x_j| standing for all of them, is left out.
         """
         x, nu, multiplier, box = values
-        H, G, E, Gt, Et, columns, columns_of_E, loss, (of_H, of_G, of_E, of_Gt, of_Et) = self._sizes
+        H, G, E, Gt, Et, columns, columns_of_E, loss, (of_H, of_Gt, of_Et) = self._sizes
         size = np.abs(x)
         price = np.abs(nu)
         force = np.abs(box)
@@ -114,16 +114,15 @@ class Program:
         diagonal = H.diagonal()
         reach = np.where(diagonal > 0, in_row / np.where(diagonal > 0, diagonal, 1.0), size)
         gap = stationarity @ reach + multiplier @ np.abs(slack) + price @ left + force @ room
-        # where rounding alone is as large as what g or the right-hand sides say, it explains nothing
+        # where rounding alone is as large as what g says, it explains nothing
         cap = _SAID * (np.abs(self.g).max() or np.inf)
-        sides = np.abs(np.concatenate([self.b, self.h, self.low, self.high]))
-        cap_of_rows = _SAID * (sides[np.isfinite(sides)].max(initial=0.0) or np.inf)
         gap -= np.minimum(loss * in_gradient, cap) @ reach
         gap -= loss * (multiplier @ in_slack + price @ in_left + force @ (size + np.abs(bound)))
         # of multipliers that are large and cancel each other what is left
         terms = max(x @ moved, 0.0) + size @ np.abs(self.g) + abs(self.b @ nu + self.h @ multiplier + box @ bound)
         noise = np.minimum(largest * of_H + most * (of_Gt + of_Et), cap)
-        of_E, of_G = (np.minimum(largest * one, cap_of_rows) for one in (of_E, of_G))
+        of_E = loss * in_left
+        of_G = loss * in_slack
         terms += noise @ size
         row = row_of(G)
         binding = np.zeros(self.h.size)
