@@ -207,7 +207,7 @@ judge(
 # `icp.error_bound`, and [a lesson](what_a_bound_is_worth.md) is about it.
 
 soft, z = icp.ICP([[1e-6]], [-1e-6]), np.array([2.0])
-res, bound, error = soft.residual(z), icp.error_bound(soft, z).value, abs(z[0] - 1)
+res, bound, error = soft.paper_residual(z), icp.error_bound(soft, z).value, abs(z[0] - 1)
 judge(
     "Residual",
     FAILS,
