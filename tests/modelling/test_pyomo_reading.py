@@ -88,13 +88,28 @@ def test_an_equality_is_a_row_without_obstacle_whatever_its_sign():
         assert problem.psi.c[rows].tolist() == [0, -np.inf]
 
 
-def read(expr):
-    """The ICP of one condition of x and y, and of y = 1."""
+def two_variables(expr):
+    """One condition of x and y, and y = 1."""
     model = pyo.ConcreteModel()
     model.x, model.y = pyo.Var(), pyo.Var()
     model.c = Complementarity(expr=expr(model.x, model.y))
     model.other = pyo.Constraint(expr=model.y == 1)
-    return read_pyomo(model).problem
+    return model
+
+
+def test_a_range_with_an_infinite_end_is_the_condition_without_it():
+    inf = float("inf")
+    for expr, c, x in (
+        (lambda x, y: complements(pyo.inequality(1, x, inf), 2 * x - y), 1, 1),
+        (lambda x, y: complements(2 * x - y, pyo.inequality(-inf, x, -1)), 1, -1),  # in z = -x
+        (lambda x, y: complements(pyo.inequality(-inf, x, inf), 2 * x - y), -inf, 0.5),
+    ):
+        model = two_variables(expr)
+        problem = read_pyomo(model).problem
+        assert problem.upper is None
+        assert problem.psi.value(np.zeros(2)).tolist() == [c, -inf]
+        pyo.SolverFactory("icpmodel").solve(model, options={"method": "newton"})
+        assert (model.x.value, model.y.value) == pytest.approx((x, 1))
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -111,7 +126,7 @@ def test_two_bounds_are_two_obstacles_in_the_units_of_z(sign):
             np.sin(0.8) + 2,
         ),
     ):
-        problem = read(expr)
+        problem = read_pyomo(two_variables(expr)).problem
         assert problem.n == 2
         assert problem.psi.value(z)[0] == pytest.approx(lower)
         assert problem.upper.value(z)[0] == pytest.approx(upper)
