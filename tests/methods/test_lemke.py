@@ -189,6 +189,7 @@ def test_the_answer_is_as_accurate_as_its_basis_allows():
 @given(st.integers(0, 10**6), st.integers(2, 40), st.booleans())
 @example(56243, 20, True)  # a pivot of 1e-4 of its column, after which ties differ by 1e-11, and the pivots went round
 @example(566, 19, True)
+@example(203441, 2, False)  # the ray of the pivots is far from a combination, which lies next to it none the less
 @example(391, 9, False)  # the multipliers of a linear program are no ray: (Aᵀy)_i < 0 where y_i > 0
 @settings(max_examples=40, deadline=None)
 def test_infeasible_problems_are_proved_to_be_so_and_feasible_ones_never(seed, n, whole):

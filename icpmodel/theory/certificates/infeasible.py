@@ -394,4 +394,5 @@ def _moved(
     alpha = 1.01 * (np.abs(np.eye(k) - R @ N).sum(axis=1).max() + rounded)
     if not alpha < 0.5:
         return None
-    return basis, float(1.01 * np.abs(R).sum(axis=1).max() * wrong.max() / (1.0 - alpha))
+    by = float(1.01 * np.abs(R).sum(axis=1).max() * wrong.max() / (1.0 - alpha))
+    return (basis, by) if by <= _SHOWN * np.abs(y).max() else None  # farther away y would not be a witness
