@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from ..icp import ICP
 from ..methods.contract import Method
 from ..numerics.arrays import Vector
+from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.between import mid, sides_of
 from ..problem.function import Function
 from ..problem.map import Map
@@ -82,20 +83,23 @@ def _left(reading: Reading, z: Vector) -> float:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _shares(reading: Reading, z: Vector) -> Vector:
-    """|mid(z − ψ̄, p, z − ψ)|, row by row, where each of the three is divided by the sum of its terms' absolute
-    values."""
+    """|mid(z − ψ̄, p, z − ψ)|, row by row, where each of the three is divided by the sum of its terms' absolute values.
+
+    No z_j counts as smaller than the rounding of the largest, as the steps of no method resolve it.
+    """
     problem = reading.problem
-    of_p = problem.p(z), problem.matrix.magnitude(z) + np.abs(problem.q)
-    sides = [of_p, *((z - psi.value(z), _terms(psi, z)) for psi in sides_of(problem.psi))]
+    size = np.maximum(np.abs(z), max(UNIT_ROUNDOFF * np.abs(z).max(initial=0.0), np.finfo(float).tiny))
+    of_p = problem.p(z), problem.matrix.magnitude(size) + np.abs(problem.q)
+    sides = [of_p, *((z - psi.value(z), _terms(psi, z, size)) for psi in sides_of(problem.psi))]
     shares = (np.where(np.isfinite(side / terms), side / terms, side) for side, terms in sides)
     return np.asarray(np.abs(mid(*shares)))
 
 
-def _terms(psi: Map, z: Vector) -> Vector:
-    """The sums of the absolute values of the terms of z − ψ(z), shape (n,)."""
+def _terms(psi: Map, z: Vector, size: Vector) -> Vector:
+    """The sums of the absolute values of the terms of z − ψ(z), shape (n,), where |z| counts as `size`."""
     if psi.linear is not None:
         G, c = psi.linear
-        return np.asarray(abs(sp.eye_array(z.size) - G) @ np.abs(z) + np.abs(c))
+        return np.asarray(abs(sp.eye_array(z.size) - G) @ size + np.abs(c))
     if isinstance(psi, Function) and isinstance(psi.fun, SumOfTerms):
         return psi.fun.terms(z)
-    return np.abs(z) + np.abs(psi.value(z))
+    return size + np.abs(psi.value(z))

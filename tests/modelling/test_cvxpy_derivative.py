@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from cvxpy.reductions.cvx_attr2constr import lower_value, recover_value_for_leaf
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
@@ -154,6 +154,7 @@ def program(seed):
 
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=3), st.floats(0.5, 2))
+@example([0.0, 0.0, 5e-324], 2.0)
 def test_the_derivative_of_z_where_it_is_known(load, a):
     """az − q ⟂ z − c, row by row: z = q/a off the obstacle, c on it."""
     z, q, A = cp.Variable(3), cp.Parameter(3, value=load), cp.Parameter(value=a)
