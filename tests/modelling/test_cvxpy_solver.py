@@ -256,6 +256,13 @@ def test_optimal_is_said_of_what_is_optimal_in_the_units_of_the_user(seed):
             assert abs(wrong) <= 1e-6 * size
 
 
+def test_right_hand_sides_that_are_rounding_forbid_no_answer():
+    """Sums that come to 1e-16 and not to 0, where the unknowns of the row are 0 and others are 1000."""
+    G, h = [[1.0, 1.0, 0.0], [0.0, 0.0, -1.0]], [-1e-16, -1000.0]
+    found = icp.solve_qp(np.diag([0.0, 0.0, 1.0]), [1.0, 2.0, 0.0], G, h, [[1.0, -1.0, 1e-3]], [1.0], lb=0)
+    assert found.x == pytest.approx([0.0, 0.0, 1000.0], abs=1e-12)
+
+
 def test_programs_that_a_residual_in_other_units_calls_solved():
     y = cp.Variable(2)
     rows = [y[0] + 2 * y[1] == 4, y >= 0, y[0] - y[1] >= 1]

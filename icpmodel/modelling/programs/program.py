@@ -25,7 +25,7 @@ from ...numerics.rounding import UNIT_ROUNDOFF, gamma
 
 #: the share of their sizes by which bounds may cross as data and quotients are rounded
 _TOUCH = 4.0 * UNIT_ROUNDOFF
-#: the share of the largest entry of g up to which rounding is what is wrong with the gradient
+#: the share of the largest entry of g, or of the sides, up to which rounding is what is wrong with the gradient or rows
 _SAID = 1e-3
 #: the share of its terms up to which a row is tight at a start
 _TIGHT = 1e-6
@@ -79,11 +79,11 @@ class Program:
         rows = [np.diff(M.indptr).max(initial=0) for M in (G, E)]
         loss = float(gamma(3 + max(int(columns.max()), *map(int, rows))))
         Gt, Et = sp.csr_array(G.T), sp.csr_array(E.T)
-        sums = (M @ np.ones(M.shape[1]) for M in (H, Gt, Et))
+        sums = (M @ np.ones(M.shape[1]) for M in (H, G, E, Gt, Et))
         return H, G, E, Gt, Et, sp.csr_array(self.G.T), sp.csr_array(self.E.T), loss, [loss * one for one in sums]
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-    def violation(self, values: Values) -> float:
+    def violation(self, values: Values, *, normwise: bool = False) -> float:
         """How far `values` are from the conditions; inf where one is not a number.
 
         The largest of what is wrong in a row of Ex = b, Gx ≤ h, the bounds or Hx + g + Gᵀλ + Eᵀν + box = 0, as a share
@@ -91,10 +91,11 @@ class Program:
         of its own terms. No unit of a row or an unknown has an influence on a share. By the gap large entries of H do
         not hide what is wrong with g: where y = x + Δ is in C, (Hx + g)ᵀ(y − x) is at least −|stationarity|ᵀ|Δ| −
         λᵀ|h − Gx| − |ν|ᵀ|b − Ex| − |box|ᵀ|room|, and |Δ_i| is taken to be no more than (|H||x|)_i/h_ii, which moves row
-        i by as much as is in it. What rounding explains, the largest |x_j| standing for all of them, is left out.
+        i by as much as is in it. What rounding explains, the largest |x_j| standing for all of them, is left out
+        of the gradient, and where it is `normwise` of the rows as well.
         """
         x, nu, multiplier, box = values
-        H, G, E, Gt, Et, columns, columns_of_E, loss, (of_H, of_Gt, of_Et) = self._sizes
+        H, G, E, Gt, Et, columns, columns_of_E, loss, (of_H, of_G, of_E, of_Gt, of_Et) = self._sizes
         size = np.abs(x)
         price = np.abs(nu)
         force = np.abs(box)
@@ -121,8 +122,12 @@ class Program:
         # of multipliers that are large and cancel each other what is left
         terms = max(x @ moved, 0.0) + size @ np.abs(self.g) + abs(self.b @ nu + self.h @ multiplier + box @ bound)
         noise = np.minimum(largest * of_H + most * (of_Gt + of_Et), cap)
-        of_E = loss * in_left
-        of_G = loss * in_slack
+        if normwise:
+            sides = np.abs(np.concatenate([self.b, self.h, self.low, self.high]))
+            most_of_rows = _SAID * (sides[np.isfinite(sides)].max(initial=0.0) or np.inf)
+            of_E, of_G = (np.minimum(largest * one, most_of_rows) for one in (of_E, of_G))
+        else:
+            of_E, of_G = loss * in_left, loss * in_slack
         terms += noise @ size
         row = row_of(G)
         binding = np.zeros(self.h.size)

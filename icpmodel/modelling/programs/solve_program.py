@@ -109,6 +109,15 @@ class _ProgramRun:
                 best = violation, values
             return violation <= self.tolerance
 
+        def is_good_up_to_rounding(z: Vector) -> bool:
+            nonlocal best
+            values = conditions.values(z)
+            violation = conditions.program.violation(values, normwise=True)
+            if violation <= self.tolerance:
+                best = violation, values
+                return True
+            return False
+
         largest = 0.0
 
         def judged(progress: Progress) -> bool:
@@ -127,7 +136,8 @@ class _ProgramRun:
             good = is_good(solution.z) or is_good(_without_noise(solution.z))
         proof = None
         if not good and solution.status not in _LIMITS:
-            good = is_good(solution.polish().z)
+            polished = solution.polish().z
+            good = is_good(polished) or is_good_up_to_rounding(polished) or is_good_up_to_rounding(solution.z)
             proof = None if good else self._without_solution(conditions, solution)
             if not good and proof is None and solution.status is Status.ITERATION_LIMIT:
                 solution = self._solved(problem, solution.z, judged)
