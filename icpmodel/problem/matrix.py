@@ -150,10 +150,15 @@ class Matrix(ReadOnly):
     def row_weights(self) -> Vector:
         """The diagonal of D⁻¹, d_i = max_j |a_ij|, which gives p the units of z: see `ProblemData.residual`.
 
-        What a row without entries says, q_i ≥ 0, has nothing to do with z. It counts as if d_i were next to 0, as all
-        units of p and z then give the same.
+        What a row without entries says, q_i ≥ 0, has nothing to do with z. It counts as if d_i were next to 0, 2⁻⁵²⁰,
+        as all units of p and z then give the same. Next to underflow d_i is at least 2⁻¹⁰⁰⁰.
         """
         return weights_of(self.rows.largest if self.dense is None else np.abs(self.dense).max(1))
+
+    @property
+    def empty_rows(self) -> Any:
+        """Which rows have no entries, a mask of shape (n,)."""
+        return self.row_weights == 1.0 / _EMPTY
 
     @cached_property
     def has_positive_diagonal(self) -> bool:

@@ -99,7 +99,8 @@ class ExactProblem:
 
     def _value(self, psi, z, none):
         if psi.linear is None:
-            value = np.asarray(psi.value(nearest_floats(z)))
+            with np.errstate(all="ignore"):
+                value = np.asarray(psi.value(nearest_floats(z)))
             if np.isnan(value).any() or (value == -none).any():
                 raise ValueError
             return fractions(value)
@@ -108,8 +109,9 @@ class ExactProblem:
 
     @cached_property
     def weights(self):
-        """1/max_j |a_ij|, the diagonal of D⁻¹; a row without entries counts as if that were 2⁻⁵²⁰."""
-        return [1 / max(map(abs, row)) if any(row) else Fraction(2) ** 520 for row in self.A]
+        """1/max_j |a_ij|, the diagonal of D⁻¹, which is at least 2⁻¹⁰⁰⁰; that of a row without entries is 2⁻⁵²⁰."""
+        least = Fraction(1, 2**1000)
+        return [1 / max(least, *map(abs, row)) if any(row) else Fraction(2) ** 520 for row in self.A]
 
     def paper_residual(self, z):
         """Res(z)²."""

@@ -124,12 +124,12 @@ PROVED = ("definite", "nearly semidefinite", "M-matrix")
 
 
 @st.composite
-def scales(draw, n, kinds=tuple(SCALES)):
-    """Powers of ten, one for all or each by itself."""
+def scales(draw, n, kinds=tuple(SCALES), base=10.0):
+    """Powers of `base`, one for all or each by itself."""
     exponents = [draw(st.sampled_from(kinds))] * n
     if draw(st.booleans()):
         exponents = draw(st.lists(st.sampled_from(kinds), min_size=n, max_size=n))
-    return 10.0 ** np.array(exponents, dtype=float)
+    return base ** np.array(exponents, dtype=float)
 
 
 @st.composite

@@ -180,7 +180,7 @@ def gap(i, indptr, indices, data, c, known, z, pairs):
 def weighted(weight, value, error):
     # weight * value and a bound on its error, where `weight` is 1/d to an ulp and `error` a bound on that of the value
     product = weight * value
-    if product == 0.0 and error == 0.0:
+    if value == 0.0 and error == 0.0:
         return product, error
     return product, (1.0 + 4.0 * UNIT_ROUNDOFF) * (weight * error) + 4.0 * UNIT_ROUNDOFF * abs(product) + SMALLEST
 

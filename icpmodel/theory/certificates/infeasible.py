@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector, inner
+from ...numerics.equilibration import Exponents, in_units_exactly
 from ...numerics.rational import as_witness, nearest, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ...problem.data import ProblemData
@@ -44,6 +45,7 @@ _FRACTION, _LONG = 3000.0, 4e8
 _PIVOTED, _LONGEST = 1.0, 2e9
 #: a direction is tried as a proof if what is wrong with it is so small a share of what it shows, and a tenth each time
 _SHOWN = 1e-5
+_ONE_SIZE = 10  #: rows whose entries are within 2 to this number, one way or the other, have one size
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,7 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
     True with the witness y, floats or fractions, and `number`, which (Az + q)ᵀy is at most, without an obstacle above
     (q + Ac)ᵀy; else None. For an affine ψ `y` and the witness are (y, x), shape (2n,).
     """
-    unknown = Answer(None, "no combination of the rows was found that contradicts itself")
+    given, unknown = problem, Answer(None, "no combination of the rows was found that contradicts itself")
     if not problem.psi.is_constant:
         lifted = _lifted(problem)
         if lifted is None or y.size != 2 * problem.n:
@@ -72,7 +74,10 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
         return _lowered(infeasible(lifted, np.concatenate([y[problem.n :], y[problem.n :], y[: problem.n]])))
     if not np.isfinite(y).all() or not y.any():
         return unknown
-    rows = _Rows.of(problem, known)
+    problem, units = _in_units_of_rows(problem)
+    rows, y = _Rows.of(problem, known), np.ldexp(y / np.abs(y).max(), -units)
+    if not y.any():
+        return unknown
     free = rows.falls & rows.rises
     y = y / np.abs(y).max()
     y = np.where((rows.rises & (y > _ZERO)) | (rows.falls & (y < -_ZERO)), y, 0.0)
@@ -84,9 +89,13 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
         number = _bounded(problem, rows, y) if bounded else None
         if number is None:
             return unknown
+        top = int(units[y != 0].max())
+        y, number = np.ldexp(y, units - top), float(np.ldexp(number, -top))
         said = f"{_weighted(y)} of Az + q, or a combination next to that, comes to {number:.3g} at most"
         return Answer(True, f"no z is a solution: {said}, every rounding error being bounded", y, number)
-    witness, number = [found.get(i, Fraction(0)) for i in range(problem.n)], nearest(exact)
+    top = max(int(units[i]) for i, weight in found.items() if weight)
+    witness = [found.get(i, Fraction(0)) * Fraction(2) ** (int(unit) - top) for i, unit in enumerate(units)]
+    number = nearest(exact / Fraction(2) ** top)
     sign = "y >= 0 where there is an obstacle" if free.any() else "y >= 0"
     sums = f"{_weighted(witness)} of Az + q comes to {number:.3g} at most"
     if known is None and problem.upper is not None:
@@ -100,8 +109,24 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
         proved = f"{np.count_nonzero(np.isfinite(known.high))} unknowns are proved to be what they are ({known.proof})"
         sums += ", and wherever Az + q >= 0 to 0 or more"
         reason = f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {proved}, and then {sums} ({sign})"
-    y = as_witness(witness, lambda x: _contradiction(problem, rows, dict(enumerate(x))) is not None)
+    y = as_witness(witness, lambda x: _contradiction(given, rows, dict(enumerate(x))) is not None)
     return Answer(True, reason, y, number)
+
+
+def _in_units_of_rows(problem: ProblemData) -> tuple[ProblemData, Exponents]:
+    """The problem with its rows times 2^e, so that the largest |entry| of each is about 1, or |q_i| in a row without is
+    that of the others, and e; the problem itself and zeros where that would round, or all are within 2^±10 as they are.
+    """
+    empty, of_q, weights = problem.matrix.empty_rows, np.abs(problem.q), problem.matrix.row_weights
+    others = float((weights * of_q)[~empty].max(initial=0.0)) or 1.0
+    size = np.where(empty, of_q / others, 1.0 / weights)
+    exponents, none = -np.frexp(size)[1].astype(np.int64), np.zeros(problem.n, dtype=np.int64)
+    if np.abs(exponents).max() <= _ONE_SIZE or (A := in_units_exactly(problem.A, exponents)) is None:
+        return problem, none
+    q = np.ldexp(problem.q, exponents)
+    if not np.array_equal(np.ldexp(q, -exponents), problem.q):
+        return problem, none
+    return ProblemData.of_checked(A, q, problem.psi), exponents
 
 
 def _weighted(y: Any, several: int = 4) -> str:
@@ -248,11 +273,14 @@ def multipliers(problem: ProblemData) -> Vector | None:
         return None if found is None else np.concatenate([found[2 * problem.n :], found[: problem.n]])
     from scipy.optimize import linprog
 
+    problem, units = _in_units_of_rows(problem)
     A, n, (low, high, falls, rises) = problem.A.tocsc(), problem.n, _Rows.of(problem)
     free, both, sign = falls & rises, ~(falls | rises), np.where(falls, -1.0, 1.0)
     with np.errstate(over="ignore", invalid="ignore"):
         load = problem.p(np.where(free, 0.0, np.where(falls, high, low)))
         width = np.where(both, high - low, 1.0)[:, None]
+        unit = float(np.abs(load).max()) or 1.0  # a solver takes 1e20 for infinite
+        load, width = load / unit, np.where(both[:, None], width / unit, 1.0)
         size, sums = np.abs(load).sum(), abs(A).sum(axis=0) * width[:, 0]
     if not (np.isfinite(10.0 * size) and np.isfinite(sums).all() and np.isfinite(width).all()):
         return None
@@ -271,7 +299,7 @@ def multipliers(problem: ProblemData) -> Vector | None:
         bounds=np.column_stack([least, most]),
         options={"time_limit": _SECONDS},
     )
-    return np.asarray(found.x[:n]) if found.status == 0 and total[:-1] @ found.x[:-1] < 0 else None
+    return np.ldexp(found.x[:n], units) if found.status == 0 and total[:-1] @ found.x[:-1] < 0 else None
 
 
 def _contradiction(problem: ProblemData, rows: _Rows, y: Combination) -> Fraction | None:
