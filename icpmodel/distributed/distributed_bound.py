@@ -225,7 +225,6 @@ def _candidates(matrix: DistributedMatrix, levels: DistributedLevels | None) -> 
     if levels is None or comparison is not matrix:
         levels = DistributedLevels(comparison)
     levels.restrict(np.ones(size), 0)
-    least = -largest(matrix.comm, -float(comparison.diagonal.min(initial=np.inf)))[0]
-    v = levels.solved(matrix.vector(comparison.diagonal), 0, None, None, least)
+    v = levels.solved(matrix.vector(comparison.diagonal), 0, None, None, 1.0)
     if not largest(matrix.comm, float((~(v.array_r > 0)).any()))[0]:
         yield "v = <A>^-1 D1", v.array.copy()

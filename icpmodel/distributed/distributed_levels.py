@@ -128,12 +128,14 @@ class DistributedLevels:
 
     def solved(self, f: Any, top: int, J: Any, share: float | None, wanted: float | None) -> Any:
         """x with A_FF x = f_F on level `top`, 0 elsewhere, or Jx = f where a `J` is given: until ‖f − Jx‖ is a `share`
-        of ‖f‖, within a few steps, or `_PART` of `wanted`, or as near as the steps get."""
+        of ‖f‖, within a few steps, or ‖D⁻¹(f − Jx)‖ at most `_PART` of `wanted`, or as near as the steps get."""
         ksp, x = self.krylov_solver(top, J), f.duplicate()
         if wanted is None:
             ksp.setTolerances(rtol=share, atol=0.0, max_it=_FEW)
         else:
-            ksp.setTolerances(rtol=0.0, atol=_PART * wanted, max_it=_MANY)
+            size = self.levels[top].matrix.smallest_row
+            size = size if J is None else min(size, 1.0)  # some rows are those of r
+            ksp.setTolerances(rtol=0.0, atol=_PART * wanted * size, max_it=_MANY)
         x.zeroEntries()
         ksp.solve(f, x)
         self.done["steps", top] += ksp.getIterationNumber()

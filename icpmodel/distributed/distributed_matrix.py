@@ -50,6 +50,11 @@ class DistributedMatrix:
         """Those of the own rows: see `problem.Matrix.row_weights`."""
         return self.own_entries[3]
 
+    @cached_property
+    def smallest_row(self) -> float:
+        """min_i d_i: ‖D⁻¹x‖ ≤ ‖x‖/min d_i. Collective, the first time."""
+        return 1.0 / largest(self.comm, float(self.row_weights.max(initial=0.0)))[0]
+
     @property
     def block(self) -> Block:
         """The own rows and columns. Collective, the first time."""

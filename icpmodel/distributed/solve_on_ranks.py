@@ -209,7 +209,7 @@ class _Run:
         self, problem: DistributedICP, limits: Limits, watch: Callable[[], Status | None], say: Callable[[str], None]
     ) -> None:
         self.problem, self.limits, self.watch, self.say = problem, limits, watch, say
-        self.begin, self.iterations, self.scale, self.tolerance = time.perf_counter(), 0, np.inf, 0.0
+        self.begin, self.iterations, self.scale, self.tolerance, self.wanted = time.perf_counter(), 0, np.inf, 0.0, 0.0
         self.levels: DistributedLevels | None = None
         self.best, self.least, self.size = problem.vector(), np.inf, np.inf
 
@@ -223,7 +223,9 @@ class _Run:
             _check_maps(problem, z, "at the start")
             raise MapError("the residual at the start is not finite")
         self.scale = scale or _least_term(problem)
-        self.tolerance = float(self.limits.tolerance(self.scale))
+        self.tolerance = self.wanted = float(self.limits.tolerance(self.scale))
+        if self.limits.atol and (paper := problem.paper_residual(z)) > 0:
+            self.wanted = max(self.wanted, self.limits.atol * first / paper)  # about what Res ≤ atol takes
         self._seen(z, first)
         if self._reached(z, first):
             return Status.SOLVED, ""
@@ -243,7 +245,7 @@ class _Run:
     def _steps(self, simple: DistributedICP, z: Any) -> tuple[Status, str]:
         assert self.levels is not None
         mark, since, rescues = np.inf, 0, 0
-        path = looks(self.levels, simple, z, 0, self.tolerance)
+        path = looks(self.levels, simple, z, 0, self.wanted)
         look = next(path)
         while True:
             residual = look.residual if simple is self.problem else self.problem.residual(look.z)
@@ -267,10 +269,10 @@ class _Run:
                 rescued = self._swept(simple) if rescues <= _RESCUES else None
                 if rescued is None:
                     return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
-                path = looks(self.levels, simple, rescued, 0, self.tolerance)
+                path = looks(self.levels, simple, rescued, 0, self.wanted)
                 look, since = next(path), 0
             else:
-                look = path.send(self.tolerance)
+                look = path.send(self.wanted)
             self.iterations += 1
 
     def _reached(self, z: Any, residual: float) -> bool:
