@@ -55,13 +55,21 @@ class Stalled:
 
     Cycles of a method without memory are found by Brent's search: an iterate is compared with one that is kept while
     their number doubles. Reference: Brent, BIT 20 (1980).
-    Parameters: `memoryless` of the method; `patience`, so many steps without a better iterate are the last; `at_floor`,
-    which says whether rounding explains that the residual does not fall.
+    Parameters: `memoryless` of the method; `patience`, so many steps without a better iterate are the last, unless
+    `further` says, of a step from one z to the next, how many more are proved to lead on; `at_floor`, which says
+    whether rounding explains that the residual does not fall.
     """
 
-    def __init__(self, memoryless: bool, patience: int, at_floor: Callable[[], Ended | None]) -> None:
-        self.memoryless, self.patience, self.at_floor = memoryless, patience, at_floor
-        self.step = self.milestone = 0
+    def __init__(
+        self,
+        memoryless: bool,
+        patience: int,
+        at_floor: Callable[[], Ended | None],
+        further: Callable[[Vector, Vector], int],
+    ) -> None:
+        self.memoryless, self.patience, self.at_floor, self.further = memoryless, patience, at_floor, further
+        self.before = _NOTHING
+        self.step = self.milestone = self.followed_to = 0
         self.milestone_residual, self.milestone_z = np.nan, _NOTHING
         self.progress_at, self.progress_residual = 0, np.inf
         self.better_at, self.better_residual = 0, np.inf
@@ -69,6 +77,7 @@ class Stalled:
     def look(self, z: Vector, residual: float) -> Ended | None:
         """Whether the next iterate, `z`, is the last."""
         k, self.step = self.step, self.step + 1
+        before, self.before = self.before, z
         if residual < self.better_residual:
             self.better_at, self.better_residual = k, residual
         if self.memoryless and residual == self.milestone_residual and np.array_equal(z, self.milestone_z):
@@ -79,8 +88,10 @@ class Stalled:
             self.progress_at, self.progress_residual = k, residual
         elif (k - self.progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and (ended := self.at_floor()):
             return ended
-        if k - self.better_at >= self.patience:
-            return Ended(Status.STAGNATED, f"no better iterate in {self.patience} iterations")
+        if k - self.better_at >= self.patience and k >= self.followed_to:
+            self.followed_to = k + self.further(before, z)
+            if k == self.followed_to:
+                return Ended(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
         return None
 
     def recurred(self, period: int = 1) -> Ended:

@@ -122,7 +122,8 @@ def solve(
     problem = as_problem(problem)
     start = np.zeros(problem.n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     with limits.kept():
-        run = _run(problem, start, limits, callback=callback, history=history, progress=progress)
+        shown = {"callback": callback, "history": history, "progress": progress}
+        run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
         _carry_out_all(run, method, options, family)
         if run.singular is not None and method is not None:
             raise run.singular
@@ -273,6 +274,8 @@ def solution_of(run: Run, limits: Limits) -> Solution:
     else:
         by = "" if last is best.candidate else f" by {best.candidate.method!r}"
         advice = status.advice_with(last.method.to_try if len(run.tried) < 2 else "")
+        if status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT) and run.proved is not None:
+            note += run.proved.in_words(best.z, run.goal.enough_at(best.z))
         message = (
             f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g}{by} "
             f"({run.goal.wanted(best.z)}). Advice: {advice}"

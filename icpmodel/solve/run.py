@@ -23,6 +23,7 @@ from ..theory.answers import Answer
 from .candidate import Candidate, Ended, Recent, Stalled
 from .goal import Goal
 from .progress import Bar, Progress, progress_bar
+from .proved_convergence import ProvedConvergence
 from .schedule import Schedule, Stage, Turn
 from .solution import Status
 
@@ -77,6 +78,7 @@ class Run:
     Parameters: `problem`; `start`, shape (n,), and `at_start` = Res_D(start); `goal`; `scale`, a residual by which
     others are judged, 0 for ‖z‖, and the share `aim` of it for which costs are forecast; `restart`, where a candidate
     begins after one that failed; `posed`, what methods are given in its place, a problem that has the same solutions;
+    `follows_theorems`, whether a method that is proved to converge is given more patience, as one that was named is;
     `max_iter` and `time_limit`, None for none; `callback`, `history` and `progress` as in `solve`. `steps` is the loop;
     afterwards `ended` says why it ended, `best` what it found, `tried` who did how.
     """
@@ -90,6 +92,7 @@ class Run:
     scale: float
     restart: Vector | None = None
     posed: ProblemData | None = None
+    follows_theorems: bool = False
     max_iter: float = np.inf
     time_limit: float | None = None
     callback: Callable[[Progress], Any] | None = None
@@ -101,6 +104,7 @@ class Run:
         self.records: list[tuple[int, float, float]] | None = [] if self.history else None
         self.current, self.iteration = self.start, -1
         self.candidate: Candidate
+        self.proved: ProvedConvergence | None = None
         self.path: Iterator[Iterate] = iter(())
         self.best: Best | None = None
         self.tried: list[Tried] = []
@@ -208,7 +212,8 @@ class Run:
         path = candidate.method.iterates(self.posed or self.problem, begin)
         recent = Recent(self.target)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
-        stalled = Stalled(candidate.method.memoryless, longest, self.at_floor)
+        self.proved = ProvedConvergence(self.posed or self.problem, candidate.method, lambda: float(self.iteration))
+        stalled = Stalled(candidate.method.memoryless, longest, self.at_floor, self._further)
         expected, first, count, spent = None, np.nan, 0, 0.0
         unit = self.problem.matrix.unit
         # a generator is told how many more iterates are expected to be asked for
@@ -288,6 +293,12 @@ class Run:
         if self.time_limit is not None and seconds >= self.time_limit:
             return Ended(Status.TIME_LIMIT, f"time_limit = {self.time_limit:g} s")
         return None
+
+    def _further(self, before: Vector, z: Vector) -> int:
+        """How many more steps the run follows a theorem where the step from `before` to `z` brought nothing."""
+        if self.proved is None or not self.follows_theorems:
+            return 0
+        return self.proved.further(before, z, self.goal.enough_at(z))
 
     def at_floor(self) -> Ended | None:
         """PRECISION_LIMIT, where rounding explains the residual of the best iterate."""
