@@ -68,6 +68,15 @@ def test_units_change_no_step_of_a_method_that_divides_by_the_diagonal(method):
                 assert after.residual == pytest.approx(unit * before.residual, rel=1e-6, abs=1e-13 * unit)
 
 
+def test_units_of_rows_hide_no_proof_that_there_is_no_solution():
+    """A combination of the rows of A is at most 0, and so is that of q."""
+    rng, A = np.random.default_rng(0), np.array([[2.0, -3.0, 1.0], [-1.0, 3.0, -3.0], [-2.0, 0.0, 1.0]])
+    for _ in range(20):
+        rows = 2.0 ** rng.choice([-40, -17, 0, 13, 40], 3)
+        found = icp.ICP(A * rows[:, None], rows * [-1.0, -1.0, 0.0]).solve(raise_on_failure=False, max_iter=200)
+        assert found.status is icp.Status.INFEASIBLE
+
+
 def test_a_tiny_entry_on_the_diagonal_makes_no_residual_small():
     """d_i = a_ii would: D⁻¹q would be 1e12 in row 0, beside which nothing in row 1 is large."""
     problem = icp.ICP([[1e-12, 1.0], [-1.0, 1.0]], [-1.0, -1.0])
