@@ -12,6 +12,7 @@ from ..numerics.arrays import Vector, described
 from ..present.shown import Shown
 from ..problem.affine import Affine, Constant
 from ..problem.between import mid, sides_of
+from ..problem.by_rows import ByRows
 from ..problem.data import ProblemData, as_problem
 from ..problem.elementwise import Elementwise
 from .distributed_map import DistributedMap
@@ -148,9 +149,10 @@ def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
     500.0
     """
     comm, PETSc = world(comm), petsc()
-    layout = PETSc.Vec().createMPI(problem.n, comm=comm)
+    checked = problem if isinstance(problem, ByRows) else ByRows((problem.n,), problem.local_rows)
+    layout = PETSc.Vec().createMPI(checked.n, comm=comm)
     with together(comm):
-        A, q, psi, upper = (*problem.local_rows(*layout.getOwnershipRange()), None)[:4]
+        A, q, psi, upper = checked.local_rows(*layout.getOwnershipRange())
     return DistributedICP(from_rows(A, comm), q, psi, upper)
 
 

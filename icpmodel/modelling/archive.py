@@ -21,6 +21,7 @@ import scipy.sparse as sp
 from ..errors import FileError, IcpError, InputError
 from ..numerics import work
 from ..numerics.arrays import Vector, described
+from ..numerics.sparse_input import is_compressed
 
 #: what NumPy calls the kinds of real numbers, and what such an array is called here
 REAL, NUMBERS = "biuf", "an array of real numbers"
@@ -247,14 +248,3 @@ class Archive:
         if not is_compressed(indptr, indices, n, n):
             raise FileError(f"{self.path}: fields {name}_* are not a CSR matrix of shape ({n}, {n})")
         return sp.csr_array((data, indices, indptr), shape=(n, n))
-
-
-def is_compressed(indptr: np.ndarray, indices: np.ndarray, rows: int, columns: int) -> bool:
-    """Whether these are the positions of a CSR matrix of this shape, or of a CSC matrix the other way round.
-
-    SciPy's own check lets some pass that are not, and its compiled code then writes out of bounds.
-    """
-    if indptr.shape != (rows + 1,) or indices.ndim != 1:
-        return False
-    ordered = indptr[0] == 0 and indptr[-1] == indices.size and bool((indptr[1:] >= indptr[:-1]).all())
-    return ordered and not ((indices < 0) | (indices >= columns)).any()

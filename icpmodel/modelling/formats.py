@@ -9,7 +9,6 @@
 from __future__ import annotations
 
 import io
-import math
 import warnings
 from functools import partial
 from pathlib import Path
@@ -18,8 +17,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import FileError
-from .archive import NUMBERS, REAL, Archive, check_room, is_compressed, opened, read_archive, read_array, told
+from ..errors import FileError, InputError
+from ..numerics.sparse_input import checked_sparse
+from .archive import NUMBERS, REAL, Archive, check_room, opened, read_archive, read_array, told
 from .matlab import read_variables
 from .matrix_market import check_end, read_matrix, read_vector
 from .petsc_binary import read_petsc
@@ -127,26 +127,11 @@ def _sparse(archive: Archive) -> Any:
     if len(shape) != 2 or min(shape) < 0 or max(shape) > data.nbytes + sum(one.nbytes for one in places):
         raise FileError(f"{path}: has the shape {tuple(shape)}, but only {data.size} entries")
     rows, columns = shape
-    if not _fit(form, data, places, rows, columns):
-        raise FileError(f"{path}: its fields are not a {form.upper()} matrix of shape ({rows}, {columns})")
     parts = (data, tuple(places)) if form == "coo" else (data, *places)
     made: Any = getattr(sp, f"{form}_array")
-    return made(parts, shape=(rows, columns))
-
-
-def _fit(form: str, data: np.ndarray, positions: list[np.ndarray], rows: int, columns: int) -> bool:
-    """Whether these are a matrix of this shape, with every entry in its place."""
-    if form == "dia":
-        return positions[0].shape == data.shape[:1] and np.unique(positions[0]).size == positions[0].size
-    if positions[0].shape != data.shape[:1]:
-        return False
-    if form == "coo":
-        row, column = positions
-        within = (row >= 0) & (row < rows) & (column >= 0)
-        return column.shape == row.shape and bool((within & (column < columns)).all())
-    height, width = data.shape[1:] if form == "bsr" else (1, 1)
-    if math.prod((height, width)) == 0 or rows % height or columns % width:
-        return False
-    indices, indptr = positions
-    counts = (columns // width, rows // height)[:: 1 if form == "csc" else -1]
-    return is_compressed(indptr, indices, *counts)
+    try:
+        return checked_sparse(made(parts, shape=(rows, columns)), "it")
+    except (InputError, ValueError, ZeroDivisionError) as error:
+        raise FileError(
+            f"{path}: its fields are no {form.upper()} matrix of shape ({rows}, {columns}): {error}"
+        ) from None

@@ -18,7 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import FileError
-from .archive import check_room, is_compressed, opened, told
+from ..numerics.sparse_input import is_compressed
+from .archive import check_room, opened, told
 
 #: the bytes before the first variable, of which the last two tell the order of bytes
 _HEAD, _ORDERS = 128, {b"IM": "<", b"MI": ">"}

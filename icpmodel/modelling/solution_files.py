@@ -140,7 +140,7 @@ def read_start(path: Path, n: int) -> Vector:
     FileError."""
     found = _start(path, n)
     try:
-        return as_vector(found, n, "z", number=False)
+        return as_vector(found, n, "z")
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
 

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .sparse_input import checked_sparse
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -22,29 +23,30 @@ _LONG = 10**309
 #: what counts as a number, whole or not, although bools and times are among them, and as a truth value
 _WHOLE, _REAL = (int, np.integer), (int, float, np.integer, np.floating)
 _NO_NUMBER, _TRUTH = (bool, np.timedelta64), (bool, np.bool_)
+#: every whole number up to this one is a float64
+_EXACT = 2.0**53
 #: inner products of so many entries BLAS makes with one thread
 _FEW = 10_000
 
 
-def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None, number: bool = True) -> Vector:
+def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
     """A float64 copy of `value`, a number or of shape (n,), (n, 1) or (1, n), as a vector; `n` None for any length.
 
-    `infinite` is the infinite value that is allowed, +inf standing for both, `number` whether a number is. Raises
-    InputError.
+    `infinite` is the infinite value that is allowed, +inf standing for both. Raises InputError.
     """
-    if sp.issparse(value):
-        value = value.toarray()
-    array = as_real(as_array(value, name), name)
+    if sp.issparse(value) and (value.ndim == 1 or 1 in value.shape):
+        value = checked_sparse(value, name).toarray()
+    array: Any = value if sp.issparse(value) else as_array(value, name)
     if array.ndim == 2 and 1 in array.shape:
         array = array.reshape(-1)
-    if array.ndim == 0 and n is not None and number:
+    if array.ndim == 0 and n is not None:
         array = np.full(n, array)
     if array.ndim != 1 or (n is not None and array.size != n):
         wanted = "a vector" if n is None else f"shape ({n},)"
         raise InputError(f"{name} has shape {array.shape}; {wanted} was expected")
     if array.size == 0:
         raise InputError(f"{name} is empty; at least one entry was expected")
-    vector = np.array(array, dtype=np.float64)
+    vector = as_float64(array, name)
     if infinite is not None:
         allowed = np.where(np.abs(vector) == np.inf if infinite == np.inf else vector == infinite, 0.0, vector)
     if found := not_finite(vector if infinite is None else allowed, name):
@@ -135,8 +137,18 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     if not sp.issparse(value):
         return freeze(_compressed(as_square(value, name, n), keep_diagonal))
     _check_square(value.shape, name, n)
-    check_indices(value, name)
-    matrix = sp.csr_array(as_real(value, name), dtype=np.float64, copy=True)
+    return freeze(as_rows(value, name, keep_diagonal))
+
+
+def as_rows(value: Any, name: str, keep_diagonal: bool = False) -> sp.csr_array:
+    """A float64 CSR copy of the matrix `value` of any shape, dense or sparse, as `as_csr` makes it of a square one.
+
+    Every matrix comes in through here, or through `as_square` where it is dense. Raises InputError.
+    """
+    value = checked_sparse(value, name) if sp.issparse(value) else sp.coo_array(as_float64(value, name))
+    if value.dtype != np.float64:
+        value.data = as_float64(value.data, name)
+    matrix = sp.csr_array(value, copy=True)
     matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():
         k = int(np.argmin(np.isfinite(matrix.data)))
@@ -144,19 +156,10 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     if keep_diagonal:
         matrix.eliminate_zeros()  # as where a dense array was handed in
         matrix = _with_stored_diagonal(matrix)
-    if matrix.nnz < _SHORT:
+    if max(matrix.nnz, *matrix.shape) < _SHORT:
         matrix.indices = matrix.indices.astype(np.int32, copy=False)
         matrix.indptr = matrix.indptr.astype(np.int32, copy=False)
-    return freeze(matrix)
-
-
-def check_indices(value: Any, name: str) -> None:
-    """Raise InputError where SciPy's conversions of the sparse `value` would write to memory of others."""
-    if hasattr(value, "check_format"):
-        try:
-            value.check_format(full_check=True)
-        except ValueError as error:
-            raise InputError(f"{name} is no sparse matrix that SciPy could use: {error}") from None
+    return matrix
 
 
 def as_square(value: Any, name: str, n: int | None = None) -> NDArray[np.float64]:
@@ -165,7 +168,7 @@ def as_square(value: Any, name: str, n: int | None = None) -> NDArray[np.float64
     if array.ndim == 0:
         array = array.reshape(1, 1)
     _check_square(array.shape, name, n)
-    square = np.array(as_real(array, name), dtype=np.float64, order="C")
+    square = as_float64(array, name)
     finite = np.isfinite(square)
     if np.count_nonzero(finite) < finite.size:  # on few entries several times cheaper than all()
         i, j = divmod(int(np.argmin(finite)), square.shape[0])
@@ -318,13 +321,24 @@ def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     return full
 
 
-def as_real(value: Any, name: str) -> Any:
-    """`value` unchanged if its entries are real numbers."""
-    if value.dtype.kind == "c":
-        raise InputError(f"{name} is complex ({value.dtype}); real numbers were expected: ICP is stated over the reals")
-    if value.dtype.kind not in "biuf":
-        raise InputError(f"{name} has dtype {value.dtype}; real numbers were expected")
-    return value
+def as_float64(value: Any, name: str) -> NDArray[np.float64]:
+    """A float64 copy of the array `value` of any shape. Raises InputError where its entries are no real numbers, or are
+    wider than float64 and would be rounded."""
+    array = as_array(value, name)
+    kind = array.dtype.kind
+    if kind == "c":
+        raise InputError(f"{name} is complex ({array.dtype}); real numbers were expected: ICP is stated over the reals")
+    if kind not in "biuf":
+        raise InputError(f"{name} has dtype {array.dtype}; real numbers were expected")
+    with np.errstate(over="ignore"):
+        made = np.array(array, dtype=np.float64, order="C")
+    if array.dtype.itemsize > (made.itemsize if kind == "f" else 4):
+        doubtful = array == array if kind == "f" else np.abs(made) >= _EXACT
+        for one, taken in zip(array[doubtful].tolist(), made[doubtful].tolist(), strict=True):
+            if one != taken:
+                found = f"{name} holds {one} of dtype {array.dtype}, which rounds to the float64 {taken}"
+                raise InputError(f"{found}; write {name}.astype(float) where that is right")
+    return made
 
 
 def check_labels(given: Mapping[str, Any]) -> None:

@@ -157,7 +157,7 @@ class Affine(Map):
 
 def vertical_map(B: Any, d: Any, n: int) -> Affine:
     """ψ(z) = z − D⁻¹(Bz + d), D the diagonal of B: see `ProblemData.vertical`."""
-    B, d = as_csr(B, "B", n), as_vector(d, n, "d", infinite=np.inf, number=False)
+    B, d = as_csr(B, "B", n), as_vector(d, n, "d", infinite=np.inf)
     if np.isneginf(d).any():
         raise InputError(f"d[{int(np.argmin(d))}] is -inf; a finite number, or inf for no second side, was expected")
     largest = np.maximum(abs(B).max(axis=1).toarray(), np.where(np.isinf(d), 0.0, np.abs(d)))

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_number, as_vector, check_indices, described
+from ..numerics.arrays import Vector, as_number, as_rows, as_vector, described
 from ..present.shown import Shown
 
 
@@ -83,7 +83,9 @@ class ByRows(Shown):
         if not isinstance(found, tuple) or len(found) not in (3, 4):
             what = f"a tuple of {len(found)}" if isinstance(found, tuple) else described(found)
             raise InputError(f"{called[3:]} is {what}; LocalRows, or A, q, psi and perhaps upper, were expected")
-        A = _rows_of(found[0], f"A {called}", (hi - lo, self.n))
+        A = as_rows(found[0], f"A {called}")
+        if A.shape != (hi - lo, self.n):
+            raise InputError(f"A {called} has shape {A.shape}; {(hi - lo, self.n)} was expected")
         none = len(found) < 4 or found[3] is None
         if hi == lo:
             return LocalRows(A, np.zeros(0), np.zeros(0), None if none else np.zeros(0))
@@ -91,17 +93,3 @@ class ByRows(Shown):
         psi = as_vector(found[2], hi - lo, f"psi {called}", infinite=-np.inf)
         below = None if none else as_vector(np.negative(found[3]), hi - lo, f"-upper {called}", infinite=-np.inf)
         return LocalRows(A, q, psi, None if below is None else -below)
-
-
-def _rows_of(A: Any, name: str, shape: tuple[int, int]) -> sp.csr_array:
-    """`A` as CSR with sorted columns and no duplicates. Raises InputError."""
-    if sp.issparse(A) and A.format != "csr":  # to convert it is where wrong indices do harm
-        check_indices(A, name)
-    matrix = sp.csr_array(A, dtype=np.float64)
-    least, most = int(matrix.indices.min(initial=0)), int(matrix.indices.max(initial=0))
-    if matrix.shape != shape or least < 0 or most >= shape[1] or not np.isfinite(matrix.data).all():
-        found = f"has shape {matrix.shape} and entries in columns {least} to {most}"
-        raise InputError(f"{name} {found}; shape {shape}, of finite numbers in all columns, was expected")
-    if not matrix.has_canonical_format:
-        (matrix := matrix.copy()).sum_duplicates()
-    return matrix

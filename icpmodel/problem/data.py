@@ -52,7 +52,7 @@ class ProblemData(Shown):
             check_labels({"A": A, "q": q, "psi": psi, "upper": upper})
         matrix = Matrix(A)
         n = matrix.n
-        self._set(matrix, as_vector(q, n, "q", number=False), as_map(psi, n, upper), None)
+        self._set(matrix, as_vector(q, n, "q"), as_map(psi, n, upper), None)
 
     def _set(self, matrix: Matrix, q: Vector, psi: Map, facts: Facts | None) -> None:
         q.flags.writeable = False
@@ -146,7 +146,7 @@ class ProblemData(Shown):
         >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
         array([2.])
         """
-        return self._with(as_vector(q, self.n, "q", number=False), self.psi, self.facts)
+        return self._with(as_vector(q, self.n, "q"), self.psi, self.facts)
 
     def with_psi(self, psi: Any) -> Self:
         """The problem with another `psi` (anything that `ICP` takes) below z; A, q and what is above are shared.

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError, MapError
-from ..numerics.arrays import Vector, as_array, as_vector, freeze
+from ..numerics.arrays import Vector, as_array, as_rows, as_vector, axes, freeze
 from ..numerics.rounding import is_ctrl_c
 from .map import Map
 
@@ -85,12 +85,10 @@ class Parametrised(Map):
         derivative, name = self.parameter_derivative, "psi.parameter_derivative"
         assert derivative is not None
         D = raising_map_error(lambda: derivative(z.copy()), name)
-        if not sp.issparse(D):
-            D = np.asarray(D)
-            D = D[:, None] if D.ndim == 1 else D
-        if D.ndim != 2 or D.shape[0] != z.size or D.dtype.kind not in "biuf":
-            found = f"has shape {D.shape} and dtype {D.dtype}"
-            raise MapError(f"{name}(z) {found}; real numbers, a row for each unknown, ({z.size}, m), were expected")
-        if not np.isfinite(D.data if sp.issparse(D) else D).all():
-            raise MapError(f"{name}(z) is not finite")
+        try:
+            D = as_rows(D if axes(D, name) != 1 else as_array(D, name)[:, None], f"{name}(z)")
+        except InputError as error:
+            raise MapError(str(error)) from None
+        if D.shape[0] != z.size:
+            raise MapError(f"{name}(z) has shape {D.shape}; a row for each unknown, ({z.size}, m), was expected")
         return D

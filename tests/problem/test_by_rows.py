@@ -36,20 +36,13 @@ def with_entry(value, column=0):
     return sp.csr_array((np.array([value]), np.array([column]), np.array([0, 1, 1])), shape=(2, 3))
 
 
-def by_columns(row):
-    A = sp.csc_array((2, 3))
-    A.data, A.indices, A.indptr = np.ones(1), np.array([row], dtype=np.int32), np.array([0, 1, 1, 1], dtype=np.int32)
-    return A
-
-
 @pytest.mark.parametrize(
     ("found", "message"),
     [
         (None, r"rows\(1, 3\) is None; LocalRows, or"),
         ((np.eye(2, 3), 1.0), r"rows\(1, 3\) is a tuple of 2;"),
-        ((np.eye(2), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 2\) .*; shape \(2, 3\), of finite"),
-        ((with_entry(np.nan), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 3\) .* columns 0 to 0; .* finite"),
-        ((by_columns(5), 1.0, 0.0), r"A of rows\(1, 3\) is no sparse matrix that SciPy could use: indices must be < 2"),
+        ((np.eye(2), 1.0, 0.0), r"A of rows\(1, 3\) has shape \(2, 2\); \(2, 3\) was"),
+        ((with_entry(np.nan), 1.0, 0.0), r"A of rows\(1, 3\)\[0, 0\] is nan; a finite"),
         ((np.eye(2, 3), [1.0, np.inf], 0.0), r"q of rows\(1, 3\)\[1\] is inf; a finite number"),
         ((np.eye(2, 3), 1.0, 0.0, -np.inf), r"-upper of rows\(1, 3\)\[0\] is inf; a finite number or -inf"),
     ],

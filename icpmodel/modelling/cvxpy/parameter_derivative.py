@@ -18,7 +18,7 @@ from cvxpy.reductions.cvx_attr2constr import build_dim_reduced_expression, lower
 
 from ...derivatives.derivative import Derivative
 from ...errors import InputError
-from ...numerics.arrays import Vector, as_array, as_real, not_finite
+from ...numerics.arrays import Vector, as_float64, as_rows, not_finite
 from ...solve.solution import Solution
 from .affine_rows import AffineRows
 from .compiled import Copies, named, unstacked, value_of
@@ -128,7 +128,7 @@ def _filled(leaf: cp.Variable | cp.Parameter, name: str, default: float) -> np.n
     value, title = getattr(leaf, name), f"the {name} of {leaf.name()}"
     if value is None:
         return np.full(leaf.shape, default)
-    array = as_real(as_array(value.toarray() if sp.issparse(value) else value, title), title)
+    array = as_float64(as_rows(value, title).toarray() if sp.issparse(value) else value, title)
     if array.shape != leaf.shape and array.size != 1:
         raise InputError(f"{title} has shape {array.shape}; {leaf.shape}, or a number for all entries, was expected")
     if found := not_finite(np.ravel(array, order="F"), title):

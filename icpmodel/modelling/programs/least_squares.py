@@ -132,7 +132,7 @@ def solve_lsq(
     limit = None if time_limit is None else as_number(time_limit, "time_limit", above=0)
     B = matrix(B, "B")
     m, n = B.shape
-    c = as_vector(c, m, "c", number=False)
+    c = as_vector(c, m, "c")
     low, high = bounds(lb, ub, n)
     if (low > high).any():
         i = int(np.argmax(low > high))

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import InputError
-from ...numerics.arrays import Vector, as_array, as_csr, as_real, as_vector, axes, check_indices, row_of
+from ...numerics.arrays import Vector, as_array, as_csr, as_rows, as_vector, axes
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...numerics.threads import one_blas_thread
 from ...theory.matrices.definiteness import definiteness
@@ -23,7 +23,7 @@ def read(H: Any, g: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any, names
     H = as_csr(H, names[0])
     n = H.shape[0]
     rows = *_rows(G, h, n, ("G", "h")), *_rows(A, b, n, ("A", "b"))
-    return Program(H, as_vector(g, n, names[1], number=False), *rows, *bounds(lb, ub, n))
+    return Program(H, as_vector(g, n, names[1]), *rows, *bounds(lb, ub, n))
 
 
 def bounds(lb: Any, ub: Any, n: int) -> tuple[Vector, Vector]:
@@ -44,12 +44,7 @@ def matrix(M: Any, name: str, n: int | None = None) -> sp.csr_array:
         M = as_array(M, name)[None]
     if axes(M, name) != 2 or np.shape(M)[1] != (n or np.shape(M)[1]):
         raise InputError(f"{name} has shape {np.shape(M)}; shape (m, {n or 'n'}) was expected")
-    check_indices(M, name)
-    M = sp.csr_array(as_real(M if sp.issparse(M) else as_array(M, name), name), dtype=np.float64, copy=True)
-    M.sum_duplicates()
-    if not np.isfinite(M.data).all():
-        k = int(np.argmin(np.isfinite(M.data)))
-        raise InputError(f"{name}[{row_of(M)[k]}, {M.indices[k]}] is {M.data[k]}; a finite number was expected")
+    M = as_rows(M, name)
     M.eliminate_zeros()
     return M
 

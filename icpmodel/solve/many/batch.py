@@ -16,7 +16,7 @@ from ...errors import InputError, MapError, NotApplicable, OutOfTime, SingularOp
 from ...methods.contract import Method
 from ...methods.shortcuts import Lemke, Tridiagonal
 from ...numerics import work
-from ...numerics.arrays import Vector, as_array, as_real, axes, row_norms, smallest_size
+from ...numerics.arrays import Vector, as_float64, axes, row_norms, smallest_size
 from ...numerics.rounding import is_ctrl_c
 from ...numerics.threads import cores, in_parts
 from ...problem.between import as_map, mid
@@ -47,7 +47,7 @@ SHARE = 1e8
 
 def _rows(value: Any, name: str, infinite: float) -> Matrix:
     """`value` as a float64 matrix, one row per problem, checked; `infinite` is allowed, 0 for neither infinity."""
-    array = np.array(as_real(as_array(value, name), name), dtype=np.float64)
+    array = as_float64(value, name)
     if array.ndim not in (1, 2) or array.size == 0:
         raise InputError(f"{name} has shape {array.shape}; one row per problem was expected")
     array = np.atleast_2d(array)
