@@ -24,9 +24,11 @@ from .methods.aor import MNMGS as MNMGS
 from .methods.aor import MNMJ as MNMJ
 from .methods.aor import MNMSOR as MNMSOR
 from .methods.contract import Method as Method
+from .methods.enumeration import Enumerate as Enumerate
 from .methods.factorised import MNMMOD as MNMMOD
 from .methods.factorised import MNMOD as MNMOD
 from .methods.interior import Interior as Interior
+from .methods.milp import MixedInteger as MixedInteger
 from .methods.mms import MMS as MMS
 from .methods.modulus import NMMS as NMMS
 from .methods.modulus import Modulus as Modulus
@@ -35,6 +37,7 @@ from .methods.multilevel import Multilevel as Multilevel
 from .methods.newton import Newton as Newton
 from .methods.proximal import Proximal as Proximal
 from .methods.psor import PSOR as PSOR
+from .methods.restarts import Restarts as Restarts
 from .methods.shortcuts import Josephy as Josephy
 from .methods.shortcuts import Lemke as Lemke
 from .methods.shortcuts import Tridiagonal as Tridiagonal
@@ -78,5 +81,8 @@ from .theory import comparison_matrix as comparison_matrix
 from .theory import error_bound as error_bound
 from .theory.certificates.certificate import Certificate as Certificate
 from .theory.certificates.certificate import certify as certify
+from .theory.solution_set import Face as Face
+from .theory.solution_set import SolutionSet as SolutionSet
+from .theory.solution_set import all_solutions as all_solutions
 
 __version__: str

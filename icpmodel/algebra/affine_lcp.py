@@ -98,11 +98,17 @@ class AffineLcp:
         above[self.rows] = y[self.n :] > 0.0
         return active | above, above
 
-    def start(self) -> Any:
-        """The first dictionary, as `kernels.pivoting.go_on` takes it."""
+    def start(self, covering: Vector | None = None) -> Any:
+        """The first dictionary, as `kernels.pivoting.go_on` takes it.
+
+        `covering` is the vector d > 0 in w = q + My + d·t, by default 1 in the units of the rows.
+        """
         from ..numerics.kernels import balancing, pivoting  # loads numba
 
-        return pivoting.begin(*balancing.scale(self.M), self.q, self.free)
+        if covering is None:
+            return pivoting.begin(*balancing.scale(self.M), self.q, self.free)
+        M = self.M / covering[:, None]
+        return pivoting.begin(*balancing.scale(M), self.q / covering, self.free)
 
     def z(self, y: Vector) -> Vector:
         """The z that belongs to y."""

@@ -266,6 +266,18 @@ def of_count(nanoseconds: float) -> Iterator[None]:
         _counted.budget = before
 
 
+@contextmanager
+def at_most(seconds: float) -> Iterator[None]:
+    """In this block no more than so many seconds are left; other limits stay."""
+    before, now = _counted.budget, clock()
+    within_all = before or _Budget(now, done(), math.inf)
+    _counted.budget = within_all._replace(begun=now, counted=done(), end=min(now + seconds, within_all.end))
+    try:
+        yield
+    finally:
+        _counted.budget = before
+
+
 def afford(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
     """Raises OutOfTime or OutOfMemory where a step, by the table of costs and in bytes, is more than what is left."""
     if not fits(memory):

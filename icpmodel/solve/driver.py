@@ -22,6 +22,7 @@ from ..problem.data import ProblemData, ProblemLike, as_problem
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
 from .goal import RTOL, AccuracyGoal, Goal, Limits
+from .last_resort import search
 from .progress import Progress
 from .reduced import candidates, posed
 from .run import WORTH_ANOTHER_METHOD, Best, Run, fault_of_psi
@@ -146,6 +147,8 @@ def _carry_out_all(run: Run, method: str | Method | None, options: dict[str, Any
             return
         run.posed = None
     carry_out(run, asked)
+    if method is None and family is None:
+        search(run, carry_out)
 
 
 def _candidates(

@@ -1,0 +1,154 @@
+"""The rows of a problem with affine obstacles, dense, and its linear pieces.
+
+A piece says for every row which equation holds: p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z). It leaves one linear system.
+A solution of the problem is a solution of some piece that has the right signs in its other rows, so that all solutions
+are found by going through all pieces.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..numerics import work
+from ..numerics.arrays import Vector
+from ..numerics.rounding import gamma
+from ..problem.data import ProblemData
+from ..problem.map import Map
+from .equations import derivative
+
+#: the equation of a row: p_i = 0, z_i = ψ_i(z), z_i = ψ̄_i(z)
+FREE, LOWER, UPPER = 0, 1, 2
+#: entries of all matrices of a batch; larger batches do not fit into a cache
+_BATCH = 200_000
+
+Sides = NDArray[np.int8]
+Dense = NDArray[np.float64]
+
+
+class Batch(NamedTuple):
+    """Some pieces, m of them.
+
+    `sides` shape (m, n), `z` their solutions, shape (m, n), NaN where the system is singular; `empty` shape (m,):
+    whether it is certain, rounding included, that a sign is wrong in the only solution.
+    """
+
+    sides: Sides
+    z: Dense
+    empty: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearRows:
+    """p = Az + q, r = Rz − c ≥ 0 and s = d − Sz ≥ 0 with dense matrices; c_i = −∞ and d_i = ∞ for no obstacle.
+
+    Every row of (A, q) is multiplied by a power of two, so that its largest |entry| of A is about 1.
+    """
+
+    A: Dense
+    q: Vector
+    R: Dense
+    c: Vector
+    S: Dense
+    d: Vector
+
+    @classmethod
+    def of(cls, problem: ProblemData, z: Vector) -> LinearRows:
+        """The rows of `problem`, with obstacles that are not affine linearised at `z`.
+
+        Raises MapError where an obstacle has no value or no finite derivative at `z`.
+        """
+        A = problem.dense()
+        exponents = np.frexp(np.abs(A).max(axis=1))[1]
+        R, c = _linearised(problem.psi, z)
+        S, d = (R, np.full(problem.n, np.inf)) if problem.upper is None else _linearised(problem.upper, z)
+        return cls(np.ldexp(A, -exponents[:, None]), np.ldexp(problem.q, -exponents), R, c, S, d)
+
+    @property
+    def n(self) -> int:
+        """The number of unknowns."""
+        return int(self.q.size)
+
+    @property
+    def choices(self) -> list[tuple[int, ...]]:
+        """The equations that each row may take."""
+        sides = ((FREE, LOWER, UPPER), (FREE, LOWER), (FREE, UPPER), (FREE,))
+        return [sides[2 * int(c == -np.inf) + int(d == np.inf)] for c, d in zip(self.c, self.d, strict=True)]
+
+    def batches(self) -> Iterator[Batch]:
+        """All pieces, in batches. Raises OutOfTime where the next batch does not fit into the time that is left."""
+        size = max(_BATCH // self.n**2, 1)
+        pieces = itertools.product(*self.choices)
+        while chosen := list(itertools.islice(pieces, size)):
+            work.spend(len(chosen) * (work.COSTS.call + 8.0 * work.dense_cost(self.n)))
+            yield self._solved(np.array(chosen, dtype=np.int8))
+
+    @np.errstate(all="ignore")
+    def _solved(self, sides: Sides) -> Batch:
+        lower, upper = sides == LOWER, sides == UPPER
+        B = np.where(lower[:, :, None], self.R, np.where(upper[:, :, None], self.S, self.A))
+        b = np.where(lower, self.c, np.where(upper, self.d, -self.q))
+        inverse = _inverses(B)
+        z = _times(inverse, b)
+        z += _times(inverse, b - _times(B, z))
+        # with C the approximate inverse and e = ‖I − CB‖ < 1: ‖z* − z‖ ≤ ‖C(b − Bz)‖/(1 − e), norms of the maximum
+        n = self.n
+        off = np.abs(np.eye(n) - inverse @ B).sum(axis=2) + gamma(2 * n) * (np.abs(inverse) @ np.abs(B)).sum(axis=2)
+        contraction = off.max(axis=1)
+        left = np.abs(b - _times(B, z)) + gamma(2 * n) * (_times(np.abs(B), np.abs(z)) + np.abs(b))
+        error = _times(np.abs(inverse), left).max(axis=1) / (1.0 - contraction)
+        error = np.where(contraction < 1.0, 2.0 * error, np.inf)[:, None]
+        wrong = np.zeros(len(sides), dtype=bool)
+        for M, offset, sign, rows in self._signs(sides):
+            value = sign * (z @ M.T + offset)
+            rounding = gamma(2 * n) * (np.abs(z) @ np.abs(M).T + np.abs(offset))
+            wrong |= (rows & (value < -(np.abs(M).sum(axis=1) * error + rounding))).any(axis=1)
+        return Batch(sides, z, wrong)
+
+    def _signs(self, sides: Sides) -> Iterator[tuple[Dense, Vector, float, NDArray[np.bool_]]]:
+        """(M, v, ±1, rows): ±(Mz + v)_i ≥ 0 is asked for in these rows, a mask of the shape of `sides`."""
+        below, above = np.isfinite(self.c), np.isfinite(self.d)
+        yield self.A, self.q, 1.0, sides == LOWER
+        yield self.A, self.q, -1.0, sides == UPPER
+        yield self.R, np.where(below, -self.c, 0.0), 1.0, (sides != LOWER) & below
+        yield self.S, np.where(above, -self.d, 0.0), -1.0, (sides != UPPER) & above
+
+
+def piece_count(problem: ProblemData) -> float:
+    """The number of linear pieces of `problem`, infinite beyond floats."""
+    zero = np.zeros(problem.n)
+    sides = 1.0 + (problem.psi.value(zero) > -np.inf)
+    if problem.upper is not None:
+        sides += problem.upper.value(zero) < np.inf
+    with np.errstate(over="ignore"):
+        return float(np.prod(sides))
+
+
+def _linearised(psi: Map, z: Vector) -> tuple[Dense, Vector]:
+    """(I − G, c) with ψ(z) = Gz + c, or its linearisation at `z`."""
+    if psi.linear is not None:
+        G, c = psi.linear
+        return np.eye(z.size) - G.toarray(), c
+    J = derivative(psi, z)
+    return np.eye(z.size) - J.toarray(), psi.value(z) - J @ z
+
+
+def _inverses(B: Dense) -> Dense:
+    """The inverses of the matrices B[k], NaN for those that are singular as floats."""
+    try:
+        return np.linalg.inv(B)
+    except np.linalg.LinAlgError:
+        if len(B) == 1:
+            return np.full_like(B, np.nan)
+        half = len(B) // 2
+        return np.concatenate([_inverses(B[:half]), _inverses(B[half:])])
+
+
+def _times(M: Dense, x: Dense) -> Dense:
+    """M[k] @ x[k] for every k."""
+    return np.matmul(M, x[:, :, None])[:, :, 0]

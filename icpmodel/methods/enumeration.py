@@ -1,0 +1,95 @@
+"""All linear pieces of a small problem, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..algebra.linear_rows import LinearRows, Sides, piece_count
+from ..numerics.arrays import Vector, as_number
+from ..numerics.rational import nearest
+from ..problem.data import ProblemData
+from ..theory.answers import Answer
+from ..theory.solution_set import ExactRows
+from .contract import Infeasible, Iterate, Method
+
+#: how often an obstacle that is not affine is linearised anew
+_LINEARISATIONS = 20
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Enumerate(Method):
+    """Every choice of p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z): each leaves a linear system, whose signs are checked.
+
+    Parameters
+    ----------
+    most : int, default 16384
+        The number of choices up to which a problem is taken: 2¹⁴, n = 14 with one obstacle in every row.
+
+    Raises
+    ------
+    Infeasible
+        Where no choice holds a solution: each was excluded with bounds on its rounding, or in rational arithmetic.
+
+    Notes
+    -----
+    An obstacle that is not affine is linearised at the best point so far, up to 20 times; that proves nothing.
+
+    References
+    ----------
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 3.1: complementary cones.
+
+    Examples
+    --------
+    >>> ICP([[0, 1], [1, 0]], [-1, -1]).solve("enumerate").z
+    array([1., 1.])
+    """
+
+    name: ClassVar[str] = "enumerate"
+    memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+
+    most: int = 2**14
+
+    def __post_init__(self) -> None:
+        as_number(self.most, "most", least=1, whole=True)
+
+    def why_not(self, problem: ProblemData) -> str | None:
+        if (reason := problem.psi.no_derivative()) is not None:
+            return reason
+        count = piece_count(problem)
+        return f"there are {count:.3g} choices; at most {self.most} are tried" if count > self.most else None
+
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        yield z, None
+        affine = problem.psi.linear is not None
+        for _ in range(1 if affine else _LINEARISATIONS):
+            rows, best = LinearRows.of(problem, z), (np.inf, z)
+            undecided = []
+            for batch in rows.batches():
+                undecided.append(batch.sides[~batch.empty])
+                for found in batch.z[~batch.empty]:
+                    if np.isfinite(found).all():
+                        residual = problem.residual(found)
+                        best = min(best, (residual, found), key=lambda pair: pair[0])
+                        yield found, residual
+            if affine:
+                yield from _exactly(problem, np.concatenate(undecided))
+            if best[1] is z:
+                return
+            z = best[1]
+
+
+def _exactly(problem: ProblemData, undecided: Sides) -> Iterator[Iterate]:
+    """Solutions of the `undecided` pieces in fractions, rounded. Raises Infeasible where there are none."""
+    exact, any_found = ExactRows(problem), False
+    for sides in undecided:
+        if (found := exact.solve(sides)) is not None:
+            any_found = True
+            yield np.array([nearest(x) for x in found.point]), None
+    if not any_found:
+        reason = f"none of all {piece_count(problem):.0f} choices of active rows leaves a z with the right signs"
+        raise Infeasible(Answer(True, f"no z solves the problem: {reason}"))

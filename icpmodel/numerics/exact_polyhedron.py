@@ -1,0 +1,125 @@
+"""Polyhedra {t : Ct + e ≥ 0} in rational arithmetic, for a few unknowns: a point inside, and which rows are equations.
+
+Reference: Freund, Roundy and Todd, Identifying the set of always-active constraints in a system of linear inequalities
+by a single linear program, MIT Working Paper 1674-85 (1985).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+from .rational import Rationals
+
+Rational = list[Fraction]
+
+
+def row_reduce(rows: Rationals, columns: int) -> list[int]:
+    """Gauss–Jordan elimination in place on the first `columns` columns.
+
+    Returns the pivot columns; row k then has 1 in the k-th of them, and the others have 0 there.
+    """
+    pivots: list[int] = []
+    for column in range(columns):
+        top = len(pivots)
+        k = next((k for k in range(top, len(rows)) if rows[k][column]), None)
+        if k is None:
+            continue
+        rows[top], rows[k] = rows[k], rows[top]
+        pivot = rows[top][column]
+        rows[top] = [entry / pivot for entry in rows[top]]
+        for i, row in enumerate(rows):
+            if i != top and row[column]:
+                factor = row[column]
+                rows[i] = [a - factor * b for a, b in zip(row, rows[top], strict=True)]
+        pivots.append(column)
+    return pivots
+
+
+def null_space(rows: Rationals, columns: int) -> Rationals:
+    """A basis of {x : every row · x = 0}, one vector of `columns` entries for each."""
+    reduced = [list(row) for row in rows]
+    pivots = row_reduce(reduced, columns)
+    basis = []
+    for column in range(columns):
+        if column not in pivots:
+            x = [Fraction(int(k == column)) for k in range(columns)]
+            for pivot, row in zip(pivots, reduced, strict=False):
+                x[pivot] = -row[column]
+            basis.append(x)
+    return basis
+
+
+def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] | None:
+    """A point t in the relative interior of {t : Ct + e ≥ 0}, and the rows that are equations on all of it.
+
+    Parameters: `C` of m rows with k entries, k ≥ 1, `e` of m entries. Returns None where there is no point.
+    One linear program: maximise Σu for Ct + eτ − u ≥ 0, 0 ≤ u ≤ 1, τ ≥ 1; then t/τ is inside, and u_j = 0 exactly in
+    the rows that are equations.
+
+    >>> one, two = Fraction(1), Fraction(2)
+    >>> relative_interior([[one], [-one]], [one, one])[1], relative_interior([[one], [-one]], [-two, one])
+    ([], None)
+    """
+    m, k = len(C), len(C[0])
+    # the unknowns are t⁺, t⁻, τ − 1, u, the slacks of the rows and those of u ≤ 1, and artificial ones where e_j < 0
+    columns = 2 * k + 1 + 3 * m + m
+    tableau, basis = [], []
+    for j in range(m):
+        sign = 1 if e[j] < 0 else -1
+        row = [Fraction(0)] * (columns + 1)
+        for i in range(k):
+            row[i], row[k + i] = sign * C[j][i], -sign * C[j][i]
+        row[2 * k] = sign * e[j]
+        row[2 * k + 1 + j] = row[2 * k + 1 + m + j] = Fraction(-sign)
+        row[-1] = -sign * e[j]
+        basis.append(2 * k + 1 + m + j)
+        if sign > 0:
+            basis[-1] = columns - m + j
+            row[basis[-1]] = Fraction(1)
+        tableau.append(row)
+    for j in range(m):
+        row = [Fraction(0)] * (columns + 1)
+        row[2 * k + 1 + j] = row[2 * k + 1 + 2 * m + j] = row[-1] = Fraction(1)
+        basis.append(2 * k + 1 + 2 * m + j)
+        tableau.append(row)
+    artificial = range(columns - m, columns)
+    if _maximise(tableau, basis, [Fraction(-int(j in artificial)) for j in range(columns)], columns) < 0:
+        return None
+    _maximise(tableau, basis, [Fraction(int(2 * k < j <= 2 * k + m)) for j in range(columns)], columns - m)
+    x = [Fraction(0)] * columns
+    for row, label in zip(tableau, basis, strict=True):
+        x[label] = row[-1]
+    tau = 1 + x[2 * k]
+    point = [(x[i] - x[k + i]) / tau for i in range(k)]
+    return point, [j for j in range(m) if x[2 * k + 1 + j] == 0]
+
+
+def _maximise(tableau: Rationals, basis: list[int], cost: Rational, columns: int) -> Fraction:
+    """The simplex method with Bland's rule, in place, on the first `columns` unknowns; returns the maximum.
+
+    A label of `basis` beyond `columns` has the value 0, and stays 0: it leaves as soon as its row has an entry.
+    """
+    while True:
+        prices = [cost[label] for label in basis]
+        used = [(price, row) for price, row in zip(prices, tableau, strict=True) if price]
+        entering = next((j for j in range(columns) if _reduced(cost[j], used, j) > 0), None)
+        if entering is None:
+            return sum((price * row[-1] for price, row in used), Fraction(0))
+        ratios = [
+            (Fraction(0) if basis[i] >= columns else row[-1] / row[entering], basis[i], i)
+            for i, row in enumerate(tableau)
+            if row[entering] > 0 or (basis[i] >= columns and row[entering])
+        ]
+        _, _, leaving = min(ratios)  # Σu is bounded, so that there is one
+        pivot = tableau[leaving][entering]
+        tableau[leaving] = [entry / pivot for entry in tableau[leaving]]
+        for i, row in enumerate(tableau):
+            if i != leaving and row[entering]:
+                factor = row[entering]
+                tableau[i] = [a - factor * b for a, b in zip(row, tableau[leaving], strict=True)]
+        basis[leaving] = entering
+
+
+def _reduced(cost: Fraction, used: Sequence[tuple[Fraction, Rational]], column: int) -> Fraction:
+    return cost - sum((price * row[column] for price, row in used), Fraction(0))

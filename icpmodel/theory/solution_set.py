@@ -1,0 +1,267 @@
+"""All solutions of a small problem with affine obstacles, confirmed in rational arithmetic.
+
+The problem is a union of linear pieces (see `algebra.linear_rows`). Pieces that certainly hold no solution are left out
+in floats, with bounds on their rounding; every other one is solved in fractions. Where its system is singular, its
+solutions are a polyhedron, of which a point and the directions are told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from ..algebra.linear_rows import FREE, LOWER, UPPER, LinearRows, piece_count
+from ..errors import NotApplicable, OutOfTime
+from ..numerics import work
+from ..numerics.arrays import ReadOnly, Vector, as_number
+from ..numerics.exact_polyhedron import null_space, relative_interior, row_reduce
+from ..numerics.rational import nearest, rationals
+from ..present.shown import Shown
+from ..problem.data import ProblemData, ProblemLike, as_problem
+
+#: problems with more pieces are refused: 2¹⁸ take half a minute
+MOST_PIECES = 2**18
+
+Rational = list[Fraction]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Face(ReadOnly, Shown):
+    """Solutions that are not isolated: `point` + linear combinations of `directions`, as far as no sign changes.
+
+    Attributes
+    ----------
+    point : ndarray, shape (n,)
+        A solution in the relative interior of the face, rounded once.
+    directions : ndarray, shape (k, n)
+        A basis of the k directions in which z may move without leaving the solutions.
+    """
+
+    point: Vector
+    directions: Any
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SolutionSet(ReadOnly, Shown):
+    """All solutions of a problem.
+
+    Attributes
+    ----------
+    points : ndarray, shape (m, n)
+        The isolated solutions, each correct to one rounding.
+    faces : tuple of Face
+        Segments, rays, lines and larger polyhedra of solutions.
+    pieces : int
+        The number of linear pieces that were examined.
+    complete : bool
+        Whether these are all solutions: every piece was examined before the time limit.
+    """
+
+    points: Any
+    faces: tuple[Face, ...]
+    pieces: int
+    complete: bool
+
+    def __len__(self) -> int:
+        """The number of isolated solutions and of faces."""
+        return len(self.points) + len(self.faces)
+
+    def __str__(self) -> str:
+        isolated = _counted(len(self.points), "isolated solution")
+        faces = _counted(len(self.faces), "face")
+        examined = "all" if self.complete else "the time limit came before all"
+        rows = [f"{isolated} and {faces} of solutions; {examined} {self.pieces} linear pieces were examined"]
+        rows += [f"z = {_listed(point)}" for point in self.points]
+        for face in self.faces:
+            along = ", ".join(_listed(direction) for direction in face.directions)
+            rows.append(f"z = {_listed(face.point)}, and it may move along {along}")
+        return "\n".join(rows)
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count or 'no'} {noun}" + ("" if count == 1 else "s")
+
+
+def _listed(z: Vector) -> str:
+    return "(" + ", ".join(f"{entry:.6g}" for entry in z) + ")"
+
+
+@dataclass(frozen=True, eq=False)
+class _Exact:
+    """A solution, or the relative interior point of a polyhedron of them, with its directions, in fractions."""
+
+    point: Rational
+    directions: list[Rational]
+
+
+class ExactRows:
+    """p, r and s of `LinearRows` in fractions: every float is one."""
+
+    def __init__(self, problem: ProblemData) -> None:
+        # raises NotApplicable where an obstacle is not affine
+        if problem.psi.linear is None:
+            raise NotApplicable(f"pieces are linear only for constant and affine obstacles, not for {problem.psi!r}")
+        self.n = problem.n
+        self.A, self.q = rationals(problem.dense()), _exact(problem.q)
+        self.R, self.c = self._side(problem.psi.linear)
+        nowhere = np.full(self.n, np.inf)
+        above = (self.R, nowhere) if problem.upper is None else self._side(problem.upper.linear)
+        self.S, self.d = above
+
+    def _side(self, linear: Any) -> tuple[list[Rational], Vector]:
+        """I − G in fractions, and c."""
+        G, c = linear
+        rows = [[-entry for entry in row] for row in rationals(G)]
+        for i, row in enumerate(rows):
+            row[i] += 1
+        return rows, c
+
+    def equations(self, sides: Any) -> list[Rational]:
+        """The rows [coefficients, right-hand side] of a piece."""
+        found = []
+        for i, side in enumerate(sides):
+            if side == FREE:
+                found.append([*self.A[i], -self.q[i]])
+            else:
+                rows, ends = (self.R, self.c) if side == LOWER else (self.S, self.d)
+                found.append([*rows[i], Fraction(float(ends[i]))])
+        return found
+
+    def inequalities(self, sides: Any) -> list[Rational]:
+        """The rows [coefficients, constant] that have to be ≥ 0 in a piece."""
+        found = []
+        for i, side in enumerate(sides):
+            if side != FREE:
+                sign = 1 if side == LOWER else -1
+                found.append([*(sign * a for a in self.A[i]), sign * self.q[i]])
+            if side != LOWER and self.c[i] > -np.inf:
+                found.append([*self.R[i], -Fraction(float(self.c[i]))])
+            if side != UPPER and self.d[i] < np.inf:
+                found.append([*(-a for a in self.S[i]), Fraction(float(self.d[i]))])
+        return found
+
+    def solve(self, sides: Any) -> _Exact | None:
+        """The solutions of the problem in a piece, None where there are none."""
+        n, rows = self.n, self.equations(sides)
+        pivots = row_reduce(rows, n)
+        if any(row[n] for row in rows[len(pivots) :]):
+            return None
+        free = [j for j in range(n) if j not in pivots]
+        start, span = [Fraction(0)] * n, [[Fraction(int(j == k)) for j in range(n)] for k in free]
+        for row, pivot in zip(rows, pivots, strict=False):
+            start[pivot] = row[n]
+            for direction, k in zip(span, free, strict=True):
+                direction[pivot] = -row[k]
+        signs = self.inequalities(sides)
+        constants = [_dot(row, start) + row[n] for row in signs]
+        if not free:
+            return _Exact(start, []) if all(one >= 0 for one in constants) else None
+        slopes = [[_dot(row, direction) for direction in span] for row in signs]
+        inside = relative_interior(slopes, constants) if signs else ([Fraction(0)] * len(free), [])
+        if inside is None:
+            return None
+        t, equations = inside
+        kept = null_space([slopes[j] for j in equations], len(free))
+        return _Exact(_sum(start, span, t), [_sum([Fraction(0)] * n, span, one) for one in kept])
+
+    def lies_in(self, found: _Exact, sides: Any) -> bool:
+        """Whether the equations of the piece `sides` hold on all of `found`, a set of solutions."""
+        return all(
+            _dot(row, found.point) == row[self.n] and not any(_dot(row, one) for one in found.directions)
+            for row in self.equations(sides)
+        )
+
+
+def _exact(v: Vector) -> Rational:
+    return [Fraction(float(one)) for one in v]
+
+
+def _dot(row: Rational, x: Rational) -> Fraction:
+    return sum((a * b for a, b in zip(row, x, strict=False) if a and b), Fraction(0))
+
+
+def _sum(start: Rational, span: list[Rational], t: Rational) -> Rational:
+    return [one + sum((w * v[j] for w, v in zip(t, span, strict=True)), Fraction(0)) for j, one in enumerate(start)]
+
+
+def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> SolutionSet:
+    """Find all solutions of a small problem with constant or affine obstacles.
+
+    Parameters
+    ----------
+    problem : ICP, or what holds or makes one
+        Of up to 2¹⁸ linear pieces: n ≤ 18 with one obstacle in every row, n ≤ 11 with two.
+    time_limit : float, optional
+        Seconds. What is found until then is returned, with ``complete`` False.
+
+    Returns
+    -------
+    SolutionSet
+        Isolated solutions, and faces where solutions are not isolated, confirmed in rational arithmetic.
+
+    Raises
+    ------
+    NotApplicable
+        Where an obstacle is not affine, or there are too many pieces.
+
+    Notes
+    -----
+    In every row one of three equations holds: p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z). Each choice leaves a linear
+    system, which is solved and whose signs are checked. The data are taken as they stand: floats are fractions.
+
+    References
+    ----------
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 3.1: complementary cones.
+
+    Examples
+    --------
+    >>> print(icp.all_solutions(ICP([[0, 1], [1, 0]], [-1, -1])))
+    1 isolated solution and no faces of solutions; all 4 linear pieces were examined
+    z = (1, 1)
+    """
+    problem = as_problem(problem)
+    if time_limit is not None:
+        as_number(time_limit, "time_limit", least=0)
+    exact = ExactRows(problem)
+    count = piece_count(problem)
+    if count > MOST_PIECES:
+        raise NotApplicable(f"there are {count:.3g} linear pieces; at most {MOST_PIECES} are examined")
+    rows = LinearRows.of(problem, np.zeros(problem.n))
+    found: list[tuple[Any, _Exact]] = []
+    complete = True
+    with work.within(np.inf if time_limit is None else time_limit):
+        try:
+            for sides in _plausible(rows):
+                one = exact.solve(sides)
+                if one is not None:
+                    found.append((sides, one))
+        except OutOfTime:
+            complete = False
+    kept = _distinct(exact, found)
+    points = [[nearest(x) for x in one.point] for one in kept if not one.directions]
+    faces = tuple(
+        Face(np.array([nearest(x) for x in one.point]), np.array([[nearest(x) for x in d] for d in one.directions]))
+        for one in kept
+        if one.directions
+    )
+    return SolutionSet(np.array(sorted(points)).reshape(-1, problem.n), faces, int(count), complete)
+
+
+def _plausible(rows: LinearRows) -> Any:
+    """The pieces that may hold a solution, as far as floats tell. Raises OutOfTime."""
+    for batch in rows.batches():
+        for sides in batch.sides[~batch.empty]:
+            work.afford()
+            yield sides
+
+
+def _distinct(exact: ExactRows, found: list[tuple[Any, _Exact]]) -> list[_Exact]:
+    """Of the sets of solutions those that lie in no other one, each once; those of most directions come first."""
+    kept: list[tuple[Any, _Exact]] = []
+    for sides, one in sorted(found, key=lambda pair: -len(pair[1].directions)):
+        if not any(exact.lies_in(one, other) for other, _ in kept):
+            kept.append((sides, one))
+    return [one for _, one in kept]
