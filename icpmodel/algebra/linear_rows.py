@@ -141,7 +141,7 @@ def _linearised(psi: Map, z: Vector) -> tuple[Dense, Vector]:
 def _inverses(B: Dense) -> Dense:
     """The inverses of the matrices B[k], NaN for those that are singular as floats."""
     try:
-        return np.linalg.inv(B)
+        return np.asarray(np.linalg.inv(B), dtype=np.float64)
     except np.linalg.LinAlgError:
         if len(B) == 1:
             return np.full_like(B, np.nan)

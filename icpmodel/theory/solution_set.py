@@ -107,9 +107,9 @@ class ExactRows:
         self.n = problem.n
         self.A, self.q = rationals(problem.dense()), _exact(problem.q)
         self.R, self.c = self._side(problem.psi.linear)
-        nowhere = np.full(self.n, np.inf)
-        above = (self.R, nowhere) if problem.upper is None else self._side(problem.upper.linear)
-        self.S, self.d = above
+        of_upper = None if problem.upper is None else problem.upper.linear
+        self.S = self.R if of_upper is None else self._side(of_upper)[0]
+        self.d = np.full(self.n, np.inf) if of_upper is None else self._side(of_upper)[1]
 
     def _side(self, linear: Any) -> tuple[list[Rational], Vector]:
         """I − G in fractions, and c."""

@@ -1,0 +1,73 @@
+"""Restarts, enumeration and the mixed-integer form: what they find and what they prove."""
+
+import numpy as np
+import pytest
+
+import icpmodel as icp
+
+METHODS = ["restarts", "enumerate", "milp"]
+
+
+def planted(seed, n):
+    """A problem that is neither monotone nor a P-matrix, with a solution."""
+    rng = np.random.default_rng(seed)
+    A = rng.integers(-5, 6, (n, n)) if seed % 2 else rng.normal(size=(n, n))
+    positive = rng.random(n) < 0.5
+    z, w = np.where(positive, rng.uniform(1, 5, n), 0.0), np.where(positive, 0.0, rng.uniform(1, 5, n))
+    return icp.ICP(A, w - A @ z)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("n", [4, 8, 12])
+def test_solve_finds_a_planted_solution(n, seed):
+    assert planted(seed, n).solve().residual <= 1e-6
+
+
+@pytest.mark.parametrize("method", [None, *METHODS])
+def test_four_by_four_that_made_newton_run_away(method):
+    problem = icp.ICP([[3, -5, -4, -3], [-4, 3, 4, 1], [-5, -4, -2, -1], [1, 0, -3, -4]], [4, 2, 20, -1])
+    assert problem.solve(method).residual <= 1e-9
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("psi", "upper"),
+    [
+        (icp.Affine([[0, 0.5], [0.5, 0]], -1), None),
+        (0, 2),
+        ([-np.inf, 0], [3, np.inf]),
+        (icp.Elementwise(np.cos, lambda z: -np.sin(z)), None),
+    ],
+    ids=["affine", "two obstacles", "equations", "elementwise"],
+)
+def test_each_takes_every_kind_of_obstacle(method, psi, upper):
+    problem = icp.ICP([[1, 3], [2, -1]], [-3, 1], psi, upper=upper)
+    assert problem.solve(method).solved
+
+
+@pytest.mark.parametrize("method", [None, "enumerate"])
+def test_that_no_piece_holds_a_solution_is_a_proof(method):
+    """z = (0, 1) has p = (0, 1) ≥ 0, so that no combination of rows proves it; but pᵀz = 0 fails in all four pieces."""
+    problem = icp.ICP([[-1, 1], [-1, 1]], [-1, 0])
+    solution = problem.solve(method, raise_on_failure=False)
+    assert solution.status is icp.Status.INFEASIBLE
+    assert solution.infeasible.holds
+
+
+def test_bounds_that_are_certain_make_the_mixed_integer_form_a_proof():
+    crossed = icp.ICP([[0, 1], [-1, 0]], [0, 0], psi=[1, 1], upper=[2, 2])
+    assert icp.all_solutions(crossed).points.tolist() == [[1.0, 2.0]]
+    assert crossed.solve("milp").z.tolist() == [1.0, 2.0]
+
+
+def test_the_same_seed_gives_the_same_answer():
+    problem = planted(3, 20)
+    one, other = (problem.solve("restarts", seed=7, raise_on_failure=False) for _ in range(2))
+    assert np.array_equal(one.z, other.z)
+    assert one.iterations == other.iterations
+
+
+def test_a_failure_carries_the_best_iterate():
+    """Of a problem too large to be searched, and of one whose search finds nothing."""
+    solution = planted(2, 60).solve(time_limit=0.3, raise_on_failure=False)
+    assert solution.residual <= planted(2, 60).residual(np.zeros(60))
