@@ -18,6 +18,7 @@ SMALLEST = {
     "members": ({"scenes": ("bai-symmetric,mu=0",), "sides": (10,), "phis": (0.0,)}, ("problem", "method"), 21),
     "memory": ({"scenes": ("membrane",), "sizes": (400,)}, ("scene", "n", "method", "A, MiB"), 1),
     "modelling": ({"cvxpy_n": 16, "pyomo_n": 9, "repeats": 1}, ("language", "model", "n"), 4),
+    "nonmonotone": ({"sizes": (4,), "count": 2}, ("n", "solver", "solved", "of"), None),
     "programs": ({"size": 10, "repeats": 1}, ("program", "against"), 11),
     "small": ({"n": 4, "k": 2, "repeats": 1}, ("problems", "n", "OSQP with"), 4),
     "tuning": ({"scenes": ("ball",), "n": 16, "repeats": 1}, ("scene", "n", "theta"), 1),
