@@ -101,14 +101,14 @@ class AffineLcp:
     def start(self, covering: Vector | None = None) -> Any:
         """The first dictionary, as `kernels.pivoting.go_on` takes it.
 
-        `covering` is the vector d > 0 in w = q + My + d·t, by default 1 in the units of the rows.
+        `covering` is the vector d > 0 in w = q + My + d·t, in the units of the rows; by default its entries are 1.
         """
         from ..numerics.kernels import balancing, pivoting  # loads numba
 
+        S, *units = balancing.scale(self.M)
         if covering is None:
-            return pivoting.begin(*balancing.scale(self.M), self.q, self.free)
-        M = self.M / covering[:, None]
-        return pivoting.begin(*balancing.scale(M), self.q / covering, self.free)
+            return pivoting.begin(S, *units, self.q, self.free)
+        return pivoting.begin(S / covering[:, None], *units, self.q / covering, self.free)
 
     def z(self, y: Vector) -> Vector:
         """The z that belongs to y."""

@@ -31,7 +31,7 @@ Sides = NDArray[np.int8]
 Dense = NDArray[np.float64]
 
 
-class Batch(NamedTuple):
+class PieceBatch(NamedTuple):
     """Some pieces, m of them.
 
     `sides` shape (m, n), `z` their solutions, shape (m, n), NaN where the system is singular; `empty` shape (m,):
@@ -80,7 +80,7 @@ class LinearRows:
         sides = ((FREE, LOWER, UPPER), (FREE, LOWER), (FREE, UPPER), (FREE,))
         return [sides[2 * int(c == -np.inf) + int(d == np.inf)] for c, d in zip(self.c, self.d, strict=True)]
 
-    def batches(self) -> Iterator[Batch]:
+    def batches(self) -> Iterator[PieceBatch]:
         """All pieces, in batches. Raises OutOfTime where the next batch does not fit into the time that is left."""
         size = max(_BATCH // self.n**2, 1)
         pieces = itertools.product(*self.choices)
@@ -89,7 +89,7 @@ class LinearRows:
             yield self._solved(np.array(chosen, dtype=np.int8))
 
     @np.errstate(all="ignore")
-    def _solved(self, sides: Sides) -> Batch:
+    def _solved(self, sides: Sides) -> PieceBatch:
         lower, upper = sides == LOWER, sides == UPPER
         B = np.where(lower[:, :, None], self.R, np.where(upper[:, :, None], self.S, self.A))
         b = np.where(lower, self.c, np.where(upper, self.d, -self.q))
@@ -108,7 +108,7 @@ class LinearRows:
             value = sign * (z @ M.T + offset)
             rounding = gamma(2 * n) * (np.abs(z) @ np.abs(M).T + np.abs(offset))
             wrong |= (rows & (value < -(np.abs(M).sum(axis=1) * error + rounding))).any(axis=1)
-        return Batch(sides, z, wrong)
+        return PieceBatch(sides, z, wrong)
 
     def _signs(self, sides: Sides) -> Iterator[tuple[Dense, Vector, float, NDArray[np.bool_]]]:
         """(M, v, ±1, rows): ±(Mz + v)_i ≥ 0 is asked for in these rows, a mask of the shape of `sides`."""

@@ -9,13 +9,15 @@ from typing import ClassVar
 import numpy as np
 
 from ..algebra.linear_rows import LinearRows, Sides, piece_count
-from ..numerics.arrays import Vector, as_number
+from ..numerics.arrays import Vector
 from ..numerics.rational import nearest
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from ..theory.solution_set import ExactRows
 from .contract import Infeasible, Iterate, Method
 
+#: problems with more choices are refused: n = 14 with one obstacle in every row
+MOST_CHOICES = 2**14
 #: how often an obstacle that is not affine is linearised anew
 _LINEARISATIONS = 20
 
@@ -24,11 +26,6 @@ _LINEARISATIONS = 20
 class Enumerate(Method):
     """Every choice of p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z): each leaves a linear system, whose signs are checked.
 
-    Parameters
-    ----------
-    most : int, default 16384
-        The number of choices up to which a problem is taken: 2¹⁴, n = 14 with one obstacle in every row.
-
     Raises
     ------
     Infeasible
@@ -36,6 +33,7 @@ class Enumerate(Method):
 
     Notes
     -----
+    Problems of up to 2¹⁴ choices are taken: n = 14 with one obstacle in every row, n = 8 with two.
     An obstacle that is not affine is linearised at the best point so far, up to 20 times; that proves nothing.
 
     References
@@ -52,16 +50,11 @@ class Enumerate(Method):
     memoryless: ClassVar[bool] = False
     finite: ClassVar[bool] = True
 
-    most: int = 2**14
-
-    def __post_init__(self) -> None:
-        as_number(self.most, "most", least=1, whole=True)
-
     def why_not(self, problem: ProblemData) -> str | None:
         if (reason := problem.psi.no_derivative()) is not None:
             return reason
         count = piece_count(problem)
-        return f"there are {count:.3g} choices; at most {self.most} are tried" if count > self.most else None
+        return f"there are {count:.3g} choices; at most {MOST_CHOICES} are tried" if count > MOST_CHOICES else None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         yield z, None

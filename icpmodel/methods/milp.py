@@ -17,11 +17,13 @@ from ..algebra.equations import solve_on
 from ..algebra.linear_rows import LinearRows
 from ..errors import MapError, OutOfTime, SingularOperator
 from ..numerics import work
-from ..numerics.arrays import Mask, Vector, as_number
+from ..numerics.arrays import Mask, Vector
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from .contract import Infeasible, Iterate, Method
 
+#: problems with more unknowns are refused
+LARGEST = 150
 #: bounds on p and r that are tried in turn, in units of the largest entry of q, c and d
 BOUNDS = (1e2, 1e4)
 #: beyond such a bound that is certain HiGHS's tolerances, 1e-6, leave too much room for a proof
@@ -32,7 +34,7 @@ _ANY_GAP = 1e9
 _CUTS, _LINEARISATIONS = 20, 20
 
 
-class Found(NamedTuple):
+class ActiveRows(NamedTuple):
     """The rows at an obstacle, those of them at the upper one, and the binary variables that say so."""
 
     active: Mask
@@ -43,11 +45,6 @@ class Found(NamedTuple):
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MixedInteger(Method):
     """p_i ≤ M(1 − y_i) and r_i ≤ M y_i with y_i ∈ {0, 1}: HiGHS finds an active set, whose linear system gives z.
-
-    Parameters
-    ----------
-    largest : int, default 150
-        The number of unknowns up to which a problem is taken.
 
     Raises
     ------
@@ -77,16 +74,11 @@ class MixedInteger(Method):
     memoryless: ClassVar[bool] = False
     finite: ClassVar[bool] = True
 
-    largest: int = 150
-
-    def __post_init__(self) -> None:
-        as_number(self.largest, "largest", least=1, whole=True)
-
     def why_not(self, problem: ProblemData) -> str | None:
         if (reason := problem.psi.no_derivative()) is not None:
             return reason
-        if problem.n > self.largest:
-            return f"branch and bound may take minutes beyond n = {self.largest}; this n is {problem.n}"
+        if problem.n > LARGEST:
+            return f"branch and bound may take minutes beyond n = {LARGEST}; this n is {problem.n}"
         return None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
@@ -138,7 +130,7 @@ def certain_bound(rows: LinearRows) -> float:
     return 1.01 * largest / scale_of(rows) if math.isfinite(largest) else math.inf
 
 
-def active_set(rows: LinearRows, bound: float, cuts: list[NDArray[np.float64]]) -> Found | None:
+def active_set(rows: LinearRows, bound: float, cuts: list[NDArray[np.float64]]) -> ActiveRows | None:
     """An active set with p and r at most `bound` in units of `scale_of`, and none of the `cuts`; None where there is
     none. Raises OutOfTime where HiGHS had no time to tell."""
     from scipy.optimize import Bounds, LinearConstraint, milp
@@ -177,7 +169,7 @@ def active_set(rows: LinearRows, bound: float, cuts: list[NDArray[np.float64]]) 
     if found.x is None:
         return None
     lower, upper = found.x[n : 2 * n] < 0.5, found.x[2 * n :] < 0.5
-    return Found(lower | upper, upper & ~lower, np.round(found.x[n:]))
+    return ActiveRows(lower | upper, upper & ~lower, np.round(found.x[n:]))
 
 
 def rows_beside(M: Any, n: int) -> sp.csr_array:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 from ..methods.contract import Method
 from ..methods.enumeration import Enumerate
-from ..methods.milp import MixedInteger
+from ..methods.milp import LARGEST, MixedInteger
 from ..methods.restarts import Restarts
 from ..numerics import work
 from .candidate import Candidate, Ended
@@ -25,12 +25,13 @@ _METHODS: tuple[Method, ...] = (Restarts(), Enumerate(), MixedInteger())
 def search(run: Run, carry_out: Callable[[Run, Iterator[Stage[Candidate]]], None]) -> None:
     """Try `Restarts`, `Enumerate` and `MixedInteger` in turn where `run` ended as stagnated, cycled or diverged.
 
-    Only problems of up to `MixedInteger.largest` unknowns are searched. Where nothing is found `run` ends as it did
+    Only problems of up to `LARGEST` unknowns are searched. Where nothing is found `run` ends as it did
     before, and its note says what was tried.
     """
-    before, candidate = run.ended, run.candidate
-    if before.status not in _FAILED or run.problem.n > MixedInteger().largest:
+    before = run.ended
+    if run.best is None or before.status not in _FAILED or run.problem.n > LARGEST:
         return
+    candidate = run.candidate
     methods = [one for one in _METHODS if one.why_not(run.problem) is None]
     if not methods:
         return

@@ -38,6 +38,12 @@ class Face(ReadOnly, Shown):
         A solution in the relative interior of the face, rounded once.
     directions : ndarray, shape (k, n)
         A basis of the k directions in which z may move without leaving the solutions.
+
+    Examples
+    --------
+    >>> (segment,) = icp.all_solutions(ICP([[1, 1], [1, 1]], [-2, -2])).faces
+    >>> segment.point, segment.directions
+    (array([1., 1.]), array([[-1.,  1.]]))
     """
 
     point: Vector
@@ -58,6 +64,13 @@ class SolutionSet(ReadOnly, Shown):
         The number of linear pieces that were examined.
     complete : bool
         Whether these are all solutions: every piece was examined before the time limit.
+
+    Examples
+    --------
+    >>> found = icp.all_solutions(ICP([[-1]], [1]))
+    >>> len(found), found.complete, found.points
+    (2, True, array([[0.],
+           [1.]]))
     """
 
     points: Any

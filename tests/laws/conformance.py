@@ -5,15 +5,19 @@ To check a method of your own, add it to METHODS.
 
 import icpmodel as icp
 from icpmodel import scenes
+from icpmodel.algebra.linear_rows import piece_count
+from icpmodel.methods.enumeration import MOST_CHOICES
 from icpmodel.methods.shortcuts import Lemke
 from icpmodel.solve.reduced import Reduced
 
 #: a method that is a special case of another by default is given options of its own
 METHODS = {
     "accelerated": icp.Accelerated(of="mnmgs"),
+    "enumerate": icp.Enumerate(),
     "interior": icp.Interior(),
     "josephy": icp.Josephy(),
     "lemke": Lemke(),
+    "milp": icp.MixedInteger(),
     "mms": icp.MMS(),
     "mnmaor": icp.MNMAOR(theta1=1.1, theta2=0.8, phi=0.1),
     "mnmgs": icp.MNMGS(),
@@ -29,6 +33,7 @@ METHODS = {
     "proximal": icp.Proximal(),
     "psor": icp.PSOR(omega=1.1),
     "reduced": Reduced(),
+    "restarts": icp.Restarts(tries=40),
     "tridiagonal": icp.Tridiagonal(),
 }
 
@@ -38,6 +43,9 @@ SIZES = {
     for name in scenes.names()
     if "n" in scenes.parameters(name)
 }
+
+#: scenes of more linear pieces than are enumerated
+MANY_PIECES = [s for s in scenes.names() if piece_count(scenes.scene(s, SIZES.get(s)).problem) > MOST_CHOICES]
 
 _CYCLIC = "P but not H+: overrelaxed or not, the sweeps turn in a circle (theory of the 3 x 3 cyclic P-matrix)"
 _COUPLED = "rho(D^-1|B| + G) = 1.8: splittings that add both couplings fail, those that take their maximum do not"
@@ -138,11 +146,16 @@ MUST_FAIL = {
         ],
         "why_not: an obstacle moves with other unknowns, or faster than its own, or it is not known how",
     ),
+    **dict.fromkeys([("enumerate", s) for s in MANY_PIECES], "why_not: more than 2^14 choices of active rows"),
+    ("milp", "hard-semidefinite"): "branch and bound goes through more sets of active rows than there is time for",
     **dict.fromkeys([("mms", s) for s in TWO_SIDED], "why_not: one |x| for each row"),
     **dict.fromkeys([(m, "hard-three") for m in (*_BY_DIAGONAL, "tridiagonal")], "why_not: the diagonal is negative"),
     ("mnmod", "hard-three"): "A + Omega = 0",
     ("mnmmod", "hard-three"): "X = A + Omega = 1 and Omega = 2: at either obstacle the step overshoots threefold",
-    **dict.fromkeys([(m, "hard-jump") for m in ("interior", "proximal")], "why_not: psi has no derivative"),
+    **dict.fromkeys(
+        [(m, "hard-jump") for m in ("enumerate", "interior", "milp", "proximal", "restarts")],
+        "why_not: psi has no derivative",
+    ),
     **dict.fromkeys(
         [("interior", s) for s in ("hand-negative", "hard-three")], "A is not monotone: a pivot is negative"
     ),
