@@ -36,7 +36,7 @@ def planted(draw):
     if draw(st.booleans()):
         G = np.array(draw(st.lists(st.sampled_from([0, 0, 0, 1]), min_size=n * n, max_size=n * n))).reshape(n, n)
     z = np.array(draw(st.lists(st.integers(-2, 3), min_size=n, max_size=n)))
-    side = np.array(draw(st.lists(st.sampled_from("flud"), min_size=n, max_size=n)))
+    side = np.array(draw(st.lists(st.sampled_from("dflu"), min_size=n, max_size=n)))
     room = np.array(draw(st.lists(st.integers(0, 2), min_size=n, max_size=n)))
     c = z - G @ z - np.where(side == "l", 0, room)
     d = np.where(side == "u", z, np.where(side == "d", z + room, np.inf))
