@@ -9,12 +9,13 @@ from typing import Any
 import click
 
 from ..errors import InputError
+from ..present.whole_files import check_ours, write_ours
 from ..solve.progress import status_line
 from ..study import race as run_race
 from ..study import report as make_report
 from ..study import stability as map_stability
 from ..study.charts.figures import data_file, figure, picture_file, save
-from ..study.html_report import said_of
+from ..study.html_report import GENERATOR, said_of
 from ..study.planes import PLANES
 from .arguments import (
     METHOD,
@@ -117,6 +118,7 @@ def _shown(run: Callable[[], Any], output: str | None, form: str | None, partly:
 def report(output: str, time_limit: float, **arguments: Any) -> int:
     """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
     must_be_writable(output, ".html")
+    check_ours(Path(output), holds=GENERATOR)
     problem, scene = named_problem(arguments)
     method = named_method(arguments)
     about = {"title": arguments["source"] or arguments["a_file"]} if scene is None else said_of(scene)
@@ -124,6 +126,6 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
         say("solving")
         solution = problem.solve(method, z0=scene and scene.z0, history=True, raise_on_failure=False)
         page = make_report(solution, **about, command=typed(), time_limit=time_limit, say=say)
-    Path(output).write_text(page, encoding="utf-8")
+    write_ours(Path(output), page.encode(), holds=GENERATOR)
     wrote(output)
     return exit_code(solution.solved, unsolved(solution))

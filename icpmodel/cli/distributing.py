@@ -16,8 +16,8 @@ from ..distributed.files_on_ranks import WRITTEN_IN_PARTS, check_place_on_ranks,
 from ..distributed.ranks import FailedOnRank, together, world
 from ..distributed.rows_of_files import PARTED
 from ..errors import IcpError
-from ..modelling.archive import as_path
 from ..present.card import Card
+from ..present.whole_files import as_path
 from ..scenes import by_rows as scene_by_rows
 from ..solve.solution import Status
 from .arguments import SOURCE_OPTIONS, from_signature, named_source, note_size, options

@@ -10,15 +10,15 @@ from typing import Any
 
 import click
 
-from ..crosscheck.judge import Row, Verdict
-from ..crosscheck.report import Report
+from ..crosscheck.judge import Verdict
+from ..crosscheck.report import HEADS, Report
 from ..errors import InputError, Interrupted
 from ..icp import ICP
-from ..modelling.archive import as_path
 from ..modelling.files import save_problem
 from ..modelling.solution_files import check_place, read_start, save_solution
 from ..present.card import Card
-from ..present.table import Table, must_be_ours, width
+from ..present.table import Table, width
+from ..present.whole_files import as_path, check_ours
 from ..scenes import Scene, titles
 from ..scenes import parameters as parameters_of
 from ..scenes import scene as scene_called
@@ -129,7 +129,7 @@ def crosscheck(
     """Solve the problem SOURCE, then have independent solvers check the answer."""
     must_be_writable(csv_path, ".csv", option="--csv")
     if csv_path is not None:
-        must_be_ours(Path(csv_path), ",".join(Row.__annotations__))
+        check_ours(Path(csv_path), begins=HEADS)
     chosen_solvers(solvers)
     problem, scene = named_problem(arguments)
     solution = _solved(problem, scene, arguments)

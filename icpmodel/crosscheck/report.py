@@ -14,6 +14,7 @@ from ..present.card import Card
 from ..present.rendering import render
 from ..present.shown import Shown
 from ..present.table import Table, Tabular, width
+from ..present.whole_files import as_path, write_ours
 from ..solve.solution import Solution, Status, certify
 from .judge import Checked, Row, Verdict, finite
 
@@ -21,6 +22,10 @@ from .judge import Checked, Row, Verdict, finite
 _WIDTH = 118
 #: what the verdict counts beside agreement
 _OTHERWISE = [verdict for verdict in Verdict if verdict not in (Verdict.AGREES, Verdict.SKIPPED)]
+
+
+#: with this a report in CSV begins
+HEADS = ",".join(Row.__annotations__).encode()
 
 
 @dataclass(frozen=True, repr=False)
@@ -146,7 +151,7 @@ class Report(Shown, Tabular):
 
     def to_csv(self, path: str | Path | None = None) -> str:
         """The rows as CSV with a header, numbers in full; written to `path` where one is given. Returns the text."""
-        return _written(self._in_full().to_csv(), path)
+        return _written(self._in_full().to_csv(), path, HEADS)
 
     def to_dataframe(self) -> Any:
         """The rows as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed."""
@@ -160,7 +165,7 @@ class Report(Shown, Tabular):
         """Everything as strict JSON, unknown numbers null; written to `path` where one is given. Returns the text."""
         data = asdict(self) | {"rows": [_plain(row) for row in self.rows]}
         data |= {"agrees": self.agrees, "conclusion": self.conclusion(), "coverage": self.coverage()}
-        return _written(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False), path)
+        return _written(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False), path, b'{\n  "rows"')
 
 
 def _rounded(rows: tuple[Row, ...]) -> Table:
@@ -174,7 +179,7 @@ def _plain(row: Row) -> dict[str, Any]:
     return {**asdict(row), "verdict": row.verdict.value}
 
 
-def _written(text: str, path: str | Path | None) -> str:
+def _written(text: str, path: str | Path | None, begins: bytes) -> str:
     if path is not None:
-        Path(path).write_text(text, encoding="utf-8")
+        write_ours(as_path(path), text.encode(), begins=begins)
     return text

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
+from contextlib import ExitStack
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from ..errors import FileError, IcpError, InputError, NotApplicable
-from ..modelling.archive import as_path, begun, check_replaceable, check_suffix, finished, opened, told
+from ..modelling.archive import opened
 from ..modelling.files import SIDES, folder_files
 from ..modelling.petsc_binary import PetscFile
 from ..numerics.arrays import described
+from ..present.whole_files import as_path, check_replaceable, check_suffix, part_of, put_in_place, told
 from .distributed_icp import DistributedICP
 from .ranks import petsc, together, world
 from .rows_of_files import PARTED, matrix_in, vector_in
@@ -164,14 +166,15 @@ def _check_vector(path: Path) -> None:
 
 def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
     """Write them to a file that then takes its place. Collective. Raises FileError on all ranks."""
-    made: Path | None = None
-    try:
+    made: BinaryIO | None = None
+    with ExitStack() as stack:
         with together(comm):
             if comm.rank == 0:
                 with told(path, "written"):
-                    made = begun(path)
+                    made = stack.enter_context(part_of(path))
+                    stack.callback(Path(f"{made.name}.info").unlink, missing_ok=True)  # which PETSc writes beside
                     _check_free_space(made, sum(8 * vector.getSize() for vector in vectors.values()) + _HEADS)
-        beside, hdf5 = comm.bcast(made), path.suffix.lower() == ".h5"
+        beside, hdf5 = comm.bcast(made and Path(made.name)), path.suffix.lower() == ".h5"
         fault = _viewed(beside, hdf5, "w", vectors, comm)
         again = {name: vector.duplicate() for name, vector in vectors.items()}
         fault = fault or _viewed(beside, hdf5, "r", again, comm)
@@ -182,19 +185,15 @@ def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
                 raise FileError(f"{path}: cannot be written ({fault or 'what was written is not what is read'})")
         with together(comm), told(path, "written"):
             if made is not None:
-                finished(made, path)
-    finally:
-        for one in [] if made is None else [made, made.with_name(f"{made.name}.info")]:  # which PETSc writes beside
-            one.unlink(missing_ok=True)
+                put_in_place(made, path)
 
 
-def _check_free_space(path: Path, size: int) -> None:
+def _check_free_space(file: BinaryIO, size: int) -> None:
     """Have the system say now that there is no room for so many bytes: while ranks write, one may wait for ever for
     another one that could not."""
     if hasattr(os, "posix_fallocate"):  # which macOS has not
-        with path.open("r+b") as file:
-            os.posix_fallocate(file.fileno(), 0, size)
-            file.truncate(0)
+        os.posix_fallocate(file.fileno(), 0, size)
+        file.truncate(0)
 
 
 def _viewed(path: Path, hdf5: bool, mode: str, vectors: dict[str, Any], comm: Any) -> str:

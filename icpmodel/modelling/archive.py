@@ -7,49 +7,25 @@ from __future__ import annotations
 
 import math
 import os
-import secrets
-import shutil
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import FileError, IcpError, InputError
+from ..errors import FileError
 from ..numerics import work
-from ..numerics.arrays import Vector, described
+from ..numerics.arrays import Vector
 from ..numerics.sparse_input import is_compressed
+from ..present.whole_files import check_replaceable, check_suffix, told, write_whole
 
 #: what NumPy calls the kinds of real numbers, and what such an array is called here
 REAL, NUMBERS = "biuf", "an array of real numbers"
 #: the bytes of the last record of an archive, which has the number of its entries; more where there is a comment
 _END = 22
-
-
-def as_path(value: Any, name: str = "path") -> Path:
-    """`value`, the argument `name`, as the path of a file. Raises InputError for no path, FileError for no name."""
-    if not isinstance(value, str | os.PathLike):
-        raise InputError(f"{name} is {described(value)}; a text or a pathlib.Path was expected")
-    if not str(value):
-        raise FileError(f"the {name} is empty; the name of a file was expected")
-    return Path(value)
-
-
-@contextmanager
-def told(path: Path, done: str) -> Iterator[None]:
-    """Whatever the system or a library has to say of `path` while it is `done` becomes a FileError that names it."""
-    try:
-        yield
-    except IcpError:
-        raise
-    except Exception as error:  # libraries raise what they like on damaged files, and say little
-        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        if isinstance(error, FileNotFoundError) and done == "read":
-            raise FileError(f"{path}: no such file or folder") from error
-        raise FileError(f"{path}: cannot be {done} ({reason})") from error
 
 
 @contextmanager
@@ -99,50 +75,6 @@ def write_archive(path: Path, kind: str, arrays: dict[str, Any], *others: str) -
     write_whole(path, write, lambda: check_free(path, kind, *others))
 
 
-def check_suffix(path: Path, written: tuple[str, ...]) -> None:
-    """Raise FileError for a name that does not end as one of the forms that are `written`."""
-    if path.suffix.lower() not in written:
-        ends = " or ".join([", ".join(written[:-1]), written[-1]] if written[1:] else written)
-        raise FileError(f"{path}: a file whose name ends in {ends} was expected; all of it is written to one file")
-
-
-def write_whole(path: Path, write: Callable[[BinaryIO], None], check: Callable[[], None]) -> None:
-    """What `write` writes, in the file `path`, once `check` has nothing against it: an interruption at any moment
-    leaves the old file or the new. Raises FileError where it cannot be written."""
-    with told(path, "written"):
-        check()
-        beside = begun(path)
-        try:
-            with beside.open("r+b") as file:
-                write(file)
-            finished(beside, path)
-        finally:
-            beside.unlink(missing_ok=True)
-
-
-def begun(path: Path) -> Path:
-    """A new file in the folder of `path`, empty, with the rights of what is there."""
-    beside = path.with_name(f".{secrets.token_hex(8)}.part")
-    with beside.open("xb"):
-        if path.exists():
-            shutil.copymode(path, beside)
-    return beside
-
-
-def finished(beside: Path, path: Path) -> None:
-    """Put the file `beside` in the place of `path`, once all of it is on the disk."""
-    with beside.open("r+b") as file:
-        os.fsync(file.fileno())
-    beside.replace(path)
-    # the new name reaches the disk with its folder, where the file system can be asked for that
-    with suppress(OSError):
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
-
-
 def check_free(path: Path, *kinds: str) -> None:
     """Raise FileError where something is at `path` that must not be replaced: all but an archive of these kinds."""
 
@@ -151,19 +83,6 @@ def check_free(path: Path, *kinds: str) -> None:
             pass
 
     check_replaceable(path, recognise)
-
-
-def check_replaceable(path: Path, recognise: Callable[[], None]) -> None:
-    """Raise FileError where something is at `path` that `recognise` raises FileError for, or that is protected."""
-    if path.is_symlink():
-        raise FileError(f"{path}: is a symbolic link, which is not followed; name the file behind it, or another one")
-    if not os.path.lexists(path) or (path.is_file() and not path.stat().st_size):
-        return
-    try:
-        recognise()
-        path.open("r+b").close()  # it is protected where this fails
-    except FileError as error:
-        raise FileError(f"{path}: is in the way; remove it, or choose another name ({error})") from error
 
 
 @contextmanager

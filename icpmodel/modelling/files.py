@@ -31,10 +31,11 @@ import scipy.sparse as sp
 
 from ..errors import OBSTACLES, FileError, InputError, by_name
 from ..icp import ICP
+from ..present.whole_files import as_path, told
 from ..problem.affine import Affine
 from ..problem.between import Between
 from ..problem.data import ProblemLike, as_problem
-from .archive import Archive, as_path, read_archive, told, write_archive
+from .archive import Archive, read_archive, write_archive
 from .formats import as_values, read_fields, read_named, read_values
 from .matrix_market import read_matrix, read_vector
 

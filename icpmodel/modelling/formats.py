@@ -19,7 +19,8 @@ import scipy.sparse as sp
 
 from ..errors import FileError, InputError
 from ..numerics.sparse_input import checked_sparse
-from .archive import NUMBERS, REAL, Archive, check_room, opened, read_archive, read_array, told
+from ..present.whole_files import told
+from .archive import NUMBERS, REAL, Archive, check_room, opened, read_archive, read_array
 from .matlab import read_variables
 from .matrix_market import check_end, read_matrix, read_vector
 from .petsc_binary import read_petsc

@@ -19,7 +19,8 @@ import scipy.sparse as sp
 
 from ..errors import FileError
 from ..numerics.sparse_input import is_compressed
-from .archive import check_room, opened, told
+from ..present.whole_files import told
+from .archive import check_room, opened
 
 #: the bytes before the first variable, of which the last two tell the order of bytes
 _HEAD, _ORDERS = 128, {b"IM": "<", b"MI": ">"}

@@ -20,21 +20,11 @@ import numpy as np
 from ..errors import FileError, InputError, NotApplicable
 from ..methods.contract import Iterate, Method
 from ..numerics.arrays import Vector, as_vector, described
+from ..present.whole_files import as_path, check_replaceable, check_suffix, told, write_whole
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.goal import Goal
 from ..solve.solution import Solution, Status
-from .archive import (
-    as_path,
-    check_free,
-    check_replaceable,
-    check_suffix,
-    opened,
-    read_archive,
-    read_array,
-    told,
-    write_archive,
-    write_whole,
-)
+from .archive import check_free, opened, read_archive, read_array, write_archive
 from .files import Source, as_json, problem_fields, stored_problem
 from .formats import read_text, read_values
 

@@ -10,10 +10,9 @@ import sys
 import textwrap
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from ..errors import FileError, NotApplicable
+from ..errors import NotApplicable
 from ..numerics.plugins import in_notebook
 from .latex import as_latex
 from .rendering import render
@@ -189,12 +188,3 @@ def width(otherwise: int) -> int:
     if sys.stdout is None or not sys.stdout.isatty():
         return otherwise
     return max(shutil.get_terminal_size().columns, 40)
-
-
-def must_be_ours(path: Path, first: str) -> None:
-    """Raise FileError where the file `path` is there and does not begin with the text `first`, as ours do: it may be
-    what somebody is working on."""
-    if path.is_file():
-        with path.open(encoding="utf-8", errors="replace") as file:
-            if not file.read(len(first)) == first:
-                raise FileError(f"{path}: is there, and was not written by this command; give another name")

@@ -186,7 +186,12 @@ class Intervention(Map):
             )
         if ((target < -1) | (target >= z.size)).any():
             raise MapError(f"psi(z): target has an entry outside -1 ... {z.size - 1}")
-        return call_user(lambda: pair[0], z.shape, "psi"), target
+        value = call_user(lambda: pair[0], z.shape, "psi")
+        if (wrong := (target < 0) & (value != self.none) & ~np.isnan(value)).any():
+            i = int(np.argmax(wrong))
+            found = f"psi(z): row {i} has the value {value[i]:g} and the target -1, which stands for no jump"
+            raise MapError(f"{found}; the value {self.none}, or a target from 0 to {z.size - 1}, was expected")
+        return value, target
 
     def __repr__(self) -> str:
         source = "a function" if self.jumps is None else f"{self.jumps.nnz} jumps"

@@ -30,6 +30,8 @@ from .sensitivity import sensitivity
 from .stability_map import stability
 from .timing import machine
 
+#: by this element a page is known to be ours
+GENERATOR = b'<meta name="generator" content="icpmodel">'
 #: a map solves the problem some hundreds of times
 _MAP_UP_TO = 1000
 #: maps that are tried in turn, until on a few points each a share of them converges: the largest θ, a smaller one makes

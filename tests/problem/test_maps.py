@@ -113,6 +113,7 @@ def raising(z):
         (icp.Intervention(lambda z: z), "a tuple .value, target. was expected"),
         (icp.Intervention(lambda z: (z, z)), "target has shape .* float64"),
         (icp.Intervention(lambda z: (z, np.array([0, 2]))), "outside -1 ... 1"),
+        (icp.Intervention(lambda z: (z, np.array([0, -1]))), "row 1 has the value .* no jump"),
     ],
 )
 def test_a_map_that_misbehaves_says_how(psi, words):

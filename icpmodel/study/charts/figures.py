@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
@@ -15,7 +16,8 @@ import numpy as np
 from ...errors import FileError, InputError
 from ...numerics.arrays import described
 from ...numerics.plugins import in_notebook
-from ...present.table import Table, must_be_ours
+from ...present.table import Table
+from ...present.whole_files import check_ours, write_ours
 
 Name = TypeVar("Name", bound=Hashable)
 
@@ -33,6 +35,8 @@ GREY = "0.5"
 ACCURATE = "more accurate →"
 #: what a picture is written as
 FORMATS = (".png", ".pdf", ".svg")
+#: what a picture of ours says of its origin, and with what the data beside it begin
+_OURS, _DATA = b"made by icpmodel", b"# icpmodel"
 #: a panel on its own, in inches: on the screen of a phone its letters are still those of a small print
 ALONE = (4.9, 3.7)
 #: the letters at lines, in points, and how far apart lines of them stand, as a multiple
@@ -234,22 +238,23 @@ def picture_file(path: Any) -> Path:
         raise InputError(f"path is {str(path)!r}; a file name that ends in {wanted} was expected")
     if not path.parent.is_dir():
         raise FileError(f"{path}: the folder {path.parent} does not exist")
+    check_ours(path, holds=_OURS)
     return path
 
 
 def write(figure: Figure, path: Path, command: str = "") -> Figure:
     """The `figure`, written to `path` with the `command` that makes it again in it. Raises FileError."""
-    try:
-        figure.savefig(path, dpi=100, metadata={"Title": command} if command else None)
-    except OSError as error:
-        raise FileError(f"{path} cannot be written: {error.strerror}") from error
+    form, picture = path.suffix[1:].lower(), io.BytesIO()
+    says = {"Software" if form == "png" else "Creator": _OURS.decode()} | ({"Title": command} if command else {})
+    figure.savefig(picture, format=form, dpi=100, metadata=says)
+    write_ours(path, picture.getvalue(), holds=_OURS)
     return figure
 
 
 def data_file(picture: Path) -> Path:
     """The .csv beside the `picture`. Raises FileError where another one is there than `save` writes."""
     data = picture.with_suffix(".csv")
-    must_be_ours(data, "# icpmodel")
+    check_ours(data, begins=_DATA)
     return data
 
 
@@ -258,8 +263,5 @@ def save(figure: Figure, path: Any, table: Table, command: str) -> list[Path]:
     path = picture_file(path)
     data = data_file(path)
     write(figure, path, command)
-    try:
-        data.write_text(f"# {command}\n{table.to_csv()}", encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"{data} cannot be written: {error.strerror}") from error
+    write_ours(data, f"# {command}\n{table.to_csv()}".encode(), begins=_DATA)
     return [path, data]

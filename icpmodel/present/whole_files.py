@@ -1,0 +1,145 @@
+"""Files that are written whole: at any moment, and after any failure, the old file is there or the new one.
+
+A file is replaced only where it is recognised as one of icpmodel's, and a symbolic link never.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import secrets
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from ..errors import FileError, IcpError, InputError
+from ..numerics.arrays import described
+
+
+def as_path(value: Any, name: str = "path") -> Path:
+    """`value`, the argument `name`, as the path of a file. Raises InputError for no path, FileError for no name."""
+    if not isinstance(value, str | os.PathLike):
+        raise InputError(f"{name} is {described(value)}; a text or a pathlib.Path was expected")
+    if not str(value):
+        raise FileError(f"the {name} is empty; the name of a file was expected")
+    return Path(value)
+
+
+@contextmanager
+def told(path: Path, done: str) -> Iterator[None]:
+    """Whatever the system or a library has to say of `path` while it is `done` becomes a FileError that names it."""
+    try:
+        yield
+    except IcpError:
+        raise
+    except Exception as error:  # libraries raise what they like on damaged files, and say little
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        if isinstance(error, FileNotFoundError) and done == "read":
+            raise FileError(f"{path}: no such file or folder") from error
+        raise FileError(f"{path}: cannot be {done} ({reason})") from error
+
+
+def write_whole(path: Path, write: Callable[[BinaryIO], Any], check: Callable[[], None]) -> None:
+    """What `write` writes, in the file `path`, once `check` has nothing against it. Raises FileError."""
+    with told(path, "written"):
+        check()
+        with part_of(path) as file:
+            write(file)
+            put_in_place(file, path)
+
+
+def write_ours(path: Path, content: bytes, *, begins: bytes = b"", holds: bytes = b"") -> None:
+    """The `content` in the file `path`, where only a file that passes `check_ours` is replaced. Raises FileError."""
+    write_whole(path, lambda file: file.write(content), lambda: check_ours(path, begins=begins, holds=holds))
+
+
+def check_ours(path: Path, *, begins: bytes = b"", holds: bytes = b"") -> None:
+    """Raise FileError where a file is at `path` that does not begin with `begins`, or in which `holds` is missing."""
+
+    def recognise() -> None:
+        with told(path, "read"):
+            content = path.read_bytes()
+        if not content.startswith(begins) or holds not in content:
+            raise FileError("it was not written by icpmodel")
+
+    check_replaceable(path, recognise)
+
+
+def check_replaceable(path: Path, recognise: Callable[[], None]) -> None:
+    """Raise FileError where something is at `path` that `recognise` raises FileError for, or that is protected."""
+    if path.is_symlink():
+        raise FileError(f"{path}: is a symbolic link, which is not followed; name the file behind it, or another one")
+    if not os.path.lexists(path) or (path.is_file() and not path.stat().st_size):
+        return
+    try:
+        if not path.is_file():
+            raise FileError(f"it is {'a folder' if path.is_dir() else 'no file'}")
+        recognise()
+        path.open("r+b").close()  # it is protected where this fails
+    except FileError as error:
+        raise FileError(f"{path}: is in the way; remove it, or choose another name ({error})") from error
+
+
+def check_suffix(path: Path, written: tuple[str, ...]) -> None:
+    """Raise FileError for a name that does not end as one of the forms that are `written`."""
+    if path.suffix.lower() not in written:
+        ends = " or ".join([", ".join(written[:-1]), written[-1]] if written[1:] else written)
+        raise FileError(f"{path}: a file whose name ends in {ends} was expected; all of it is written to one file")
+
+
+@contextmanager
+def part_of(path: Path) -> Iterator[BinaryIO]:
+    """A new file in the folder of `path`, empty, with the rights of what is there. It is removed in the end.
+
+    Its name has that of the machine and the number of the process, so that what killed processes have left is known
+    and removed by the next one that writes there.
+    """
+    _remove_left_parts(path.parent)
+    file = path.with_name(f".{_machine()}-{os.getpid()}-{secrets.token_hex(4)}.part").open("x+b")
+    try:
+        with file:
+            if path.exists():
+                shutil.copymode(path, file.name)
+            yield file
+    finally:
+        Path(file.name).unlink(missing_ok=True)
+
+
+def put_in_place(file: BinaryIO, path: Path) -> None:
+    """Put the `file` that `part_of` has made in the place of `path`, once all of it is on the disk."""
+    file.flush()
+    os.fsync(file.fileno())
+    Path(file.name).replace(path)
+    # the new name reaches the disk with its folder, where the file system can be asked for that
+    with suppress(OSError):
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def _machine() -> str:
+    return re.sub(r"\W", "", platform.node())
+
+
+def _remove_left_parts(folder: Path) -> None:
+    part = re.compile(rf"\.{_machine()}-(\d+)-[0-9a-f]{{8}}\.part")
+    for name in os.listdir(folder):
+        if (found := part.fullmatch(name)) and not _lives(int(found[1])):
+            (folder / name).unlink(missing_ok=True)
+
+
+def _lives(process: int) -> bool:
+    """Whether there may be such a process."""
+    if sys.platform == "win32":  # where this signal is one
+        return True
+    try:
+        os.kill(process, 0)
+    except OSError as error:
+        return not isinstance(error, ProcessLookupError)
+    return True
