@@ -19,6 +19,7 @@ import click
 
 from ..errors import IcpError, meant
 from ..numerics.plugins import load_plugins
+from ..numerics.rounding import CTRL_C, is_ctrl_c
 from ..numerics.threads import LEFT
 from .output import compiling_told, complain
 
@@ -131,7 +132,9 @@ def _run(arguments: list[str]) -> int:
         code = complain(str(error))
     except MemoryError as error:
         code = complain(f"not enough memory: {error}")
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, click.Abort, *CTRL_C) as error:
+        if isinstance(error, CTRL_C) and not is_ctrl_c(error):
+            raise
         code = complain("interrupted", 130)
     except OSError as error:  # a full disk, or a reader such as head that has seen enough
         code = complain(f"cannot write the output: {error.strerror or error}")

@@ -24,6 +24,8 @@ from ..present.whole_files import check_replaceable, check_suffix, told, write_w
 
 #: what NumPy calls the kinds of real numbers, and what such an array is called here
 REAL, NUMBERS = "biuf", "an array of real numbers"
+#: the last character that there is
+_LAST = 0x10FFFF
 #: the bytes of the last record of an archive, which has the number of its entries; more where there is a comment
 _END = 22
 
@@ -61,7 +63,10 @@ def read_array(file: IO[bytes], size: int, what: str, wanted: str, fits: Callabl
     if min(shape, default=0) < 0 or file.tell() + promised != size:
         raise FileError(f"{what} promises {promised} bytes, which it does not have; truncated?")
     check_room(what, promised)
-    return np.frombuffer(file.read(), dtype=dtype).reshape(shape, order="F" if in_columns else "C")
+    content, letters = file.read(), np.dtype("u4").newbyteorder(dtype.byteorder)
+    if dtype.kind == "U" and np.frombuffer(content, letters).max(initial=0) > _LAST:
+        raise FileError(f"{what} holds characters that there are not; damaged?")
+    return np.frombuffer(content, dtype=dtype).reshape(shape, order="F" if in_columns else "C")
 
 
 def write_archive(path: Path, kind: str, arrays: dict[str, Any], *others: str) -> None:

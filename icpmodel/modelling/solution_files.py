@@ -22,8 +22,9 @@ from ..methods.contract import Iterate, Method
 from ..numerics.arrays import Vector, as_vector, described
 from ..present.whole_files import as_path, check_replaceable, check_suffix, told, write_whole
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from ..solve.goal import Goal
+from ..solve.goal import RTOL, Goal, Limits
 from ..solve.solution import Solution, Status
+from ..theory.certificates.infeasible import infeasible
 from .archive import check_free, opened, read_archive, read_array, write_archive
 from .files import Source, as_json, problem_fields, stored_problem
 from .formats import read_text, read_values
@@ -72,6 +73,8 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
     check_suffix(path, WRITTEN)
     if path.suffix.lower() == ".npz":
         about = np.array(json.dumps(solution.about() | {"settled": repr(solution.settled)}))
+        if solution.infeasible is not None:
+            parts["witness"] = np.array(solution.infeasible.witness, dtype=np.float64)
         write_archive(path, _SOLUTION, {**parts, "about": about, **_problem_fields(solution.problem)})
         return
     rows = np.array(list(parts.values()))
@@ -96,16 +99,43 @@ def check_place(path: str) -> None:
             check_replaceable(place, lambda: _check_saved(place))
 
 
-def load_solution(path: Source, problem: ProblemLike | None = None) -> Solution:
-    """Read what `save_solution` wrote to an `.npz` file, as the `Solution` of the problem in the file, or of `problem`,
-    which is needed where ψ is Python code.
+def load_solution(
+    path: Source,
+    problem: ProblemLike | None = None,
+    *,
+    rtol: float = RTOL,
+    atol: float = 0.0,
+    accuracy: float | None = None,
+) -> Solution:
+    """Read what `save_solution` wrote to an `.npz` file.
 
-    Nothing read is believed: p, r, the residual and the certificate are those of z and the problem. A status SOLVED
-    stays only where that residual, or where an accuracy was asked for the certified error, is what was asked for. What
-    only the run knew (why it stopped otherwise, its steps and seconds) is what the file says; of the methods it keeps
-    the names. Raises FileError, also where z does not solve the problem although the file says so: then
-    `icpmodel.certify(problem, z)` says how far off it is, with z of `numpy.load(path)`.
+    Nothing read is believed: p, r, the residual, the tolerance, the proof that there is no solution, and the
+    certificate are those of z and the problem. A run that was asked for less than by default is read by asking for as
+    little here. What only the run knew is what the file says: why it stopped unsolved, its steps and seconds, and the
+    names of its methods.
 
+    Parameters
+    ----------
+    path : str or path
+        An `.npz` file by `save_solution`.
+    problem : ICP, optional
+        The problem, by default the one in the file. It is needed where ψ is Python code.
+    rtol, atol, accuracy : float, optional
+        What a solution has to satisfy to be called solved, as in `solve`.
+
+    Returns
+    -------
+    Solution
+        With the tolerance that `rtol` makes of the problem.
+
+    Raises
+    ------
+    FileError
+        Where the file cannot be read, or says that z is a solution, or that there is none, and this is not so. Then
+        `icpmodel.certify(problem, z)` says how far off z is, with z of `numpy.load(path)`.
+
+    Examples
+    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_solution(ICP([[2.0]], [-1.0]).solve("mnmgs"), f"{folder}/s.npz")
@@ -113,7 +143,7 @@ def load_solution(path: Source, problem: ProblemLike | None = None) -> Solution:
     >>> again.status, again.z, again.method, again.error_bound < 1e-14
     (<Status.SOLVED: 'solved'>, array([0.5]), MNMGS(), True)
     """
-    path = as_path(path)
+    path, limits = as_path(path), Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=None, accuracy=accuracy)
     if path.suffix.lower() in WRITTEN[1:] and path.is_file():
         raise FileError(f"{path}: holds numbers alone; an .npz file was expected, or see icpmodel.certify(problem, z)")
     given = None if problem is None else as_problem(problem)
@@ -122,7 +152,9 @@ def load_solution(path: Source, problem: ProblemLike | None = None) -> Solution:
             raise FileError(f"{path}: holds no problem, as psi was Python code; give it: load_solution(path, problem)")
         held = stored_problem(archive) if given is None else given
         z, about = archive.vector("z", held.n), as_json(f"{path}: field about", archive.text("about"))
-    return _believed(path, _Record(path, about), held, z)
+        size = held.n if held.psi.is_constant else 2 * held.n
+        witness = archive.vector("witness", size) if "witness" in archive.names else np.zeros(size)
+    return _judged(path, _Record(path, about), held, z, witness, limits)
 
 
 def read_start(path: Path, n: int) -> Vector:
@@ -187,11 +219,9 @@ class _Record:
             raise self._wrong(name, "a text")
         return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in value)
 
-    def number(self, name: str, otherwise: float | None = None) -> Any:
-        """A number ≥ 0; null is `otherwise`, where that is one."""
+    def number(self, name: str) -> Any:
+        """A number ≥ 0."""
         value = self.about.get(name)
-        if value is None and otherwise is not None:
-            return otherwise
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
             raise self._wrong(name, "a number >= 0")
         return value
@@ -203,16 +233,17 @@ class _Record:
             raise self._wrong("status", f"one of {', '.join(one.value for one in Status)}") from None
 
 
-def _believed(path: Path, record: _Record, problem: ProblemData, z: Vector) -> Solution:
+def _judged(path: Path, record: _Record, problem: ProblemData, z: Vector, witness: Vector, limits: Limits) -> Solution:
     """The solution `z` of `problem` with what is on `record`, as far as that holds. Raises FileError."""
     called = [record.text(name) for name in ("method", "settled", "last_method")]
     known = {text: Remembered(called=text) for text in called}  # one object for what is the same
     method, settled, last = (known[text] for text in called)
-    accuracy = record.number("accuracy", math.inf)
-    tolerance, status = record.number("tolerance", math.inf), record.status()
-    goal, residual = Goal(tolerance, problem, record.number("atol", 0.0)), problem.residual(z)
-    if status is Status.SOLVED and accuracy == math.inf:
+    status, scale = record.status(), problem.residual_scale()
+    goal = Goal(limits.tolerance(scale), problem, limits.atol, of_z=0.0 if scale else limits.rtol)
+    residual = problem.residual(z)
+    if status is Status.SOLVED and limits.accuracy is None:
         residual = goal.judged(z, residual)
+    proof = infeasible(problem, witness) if status is Status.INFEASIBLE else None
     found = Solution(
         problem=problem,
         z=z,
@@ -223,23 +254,27 @@ def _believed(path: Path, record: _Record, problem: ProblemData, z: Vector) -> S
         last_method=last,
         why="; ".join(filter(None, [record.text("why"), f"read from {path}"])),
         residual=residual,
-        tolerance=tolerance,
-        atol=goal.atol,
+        tolerance=goal.tolerance_at(z),
+        atol=limits.atol,
         iterations=int(record.number("iterations")),
         seconds=float(record.number("seconds")),
-        accuracy=None if accuracy == math.inf else accuracy,
+        accuracy=limits.accuracy,
+        infeasible=proof,
     )
+    if proof is not None and not proof.holds:
+        raise FileError(f"{path}: says that there is no solution, but its witness is no proof of that on {problem!r}")
     if status is Status.SOLVED:
-        bound = found.error_bound if found.accuracy else None
-        if not (
-            bound is not None and bound <= accuracy
-            if found.accuracy
-            else tolerance < math.inf and goal.reached(z, residual)
-        ):
-            wanted = f"{accuracy:.3g} was wanted" if found.accuracy else f"at most {tolerance:.3g} was expected"
-            off = f"its error bound is {bound}" if found.accuracy else f"Res_D(z) = {residual:.3g}"
+        bound = found.error_bound if limits.accuracy else None
+        if limits.accuracy:
+            holds = bound is not None and bound <= limits.accuracy
+            off = f"its error bound is {bound}, and {limits.accuracy:.3g} was wanted"
+        else:
+            holds = goal.reached(z, residual)
+            off = f"Res_D(z) = {residual:.3g} on {problem!r}, and at most {found.tolerance:.3g} was wanted"
+        if not holds:
             raise FileError(
-                f"{path}: says that it is solved, but {off} on {problem!r}, {wanted}: it is of another problem, or "
-                "was changed; icpmodel.certify(problem, z) says what is true of z"
+                f"{path}: says that it is solved, but {off}: it was asked for less, which rtol, atol or accuracy of "
+                "load_solution can allow, is of another problem, or was changed; icpmodel.certify(problem, z) says "
+                "what is true of z"
             )
     return found

@@ -26,6 +26,10 @@ _FLUSHED = (
 )
 
 
+#: what Ctrl-C becomes in code compiled by numba, and in compiled modules while they are imported
+CTRL_C = SystemError, ImportError
+
+
 def sheltered(verb: Verb) -> Verb:
     """A verb of the package: it computes as NumPy does by default, whatever its user has asked of NumPy for himself,
     and Ctrl-C stays a KeyboardInterrupt in compiled code, too. Warns where the processor flushes to zero what is
@@ -39,7 +43,7 @@ def sheltered(verb: Verb) -> Verb:
             warnings.warn(_FLUSHED, RuntimeWarning, stacklevel=2)
         try:
             return verb(*args, **options)
-        except SystemError as error:
+        except CTRL_C as error:
             if is_ctrl_c(error):
                 raise KeyboardInterrupt from error
             raise
@@ -48,8 +52,8 @@ def sheltered(verb: Verb) -> Verb:
 
 
 def is_ctrl_c(error: BaseException | None) -> bool:
-    """Whether `error` is what numba makes of Ctrl-C: one SystemError after the other because of it."""
-    while isinstance(error, SystemError):
+    """Whether `error` is what compiled code makes of Ctrl-C: errors because of it, of numba's or of an import."""
+    while isinstance(error, CTRL_C):
         error = error.__cause__
     return isinstance(error, KeyboardInterrupt)
 

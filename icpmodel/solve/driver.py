@@ -17,7 +17,7 @@ from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
 from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, described, norm
-from ..numerics.rounding import is_ctrl_c, sheltered
+from ..numerics.rounding import CTRL_C, is_ctrl_c, sheltered
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
@@ -231,7 +231,7 @@ def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
             return
         for _ in run.steps(tried):
             pass
-    except (KeyboardInterrupt, SystemError) as error:
+    except (KeyboardInterrupt, *CTRL_C) as error:
         if not (run.tried and is_ctrl_c(error)):
             raise
         if run.best is None:

@@ -261,11 +261,13 @@ def _bokeh(sections: list[_Section]) -> dict[str, str]:
     from bokeh.embed import components
     from bokeh.resources import Resources
 
-    script, elements = components([chart for section in sections for chart in section.get("charts", ())])
+    charts = [chart for section in sections for chart in section.get("charts", ())]
+    script, elements = components(charts) if charts else ("", ())
     placed = iter(elements)
     for section in sections:
         section["charts"] = [next(placed) for _ in section.get("charts", ())]
-    return {"library": Resources(mode="inline", components=["bokeh"]).render_js(), "script": script}
+    library = Resources(mode="inline", components=["bokeh"]).render_js() if charts else ""
+    return {"library": library, "script": script}
 
 
 def _svg(figure: Figure, alt: str) -> str:

@@ -295,6 +295,13 @@ def test_ctrl_c_shows_the_best_iterate_and_no_traceback(tmp_path):
     assert "residual" in ran.stdout
 
 
+def test_ctrl_c_while_a_compiled_module_is_imported_is_ctrl_c(tmp_path):
+    """Its initialisation ends as an ImportError because of it."""
+    (tmp_path / "matplotlib.py").write_text("raise ImportError('initialization failed') from KeyboardInterrupt()")
+    told = outside(tmp_path, METHOD)("race", "hand-lcp", "--solver", "osqp", "--repeats", "1", "-o", "x.png")
+    assert (told.returncode, said(told.stderr)) == (130, "icpmodel: interrupted\n")
+
+
 def test_after_ctrl_c_a_crosscheck_shows_what_was_done_before(tmp_path):
     solvers = [word for name in ("osqp", "pressed", "cvxpy-clarabel") for word in ("--solver", name)]
     command = outside(tmp_path, SOLVER)

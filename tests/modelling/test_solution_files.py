@@ -24,11 +24,18 @@ def saved(path, solution, **changed):
 
 @pytest.mark.parametrize(
     "options",
-    [{}, {"method": "psor"}, {"accuracy": 1e-6}, {"max_iter": 1, "method": "mnmgs", "raise_on_failure": False}],
+    [
+        {},
+        {"method": "psor"},
+        {"accuracy": 1e-6},
+        {"rtol": 1e-3},
+        {"max_iter": 1, "method": "mnmgs", "raise_on_failure": False},
+    ],
 )
 def test_a_solution_comes_back_as_one_whose_card_prints(tmp_path, options):
     solution = PROBLEM.solve(**options)
-    back = icp.load_solution(saved(tmp_path / "s.npz", solution))
+    asked = {name: value for name, value in options.items() if name in ("rtol", "accuracy")}
+    back = icp.load_solution(saved(tmp_path / "s.npz", solution), **asked)
     assert type(back) is icp.Solution
     for name in ("z", "p", "r"):
         assert np.array_equal(getattr(back, name), getattr(solution, name))
@@ -49,12 +56,31 @@ def test_a_status_that_the_problem_does_not_bear_out_is_refused(tmp_path):
     with pytest.raises(icp.FileError, match=r"s\.npz: says that it is solved, but Res_D\(z\) = .*icpmodel.certify"):
         icp.load_solution(saved(path, rough, status="solved"))
     with pytest.raises(icp.FileError, match=r"says that it is solved, but its error bound is .*1e-09 was wanted"):
-        icp.load_solution(saved(path, rough, status="solved", accuracy=1e-9))
+        icp.load_solution(saved(path, rough, status="solved", accuracy=1e300), accuracy=1e-9)
+    for claimed in ({"tolerance": 1e300}, {"atol": 1e300}, {"accuracy": 1e300}, {"status": "infeasible"}):
+        with pytest.raises(icp.FileError, match="says that "):
+            icp.load_solution(saved(path, rough, **({"status": "solved"} | claimed)))
     with pytest.raises(icp.FileError, match="says that it is solved, but Res"):
         icp.load_solution(saved(path, PROBLEM.solve()), PROBLEM.with_q([1.0, 30.0]))
-    with pytest.raises(icp.FileError, match="says that it is solved, but Res"):
-        icp.load_solution(saved(path, PROBLEM.solve(), tolerance=None))
+    assert icp.load_solution(saved(path, PROBLEM.solve(), tolerance=None)).solved
+    never = icp.ICP([[0.0, -1.0], [0.0, 0.0]], [1.0, -1.0]).solve(raise_on_failure=False)
+    again = icp.load_solution(saved(path, never))
+    assert again.status is icp.Status.INFEASIBLE
+    assert again.infeasible.holds
+    with pytest.raises(icp.FileError, match="witness"):
+        icp.load_solution(path, PROBLEM)
     assert icp.load_solution(saved(path, rough)).status is icp.Status.ITERATION_LIMIT
+
+
+@pytest.mark.parametrize("field", ["about", "format"])
+def test_characters_that_there_are_not_are_refused(tmp_path, field):
+    path = saved(tmp_path / "s.npz", PROBLEM.solve())
+    with np.load(path) as archive:
+        fields = dict(archive)
+    fields[field] = np.frombuffer(np.array([0x110000, 65], dtype="<u4"), dtype="<U2").reshape(())
+    np.savez(path, **fields)
+    with pytest.raises(icp.FileError, match=f"field {field} holds characters"):
+        icp.load_solution(path)
 
 
 def test_a_solution_of_psi_from_code_needs_its_problem(tmp_path):

@@ -114,6 +114,10 @@ def test_what_cannot_be_shown_is_said():
     assert "Not known: " in Page(page).short["Has it a derivative?"]
     assert "no point converged" in page
     assert Page(page).headings == SECTIONS
+    says = [0.1] * 100_000
+    gone = icp.ICP([[2.0]], [-1.0], lambda z: says.pop() * z).solve()
+    says.clear()  # ψ has no value any more
+    assert Page(icp.report(gone, time_limit=5)).headings == SECTIONS
     large = icp.report(icp.scenes.bai_symmetric(n=1089).problem.solve(), title="large", time_limit=5)
     assert "which is done up to n = 1000" in large
 

@@ -16,6 +16,7 @@ import numpy as np
 from ...errors import FileError, InputError
 from ...numerics.arrays import described
 from ...numerics.plugins import in_notebook
+from ...numerics.rounding import sheltered
 from ...present.table import Table
 from ...present.whole_files import check_ours, write_ours
 
@@ -173,6 +174,7 @@ def figure(what: Any, points: Any = None) -> Figure:
     return made.on(new_figure(*made.size))
 
 
+@sheltered
 def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None) -> Figure:
     """Show a picture, or write it, or draw it into axes: of a `Solution`, `History`, `Scene`, `Race`, `StabilityMap`.
 
