@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +68,16 @@ class LinearRows:
         R, c = _linearised(problem.psi, z)
         S, d = (R, np.full(problem.n, np.inf)) if problem.upper is None else _linearised(problem.upper, z)
         return cls(np.ldexp(A, -exponents[:, None]), np.ldexp(problem.q, -exponents), R, c, S, d)
+
+    @property
+    def scale(self) -> float:
+        """The largest |entry| of q, c and d, 1 where all are 0."""
+        sizes = np.concatenate([self.q, self.c, self.d])
+        return float(np.abs(sizes[np.isfinite(sizes)]).max(initial=0.0)) or 1.0
+
+    def in_units(self, scale: float) -> LinearRows:
+        """The rows for z/scale."""
+        return replace(self, q=self.q / scale, c=self.c / scale, d=self.d / scale)
 
     @property
     def n(self) -> int:

@@ -10,11 +10,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..algebra.affine_lcp import dense_matrix
 from ..algebra.equations import solve_on
-from ..algebra.linear_rows import LinearRows
+from ..algebra.linear_rows import Dense, LinearRows
 from ..errors import MapError, OutOfTime, SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector
@@ -24,14 +23,15 @@ from .contract import Infeasible, Iterate, Method
 
 #: problems with more unknowns are refused
 LARGEST = 150
-#: bounds on p and r that are tried in turn, in units of the largest entry of q, c and d
+#: bounds on p and r that are tried in turn, in units of the largest entry of q, c and d; beyond the second one the
+#: tolerance of HiGHS, 1e-6 for y, leaves p and r too much room
 BOUNDS = (1e2, 1e4)
-#: beyond such a bound that is certain HiGHS's tolerances, 1e-6, leave too much room for a proof
-_CERTAIN = 1e4
+#: what is added to a bound that a linear program gives, relative and absolute, for its tolerance of 1e-7
+_MARGIN = 0.01
 #: the first active set ends the search, whatever the objective could be
 _ANY_GAP = 1e9
 #: active sets that are excluded because their solution does not hold, and linearisations of an obstacle
-_CUTS, _LINEARISATIONS = 20, 20
+_CUTS, _LINEARISATIONS = 5, 20
 
 
 class ActiveRows(NamedTuple):
@@ -39,7 +39,14 @@ class ActiveRows(NamedTuple):
 
     active: Mask
     above: Mask
-    binaries: NDArray[np.float64]
+    binaries: Vector
+
+
+class MostOf(NamedTuple):
+    """Bounds on p, −p, r and s, shape (4, n), and whether every solution keeps them."""
+
+    limits: Dense
+    certain: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -49,15 +56,17 @@ class MixedInteger(Method):
     Raises
     ------
     Infeasible
-        Where HiGHS finds no active set within bounds M that are certain: those of the data, where every row has two
-        constant obstacles.
+        Where HiGHS finds no active set within bounds M that are certain.
 
     Notes
     -----
-    Elsewhere M is a guess, 100 times the largest entry of q, c and d and then 10⁴ times; that nothing is found then
-    proves nothing. The objective, the sum of p and r, leads the search; the first active set ends it. With an obstacle
-    above p_i ≥ −M(1 − y'_i) and s_i ≤ M y'_i, s = ψ̄ − z. An active set whose z does not solve the problem is excluded
-    by a cut, and the program solved again. An obstacle that is not affine is linearised at the last point.
+    Up to 150 unknowns are taken. M is a guess first, 100 times the largest entry of q, c and d. Where nothing is found,
+    and the z with p ≥ 0 and r ≥ 0 are bounded, linear programs give an M for each row, which is certain. Elsewhere M is
+    10⁴ times that entry, and that nothing is found then proves nothing.
+
+    The objective, the sum of p and r, leads the search; the first active set ends it. With an obstacle above
+    p_i ≥ −M(1 − y'_i) and s_i ≤ M y'_i, s = ψ̄ − z. An active set whose z does not solve the problem is excluded by a
+    cut. An obstacle that is not affine is linearised at the last point.
 
     References
     ----------
@@ -90,6 +99,8 @@ class MixedInteger(Method):
                 residual = problem.residual(found)
                 best = min(best, (residual, found), key=lambda pair: pair[0])
                 yield found, residual
+                if residual <= problem.rounding_of_residual(found):
+                    return
             if best[1] is z:
                 return
             z = best[1]
@@ -101,56 +112,70 @@ def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
     Raises Infeasible where there are none and that is proved, and OutOfTime.
     """
     rows = LinearRows.of(problem, z)
-    certain = certain_bound(rows) if problem.psi.linear is not None else math.inf
-    for bound in (certain,) if certain <= _CERTAIN else BOUNDS:
-        cuts: list[NDArray[np.float64]] = []
-        while len(cuts) < _CUTS and (found := active_set(rows, bound, cuts)) is not None:
+    rows = rows.in_units(rows.scale)
+    for limits in limits_in_turn(rows):
+        cuts: list[Vector] = []
+        while len(cuts) < _CUTS and (found := active_set(rows, limits, cuts)) is not None:
             with suppress(SingularOperator, MapError):
                 yield solve_on(problem, z, found.active, found.above if problem.upper is not None else None)
             cuts.append(found.binaries)
-        if bound == certain and not cuts:
-            limits = f"with p and r at most {certain:.3g}, as the obstacles imply"
-            raise Infeasible(Answer(True, f"no z solves the problem: its mixed-integer form has no solution {limits}"))
+        if limits.certain and not cuts and problem.psi.linear is not None:
+            reason = "HiGHS finds no choice of active rows, with bounds on p and r that all z with the right signs keep"
+            raise Infeasible(Answer(True, f"no z solves the problem: {reason}"))
 
 
-def scale_of(rows: LinearRows) -> float:
-    """The largest |entry| of q, c and d, 1 where all are 0."""
-    sizes = np.concatenate([rows.q, rows.c, rows.d])
-    return float(np.abs(sizes[np.isfinite(sizes)]).max(initial=0.0)) or 1.0
+def limits_in_turn(rows: LinearRows) -> Iterator[MostOf]:
+    """A guess, and then bounds that are proved, or guessed where nothing is proved. Raises OutOfTime."""
+    first, last = (np.full((4, rows.n), bound) for bound in BOUNDS)
+    yield MostOf(first, False)
+    proved = proved_limits(rows)
+    yield MostOf(np.minimum(proved, last), bool((proved <= last).all()))
 
 
-def certain_bound(rows: LinearRows) -> float:
-    """A bound on |p|, r and s at every solution, in units of `scale_of`; infinite where none is known."""
-    identity = np.eye(rows.n)
-    if not (np.array_equal(rows.R, identity) and np.array_equal(rows.S, identity)):
-        return math.inf
-    with np.errstate(invalid="ignore"):
-        size = np.maximum(np.abs(rows.c), np.abs(rows.d))
-        largest = max(float((np.abs(rows.A) @ size + np.abs(rows.q)).max()), float((rows.d - rows.c).max()))
-    return 1.01 * largest / scale_of(rows) if math.isfinite(largest) else math.inf
+def proved_limits(rows: LinearRows) -> Dense:
+    """The largest p, −p, r and s of all z with the right signs, shape (4, n), 0 where none is asked for.
+
+    All are ∞ where some z with the right signs go to infinity. Raises OutOfTime.
+    """
+    n, (below, above) = rows.n, (np.isfinite(rows.c), np.isfinite(rows.d))
+    M = np.stack([rows.A, -rows.A, rows.R, -rows.S])
+    v = np.stack([rows.q, -rows.q, np.where(below, -rows.c, 0.0), np.where(above, rows.d, 0.0)])
+    # p ≥ 0 where there is no obstacle above, p ≤ 0 where there is none below
+    signs = np.stack([~above, ~below, below, above])
+    G, g = M[signs], v[signs]
+    work.afford()
+    if (most := _largest(G.sum(axis=0), G, np.zeros(len(g)), 1.0)) is None or most > _MARGIN:
+        return np.full((4, n), np.inf)
+    limits = np.zeros((4, n))
+    for k, i in np.argwhere(np.stack([below, above, below, above])):
+        work.afford()
+        most = _largest(M[k, i], G, g, np.inf)
+        limits[k, i] = np.inf if most is None else most + v[k, i]
+    return np.maximum(limits, 0.0) * (1.0 + _MARGIN) + _MARGIN
 
 
-def active_set(rows: LinearRows, bound: float, cuts: list[NDArray[np.float64]]) -> ActiveRows | None:
-    """An active set with p and r at most `bound` in units of `scale_of`, and none of the `cuts`; None where there is
-    none. Raises OutOfTime where HiGHS had no time to tell."""
+def _largest(objective: Vector, G: Dense, g: Vector, box: float) -> float | None:
+    """The largest objective · z for Gz + g ≥ 0 and |z_i| ≤ box, −∞ where there is no z, None where it is unknown."""
+    from scipy.optimize import linprog
+
+    found = linprog(-objective, -G, g, bounds=(-box, box))
+    if found.status == 0:
+        return -float(found.fun)
+    return -math.inf if found.status == 2 else None
+
+
+def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows | None:
+    """An active set with p and r at most as large as in `most`, and none of the `cuts`; None where there is none.
+
+    Raises OutOfTime where HiGHS had no time to tell.
+    """
     from scipy.optimize import Bounds, LinearConstraint, milp
 
-    n, scale = rows.n, scale_of(rows)
-    below, above = np.isfinite(rows.c), np.isfinite(rows.d)
-    q, c, d = rows.q / scale, np.where(below, rows.c, 0.0) / scale, np.where(above, rows.d, 0.0) / scale
-    nothing, M = sp.csr_array((n, n)), bound * sp.eye_array(n)
-    # y_i = 1: above the lower obstacle, so p_i ≤ 0; y'_i = 1: below the upper one, so p_i ≥ 0
-    constraints = [
-        LinearConstraint(sp.hstack([rows.A, M, nothing]), -np.inf, bound - q),
-        LinearConstraint(sp.hstack([rows.A, nothing, -M]), -bound - q, np.inf),
-        LinearConstraint(sp.hstack([rows.R, -M, nothing]).tocsr()[below], -np.inf, c[below]),
-        LinearConstraint(rows_beside(rows.R, n)[below], c[below], np.inf),
-        LinearConstraint(sp.hstack([-rows.S, nothing, -M]).tocsr()[above], -np.inf, -d[above]),
-        LinearConstraint(rows_beside(rows.S, n)[above], -np.inf, d[above]),
-    ]
+    n, (below, above) = rows.n, (np.isfinite(rows.c), np.isfinite(rows.d))
+    constraints = _constraints(rows, most)
     for cut in cuts:
         sign = np.where(cut > 0.5, 1.0, -1.0)
-        constraints.append(LinearConstraint(np.append(np.zeros(n), sign), -np.inf, sign[cut > 0.5].sum() - 1.0))
+        constraints.append((np.append(np.zeros(n), sign)[None, :], -np.inf, sign[cut > 0.5].sum() - 1.0))
     direction = (below & ~above).astype(float) - (above & ~below)  # p and r have a sign in rows with one obstacle
     objective = direction @ (rows.A + np.where(below[:, None], rows.R, rows.S))
     lowest = np.concatenate([np.full(n, -np.inf), ~below, ~above])
@@ -161,7 +186,7 @@ def active_set(rows: LinearRows, bound: float, cuts: list[NDArray[np.float64]]) 
         np.append(objective, np.zeros(2 * n)),
         integrality=np.append(np.zeros(n), np.ones(2 * n)),
         bounds=Bounds(lowest, highest),
-        constraints=[one for one in constraints if one.A.shape[0]],
+        constraints=[LinearConstraint(*one) for one in constraints if one[0].shape[0]],
         options=options,
     )
     if found.status == 1:
@@ -170,6 +195,24 @@ def active_set(rows: LinearRows, bound: float, cuts: list[NDArray[np.float64]]) 
         return None
     lower, upper = found.x[n : 2 * n] < 0.5, found.x[2 * n :] < 0.5
     return ActiveRows(lower | upper, upper & ~lower, np.round(found.x[n:]))
+
+
+def _constraints(rows: LinearRows, most: MostOf) -> list[tuple[Any, Any, Any]]:
+    """(M, lower, upper) with lower ≤ M(z, y, y') ≤ upper.
+
+    y_i = 1: above the lower obstacle, so p_i ≤ 0; y'_i = 1: below the upper one, so p_i ≥ 0.
+    """
+    n, (below, above) = rows.n, (np.isfinite(rows.c), np.isfinite(rows.d))
+    nothing = sp.csr_array((n, n))
+    p, minus_p, r, s = (sp.diags_array(limit) for limit in most.limits)
+    return [
+        (sp.hstack([rows.A, p, nothing]), -np.inf, most.limits[0] - rows.q),
+        (sp.hstack([rows.A, nothing, -minus_p]), -most.limits[1] - rows.q, np.inf),
+        (sp.hstack([rows.R, -r, nothing]).tocsr()[below], -np.inf, rows.c[below]),
+        (rows_beside(rows.R, n)[below], rows.c[below], np.inf),
+        (sp.hstack([-rows.S, nothing, -s]).tocsr()[above], -np.inf, -rows.d[above]),
+        (rows_beside(rows.S, n)[above], -np.inf, rows.d[above]),
+    ]
 
 
 def rows_beside(M: Any, n: int) -> sp.csr_array:

@@ -292,7 +292,7 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         method=best.candidate.method,
         settled=best.settled,
         last_method=last.method,
-        why="; ".join([best.candidate.why, *(["also tried: " + ", ".join(others)] if others else [])]),
+        why="; ".join([best.candidate.why, *(["also tried: " + ", ".join(others)] if others else []), *run.searched]),
         residual=best.residual,
         tolerance=run.goal.tolerance_at(best.z),
         atol=limits.atol,

@@ -1,8 +1,8 @@
-"""What `solve()` tries before it says that it stagnated, cycled or diverged: methods that go through many starts or all
-active sets of a small problem."""
+"""What `solve()` tries before it says that it stagnated, cycled or diverged: on a small problem all that may help."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 
 from ..methods.contract import Method
@@ -15,6 +15,7 @@ from .run import Run
 from .schedule import Stage, in_turn
 from .solution import Status
 
+_LOG = logging.getLogger("icpmodel")
 #: seconds for all of it where no time limit was given
 SECONDS = 10.0
 #: they fail where no global search helps
@@ -23,23 +24,26 @@ _METHODS: tuple[Method, ...] = (Restarts(), Enumerate(), MixedInteger())
 
 
 def search(run: Run, carry_out: Callable[[Run, Iterator[Stage[Candidate]]], None]) -> None:
-    """Try `Restarts`, `Enumerate` and `MixedInteger` in turn where `run` ended as stagnated, cycled or diverged.
+    """Go on where `run` ended as stagnated, cycled or diverged, with a problem of up to `LARGEST` unknowns.
 
-    Only problems of up to `LARGEST` unknowns are searched. Where nothing is found `run` ends as it did
-    before, and its note says what was tried.
+    In turn: each method that began elsewhere, now from z⁰, then `Restarts`, `Enumerate` and `MixedInteger`. Where
+    nothing is found `run` ends as it did before, and its note says what was tried.
     """
     before = run.ended
     if run.best is None or before.status not in _FAILED or run.problem.n > LARGEST:
         return
-    candidate = run.candidate
-    methods = [one for one in _METHODS if one.why_not(run.problem) is None]
-    if not methods:
-        return
-    seconds = SECONDS if run.time_limit is None else work.seconds_left()
-    why = f"the methods before it {before.status.value}; a search of at most {seconds:.3g} s"
+    candidate, limited = run.candidate, run.time_limit is not None
+    seconds = work.seconds_left() if limited else SECONDS
+    limit = f"a search of at most {seconds:.3g} s" + ("" if limited else " (no time_limit was given)")
+    why = f"the methods before it {before.status.value}; {limit}"
+    again = [one.candidate.method for one in run.tried if not one.afresh]
+    methods = [one for one in (*again, *_METHODS) if one.why_not(run.problem) is None]
+    _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
+    run.restart = run.start
     with work.at_most(seconds):
         carry_out(run, in_turn(*(Candidate(method, why) for method in methods)))
-    if run.ended.status in _FAILED or (run.ended.status is Status.TIME_LIMIT and run.time_limit is None):
-        tried = " and ".join(method.name for method in methods)
-        run.ended = Ended(before.status, f"{before.note}; {tried} found no solution in {seconds:.3g} s")
+    if run.ended.status in _FAILED or (run.ended.status is Status.TIME_LIMIT and not limited):
+        tried = ", ".join(one.name for one in methods)
+        run.ended = Ended(before.status, f"{before.note}; {limit} found no solution ({tried})")
         run.candidate = candidate
+        run.searched = (f"then {limit} found nothing",)

@@ -57,10 +57,11 @@ class Best:
 
 @dataclass
 class Tried:
-    """A candidate that was begun, and how it fared."""
+    """A candidate that was begun, how it fared, and whether it began at the start of the run with its own problem."""
 
     candidate: Candidate
     outcome: str = _WAITS
+    afresh: bool = False
 
 
 class Refused(NamedTuple):
@@ -110,6 +111,8 @@ class Run:
         self.tried: list[Tried] = []
         self.ended = Ended(Status.STAGNATED, "")
         self.infeasible: Answer | None = None
+        # of the search that a failure leads to: a sentence that says its limit
+        self.searched: tuple[str, ...] = ()
         self.fault: MapError | None = None
         # of what was not begun, as it would not have fitted into the time or the memory that were left: the last one
         self.refused: Refused | None = None
@@ -209,6 +212,7 @@ class Run:
 
     def _loop(self, turn: Turn[Candidate]) -> Generator[bool, None, Ended]:
         candidate, begin = turn.who, self._begin()
+        self.tried[-1].afresh = begin is self.start and self.posed is None
         path = candidate.method.iterates(self.posed or self.problem, begin)
         recent = Recent(self.target)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)

@@ -12,7 +12,7 @@ import numpy as np
 from ..algebra.equations import solve_on
 from ..algebra.linear_rows import LinearRows
 from ..errors import OutOfTime, SingularOperator
-from ..methods.milp import BOUNDS, active_set
+from ..methods.milp import active_set, limits_in_turn
 from ..numerics import work
 from .foreign import Claim, ForeignSolver
 from .formulations import Target
@@ -38,15 +38,20 @@ class HighsMilp(ForeignSolver):
         return reason
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
-        return target.problem, LinearRows.of(target.problem, np.zeros(target.problem.n)), time_limit
+        rows = LinearRows.of(target.problem, np.zeros(target.problem.n))
+        return target.problem, rows.in_units(rows.scale), time_limit
 
     def run(self, model: Any) -> Claim:
         problem, rows, time_limit = model
         with work.at_most(time_limit):
             try:
-                found = next((one for bound in BOUNDS if (one := active_set(rows, bound, [])) is not None), None)
+                limits, found = None, None
+                for limits in limits_in_turn(rows):
+                    if (found := active_set(rows, limits, [])) is not None:
+                        break
                 if found is None:
-                    return Claim(None, f"no active set with p and r up to {BOUNDS[-1]:g} times the data", False)
+                    proved = "" if limits is not None and limits.certain else " within bounds that are guessed"
+                    return Claim(None, f"there is no choice of active rows{proved}", False)
                 above = found.above if problem.upper is not None else None
                 return Claim(solve_on(problem, np.zeros(problem.n), found.active, above), "optimal", True)
             except (OutOfTime, SingularOperator) as error:

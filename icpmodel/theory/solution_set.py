@@ -181,11 +181,16 @@ class ExactRows:
         return _Exact(_sum(start, span, t), [_sum([Fraction(0)] * n, span, one) for one in kept])
 
     def lies_in(self, found: _Exact, sides: Any) -> bool:
-        """Whether the equations of the piece `sides` hold on all of `found`, a set of solutions."""
+        """Whether `found`, a set of solutions, is part of the piece `sides`.
+
+        Its equations have to hold in every direction. A sign that holds at a point of the relative interior holds on
+        all of `found`.
+        """
+        n = self.n
         return all(
-            _dot(row, found.point) == row[self.n] and not any(_dot(row, one) for one in found.directions)
+            _dot(row, found.point) == row[n] and not any(_dot(row, one) for one in found.directions)
             for row in self.equations(sides)
-        )
+        ) and all(_dot(row, found.point) + row[n] >= 0 for row in self.inequalities(sides))
 
 
 def _exact(v: Vector) -> Rational:

@@ -45,19 +45,19 @@ def test_each_takes_every_kind_of_obstacle(method, psi, upper):
     assert problem.solve(method).solved
 
 
-@pytest.mark.parametrize("method", [None, "enumerate"])
-def test_that_no_piece_holds_a_solution_is_a_proof(method):
-    """z = (0, 1) has p = (0, 1) ≥ 0, so that no combination of rows proves it; but pᵀz = 0 fails in all four pieces."""
-    problem = icp.ICP([[-1, 1], [-1, 1]], [-1, 0])
+@pytest.mark.parametrize("method", [None, "enumerate", "milp"])
+def test_that_no_choice_of_rows_holds_a_solution_is_a_proof(method):
+    """z = (1/2, 0, 0) has p = (1/2, 0, 0), so that no combination of rows proves it; but pᵀz = 0 fails everywhere."""
+    problem = icp.ICP([[-1, -3, 0], [-2, 2, 0], [2, -3, -2]], [1, 1, -1])
     solution = problem.solve(method, raise_on_failure=False)
     assert solution.status is icp.Status.INFEASIBLE
     assert solution.infeasible.holds
 
 
-def test_bounds_that_are_certain_make_the_mixed_integer_form_a_proof():
-    crossed = icp.ICP([[0, 1], [-1, 0]], [0, 0], psi=[1, 1], upper=[2, 2])
-    assert icp.all_solutions(crossed).points.tolist() == [[1.0, 2.0]]
-    assert crossed.solve("milp").z.tolist() == [1.0, 2.0]
+def test_a_bound_that_is_a_guess_proves_nothing():
+    """The z with p ≥ 0 and r ≥ 0 go to infinity."""
+    problem = icp.ICP([[-1, 1], [-1, 1]], [-1, 0])
+    assert problem.solve("milp", raise_on_failure=False).status is icp.Status.STAGNATED
 
 
 def test_the_same_seed_gives_the_same_answer():
