@@ -355,6 +355,7 @@ def test_stability_prints_counts_and_writes_figure_and_data(capsys, tmp_path):
     assert call(capsys, "stability", "units", "-o", "no/such/folder/x.png")[0] == 2
 
 
+@pytest.mark.slow
 def test_a_report_is_written_and_its_exit_code_is_that_of_the_solve(capsys, tmp_path):
     page = tmp_path / "page.html"
     code, out, err = call(capsys, "report", "hand-lcp", "-o", str(page), "--time-limit", "5")

@@ -54,6 +54,7 @@ def test_both_interfaces_load_an_answer_that_holds(kind, seed):
     assert not any(variable.stale for variable in model.part[0].inner.x.values())
 
 
+@pytest.mark.slow
 def test_one_import_registers_the_solver_and_none_is_needed_on_pyomos_own_command_line(tmp_path):
     """The entry point of pyproject.toml is what Pyomo's command line loads."""
     (tmp_path / "model.py").write_text(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from installed import announce, run
 
 import icpmodel.scenes as scenes
 from icpmodel.errors import InputError
@@ -124,31 +123,3 @@ def test_errors_measure_every_reference_and_let_nan_through():
     assert scenes.membrane().errors(np.zeros(900)) == {}
     with pytest.raises(InputError, match=r"z has shape \(3,\); shape \(2,\) was expected"):
         lcp.errors([0.0, 0.0, 0.0])
-
-
-OUTSIDE = """
-from icpmodel.scenes import Scene, register
-from icpmodel import ICP
-
-
-@register
-def put(n: int = 2) -> Scene:
-    \"\"\"A field of another package.\"\"\"
-    return Scene(problem=ICP([[2.0]], [-1.0]), models="Nothing.", why_no_reference="None.")
-"""
-
-
-@pytest.mark.parametrize("how", ["imported", "announced"])
-def test_a_scene_from_outside_is_found_by_name_and_on_the_command_line(tmp_path, how):
-    """Once its module is imported, or where its package announces it as an entry point."""
-    (tmp_path / "outside.py").write_text(OUTSIDE)
-    if how == "announced":
-        announce(tmp_path, "outside", {"icpmodel": {"scenes": "outside"}})
-    first = "import outside; " if how == "imported" else ""
-    code = "import icpmodel.scenes as s; print(s.scene('put').title, '|', s.put().name, 'put' in s.names())"
-    ran = run("-c", first + code, folder=tmp_path)
-    assert ran.stdout.strip() == "A field of another package | put True", ran.stderr
-    for arguments in (["scenes"], ["solve", "put"]):
-        ran = run("-c", f"{first}from icpmodel.cli import main; main({arguments})", folder=tmp_path)
-        assert ran.returncode == 0, ran.stderr
-        assert ("A field of another package" if arguments == ["scenes"] else "solved after") in ran.stdout

@@ -374,6 +374,7 @@ def test_a_psi_that_moves_with_its_own_unknown_alone_is_asked_for_the_obstacle_a
         assert [residual for _, residual in seen] == pytest.approx([problem.residual(z) for z, _ in seen], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_an_untrue_lipschitz_constant_leaves_what_sweeps_with_psi_itself_solve():
     rng, shapes, found = np.random.default_rng(0), (np.sin, lambda t: -np.arctan(t), lambda t: np.sqrt(1.0 + t * t)), 0
     for k in range(24):

@@ -107,6 +107,7 @@ def test_first_of_all_it_is_said_in_short_what_there_is_to_know(membrane):
     assert membrane.index("<dl>") < membrane.index(STILL)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_shown_is_said():
     solution = icp.scenes.hard_jump().problem.solve(raise_on_failure=False)
     page = icp.report(solution, title="jump", time_limit=5)
