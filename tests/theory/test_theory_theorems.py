@@ -87,11 +87,11 @@ def spectral_radius(M):
 
 
 class TestEveryTheoremIsTrue:
-    @pytest.mark.parametrize("block", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 5))])
+    @pytest.mark.parametrize("block", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 8))])
     def test_where_one_holds_every_error_matrix_contracts_and_the_iterates_obey_the_rate(self, block):
         counted = dict.fromkeys(theorems(), 0)
         del counted["rowwise"], counted["h-plus"]  # of the other degree of implicitness: test_theory_rowwise.py
-        for seed in range(250 * block, 250 * (block + 1)):
+        for seed in range(150 * block, 150 * (block + 1)):
             problem, exact, member, A, slope = random_case(seed)
             found = check_all(problem, member)
             for name in counted:
@@ -115,7 +115,7 @@ class TestEveryTheoremIsTrue:
                     assert (size[1:] <= size[:-1] + rounding).all(), (seed, name)
                     if name == "sharper":
                         assert (size[1:] <= found[name].number * size[:-1] + rounding).all(), seed
-        assert min(counted.values()) >= 4, counted
+        assert min(counted.values()) >= 2, counted
 
     def test_those_that_hold_are_the_same_where_their_numbers_are_not_asked_for(self):
         of_the_paper = ("4.1", "4.2", "4.3", "4.4")
