@@ -82,7 +82,6 @@ def module_of(path):
 
 FILES = {module_of(path): path for path in sources()}
 TREES = {path: ast.parse(path.read_text()) for path in sources()}
-each_file = pytest.mark.parametrize("path", sources(), ids=lambda path: str(path.relative_to(HOUSE)))
 
 
 def imports_of(path):
@@ -117,32 +116,31 @@ def late_imports(path):
     return {id(inner) for one in allowed for inner in ast.walk(one)}
 
 
-@each_file
-def test_a_file_imports_only_from_its_own_room_and_those_above(path):
+def test_a_file_imports_only_from_its_own_room_and_those_above():
     """But for what is asked of an object and made by a room below, openly; `sys.modules` is no way round."""
-    room = ROOMS.index(module_of(path)[0])
-    free = late_imports(path)
-    down = [".".join(to) for to, node in imports_of(path) if ROOMS.index(to[0]) > room and id(node) not in free]
-    assert down == []
-    assert "sys.modules" not in {ast.unparse(node) for node in ast.walk(TREES[path]) if isinstance(node, ast.Attribute)}
+    for path, tree in TREES.items():
+        room = ROOMS.index(module_of(path)[0])
+        free = late_imports(path)
+        down = [".".join(to) for to, node in imports_of(path) if ROOMS.index(to[0]) > room and id(node) not in free]
+        assert down == [], path
+        assert "sys.modules" not in {ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
 
 
-@each_file
-def test_imports_are_at_the_top_but_for_heavy_libraries_at_first_use(path):
+def test_imports_are_at_the_top_but_for_heavy_libraries_at_first_use():
     """The compiled loops count as numba, which they load; SciPy loads its own parts slowly, too."""
-    tree = TREES[path]
-    assert "TYPE_CHECKING" not in path.read_text()
-    inside = in_functions(tree)
-    allowed = inside - late_imports(path)
-    late = [to for to, node in imports_of(path) if id(node) in allowed and to[:2] != ("numerics", "kernels")]
-    assert late == []
-    for node in ast.walk(tree):
-        names = [node.module] if isinstance(node, ast.ImportFrom) and not node.level else []
-        names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-        for name in names:
-            top = name.split(".")[0]
-            assert top != "icpmodel", "imports inside the house are relative"
-            assert id(node) not in inside or top in HEAVY | {"scipy"}, name
+    for path, tree in TREES.items():
+        assert "TYPE_CHECKING" not in path.read_text(), path
+        inside = in_functions(tree)
+        allowed = inside - late_imports(path)
+        late = [to for to, node in imports_of(path) if id(node) in allowed and to[:2] != ("numerics", "kernels")]
+        assert late == [], path
+        for node in ast.walk(tree):
+            names = [node.module] if isinstance(node, ast.ImportFrom) and not node.level else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            for name in names:
+                top = name.split(".")[0]
+                assert top != "icpmodel", f"{path}: imports inside the house are relative"
+                assert id(node) not in inside or top in HEAVY | {"scipy"}, (path, name)
 
 
 def circles():
@@ -199,18 +197,18 @@ def of_itself(function):
             yield from of_itself(node)
 
 
-@each_file
-def test_no_generator_holds_errstate_over_a_yield(path):
+def test_no_generator_holds_errstate_over_a_yield():
     """Who waits would lend his state to whoever has the turn; and where the garbage collector closes a generator that
     was left there, it sets a context variable, at which Python 3.11 crashes if another one is just being set."""
-    for function in ast.walk(TREES[path]):
-        if isinstance(function, ast.FunctionDef) and not re.search(
-            "contextmanager", " ".join(map(ast.unparse, function.decorator_list))
-        ):
-            for block in of_itself(function):
-                if isinstance(block, ast.With) and "errstate" in " ".join(map(ast.unparse, block.items)):
-                    kinds = {type(node) for node in of_itself(block)}
-                    assert not kinds & {ast.Yield, ast.YieldFrom}, f"{function.name}, line {block.lineno}"
+    functions = [(path, one) for path, tree in TREES.items() for one in ast.walk(tree) if isinstance(one, ast.FunctionDef)]
+    for path, function in functions:
+        if "contextmanager" in " ".join(map(ast.unparse, function.decorator_list)):
+            continue
+        for block in of_itself(function):
+            if isinstance(block, ast.With) and "errstate" in " ".join(map(ast.unparse, block.items)):
+                kinds = {type(node) for node in of_itself(block)}
+                assert not kinds & {ast.Yield, ast.YieldFrom}, f"{path}: {function.name}, line {block.lineno}"
+
 
 
 def test_tests_patch_nothing_private():
