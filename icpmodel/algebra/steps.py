@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..numerics import work
-from ..numerics.arrays import Vector, bandwidths
+from ..numerics.arrays import Vector, bandwidths, read_only
 from ..numerics.threads import CHUNK, one_behind_the_other, threads_for
 from ..problem.between import values
 from ..problem.data import ProblemData
@@ -64,13 +64,14 @@ def compiled_step(
     """
     from ..numerics.kernels.sweeps import SWEEPS
 
-    psi, inside = problem.psi, problem.psi.kernel_data()
+    psi, inside = problem.psi, read_only(problem.psi.kernel_data())
+    before, after = read_only(before), read_only(after)
     sweep, price = getattr(SWEEPS, name), work.sweep(problem.n, problem.facts.entries)
 
     def step(z: Vector) -> tuple[Vector, float]:
         work.add(price)
         out = np.empty(z.size)
-        squares = sweep(*before, values(psi, z) if inside is None else inside, *after, z, out)
+        squares = sweep(*before, read_only(values(psi, z)) if inside is None else inside, *after, z, out)
         return out, float(np.sqrt(squares))
 
     nnz = problem.nnz

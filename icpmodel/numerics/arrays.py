@@ -257,6 +257,23 @@ class ReadOnly:
             locked(value)
 
 
+def read_only(value: Any) -> Any:
+    """Read-only views, rows contiguous, of the arrays in `value`: one type for a compiled loop, which is compiled once.
+
+    Parameters
+    ----------
+    value : array or tuple
+        Arrays, and tuples of them; anything else is returned as it is.
+    """
+    if isinstance(value, tuple):
+        parts = [read_only(one) for one in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    if isinstance(value, np.ndarray) and (value.flags.writeable or not value.flags.c_contiguous):
+        value = np.ascontiguousarray(value).view()
+        value.flags.writeable = False
+    return value
+
+
 def locked(value: Any) -> Any:
     """`value`, which cannot be written to from here on if it is an array, a CSR matrix or a tuple of these."""
     for one in value if isinstance(value, tuple) else (value,):

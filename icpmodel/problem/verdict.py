@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Vector, locked
+from ..numerics.arrays import Vector, locked, read_only
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.work import add
 from .affine import zero
@@ -65,8 +65,8 @@ def certain_rows(
     from ..numerics.kernels.products import raised  # loads numba
 
     upper = None if psi.upper is None or above is None else _side(psi.upper, above)
-    weights = _locked(matrix.row_weights if weights is None else weights)
-    raised(*_entries(matrix), weights, _locked(Q), *_side(psi, C), _locked(Z), tolerances, residuals, upper)
+    weights = read_only(matrix.row_weights if weights is None else weights)
+    raised(*_entries(matrix), weights, read_only(Q), *_side(psi, C), read_only(Z), tolerances, residuals, upper)
 
 
 def _entries(matrix: Matrix) -> tuple[Any, Any, Any]:
@@ -79,15 +79,7 @@ def _entries(matrix: Matrix) -> tuple[Any, Any, Any]:
 def _side(psi: Map, C: Rows) -> tuple[Any, ...]:
     """One obstacle, Gz + C, as the compiled loop takes it."""
     G = zero(C.shape[1]) if psi.linear is None else psi.linear[0]
-    return G.indptr, G.indices, G.data, _locked(C), 2.0 * UNIT_ROUNDOFF if psi.linear is None else 0.0
-
-
-def _locked(X: Rows) -> Rows:
-    """A read-only view, rows in a row: one kind of array for the compiled loop."""
-    if X.flags.writeable or not X.flags.c_contiguous:
-        X = np.ascontiguousarray(X).view()
-        X.flags.writeable = False
-    return X
+    return G.indptr, G.indices, G.data, read_only(C), 2.0 * UNIT_ROUNDOFF if psi.linear is None else 0.0
 
 
 @lru_cache(maxsize=4)

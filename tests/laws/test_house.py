@@ -200,7 +200,9 @@ def of_itself(function):
 def test_no_generator_holds_errstate_over_a_yield():
     """Who waits would lend his state to whoever has the turn; and where the garbage collector closes a generator that
     was left there, it sets a context variable, at which Python 3.11 crashes if another one is just being set."""
-    functions = [(path, one) for path, tree in TREES.items() for one in ast.walk(tree) if isinstance(one, ast.FunctionDef)]
+    functions = [
+        (path, one) for path, tree in TREES.items() for one in ast.walk(tree) if isinstance(one, ast.FunctionDef)
+    ]
     for path, function in functions:
         if "contextmanager" in " ".join(map(ast.unparse, function.decorator_list)):
             continue
@@ -208,7 +210,6 @@ def test_no_generator_holds_errstate_over_a_yield():
             if isinstance(block, ast.With) and "errstate" in " ".join(map(ast.unparse, block.items)):
                 kinds = {type(node) for node in of_itself(block)}
                 assert not kinds & {ast.Yield, ast.YieldFrom}, f"{path}: {function.name}, line {block.lineno}"
-
 
 
 def test_tests_patch_nothing_private():

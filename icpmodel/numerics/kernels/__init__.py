@@ -40,7 +40,7 @@ _SUMS: dict[str, Any] = _OPTIONS | {"fastmath": {"contract", "reassoc"}}
 _LONG = uint(16)
 
 #: a function that becomes part of the compiled ones that call it
-inlined = numba.njit(inline="always", **_OPTIONS)
+inlined = numba.njit(forceinline=True, **_OPTIONS)
 #: one that these call, and one in which sums may be added up in another order
 called, sums = numba.njit(**_OPTIONS), numba.njit(**_SUMS)
 

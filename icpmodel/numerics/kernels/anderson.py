@@ -44,7 +44,9 @@ def combine(F, G, known, newest, weight, least, out):
                 for i in range(size):
                     total += weighted[i] * one[i]
                 products[j, k] += total
-    products += np.tril(products, -1).T
+    for j in range(last):
+        for k in range(j):
+            products[k, j] = products[j, k]
     if not _solve(products, right, last, least, gamma):
         return False
     for start in range(0, n, _BLOCK):
@@ -62,10 +64,16 @@ def combine(F, G, known, newest, weight, least, out):
 def _solve(products, right, known, least, gamma):
     # products gamma = right by Cholesky elimination of the equilibrated matrix, the largest pivot first; directions
     # whose pivot is at most `least` are left out
-    scale, S = np.sqrt(np.diag(products)), np.empty((known, known + 1))
-    if not (np.all(scale > 0.0) and np.all(scale < np.inf) and np.all(np.abs(right) < np.inf)):
-        return False
-    S[:, :known], S[:, known] = products / scale.reshape(-1, 1) / scale, right / scale
+    # (loops, as the array expressions of NumPy take five times as long to compile)
+    scale, S = np.empty(known), np.empty((known, known + 1))
+    for j in range(known):
+        scale[j] = np.sqrt(products[j, j])
+        if not (0.0 < scale[j] < np.inf and abs(right[j]) < np.inf):
+            return False
+    for j in range(known):
+        S[j, known] = right[j] / scale[j]
+        for k in range(known):
+            S[j, k] = products[j, k] / scale[j] / scale[k]
     order = np.arange(known)
     used = known
     for step in range(known):
@@ -89,5 +97,6 @@ def _solve(products, right, known, least, gamma):
         for k in range(step + 1, used):
             total -= S[pivot, order[k]] * gamma[order[k]]
         gamma[pivot] = total / S[pivot, pivot]
-    gamma /= scale
+    for j in range(known):
+        gamma[j] /= scale[j]
     return True

@@ -42,12 +42,24 @@ def scale(M):
             if M[i, j] != 0.0:
                 size[i, j] = math.frexp(M[i, j])[1]
                 rows[i], columns[j] = max(rows[i], size[i, j]), max(columns[j], size[i, j])
-    high = rows.max()
-    low = min(np.where(rows > _NONE, rows, high).min(), np.where(columns > _NONE, columns, high).min())
+    high = _NONE
+    for i in range(n):
+        high = max(high, rows[i])
+    low = high
+    for i in range(n):
+        if rows[i] > _NONE:
+            low = min(low, rows[i])
+        if columns[i] > _NONE:
+            low = min(low, columns[i])
     if high - low <= 2 * _TAME:
-        r[:] = -high if high > _NONE else 0
+        for i in range(n):
+            r[i] = -high if high > _NONE else 0
     else:
         for _ in range(_PASSES):
             if max(_to_means(size, c, r), _to_means(size.T, r, c)) <= 1:
                 break
-    return np.ldexp(M, r.reshape(-1, 1) + c), r, c
+    S = np.empty((n, n))
+    for i in range(n):
+        for j in range(n):
+            S[i, j] = math.ldexp(M[i, j], r[i] + c[j])
+    return S, r, c

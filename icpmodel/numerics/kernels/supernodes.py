@@ -158,7 +158,9 @@ def _subtract_product(values, base, depth, D, f, rows, low, high, end, at, scale
     # the same as a product of two arrays, which goes into the third
     height, width = end - low, high - low
     L, LD = values[base : base + height * depth].reshape(height, depth), scaled[: width * depth].reshape(width, depth)
-    LD[:] = L[:width] * D[f : f + depth]
+    for b in range(width):
+        for k in range(depth):
+            LD[b, k] = L[b, k] * D[f + k]
     P = product[: height * width].reshape(height, width)
     np.dot(L, LD.T, P)
     for a in range(uint(height)):
@@ -170,12 +172,14 @@ def _subtract_product(values, base, depth, D, f, rows, low, high, end, at, scale
 @called
 def _gather(values, base, depth, D, f, rows, low, end, at, first_at, width, wide, height, of_wide, full):
     # the columns of L as rows of `wide`, from `full` on, where their rows are in the supernode, and their D
-    wide[full * height : (full + depth) * height] = 0.0
+    for k in range(full * height, (full + depth) * height):
+        wide[k] = 0.0
     for a in range(uint(end - low)):
         to, p = full * height + (at[rows[uint(low) + a]] - first_at) // width, uint(base) + a * uint(depth)
         for k in range(uint(depth)):
             wide[uint(to) + k * uint(height)] = values[p + k]
-    of_wide[full : full + depth] = D[f : f + depth]
+    for k in range(depth):
+        of_wide[full + k] = D[f + k]
 
 
 @called
@@ -183,11 +187,14 @@ def _subtract_gathered(values, target, width, wide, height, of_wide, full, scale
     # what has been gathered, at once
     L, LD = wide[: full * height].reshape(full, height), scaled[: full * width].reshape(full, width)
     for k in range(full):
-        LD[k] = L[k, :width] * of_wide[k]
+        for b in range(width):
+            LD[k, b] = L[k, b] * of_wide[k]
     P = product[: height * width].reshape(height, width)
     np.dot(L.T, LD, P)
     own = values[target : target + height * width].reshape(height, width)
-    own -= P
+    for a in range(height):
+        for b in range(width):
+            own[a, b] -= P[a, b]
 
 
 @sums
@@ -219,7 +226,9 @@ def factor(form, values, D, links, begin, stop):
     # each of those whose turn it is to contribute to it, and their first row that has not been
     first, of, start, offset, rows = form
     head, after, reached = links[0], links[1], links[2]
-    tallest = np.max(start[1:] - start[:-1])
+    tallest = 0
+    for s in range(start.size - 1):
+        tallest = max(tallest, start[s + 1] - start[s])
     at, scaled, product = np.empty(of.size, np.int64), np.empty(_WIDEST * _WIDEST), np.empty(tallest * _WIDEST)
     wide, of_wide = np.empty(tallest * _WIDEST), np.empty(_WIDEST)
     for s in range(begin, stop):

@@ -118,6 +118,7 @@ def _row(i, forward, indptr, indices, data, diag, weights, q, psi, par, z, out):
     return natural * natural
 
 
+@compiled
 def in_order(indptr, indices, data, diag, weights, q, psi, par, forward, z, out):
     # one sweep, z -> out; `par` is (Ω, the inverse diagonal of X, tau), or (ω,) for the projected one
     squares, n = 0.0, z.size
@@ -127,9 +128,7 @@ def in_order(indptr, indices, data, diag, weights, q, psi, par, forward, z, out)
     return squares
 
 
-_sweep = called(in_order)
-
-
+@compiled
 def two_in_order(indptr, indices, data, diag, weights, q, psi, par, lag, z, one, two, low, high):
     # rows low <= i < high of the sweep z -> one, and rows low - lag <= i < high - lag of the next one, one -> two: no
     # row of A reaches further above its diagonal than `lag`, and a row's entries come from memory once for both. The
@@ -144,22 +143,21 @@ def two_in_order(indptr, indices, data, diag, weights, q, psi, par, lag, z, one,
     return squares, more
 
 
-_pair = called(two_in_order)
-
-
+@compiled
 def some_in_order(indptr, indices, data, diag, weights, q, psi, par, forward, lag, Z, squares):
     # sweeps one after the other, Z[0] -> Z[1] -> ..., for problems so small that to call one costs more than to make
     # it; two at a time, as each waits for its own rows alone
     k, n = 0, Z.shape[1]
     while forward and k + 1 < squares.size:
         args = (indptr, indices, data, diag, weights, q, psi, par, lag)
-        squares[k], squares[k + 1] = _pair(*args, Z[k], Z[k + 1], Z[k + 2], 0, n + lag)
+        squares[k], squares[k + 1] = two_in_order(*args, Z[k], Z[k + 1], Z[k + 2], 0, n + lag)
         k += 2
     while k < squares.size:
-        squares[k] = _sweep(indptr, indices, data, diag, weights, q, psi, par, forward, Z[k], Z[k + 1])
+        squares[k] = in_order(indptr, indices, data, diag, weights, q, psi, par, forward, Z[k], Z[k + 1])
         k += 1
 
 
+@compiled
 def diagonal(indptr, indices, data, weights, q, psi, omega, inverse, z, out):
     # X = diag(1/inverse): the rows do not wait for each other
     squares = 0.0
@@ -174,6 +172,7 @@ def diagonal(indptr, indices, data, weights, q, psi, omega, inverse, z, out):
     return squares
 
 
+@compiled
 def triangular(indptr, indices, data, weights, q, psi, omega, start, stop, x_indices, x_data, inverse, forward, z, out):
     # X = diag(1/inverse) + T with T strictly triangular, its row i at start[i] ... stop[i] of x_indices, x_data
     squares, n = 0.0, z.size
@@ -214,5 +213,6 @@ def bounded(indptr, indices, data, diag, scale, growth, tiny, f, v, g, out):
         out[i] = g[i] if moved <= g[i] else moved  # NaN stays
 
 
-_ALL = (in_order, some_in_order, two_in_order, diagonal, triangular)
-SWEEPS = SimpleNamespace(**{sweep.__name__: compiled(sweep) for sweep in _ALL})
+SWEEPS = SimpleNamespace(
+    in_order=in_order, some_in_order=some_in_order, two_in_order=two_in_order, diagonal=diagonal, triangular=triangular
+)

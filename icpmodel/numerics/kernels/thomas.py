@@ -166,12 +166,19 @@ def release(lower, diagonal, upper, q, c):
     n = q.size
     bounded = c != -np.inf
     if not bounded.all():
-        below = np.empty(n)
-        solve(lower, diagonal, upper, np.ones(n, np.bool_), -q, c, below)
-        c = np.where(bounded, c, below)
+        below, load, every = np.empty(n), np.empty(n), np.empty(n, np.bool_)
+        for i in range(n):
+            load[i], every[i] = -q[i], True
+        solve(lower, diagonal, upper, every, load, c, below)
+        for i in range(n):
+            if bounded[i]:
+                below[i] = c[i]
+        c = below
     f = np.empty(n)
     product(lower, diagonal, upper, q, c, f)
-    free, sound = top_down(lower, diagonal, upper, f / diagonal)
+    for i in range(n):
+        f[i] /= diagonal[i]
+    free, sound = top_down(lower, diagonal, upper, f)
     for i in range(n):
         free[i] = (free[i] and sound) or not bounded[i]
     return free

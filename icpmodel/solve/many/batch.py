@@ -16,7 +16,7 @@ from ...errors import InputError, MapError, NotApplicable, OutOfTime, SingularOp
 from ...methods.contract import Method
 from ...methods.shortcuts import Lemke, Tridiagonal
 from ...numerics import work
-from ...numerics.arrays import Vector, as_float64, axes, row_norms, smallest_size
+from ...numerics.arrays import Vector, as_float64, axes, read_only, row_norms, smallest_size
 from ...numerics.rounding import is_ctrl_c
 from ...numerics.threads import cores, in_parts
 from ...problem.between import as_map, mid
@@ -225,8 +225,9 @@ class Batch:
         if D is not None:
             Q = lcp.extended(Q, D)
             C = np.concatenate([C, np.zeros((len(C), len(lcp.q) - lcp.n))], axis=1)
-        X, scaled, limit = np.empty(Q.shape), scale(lcp.M), PIVOTS * (lcp.M.shape[0] + 1)
-        rows = lambda low, high: many(*scaled, lcp.M, Q[low:high], C[low:high], limit, X[low:high])  # noqa: E731
+        M, Q, C = read_only((lcp.M, Q, C))
+        X, scaled, limit = np.empty(Q.shape), scale(M), PIVOTS * (M.shape[0] + 1)
+        rows = lambda low, high: many(*scaled, M, Q[low:high], C[low:high], limit, X[low:high])  # noqa: E731
         in_parts(len(Q), self._threads(Q), rows)
         return X
 
@@ -235,6 +236,7 @@ class Batch:
         from ...numerics.kernels.thomas import bands, many  # loads numba
 
         A, Z = self.problem.A, np.zeros(Q.shape)
+        Q, C, D = read_only((Q, C, D))
         matrix = bands(A.indptr, A.indices, A.data)
         parts = lambda low, high: (Q[low:high], C[low:high], None if D is None else D[low:high], _STEPS, Z[low:high])  # noqa: E731
         in_parts(len(Q), self._threads(Q), lambda *part: many(*matrix, *parts(*part)))
