@@ -99,8 +99,6 @@ class MixedInteger(Method):
                 residual = problem.residual(found)
                 best = min(best, (residual, found), key=lambda pair: pair[0])
                 yield found, residual
-                if residual <= problem.rounding_of_residual(found):
-                    return
             if best[1] is z:
                 return
             z = best[1]
