@@ -26,7 +26,12 @@ SMALLEST = {
 SEMIDEFINITE = ("market-trade", "market-prices", "market-traffic", "contact", "program")
 
 
-@pytest.mark.parametrize("name", NAMES)
+#: these have other solvers or processes to start
+LONG = ("distributed", "limit", "memory", "programs")
+each_table = [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in NAMES]
+
+
+@pytest.mark.parametrize("name", each_table)
 def test_a_table_has_its_heads_and_its_rows(name):
     """Of `members` the count for MMS is that of an independent implementation."""
     options, heads, rows = SMALLEST[name]

@@ -24,13 +24,16 @@ PANELS = {"solution": 2, "history": 1, "scene": 2, "line": 2, "race": 2, "map": 
 each = pytest.mark.parametrize("name", THINGS)
 
 
-@each
-@pytest.mark.parametrize(("suffix", "begins"), [(".png", b"\x89PNG"), (".PDF", b"%PDF"), (".svg", b"<?xml")])
-def test_a_picture_is_written_in_the_format_of_its_suffix_and_nothing_else_is(name, suffix, begins, tmp_path):
+#: what a file of each suffix begins with
+BEGINS = {".png": b"\x89PNG", ".PDF": b"%PDF", ".svg": b"<?xml"}
+
+
+@pytest.mark.parametrize(("name", "suffix"), list(zip(THINGS, [*BEGINS, *BEGINS], strict=True)))
+def test_a_picture_is_written_in_the_format_of_its_suffix_and_nothing_else_is(name, suffix, tmp_path):
     figure = THINGS[name].plot(tmp_path / f"picture{suffix}")
     (written,) = tmp_path.iterdir()
     assert written.name == f"picture{suffix}"
-    assert written.read_bytes().startswith(begins)
+    assert written.read_bytes().startswith(BEGINS[suffix])
     assert isinstance(figure, Figure)
 
 

@@ -226,7 +226,7 @@ def _has_windows(backend: str) -> bool:
     if backend.lower() not in map(str.lower, backend_registry.list_builtin(BackendFilter.NON_INTERACTIVE)):
         return True
     told = 'plot("picture.png") writes the picture, plot(ax=...) draws it into axes of yours'
-    warnings.warn(f"nothing is shown, as matplotlib's backend {backend} has no windows: {told}", stacklevel=4)
+    warnings.warn(f"nothing is shown, as matplotlib's backend {backend} has no windows: {told}", stacklevel=6)
     return False
 
 
