@@ -34,8 +34,11 @@ CONDITION = icp.complements(np.eye(200) @ Z - 1, Z - 0.5 * cp.minimum(Z, 1))
 EXPLAINED = icp.ICP(np.eye(30), np.ones(30)).explain()
 TARGET = Target(icp.ICP(2 * np.eye(40), -np.ones(40)))
 #: an object of every public class, with much in it where it can have
+SOLUTIONS = icp.all_solutions(icp.ICP(np.ones((2, 2)), [-1.0, -1.0]))
 OBJECTS = [
     SCENE,
+    SOLUTIONS,
+    SOLUTIONS.faces[0],
     replace(SCENE, name=LONG, title=LONG, models=LONG, why_no_reference=LONG, why_no_solution=LONG, z_exact=SOLUTION.z),
     SCENE.problem,
     icp.scenes.by_rows("membrane", n=10**9),
