@@ -1,6 +1,6 @@
-r"""Opera or match: what do two people do who would rather be together, and is there one answer?
+r"""Which standard will two firms agree on: are all answers known, and which start leads to which?
 
-A game of two players is a complementarity problem, here one with three answers: *solved* means that $z$ satisfies the
+A game of two players is a complementarity problem, here one with four answers: *solved* means that $z$ satisfies the
 conditions, and not that it is the only $z$ that does.
 
 Run: python examples/bimatrix_game.py         writes bimatrix_game.png and bimatrix_game.svg into the current folder
@@ -9,127 +9,118 @@ Run: python examples/bimatrix_game.py         writes bimatrix_game.png and bimat
 # %%
 # ## The model
 #
-# She chooses a row, he a column: the opera (0), which she prefers, or the match (1), which he prefers. Both would
-# rather be together. What each of them gets is in
+# Two firms choose one of three standards. Only if they choose the same one, each of them earns something: 3 with the
+# first, 2 with the second, and $g = 0$ with the third, which is worthless.
 #
-# $$\text{hers} = \begin{pmatrix} g & 1 \\ 0 & 2 \end{pmatrix}, \qquad
-#   \text{his} = \begin{pmatrix} 2 & 1 \\ 0 & 3 \end{pmatrix}, \qquad g = 3.$$
+# A strategy is a vector of probabilities, $x$ of the one firm and $y$ of the other. They are in *equilibrium* if
+# neither gains by changing alone: what has a positive probability is among the best answers to the other. Turn gains
+# into costs (the largest gain plus one, less the gain), and scale each strategy so that the other's least cost is 1:
 #
-# A strategy is a vector of probabilities, $x$ hers and $y$ his. They are in *equilibrium* if neither gains by changing
-# alone: what has a positive probability is among the best answers to the other. Turn gains into costs, $C, D > 0$
-# (the largest gain plus one, less the gain), and scale each strategy so that the other's least cost is 1:
+# $$C y \ge e, \quad x \ge 0, \qquad\qquad C^T x \ge e, \quad y \ge 0, \qquad\qquad \text{each pair complementary}.$$
 #
-# $$C y \ge e, \quad x \ge 0, \qquad\qquad D^T x \ge e, \quad y \ge 0, \qquad\qquad \text{each pair complementary}.$$
-#
-# For $z = (x, y)$ that is $p = Az + q$ with $C$ and $D^T$ off the diagonal of $A$, $q = -(e, e)$ and $\psi = 0$; the
-# probabilities are $x/e^T x$ and $y/e^T y$. $g$, what she gets at the opera with him, is `HERS`.
-
-import itertools
+# For $z = (x, y)$ that is $p = Az + q$ with $C$ and $C^T$ off the diagonal of $A$, $q = -(e, e)$ and $\psi = 0$; the
+# probabilities are $x/e^T x$ and $y/e^T y$. $g$ is `THIRD`.
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 import icpmodel as icp
 
-HERS = 3.0
-his = np.array([[2.0, 1.0], [0.0, 3.0]])
-
-
-def payoff(g: float) -> np.ndarray:
-    return np.array([[g, 1.0], [0.0, 2.0]])
+THIRD = 0.0
 
 
 def game(g: float) -> icp.ICP:
-    hers, zero = payoff(g), np.zeros((2, 2))
-    C, D = 1 + hers.max() - hers, 1 + his.max() - his
-    return icp.ICP(np.block([[zero, C], [D.T, zero]]), -np.ones(4))
+    gains = np.diag([3.0, 2.0, g])
+    C, zero = 1 + gains.max() - gains, np.zeros((3, 3))
+    return icp.ICP(np.block([[zero, C], [C.T, zero]]), -np.ones(6))
 
 
 def strategies(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return z[:2] / z[:2].sum(), z[2:] / z[2:].sum()
-
-
-def regret(x: np.ndarray, y: np.ndarray, g: float = HERS) -> float:
-    """What the one who would gain most by another answer would gain; 0 in equilibrium."""
-    hers = payoff(g)
-    return float(max((hers @ y).max() - x @ hers @ y, (x @ his).max() - x @ his @ y))
+    return z[:3] / z[:3].sum(), z[3:] / z[3:].sum()
 
 
 # %%
 # ## What is seen
 #
-# `solve` finds an equilibrium and says that it is not certified to be the only one. It is the strangest of them: both
-# leave it to chance, and mostly miss each other.
+# `solve` finds an equilibrium and does not certify that it is the only one. `all_solutions` goes through all
+# $2^6 = 64$ choices of equations, in fractions: these four are all.
 
-solution = game(HERS).solve()
-x, y = strategies(solution.z)
-print(f"solve(): {solution.status.value} by {solution.method!r}, she {x.round(4)}, he {y.round(4)}")
-print(f"         certified to be the only solution: {solution.certificate.unique}")
-print(f"         they meet with probability {x @ y:.4f}")
-
-# %%
-# Newton's method, from nine starts that say which choices each of them considers: the start decides which equilibrium
-# is found.
-
-
-def equilibria(g: float, talk: bool = False) -> list[tuple[float, float]]:
-    """The probabilities of the opera, hers and his, of those that are found."""
-    found = set()
-    for she, he in itertools.product(([1, 0], [0, 1], [1, 1]), repeat=2):
-        one = game(g).solve("newton", z0=np.array(she + he, dtype=float), raise_on_failure=False)
-        said = f"  she {she}, he {he}: {one.status.value}"
-        if one.solved:
-            x, y = strategies(one.z)
-            assert regret(x, y, g) <= 1e-9
-            found.add((round(x[0], 9) + 0.0, round(y[0], 9) + 0.0))
-            said += f", opera with probability {x[0]:.2f} and {y[0]:.2f}"
-        if talk:
-            print(said)
-    return sorted(found)
-
-
-found = equilibria(HERS, talk=True)
-print(f"{len(found)} equilibria were found. In general nothing says that all were found.")
+solution = game(THIRD).solve()
+print(f"solve(): {solution.status.value}; certified to be the only solution: {solution.certificate.unique}")
+found = icp.all_solutions(game(THIRD))
+equilibria = np.array([strategies(z)[0] for z in found.points])
+print(f"{len(found.points)} equilibria, {len(found.faces)} faces of others, all found: {found.complete}")
+for z in found.points:
+    x, y = strategies(z)
+    print(f"  {x.round(4) + 0.0} and {y.round(4) + 0.0}, each earns {x @ np.diag([3.0, 2.0, THIRD]) @ y:.2f}")
 
 # %%
-# Each line is one's best answer to the other; equilibria are where they cross. That shows that there are no more.
+# Newton's method starts where both firms have the same beliefs, $x = y$. Each of them is a point of a triangle, whose
+# corners are the standards. Its colour says which equilibrium that start leads to.
 
-figure, axes = plt.subplots(figsize=(5.6, 4.6), layout="constrained")
-his_turn = 1 / (1 + HERS)  # he goes to the opera with this probability: she does not care
-axes.plot([0, 0, 1, 1], [0, his_turn, his_turn, 1], color="#0072B2", label="her best answer to him")
-axes.plot([0, 3 / 4, 3 / 4, 1], [0, 0, 1, 1], "--", color="#D55E00", label="his best answer to her")
-style = {"color": "black", "markersize": 8, "clip_on": False}
-axes.plot(*zip(*found, strict=True), "o", label="equilibria found", **style)
-axes.set_xlabel("probability that she goes to the opera")
-axes.set_ylabel("probability that he goes to the opera")
-axes.set_title("Equilibria are where the best answers cross")
-axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(0.02, 0.9))
+SIDE = 24
+STARTS = np.array([(i, j, SIDE - i - j) for i in range(SIDE + 1) for j in range(SIDE + 1 - i)]) / SIDE
+
+
+def led_to(g: float, points: np.ndarray) -> np.ndarray:
+    """The number of the equilibrium in `points` that each start leads to, −1 where the method fails."""
+    reached = []
+    for start in STARTS:
+        one = game(g).solve("newton", z0=np.tile(start, 2), raise_on_failure=False)
+        away = np.abs(points - one.z).max(axis=1)
+        reached.append(int(away.argmin()) if one.solved and away.min() <= 1e-6 else -1)
+    return np.array(reached)
+
+
+reached = led_to(THIRD, found.points)
+for k, x in enumerate(equilibria):
+    print(f"  {(reached == k).sum():4d} of {len(STARTS)} starts lead to {x.round(4) + 0.0}")
+
+corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(3.0) / 2]])
+figure, axes = plt.subplots(figsize=(6.2, 5.2), layout="constrained")
+axes.fill(*corners.T, facecolor="none", edgecolor="0.6")
+colours = ["#009E73", "#D55E00", "#CC79A7", "#0072B2"]
+names = ["third standard", "second standard", "first or second, by chance", "first standard"]
+for k in range(4):
+    axes.plot(*(STARTS[reached == k] @ corners).T, "o", color=colours[k], markersize=5)
+    label = f"{names[k]}: {(reached == k).sum()} starts"
+    axes.plot(*(equilibria[k] @ corners), "*", color=colours[k], markeredgecolor="black", markersize=18, label=label)
+for corner, word, place in zip(corners, ("first", "second", "third"), ((0, -22), (0, -22), (0, 14)), strict=True):
+    axes.annotate(word, corner, place, textcoords="offset points", ha="center")
+axes.set_title("Where Newton's method ends, by where it starts")
+axes.legend(frameon=False, loc="upper left", title="equilibrium")
+axes.set_xlim(-0.35, 1.1)
+axes.set_ylim(-0.1, 1.0)
+axes.set_aspect("equal")
+axes.axis("off")
 for suffix in ("png", "svg"):
     figure.savefig(f"bimatrix_game.{suffix}", dpi=150)
 
 # %%
+# The method knows nothing of what is good: many starts lead to the worthless standard. It is an equilibrium all the
+# same, as a firm that leaves it alone earns nothing either.
+
+# %%
 # ## Vary one thing
 #
-# `HERS`, her gain at the opera with him. In the equilibrium of chance *her* strategy does not depend on it: his does.
-# She mixes so that he does not care, and he so that she does not care.
+# `THIRD`, what the third standard is worth. Where it is worth something there are seven equilibria: every set of
+# standards has one. Where it costs something there are three. At 0, between the two, there are four: that is
+# degenerate, as $p_i = z_i = 0$ for the first two standards where both firms take the third.
 
-print(f"{'her gain':>9}   equilibria: probability of the opera, hers and his")
-for g in sorted({1.5, 3.0, 6.0, 12.0, HERS}):
-    print(f"{g:9.1f}   " + ", ".join(f"({x:.4f}, {y:.4f})" for x, y in equilibria(g)))
+for g in sorted({-1.0, 0.0, 1.0, THIRD}):
+    print(f"third standard worth {g:4.1f}: {len(icp.all_solutions(game(g)))} equilibria")
 
 # %%
 # ## Exercises
 #
-# **1.** Derive the equilibrium of chance. With which probability do they miss each other?
+# **1.** Derive the equilibrium in which chance decides between the first two standards.
 #
-# Answer: She does not care if $g y_0 + (1 - y_0) = 2(1 - y_0)$, hence $y_0 = 1/(1 + g)$. He does not care if
-# $2x_0 = x_0 + 3(1 - x_0)$, hence $x_0 = \frac{3}{4}$. For $g = 3$ they miss each other with probability
-# $\frac{3}{4}\cdot\frac{3}{4} + \frac{1}{4}\cdot\frac{1}{4} = 0.625$.
+# Answer: A firm mixes both only if they earn the same: $3 y_0 = 2 y_1$ with $y_0 + y_1 = 1$, hence $y = (0.4, 0.6, 0)$.
+# The firms agree with probability 0.52, and each earns 1.20, less than where both take the second standard.
 
-for g in (1.5, 3.0, 6.0):
-    assert any(np.allclose(one, (3 / 4, 1 / (1 + g))) for one in equilibria(g))
-x0, y0 = 3 / 4, 1 / (1 + 3)
-print(f"they miss each other with probability {x0 * (1 - y0) + (1 - x0) * y0:.4f}")
+mixed = np.array([0.4, 0.6, 0.0])
+assert any(np.allclose(x, mixed) for x in equilibria)
+print(f"they agree with probability {mixed @ mixed:.2f}")
 
 # %%
 # **2.** Which property of $A$ would have promised one solution, and how is it seen that $A$ lacks it?
@@ -137,7 +128,7 @@ print(f"they miss each other with probability {x0 * (1 - y0) + (1 - x0) * y0:.4f
 # Answer: A linear complementarity problem has exactly one solution for every $q$ if and only if $A$ is a P-matrix, all
 # of whose principal minors are positive. Those of size one are the diagonal, and that is 0.
 
-classes = icp.theory.classify(game(3.0).A)
+classes = icp.theory.classify(game(THIRD).A)
 print(f"P-matrix: {classes.p}")
 assert classes.p.holds is False
 
@@ -146,9 +137,10 @@ assert classes.p.holds is False
 #
 # Answer: No. It ends on a ray. For some classes of matrices, the copositive-plus ones for example, that proves that
 # there is no solution; $A$ is copositive and not copositive-plus. So it says that it stagnated, and not that the
-# problem is infeasible. The algorithm of Lemke and Howson, which is made for games, does end with an equilibrium.
+# problem is infeasible. With other covering vectors, as the method `restarts` draws them, it does find a solution.
 
-lemke = game(3.0).solve("lemke", raise_on_failure=False)
+lemke = game(THIRD).solve("lemke", raise_on_failure=False)
 print(f"Lemke's pivoting: {lemke.status.value}; proved infeasible: {lemke.infeasible is not None}")
 assert not lemke.solved
 assert lemke.infeasible is None
+assert game(THIRD).solve("restarts").solved

@@ -48,8 +48,8 @@ SAYS = {
     "bimatrix_game.py": (
         "Lemke's pivoting: stagnated",
         "certified to be the only solution: False",
-        "opera with probability 0.75 and 0.25",
-        "3 equilibria were found",
+        "4 equilibria, 0 faces of others, all found: True",
+        "third standard worth  1.0: 7 equilibria",
     ),
     "three_front_ends.py": ("CVXPY and NumPy: the same z to 1e-9", "Pyomo and NumPy: the same z to 1e-9"),
     "which_solver_do_you_believe.py": (
