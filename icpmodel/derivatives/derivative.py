@@ -72,7 +72,8 @@ class Derivative(ReadOnly, Shown):
     `certain`: whether it is proved that z* is differentiable and that this is its derivative, as every row is known to
     be at an obstacle or off it and ψ′ is the same as far as z* may be away. Else `undecided` are the rows, shape (k,),
     in which p = r = 0, or two equally good jumps, cannot be excluded; each takes the side that z is nearer to, which
-    gives an element of the B-subdifferential; `reason` says it. ψ of a user's function is taken to be smooth.
+    gives an element of the B-subdifferential; `reason` says it. ψ of a user's function is assumed to be continuously
+    differentiable there, and its derivative to be the one that is given.
 
     >>> derivative = Derivative(ICP([[2, -1], [-1, 2]], [-1, 3]).solve())
     >>> derivative.forward(dq=[1.0, 0.0])
@@ -310,6 +311,9 @@ class Derivative(ReadOnly, Shown):
     def certain(self) -> bool:
         """Whether it is proved that z* has this derivative.
 
+        Of a user's function it is assumed, not proved, that ψ and its derivative are what the user says, and that ψ is
+        continuously differentiable as far as z* may be from z. `reason` says so.
+
         >>> Derivative(ICP([[1.0]], [0.0]).solve()).certain
         False
         """
@@ -333,7 +337,8 @@ class Derivative(ReadOnly, Shown):
             return f"p = r = 0 cannot be excluded in {_named(self._open)}: {element}"
         if self._tied_jumps.any():
             return f"two equally good jumps cannot be excluded in {_named(self._tied_jumps)}: {element}"
-        word = USERS_WORD if self.problem.psi.at_users_word else ""
+        smooth = " and continuously differentiable where z* may be"
+        word = USERS_WORD + smooth if self.problem.psi.at_users_word else ""
         return f"every row is proved to be at an obstacle or off it{word}"
 
     def __str__(self) -> str:

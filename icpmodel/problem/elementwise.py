@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError, by_name
-from ..numerics.arrays import Vector, as_vector, locked
+from ..numerics.arrays import Vector, as_float64, as_vector, locked
 from .map import Map
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, is_compiled
 
@@ -47,13 +47,13 @@ class Elementwise(Parametrised):
         super().__init__(parameter_derivative)
         self.f = as_function(f, "psi.f")
         self.derivative = None if derivative is None else as_function(derivative, "psi.derivative")
-        self.given_lipschitz = lipschitz
-        self.c = c
+        self.given_lipschitz = None if lipschitz is None else locked(as_float64(lipschitz, "psi.lipschitz"))
+        self.c = locked(as_float64(c, "psi.c"))
         if is_compiled(f) is not is_compiled(derivative) and derivative is not None:
             raise InputError("psi.f and psi.derivative: both or neither must be compiled with numba.njit")
 
     def bind(self, n: int) -> Elementwise:
-        c = locked(as_vector(self.c, n, "psi.c", infinite=np.inf))
+        c = as_vector(self.c, n, "psi.c", infinite=np.inf)
         bound = Elementwise(
             self.f, self.derivative, self.given_lipschitz, c, parameter_derivative=self.parameter_derivative
         )
@@ -76,7 +76,7 @@ class Elementwise(Parametrised):
 
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         given = self.given_lipschitz
-        lipschitz = given if given is None or np.ndim(given) == 0 else np.asarray(given)[rows]
+        lipschitz = given if given is None or given.ndim == 0 else given[rows]
         return Elementwise(self.f, self.derivative, lipschitz, self.c[rows]).bind(rows.size)
 
     def _entrywise(self, f: Callable[[Any], Any], z: Vector, name: str) -> Vector:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError, MapError, by_name
-from ..numerics.arrays import Vector, as_csr
+from ..numerics.arrays import Vector, as_csr, as_float64, axes, locked
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, raising_map_error
 
 
@@ -41,20 +40,21 @@ class Function(Parametrised):
         super().__init__(parameter_derivative)
         self.fun = as_function(fun, "psi")
         self.derivative = None if jacobian is None else as_function(jacobian, "psi.jacobian")
-        self.given_lipschitz = lipschitz
+        checked: Any = None
+        if lipschitz is not None:
+            checked = (as_csr if axes(lipschitz, "psi.lipschitz") == 2 else as_float64)(lipschitz, "psi.lipschitz")
+        self.given_lipschitz = locked(checked)
 
     def bind(self, n: int) -> Function:
         bound = Function(
             self.fun, self.derivative, self.given_lipschitz, parameter_derivative=self.parameter_derivative
         )
-        if self.given_lipschitz is None:
-            return bound
-        if sp.issparse(self.given_lipschitz) or np.ndim(self.given_lipschitz) == 2:
+        if sp.issparse(self.given_lipschitz):
             G = as_csr(self.given_lipschitz, "psi.lipschitz", n)
             if (G.data < 0).any():
                 raise InputError(f"psi.lipschitz has the entry {G.data.min()}; entries >= 0 were expected")
             bound.lipschitz = G
-        else:
+        elif self.given_lipschitz is not None:
             bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n)
         return bound
 

@@ -171,7 +171,7 @@ def test_the_parameters_of_a_users_map_are_its_data():
         np.testing.assert_allclose(derivative.forward(dpsi=1e5 * step), quotient, atol=1e-7)
         np.testing.assert_allclose(derivative.adjoint([1.0, 2.0]).psi[k], quotient @ [1.0, 2.0], atol=1e-7)
     assert derivative.certain
-    assert derivative.reason.endswith("given that psi is what the user says")
+    assert "given that psi is what the user says and continuously differentiable" in derivative.reason
     assert derivative.bound([0.0, 0.0], dq=[1.0, 1.0]) is None
 
 

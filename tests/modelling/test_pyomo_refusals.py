@@ -156,3 +156,24 @@ def test_munsons_problem_in_its_four_signs(on_x, on_F):
     answer = read_pyomo(model).problem
     assert answer.A.toarray().tolist() == [[1, 2, 3], [0, 1, -1], [1, 1, 0]]
     assert answer.q.tolist() == [-1, 1, 1]
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize("kind", ["condition", "equation"])
+def test_a_condition_without_free_variables_is_judged_by_its_own_terms(kind, unit):
+    """The units of a row change nothing: .3 - .1 - .2 counts as 0, and 1e-3 beside it does not."""
+    for off, refused in ((0.0, False), (1e-3, True)):
+        model = base()
+        held(model)
+        model.z = pyo.Var(initialize=0.3)
+        model.z.fix()
+        zero = unit * (model.z - 0.1 - 0.2 + off)
+        if kind == "condition":
+            model.e = Complementarity(expr=complements(zero >= 0, model.z >= 0))
+        else:
+            model.e = pyo.Constraint(expr=zero == 0)
+        if refused:
+            with pytest.raises(icp.InputError, match="e has no free variable"):
+                read_pyomo(model)
+        else:
+            assert read_pyomo(model).problem.n == 2

@@ -97,6 +97,16 @@ def test_a_stored_zero_is_a_free_jump():
     assert icp.Intervention(jumps).value(np.array([0.0, 5.0])).tolist() == [5.0, -np.inf]
 
 
+def test_what_a_map_is_made_of_is_copied():
+    """Whoever goes on with his arrays changes no map, before it is bound or after."""
+    c, bounds, G = np.ones(2), np.full(2, 0.3), [[0.0, 0.5], [0.5, 0.0]]
+    elementwise, function = icp.Elementwise(np.sin, lipschitz=bounds, c=c), icp.Function(np.sin, lipschitz=G)
+    c[:] = bounds[:] = G[0][1] = 9.0
+    assert elementwise.bind(2).c.tolist() == [1.0, 1.0]
+    assert elementwise.bind(2).lipschitz.diagonal().tolist() == [0.3, 0.3]
+    assert function.bind(2).lipschitz.toarray().tolist() == [[0.0, 0.5], [0.5, 0.0]]
+
+
 def raising(z):
     raise RuntimeError("no value here")
 

@@ -31,8 +31,9 @@ from pyomo.repn.util import VarRecorder, categorize_valid_components
 
 from ...errors import InputError
 from .nonlinear import Flat, flattened
+from .sums import size_of_terms
 
-#: how far a condition without variables may be from holding: its constants come from the user's own sums
+#: how far a condition without variables may be from holding, as a share of its terms: they are the user's own sums
 _HOLDS = 1e-9
 #: a sum of expressions, each with its factor
 Terms = tuple[tuple[float, Any], ...]
@@ -144,7 +145,7 @@ class ConditionRows:
             return self._add(condition, one.bounds[0], tuple((sign * factor, term) for factor, term in force))
         width = constant, linear, nonlinear = self._read((high[0], low[1]), condition)
         if not linear and nonlinear is None:
-            if constant == 0:
+            if abs(self._share(constant, (high[0], low[1]))) <= _HOLDS:
                 return self._add_equation(condition, low, force)
             if constant < 0:
                 found = f"{condition.name} has a lower bound that is larger than the upper one"
@@ -163,7 +164,7 @@ class ConditionRows:
     def _add_equation(self, owner: Any, zero: Terms, hint: Terms) -> None:
         constant, linear, nonlinear = self._read(zero, owner)
         if not linear and nonlinear is None:
-            if not abs(constant) <= _HOLDS:
+            if not abs(self._share(constant, zero)) <= _HOLDS:
                 raise InputError(f"{owner.name} has no free variable and cannot hold: 0 = {constant:g}")
             return
         if nonlinear is None:
@@ -176,7 +177,7 @@ class ConditionRows:
         bent = [nonlinear is not None for _, _, nonlinear in sides]
         if not any(bent) and not any(linear for _, linear, _ in sides):
             constants = [constant for constant, _, _ in sides]
-            if not abs(min(constants)) <= _HOLDS:
+            if not abs(min(map(self._share, constants, (first, second)))) <= _HOLDS:
                 found = f"{constants[0]:g} and {constants[1]:g}, the smaller of which should be 0"
                 raise InputError(f"{owner.name} has no free variable and does not hold: its sides are {found}")
             return
@@ -184,6 +185,12 @@ class ConditionRows:
             wanted = "in an implicit complementarity problem one of them is affine"
             raise InputError(f"{owner.name} is nonlinear on both sides; {wanted}")
         self._append(owner, *sides)
+
+    @staticmethod
+    def _share(constant: float, terms: Terms) -> float:
+        """The value `constant` of `terms` without variables, as a share of their size."""
+        size = sum(abs(factor) * size_of_terms(expression) for factor, expression in terms)
+        return constant / size if size else 0.0
 
     def _append(self, owner: Any, *sides: Side, equation: bool = False) -> None:
         for kept, (constant, linear, rest) in zip(self.sides, sides, strict=True):

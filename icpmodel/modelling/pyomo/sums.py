@@ -1,0 +1,35 @@
+"""How large the terms of an expression are, by which it is judged whether its value counts as 0."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pyomo.environ as pyo
+from pyomo.core.expr.numeric_expr import DivisionExpression, NegationExpression, ProductExpression, SumExpression
+from pyomo.core.expr.visitor import StreamBasedExpressionVisitor
+
+
+def size_of_terms(expression: Any) -> float:
+    """The sum of the absolute values of the terms of `expression`, whose variables all have values.
+
+    Sums within products and quotients are multiplied out. Anything else, such as a power, is one term.
+
+    >>> import pyomo.environ as pyo
+    >>> model = pyo.ConcreteModel()
+    >>> model.x = pyo.Var(initialize=3.0)
+    >>> size_of_terms(1e-9 * (model.x - 3.0) / 2)
+    3e-09
+    """
+    found: float = StreamBasedExpressionVisitor(exitNode=_of_node).walk_expression(expression)
+    return found
+
+
+def _of_node(node: Any, parts: list[float]) -> float:
+    if isinstance(node, SumExpression | NegationExpression) or (parts and node.is_named_expression_type()):
+        return sum(parts)
+    if isinstance(node, ProductExpression):
+        return math.prod(parts)
+    if isinstance(node, DivisionExpression):
+        return parts[0] / abs(pyo.value(node.args[1]))
+    return abs(float(pyo.value(node)))
