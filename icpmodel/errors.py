@@ -27,9 +27,16 @@ R = TypeVar("R")
 OBSTACLES = "the obstacle below, z >= psi(z), is called psi, and the one above upper"
 
 
+#: what other packages call an option → what it is called here
+_ELSEWHERE = {"tol": "rtol", "tolerance": "rtol", "eps": "atol", "maxiter": "max_iter", "maxit": "max_iter"}
+
+
 def meant(found: Any, known: Iterable[str]) -> str:
     """What the end of a message asks about `found`, which is none of the names that are `known`, but near to one."""
-    near = get_close_matches(found.lower(), list(known), n=1) if isinstance(found, str) else []
+    if not isinstance(found, str):
+        return ""
+    called = _ELSEWHERE.get(found.lower(), found.lower())
+    near = get_close_matches(called, list(known), n=1)
     return f"; did you mean {near[0]}?" if near else ""
 
 
@@ -53,9 +60,10 @@ def by_name(call: str, told: str = "") -> Callable[[Callable[P, R]], Callable[P,
                 hint = meant(unknown[0], names) or (told and f"; {told}")
                 raise InputError(f"{call} has no argument {unknown[0]}; {takes}{hint}")
             needed = names[len(args) : code.co_argcount - len(function.__defaults__ or ())]
+            hint = told and f"; {told}"
             if lacks := [name for name in needed if name not in kwargs]:
-                raise InputError(f"{call} was not given {' and '.join(lacks)}; {takes}")
-            raise InputError(f"{call} was given an argument twice, or too many without a name; {takes}")
+                raise InputError(f"{call} was not given {' and '.join(lacks)}; {takes}{hint}")
+            raise InputError(f"{call} was given an argument twice, or too many without a name; {takes}{hint}")
 
         return checked
 

@@ -67,6 +67,9 @@ class DistributedSolution(Shown):
         """Whether the status is SOLVED."""
         return self.status is Status.SOLVED
 
+    def __bool__(self) -> bool:
+        return self.solved
+
     @sheltered
     def certify(self) -> DistributedCertificate:
         """What is certain of z: the error bound, whether z* is the only solution, which rows are decided. Collective:

@@ -23,6 +23,8 @@ from .facts import Facts
 from .map import Map
 from .matrix import Matrix
 
+#: what a message says to who has arrays and no problem
+OF_ARRAYS = "icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
 #: squares whose sum is outside this range may have over- or underflowed
 _SAFE = (1e-280, 1e280)
 #: rows whose squares are summed by one call, so that the sum is the same for any number of threads
@@ -442,5 +444,8 @@ def as_problem(problem: ProblemLike) -> ProblemData:
     make = getattr(problem, "icp", None)
     found = make() if callable(make) else getattr(problem, "problem", None)
     if not isinstance(found, ProblemData):
-        raise InputError(f"problem is {described(problem)}; an ICP, or what holds one such as a scene, was expected")
+        wanted = "an ICP, or what holds one such as a scene, was expected"
+        if isinstance(problem, list | tuple) or hasattr(problem, "shape"):
+            wanted = f"{wanted}: {OF_ARRAYS}"
+        raise InputError(f"problem is {described(problem)}; {wanted}")
     return found

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, MapError, NotApplicable, NotSolved
+from ..errors import InputError, MapError, NotApplicable, NotSolved, by_name, meant
 from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
 from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, described, norm
 from ..numerics.rounding import CTRL_C, is_ctrl_c, sheltered
-from ..problem.data import ProblemData, ProblemLike, as_problem
+from ..problem.data import OF_ARRAYS, ProblemData, ProblemLike, as_problem
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
 from .goal import RTOL, AccuracyGoal, Goal, Limits
@@ -53,6 +53,7 @@ def _is_luck(run: Run, z: Vector) -> bool:
 
 
 @sheltered
+@by_name("solve", OF_ARRAYS)
 def solve(
     problem: ProblemLike,
     method: str | Method | None = None,
@@ -154,13 +155,11 @@ def _carry_out_all(run: Run, method: str | Method | None, options: dict[str, Any
 def _candidates(
     problem: ProblemData, method: str | Method | None, options: dict[str, Any], aim: float, family: str | None
 ) -> Iterator[Stage[Candidate]]:
-    own = ", ".join(list(inspect.signature(solve).parameters)[2:-1]) if options else ""
+    own = list(inspect.signature(solve).parameters)[2:-1] if options else []
     if method is None:
-        if options:
-            raise InputError(
-                f"solve has no option {next(iter(options))}; it takes {own}, "
-                "and the options of a method only where one is named"
-            )
+        for option in options:
+            found = f"solve has no option {option}; it takes {', '.join(own)}"
+            raise InputError(f"{found}, and the options of a method only where one is named{meant(option, own)}")
         return candidates(problem, aim, family)
     if isinstance(method, Method):
         if options:
@@ -169,7 +168,9 @@ def _candidates(
         try:
             method = named(method, **options)
         except InputError as error:
-            more = f"; solve itself takes {own}" if "has no option" in str(error) else ""
+            more = ""
+            if "has no option" in str(error):
+                more = f"; solve itself takes {', '.join(own)}" + "".join(meant(one, own) for one in options)
             raise InputError(f"{error}{more}") from None
     why_not = method.why_not(problem)
     if why_not is not None:
@@ -299,7 +300,7 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         accuracy=limits.accuracy,
         iterations=max(run.iteration, 0),
         seconds=work.clock() - run.clock,
-        history=None if run.records is None else _history(run.records),
+        history_or_none=None if run.records is None else _history(run.records),
         infeasible=run.infeasible if status is Status.INFEASIBLE else None,
         time_limit=limits.time_limit,
         memory_limit=limits.memory_limit,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.equations import pattern_at, solve_on
-from ..errors import IcpError, MapError
+from ..errors import IcpError, InputError, MapError
 from ..methods.contract import Method
 from ..numerics.arrays import ReadOnly, Vector
 from ..numerics.rounding import sheltered
@@ -120,9 +120,9 @@ class Solution(ReadOnly, Plotted):
     whose end the `status` is: another one where several were tried and the last was not the best; `residual` =
     Res_D(z), judged on the returned z, and the `tolerance` it was held against, as the paper's Res(z) was against
     `atol`; `iterations` in all; `seconds` of the run, set-up included; `accuracy`, the certified error that was asked
-    for, or None; `history` or None; `infeasible`, the proof with its witness where the status is INFEASIBLE, else None;
-    `time_limit` and `memory_limit` of the run, or None: the certificate and `polish` keep to them, too, each for
-    itself.
+    for, or None; `history`, where it was kept; `infeasible`, the proof with its witness where the status is INFEASIBLE,
+    else None; `time_limit` and `memory_limit` of the run, or None: the certificate and `polish` keep to them, too, each
+    for itself.
 
     >>> solution = ICP([[2.0]], [-2.0]).solve("mnmgs")
     >>> solution.status, solution.iterations
@@ -145,7 +145,7 @@ class Solution(ReadOnly, Plotted):
     seconds: float
     atol: float = 0.0
     accuracy: float | None = None
-    history: History | None = None
+    history_or_none: History | None = None
     infeasible: Answer | None = None
     time_limit: float | None = None
     memory_limit: float | None = None
@@ -161,6 +161,23 @@ class Solution(ReadOnly, Plotted):
         True
         """
         return self.status is Status.SOLVED
+
+    def __bool__(self) -> bool:
+        """`solved`."""
+        return self.solved
+
+    @property
+    def history(self) -> History:
+        """The residuals on the way to z.
+
+        Raises
+        ------
+        InputError
+            Where they were not kept.
+        """
+        if self.history_or_none is None:
+            raise InputError("history was not kept: solve(..., history=True) keeps it")
+        return self.history_or_none
 
     @property
     def _goal(self) -> Goal:

@@ -148,7 +148,7 @@ def _answer(solution: Solution, start: Vector | None, points: Vector | None, tim
     if not solution.solved:
         short = f"No: {solution.message}. What is shown is the best that was found in {took}."
     pictures = _pictures(solution, points)
-    if solution.history is not None and solution.history.residual.size > 1:
+    if solution.history_or_none is not None and solution.history.residual.size > 1:
         pictures += _pictures(solution.history)
     charts, slider = answer_charts(solution, points, start, min(_RACE_LIMIT, time_limit))
     return {

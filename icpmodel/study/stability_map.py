@@ -202,6 +202,6 @@ def _run(problem: ProblemData, method: Method, k: int, max_iter: int, rtol: floa
     except IcpError:
         return "refused", 0
     end = "slow" if solution.status is Status.ITERATION_LIMIT else solution.status.value
-    if solution.history is not None and end == "diverged" and not np.isfinite(solution.history.residual[-1]):
+    if end == "diverged" and not np.isfinite(solution.history.residual[-1]):
         end = "overflowed"
     return end, solution.iterations

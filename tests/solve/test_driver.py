@@ -246,7 +246,6 @@ def test_history_holds_every_tested_iterate():
     assert past.residual[-1] == solution.residual
     assert past.residual[0] == pytest.approx(problem.residual(np.zeros(100)))
     assert (np.diff(past.seconds) >= 0).all()
-    assert problem.solve("mnmgs").history is None
 
 
 def test_callback_stops_the_run_and_sees_a_read_only_iterate():

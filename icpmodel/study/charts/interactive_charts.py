@@ -226,7 +226,6 @@ def map_charts(found: StabilityMap, problem: ProblemData) -> tuple[list[Any], di
     options: dict[str, Any] = {"max_iter": found.max_iter, "rtol": found.rtol, "raise_on_failure": False}
     for theta in thetas.tolist():
         run = unbroken(solve(problem, MNMSOR(theta1=theta), history=True, **options))
-        assert run.history is not None
         some = np.unique(np.geomspace(1, run.history.iteration.size, ON_CURVE).astype(int)) - 1
         ways.append({"step": run.history.iteration[some].tolist(), "residual": numbers(run.history.residual[some])})
         end = f"{'solved in' if run.solved else f'{run.status.value} after'} {run.iterations} steps"

@@ -243,7 +243,6 @@ def turned_run(problem: ProblemData, rows: Any, method: Method, z0: Any, time_li
     found = unbroken(solve(problem, method, callback=look, **options))
     frames[found.iterations] = last = frame(problem, rows, found.z, found.iterations, found.residual)
     last["says"] += f"; {found.status.value}"
-    assert found.history is not None
     some = np.unique(np.linspace(0, found.history.residual.size - 1, ON_CURVE).astype(int))
     steps, residual = found.history.iteration[some].tolist(), found.history.residual[some]
     shown = np.maximum(residual, _ZERO * residual[residual > 0.0].min(initial=1.0))
