@@ -12,6 +12,41 @@ def clamped(F, x, low, high):
     return pytest.approx(np.clip(x - F, low, high), abs=1e-7) == x
 
 
+@pytest.mark.parametrize(
+    ("attributes", "lower", "upper"),
+    [
+        ({"nonneg": True}, 0.0, np.inf),
+        ({"nonpos": True}, -np.inf, 0.0),
+        ({"bounds": [-1.0, [1.0, np.inf]]}, -1.0, np.array([1.0, np.inf])),
+        ({"bounds": [None, 0.5]}, -np.inf, 0.5),
+    ],
+)
+def test_bounds_of_a_variable_are_those_of_its_condition_and_else_are_checked(attributes, lower, upper):
+    A, load = np.array([[2.0, -1.0], [-1.0, 2.0]]), cp.Parameter(2, value=[-4.0, 4.0])
+    x, y = cp.Variable(2, **attributes), cp.Variable(2)
+    icp.Problem(icp.complements(A @ x - load, x)).solve(requires_grad=True)
+    plain = icp.Problem(icp.complements(A @ y - load, y, lower=lower, upper=upper))
+    plain.solve()
+    assert x.value == pytest.approx(y.value, abs=1e-9)
+    for sign in (-1.0, 1.0):  # where x is no r of a condition
+        z = cp.Variable(2, **attributes)
+        model = icp.Problem([A @ z == 2.0 * sign])
+        inside = bool(np.all((2.0 * sign >= lower) & (2.0 * sign <= upper)))
+        assert model.solve(raise_on_failure=False).solved is inside
+        assert z.value == pytest.approx([2.0 * sign] * 2)
+
+
+def test_a_variable_with_bounds_has_the_gradients_of_one_without():
+    A, found = np.array([[2.0, -1.0], [-1.0, 2.0]]), []
+    for attributes in ({}, {"nonneg": True}):
+        x, load = cp.Variable(2, **attributes), cp.Parameter(2, value=[3.0, 1.0])
+        model = icp.Problem(icp.complements(A @ x - load, x - 0.3 * cp.minimum(x, 1)))
+        model.solve(requires_grad=True)
+        model.backward()
+        found.append(load.gradient)
+    assert found[0] == pytest.approx(found[1], abs=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_the_optimality_conditions_of_a_quadratic_program_give_its_answer_and_its_duals(seed):
     """Box, equation and its multiplier, written out and compared with CVXPY's own program and dual values."""

@@ -225,12 +225,12 @@ REFUSED = {
     ),
     "complex": (lambda: icp.Problem(icp.complements(1j * x, x)), r"is complex; real expressions were expected"),
     "an attribute": (
-        lambda: icp.Problem(icp.complements(cp.Variable(nonneg=True, name="y") - 1, s)),
-        r"the variable y has the attribute nonneg; .*: complements\(p, y\) for y >= 0, .*upper=...\)",
+        lambda: icp.Problem(icp.complements(cp.Variable(integer=True, name="y") - 1, s)),
+        r"the variable y has the attribute integer; .* nonneg, nonpos, bounds",
     ),
-    "bounds": (
-        lambda: icp.Problem(icp.complements(cp.Variable(bounds=[0, 1], name="y") - 1, s)),
-        r"the variable y has the attribute bounds",
+    "CVXPY's own problem": (
+        lambda: cp.Problem(cp.Minimize(0), [icp.complements(x, x)]),
+        r"complements\(x, x\) is no constraint of cvxpy.Problem: icpmodel.Problem\(",
     ),
     "no equation": (
         lambda: icp.Problem(3 * x),

@@ -39,12 +39,19 @@ class Compiled:
 
     def __init__(self, sides: Sequence[cp.Expression]) -> None:
         self.sides, self.atoms = list(sides), dict[cp.Variable, cp.Expression]()
-        self._model = cp.Problem(cp.Minimize(0), [_separated(side, self.atoms) == 0 for side in sides])
+        parts = [_separated(side, self.atoms) for side in sides]
+        # CVXPY would add rows for what it knows of a variable
+        bound = unique(x for part in parts for x in part.variables() if any(x.attributes.values()))
+        self._plain = {x: cp.Variable(x.shape, name=x.name()) for x in bound}
+        copies: dict[int, Any] = {id(x): plain for x, plain in self._plain.items()}
+        self._model = cp.Problem(cp.Minimize(0), [(_copied(part, copies) if copies else part) == 0 for part in parts])
         self.is_dpp = self._model.is_dpp()
         self._rows = sum(side.size for side in sides)
         self.parameters = unique(x for side in sides for x in side.parameters())
         inner = unique(x for atom in self.atoms.values() for x in atom.variables())
-        self.variables = unique([x for x in self._model.variables() if x not in self.atoms] + inner)
+        known = {plain: x for x, plain in self._plain.items()}
+        compiled = [known.get(x, x) for x in self._model.variables()]
+        self.variables = unique([x for x in compiled if x not in self.atoms] + inner)
 
     def parameter_values(self) -> list[Any]:
         """Copies of what the parameters are now. Raises InputError where one has no value."""
@@ -68,7 +75,8 @@ class Compiled:
         M, constant = sp.csr_array(data[cp.settings.A]), -data[cp.settings.B]
         assert M.shape[0] == self._rows, "CVXPY has added rows of its own"
         M.eliminate_zeros()
-        Z, W = (_columns(M, part, columns) for part in (self.variables, list(self.atoms)))
+        variables = [self._plain.get(x, x) for x in self.variables]
+        Z, W = (_columns(M, part, columns) for part in (variables, list(self.atoms)))
         return AffineRows(Z, W, constant)
 
     def moved_by(self, parameters: dict[cp.Parameter, cp.Variable], values: dict[cp.Variable, Vector]) -> sp.csr_array:
@@ -77,8 +85,9 @@ class Compiled:
         program = self._program
         at = np.ones(program.x.size + 1)  # the last is that of the constant
         for x, value in values.items():
-            if x.id in program.var_id_to_col:
-                at[program.var_id_to_col[x.id] :][: x.size] = np.ravel(value, order="F")
+            start = program.var_id_to_col.get(self._plain.get(x, x).id)
+            if start is not None:
+                at[start:][: x.size] = np.ravel(value, order="F")
         T = program.A.tocoo()
         column, row = np.divmod(T.row, self._rows)
         J = sp.csr_array((T.data * at[column], (row, T.col)), shape=(self._rows, T.shape[1]))

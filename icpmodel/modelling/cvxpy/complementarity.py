@@ -13,8 +13,11 @@ from ...numerics.arrays import described
 from ...present.shown import Shown, cut
 from .compiled import named
 
+#: the attributes that a variable of CVXPY's may have here
+BOUNDING = ("nonneg", "nonpos", "bounds")
 
-class Complementarity(Shown):
+
+class Complementarity(Shown, cp.Constraint):
     """p ≥ 0, r ≥ 0, pᵀr = 0, entry by entry, between two CVXPY expressions of one shape; `complements` makes it.
 
     `sides` the two as they were given; `bounds` what bounds r below and above, each an expression or None: 0 below, and
@@ -40,6 +43,10 @@ class Complementarity(Shown):
         self.p: np.ndarray | None = None
         self.r: np.ndarray | None = None
 
+    def variables(self) -> list[cp.Variable]:
+        """The variables in it, each as often as it stands there."""
+        return [x for one in (*self.sides, *self.bounds) if one is not None for x in one.variables()]
+
     @property
     def is_bounded(self) -> bool:
         """Whether r has other bounds than 0 below and nothing above, and p any sign.
@@ -64,6 +71,17 @@ class Complementarity(Shown):
         """
         return self.p
 
+    @property
+    def _refused(self) -> Any:
+        """What CVXPY asks of a constraint of its own problems. Raises InputError."""
+        advice = "icpmodel.Problem([complements(p, r), ...]).solve() solves it, without an objective"
+        raise InputError(f"{self} is no constraint of cvxpy.Problem: {advice}")
+
+    args = is_dcp = is_dgp = is_dpp = residual = _refused
+
+    def __str__(self) -> str:
+        return repr(self)
+
     def __repr__(self) -> str:
         bounds = zip(("lower", "upper"), self.bounds, strict=True)
         told = "".join(f", {name}={named(bound)}" for name, bound in bounds if bound is not None)
@@ -75,7 +93,8 @@ def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Compl
     `upper` of r it is l ≤ r ≤ u, p_i ≥ 0 where r_i = l_i, p_i ≤ 0 where r_i = u_i, and p_i = 0 in between.
 
     Parameters: `p` and `r`, CVXPY expressions of one shape; `lower` and `upper`, expressions or numbers for all entries
-    or of the shape of r, −inf, +inf or None for none. Where only one of p and r can be r, because the other is not
+    or of the shape of r, −inf, +inf or None for none. By default they are those of a variable r that was
+    made with `nonpos` or `bounds`. Where only one of p and r can be r, because the other is not
     affine, or does not have one entry of z for itself in each row, their order does not matter, unless r has bounds.
     Returns a `Complementarity`. Raises InputError where they are no such expressions.
     Reference: Dirkse and Ferris, Optim. Methods Softw. 5 (1995), for mixed complementarity.
@@ -92,9 +111,26 @@ def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Compl
     if p.shape != r.shape:
         found = f"p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
         raise InputError(f"complements(p, r) goes entry by entry: {found}")
-    is_zero = not isinstance(lower, cp.Expression) and np.ndim(lower) == 0 and lower == 0
-    below = None if is_zero else _bound(-np.inf if lower is None else lower, "lower", r)
+    own = own_bounds(r)
+    if _is_zero(lower) and upper is None and any(one is not None for one in own):
+        lower, upper = own
+    below = None if _is_zero(lower) else _bound(-np.inf if lower is None else lower, "lower", r)
     return Complementarity(p, r, (below, None if upper is None else _bound(upper, "upper", r)))
+
+
+def own_bounds(r: cp.Expression) -> tuple[Any, Any]:
+    """What bounds a variable that was made with `nonneg`, `nonpos` or `bounds`, None for nothing, as of all else."""
+    if not isinstance(r, cp.Variable):
+        return None, None
+    has: dict[str, Any] = r.attributes
+    if has["bounds"] is None:
+        return 0.0 if has["nonneg"] else None, 0.0 if has["nonpos"] else None
+    low, high = (one if isinstance(one, cp.Expression) or np.isfinite(one).any() else None for one in has["bounds"])
+    return low, high
+
+
+def _is_zero(bound: Any) -> bool:
+    return bound is not None and not isinstance(bound, cp.Expression) and np.ndim(bound) == 0 and bool(bound == 0)
 
 
 def _bound(value: Any, name: str, r: cp.Expression) -> cp.Expression:

@@ -53,9 +53,10 @@ class Problem(Shown):
     affine ones. Over all of them every entry of every variable needs one row of its own, r = z − ψ(z) or an equation
     (any of them), so that there are as many rows as unknowns. p is affine; ψ, and bounds of r, any CVXPY expression,
     convex, concave or neither (minimum, exp, log, power, norms, …), of which `.grad` gives the derivative. A row az − ψ
-    is divided by a; where a < 0, r ≥ 0 is an obstacle above z. Variables have any shape and no attributes. Parameters
-    may stand anywhere; CVXPY compiles the model once, and a new value costs one product (unless it is not DPP: then it
-    is compiled anew).
+    is divided by a; where a < 0, r ≥ 0 is an obstacle above z. Variables have any shape. What bounds them (`nonneg`,
+    `nonpos`, `bounds`) bounds the condition whose r they are, and else is checked as inequalities are. Parameters may
+    stand anywhere; CVXPY compiles the model once, and a new value costs one product (unless it is not DPP: then it is
+    compiled anew).
 
     An equation has a free multiplier, which is a variable like any other, in p. After a solve its `dual_value` is the λ
     of p = … + (∂(a − b)/∂z)ᵀλ, with CVXPY's sign; None where p does not have this form. An inequality has none: it is

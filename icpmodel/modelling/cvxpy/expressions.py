@@ -24,6 +24,7 @@ from ...solve.solution import Solution
 from ..matching import arranged, looks_like_r, own_entries, unowned
 from .affine_rows import AffineRows
 from .compiled import AtomObstacle, Compiled, at, named, unique, unstacked
+from .complementarity import BOUNDING, own_bounds
 from .side_constraints import Multipliers, checked
 
 #: what the bounds of r are called, and the number that means none
@@ -40,6 +41,8 @@ class CvxpyReading:
         equations: Sequence[cp.Constraint] = (),
         inequalities: Sequence[cp.Constraint] = (),
     ) -> None:
+        variables = unique(x for one in (*conditions, *equations, *inequalities) for x in one.variables())
+        inequalities = [*inequalities, *(one for x in variables for one in _bounds_of(x))]
         self._conditions, self._equations, self._inequalities = conditions, equations, inequalities
         self._pairs = [_pair(one) for one in conditions]
         _check_affine(equations, "equation", "a row of Az + q = 0 was expected (complements(1, r) says r = 0)")
@@ -51,7 +54,7 @@ class CvxpyReading:
         least = [-one.expr if isinstance(one, cp.NonNeg) else one.expr for one in inequalities]  # at most 0
         parts = [[p for p, _ in self._pairs], [r for _, r in self._pairs], zero, least, *bounds]
         sides = [side for part in parts for side in part]
-        _check_variables(unique(x for side in sides for x in side.variables()), self._n, bool(inequalities))
+        _check_variables(variables, self._n, bool(inequalities))
         self.compiled = Compiled(sides)
         self._ends = np.cumsum([sum(side.size for side in part) for part in parts])
         self.variables, self.parameters = self.compiled.variables, self.compiled.parameters
@@ -274,6 +277,12 @@ def _pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
     return (a, b) if a.is_affine() else (b, a)
 
 
+def _bounds_of(x: cp.Variable) -> list[cp.Constraint]:
+    """What the attributes of `x` say, as inequalities."""
+    low, high = own_bounds(x)
+    return [one for one in (low is not None and x >= low, high is not None and x <= high) if one is not False]
+
+
 def _check_affine(constraints: Sequence[cp.Constraint], kind: str, wanted: str) -> None:
     for one in constraints:
         if one.is_complex() or not one.expr.is_affine():
@@ -283,12 +292,10 @@ def _check_affine(constraints: Sequence[cp.Constraint], kind: str, wanted: str) 
 
 def _check_variables(variables: list[cp.Variable], rows: int, inequalities: bool) -> None:
     for x in variables:
-        given = [name for name, value in x.attributes.items() if value]
+        given = [name for name, value in x.attributes.items() if value and name not in BOUNDING]
         if given:
-            name = x.name()
-            advice = f"complements(p, {name}) for {name} >= 0, complements(p, {name}, lower=..., upper=...) for others"
-            found = f"the variable {name} has the attribute {given[0]}"
-            raise InputError(f"{found}; z is any vector in an ICP, its bounds belong to a condition: {advice}")
+            found = f"the variable {x.name()} has the attribute {given[0]}"
+            raise InputError(f"{found}; a variable of an ICP may have these attributes alone: {', '.join(BOUNDING)}")
     unknowns = sum(x.size for x in variables)
     if rows != unknowns or not rows:
         entries = ", ".join(f"{x.name()} with {x.size}" for x in variables) or "no variables"

@@ -18,8 +18,8 @@ def size_of_terms(expression: Any) -> float:
     >>> import pyomo.environ as pyo
     >>> model = pyo.ConcreteModel()
     >>> model.x = pyo.Var(initialize=3.0)
-    >>> size_of_terms(1e-9 * (model.x - 3.0) / 2)
-    3e-09
+    >>> size_of_terms((model.x - 3.0) / 2)
+    3.0
     """
     found: float = StreamBasedExpressionVisitor(exitNode=_of_node).walk_expression(expression)
     return found
