@@ -25,32 +25,6 @@ def held(model):
     model.d = Complementarity(expr=complements(model.y >= 0, 2 * model.y - model.x >= 1))
 
 
-def condition(first, second):
-    def build(model):
-        held(model)
-        model.d.deactivate()
-        model.part.odd = Complementarity(expr=complements(first(model.x, model.y), second(model.x, model.y)))
-
-    return build
-
-
-def component(name, make):
-    def build(model):
-        held(model)
-        setattr(model.part, name, make(model))
-
-    return build
-
-
-def fixed(x):
-    def build(model):
-        held(model)
-        model.x.fix(x)
-        model.y.fix(0.0)
-
-    return build
-
-
 @pytest.mark.parametrize(
     ("model", "words"),
     [(None, "model is None; a Pyomo model"), (5, "model is 5"), (pyo.AbstractModel(), "is abstract")],
@@ -77,9 +51,9 @@ def test_two_conditions_of_one_variable_leave_another_without():
 #: the models of pyomo/mpec/tests/test_complementarity.py by test: what is said of each as it stands there. In most of
 #: them one condition stands for four variables.
 AS_THEY_STAND = {
-    "t1a": "c is an active inequality",
     **dict.fromkeys(
         (
+            "t1a",
             "t1b",
             "t1c",
             "t2a",
@@ -177,3 +151,19 @@ def test_a_condition_without_free_variables_is_judged_by_its_own_terms(kind, uni
                 read_pyomo(model)
         else:
             assert read_pyomo(model).problem.n == 2
+
+
+@pytest.mark.parametrize(
+    ("expression", "words"),
+    [
+        (lambda model: model.x**2 <= 1, "odd is a nonlinear inequality"),
+        (lambda model: model.x + model.z <= 1, "odd is an inequality in z, which is in no condition"),
+    ],
+)
+def test_an_inequality_that_cannot_be_checked_is_refused(expression, words):
+    model = base()
+    held(model)
+    model.z = pyo.Var()
+    model.odd = pyo.Constraint(expr=expression(model))
+    with pytest.raises(icp.InputError, match=words):
+        read_pyomo(model)

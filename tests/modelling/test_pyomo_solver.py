@@ -154,15 +154,30 @@ def test_a_bound_of_a_variable_that_no_condition_implies_is_looked_at_afterwards
     assert results.solution_status is SolutionStatus.infeasible
     assert results.incumbent_objective is None
     assert results.solution_loader.get_number_of_solutions() == 0
-    assert "is not in its bounds [2, inf], which no condition of the model implies" in results.solver_log
+    assert "x >= 2 is violated by" in results.solver_log
     assert results.extra_info.solution.certificate.unique == unique
     expected = TerminationCondition.provenInfeasible if unique else TerminationCondition.unknown
     assert results.termination_condition is expected
-    with pytest.raises(NoOptimalSolutionError, match="not in its bounds"):
+    with pytest.raises(NoOptimalSolutionError, match="is violated by"):
         NEW.solve(model)
     pyo.assert_optimal_termination(old(pair(within=pyo.NonNegativeReals)))
     unsolved = old(pair(bounds=(2, None)), options={"method": "mnmgs", "max_iter": 0}, load_solutions=False)
     assert unsolved.solver.termination_condition == pyo.TerminationCondition.maxIterations
+
+
+@pytest.mark.parametrize(
+    ("inequality", "holds"),
+    [(lambda m: m.x + m.y <= 9, True), (lambda m: m.x + m.y >= 9, False), (lambda m: (-9, m.x - m.y, 9), True)],
+)
+def test_an_inequality_is_checked_at_the_answer(inequality, holds):
+    """As in CVXPY: it determines nothing, and an answer that violates it is none."""
+    model = pair()
+    model.extra = pyo.Constraint(expr=inequality(model))
+    results = NEW.solve(model, raise_exception_on_nonoptimal_result=False, load_solutions=False)
+    assert (results.solution_status is SolutionStatus.optimal) is holds
+    if not holds:
+        assert results.termination_condition is TerminationCondition.provenInfeasible
+        assert "extra is violated by" in results.solver_log
 
 
 def test_the_values_are_the_start():

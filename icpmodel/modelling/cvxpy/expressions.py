@@ -21,11 +21,12 @@ from ...numerics.arrays import Vector, row_of
 from ...problem.affine import Affine
 from ...problem.function import Function
 from ...solve.solution import Solution
+from ..inequalities import checked
 from ..matching import arranged, looks_like_r, own_entries, unowned
 from .affine_rows import AffineRows
 from .compiled import AtomObstacle, Compiled, at, named, unique, unstacked
 from .complementarity import BOUNDING, own_bounds
-from .side_constraints import Multipliers, checked
+from .side_constraints import Multipliers
 
 #: what the bounds of r are called, and the number that means none
 _BOUNDS = (("lower", -np.inf), ("upper", np.inf))
@@ -125,7 +126,9 @@ class CvxpyReading:
 
     def checked(self, solution: Solution) -> Solution:
         """`solution`, unless it violates an inequality."""
-        return checked(solution, self._checked, self._inequality) if self._inequalities else solution
+        if not self._inequalities:
+            return solution
+        return checked(solution, self._checked.Z, self._checked.constant, self._inequality)
 
     def _inequality(self, row: int) -> str:
         number, place = at([one.expr for one in self._inequalities], row)

@@ -1,21 +1,14 @@
-"""What stands beside the conditions: equations with their multipliers, and inequalities, which are only checked."""
+"""The multipliers of equations that stand beside conditions."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...errors import MapError
 from ...numerics.arrays import Vector, row_of
-from ...numerics.rounding import gamma
-from ...solve.solution import Solution, Status
-from .affine_rows import AffineRows
 
 #: what rounding may have changed in a coefficient, as a share of the largest one of its row
 _ROUNDING = 1e-12
@@ -68,28 +61,3 @@ def multiples(E: sp.csr_array, B: sp.csr_array) -> tuple[NDArray[np.intp], Vecto
             same = (largest > 0) & (apart <= _ROUNDING * largest)
             of, factor = np.where(same, row, of), np.where(same, times, factor)
     return of, factor
-
-
-def checked(solution: Solution, rows: AffineRows, name: Callable[[int], str]) -> Solution:
-    """`solution` where all `rows`, affine and without atoms, are ≤ 0 at its z; else one that says which is not. Its
-    status is INFEASIBLE where it is proved that no solution of the conditions has them so, STAGNATED otherwise."""
-    z, (Z, _, constant) = solution.z, rows
-    values, sizes = Z @ z + constant, np.asarray(abs(Z).sum(axis=1))
-    terms = abs(Z) @ np.abs(z) + np.where(np.isfinite(constant), np.abs(constant), 0.0)
-    noise = gamma(np.diff(Z.indptr) + 2) * terms
-    # a residual is a step in z
-    wrong = values > sizes * max(solution.tolerance, solution.residual, solution.accuracy or 0.0) + noise
-    if not wrong.any():
-        return solution
-    error = None
-    with contextlib.suppress(MapError):
-        error = solution.certificate.bound.componentwise
-    proved = np.zeros(wrong.size, dtype=bool) if error is None else wrong & (values > abs(Z) @ error + noise)
-    row = int(np.argmax(np.where(proved if proved.any() else wrong, values, -np.inf)))
-    if proved[row]:
-        status, more = Status.INFEASIBLE, "the conditions have no other solution"
-    else:
-        status = Status.STAGNATED
-        more = "the conditions may have another solution, or a more accurate one: start elsewhere, or lower rtol"
-    told = f"{name(row)} is violated by {values[row]:.3g}: no condition of the model implies it; {more}"
-    return replace(solution, status=status, message=told)

@@ -47,7 +47,8 @@ class ConditionRows:
     """The rows of a model: `sides`, side 0 and side 1 of all rows, with what is nonlinear `flattened`; `owners`, whose
     each row is; `equation` where side 0 must be zero: there side 1 only tells which variable Pyomo's user had in mind.
     `multipliers` are the λ above by the number of the row of g + λ, `widths` b − a by that of a row with two bounds on
-    side 0, of which side 1 has any sign. Raises InputError, with the component's name, for
+    side 0, of which side 1 has any sign; `inequalities` (constraint, constant, coefficients) of what must be ≤ 0.
+    Raises InputError, with the component's name, for
     what is no such condition."""
 
     def __init__(self, model: Any) -> None:
@@ -56,6 +57,7 @@ class ConditionRows:
         self.equation: list[bool] = []
         self.multipliers: dict[int, Any] = {}
         self.widths: dict[int, Side] = {}
+        self.inequalities: list[tuple[Any, float, dict[int, float]]] = []
         self._recorder = VarRecorder({}, None)
         self._walk = LinearRepnVisitor({}, var_recorder=self._recorder).walk_expression
         with PauseGC():  # as Pyomo's writers do: many small objects come and go
@@ -70,6 +72,10 @@ class ConditionRows:
         seen = {key for side in (*self.sides, self.widths.values()) for _, linear, _ in side for key in linear}
         seen |= {id(variable) for _, variables, _ in self.nonlinear().values() for variable in variables}
         return [variable for key, variable in self._recorder.var_map.items() if key in seen]
+
+    def name_of(self, key: int) -> str:
+        """The name of the variable of that id."""
+        return str(self._recorder.var_map[key].name)
 
     def nonlinear(self) -> dict[int, Flat]:
         """The nonlinear expression of each row that has one; no row has two."""
@@ -97,8 +103,9 @@ class ConditionRows:
             found = f"{name} was a Complementarity until a transformation, or a solver that needs one, rewrote it"
             raise InputError(f"{found}: build the model anew, or clone() it before")
         if lower is None or upper is None or lower != upper:
-            wanted = "inequalities in pairs, as Complementarity(expr=complements(..., ...)), and equality constraints"
-            raise InputError(f"{constraint.name} is an active inequality: complementarity problems take {wanted}")
+            ends: list[Terms] = [((1.0, lower), (-1.0, body))] if lower is not None else []
+            ends += [((1.0, body), (-1.0, upper))] if upper is not None else []
+            return self._add_inequality(constraint, ends)
         self._add_equation(constraint, ((1.0, body), (-1.0, lower)), ())
 
     def _read_condition(self, condition: Any) -> None:
@@ -171,6 +178,18 @@ class ConditionRows:
             self._append(owner, (constant, linear, None), (*self._read(hint, owner)[:2], None), equation=True)
         else:  # p = 1 > 0 makes r = 0
             self._append(owner, (1.0, {}, None), (constant, linear, nonlinear), equation=True)
+
+    def _add_inequality(self, constraint: Any, ends: list[Terms]) -> None:
+        """What must be ≤ 0 at the answer."""
+        for terms in ends:
+            constant, linear, nonlinear = self._read(terms, constraint)
+            if nonlinear is not None:
+                found = f"{constraint.name} is a nonlinear inequality, and only affine ones are checked"
+                raise InputError(f"{found}: give it a partner, in Complementarity(expr=complements(..., ...))")
+            if linear:
+                self.inequalities.append((constraint, constant, linear))
+            elif self._share(constant, terms) > _HOLDS:
+                raise InputError(f"{constraint.name} has no free variable and cannot hold: {constant:g} <= 0")
 
     def _add(self, owner: Any, first: Terms, second: Terms) -> None:
         sides = [self._read(terms, owner) for terms in (first, second)]

@@ -20,6 +20,8 @@ from ...icp import ICP
 from ...numerics.arrays import Vector, described
 from ...problem.affine import Affine
 from ...problem.function import Function
+from ...solve.solution import Solution
+from ..inequalities import checked
 from .condition_rows import ConditionRows, Side
 from .nonlinear import NonlinearRows, PyomoObstacle
 from .ownership import Ownership
@@ -31,8 +33,8 @@ class PyomoReading:
 
     Where a condition with two bounds on one side has two rows, one after the other, `added` says by the number of the
     first which of the two owns the λ of `ConditionRows`. `equation`, shape (n,), tells which rows are equations,
-    `which_r` which side of a row is r, and `scale` what that was divided by. `bounds` (row, lower, upper) are those
-    that a row's variable has of its own and no condition implies."""
+    `which_r` which side of a row is r, and `scale` what that was divided by. `inequalities`, names and Zz + c ≤ 0,
+    are those of the model and bounds of variables that no condition implies."""
 
     problem: ICP
     variables: tuple[Any, ...]
@@ -42,7 +44,7 @@ class PyomoReading:
     added: dict[int, int]
     which_r: np.ndarray
     scale: Vector
-    bounds: tuple[tuple[int, float, float], ...]
+    inequalities: tuple[list[str], sp.csr_array, Vector]
 
     def start(self) -> Vector:
         """Raises InputError where a condition has no finite value at the present values, 0 where there is none."""
@@ -92,21 +94,17 @@ class PyomoReading:
             found.append((owner, force, self.variables[own], sign))
         return found
 
-    def out_of_bounds(self, z: Vector, tolerance: float) -> str:
-        """Which variable violates a bound of its own that no condition implies by more than `tolerance`, or ""."""
-        for row, lower, upper in self.bounds:
-            value = float(self.signs[row] * z[row])
-            if not lower - tolerance <= value <= upper + tolerance:
-                found = f"{self.variables[row].name} = {value:g} is not in its bounds [{lower:g}, {upper:g}]"
-                return f"{found}, which no condition of the model implies"
-        return ""
+    def checked(self, solution: Solution) -> Solution:
+        """`solution`, unless it violates an inequality, or a bound of a variable that no condition implies."""
+        names, Z, constant = self.inequalities
+        return checked(solution, Z, constant, lambda row: names[row]) if names else solution
 
 
 def read_pyomo(model: Any) -> PyomoReading:
     """Read a Pyomo model, or block, as an ICP.
 
-    Parameters: `model` with active `Complementarity` components, one side of each affine, equality constraints and no
-    other active constraint or objective, and as many of these as variables that are not fixed.
+    Parameters: `model` with active `Complementarity` components, one side of each affine, and equality constraints, as
+    many of these as variables that are not fixed; affine inequalities, which are only checked; and no objective.
     Returns a `PyomoReading`, of which `problem` is the ICP, `start()` its z at the values of the variables and
     `values(z)` the variables with what z says of them. Raises InputError, with the component's name, for other models.
 
@@ -162,7 +160,7 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
         added={row: of[id(multiplier)] for row, multiplier in rows.multipliers.items()},
         which_r=which_r,
         scale=scale,
-        bounds=_bounds(owned, rows.widths),
+        inequalities=_inequalities(rows, owned, signs),
     )
 
 
@@ -198,6 +196,32 @@ def _assembled(parts: list[tuple[Any, ...]], m: int) -> sp.csr_array:
     """The m × m matrix of those (data, rows, columns) that are kept."""
     data, rows, columns = (np.concatenate([part[k][part[3]] for part in parts]) for k in range(3))
     return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=(m, m)))
+
+
+def _inequalities(rows: ConditionRows, owned: Ownership, signs: Vector) -> tuple[list[str], sp.csr_array, Vector]:
+    """The names, Z and c of all that is to be checked: Zz + c ≤ 0. Raises InputError for a variable that is in no
+    condition."""
+    position = np.argsort(owned.own)
+    names, constants, entries = list[str](), list[float](), list[tuple[float, int, int]]()
+    for constraint, constant, linear in rows.inequalities:
+        for key, value in linear.items():
+            if key not in owned.column:
+                found = f"{constraint.name} is an inequality in {rows.name_of(key)}, which is in no condition"
+                raise InputError(f"{found}: each variable needs a condition or an equation of its own")
+            column = int(position[owned.column[key]])
+            entries.append((value * signs[column], len(names), column))
+        names.append(str(constraint.name))
+        constants.append(constant)
+    for row, *ends in _bounds(owned, rows.widths):
+        variable = owned.variables[owned.own[row]].name
+        for sign, mark, end in zip((-1.0, 1.0), (">=", "<="), ends, strict=True):
+            if np.isfinite(end):
+                entries.append((sign * signs[row], len(names), row))
+                names.append(f"{variable} {mark} {end:g}")
+                constants.append(-sign * end)
+    data, i, j = np.array(entries).reshape(-1, 3).T
+    places = i.astype(np.int64), j.astype(np.int64)
+    return names, sp.csr_array(sp.coo_array((data, places), shape=(len(names), owned.m))), np.array(constants)
 
 
 def _bounds(owned: Ownership, widths: dict[int, Side]) -> tuple[tuple[int, float, float], ...]:

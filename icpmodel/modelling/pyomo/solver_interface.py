@@ -166,19 +166,16 @@ class PyomoSolver(SolverBase):
             )
 
     def _fill(self, results: Results, model: Any, reading: PyomoReading, solution: Solution) -> None:
-        """The status, honestly: a point outside a variable's bounds is no solution."""
+        """The status, honestly: a point that violates an inequality, or a bound of a variable, is no solution."""
         results.extra_info.solution, results.extra_info.iteration_count = solution, solution.iterations
-        results.termination_condition, results.solution_status = ENDS[solution.status]
-        results.solver_log = solution.message
-        fault = reading.out_of_bounds(solution.z, max(solution.tolerance, solution.residual)) if solution.solved else ""
-        if fault:
-            unique = solution.certificate.unique
-            results.solution_status = SolutionStatus.infeasible
-            end = TerminationCondition.provenInfeasible if unique else TerminationCondition.unknown
-            results.termination_condition = end
-            other = "have no other solution" if unique else "may have another solution"
-            results.solver_log = f"{fault}; the conditions {other}"
-        elif solution.solved:
+        found = solution
+        if solution.status in (Status.SOLVED, Status.PRECISION_LIMIT):
+            found = reading.checked(solution)
+        results.termination_condition, results.solution_status = ENDS[found.status]
+        results.solver_log = found.message
+        if found.status is Status.STAGNATED and found is not solution:
+            results.termination_condition = TerminationCondition.unknown
+        elif found.solved:
             # a constant, if there is one; Pyomo takes a number here for "there is a solution"
             objective = next(model.component_data_objects(Objective, active=True), 0.0)
             results.incumbent_objective = results.objective_bound = value(objective)

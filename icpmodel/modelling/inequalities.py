@@ -1,0 +1,57 @@
+"""Inequalities that stand beside the conditions of a model: they determine nothing, and are checked at the answer."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import MapError
+from ..numerics.arrays import Vector
+from ..numerics.rounding import gamma
+from ..solve.solution import Solution, Status
+
+
+def checked(solution: Solution, Z: sp.csr_array, constant: Vector, name: Callable[[int], str]) -> Solution:
+    """`solution` where all rows of Zz + `constant` are ≤ 0 at its z; else one that says which is not.
+
+    Parameters
+    ----------
+    solution : Solution
+        Of the conditions and equations.
+    Z : sparse array, shape (k, n)
+        The coefficients of the inequalities.
+    constant : array, shape (k,)
+        −inf in a row that says nothing.
+    name : callable
+        What a message calls the inequality of a row.
+
+    Returns
+    -------
+    Solution
+        Its status is INFEASIBLE where it is proved that no solution of the conditions satisfies the inequalities,
+        STAGNATED where they are violated otherwise.
+    """
+    z = solution.z
+    values, sizes = Z @ z + constant, np.asarray(abs(Z).sum(axis=1))
+    terms = abs(Z) @ np.abs(z) + np.where(np.isfinite(constant), np.abs(constant), 0.0)
+    noise = gamma(np.diff(Z.indptr) + 2) * terms
+    # a residual is a step in z
+    wrong = values > sizes * max(solution.tolerance, solution.residual, solution.accuracy or 0.0) + noise
+    if not wrong.any():
+        return solution
+    error = None
+    with contextlib.suppress(MapError):
+        error = solution.certificate.bound.componentwise
+    proved = np.zeros(wrong.size, dtype=bool) if error is None else wrong & (values > abs(Z) @ error + noise)
+    row = int(np.argmax(np.where(proved if proved.any() else wrong, values, -np.inf)))
+    if proved[row]:
+        status, more = Status.INFEASIBLE, "the conditions have no other solution"
+    else:
+        status = Status.STAGNATED
+        more = "the conditions may have another solution, or a more accurate one: start elsewhere, or lower rtol"
+    told = f"{name(row)} is violated by {values[row]:.3g}: no condition of the model implies it; {more}"
+    return replace(solution, status=status, message=told)
