@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from .rendering import render
 from .shown import Shown, brief
@@ -13,7 +13,7 @@ from .table import width
 _WIDTH, _NAMES, _PAGE = 100, 9, 116
 
 
-class Card(Shown):
+class Card(Shown, Mapping[str, str]):
     """Names with texts, which may have several lines, in the order of `rows`.
 
     >>> print(Card({"status": "solved", "rows": "one\\ntwo"}))
@@ -24,6 +24,15 @@ class Card(Shown):
 
     def __init__(self, rows: Mapping[str, str]) -> None:
         self.rows = dict(rows)
+
+    def __getitem__(self, name: str) -> str:
+        return self.rows[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
 
     def __str__(self) -> str:
         names = max(_NAMES, *map(len, self.rows))

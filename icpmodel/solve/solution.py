@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import cached_property
@@ -87,6 +87,8 @@ _ADVICE = {
 
 #: a residual or a bound counts as better than another one if it is at most this share of it
 _BETTER = 0.99
+#: seconds that a bound may take though the solve took less: nobody notices
+_QUICK = 0.02
 
 
 @dataclass(frozen=True, repr=False)
@@ -308,8 +310,10 @@ class Solution(ReadOnly, Plotted):
         """
         return self.certificate.error_bound
 
-    def summary(self) -> Mapping[str, str]:
-        """The card that `print` shows, as names and texts.
+    def summary(self) -> Card:
+        """All that is known of this answer, as names with texts; `print` shows it as a table.
+
+        The certificate is computed if it has not been, which may cost more than the solve did.
 
         >>> ICP([[2.0]], [-2.0]).solve("mnmgs").summary()["status"]
         'solved after 1 iteration'
@@ -335,7 +339,33 @@ class Solution(ReadOnly, Plotted):
         if not self.solved:
             rows["message"] = self.message
         rows["seconds"] = f"{self.seconds:.3g}"
-        return rows
+        return Card(rows)
+
+    def _in_short(self) -> Card:
+        """Status, error bound and method, a line each; why not, where it is not solved."""
+        plural = "" if self.iterations == 1 else "s"
+        rows = {
+            "status": f"{self.status.value}: residual {self.residual:.3g}",
+            "error": self._quick_bound(),
+            "method": f"{self.settled!r}, {self.iterations} iteration{plural}, {self.seconds:.3g} s",
+        }
+        if not self.accuracy:
+            rows["status"] += f" ({self._goal.wanted(self.z)})"
+        if not self.solved:
+            rows["message"] = self.message
+        return Card(rows)
+
+    def _quick_bound(self) -> str:
+        """The error bound if it is known, or if it costs no more than the solve did."""
+        if "certificate" not in self.__dict__:
+            limit = min(max(self.seconds, _QUICK), self.time_limit or np.inf)
+            with suppress(MapError):
+                quick = certify(self.problem, self.z, time_limit=limit, memory_limit=self.memory_limit)
+                if quick.bound.value is not None:
+                    self.__dict__["certificate"] = quick
+        if "certificate" in self.__dict__ and self.certificate.bound.value is not None:
+            return self.certificate.bound.in_words(self.accuracy)
+        return "no bound is certified yet: print(solution.summary()) tries, or says why there is none"
 
     def about(self) -> dict[str, Any]:
         """What is known of this answer as plain data for JSON: status, method, residuals, error bound; no arrays.
@@ -389,7 +419,7 @@ class Solution(ReadOnly, Plotted):
         return f"Solution({cut(found, 400)}, residual={self.residual:.3g}, iterations={self.iterations})"
 
     def __str__(self) -> str:
-        return str(Card(self.summary()))
+        return str(self._in_short())
 
     def _repr_html_(self) -> str:
-        return Card(self.summary()).to_html()
+        return self._in_short().to_html()

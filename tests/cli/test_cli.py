@@ -15,7 +15,7 @@ import icpmodel as icp
 def test_solve_prints_a_card_and_the_distance_to_the_reference(capsys):
     code, out, err = call(capsys, "solve", "coulomb")
     assert code == 0
-    assert "solved after" in out
+    assert "solved: residual" in out
     assert "reference z: off by" in out
     assert err == ""
 
