@@ -228,7 +228,7 @@ def _sides(program: Program) -> tuple[Vector, Vector | None]:
 def _units(A: sp.csr_array) -> Vector:
     """Whole exponents e: the entries 2^(e_i + e_j)a_ij are about 1.
 
-    By `balanced`; where that leaves them far apart, by least squares of log₂|a_ij| + e_i + e_j if these leave less.
+    By `balanced`; where that leaves them far apart, by least squares of log₂|a_ij| + e_i + e_j if these do not.
     """
     from scipy.sparse.linalg import lsmr
 
@@ -242,7 +242,8 @@ def _units(A: sp.csr_array) -> Vector:
     if A.nnz and spread(e) > _FAR:
         ones, each = np.ones(2 * row.size), np.arange(row.size)
         pairs = sp.csr_array((ones, (np.tile(each, 2), np.append(row, A.indices))), shape=(row.size, e.size))
-        e = min(e, np.rint(lsmr(pairs, -sizes)[0]), key=spread)
+        by_logarithms = np.rint(lsmr(pairs, -sizes)[0])
+        e = by_logarithms if spread(by_logarithms) <= _FAR else e
     return e.astype(np.int64)
 
 
