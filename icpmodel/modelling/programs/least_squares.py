@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from ...errors import InputError, NotSolved, by_name
 from ...numerics import work
 from ...numerics.arrays import Vector, as_number, as_truth, as_vector, norm
-from ...numerics.rounding import sheltered
+from ...numerics.rounding import gamma, sheltered
 from ...numerics.threads import one_blas_thread
 from ...present.shown import Shown
 from .program import Program
@@ -26,7 +26,7 @@ from .program_arguments import bounds, matrix
 from .solve_program import solve_program
 
 #: corrections by an orthogonal factorisation on the free columns
-_CORRECTIONS = 2
+_CORRECTIONS = 5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,14 +144,21 @@ def solve_lsq(
     found = solve_program(
         Program(H, np.concatenate([-c, np.zeros(n)]), *none, *none, *sides), tolerance=tolerance, time_limit=limit
     )
-    x = np.zeros(n) if found.values is None else found.values.x[m:]
-    if found.status.startswith("optimal"):
+    x = np.zeros(n)
+    if found.values is not None:
+        box = found.values.box[m:]
+        x = np.where(box < 0, low, np.where(box > 0, high, found.values.x[m:]))
         x = _corrected(B, c, x, low, high)
     fun = B @ x - c
     gradient = B.T @ fun
     mask = np.where(x >= high, 1, np.where(x <= low, -1, 0))
     wrong = np.where(mask > 0, np.maximum(gradient, 0.0), np.where(mask < 0, np.minimum(gradient, 0.0), gradient))
-    told = found.iterations, found.status, found.message, time.perf_counter() - begin
+    size = abs(B)
+    rounding = gamma(m + n + 2) * (size @ np.abs(x) + np.abs(c))
+    status, message = found.status, found.message
+    if (np.abs(wrong) <= size.T @ (tolerance * np.abs(fun) + rounding)).all():
+        status, message = "optimal", "solved"
+    told = found.iterations, status, message, time.perf_counter() - begin
     solution = LeastSquares(x, 0.5 * norm(fun) ** 2, fun, float(np.abs(wrong).max()), mask, *told)
     if raise_on_failure and not solution.success:
         raise NotSolved(solution)
@@ -199,20 +206,21 @@ def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | N
 
 
 def _corrected(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector) -> Vector:
-    """x with what an orthogonal factorisation of the free columns adds, where that reduces the residual."""
+    """x after steps by an orthogonal factorisation of the free columns, as long as they reduce the residual."""
     from scipy.linalg import lstsq
 
-    free = np.flatnonzero((x > low) & (x < high))
-    m = B.shape[0]
-    if not free.size or work.dense_cost(max(m, free.size)) > work.dense_cost(_DENSE):
+    if work.dense_cost(max(B.shape)) > work.dense_cost(_DENSE):
         return x
-    columns = B[:, free].toarray()
+    dense = B.toarray()
     for _ in range(_CORRECTIONS):
+        r = c - B @ x
+        gradient = B.T @ r
+        free = np.where(x >= high, gradient < 0, np.where(x <= low, gradient > 0, True))
         with one_blas_thread():
-            step = lstsq(columns, c - B @ x, lapack_driver="gelsy", check_finite=False)[0]
+            step = lstsq(dense[:, free], r, lapack_driver="gelsy", check_finite=False)[0]
         better = x.copy()
         better[free] = np.clip(x[free] + step, low[free], high[free])
-        if not norm(B @ better - c) <= norm(B @ x - c):
+        if not norm(c - B @ better) < norm(r):
             break
         x = better
     return x

@@ -75,11 +75,15 @@ def check_convex(P: sp.csr_array) -> None:
             f"P[{i}, {j}] = {P[i, j]:.6g}, but P[{j}, {i}] differs by {P[j, i] - P[i, j]:.3g}; a symmetric matrix "
             "was expected: (P + P.T)/2 has the same objective, and solve_avi takes matrices that are not symmetric"
         )
-    if P.shape[0] <= _DENSE:
-        diagonal = P.diagonal()
+    if (2.0 * P.diagonal() >= abs(P).sum(axis=1)).all():
+        return
+    used = np.flatnonzero(np.diff(P.indptr))
+    if used.size <= _DENSE:
+        part = P[used][:, used]
+        diagonal = part.diagonal()
         unit = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        scaled = P.toarray() * unit * unit[:, None]
-        scaled[np.diag_indices_from(scaled)] += 8.0 * (P.shape[0] + 1) * UNIT_ROUNDOFF
+        scaled = part.toarray() * unit * unit[:, None]
+        scaled[np.diag_indices_from(scaled)] += 8.0 * (used.size + 1) * UNIT_ROUNDOFF
         with one_blas_thread():
             if dpotrf(scaled, lower=1, overwrite_a=1)[1] == 0:
                 return

@@ -3,25 +3,37 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from ...algebra.equations import Pattern, solve_on
+from ...algebra.proximal_steps import ProximalSteps
+from ...errors import IcpError
 from ...icp import ICP
 from ...numerics.arrays import Vector
 from ...numerics.threads import one_blas_thread
 from ...solve.progress import Progress
 from ...solve.solution import Solution, Status
 from ...theory.certificates.infeasible import contradicts, infeasible, least_violation
-from .program import Conditions, Program, Tightened, Values
+from .conditions import Conditions
+from .judge import Verdict
+from .program import Program, Tightened, Values
 
 #: what may be wrong for an answer to be called inaccurate and not an error
 _INACCURATE = 1e-4
 _LIMITS = Status.TIME_LIMIT, Status.MEMORY_LIMIT
-#: iterations after which proofs that there is no solution are tried, and what may be rounding beside the largest entry
-_ITERATIONS, _NOISE = 1000, 1e-13
+#: iterations after which another method is tried, and after which there is no other
+_ITERATIONS, _MANY = 1000, 100_000
+#: steps of the refinement, and what of W is added to A in them
+_REFINEMENTS, _STEADY = 3, 1e-9
+#: what may be wrong at an iterate for it to be put on its obstacles
+_WORTH = 1e-2
+#: iterates that are good up to rounding, but not strictly, after which a run ends
+_PATIENCE = 3
 #: the share of the largest residual from which on the judge is asked
 _NEAR = 1e-4
 
@@ -98,67 +110,64 @@ class _ProgramRun:
         if tightened.crossed:
             return Outcome("infeasible", "the lower bound of a variable is above its upper bound")
         conditions = Conditions(tightened.program, None if before is None else before.conditions)
-        problem = conditions.problem
-        best: tuple[float, Values | None] = np.inf, None
-
-        def is_good(z: Vector) -> bool:
-            nonlocal best
-            values = conditions.values(z)
-            violation = conditions.program.violation(values)
-            if violation < best[0] or best[1] is None:
-                best = violation, values
-            return violation <= self.tolerance
-
-        def is_good_up_to_rounding(z: Vector) -> bool:
-            nonlocal best
-            values = conditions.values(z)
-            violation = conditions.program.violation(values, normwise=True)
-            if violation <= self.tolerance:
-                best = violation, values
-                return True
-            return False
-
-        largest = 0.0
-
-        def judged(progress: Progress) -> bool:
-            nonlocal largest
-            largest = max(largest, progress.residual)
-            return (progress.residual <= _NEAR * largest or not progress.iteration) and is_good(progress.z)
-
+        best = _Best(conditions, self.tolerance)
         z0 = None
-        if before is not None and before.solution is not None and before.solution.z.size == problem.n:
+        if before is not None and before.solution is not None and before.solution.z.size == conditions.q.size:
             z0 = before.solution.z
         elif start is not None:
             z0 = conditions.near(start)
-        solution = self._solved(problem, z0, judged, _ITERATIONS)
-        good = best[0] <= self.tolerance
-        if not good:
-            good = is_good(solution.z) or is_good(_without_noise(solution.z))
         proof = None
-        if not good and solution.status not in _LIMITS:
-            polished = solution.polish().z
-            good = is_good(polished) or is_good_up_to_rounding(polished) or is_good_up_to_rounding(solution.z)
-            proof = None if good else self._without_solution(conditions, solution)
-            if not good and proof is None and solution.status is Status.ITERATION_LIMIT:
-                solution = self._solved(problem, solution.z, judged)
-                good = best[0] <= self.tolerance or is_good(solution.z)
-        if proof is not None:
+        first = "interior" if z0 is None and np.isfinite(np.append(conditions.low, conditions.high)).any() else None
+        for method, most in ((first, _ITERATIONS), (None if first else "interior", _ITERATIONS), (None, _MANY)):
+            solution = self._solved(conditions.problem, method, z0, best.judged, most)
+            limited = solution.status in _LIMITS
+            if best.takes(solution.z) or (not limited and self._refined(best, solution.z)) or best.is_good():
+                break
+            if limited:
+                break
+            if method == first or solution.infeasible is not None:
+                proof = self._without_solution(conditions, solution) or proof
+                if proof is not None and proof.status in ("infeasible", "unbounded"):
+                    break
+            z0 = None if method else solution.z
+        good = best.is_good()
+        if proof is not None and not good:
             return replace(proof, iterations=self.iterations)
-        values = None if best[1] is None else tightened.back(conditions.back(best[1]))
-        value = np.nan if values is None else self.program.objective(values.x)
+        values = tightened.back(conditions.values(best.z))
         status, message = "optimal", "solved"
         if not good:
-            message = f"rows or multipliers are wrong by {best[0]:.3g} of their terms; {solution.message}"
-            status = "optimal_inaccurate" if best[0] <= _INACCURATE else "solver_error"
+            message = f"rows or multipliers are wrong by {best.violation:.3g} of their terms; {solution.message}"
+            status = "optimal_inaccurate" if best.violation <= _INACCURATE else "solver_error"
             if solution.status in _LIMITS or self.left() == 0.0:
                 status = "user_limit"
+        value = self.program.objective(values.x)
         return Outcome(
-            status, message, values, value, best[0], self.iterations, conditions=conditions, solution=solution
+            status, message, values, value, best.violation, self.iterations, conditions=conditions, solution=solution
         )
 
-    def _solved(self, problem: ICP, z0: Vector | None = None, judged: Any = None, most: int = 100_000) -> Solution:
+    def _refined(self, best: _Best, z: Vector) -> bool:
+        """Whether steps with the signs at `z` make it good: each row comes to the rounding of its own terms."""
+        problem = best.conditions.problem
+        weights = problem.matrix.proximal_weights
+        pattern = Pattern.at(problem, z, problem.p(z), weights)
+        with suppress(IcpError, MemoryError):
+            if best.takes(solve_on(problem, z, pattern.active, pattern.above)):
+                return True
+        steps = ProximalSteps(problem, z)
+        for _ in range(_REFINEMENTS):
+            found = steps.step(z, problem.p(z), pattern, z, _STEADY * weights)
+            if found is None or not np.isfinite(found[0]).all():
+                break
+            z = found[0]
+            if best.takes(z):
+                return True
+        return False
+
+    def _solved(
+        self, problem: ICP, method: str | None = None, z0: Vector | None = None, judged: Any = None, most: int = _MANY
+    ) -> Solution:
         solution = problem.solve(
-            z0=z0, rtol=0.0, callback=judged, max_iter=most, time_limit=self.left(), raise_on_failure=False
+            method, z0=z0, rtol=0.0, callback=judged, max_iter=most, time_limit=self.left(), raise_on_failure=False
         )
         if solution.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
@@ -175,7 +184,7 @@ class _ProgramRun:
             found = self._solved(ICP(nearest.A, nearest.q, nearest.psi)).polish()
             y = np.zeros(problem.n)
             y[asked] = found.z[problem.n :]
-        n = conditions.program.g.size
+        n = conditions.n
         rows = np.arange(problem.n) >= n
         for direction, primal in ((np.where(rows, y, 0.0), True), (y, False)):
             inaccurate = ""
@@ -206,5 +215,53 @@ class _ProgramRun:
         return Outcome("infeasible_or_unbounded", f"no multipliers exist: {how}; no feasible point was computed")
 
 
-def _without_noise(z: Vector) -> Vector:
-    return np.where(np.abs(z) <= _NOISE * np.abs(z).max(), 0.0, z)
+class _Best:
+    """The best iterate of a program: strictly, and up to rounding, which counts where no run leads further.
+
+    Parameters
+    ----------
+    conditions, tolerance
+        What is judged, and what may be wrong.
+    """
+
+    def __init__(self, conditions: Conditions, tolerance: float) -> None:
+        self.conditions = conditions
+        self.tolerance = tolerance
+        self.z = conditions.clipped(np.zeros(conditions.q.size))
+        self.violation = np.inf
+        self.rounded = np.inf, self.z
+        self.largest = 0.0
+        self.count = 0
+
+    def judged(self, progress: Progress) -> bool:
+        """Whether a run has come far enough."""
+        self.largest = max(self.largest, progress.residual)
+        if progress.iteration and progress.residual > _NEAR * self.largest:
+            return False
+        return self.takes(progress.z) or self.count >= _PATIENCE
+
+    def takes(self, z: Vector) -> bool:
+        """Whether `z` is strictly good: on its obstacles, as it is, or without what may be rounding."""
+        verdict = self._judged(z)
+        if verdict.rounded <= _WORTH:
+            on_obstacles = self.conditions.pressed(z, verdict.held)
+            self._judged(on_obstacles)
+            if self.violation > self.tolerance >= self.rounded[0]:
+                self.count += 1
+                self._judged(self.conditions.snapped(on_obstacles))
+        return self.violation <= self.tolerance
+
+    def _judged(self, z: Vector) -> Verdict:
+        verdict = self.conditions.verdict(z)
+        # of several that are good the last one counts, which is on its obstacles
+        if verdict.strict <= max(self.violation, self.tolerance):
+            self.violation, self.z = verdict.strict, z
+        if verdict.rounded <= max(self.rounded[0], self.tolerance):
+            self.rounded = verdict.rounded, z
+        return verdict
+
+    def is_good(self) -> bool:
+        """Whether there is an answer, which is then `z`; up to rounding if there is no other."""
+        if self.violation > self.tolerance >= self.rounded[0]:
+            self.violation, self.z = self.rounded
+        return self.violation <= self.tolerance
