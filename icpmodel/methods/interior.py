@@ -145,7 +145,8 @@ class InteriorPath:
         #: c with 0, or what is nearest to it and not above, for the rows without obstacle below, and p there
         self.resting = c, p
         bounded = ~np.isneginf(below)
-        size = float(np.abs((np.minimum(p, 0.0) if top is None else p) / self.root).max())
+        # in rows without obstacle p > 0 pulls at c as well
+        size = float(np.abs((np.where(bounded, np.minimum(p, 0.0), p) if top is None else p) / self.root).max())
         if self.moves:  # where nothing pulls at c, c is no solution as yet
             size = max(size, float(np.max((self.root * np.abs(problem.r(c)))[bounded], initial=0.0))) or 1.0
         self._start(c, size, bounded, top)

@@ -96,6 +96,12 @@ def test_obstacles_that_move_are_followed(above):
         assert run(moving(np.random.default_rng(seed), above)).solved
 
 
+def test_equations_of_a_linear_program_move_the_start():
+    """At z = 0 p > 0 in the row without obstacle: that is no solution."""
+    answer = icp.ICP([[0, 1], [-1, 0]], [1, 2], psi=[0, -np.inf]).solve("interior")
+    assert answer.z == pytest.approx([2, -1])
+
+
 def test_equations_alone_are_solved_by_newton_steps():
     """Nothing is bounded: there is no longest step and no complementarity to measure."""
     B = np.array([[7e3, 1.0, 2.0], [-2e4, 3.0, 1.0], [1.5e4, 1.0, 0.0]])
