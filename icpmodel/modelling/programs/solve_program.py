@@ -19,9 +19,9 @@ from ...numerics.threads import one_blas_thread
 from ...solve.progress import Progress
 from ...solve.solution import Solution, Status
 from ...theory.certificates.infeasible import contradicts, infeasible, least_violation
-from .conditions import Conditions
-from .judge import Verdict
 from .program import Program, Tightened, Values
+from .program_conditions import Conditions
+from .program_verdict import Verdict
 
 #: what may be wrong for an answer to be called inaccurate and not an error
 _INACCURATE = 1e-4

@@ -10,8 +10,8 @@ import scipy.sparse as sp
 from ...icp import ICP
 from ...numerics.arrays import Mask, Vector, row_of
 from ...numerics.equilibration import balanced, in_units
-from .judge import Judge, Verdict
 from .program import Program, Values, matrix_of, sides_of
+from .program_verdict import Judge, Verdict
 
 #: the share of its terms up to which a row is tight at a start
 _TIGHT = 1e-6
