@@ -11,7 +11,7 @@ from ...icp import ICP
 from ...numerics.arrays import Mask, Vector, row_of
 from ...numerics.equilibration import balanced, in_units
 from .program import Program, Values, matrix_of, sides_of
-from .program_verdict import Judge, Verdict
+from .program_judge import Judge, Violation
 
 #: the share of its terms up to which a row is tight at a start
 _TIGHT = 1e-6
@@ -77,9 +77,9 @@ class Conditions:
         """The judge, one for all conditions with this matrix."""
         return Judge(self.problem.A, self.n)
 
-    def verdict(self, z: Vector) -> Verdict:
+    def violation(self, z: Vector) -> Violation:
         """How far `z` is from the conditions: see `Judge`."""
-        return self.judge.verdict(self.problem, self.low, self.high, self.clipped(z))
+        return self.judge.violation(self.problem, self.low, self.high, self.clipped(z))
 
     def near(self, x: Vector) -> Vector:
         """z of an `x` as it was given, with multipliers of the rows that are tight there by least squares."""
@@ -114,7 +114,7 @@ class Conditions:
     def values(self, z: Vector) -> Values:
         """The values that belong to `z` in the units of the program; multipliers of bounds are p where z is held."""
         z = self.clipped(z)
-        box = np.where(self.verdict(z).held, -self.problem.p(z), 0.0)[: self.n]
+        box = np.where(self.violation(z).held, -self.problem.p(z), 0.0)[: self.n]
         x, nu, multiplier = np.split(np.ldexp(z, self.units), [self.n, self.n + self.given.b.size])
         return Values(x, nu, multiplier, np.ldexp(box, -self.units[: self.n]))
 

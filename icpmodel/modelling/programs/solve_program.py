@@ -21,7 +21,7 @@ from ...solve.solution import Solution, Status
 from ...theory.certificates.infeasible import contradicts, infeasible, least_violation
 from .program import Program, Tightened, Values
 from .program_conditions import Conditions
-from .program_verdict import Verdict
+from .program_judge import Violation
 
 #: what may be wrong for an answer to be called inaccurate and not an error
 _INACCURATE = 1e-4
@@ -242,23 +242,23 @@ class _Best:
 
     def takes(self, z: Vector) -> bool:
         """Whether `z` is strictly good: on its obstacles, as it is, or without what may be rounding."""
-        verdict = self._judged(z)
-        if verdict.rounded <= _WORTH:
-            on_obstacles = self.conditions.pressed(z, verdict.held)
+        judged = self._judged(z)
+        if judged.rounded <= _WORTH:
+            on_obstacles = self.conditions.pressed(z, judged.held)
             self._judged(on_obstacles)
             if self.violation > self.tolerance >= self.rounded[0]:
                 self.count += 1
                 self._judged(self.conditions.snapped(on_obstacles))
         return self.violation <= self.tolerance
 
-    def _judged(self, z: Vector) -> Verdict:
-        verdict = self.conditions.verdict(z)
+    def _judged(self, z: Vector) -> Violation:
+        judged = self.conditions.violation(z)
         # of several that are good the last one counts, which is on its obstacles
-        if verdict.strict <= max(self.violation, self.tolerance):
-            self.violation, self.z = verdict.strict, z
-        if verdict.rounded <= max(self.rounded[0], self.tolerance):
-            self.rounded = verdict.rounded, z
-        return verdict
+        if judged.strict <= max(self.violation, self.tolerance):
+            self.violation, self.z = judged.strict, z
+        if judged.rounded <= max(self.rounded[0], self.tolerance):
+            self.rounded = judged.rounded, z
+        return judged
 
     def is_good(self) -> bool:
         """Whether there is an answer, which is then `z`; up to rounding if there is no other."""

@@ -15,7 +15,7 @@ from ...problem.data import ProblemData
 _SAID = 1e-3
 
 
-class Verdict(NamedTuple):
+class Violation(NamedTuple):
     """The largest share that is wrong, strictly and up to rounding, inf where it is not a number; and the rows in which
     z is to be on the obstacle, and p is what presses it there."""
 
@@ -51,7 +51,7 @@ class Judge:
         self.of_x, self.of_rows = (self.loss * (self.size @ part) for part in (1.0 * self.is_x, 1.0 * ~self.is_x))
 
     @np.errstate(all="ignore")
-    def verdict(self, problem: ProblemData, low: Vector, high: Vector, z: Vector) -> Verdict:
+    def violation(self, problem: ProblemData, low: Vector, high: Vector, z: Vector) -> Violation:
         """What is wrong at `z`, shape (n,), between its obstacles."""
         is_x = self.is_x
         size = np.abs(z)
@@ -72,7 +72,7 @@ class Judge:
             of_z = self._changes(room, rounding, terms)
             share = max(float(np.minimum(of_p, of_z).max()), gap)
             worst.append(share if share < np.inf else np.inf)
-        return Verdict(worst[1], worst[0], of_z < of_p)
+        return Violation(worst[1], worst[0], of_z < of_p)
 
     def _changes(self, room: Vector, rounding: Vector, terms: Vector) -> Vector:
         """The largest share of its terms by which a row changes where z_j moves by `room`; inf where no row does."""
