@@ -34,10 +34,15 @@ _NO_ASL = (
 
 #: where what starts several processes at once gives each of them its number
 _RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
-#: command → the file that it is in, which is imported when the command is asked for
+#: command → the file that it is in, which is imported when the command is asked for; ordered by use
 _FILES = {
-    **dict.fromkeys(("solve", "crosscheck", "explain", "scenes"), "solving"),
-    **dict.fromkeys(("race", "stability", "report"), "charting"),
+    "scenes": "solving",
+    "solve": "solving",
+    "crosscheck": "solving",
+    "explain": "solving",
+    "race": "charting",
+    "stability": "charting",
+    "report": "charting",
     "distributed": "distributing",
 }
 
@@ -62,7 +67,13 @@ class _Commands(click.Group):
         super().format_epilog(ctx, formatter)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted(_FILES)
+        return list(_FILES)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Each command with its first sentence, whole."""
+        commands = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, one.get_short_help_str(limit=500)) for name, one in commands.items() if one])
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in _FILES:

@@ -81,19 +81,16 @@ class Race(Plotted, Tabular):
             rows.append((Limit.name, Limit.kind, RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
         return Table(self.title, (*heads, self.measure, "Res_D(z) / Res_D(0)", "claim", "is"), tuple(rows))
 
-    def notes(self) -> list[str]:
-        """What is said below the table, in sentences, the `winner` last."""
-        return [*self.left_out(), self.winner]
-
     def left_out(self) -> list[str]:
         """Who did not take part, and why."""
         return [f"{name}: left out, {reason}" for name, reason in self.skipped]
 
     def __str__(self) -> str:
-        return "\n".join([str(self.table()), *map(folded, self.notes())])
+        return "\n".join([folded(self.winner), "", str(self.table()), *map(folded, self.left_out())])
 
     def _repr_html_(self) -> str:
-        return self.table().to_html() + render("folded.html", text="\n".join(self.notes()))
+        winner, left_out = (render("folded.html", text=text) for text in (self.winner, "\n".join(self.left_out())))
+        return winner + self.table().to_html() + left_out
 
     @property
     def winner(self) -> str:
