@@ -25,12 +25,29 @@ for _module in pkgutil.iter_modules(__path__):
 def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     """The scene called `name`, at its default size or with about `n` unknowns.
 
-    Parameters: `name`, after which parameters may follow, as in "membrane,mu=4"; `n` the wanted number of unknowns, of
-    which the scene takes the nearest that it can have (on a square grid m² with m = round(√n)); `parameters` the
-    scene's own, which `parameters(name)` lists.
-    Raises InputError for an unknown name or parameter, for an n that is no positive integer or too small, and for an
-    n that differs from the size of a scene that has only one.
+    Parameters
+    ----------
+    name : str
+        Name of the scene. Parameters may follow it, as in "membrane,mu=4".
+    n : int, optional
+        Wanted number of unknowns; the scene takes the nearest that it can have. On a square grid
+        this is m² with m = round(√n).
+    **parameters
+        Parameters of the scene, which `parameters(name)` lists.
 
+    Returns
+    -------
+    Scene
+        The problem with what is known of its answer.
+
+    Raises
+    ------
+    InputError
+        For an unknown name or parameter; for an n that is no positive integer or too small; for an
+        n that differs from the only size of the scene.
+
+    Examples
+    --------
     >>> scene("membrane", n=1000).problem.n
     1024
     >>> scene("hand-lcp", n=1000)
@@ -48,11 +65,29 @@ def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
 
 
 def by_rows(name: str, /, n: int | None = None, **parameters: Any) -> ByRows:
-    """The scene called `name` as what assembles any range of its rows: nothing of size n is formed.
+    """The scene called `name` as an assembly of any range of its rows; nothing of size n is formed.
 
-    Parameters: as for `scene`, which forms the whole of the same rows. Returns a `ByRows`, whose `n` is the size that
-    the scene takes. Raises InputError as `scene` does, and for a scene that has no such assembly.
+    Parameters
+    ----------
+    name : str
+        As for `scene`, which forms all of the same rows.
+    n : int, optional
+        As for `scene`.
+    **parameters
+        As for `scene`.
 
+    Returns
+    -------
+    ByRows
+        The assembly; its `n` is the size that the scene takes.
+
+    Raises
+    ------
+    InputError
+        As `scene` does, and for a scene without such an assembly.
+
+    Examples
+    --------
     >>> by_rows("obstacle-3d", n=10**9).local_rows(0, 1).A.indices
     array([      0,       1,    1000, 1000000], dtype=int32)
     """
@@ -101,10 +136,25 @@ def titles() -> dict[str, str]:
 
 
 def parameters(name: str) -> dict[str, Any]:
-    """Parameter → default value of the scene `name`; "n" is among them unless it has one size only.
+    """Map each parameter of the scene `name` to its default value.
 
-    Raises InputError for an unknown name.
+    Parameters
+    ----------
+    name : str
+        Name of the scene.
 
+    Returns
+    -------
+    dict of str to any
+        Parameter → default; "n" is among them unless the scene has one size only.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+
+    Examples
+    --------
     >>> parameters("membrane")
     {'n': 900, 'mu': 0.0, 'skew': 0.0}
     """

@@ -31,12 +31,33 @@ def _membrane(n: int, mu: float, skew: float) -> ByRows:
 def membrane(n: int = 900, mu: float = 0.0, skew: float = 0.0) -> Scene:
     """A membrane stretched over a paraboloid.
 
-    −Δu ≥ 0, u ≥ ψ, (−Δu)(u − ψ) = 0 on the unit square, u = 0 on its edge, ψ(x, y) = ½ − 4((x−½)² + (y−½)²).
-    Discretised by the 5-point stencil on m × m interior points, h = 1/(m + 1), rows multiplied by h²: A has 4 and −1.
-    `mu` ≥ 0 is added to the diagonal (an elastic bed of stiffness μ/h²); `skew` in [−1, 1] tilts the stencil (a flow
-    of velocity (b, b), b = 2·skew/h) and makes A nonsymmetric.
-    Units: lengths in sides of the square; p is h² times the force per area that the obstacle exerts.
-    Reference: Rodrigues, Obstacle Problems in Mathematical Physics (1987).
+    −Δu ≥ 0, u ≥ ψ, (−Δu)(u − ψ) = 0 on the unit square, u = 0 on its edge. The obstacle is ψ(x, y)
+    = ½ − 4((x−½)² + (y−½)²).
+
+    Parameters
+    ----------
+    n : int, default 900
+        Number of unknowns; the nearest m² is taken.
+    mu : float, default 0
+        Number μ ≥ 0 added to the diagonal: an elastic bed of stiffness μ/h².
+    skew : float, default 0
+        Number in [−1, 1] that tilts the stencil and makes A nonsymmetric: a flow of velocity (b,
+        b), b = 2·skew/h.
+
+    Returns
+    -------
+    Scene
+        The discrete problem; no reference solution is known.
+
+    Notes
+    -----
+    Discretised by the 5-point stencil on m × m interior points, h = 1/(m + 1). Rows are multiplied
+    by h², so that A has 4 and −1. Units: lengths in sides of the square; p is h² times the force
+    per area that the obstacle exerts.
+
+    References
+    ----------
+    Rodrigues, Obstacle Problems in Mathematical Physics (1987).
     """
     rows = _membrane(n, mu, skew)
     return Scene(
@@ -58,16 +79,44 @@ def _ball(n: int) -> ByRows:
 def ball(n: int = 900) -> Scene:
     """A membrane over a ball, with a known contact circle.
 
-    −Δu ≥ 0, u ≥ ψ, (−Δu)(u − ψ) = 0 on [−2, 2]², ψ = √(1 − r²) for r < 1, boundary values from the solution u = √(1 −
-    r²) for r ≤ a, −.680259… ln r + .471519… for r > a, a = .697965… (u and u′ continuous at a, u = 0 at 2).
-    Discretised by the 5-point stencil on m × m interior points, h = 4/(m + 1), rows multiplied by h². For r ≥ 1 the
-    obstacle is −1: u is nowhere below its boundary values (maximum principle), and they are above −.24, so −1 is never
-    touched; unlike −∞ it is a number that every solver takes. Units: lengths in radii of the ball; p is h² times force
-    per area over tension, so Σp is force over tension. Quantities: "u", the largest |z − u| over the grid; "contact
-    radius" from the force Σp = 2πa²/√(1 − a²), which averages over the contact circle where counting contact points
-    would jump. Both are O(h²) (u up to a factor ln h) with a factor that depends on where the circle cuts the cells:
-    measured at most .4h² and .06h². Raises InputError for n < 16.
-    Reference: Bueler, PETSc for Partial Differential Equations (2020), chapter 12, doi:10.1137/1.9781611976311.
+    −Δu ≥ 0, u ≥ ψ, (−Δu)(u − ψ) = 0 on [−2, 2]², ψ = √(1 − r²) for r < 1. Boundary values come from
+    the solution: u = √(1 − r²) for r ≤ a, and u = −.680259… ln r + .471519… for r > a. Here a =
+    .697965…, such that u and u′ are continuous at a, and u = 0 at 2.
+
+    Parameters
+    ----------
+    n : int, default 900
+        Number of unknowns; the nearest m² is taken.
+
+    Returns
+    -------
+    Scene
+        With two quantities. "u" is the largest |z − u| over the grid. "contact radius" follows from
+        the force Σp = 2πa²/√(1 − a²).
+
+    Raises
+    ------
+    InputError
+        For n < 16.
+
+    Notes
+    -----
+    Discretised by the 5-point stencil on m × m interior points, h = 4/(m + 1), rows multiplied by
+    h². Units: lengths in radii of the ball; p is h² times force per area over tension, so Σp is
+    force over tension.
+
+    For r ≥ 1 the obstacle is −1, which is never touched. By the maximum principle u is nowhere
+    below its boundary values, and they are above −.24. Unlike −∞, −1 is a number that every solver
+    takes.
+
+    The force averages over the contact circle, where the number of contact points would jump. Both
+    quantities are O(h²), u up to a factor ln h. The factor depends on where the circle cuts the
+    cells: measured at most .4h² and .06h².
+
+    References
+    ----------
+    Bueler, PETSc for Partial Differential Equations (2020), chapter 12,
+    doi:10.1137/1.9781611976311.
     """
     rows = _ball(n)
     h, points = 2 * HALF / (rows.shape[0] + 1), square_points(-HALF, HALF, rows.shape[0])
@@ -90,11 +139,30 @@ def _obstacle_3d(n: int) -> ByRows:
 def obstacle_3d(n: int = 1000) -> Scene:
     """An obstacle in space, with a known contact sphere.
 
-    −Δu ≥ 0, u ≥ ψ, (−Δu)(u − ψ) = 0 on [−1, 1]³, ψ = 1 − 2r², boundary values from the solution u = ψ for r ≤ ½, and
-    1/(2r) − ½ for r > ½ (u and u′ continuous). Discretised by the 7-point stencil on m × m × m interior points,
-    h = 2/(m + 1), rows multiplied by h². Units: lengths in halves of an edge; p is h² times the sources per volume.
-    Quantity: "u", the largest |z − u| over the grid, O(h²) up to a factor ln h, with a factor that depends on where the
-    sphere cuts the cells: measured at most .78h² for m ≤ 35. Raises InputError for n < 27.
+    −Δu ≥ 0, u ≥ ψ, (−Δu)(u − ψ) = 0 on [−1, 1]³, ψ = 1 − 2r². Boundary values come from the
+    solution: u = ψ for r ≤ ½, and u = 1/(2r) − ½ for r > ½. There u and u′ are continuous.
+
+    Parameters
+    ----------
+    n : int, default 1000
+        Number of unknowns; the nearest m³ is taken.
+
+    Returns
+    -------
+    Scene
+        With the quantity "u", the largest |z − u| over the grid.
+
+    Raises
+    ------
+    InputError
+        For n < 27.
+
+    Notes
+    -----
+    Discretised by the 7-point stencil on m × m × m interior points, h = 2/(m + 1), rows multiplied
+    by h². Units: lengths in halves of an edge; p is h² times the sources per volume. "u" is O(h²)
+    up to a factor ln h. The factor depends on where the sphere cuts the cells: measured at most
+    .78h² for m ≤ 35.
     """
     rows = _obstacle_3d(n)
     at, h = index(rows.shape, 0, rows.n), 2.0 / (rows.shape[0] + 1)
@@ -107,13 +175,37 @@ def obstacle_3d(n: int = 1000) -> Scene:
 def coulomb(alpha: float = 30.0, mu: float = 0.3, mass: float = 1.0, g: float = 9.81, dt: float = 0.1) -> Scene:
     """A block on a slope with dry friction.
 
-    One time step from rest of a block on a plane of slope α, which can slip downhill only. Unknowns are the impulses
-    z = (λ_n, λ_t) of contact and friction; p = z/m + gΔt(−cos α, sin α) is the velocity off the plane and downhill;
-    λ_n ≥ 0, and Coulomb's law bounds friction by the normal impulse: λ_t ≥ −μλ_n, so ψ(z) = (0, −μλ_n).
-    λ_n = m g Δt cos α; the block slips iff tan α > μ, and then λ_t = −μλ_n, else λ_t = −m g Δt sin α (z is negative).
-    Parameters: `alpha` in degrees, 0 ≤ α ≤ 89; `mu` ≥ 0 (no unit); `mass` in kg; `g` in m/s²; `dt` in s. z is in N s,
-    p in m/s. Quantity: "slip speed" in m/s, exact.
-    Reference: Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008).
+    One time step from rest of a block on a plane of slope α, which can slip downhill only. The
+    unknowns are the impulses z = (λ_n, λ_t) of contact and friction. The velocity off the plane and
+    downhill is p = z/m + gΔt(−cos α, sin α). Contact requires λ_n ≥ 0. Coulomb's law bounds
+    friction by the normal impulse: λ_t ≥ −μλ_n, so ψ(z) = (0, −μλ_n).
+
+    Parameters
+    ----------
+    alpha : float, default 30
+        Slope α in degrees, 0 ≤ α ≤ 89.
+    mu : float, default 0.3
+        Coefficient of friction μ ≥ 0 (no unit).
+    mass : float, default 1
+        Mass m in kg.
+    g : float, default 9.81
+        Acceleration of gravity in m/s².
+    dt : float, default 0.1
+        Time step Δt in s.
+
+    Returns
+    -------
+    Scene
+        With z in N s, p in m/s, and the quantity "slip speed" in m/s, which is exact.
+
+    Notes
+    -----
+    The solution is λ_n = m g Δt cos α. The block slips if and only if tan α > μ. Then λ_t = −μλ_n,
+    else λ_t = −m g Δt sin α (z is negative).
+
+    References
+    ----------
+    Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008).
     """
     slope = np.deg2rad(as_number(alpha, "alpha", least=0, most=89))
     mu, mass = as_number(mu, "mu", least=0), as_number(mass, "mass", above=0)

@@ -27,8 +27,11 @@ def index(shape: tuple[int, ...], lo: int, hi: int) -> Index:
 
 
 def rows_of(n: int, lo: int, hi: int, entries: dict[int, Any]) -> sp.csr_array:
-    """The rows lo ≤ i < hi of the n × n matrix that has entries[d] in column i + d, each a number or an array of shape
-    (hi − lo,), and 0 where there is no such column. Zeros are not stored."""
+    """Rows lo ≤ i < hi of the n × n matrix that has entries[d] in column i + d.
+
+    Each of the `entries` is a number or an array of shape (hi − lo,). Where there is no column i +
+    d it is dropped. Zeros are not stored.
+    """
     offsets = sorted(entries)
     kind = sp.get_index_dtype(maxval=max(n, (hi - lo) * len(offsets)))
     columns = np.arange(lo, hi, dtype=kind)[:, None] + np.array(offsets, dtype=kind)
@@ -62,8 +65,10 @@ def five_point(m: int, mu: float = 0.0, skew: float = 0.0) -> sp.csr_array:
 
 
 def points(low: float, high: float, shape: tuple[int, ...], at: Index) -> Vector:
-    """The coordinates `at` these places of the grid of interior points of [low, high]ᵈ, shape (k, d), x along the last
-    axis; index −1 and the length of an axis are on the edge."""
+    """Coordinates of the places `at` on the grid of interior points of [low, high]ᵈ, shape (k, d).
+
+    x runs along the last axis. Index −1 and the length of an axis are on the edge.
+    """
     along = zip(reversed(at), reversed(shape), strict=True)
     return np.column_stack([(i + 1.0) * ((high - low) / (m + 1)) + low for i, m in along])
 
@@ -71,8 +76,11 @@ def points(low: float, high: float, shape: tuple[int, ...], at: Index) -> Vector
 def rows_on_grid(
     shape: tuple[int, ...], low: float, high: float, psi: Any, edge: Any, stencil: tuple[float, ...], lo: int, hi: int
 ) -> LocalRows:
-    """Those of h² times −Δu ≥ 0 above `psi` in [low, high]ᵈ, u = `edge`, or 0, at points of shape (k, d) on its edge;
-    `stencil` is the number on the diagonal, and the skew, of `difference_rows`."""
+    """Rows of h² times −Δu ≥ 0 above `psi` in [low, high]ᵈ.
+
+    On the edge u = `edge`, or 0. Both functions take points of shape (k, d). `stencil` holds the
+    diagonal and the skew of `difference_rows`.
+    """
     at, q = index(shape, lo, hi), np.zeros(hi - lo)
     for axis, m in enumerate(shape):
         for last, outside in ((0, -1), (m - 1, m)) if edge else ():

@@ -23,8 +23,12 @@ def by_hand(A: Any, q: Any, psi: Any, z: Any, models: str, z0: Any = None, upper
 def hand_lcp() -> Scene:
     """By hand: an LCP in two unknowns, one at its obstacle.
 
-    A = [2, −1; −1, 2], q = (−1, 3), ψ = 0. Row 1: 2z₁ − z₂ = 1; row 2: z₂ = 0. z* = (½, 0), p* = (0, 2½).
-    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
+    A = [2, −1; −1, 2], q = (−1, 3), ψ = 0. Row 1: 2z₁ − z₂ = 1; row 2: z₂ = 0. z* = (½, 0), p* =
+    (0, 2½).
+
+    References
+    ----------
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
     return by_hand(PAIR, [-1, 3], 0.0, [0.5, 0.0], "Two weights on a string, one of which rests on the floor.")
 
@@ -54,9 +58,12 @@ def hand_affine() -> Scene:
 def hand_degenerate() -> Scene:
     """By hand: a row with p = r = 0.
 
-    A = [2, −1; −1, 2], q = (−2, 1), ψ = 0. z* = (1, 0), p* = (0, 0), r* = (1, 0): row 2 touches without force, and
-    rounding decides on which side a method sees it.
-    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
+    A = [2, −1; −1, 2], q = (−2, 1), ψ = 0. z* = (1, 0), p* = (0, 0), r* = (1, 0): row 2 touches
+    without force. Rounding decides on which side a method sees it.
+
+    References
+    ----------
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
     return by_hand(PAIR, [-2, 1], 0.0, [1.0, 0.0], "Two weights on a string, one touching the floor without pressing.")
 
@@ -65,9 +72,13 @@ def hand_degenerate() -> Scene:
 def hand_cyclic() -> Scene:
     """By hand: a P-matrix on which Newton's iteration runs in a circle.
 
-    A = [1, 0, 2; 2, 1, 0; 0, 2, 1], q = −(1, 1, 1), ψ = 0. Every row sum is 3, so z* = (1, 1, 1)/3 has p* = 0.
-    From `z0` = (1, 0, 0) the active-set Newton iteration repeats three points at Res = √10.
-    Reference: Ben Gharbia and Gilbert, Math. Program. 134 (2012), doi:10.1007/s10107-010-0439-6.
+    A = [1, 0, 2; 2, 1, 0; 0, 2, 1], q = −(1, 1, 1), ψ = 0. Every row sum is 3, so z* = (1, 1, 1)/3
+    has p* = 0. From `z0` = (1, 0, 0) the active-set Newton iteration repeats three points at Res =
+    √10.
+
+    References
+    ----------
+    Ben Gharbia and Gilbert, Math. Program. 134 (2012), doi:10.1007/s10107-010-0439-6.
     """
     A = [[1, 0, 2], [2, 1, 0], [0, 2, 1]]
     models = "Three quantities in a ring, each pushed by the one before it, that settle at the same level."
@@ -78,8 +89,10 @@ def hand_cyclic() -> Scene:
 def hand_splittings() -> Scene:
     """By hand: two unknowns on which some splittings fail.
 
-    A = [1, −.9; −.9, 1], q = (−1, 3), ψ(z) = 1 − .9(z₂, z₁). Row 1 in balance, z₁ = 1 + .9z₂; row 2 at its obstacle,
-    z₂ = 1 − .9z₁; hence 1.81z₁ = 1.9 and z* = (190, 10)/181, p* = (0, 382)/181, r* = (18, 0)/181.
+    A = [1, −.9; −.9, 1], q = (−1, 3), ψ(z) = 1 − .9(z₂, z₁). Row 1 is in balance, z₁ = 1 + .9z₂.
+    Row 2 is at its obstacle, z₂ = 1 − .9z₁. Hence 1.81z₁ = 1.9 and z* = (190, 10)/181, p* = (0,
+    382)/181, r* = (18, 0)/181.
+
     From `z0` = (5, −7) MNMJ with Ω = D converges, MNMGS with Ω = D and MNMOD do not.
     """
     A, psi = [[1.0, -0.9], [-0.9, 1.0]], Affine([[0.0, -0.9], [-0.9, 0.0]], 1.0)
@@ -91,8 +104,8 @@ def hand_splittings() -> Scene:
 def hand_free() -> Scene:
     """By hand: rows that do not interact, one of them without an obstacle.
 
-    A = diag(2, 4, 5), q = (−2, 8, 10), ψ = (0, 1, −∞). Row 1 in balance, z₁ = 1; row 2 at its obstacle, z₂ = 1 with
-    p₂ = 12; row 3 has none, so p₃ = 0 and z₃ = −2.
+    A = diag(2, 4, 5), q = (−2, 8, 10), ψ = (0, 1, −∞). Row 1 is in balance, z₁ = 1. Row 2 is at its
+    obstacle, z₂ = 1 with p₂ = 12. Row 3 has none, so p₃ = 0 and z₃ = −2.
     """
     models = "Three springs side by side: one free above a floor, one on it, one without a floor."
     return by_hand(np.diag([2, 4, 5]), [-2, 8, 10], [0.0, 1.0, -np.inf], [1, 1, -2], models)

@@ -19,9 +19,13 @@ from .registry import Quantity, Scene, register, size
 def hard_infeasible() -> Scene:
     """Hard: an LCP that contradicts itself.
 
-    A = [0, 1; −1, 0], q = (−2, −1), ψ = 0: p₂ = −z₁ − 1 ≥ 0 and z₁ ≥ 0 exclude each other. A is semidefinite, the LCP
-    of the linear programme min 2x, x ≤ −1, x ≥ 0. Honest: INFEASIBLE where that is proved, else anything but solved.
-    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
+    A = [0, 1; −1, 0], q = (−2, −1), ψ = 0: p₂ = −z₁ − 1 ≥ 0 and z₁ ≥ 0 exclude each other. A is
+    semidefinite: this is the LCP of the linear programme min 2x, x ≤ −1, x ≥ 0. Honest: INFEASIBLE
+    where that is proved, else anything but solved.
+
+    References
+    ----------
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
     why = "p[1] = -z[0] - 1 >= 0 and z[0] >= 0 exclude each other"
     models = "A linear programme without a feasible point, and its dual."
@@ -44,9 +48,9 @@ def hard_many() -> Scene:
 def hard_steep() -> Scene:
     """Hard: an obstacle that rises faster than z.
 
-    A = 1, q = 1, ψ(z) = 1.5z − 1: r = 1 − z/2 ≥ 0 says z ≤ 2, so that the obstacle is a ceiling, and z = −1 (p = 0) and
-    z = 2 (r = 0) both solve. Honest: solved, and no claim that the solution is unique; sweeps may diverge.
-    Quantity: "|z - 1/2|" = 1½.
+    A = 1, q = 1, ψ(z) = 1.5z − 1: r = 1 − z/2 ≥ 0 says z ≤ 2, so the obstacle is a ceiling. Both z
+    = −1 (p = 0) and z = 2 (r = 0) are solutions. Honest: solved, and no claim that the solution is
+    unique; sweeps may diverge. Quantity: "|z - 1/2|" = 1½.
     """
     models = "A spring under a hand that follows it too eagerly."
     known = {"|z - 1/2|": Quantity(1.5, _from_half, order=None)}
@@ -70,9 +74,10 @@ def hard_jump() -> Scene:
 def hard_domain() -> Scene:
     """Hard: an obstacle that has no value where the equations lead.
 
-    A = tridiag(−1, 2, −1), n = 31, q = −.1, ψ_i(z) = −√(2 − z_i), NaN for z_i > 2. p ≥ 0 and A⁻¹ ≥ 0 lift z above the
-    parabola .05 i(32 − i), which passes 2 in row 2, so that there is no solution where ψ has values. Sweeps from 0 get
-    there after a while only. Honest: ψ failed, with the best iterate before it did.
+    A = tridiag(−1, 2, −1), n = 31, q = −.1, ψ_i(z) = −√(2 − z_i), NaN for z_i > 2. p ≥ 0 and A⁻¹ ≥
+    0 lift z above the parabola .05 i(32 − i), which passes 2 in row 2. So there is no solution
+    where ψ has values. Sweeps from 0 reach z_i > 2 only after many steps. Honest: ψ failed, with
+    the best iterate before it did.
     """
     psi = Elementwise(_below_root, _its_slope)
     problem = ICP(rows_of(31, 0, 31, {-1: -1.0, 0: 2.0, 1: -1.0}), np.full(31, -0.1), psi)
@@ -85,9 +90,18 @@ def hard_domain() -> Scene:
 def hard_skew(n: int = 100, skew: float = 10.0, seed: int = 0) -> Scene:
     """Hard: a matrix that is almost skew-symmetric.
 
-    A = I + s·tridiag(−1, 0, 1), ψ = z* − r*, q = p* − Az* for random complementary p*, r*. A is positive definite,
-    hence a P-matrix, but far from H₊: sweeps diverge. Honest: one solution; sweeps say that they diverge or cycle.
-    Parameters: `n` ≥ 2; `skew` s; `seed` an integer ≥ 0.
+    A = I + s·tridiag(−1, 0, 1), ψ = z* − r*, q = p* − Az* for random complementary p*, r*. A is
+    positive definite, hence a P-matrix, but far from H₊: sweeps diverge. Honest: one solution;
+    sweeps say that they diverge or cycle.
+
+    Parameters
+    ----------
+    n : int, default 100
+        Number of unknowns, at least 2.
+    skew : float, default 10
+        The factor s.
+    seed : int, default 0
+        Seed ≥ 0 of the random numbers.
     """
     n, s = size(n, 2), as_number(skew, "skew")
     z, p, r = complementary(n, seed)
@@ -99,11 +113,21 @@ def hard_skew(n: int = 100, skew: float = 10.0, seed: int = 0) -> Scene:
 def hard_semidefinite(n: int = 40, seed: int = 0) -> Scene:
     """Hard: a linear programme and its dual as one LCP.
 
-    A = [0, −Bᵀ; B, 0] with a random m × m matrix B: min cᵀx with Bx ≥ b, x ≥ 0, and its dual, of which half of
-    the x and half of the constraints are active, strictly. A is skew-symmetric with a zero diagonal: semidefinite, no
-    splitting by the diagonal exists. Honest: solved by pivoting or Newton; sweeps refuse.
-    Parameters: `n` ≈ 2m, at most 5000; `seed` an integer ≥ 0.
-    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
+    A = [0, −Bᵀ; B, 0] with a random m × m matrix B: min cᵀx with Bx ≥ b, x ≥ 0, and its dual. Half
+    of the x and half of the constraints are active, strictly. A is skew-symmetric with a zero
+    diagonal: semidefinite, no splitting by the diagonal exists. Honest: solved by pivoting or
+    Newton; sweeps refuse.
+
+    Parameters
+    ----------
+    n : int, default 40
+        Number of unknowns, about 2m, at most 5000.
+    seed : int, default 0
+        Seed ≥ 0 of the random numbers.
+
+    References
+    ----------
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
     m = max(round(size(n, most=5000) / 2), 1)
     random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
@@ -119,9 +143,17 @@ def hard_semidefinite(n: int = 40, seed: int = 0) -> Scene:
 def hard_degenerate(n: int = 100, seed: int = 0) -> Scene:
     """Hard: half of the rows touch without force.
 
-    A the 5-point matrix on m × m points; z* random; half of the rows have p* = r* = 0, a quarter is pressed and a
-    quarter free, ψ = z* − r*, q = p* − Az*. Rounding decides on which side half of the rows are seen. Honest: solved,
-    and those rows are not said to be active or inactive. Parameters: `n` ≈ m²; `seed` an integer ≥ 0.
+    A is the 5-point matrix on m × m points, z* is random, ψ = z* − r*, q = p* − Az*. Half of the
+    rows have p* = r* = 0; a quarter is in contact and a quarter is free. Rounding decides on which
+    side half of the rows are seen. Honest: solved, and those rows are not said to be active or
+    inactive.
+
+    Parameters
+    ----------
+    n : int, default 100
+        Number of unknowns; the nearest m² is taken.
+    seed : int, default 0
+        Seed ≥ 0 of the random numbers.
     """
     m = side(n)
     z, p, r = complementary(m * m, seed, degenerate=0.5)
@@ -147,10 +179,19 @@ def hard_singular(n: int = 100) -> Scene:
 def hard_scaled(n: int = 100, decades: float = 75.0, seed: int = 0) -> Scene:
     """Hard: every unknown in a unit of its own.
 
-    A = S tridiag(−1, 4, −1) S with S = diag(10^u), u uniform in ± `decades`; z* = S⁻¹z₀, p* = Sp₀ and r* = S⁻¹r₀ for
-    random complementary z₀, p₀, r₀: entries of A from 1e-150 to 1e150. A small residual says nothing of the rows with
-    small entries. Honest: solved by the residual, or a precision limit; the bound, entry by entry, tells what is known.
-    Parameters: `n` ≥ 2; 0 ≤ `decades` ≤ 75; `seed` an integer ≥ 0.
+    A = S tridiag(−1, 4, −1) S with S = diag(10^u), u uniform in ± `decades`. Entries of A reach
+    from 1e-150 to 1e150. z* = S⁻¹z₀, p* = Sp₀ and r* = S⁻¹r₀ for random complementary z₀, p₀, r₀. A
+    small residual says nothing of the rows with small entries. Honest: solved by the residual, or a
+    precision limit; the bound, entry by entry, tells what is known.
+
+    Parameters
+    ----------
+    n : int, default 100
+        Number of unknowns, at least 2.
+    decades : float, default 75
+        Range of the exponents, 0 ≤ `decades` ≤ 75.
+    seed : int, default 0
+        Seed ≥ 0 of the random numbers.
     """
     n = size(n, 2)
     z, p, r = complementary(n, seed)
@@ -187,9 +228,17 @@ def hard_empty_row() -> Scene:
 def hard_pinned(n: int = 100, seed: int = 0) -> Scene:
     """Hard: the two obstacles are the same in some rows.
 
-    A the 5-point matrix on m × m points; two rows of five are pinned, ψ_i = ψ̄_i = z*_i, with p* of either sign; one
-    each is at ψ, at ψ̄ and between. z_i is known there whatever p_i is, and it is open at which of the two it is.
-    Honest: solved, each row at one of its obstacles. Parameters: `n` ≈ m²; `seed` an integer ≥ 0.
+    A is the 5-point matrix on m × m points. Two rows of five are pinned, ψ_i = ψ̄_i = z*_i, with p*
+    of either sign. Of the other three, one is at ψ, one at ψ̄ and one between. In a pinned row z_i
+    is known whatever p_i is; at which of the two obstacles it is remains open. Honest: solved, each
+    row at one of its obstacles.
+
+    Parameters
+    ----------
+    n : int, default 100
+        Number of unknowns; the nearest m² is taken.
+    seed : int, default 0
+        Seed ≥ 0 of the random numbers.
     """
     m = side(n)
     pinned = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)

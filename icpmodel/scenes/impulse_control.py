@@ -28,18 +28,43 @@ BOUNDARY, TARGET, VALUE_AT_1 = 1.01412848138701, 0.395539941170187, 2.1436835252
 def dividend(n: int = 241) -> Scene:
     """Dividends with a fixed cost: when to pay, and how much.
 
-    A reserve follows dX = μdt + σdW until ruin at 0; paying it down from x to y is worth (x − y − c)/(1 + λ). Its
-    value V satisfies p = ρV − ½σ²V″ − μV′ ≥ 0, V ≥ ψ(V), complementary, ψ(V)(x) = max over y ≤ x − c of V(y) + (x − y
-    − c)/(1 + λ), with V(0) = 0, μ = .5, σ = .3, ρ = λ = .2, c = .05. Discretised on x_i = ih, 0 ≤ i < n, up to 1.5, by
-    central differences; h = c/k with k ≥ 1 so that the jump of length c and the point x = 1 lie on the grid: n = 30k +
-    1. Row 0 is z_0 = 0; the last row has the slope 1/(1 + λ) by a ghost point. Rows with x < c allow no jump: ψ = −∞.
-    A is a Z-matrix (h < σ²/μ), A1 > 0, ψ isotone, ρ(G) ≥ 1. Units: money in units of the reserve, time in years; p is
-    money per year. Quantities: "V(1)"; "x*", where V′ of the reserve at rest, extrapolated through its last three
-    cells, reaches 1/(1 + λ) (smooth fit); "target", where V′ first falls to 1/(1 + λ). All are O(h²), with a factor
-    that depends on where x* falls between two grid points: measured 2.1 to 3.2, 2.5 to 3.8 and 2.3 to 3.1 times h² for
-    k ≥ 2. Raises InputError for n < 31.
-    Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984); Jeanblanc-Picqué and
-    Shiryaev, Russ. Math. Surv. 50 (1995).
+    A reserve follows dX = μdt + σdW until ruin at 0. Paying it down from x to y is worth (x − y −
+    c)/(1 + λ). Its value V satisfies p = ρV − ½σ²V″ − μV′ ≥ 0, V ≥ ψ(V), complementary, with V(0) =
+    0. The obstacle is ψ(V)(x) = max over y ≤ x − c of V(y) + (x − y − c)/(1 + λ). The constants are
+    μ = .5, σ = .3, ρ = λ = .2, c = .05.
+
+    Parameters
+    ----------
+    n : int, default 241
+        Number of unknowns; the nearest 30k + 1 with k ≥ 1 is taken.
+
+    Returns
+    -------
+    Scene
+        With three quantities. "V(1)" is the value at x = 1. "x*" is where V′ of the reserve at rest
+        reaches 1/(1 + λ) (smooth fit), extrapolated through its last three cells. "target" is where
+        V′ first falls to 1/(1 + λ).
+
+    Raises
+    ------
+    InputError
+        For n < 31.
+
+    Notes
+    -----
+    Discretised on x_i = ih, 0 ≤ i < n, up to 1.5, by central differences. The step is h = c/k, so
+    that the jump of length c and the point x = 1 lie on the grid: n = 30k + 1. Row 0 is z_0 = 0.
+    The last row has the slope 1/(1 + λ) by a ghost point. Rows with x < c allow no jump: ψ = −∞. A
+    is a Z-matrix (h < σ²/μ), A1 > 0, ψ isotone, ρ(G) ≥ 1. Units: money in units of the reserve,
+    time in years; p is money per year.
+
+    All quantities are O(h²). The factor depends on where x* falls between two grid points: measured
+    2.1 to 3.2, 2.5 to 3.8 and 2.3 to 3.1 times h² for k ≥ 2.
+
+    References
+    ----------
+    Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984).
+    Jeanblanc-Picqué and Shiryaev, Russ. Math. Surv. 50 (1995).
     """
     k = round((size(n, 31) - 1) / 30)
     h = COST / k

@@ -33,15 +33,39 @@ def _film_rows(n: int, lo: int, hi: int) -> LocalRows:
 def bearing(n: int = 300) -> Scene:
     """The oil film of a journal bearing, torn by cavitation.
 
-    −(H³p′)′ + H′ ≥ 0, p ≥ 0, complementary, on 0 < θ < 2π, p(0) = p(2π) = 0, film thickness H = 1 + ε cos θ, ε = .5
-    (Reynolds' equation of the infinitely long bearing). Discretised on n interior points, h = 2π/(n + 1), with H at
-    the midpoints; rows multiplied by h²: row i is −H³₋(p_{i−1} − p_i) − H³₊(p_{i+1} − p_i) + h(H₊ − H₋). ψ = 0. Units:
-    θ in radians, H in radial clearances, pressure made dimensionless by 6·viscosity·speed·radius/clearance².
-    Quantities: "p_max", the top of the parabola through the three highest points; "cavitation angle": within the film
-    the flow H − H³p′ is the same everywhere, and where the film tears p′ = 0, so the flow in the first cell gives
-    H(θ_c). Both are O(h²), with a factor that depends on where θ_c falls between two grid points: measured at most
-    .08h² and .015h². Raises InputError for n < 10.
-    Reference: Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
+    −(H³p′)′ + H′ ≥ 0, p ≥ 0, complementary, on 0 < θ < 2π, p(0) = p(2π) = 0. The film thickness is
+    H = 1 + ε cos θ, ε = .5. This is Reynolds' equation of the infinitely long bearing.
+
+    Parameters
+    ----------
+    n : int, default 300
+        Number of interior points.
+
+    Returns
+    -------
+    Scene
+        With two quantities. "p_max" is the top of the parabola through the three highest points.
+        "cavitation angle" is the θ_c where the film tears.
+
+    Raises
+    ------
+    InputError
+        For n < 10.
+
+    Notes
+    -----
+    Discretised on n interior points, h = 2π/(n + 1), with H at the midpoints; rows are multiplied
+    by h², ψ = 0. Row i is −H³₋(p_{i−1} − p_i) − H³₊(p_{i+1} − p_i) + h(H₊ − H₋). Units: θ in
+    radians, H in radial clearances. Pressure is made dimensionless by
+    6·viscosity·speed·radius/clearance².
+
+    Within the film the flow H − H³p′ is the same everywhere. Where the film tears p′ = 0, so the
+    flow in the first cell gives H(θ_c). Both quantities are O(h²). The factor depends on where θ_c
+    falls between two grid points: measured at most .08h² and .015h².
+
+    References
+    ----------
+    Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
     """
     rows = _bearing(n)
     h, first = 2.0 * np.pi / (n + 1), 1.0 + ECCENTRICITY * np.cos(np.pi / (n + 1))

@@ -56,10 +56,20 @@ def manufactured(A: Any, z: Vector, p: Any, psi: Any, models: str, upper: Any = 
 def bai_symmetric(n: int = 900, mu: float = 4.0) -> Scene:
     """Bai's symmetric LCP, the yardstick of the modulus literature.
 
-    A = Tridiag(−I, S, −I) + μI, S = tridiag(−1, 4, −1), m × m blocks; ψ = 0; z* = (1, 2, 1, 2, …), q = −Az*, so that
-    p* = 0 in every row. `z0` = (1, 0, 1, 0, …) is the start of the literature, which stops at Res ≤ 1e−5.
-    Parameters: `n` ≈ m²; `mu` ≥ 0, where μ = 0 is the hard case.
-    Reference: Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680.
+    A = Tridiag(−I, S, −I) + μI, S = tridiag(−1, 4, −1), m × m blocks; ψ = 0. z* = (1, 2, 1, 2, …)
+    and q = −Az*, so that p* = 0 in every row. `z0` = (1, 0, 1, 0, …) is the start of the
+    literature, which stops at Res ≤ 1e−5.
+
+    Parameters
+    ----------
+    n : int, default 900
+        Number of unknowns; the nearest m² is taken.
+    mu : float, default 4
+        The number μ ≥ 0; μ = 0 is the hard case.
+
+    References
+    ----------
+    Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680.
     """
     return _bai(n, mu, 0.0)
 
@@ -68,9 +78,19 @@ def bai_symmetric(n: int = 900, mu: float = 4.0) -> Scene:
 def bai_nonsymmetric(n: int = 900, mu: float = 4.0) -> Scene:
     """Bai's nonsymmetric LCP: the same with transport.
 
-    A = Tridiag(−1.5I, S, −.5I) + μI, S = tridiag(−1.5, 4, −.5), m × m blocks; ψ = 0; z* = (1, 2, 1, 2, …), q = −Az*;
-    `z0` = (1, 0, 1, 0, …). Parameters: `n` ≈ m²; `mu` ≥ 0.
-    Reference: Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680.
+    A = Tridiag(−1.5I, S, −.5I) + μI, S = tridiag(−1.5, 4, −.5), m × m blocks; ψ = 0. z* = (1, 2, 1,
+    2, …), q = −Az*, `z0` = (1, 0, 1, 0, …).
+
+    Parameters
+    ----------
+    n : int, default 900
+        Number of unknowns; the nearest m² is taken.
+    mu : float, default 4
+        The number μ ≥ 0.
+
+    References
+    ----------
+    Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680.
     """
     return _bai(n, mu, 0.5)
 
@@ -79,12 +99,29 @@ def bai_nonsymmetric(n: int = 900, mu: float = 4.0) -> Scene:
 def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0, skew: float = 0.0) -> Scene:
     """A random ICP with an affine map and a known solution.
 
-    A = Tridiag(−(1 + s)I, S, −(1 − s)I) + μI, s = `skew`, as in Bai's LCPs, where s is 0 or ½; ψ(z) = Gz + c,
-    G = (.9/4)·adjacency of the m × m grid: each obstacle hangs on the four neighbours, ‖G‖∞ = .9. z* is random in
-    [−1, 1], a random half of the rows has p* in [.5, 1.5] and r* = 0, the other half r* in [.5, 1.5] and p* = 0;
-    c = z* − r* − Gz* and q = p* − Az* make z* exact to rounding.
-    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0; `skew` in [−1, 1].
-    Reference for A: Bai (2010), doi:10.1002/nla.680.
+    A = Tridiag(−(1 + s)I, S, −(1 − s)I) + μI, as in Bai's LCPs, where s is 0 or ½. ψ(z) = Gz + c
+    with G = (.9/4)·adjacency of the m × m grid: each obstacle depends on the four neighbours, ‖G‖∞
+    = .9.
+
+    Parameters
+    ----------
+    n : int, default 900
+        Number of unknowns; the nearest m² is taken.
+    mu : float, default 4
+        The number μ ≥ 0.
+    seed : int, default 0
+        Seed ≥ 0 of the random numbers.
+    skew : float, default 0
+        The number s in [−1, 1].
+
+    Notes
+    -----
+    z* is random in [−1, 1]. A random half of the rows has p* in [.5, 1.5] and r* = 0, the other
+    half r* in [.5, 1.5] and p* = 0. c = z* − r* − Gz* and q = p* − Az* make z* exact to rounding.
+
+    References
+    ----------
+    Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
     m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
     z, p, r = complementary(m * m, seed)
@@ -99,8 +136,21 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0, skew:
     """A random ICP with a nonlinear map and a known solution.
 
     As manufactured-affine with ψ_i(z) = .3 sin z_i + c_i, c = z* − r* − .3 sin z*; |ψ′| ≤ .3.
-    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0; `skew` in [−1, 1].
-    Reference for A: Bai (2010), doi:10.1002/nla.680.
+
+    Parameters
+    ----------
+    n : int, default 900
+        Number of unknowns; the nearest m² is taken.
+    mu : float, default 4
+        The number μ ≥ 0.
+    seed : int, default 0
+        Seed ≥ 0 of the random numbers.
+    skew : float, default 0
+        The number s in [−1, 1].
+
+    References
+    ----------
+    Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
     m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
     z, p, r = complementary(m * m, seed)
@@ -113,10 +163,22 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0, skew:
 def manufactured_vertical(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene:
     """A random vertical LCP, of two matrices, with a known solution.
 
-    min(Az + q, Bz + d) = 0 with A of Bai's nonsymmetric LCP and B = Aᵀ, the flow the other way round; p* and r* are
-    those of manufactured-affine. It is the grid of a Hamilton–Jacobi–Bellman equation with two controls.
-    Parameters: `n` ≈ m²; `mu` ≥ 0; `seed` an integer ≥ 0.
-    Reference: Lions and Mercier, RAIRO Anal. Numér. 14 (1980), for such equations.
+    min(Az + q, Bz + d) = 0 with A of Bai's nonsymmetric LCP and B = Aᵀ, the flow the other way
+    round. p* and r* are those of manufactured-affine. It is the grid of a Hamilton–Jacobi–Bellman
+    equation with two controls.
+
+    Parameters
+    ----------
+    n : int, default 900
+        Number of unknowns; the nearest m² is taken.
+    mu : float, default 4
+        The number μ ≥ 0.
+    seed : int, default 0
+        Seed ≥ 0 of the random numbers.
+
+    References
+    ----------
+    Lions and Mercier, RAIRO Anal. Numér. 14 (1980), for such equations.
     """
     m, mu = side(n), as_number(mu, "mu", least=0)
     z, p, r = complementary(m * m, seed)
@@ -130,12 +192,34 @@ def manufactured_vertical(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene
 def box_manufactured(n: int = 900, mu: float = 4.0, skew: float = 0.0, coupling: float = 0.0, seed: int = 0) -> Scene:
     """A random problem between two obstacles, with a known solution.
 
-    A = Tridiag(−(1 + s)I, S, −(1 − s)I) + μI, s = `skew`; ψ(z) = Gz + c and ψ̄(z) = Gz + d, G = (g/4)·adjacency of the
-    m × m grid, g = ‖G‖∞ = `coupling`. A sixth of the rows each: z* at ψ with ψ̄ above; at ψ̄ with ψ below; between the
-    two; at ψ, at ψ̄ without the other one; without either, an equation. z* is random in [−1, 1], forces and distances
-    are in [.5, 1.5]; q = p* − Az*, c = z* − r* − Gz* and d = z* + s* − Gz* make z* exact to rounding.
-    Parameters: `n` ≈ m²; `mu` ≥ 0; `skew` in [−1, 1]; `coupling` ≥ 0, below 1 for one solution; `seed` an integer ≥ 0.
-    Reference for A: Bai (2010), doi:10.1002/nla.680.
+    A = Tridiag(−(1 + s)I, S, −(1 − s)I) + μI. The obstacles are ψ(z) = Gz + c and ψ̄(z) = Gz + d
+    with G = (g/4)·adjacency of the m × m grid, g = ‖G‖∞.
+
+    Parameters
+    ----------
+    n : int, default 900
+        Number of unknowns; the nearest m² is taken.
+    mu : float, default 4
+        The number μ ≥ 0.
+    skew : float, default 0
+        The number s in [−1, 1].
+    coupling : float, default 0
+        The number g ≥ 0; below 1 there is one solution.
+    seed : int, default 0
+        Seed ≥ 0 of the random numbers.
+
+    Notes
+    -----
+    There are six kinds of rows, a sixth of the rows each. In three kinds both obstacles are finite:
+    z* at ψ, at ψ̄, or between. In two kinds z* is at the only finite obstacle, ψ or ψ̄. In the last
+    kind there is no obstacle: an equation.
+
+    z* is random in [−1, 1], forces and distances are in [.5, 1.5]. q = p* − Az*, c = z* − r* − Gz*
+    and d = z* + s* − Gz* make z* exact to rounding.
+
+    References
+    ----------
+    Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
     m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
     coupling = as_number(coupling, "coupling", least=0)

@@ -21,18 +21,38 @@ DECAY = 2.0 * INTEREST / VOLATILITY**2
 def game_put(n: int = 201, delta: float = 0.05) -> Scene:
     """A perpetual put that its writer may cancel.
 
-    The holder may exercise for (1 − s)⁺, the writer cancel at the penalty δ for (1 − s)⁺ + δ (an Israeli option,
-    strike 1). Its value V satisfies p = rV − ½σ²V″ − (r − ½σ²)V′ ≥ 0 where V is the first payoff, ≤ 0 where it is the
-    second, 0 between, as a function of y = ln s; r = .05, σ = .3. With γ = 2r/σ² and k the root in (0, 1) of k^(γ+1)
-    + γ = (1 + δ)(1 + γ)k, V = 1 − s up to s = k, V = as + bs^−γ up to 1, with V′ continuous at k, and δs^−γ from
-    there on: the writer cancels at s = 1, in one row. From δ* = (1 − k)k^γ with k = γ/(1 + γ) on he never does.
-    Discretised on n points, −1 ≤ y ≤ 1, by central differences; n odd, so that s = 1 is one of them. Row 0 is V = 1 −
-    s; the last one has V′ = −γV by a ghost point. Quantities: "V", the largest error over the grid; "k", where the
-    slopes of the first three cells in which V is above 1 − s, extrapolated, reach that of 1 − s (smooth fit). Both
-    are O(h²), with a factor that depends on where k falls between two points: measured at most .12h² and .34h² for δ
-    = .05.
-    Parameters: `n` ≥ 33, even numbers are raised by 1; `delta` > 0.
-    References: Kifer, Finance Stoch. 4 (2000), 443-463; Kyprianou, Finance Stoch. 8 (2004), 73-86.
+    The holder may exercise for (1 − s)⁺. The writer may cancel at the penalty δ for (1 − s)⁺ + δ
+    (an Israeli option, strike 1). Let p = rV − ½σ²V″ − (r − ½σ²)V′ as a function of y = ln s, with
+    r = .05, σ = .3. The value V satisfies p ≥ 0 where V is the first payoff, p ≤ 0 where it is the
+    second, and p = 0 between.
+
+    Parameters
+    ----------
+    n : int, default 201
+        Number of unknowns, at least 33; even numbers are raised by 1.
+    delta : float, default 0.05
+        Penalty δ > 0.
+
+    Returns
+    -------
+    Scene
+        With two quantities. "V" is the largest error over the grid. "k" is where the slopes of the
+        first three cells with V above 1 − s, extrapolated, reach that of 1 − s (smooth fit).
+
+    Notes
+    -----
+    Let γ = 2r/σ² and k the root in (0, 1) of k^(γ+1) + γ = (1 + δ)(1 + γ)k. Then V = 1 − s up to s
+    = k, V = as + bs^−γ up to 1, with V′ continuous at k, and δs^−γ from there on. The writer
+    cancels at s = 1, in one row. From δ* = (1 − k)k^γ with k = γ/(1 + γ) on he never does.
+
+    Discretised on n points, −1 ≤ y ≤ 1, by central differences; n is odd, so that s = 1 is one of
+    them. Row 0 is V = 1 − s. The last row has V′ = −γV by a ghost point. Both quantities are O(h²).
+    The factor depends on where k falls between two points: measured at most .12h² and .34h² for δ =
+    .05.
+
+    References
+    ----------
+    Kifer, Finance Stoch. 4 (2000), 443-463. Kyprianou, Finance Stoch. 8 (2004), 73-86.
     """
     n, delta = size(n, 33) | 1, as_number(delta, "delta", above=0)
     y = np.linspace(-1.0, 1.0, n)

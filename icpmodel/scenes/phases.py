@@ -21,14 +21,37 @@ STEP = 0.5
 def phase_step(n: int = 201) -> Scene:
     """A time step of the Allen-Cahn equation between two obstacles, at rest.
 
-    u_t = ε²u″ + u where −1 < u < 1, ≤ where u = 1 and ≥ where u = −1, on [−1, 1] with u′ = 0 at its ends: the double
-    obstacle potential, ε = .2. At rest is u = sin(x/ε) for |x| ≤ πε/2, ±1 beyond; from there one implicit step of
-    length τ = ½ has to lead back: p = (1/τ − 1)z − ε²z″ − u/τ, ψ = −1, ψ̄ = 1. Discretised on n points by central
-    differences, h = 2/(n − 1), ghost points at the ends, whose rows are halved so that A is symmetric. Quantities: "u",
-    the largest |z − u| over the grid; "energy" ∫ ½ε u′² + (1 − u²)/2ε = π/2, the tension of the interface. Both are
-    O(h²): measured at most 3.1h², which depends on where the interface ends between two points, and 1.5 to 1.8 h².
-    Raises InputError for n < 33.
-    Reference: Blowey and Elliott, Eur. J. Appl. Math. 2 (1991), doi:10.1017/S095679250000053X.
+    u_t = ε²u″ + u where −1 < u < 1, ≤ where u = 1 and ≥ where u = −1, on [−1, 1] with u′ = 0 at its
+    ends. This is the double obstacle potential, ε = .2. The stationary state is u = sin(x/ε) for
+    |x| ≤ πε/2, ±1 beyond. From there one implicit step of length τ = ½ has to lead back: p = (1/τ −
+    1)z − ε²z″ − u/τ, ψ = −1, ψ̄ = 1.
+
+    Parameters
+    ----------
+    n : int, default 201
+        Number of points.
+
+    Returns
+    -------
+    Scene
+        With two quantities. "u" is the largest |z − u| over the grid. "energy" is ∫ ½ε u′² + (1 −
+        u²)/2ε = π/2, the tension of the interface.
+
+    Raises
+    ------
+    InputError
+        For n < 33.
+
+    Notes
+    -----
+    Discretised on n points by central differences, h = 2/(n − 1), with ghost points at the ends.
+    The rows of the ends are halved so that A is symmetric. Both quantities are O(h²). "u" is
+    measured at most 3.1h², which depends on where the interface ends between two points. "energy"
+    is measured 1.5 to 1.8 h².
+
+    References
+    ----------
+    Blowey and Elliott, Eur. J. Appl. Math. 2 (1991), doi:10.1017/S095679250000053X.
     """
     n = size(n, 33)
     x, h = np.linspace(-1.0, 1.0, n), 2.0 / (n - 1)

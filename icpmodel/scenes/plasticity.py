@@ -37,13 +37,35 @@ def _twisted_rows(m: int, lo: int, hi: int) -> LocalRows:
 def torsion(n: int = 900) -> Scene:
     """Elastic-plastic torsion of a square bar.
 
-    The stress function u of the unit square, in units of yield stress times side: |∇u| is the shear stress, at most 1,
-    which is |u| ≤ d, the distance to the edge; −Δu = c where |u| < d (elastic), −Δu ≤ c where u = d, ≥ c where u = −d
-    (plastic), u = 0 on the edge. The twist is c = 5, which no row takes to −d; turned the other way, with −q, it is −u.
-    Discretised by the 5-point stencil on m × m interior points, h = 1/(m + 1), rows multiplied by h².
-    Quantity: "torque" 2∫u by the trapezoidal rule, in yield stress times side³, O(h²): measured .39 to .57 h².
-    Raises InputError for n < 25.
-    Reference: Glowinski, Numerical Methods for Nonlinear Variational Problems (1984).
+    The unknown is the stress function u of the unit square, in units of yield stress times side.
+    |∇u| is the shear stress, at most 1, which is |u| ≤ d, the distance to the edge. −Δu = c where
+    |u| < d (elastic), −Δu ≤ c where u = d, ≥ c where u = −d (plastic), u = 0 on the edge. The twist
+    is c = 5, which takes no row to −d. With −q, the twist in the other direction, the solution is
+    −u.
+
+    Parameters
+    ----------
+    n : int, default 900
+        Number of unknowns; the nearest m² is taken.
+
+    Returns
+    -------
+    Scene
+        With the quantity "torque", 2∫u by the trapezoidal rule, in yield stress times side³.
+
+    Raises
+    ------
+    InputError
+        For n < 25.
+
+    Notes
+    -----
+    Discretised by the 5-point stencil on m × m interior points, h = 1/(m + 1), rows multiplied by
+    h². "torque" is O(h²): measured .39 to .57 h².
+
+    References
+    ----------
+    Glowinski, Numerical Methods for Nonlinear Variational Problems (1984).
     """
     rows = _torsion(n)
     m = rows.shape[0]

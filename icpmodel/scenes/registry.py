@@ -26,11 +26,20 @@ from ..solve.solution import Solution
 
 @dataclass(frozen=True, repr=False)
 class Quantity(Shown):
-    """A number that can be read off a solution and whose value in the continuous problem is known.
+    """A number of a solution whose value in the continuous problem is known.
 
-    `exact` is that value; `measure` reads it off z, shape (n,), NaN where z does not have it; `order` is the power of
-    the grid spacing h with which the difference shrinks, None where the number is exact on every grid.
+    Parameters
+    ----------
+    exact : float
+        The value in the continuous problem.
+    measure : callable
+        z ↦ the number, for z of shape (n,); NaN where z does not have it.
+    order : float or None
+        Power of the grid spacing h with which the difference shrinks. None where the number is
+        exact on every grid.
 
+    Examples
+    --------
     >>> Quantity(3.0, lambda z: float(z.sum()), order=None).error(np.array([1.0, 2.5]))
     0.5
     """
@@ -57,12 +66,31 @@ def farthest(exact: Vector, z: Vector) -> float:
 class Scene(ReadOnly, Plotted):
     """A problem of the gallery with what is known of its answer.
 
-    `name` and `title` (one line for a table) are filled in by `register`; `models` says in one sentence what it models;
-    `z_exact` is the solution of the discrete problem, shape (n,), to rounding; `quantities` are numbers known for the
-    continuous problem, or for each of many solutions; `why_no_reference` says why there is neither, `why_no_solution`
-    that there is no solution; `h` is the grid spacing; `z0` a start that the literature prescribes; `points` are the
-    coordinates of the unknowns, shape (n,) or (n, 2).
+    Parameters
+    ----------
+    problem : ICP
+        The problem.
+    models : str
+        One sentence: what the scene models.
+    name, title : str
+        The name, and one line for a table. `register` fills them in.
+    z_exact : array of shape (n,), optional
+        Solution of the discrete problem, to rounding.
+    quantities : dict of str to Quantity
+        Numbers known for the continuous problem, or for each of many solutions.
+    h : float, optional
+        Grid spacing.
+    why_no_reference : str, optional
+        Why there is neither `z_exact` nor a quantity.
+    why_no_solution : str, optional
+        Why the problem has no solution.
+    z0 : array of shape (n,), optional
+        Start that the literature prescribes.
+    points : array of shape (n,) or (n, 2), optional
+        Coordinates of the unknowns.
 
+    Examples
+    --------
     >>> from icpmodel.scenes import scene
     >>> lcp = scene("hand-lcp")
     >>> lcp.errors(lcp.z_exact)
@@ -89,10 +117,26 @@ class Scene(ReadOnly, Plotted):
             _CALLED[self.problem] = self.name
 
     def errors(self, z: Any) -> dict[str, float]:
-        """The distance of `z`, shape (n,), to each reference: "z" in the max-norm, then every quantity by its name.
+        """Distance of `z` to each reference.
 
-        Empty where the scene has no reference. NaN in z gives NaN. Raises InputError where z has another shape.
+        Parameters
+        ----------
+        z : array_like of shape (n,)
+            A point. NaN in it gives NaN.
 
+        Returns
+        -------
+        dict of str to float
+            "z" in the max-norm, then every quantity by its name. Empty where the scene has no
+            reference.
+
+        Raises
+        ------
+        InputError
+            Where z has another shape.
+
+        Examples
+        --------
         >>> from icpmodel.scenes import scene
         >>> scene("hand-negative").errors([0.0])
         {'z': 3.0}
@@ -112,10 +156,28 @@ class Scene(ReadOnly, Plotted):
     def plot(
         self, path: str | os.PathLike[str] | None = None, *, ax: Any = None, solution: Solution | None = None
     ) -> Any:
-        """Show the `solution` where its unknowns are, or write it, or draw it into axes; see `icpmodel.study.plot`.
+        """Plot the `solution` over the places of its unknowns; see `icpmodel.study.plot`.
 
-        Parameters: `path` and `ax` as there; `solution` of the scene's problem, by default what `solve` finds.
-        Returns the matplotlib figure. Raises InputError, and FileError where the file cannot be written.
+        Parameters
+        ----------
+        path : str or path, optional
+            File to write.
+        ax : matplotlib axes, optional
+            Axes to draw into.
+        solution : Solution, optional
+            A solution of the scene's problem; by default the result of `solve`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure.
+
+        Raises
+        ------
+        InputError
+            For wrong arguments.
+        FileError
+            Where the file cannot be written.
         """
         from ..study import plot
 
@@ -159,14 +221,34 @@ def builders() -> dict[str, Builder]:
 
 
 def register(build: Callable[Given, Scene]) -> Callable[Given, Scene]:
-    """Make the function a scene: its name (with hyphens) is the scene's, its docstring's first line the title.
+    """Decorator: make the function a scene.
 
-    It may stand anywhere: it is known once its module is imported, which is done for the files of this room and for
-    what packages announce as entry points of the group "icpmodel". Its parameters, all with defaults, are the scene's;
-    one called `n` is the wanted number of unknowns, of which it takes the nearest that it can; without `n` it has one
-    size only. Returns the function with `n` checked and `name` and `title` filled in. Raises InputError for a second
-    scene of the same name.
+    Its name (with hyphens) is the scene's, the first line of its docstring the title.
 
+    Parameters
+    ----------
+    build : callable
+        Returns a `Scene`. Its parameters, all with defaults, are the scene's. One called `n` is the
+        wanted number of unknowns; the scene takes the nearest that it can have. Without `n` it has
+        one size only.
+
+    Returns
+    -------
+    callable
+        The function with `n` checked and `name` and `title` filled in.
+
+    Raises
+    ------
+    InputError
+        For a second scene of the same name, and for a function without a docstring.
+
+    Notes
+    -----
+    The function may stand anywhere: it is known once its module is imported. The files of this room
+    are imported, and the entry points of the group "icpmodel" that packages announce.
+
+    Examples
+    --------
     >>> register(lambda: None)
     Traceback (most recent call last):
     icpmodel.errors.InputError: the scene <lambda> has no docstring; its first line is the scene's title
