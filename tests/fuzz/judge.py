@@ -16,6 +16,8 @@ _ALL, _ONE = 4, 16
 #: what the computed tolerance may lose to rounding, and what a front end may leave of a row
 _ROUNDING, _FRONT = Fraction(1, 10**9), Fraction(1, 10**5)
 _LOST = 1e-12
+#: the share of its terms that a side of a model may be
+_MODEL = Fraction(11, 10**7)
 
 
 def near(x):
@@ -87,6 +89,21 @@ def worse_than_seen(exact, problem, z, path):
     allowed = 1.000001 * near(root(least)) + _LOST * math.sqrt(exact.n) * size
     if last is None or near(root(last)) > allowed:
         yield "lost iterate", f"an iterate with the residual {near(root(least)):.3g} was shown, the answer has {last}"
+
+
+def false_model(A, q, of_r, c, x):
+    """What is false of "optimal" at `x` of Ax + q ⟂ of_r·(x − c), each side beside the sum of its terms."""
+    x, tiny, false = fractions(x), Fraction(1, 10**300), []
+    for i, (row, load) in enumerate(zip(rational(A), fractions(q), strict=True)):
+        p = (dot(row, x) + load) / (sum(abs(a * b) for a, b in zip(row, x, strict=True)) + abs(load) + tiny)
+        least = p
+        if math.isfinite(c[i]):
+            least = min(p, (x[i] - Fraction(c[i])) / (abs(x[i]) + abs(Fraction(c[i])) + tiny))
+        if abs(least) > _MODEL:
+            false.append(
+                ("false solved", f'"optimal", and in row {i} the smaller side is {near(least):.3g} of its terms')
+            )
+    return false
 
 
 def false_program(program, status, x):

@@ -27,7 +27,7 @@ PSI = {
     "writes": "lambda z: np.multiply(z, 0.5, out=z) + c",
     "intervention": "icp.Intervention(sp.csr_array(np.abs(G)))",
 }
-SCALES = [0, 0, 0, 0, 3, -3, 8, -8, 150, -150, 300, -320]
+SCALES = [0, 0, 0, 0, 3, -3, 12, -12, 8, -8, 150, -150, 300, -320]
 OPTIONS = {
     "rtol": (1e-2, 1e-5, 1e-12, 0.0),
     "atol": (1e-3, 1e-9, 1e-200),
