@@ -121,7 +121,7 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
 
 @command(*_SOLVE_OPTIONS)
 @click.option("--solver", "solvers", multiple=True, type=SOLVER, help="Whom to ask; repeatable; default: all.")
-@click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for each of them.")
+@click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for all of them.")
 @click.option("--csv", "csv_path", type=click.Path(), help="Write the report's rows to this CSV file as well.")
 def crosscheck(
     solvers: tuple[str, ...], solver_time_limit: float, csv_path: str | None, as_json: bool, **arguments: Any

@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, Interrupted
+from ..errors import InputError, Interrupted, OutOfTime
 from ..numerics.arrays import as_number
+from ..numerics.processes import CAN_FORK, in_a_process
 from ..numerics.rounding import sheltered
-from ..problem.data import ProblemLike, as_problem
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
 from ..solvers.foreign import Claim, ForeignSolver, ask, chosen_solvers
 from ..solvers.formulations import Target
 from .judge import Checked, Row, Verdict
-from .report import Report
+from .report import Certain, Report
+
+#: how many times as long as a factorisation by BLAS, and how many nanoseconds for each entry of A beside it, a solver
+#: sets up in one piece: OSQP and CVXPY at n = 1000, dense, and for the membrane with n = 40 000; up to this share of
+#: the time that is no reason for a process of its own
+_FACTORS, _ENTRY, _SHARE = 25.0, 3000.0, 0.1
+#: what is certain of the answer, the name of a solver that begins, or what came of it
+_Item = Certain | str | Row
 
 
 @sheltered
@@ -35,7 +45,8 @@ def crosscheck(
     Parameters: `solution` a `Solution`, a vector z of shape (n,), or None, which solves first; `solvers` names (see
     `icpmodel.solvers.foreign_solvers`) or own `ForeignSolver` objects, None for all that are asked of themselves;
     `atol` how far two answers may lie apart in an entry, in the units of z, default 1e-6 max|z|; `time_limit` seconds
-    for each problem that a solver is given; `progress` says on a terminal which solver is at work.
+    in all, posing and judging included, of which every solver gets an equal share of what is left; `progress` says
+    on a terminal, and now and then in a log, which solver is at work.
     Returns a `Report`; `report.agrees` is True only where at least one solver really agreed and none disagreed.
     Raises InputError for a z of the wrong shape, an unknown solver or a bad number, and Interrupted, which carries
     the report so far, after Ctrl-C.
@@ -52,47 +63,91 @@ def crosscheck(
     chosen = chosen_solvers(solvers, "crosscheck")
     if atol is not None:
         as_number(atol, "atol", least=0)
-    as_number(time_limit, "time_limit", above=0)
+    end = time.perf_counter() + as_number(time_limit, "time_limit", above=0)
     if solution is None:
-        solution = solve(problem, raise_on_failure=False)
+        solution = solve(problem, raise_on_failure=False, time_limit=time_limit)
     # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
     with np.errstate(over="ignore", invalid="ignore"):
         checked = Checked(problem, solution, atol)
         rows: list[Row] = []
-        with status_line(progress) as say:
-            for k, solver in enumerate(chosen):
-                say(f"asking {solver.name} ({k + 1} of {len(chosen)})")
-                try:
-                    rows += _rows_of(solver, checked, time_limit)
-                except KeyboardInterrupt:
-                    rows += [Row(other.name, "", Verdict.SKIPPED, note="interrupted") for other in chosen[k:]]
-                    raise Interrupted(Report.of(checked, rows, solution)) from None
-        return Report.of(checked, rows, solution)
+        certain = Certain(problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")
+        at_work, note = "", f"time_limit = {time_limit:g} s was over before it answered"
+        items = partial(_items, checked, chosen, solution, end)
+        try:
+            with status_line(progress) as say:
+                for item in _followed(items, problem, len(chosen), end):
+                    if isinstance(item, str):
+                        at_work = item
+                        say(f"asking {at_work}")
+                    elif isinstance(item, Certain):
+                        certain = item
+                    else:
+                        rows.append(item)
+        except OutOfTime:
+            pass
+        except ChildProcessError as error:
+            note = str(error)
+        except KeyboardInterrupt:
+            at_work, note = "", "interrupted"
+        answered = {row.solver for row in rows}
+        missing = [solver.name for solver in chosen if solver.name not in answered]
+        rows += [Row(name, "", Verdict.FAILED if name == at_work else Verdict.SKIPPED, note=note) for name in missing]
+        order = {solver.name: k for k, solver in enumerate(chosen)}
+        rows.sort(key=lambda row: order[row.solver])
+        report = Report.of(checked, rows, solution, certain)
+        if note == "interrupted":
+            raise Interrupted(report) from None
+        return report
 
 
-def _rows_of(solver: ForeignSolver, checked: Checked, time_limit: float) -> list[Row]:
-    """One row for each target that `solver` can take; where it can take none, one for each reason."""
+def _followed(items: Callable[[], Iterator[_Item]], problem: ProblemData, count: int, end: float) -> Iterator[_Item]:
+    """The `items`, from a process of their own where they may take longer in one piece than there is time."""
+    piece = _FACTORS * problem.matrix.factor_cost + _ENTRY * problem.matrix.nnz
+    if (1 + count) * piece <= 1e9 * _SHARE * (end - time.perf_counter()):
+        return items()
+    if not CAN_FORK:
+        raise OutOfTime("the solvers may take longer in one piece, and cannot be stopped here")
+    return in_a_process(items, end)
+
+
+def _items(checked: Checked, chosen: list[ForeignSolver], solution: Any, end: float) -> Iterator[_Item]:
+    """What is certain of the answer; then, solver by solver, its name as it begins, and its rows."""
+    yield Certain.of(checked, solution)
+    asked: list[ForeignSolver] = []
+    for solver in chosen:
+        because = _why_not(solver, checked)
+        yield from (Row(solver.name, "", Verdict.SKIPPED, note=reason) for reason in because)
+        if not because:
+            asked.append(solver)
+    for k, solver in enumerate(asked):
+        yield solver.name
+        if time.perf_counter() >= end:
+            return
+        targets = [target for target in checked.targets if solver.why_not(target) is None]
+        for i, target in enumerate(targets):
+            share = (end - time.perf_counter()) / ((len(asked) - k) * len(targets) - i)
+            yield checked.judge(solver.name, solver.form(target), target, _claim(solver, target, share))
+
+
+def _why_not(solver: ForeignSolver, checked: Checked) -> list[str]:
+    """Why `solver` can take none of the targets; empty where it can take one."""
     reasons = [solver.why_not(target) for target in checked.targets]
-    rows = [
-        checked.judge(solver.name, solver.form(target), target, _claim(solver, target, time_limit))
-        for target, reason in zip(checked.targets, reasons, strict=True)
-        if reason is None
-    ]
     nothing = ["psi(z) is not finite at the answer, so that its obstacle cannot be frozen"]
     if checked.problem.upper is not None:
         nothing = ["psi(z) and upper(z) are not finite at the answer, or cross there, so that they cannot be frozen"]
-    because = (reason for reason in dict.fromkeys(reasons or nothing) if reason)
-    return rows or [Row(solver.name, "", Verdict.SKIPPED, note=reason) for reason in because]
+    return [] if None in reasons else [reason for reason in dict.fromkeys(reasons or nothing) if reason]
 
 
 def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:
     """What it claims at the first of its tight tolerances at which it claims success, else at the last one."""
-    left = time_limit
+    begin, seconds = time.perf_counter(), 0.0
     for k, tolerance in enumerate(solver.tight):
-        # at least a second, so that a later attempt is not lost to a nearly spent limit
-        claim = ask(solver, target, tolerance, max(left, 1.0) if k else time_limit)
-        left -= claim.seconds
-        if claim.solved or left <= 0:
+        left = time_limit - (time.perf_counter() - begin)
+        if k and left <= 0.0:
             break
-    words = f"{claim.words}, at {tolerance:g}" if k and claim.solved else claim.words
-    return replace(claim, words=words, seconds=time_limit - left)
+        claim, asked_for = ask(solver, target, tolerance, left), tolerance
+        seconds += claim.seconds
+        if claim.solved:
+            break
+    words = f"{claim.words}, at {asked_for:g}" if asked_for != solver.tight[0] and claim.solved else claim.words
+    return replace(claim, words=words, seconds=seconds)

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..numerics.rounding import at_most
 from ..present.card import Card
@@ -26,6 +26,21 @@ _OTHERWISE = [verdict for verdict in Verdict if verdict not in (Verdict.AGREES, 
 
 #: with this a report in CSV begins
 HEADS = ",".join(Row.__annotations__).encode()
+
+
+class Certain(NamedTuple):
+    """What is certain of an answer: Res_D(z), |z − z*| ≤ `error_bound`, or None and the `reason`."""
+
+    residual: float
+    error_bound: float | None
+    reason: str
+
+    @classmethod
+    def of(cls, checked: Checked, solution: Any) -> Certain:
+        """That of the `solution`, or of the vector that was `checked`."""
+        known = solution.certificate if isinstance(solution, Solution) and solution.problem is checked.problem else None
+        found = known or certify(checked.problem, checked.z)
+        return cls(found.residual, found.error_bound, found.bound.reason)
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,17 +72,14 @@ class Report(Shown, Tabular):
     tolerance: float | None
 
     @classmethod
-    def of(cls, checked: Checked, rows: Iterable[Row], solution: Any) -> Report:
-        """The report on `checked` with its `rows`; `solution` a `Solution` or a vector."""
-        problem, answer, status, known = checked.problem, "given as a vector", "", None
+    def of(cls, checked: Checked, rows: Iterable[Row], solution: Any, certain: Certain) -> Report:
+        """The report on `checked` with its `rows`; `solution` a `Solution` or a vector, of which this is `certain`."""
+        problem, answer, status = checked.problem, "given as a vector", ""
         if isinstance(solution, Solution):
             status = solution.status.value
             answer = f"{status}, {solution.method!r}"
-            known = solution.certificate if solution.problem is problem else None
-        of = known or certify(problem, checked.z)
-        residual, tolerance = finite(of.residual), finite(checked.tolerance)
-        bound, reason = of.error_bound, of.bound.reason
-        holds = checked.holds
+        residual, bound, reason = finite(certain.residual), certain.error_bound, certain.reason
+        tolerance, holds = finite(checked.tolerance), checked.holds
         return cls(tuple(rows), repr(problem), problem.n, answer, status, residual, holds, bound, reason, tolerance)
 
     @property

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
+import time
 from typing import Any
 
 import numpy as np
@@ -171,10 +173,29 @@ def test_a_spent_time_limit_ends_the_attempts() -> None:
             self.asked += 1
             return Claim(None, "time limit", False)
 
-    for limit, times in ((1e-9, 1), (60.0, 2)):
+    for limit, times in ((1e-9, 0), (60.0, 2)):
         slow = Slow()
         crosscheck(LCP, LCP_Z, [slow], time_limit=limit)
         assert slow.asked == times
+
+
+@pytest.mark.parametrize(("ends", "said"), [(False, "time_limit"), (True, "exit code 3")])
+def test_a_solver_that_does_not_stop_or_dies_takes_nobody_with_it(ends: bool, said: str) -> None:
+    """Where there is little time for the size of the problem it has a process of its own."""
+
+    class Endless(Fake):
+        name = "endless"
+
+        def run(self, model: Any) -> Claim:
+            if ends:
+                os._exit(3)
+            time.sleep(15.0)
+            return Claim(np.zeros(500), "optimal", True)
+
+    problem = icp.ICP(np.eye(500) + 1e-3, np.ones(500))
+    row = crosscheck(problem, np.zeros(500), [Endless()], time_limit=3.0).rows[0]
+    assert row.verdict is Verdict.FAILED
+    assert said in row.note
 
 
 # --- the report --------------------------------------------------------------------------------------------------

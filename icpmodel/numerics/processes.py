@@ -1,0 +1,98 @@
+"""Work that nothing can stop, such as a foreign factorisation, in a process that can be ended."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import select
+import signal
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import Any, TypeVar
+
+from ..errors import OutOfTime
+
+_T = TypeVar("_T")
+#: whether a process can be begun that has all that this one has
+CAN_FORK = hasattr(os, "fork")
+#: the bytes before an item, which say how long it is
+_LENGTH = 8
+
+
+def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
+    """What `items` yields in a fork of this process, each as soon as it is there.
+
+    Parameters
+    ----------
+    items
+        Called in the other process. What it yields is pickled.
+    end
+        When the other process is ended, as `time.perf_counter` says it.
+
+    Raises
+    ------
+    OutOfTime
+        At the `end`.
+    ChildProcessError
+        Where the other process died.
+    """
+    here, there = os.pipe()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads: none of those here holds a lock meanwhile
+        child = os.fork()
+    if not child:
+        _send(items, there)
+    os.close(there)
+    try:
+        while True:
+            if not select.select([here], [], [], max(end - time.perf_counter(), 0.0))[0]:
+                raise OutOfTime("the time is over")
+            length = _read(here, _LENGTH)
+            if not length:
+                _, status = os.waitpid(child, 0)
+                child = 0
+                raise ChildProcessError(f"its process died with exit code {os.waitstatus_to_exitcode(status)}")
+            ended, item = pickle.loads(_read(here, int.from_bytes(length, "big")))
+            if ended and item is not None:
+                raise item
+            if ended:
+                return
+            yield item
+    finally:
+        os.close(here)
+        if child:
+            with suppress(OSError):
+                os.killpg(child, signal.SIGKILL)  # and what it began itself
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+
+
+def _send(items: Callable[[], Iterator[Any]], there: int) -> None:
+    """Send what `items` yields, and exit, in a group of processes of its own, which Ctrl-C does not reach."""
+    try:
+        os.setsid()
+        try:
+            for item in items():
+                _write(there, (False, item))
+            _write(there, (True, None))
+        except Exception as error:
+            _write(there, (True, error))
+    finally:
+        os._exit(1)
+
+
+def _write(there: int, item: Any) -> None:
+    data = pickle.dumps(item)
+    data = len(data).to_bytes(_LENGTH, "big") + data
+    while data:
+        data = data[os.write(there, data) :]
+
+
+def _read(here: int, count: int) -> bytes:
+    """So many bytes, or fewer where the other end is closed."""
+    data = b""
+    while len(data) < count and (more := os.read(here, count - len(data))):
+        data += more
+    return data
