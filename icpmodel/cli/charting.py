@@ -113,7 +113,7 @@ def _shown(run: Callable[[], Any], output: str | None, form: str | None, partly:
     *SOURCE_OPTIONS,
     *METHOD_OPTIONS,
     click.option("-o", "--output", type=click.Path(), required=True, help="The HTML file to write."),
-    *from_signature(make_report, {"time_limit": "Seconds per independent solver."}),
+    *from_signature(make_report, {"time_limit": "Seconds for the cross-check."}),
 )
 def report(output: str, time_limit: float, **arguments: Any) -> int:
     """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
@@ -125,7 +125,7 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     with status_line(True) as say:
         say("solving")
         solution = problem.solve(method, z0=scene and scene.z0, history=True, raise_on_failure=False)
-        page = make_report(solution, **about, command=typed(), time_limit=time_limit, say=say)
+        page = make_report(solution, **about, command=typed(), time_limit=time_limit, progress=True)
     write_ours(Path(output), page.encode(), holds=GENERATOR)
     wrote(output)
     return exit_code(solution.solved, unsolved(solution))

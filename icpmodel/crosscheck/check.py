@@ -74,7 +74,7 @@ def crosscheck(
         at_work, note = "", f"time_limit = {time_limit:g} s was over before it answered"
         items = partial(_items, checked, chosen, solution, end)
         try:
-            with status_line(progress) as say:
+            with status_line(progress, f"{len(chosen)} solvers, {time_limit:g} s at most") as say:
                 for item in _followed(items, problem, len(chosen), end):
                     if isinstance(item, str):
                         at_work = item

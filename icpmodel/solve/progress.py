@@ -4,10 +4,12 @@ now and then in a log."""
 from __future__ import annotations
 
 import contextlib
+import logging
 import math
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +21,9 @@ from ..present.shown import Shown
 #: how often a bar is drawn, in seconds; and how far the lines of a log, which come after 1, 2, 4, … seconds, are apart
 #: at the most
 _DRAWN, _APART = 0.1, 60.0
+_LOG = logging.getLogger("icpmodel")
+#: what the status line shows that is open
+_OPEN: ContextVar[Callable[[str], None] | None] = ContextVar("status line", default=None)
 
 
 @dataclass(frozen=True, repr=False)
@@ -136,20 +141,49 @@ def _write(text: str) -> None:
 
 
 @contextlib.contextmanager
-def status_line(wanted: bool, clock: Callable[[], float] = time.monotonic) -> Iterator[Callable[[str], None]]:
-    """A function that shows a sentence on what is going on, if `wanted`: on a terminal and in a notebook the latest
-    one, in a log one now and then."""
-    if not wanted or sys.stderr is None:
-        yield lambda text: None
-    elif in_notebook():
+def status_line(
+    wanted: bool, opening: str = "", clock: Callable[[], float] = time.monotonic
+) -> Iterator[Callable[[str], None]]:
+    """A function that shows a sentence on what is going on.
+
+    If `wanted`, a terminal and a notebook show the latest one, a log on standard error one now and then; if not, the
+    logger "icpmodel" has one now and then, at INFO. The `opening`, how long it may take, is in no log left out. Within
+    another status line it is that one.
+    """
+    if (outer := _OPEN.get()) is not None:
+        if opening:
+            outer(opening)
+        yield outer
+        return
+    with _status(wanted and sys.stderr is not None, opening, clock) as say:
+        token = _OPEN.set(say)
+        try:
+            yield say
+        finally:
+            _OPEN.reset(token)
+
+
+@contextlib.contextmanager
+def _status(wanted: bool, opening: str, clock: Callable[[], float]) -> Iterator[Callable[[str], None]]:
+    if wanted and in_notebook():
         with _cell() as show:
             yield lambda text: show(title=text, share=None, text="")
-    elif sys.stderr.isatty():
+    elif wanted and sys.stderr.isatty():
         from rich.console import Console
         from rich.markup import escape
 
-        with Console(stderr=True).status("") as status:
+        with Console(stderr=True).status(escape(opening)) as status:
             yield lambda text: status.update(escape(text))
     else:
-        pace = _Pace(clock, log=True)
-        yield lambda text: _write(text) if pace.is_due() else None
+        write, pace = _write if wanted else _LOG.info, _Pace(clock, log=True)
+        if opening:
+            write(opening)
+        yield lambda text: write(text) if pace.is_due() else None
+
+
+def time_left(begin: float, done: int, total: int) -> str:
+    """About how long the rest of `total` pieces takes, `done` of them having been made since `begin`, in words."""
+    if not done:
+        return ""
+    seconds = (time.monotonic() - begin) / done * (total - done)
+    return f", about {seconds:.2g} s more"

@@ -21,6 +21,7 @@ from ..problem.data import ProblemData, ProblemLike
 from ..scenes import Scene
 from ..scenes.registry import title as called
 from ..solve.driver import solve
+from ..solve.progress import status_line
 from ..solve.solution import Solution
 from .charts.figures import Figure, drawing
 from .charts.interactive_charts import answer_charts, map_charts, race_charts
@@ -56,7 +57,7 @@ def report(
     z_exact: Vector | None = None,
     command: str = "",
     time_limit: float = 60.0,
-    say: Callable[[str], None] = lambda text: None,
+    progress: bool = False,
 ) -> str:
     """A page that opens offline: in short whether the problem is solved, how sure that is, who agrees, who is quickest
     and whether the answer has a derivative; then the answer, what is certain, the cross-check, the race and a map.
@@ -68,7 +69,7 @@ def report(
     Parameters: `problem`, which is solved first, or a `Solution`, solved or not; `title` and `about`, text; `points` as
     in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene,
     these are by default what it says of itself; `command` what makes the page again; `time_limit` in
-    seconds for each independent solver; `say` is told what is going on. Returns the HTML text, less
+    seconds for the cross-check; `progress` shows a line on what is going on. Returns the HTML text, less
     than 5 MB, of which Bokeh is 1.3, that loads nothing. Raises InputError.
 
     >>> page = icp.report(ICP([[2, -1], [-1, 2]], [-1, 3]), title="A pair", time_limit=5)
@@ -82,21 +83,22 @@ def report(
         title, about = title or known["title"], about or known["about"]
         z_exact = known["z_exact"] if z_exact is None else z_exact
     start = None if scene is None else scene.z0
-    if isinstance(problem, Solution):
-        solution = problem
-    else:
-        say("solving")
-        solution = solve(scene.problem if scene else problem, z0=start, history=True, raise_on_failure=False)
-    problem = solution.problem
-    sections: list[_Section] = []
-    for heading, question, make in _contents(solution, start, points, z_exact, time_limit):
-        say(heading)
-        section: _Section = {"heading": heading, "question": question, "id": re.sub(r"\W+", "-", heading.lower())}
-        try:
-            section |= make()
-        except IcpError as error:
-            section |= {"missing": str(error), "short": f"Not known: {error}."}
-        sections.append(section)
+    with status_line(progress, f"seven sections; the cross-check takes {time_limit:g} s at most") as say:
+        if isinstance(problem, Solution):
+            solution = problem
+        else:
+            say("solving")
+            solution = solve(scene.problem if scene else problem, z0=start, history=True, raise_on_failure=False)
+        problem = solution.problem
+        sections: list[_Section] = []
+        for heading, question, make in _contents(solution, start, points, z_exact, time_limit):
+            say(heading)
+            section: _Section = {"heading": heading, "question": question, "id": re.sub(r"\W+", "-", heading.lower())}
+            try:
+                section |= make()
+            except IcpError as error:
+                section |= {"missing": str(error), "short": f"Not known: {error}."}
+            sections.append(section)
     return render(
         "report.html",
         title=title or called(problem),

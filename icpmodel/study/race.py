@@ -23,7 +23,7 @@ from ..scenes import Scene
 from ..scenes.registry import title as called
 from ..solve.driver import solve
 from ..solve.goal import RTOL
-from ..solve.progress import status_line
+from ..solve.progress import status_line, time_left
 from ..solvers.foreign import ForeignSolver, chosen_solvers
 from .cases import Case, fresh, unbroken
 from .competitors import Competitor, Entry, Foreign, Limit, Own, own_methods
@@ -175,7 +175,9 @@ def race(
     found = Race(title=f"{called(problem)} ({machine()})", measure="", entries=(), skipped=skipped, command=command)
     entries: dict[tuple[str, float], Entry] = {}
     try:
-        with status_line(progress) as say:
+        runs = len(entered) * len(asked) * repeats
+        opening = f"{len(entered)} competitors, at most {runs} runs of up to {limit:g} s: {runs * limit:.3g} s at most"
+        with status_line(progress, opening) as say:
             say("the measure of error")
             measure, error = _measure(case, z_exact)
             found = replace(found, measure=measure)
@@ -234,9 +236,11 @@ def _run(
     builds = {name: float(np.median(seconds)) for name, seconds in built.items()}
     enough = dict.fromkeys(builds, 1.0)  # tolerances from this one on need no run of their own, 0 for none at all
     again, entries = {}, {}
+    done, total, begin = 0, len(asked) * len(entered), time.monotonic()
     for tolerance in asked:
         for one in (one for one in entered if tolerance < enough[one.name]):
-            say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}")
+            say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}{time_left(begin, done, total)}")
+            done += 1
             run, build = one.run(case, tolerance, limit), builds[one.name]
             entry = Entry(one.name, one.kind, tolerance, (build + run.seconds,), build, run.setup, claim=run.words)
             if run.z is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from functools import partial
 
@@ -19,7 +20,7 @@ from ..present.table import Table, Tabular
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.driver import solve
 from ..solve.goal import Limits
-from ..solve.progress import status_line
+from ..solve.progress import status_line, time_left
 from ..solve.solution import Status
 from ..theory import theorems
 from ..theory.convergence.theorems import holding
@@ -176,9 +177,10 @@ def stability(
 
 def _fill(found: StabilityMap, starts: int, progress: bool) -> None:
     plane, shape = found.plane, found.ends.shape
-    with status_line(progress) as say:
-        for j, i in np.ndindex(*shape):
-            say(f"point {j * shape[1] + i + 1} of {shape[0] * shape[1]}")
+    total, begin = shape[0] * shape[1], time.monotonic()
+    with status_line(progress, f"{total} points, {starts} runs of at most {found.max_iter} steps at each") as say:
+        for k, (j, i) in enumerate(np.ndindex(*shape)):
+            say(f"point {k + 1} of {total}{time_left(begin, k, total)}")
             one, member = plane.at(float(plane.x.values[i]), float(plane.y.values[j]))
             runs = [_run(one, member, k, found.max_iter, found.rtol) for k in range(starts)]
             worst = max((end for end, _ in runs), key=ENDS.index)

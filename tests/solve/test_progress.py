@@ -82,14 +82,32 @@ def test_the_lines_of_a_log_come_after_1_2_4_seconds_and_then_one_a_minute(capsy
 
 def test_a_study_says_what_it_is_at_in_a_log_and_in_a_notebook(capsys, notebook, monkeypatch):
     clock = Clock()
-    with status_line(True, clock) as say:
+    with status_line(True, clock=clock) as say:
         say("round 1 of <3>")
     assert "round 1 of &lt;3&gt;" in notebook[1]
     monkeypatch.delattr(builtins, "get_ipython")
-    with status_line(True, clock) as say:
+    with status_line(True, clock=clock) as say:
         for clock.now in (0.5, 1.5, 1.7):
             say(f"at {clock.now}")
     assert capsys.readouterr().err == "icpmodel ... at 1.5\n"
+
+
+def test_a_study_says_beforehand_how_much_it_is_and_in_a_page_as_well(caplog):
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0])
+    with caplog.at_level("INFO", "icpmodel"), status_line(False, "outer") as outer, status_line(True, "inner") as inner:
+        assert inner is outer  # a page shows what its parts are at
+    assert "outer" in caplog.text
+    few = {"tolerances": [1e-4], "repeats": 1, "time_limit": 2}
+    studies = {
+        "4 points": lambda: icp.stability("relaxation", points=2, n=9, starts=1),
+        "2 s at most": lambda: icp.race(problem, [], [], z_exact=[0.5, 0.0], **few),
+        "3 s at most": lambda: icp.crosscheck(problem, [0.5, 0.0], ["osqp"], time_limit=3),
+    }
+    for said, study in studies.items():
+        caplog.clear()
+        with caplog.at_level("INFO", "icpmodel"):
+            study()
+        assert said in caplog.text
 
 
 def test_nobody_is_told_anything_unasked(capsys, notebook):
