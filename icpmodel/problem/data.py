@@ -20,6 +20,7 @@ from ..present.shown import Shown
 from .affine import vertical_map
 from .between import Between, as_map, mid
 from .facts import Facts
+from .friction import FrictionIndex
 from .map import Map
 from .matrix import Matrix
 
@@ -93,6 +94,58 @@ class ProblemData(Shown):
             check_labels({"A": A, "q": q, "B": B, "d": d})
         problem = cls(A, q)
         return problem.with_psi(vertical_map(B, d, problem.n))
+
+    @classmethod
+    def from_friction_index(cls, A: Any, b: Any, lo: Any, hi: Any, findex: Any) -> Self:
+        """The contact problem of a physics engine: w = Az − b, with bounds on z that friction moves.
+
+        Rows with findex −1 have lo_i ≤ z_i ≤ hi_i. Rows of friction, findex[t] = n, have lo_t z_n ≤ z_t ≤ hi_t z_n.
+        Within its bounds w_i = 0; w_i ≥ 0 at the lower one, w_i ≤ 0 at the upper one. The ICP has p = w and q = −b.
+
+        Parameters
+        ----------
+        A : array_like or sparse, shape (n, n)
+            The inverse mass seen at the contacts, JM⁻¹Jᵀ.
+        b : array_like, shape (n,)
+            Minus the velocity at the contacts without impulses, b = −Jv: what the impulses have to make up for.
+        lo, hi : array_like, shape (n,)
+            Bounds, ±inf for none; 0 and inf for a normal row. In rows of friction they are coefficients, −μ and μ.
+        findex : array_like of int, shape (n,)
+            The normal row that bounds each row of friction; −1 in all others.
+
+        Returns
+        -------
+        ICP
+            `contact_state` tells the impulses of a solution, and which contacts slide, stick and separate.
+
+        Raises
+        ------
+        InputError
+            Where a shape, a sign or an index is wrong.
+
+        Notes
+        -----
+        ODE, Bullet and DART state contact so. Two rows of friction at a contact bound |z_t| by μz_n each: a pyramid,
+        which allows up to √2 times the friction of Coulomb's cone along its edges.
+
+        References
+        ----------
+        Smith, Open Dynamics Engine, user guide (2006); Anitescu and Potra, Nonlinear Dynam. 14 (1997),
+        doi:10.1023/A:1008292328909, for linearised cones.
+
+        Examples
+        --------
+        A block of 2 kg is pressed down at 1 m/s and pushed at 3 m/s, with μ = ½: it slides on.
+
+        >>> problem = ICP.from_friction_index(np.eye(2) / 2, [1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0])
+        >>> z = problem.solve().z
+        >>> z, problem.p(z)
+        (array([ 2., -1.]), array([0. , 2.5]))
+        """
+        problem = cls(A, -as_vector(b, None, "b"))
+        if (found := np.shape(findex)) != (problem.n,):
+            raise InputError(f"findex has shape {found}; shape ({problem.n},) was expected")
+        return problem.with_psi(FrictionIndex(lo, hi, findex))
 
     def _with(self, q: Vector, psi: Map, facts: Facts | None) -> Self:
         new = object.__new__(type(self))

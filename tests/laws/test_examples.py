@@ -43,6 +43,7 @@ SAYS = {
     "market_equilibrium.py": "1.0    2.7938    3.3663    3.0683      2.7281",
     "american_option.py": "the put is worth 6.09; a binomial tree gives 6.09",
     "friction_block.py": "0.3    16.75 deg   16.70 deg       0.4856 m/s",
+    "box_stack.py": ("rank of A: 9 of 12", "0.5    18.5 deg   topples", "carries 1.000000 of the weight"),
     "journal_bearing.py": "0.5            0.7458      219.2 deg    1.0759",
     "nash_cournot.py": ("3   20.0      30.0   18.333       18.333              0.000", "price 38.333, sold 61.667"),
     "bimatrix_game.py": (

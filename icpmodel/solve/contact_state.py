@@ -1,0 +1,101 @@
+"""What a solution says of contacts with friction: impulses, and which contacts separate, stick and slide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import NotApplicable
+from ..numerics.arrays import Mask, ReadOnly, Vector
+from ..present.shown import Shown
+from ..problem.friction import FrictionIndex
+from .solution import Solution
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactState(ReadOnly, Shown):
+    """The state of every row of a contact problem, made by `contact_state`.
+
+    Attributes
+    ----------
+    impulses : ndarray, shape (n,)
+        z, in the units of momentum where A is an inverse mass.
+    velocities : ndarray, shape (n,)
+        w = Az − b after the impulses.
+    separating : ndarray of bool, shape (n,)
+        Normal rows without impulse that move apart, and their rows of friction.
+    sticking : ndarray of bool, shape (n,)
+        Rows of friction whose contact does not move along them.
+    sliding : ndarray of bool, shape (n,)
+        Rows of friction whose contact moves along them; their impulse is at a bound.
+
+    Examples
+    --------
+    >>> problem = ICP.from_friction_index(np.eye(2), [1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0])
+    >>> icp.contact_state(problem.solve())
+    2 rows: 0 separating, 0 sticking, 1 sliding
+    """
+
+    impulses: Vector
+    velocities: Vector
+    separating: Mask
+    sticking: Mask
+    sliding: Mask
+
+    def __str__(self) -> str:
+        names = ("separating", "sticking", "sliding")
+        counts = (f"{int(getattr(self, name).sum())} {name}" for name in names)
+        return f"{self.impulses.size} rows: {', '.join(counts)}"
+
+    __repr__ = __str__
+
+
+def contact_state(solution: Solution) -> ContactState:
+    """Tell the impulses of a solution, and which of its rows separate, stick and slide.
+
+    Parameters
+    ----------
+    solution : Solution
+        Of a problem made by `ICP.from_friction_index`, or one of its rows in `solve_many`.
+
+    Returns
+    -------
+    ContactState
+        Masks by row; a normal row that touches is in none of them.
+
+    Raises
+    ------
+    NotApplicable
+        Where the problem has no friction index.
+
+    Notes
+    -----
+    A row moves where |w_i|, in the units of z, is above the solution's tolerance and its rounding error. Friction that
+    is at its bound without moving, as redundant contacts have it, counts as sticking.
+
+    Examples
+    --------
+    >>> problem = ICP.from_friction_index(np.eye(2), [1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0])
+    >>> state = icp.contact_state(problem.solve())
+    >>> state.impulses, state.sliding
+    (array([ 1. , -0.5]), array([False,  True]))
+    """
+    psi: Any = solution.problem.psi
+    if not isinstance(psi, FrictionIndex):
+        raise NotApplicable(f"psi is {psi!r}; a problem made by ICP.from_friction_index was expected")
+    problem, tolerance = solution.problem, solution.tolerance
+    weights, rounding = problem.matrix.row_weights, problem.rounding(solution.z)[0]
+    moving = weights * np.abs(solution.p) > tolerance + weights * rounding
+    friction = psi.friction
+    apart = moving & ~friction & (psi.low == 0.0) & np.isposinf(psi.high)
+    separating = apart | (friction & apart[psi.findex])
+    touching = friction & ~separating
+    return ContactState(
+        impulses=solution.z,
+        velocities=solution.p,
+        separating=separating,
+        sticking=touching & ~moving,
+        sliding=touching & moving,
+    )
