@@ -12,7 +12,17 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import OBSTACLES, InputError, MapError, by_name
-from ..numerics.arrays import Vector, as_array, as_vector, check_labels, described, norm, not_finite, smallest_size
+from ..numerics.arrays import (
+    Vector,
+    as_array,
+    as_float64,
+    as_vector,
+    check_labels,
+    described,
+    norm,
+    not_finite,
+    smallest_size,
+)
 from ..numerics.rounding import SMALLEST, gamma
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 from ..numerics.work import add
@@ -268,9 +278,7 @@ class ProblemData(Shown):
             return array
         if array.shape != (self.n,):
             raise InputError(f"{name} has shape {array.shape}; shape ({self.n},) was expected")
-        if array.dtype.kind not in "biuf":
-            raise InputError(f"{name} has dtype {array.dtype}; real numbers were expected")
-        vector: Vector = np.asarray(array, dtype=np.float64)
+        vector = as_float64(array, name)
         if finite and (fault := not_finite(vector, name)):
             raise InputError(f"{fault}; a finite number was expected")
         return vector

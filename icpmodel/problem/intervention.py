@@ -12,7 +12,7 @@ from ..errors import InputError, MapError, by_name
 from ..numerics.arrays import Mask, Vector, as_csr, freeze, row_of
 from ..numerics.rounding import UNIT_ROUNDOFF
 from .map import Map
-from .user_code import call_user, raising_map_error
+from .user_code import call_user, raising_map_error, returned
 
 
 class Intervention(Map):
@@ -178,7 +178,7 @@ class Intervention(Map):
         pair = raising_map_error(lambda: fun(z.copy()), "psi")
         if not isinstance(pair, tuple) or len(pair) != 2:
             raise MapError(f"psi(z) returned a {type(pair).__name__}; a tuple (value, target) was expected")
-        target = np.asarray(pair[1])
+        target = returned(pair[1], "psi(z): target")
         if target.shape != z.shape or target.dtype.kind not in "iu":
             raise MapError(
                 f"psi(z): target has shape {target.shape} and dtype {target.dtype}; "

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_array, as_rows, as_vector, axes, freeze
@@ -48,15 +49,20 @@ def raising_map_error(call: Callable[[], Any], name: str) -> Any:
         raise MapError(f"{name}(z) raised {type(error).__name__}: {error}{hint}") from error
 
 
+def returned(value: Any, name: str) -> NDArray[Any]:
+    """What a user's function returned, as an array of any kind. Raises MapError where it is none."""
+    try:
+        return as_array(value, name)
+    except InputError as error:
+        raise MapError(str(error)) from None
+
+
 def call_user(call: Callable[[], Any], shape: tuple[int, ...], name: str) -> Vector:
     """What the user's function returns, as float64 of `shape`. NaN passes: the judge sees it.
 
     Raises MapError where it raises or returns another shape or no real numbers.
     """
-    try:
-        value = as_array(raising_map_error(call, name), f"{name}(z)")
-    except InputError as error:
-        raise MapError(str(error)) from None
+    value = returned(raising_map_error(call, name), f"{name}(z)")
     if value.shape != shape:
         raise MapError(f"{name}(z) has shape {value.shape}; shape {shape} was expected")
     if value.dtype.kind not in "biuf":

@@ -123,6 +123,7 @@ def raising(z):
         (icp.Intervention(lambda z: z), "a tuple .value, target. was expected"),
         (icp.Intervention(lambda z: (z, z)), "target has shape .* float64"),
         (icp.Intervention(lambda z: (z, np.array([0, 2]))), "outside -1 ... 1"),
+        (icp.Intervention(lambda z: (z, [[0], [1, 1]])), "target cannot be read as an array"),
         (icp.Intervention(lambda z: (z, np.array([0, -1]))), "row 1 has the value .* no jump"),
     ],
 )
